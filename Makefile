@@ -1,0 +1,42 @@
+# Two commands do everything on a fresh machine: `make demo` and `make test`.  Both set up .venv first.
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+READY  := $(VENV)/.ready
+
+.PHONY: help demo test check format bench figures clean
+help:
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+
+$(READY): pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $@
+
+demo: $(READY)  ## the main job on the simulated robot: a year of wear in a minute
+	@BIN=$(BIN) sh examples/demo.sh
+
+test: $(READY)  ## everything: format, lint, types, all tests
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy -p lostmotion
+	$(BIN)/python -m pytest -n 2 --dist loadgroup
+
+check: $(READY)  ## the same with the fast tests only, in under two minutes
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy -p lostmotion
+	$(BIN)/python -m pytest -q -n 2 --dist loadgroup -m "not slow"
+
+format: $(READY)  ## puts the source into the one form
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+bench: $(READY)  ## speed and memory as ratios, side by side in one run
+	$(BIN)/python -m bench
+
+figures: $(READY)  ## the paper's figures 1, 2, 4 and 5 from the model, into docs/figures
+	$(BIN)/python -m bench.figures
+
+clean:  ## removes what the targets made
+	rm -rf $(VENV) build dist *.egg-info src/*.egg-info .mypy_cache .pytest_cache .ruff_cache

@@ -1,0 +1,83 @@
+"""The values of the detector: what a window is, how it is to be scored, and what came out.  No I/O, no clock."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["DetectorSettings", "FloatArray", "Reversal", "Score", "Window"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class DetectorSettings:
+    """The parameters of eqs. 8-10 and of the trigger, in SI units.
+
+    f_res_hz and zeta are the oscillator's resonance and damping ratio.  A window_s of None means: as long as the
+    ring-down is worth hearing (``windows.length``).  min_acceleration [rad/s²] is the least commanded acceleration on
+    both sides of a reversal that counts; None means: as small as the command's quantisation lets be seen.
+    """
+
+    f_res_hz: float
+    zeta: float = 0.012
+    window_s: float | None = 0.25
+    f_width_hz: float = 12.0
+    f_norm_hz: float = 100.0
+    f_norm_width_hz: float = 40.0
+    level: float = 4.0
+    min_acceleration: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Reversal:
+    """The commanded acceleration changed direction.
+
+    time: the zero crossing, robot time [s]; seen: the time at which that was certain [s]; swing: the change of the
+    commanded acceleration from its last extreme before to the first value after [rad/s²], signed as after.
+    """
+
+    time: float
+    seen: float
+    swing: float
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """Tip acceleration after one reversal: time [s] and accel [m/s²], shape (N,), from start, lasting duration [s]."""
+
+    joint: str
+    start: float
+    duration: float
+    time: FloatArray
+    accel: FloatArray
+    rate_hz: float
+    excitation: float = float("nan")
+    """largest change of the commanded acceleration around the reversal [rad/s²]"""
+    temperature: float = float("nan")
+    """of the servo [°C]"""
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """What the detector says of one window.
+
+    time: start of the window, robot time [s]; score: o of eq. 8 [-], NaN when the window cannot be scored; level: the
+    level of eq. 9 it was held against; impact: score > level; play, play_low, play_high: size of the play [rad], NaN
+    where it cannot be estimated; quality: "ok", or what is wrong with the window, comma-separated.
+    """
+
+    joint: str
+    time: float
+    duration: float
+    score: float
+    level: float
+    impact: bool
+    play: float = float("nan")
+    play_low: float = float("nan")
+    play_high: float = float("nan")
+    excitation: float = float("nan")
+    temperature: float = float("nan")
+    quality: str = "ok"

@@ -1,0 +1,61 @@
+"""The time of a robot: seconds on a clock that never steps, and how they map to UTC.
+
+Every sample carries robot time.  On hardware that is the host's monotonic clock; a simulated robot and a replay bring a
+clock of their own, which may run faster.  UTC is made from it only at the edge, where a score or an alarm is written.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from datetime import UTC, datetime, timedelta
+from typing import Protocol
+
+__all__ = ["Clock", "SystemClock", "VirtualClock"]
+
+
+class Clock(Protocol):
+    """Robot time [s] and its place in UTC."""
+
+    def now(self) -> float:
+        """The current robot time [s]; never runs backwards."""
+        ...
+
+    def utc(self, robot_time: float) -> datetime:
+        """The UTC of a robot time [s]."""
+        ...
+
+
+class SystemClock:
+    """The host's monotonic clock; UTC by the offset that holds when it is asked, so a step of the system's clock moves
+    the stamps from then on and nothing else."""
+
+    def now(self) -> float:
+        return time.monotonic()
+
+    def utc(self, robot_time: float) -> datetime:
+        return datetime.fromtimestamp(time.time() - time.monotonic() + robot_time, UTC)
+
+
+class VirtualClock:
+    """The time of a simulated robot or a replay: it stands wherever its driver has got to.
+
+    ``start`` is the UTC of robot time 0.
+    """
+
+    def __init__(self, start: datetime) -> None:
+        self._start = start.astimezone(UTC)
+        self._now = 0.0
+        self._lock = threading.Lock()
+
+    def advance(self, robot_time: float) -> None:
+        """Moves the clock to ``robot_time`` [s]; a time in the past leaves it where it is."""
+        with self._lock:
+            self._now = max(self._now, robot_time)
+
+    def now(self) -> float:
+        with self._lock:
+            return self._now
+
+    def utc(self, robot_time: float) -> datetime:
+        return self._start + timedelta(seconds=robot_time)

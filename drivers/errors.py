@@ -1,0 +1,56 @@
+"""What can go wrong with the outside world, as one tree.
+
+LostmotionError
+└── DriverError              every message says what was found, what was expected and the likely cause
+    ├── PortError            the port is missing, busy, or went away            (worth another try later)
+    ├── IdentityError        another device answers on the port                 (wants a person)
+    ├── ProtocolError        bytes that are no valid packet, beyond what a line loses now and then
+    ├── UnknownDriverError   no driver of that name is installed
+    └── RecordingError       a recording that cannot be read or is not one
+EndOfData                    a replay has come to its end: no error, and no LostmotionError
+"""
+
+from __future__ import annotations
+
+__all__ = [
+    "DriverError",
+    "EndOfData",
+    "IdentityError",
+    "LostmotionError",
+    "PortError",
+    "ProtocolError",
+    "RecordingError",
+    "UnknownDriverError",
+]
+
+
+class LostmotionError(Exception):
+    """Any error whose one-line message is meant for a person; the command line prints it and exits with status 2."""
+
+
+class DriverError(LostmotionError):
+    """Something is wrong with a device, its port or its data."""
+
+
+class PortError(DriverError):
+    """The port is missing, busy, or went away; the service tries again."""
+
+
+class IdentityError(DriverError):
+    """A device answers, but it is not the one the configuration names."""
+
+
+class ProtocolError(DriverError):
+    """The bytes on the line are not this protocol's."""
+
+
+class UnknownDriverError(DriverError):
+    """No driver of that name is in the table or among the entry points."""
+
+
+class RecordingError(DriverError):
+    """The file is no recording, or one that cannot be used."""
+
+
+class EndOfData(Exception):  # noqa: N818 - an ending, not an error
+    """The driver has handed out all there is and never will have more (a replay at its end)."""
