@@ -1,0 +1,19 @@
+"""All benchmarks, one after another: ``python -m bench [NAME…]``.  Each prints a table of ratios measured in one run."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+NAMES = ("simulation", "detector", "latency", "service")
+
+
+def main() -> None:
+    """Runs the named benchmarks, or all."""
+    for name in sys.argv[1:] or NAMES:
+        print(f"== {name}", flush=True)
+        importlib.import_module(f"bench.{name}").main()
+
+
+if __name__ == "__main__":
+    main()
