@@ -1,0 +1,101 @@
+"""A parabola through the last stretch of a stream, sample by sample, at the samples' own times."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+__all__ = ["Curvature", "LocalFit"]
+
+LEAST_POINTS = 5
+LEAST_COVER = 0.8
+"""Share of the span that the samples must cover."""
+REANCHOR = 64
+"""Samples after which the running sums are made anew, so that rounding does not pile up."""
+
+
+class Curvature(NamedTuple):
+    """Second derivative of the parabola, the time it stands for (mean of the samples' times) and its standard
+    deviation for samples with independent errors of unit variance."""
+
+    time: float
+    value: float
+    gain: float
+
+
+class LocalFit:
+    """Least-squares parabola over the samples of the last ``span`` seconds, by running sums: constant time a sample.
+
+    The sums are of powers of t - anchor up to 4, and of those up to 2 times y - offset.
+    """
+
+    def __init__(self, span: float) -> None:
+        self.span = span
+        self.clear()
+
+    def clear(self) -> None:
+        """Forgets all samples."""
+        self.samples: deque[tuple[float, float]] = deque()
+        self._anchor = self._offset = 0.0
+        self._age = REANCHOR
+        self._s1 = self._s2 = self._s3 = self._s4 = self._y0 = self._y1 = self._y2 = 0.0
+
+    def add(self, time: float, value: float) -> Curvature | None:
+        """Takes a sample, later than all before; the curvature, or None while the span is not well covered."""
+        samples = self.samples
+        samples.append((time, value))
+        oldest = time - self.span * (1 + 1e-9)
+        gone = []
+        while samples[0][0] < oldest:
+            gone.append(samples.popleft())
+        self._age += 1
+        if self._age > REANCHOR:
+            self._reanchor()
+        else:
+            for old in gone:
+                self._count(*old, -1.0)
+            self._count(time, value, 1.0)
+        if len(samples) < LEAST_POINTS or time - samples[0][0] < LEAST_COVER * self.span:
+            return None
+        return self._curvature()
+
+    def reach(self, since: float = -math.inf) -> float:
+        """Largest minus smallest value among the samples no older than ``since``; 0 when there are none."""
+        values = [value for time, value in self.samples if time >= since]
+        return max(values) - min(values) if values else 0.0
+
+    def _reanchor(self) -> None:
+        self._anchor, self._offset = self.samples[-1]
+        self._age = 0
+        self._s1 = self._s2 = self._s3 = self._s4 = self._y0 = self._y1 = self._y2 = 0.0
+        for sample in self.samples:
+            self._count(*sample, 1.0)
+
+    def _count(self, time: float, value: float, sign: float) -> None:
+        t = time - self._anchor
+        y = sign * (value - self._offset)
+        t2 = t * t
+        self._s1 += sign * t
+        self._s2 += sign * t2
+        self._s3 += sign * t2 * t
+        self._s4 += sign * t2 * t2
+        self._y0 += y
+        self._y1 += y * t
+        self._y2 += y * t2
+
+    def _curvature(self) -> Curvature:
+        """Normal equations in central moments c_k of the times; the parabola's part orthogonal to a line."""
+        n = len(self.samples)
+        m = self._s1 / n
+        s2, s3, s4 = self._s2 / n, self._s3 / n, self._s4 / n
+        y0, y1, y2 = self._y0 / n, self._y1 / n, self._y2 / n
+        m2 = m * m
+        c2 = s2 - m2
+        c3 = s3 - 3 * m * s2 + 2 * m * m2
+        c4 = s4 - 4 * m * s3 + 6 * m2 * s2 - 3 * m2 * m2
+        skew = c3 / c2
+        slope = y1 - m * y0
+        bow = y2 - 2 * m * y1 + (m2 - c2) * y0
+        spread = c4 - c2 * c2 - skew * c3
+        return Curvature(self._anchor + m, 2 * (bow - skew * slope) / spread, 2 / math.sqrt(n * spread))

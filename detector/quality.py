@@ -1,0 +1,70 @@
+"""What is wrong with a window, if anything: words for the ``quality`` of a score."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lostmotion.detector.window import FloatArray, Window
+
+__all__ = ["LEAST_SHARE", "OK", "describe", "mended"]
+
+OK = "ok"
+LEAST_SHARE = 0.8
+"""A window with fewer of its samples than this is not scored."""
+GAPPY_SHARE = 0.98
+COVERED_SHARE = 0.95
+FULL_SCALE = 0.999
+FLAT_TOP = 3
+GENTLE = 0.5
+"""Change of the commanded acceleration [rad/s²] below which one arc-minute of play can hit no harder than a sensor's
+noise: a gap phi crossed under a ends in sqrt(2 a phi), times l omega_res about 0.6 m/s² at the tip of the usual bar."""
+
+
+def describe(window: Window, range_ms2: float = math.inf) -> str:
+    """ "ok", or comma-separated: short, gappy, clipped, flat, gentle.
+
+    short: the samples start late or end early; gappy: samples are missing in between; clipped: at the sensor's range
+    (range_ms2 [m/s²]) or with a flat top; flat: no signal at all; gentle: hardly excited, so silence proves nothing.
+    """
+    there = np.flatnonzero(np.isfinite(window.accel))
+    if there.size == 0:
+        return "short"
+    values = window.accel[there]
+    flat = bool(np.ptp(values) == 0)
+    covered = int(there[-1] - there[0]) + 1
+    found = {
+        "short": covered < COVERED_SHARE * window.accel.size,
+        "gappy": there.size < GAPPY_SHARE * covered,
+        "clipped": bool(np.abs(values).max() >= FULL_SCALE * range_ms2) or (not flat and _has_flat_top(values)),
+        "flat": flat,
+        "gentle": abs(window.excitation) < GENTLE,
+    }
+    return ",".join(name for name, applies in found.items() if applies) or OK
+
+
+def mended(accel: FloatArray) -> FloatArray:
+    """The window with its missing samples drawn straight between their neighbours; shape (N,) with at least one."""
+    there = np.isfinite(accel)
+    if there.all():
+        return accel
+    index = np.arange(accel.size)
+    return np.interp(index, index[there], accel[there])
+
+
+def _has_flat_top(values: FloatArray) -> bool:
+    """Whether the signal stays at an extreme for some samples after a step far larger than its finest.
+
+    A slow signal in coarse steps also stays at its top for a while, but gets there by its finest step.
+    """
+    steps = np.abs(np.diff(values))
+    finest = float(steps[steps > 0].min())
+    for extreme in (values.max(), values.min()):
+        at = np.concatenate(([0], (values == extreme).astype(np.int8), [0]))
+        edges = np.flatnonzero(np.diff(at))
+        starts, ends = edges[::2], edges[1::2]
+        for first, end in zip(starts, ends, strict=True):
+            if end - first >= FLAT_TOP and first > 0 and steps[first - 1] > 5 * finest:
+                return True
+    return False

@@ -1,0 +1,77 @@
+"""Eq. 8: how loudly the oscillator rings in a window.  The level it is held against is made in ``level``."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lostmotion.detector.errors import DetectorError
+from lostmotion.detector.quality import LEAST_SHARE, describe, mended
+from lostmotion.detector.spectrum import bands, normalised_spectrum
+from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
+from lostmotion.detector.windows import window_length
+
+__all__ = ["batch", "score", "score_window", "validate"]
+
+CHUNK = 4096
+"""Windows scored at once: the spectra of a chunk stay in the cache."""
+
+
+def score(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> float:
+    """o of eq. 8, the sum over the mask of the normalised spectrum [-], of one window.
+
+    accel: tip acceleration [m/s²], shape (N,), one sample every 1 / rate_hz, none missing.  NaN when the norm is zero
+    (silence) or a sample is NaN.  White noise scores about the number of bins in the mask.
+
+    Raises DetectorError when N samples at this rate do not tell the bands of the settings.
+    """
+    return float(batch(np.asarray(accel)[None, :], rate_hz, settings)[0])
+
+
+def batch(accel2d: FloatArray, rate_hz: float, settings: DetectorSettings) -> FloatArray:
+    """``score`` of many windows of one length: shape (M, N) to shape (M,)."""
+    mask = bands(accel2d.shape[1], rate_hz, settings).mask
+    chunks = [accel2d[i : i + CHUNK] for i in range(0, len(accel2d), CHUNK)]
+    parts = [normalised_spectrum(chunk, rate_hz, settings)[:, mask].sum(axis=1) for chunk in chunks]
+    return np.concatenate(parts) if parts else np.empty(0)
+
+
+def score_window(window: Window, settings: DetectorSettings, range_ms2: float = math.inf) -> Score:
+    """A window's score and quality; few missing samples are bridged, too many give a score of NaN.
+
+    range_ms2: the largest acceleration that the sensor shows [m/s²].  Raises DetectorError as ``score`` does.
+    """
+    quality = describe(window, range_ms2)
+    enough = np.isfinite(window.accel).mean() >= LEAST_SHARE if window.accel.size else False
+    value = score(mended(window.accel), window.rate_hz, settings) if enough else math.nan
+    return Score(
+        joint=window.joint,
+        time=window.start,
+        duration=window.duration,
+        score=value,
+        level=settings.level,
+        impact=value > settings.level,
+        excitation=window.excitation,
+        temperature=window.temperature,
+        quality=quality,
+    )
+
+
+def validate(settings: DetectorSettings, rate_hz: float) -> None:
+    """Raises DetectorError, in words for the person who wrote the settings, when windows at this rate can't be scored.
+
+    A norm band that reaches beyond the Nyquist frequency is cut there; an error only if too little of it is left.
+    """
+    positive = {"rate_hz": rate_hz, "f_res_hz": settings.f_res_hz, "f_width_hz": settings.f_width_hz}
+    positive |= {"f_norm_hz": settings.f_norm_hz, "f_norm_width_hz": settings.f_norm_width_hz, "level": settings.level}
+    if settings.window_s is not None:
+        positive["window_s"] = settings.window_s
+    for name, value in positive.items():
+        if not (value > 0 and math.isfinite(value)):
+            raise DetectorError(f"{name} is {value:g}; expected a positive number")
+    if not 0 < settings.zeta < 1:
+        raise DetectorError(
+            f"zeta is {settings.zeta:g}; expected a damping ratio between 0 and 1, a bar's is near 0.01"
+        )
+    bands(round(window_length(settings, rate_hz) * rate_hz), rate_hz, settings)

@@ -1,0 +1,58 @@
+"""A whole recording at once: trigger, windows and scores, by the very functions that the service calls one by one."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lostmotion.detector.errors import DetectorError
+from lostmotion.detector.score import score_window, validate
+from lostmotion.detector.trigger import Trigger
+from lostmotion.detector.window import DetectorSettings, FloatArray, Score
+from lostmotion.detector.windows import cut, window_length
+
+__all__ = ["rate_of", "score_series"]
+
+
+def score_series(
+    times_servo: FloatArray,
+    commands: FloatArray,
+    times_accel: FloatArray,
+    accel: FloatArray,
+    settings: DetectorSettings,
+    joint: str = "joint",
+    resolution: float = math.nan,
+    range_ms2: float = math.inf,
+) -> list[Score]:
+    """One Score for each reversal of the commanded acceleration, in time order.
+
+    times_servo [s] and commands [rad], shape (N,); times_accel [s], ascending, and accel [m/s²], shape (M,): on one
+    clock, at rates of their own.  resolution: quantisation of the commands [rad], 0 if none, NaN if unknown;
+    range_ms2: the accelerometer's largest acceleration [m/s²].
+
+    Raises DetectorError when there is too little data to tell a rate, or the settings do not fit the rate.
+    """
+    servo_rate, accel_rate = rate_of(times_servo, "commands"), rate_of(times_accel, "accelerations")
+    validate(settings, accel_rate)
+    duration = window_length(settings, accel_rate)
+    reversals = Trigger(settings, servo_rate, resolution).push(times_servo, commands)
+    windows = (
+        cut(joint, times_accel, accel, found.time, duration, accel_rate, excitation=abs(found.swing))
+        for found in reversals
+    )
+    return [score_window(window, settings, range_ms2) for window in windows]
+
+
+def rate_of(times: FloatArray, what: str) -> float:
+    """Samples a second, by the median of the intervals (holes do not count).
+
+    Raises DetectorError for fewer than three samples or times that do not ascend.
+    """
+    steps = np.diff(times)
+    if steps.size < 2:
+        raise DetectorError(f"the recording has {times.size} {what}; expected at least 3 to tell their rate")
+    period = float(np.median(steps))
+    if not period > 0:
+        raise DetectorError(f"the times of the {what} do not ascend (median step {period:g} s); is the file sorted?")
+    return 1 / period

@@ -1,0 +1,119 @@
+"""From a window of tip acceleration to a normalised spectrum: fft, freq_fft, norm and mask of eqs. 8 and 10.
+
+Where the paper is silent, docs/decisions/0002-score.md says what was chosen and the measurement that decided.  No
+level and no score here.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lostmotion.detector.errors import DetectorError
+from lostmotion.detector.window import DetectorSettings, FloatArray
+
+__all__ = ["Bands", "amplitude_spectrum", "bands", "freq_fft", "frequencies", "normalised_spectrum"]
+
+TREND_ORDER = 3
+"""The polynomial taken out of a window: a quarter of a second of arm motion below 3 Hz is no more than a cubic."""
+TAPER = 0.25
+"""Share of the window in the two cosine slopes of the Tukey window."""
+LEAST_NORM_BINS = 3
+EDGE = 1e-9
+"""A band's edge that falls on a bin up to rounding is that bin."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bands:
+    """The bins of a spectrum of n samples that count: mask [first, last) of eq. 10, and the bins of norm."""
+
+    mask: slice
+    norm: NDArray[np.intp]
+
+
+def freq_fft(frequency_hz: float, length: int, rate_hz: float) -> float:
+    """freq_fft of eq. 10: the (fractional) bin of a frequency in the spectrum of ``length`` samples."""
+    return frequency_hz * length / rate_hz
+
+
+def frequencies(length: int, rate_hz: float) -> FloatArray:
+    """Frequency [Hz] of each bin, shape (length // 2 + 1,)."""
+    return np.fft.rfftfreq(length, 1 / rate_hz)
+
+
+def amplitude_spectrum(accel: FloatArray) -> FloatArray:
+    """Amplitude [m/s²] of each bin, shape (..., N // 2 + 1), of windows of shape (..., N).
+
+    A cubic is taken out by least squares and a Tukey window laid over the rest; a sine of amplitude A in the middle of
+    a bin shows as A there.
+    """
+    length = accel.shape[-1]
+    basis, taper = _preparation(length)
+    rest = accel - (accel @ basis) @ basis.T
+    return np.abs(np.fft.rfft(rest * taper)) * (2 / float(taper.sum()))
+
+
+@lru_cache(maxsize=64)
+def bands(length: int, rate_hz: float, settings: DetectorSettings) -> Bands:
+    """The bins of mask and norm for windows of ``length`` samples.
+
+    Both bands are half-open, as eq. 10 has it: i in [freq_fft(f - width/2), freq_fft(f + width/2)).  The norm band ends
+    below the Nyquist frequency, and bins of the mask do not count in it.
+
+    Raises DetectorError when the mask or the norm band has no (or too few) bins at this rate and length.
+    """
+    mask = _band(settings.f_res_hz, settings.f_width_hz, length, rate_hz)
+    nyquist = rate_hz / 2
+    if not 1 <= mask.start < mask.stop <= math.ceil(length / 2):
+        raise DetectorError(
+            f"the mask {_range(settings.f_res_hz, settings.f_width_hz)} holds no bin, or reaches beyond what {length} "
+            f"samples at {rate_hz:g} Hz tell ({rate_hz / length:.3g} to {nyquist:g} Hz); "
+            "likely the sensor is too slow for this oscillator, or f_width_hz or window_s is too small"
+        )
+    wanted = _band(settings.f_norm_hz, settings.f_norm_width_hz, length, rate_hz)
+    inside = np.arange(max(wanted.start, 1), min(wanted.stop, math.ceil(length / 2)))
+    norm = inside[(inside < mask.start) | (inside >= mask.stop)]
+    if norm.size < LEAST_NORM_BINS:
+        raise DetectorError(
+            f"the norm band {_range(settings.f_norm_hz, settings.f_norm_width_hz)} has {norm.size} bins beside the "
+            f"mask and below {nyquist:g} Hz, the highest frequency at {rate_hz:g} samples a second; expected at least "
+            f"{LEAST_NORM_BINS}: lower f_norm_hz, widen f_norm_width_hz or raise the sensor's rate"
+        )
+    return Bands(mask, norm)
+
+
+def normalised_spectrum(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> FloatArray:
+    """norm(fft(s)) of eq. 8: each amplitude over the mean amplitude of the norm band; NaN where that mean is 0.
+
+    accel: windows [m/s²], shape (..., N); returns shape (..., N // 2 + 1).  Raises DetectorError as ``bands`` does.
+    """
+    chosen = bands(accel.shape[-1], rate_hz, settings)
+    spectrum = amplitude_spectrum(accel)
+    floor = spectrum[..., chosen.norm].mean(axis=-1, keepdims=True)
+    # A window of one value leaves rounding dust behind the cubic: that is no floor to divide by.
+    dust = 1e-13 * np.abs(accel).max(axis=-1, keepdims=True)
+    return np.asarray(spectrum / np.where(floor > dust, floor, np.nan))
+
+
+def _band(centre_hz: float, width_hz: float, length: int, rate_hz: float) -> slice:
+    low, high = (freq_fft(centre_hz + side * width_hz / 2, length, rate_hz) for side in (-1, 1))
+    return slice(math.ceil(low - EDGE), math.ceil(high - EDGE))
+
+
+def _range(centre_hz: float, width_hz: float) -> str:
+    return f"{centre_hz - width_hz / 2:g}-{centre_hz + width_hz / 2:g} Hz"
+
+
+@lru_cache(maxsize=64)
+def _preparation(length: int) -> tuple[FloatArray, FloatArray]:
+    """An orthonormal basis of the cubics, shape (length, 4), and the Tukey window, shape (length,)."""
+    order = min(TREND_ORDER, length - 1)
+    basis, _ = np.linalg.qr(np.vander(np.linspace(-1, 1, length), order + 1))
+    middle = (np.arange(length) + 0.5) / length
+    from_edge = np.minimum(middle, 1 - middle)
+    taper = np.where(from_edge < TAPER / 2, 0.5 - 0.5 * np.cos(2 * np.pi * from_edge / TAPER), 1.0)
+    return np.asarray(basis), np.asarray(taper)

@@ -1,0 +1,173 @@
+"""When to listen: reversals of the commanded acceleration, found in a stream of angles of one joint.
+
+Streaming: the answer does not depend on how the stream is cut into pushes, and the only clock is the samples' own.  No
+windows and no accelerometer here.  How the constants were found: docs/decisions/0003-trigger.md.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+
+from lostmotion.detector.errors import DetectorError
+from lostmotion.detector.jump import JumpDetector
+from lostmotion.detector.local_fit import Curvature, LocalFit
+from lostmotion.detector.noise import NoiseLevel
+from lostmotion.detector.window import DetectorSettings, FloatArray, Reversal
+
+__all__ = ["Trigger"]
+
+INNER_RATE_HZ = 100.0
+"""Faster streams are thinned to about this rate: arms and hands do nothing faster."""
+SPAN = 0.2
+"""Length of the parabola [s]."""
+LEAST_SAMPLES = 8
+"""A slow stream gets a parabola of at least so many sample periods."""
+GAP_PERIODS = 5
+"""A hole in time of more sample periods than this ends what was known."""
+NOISE_FACTOR = 5.0
+"""Threshold in standard deviations of the acceleration."""
+STEP_FACTOR = 6.0
+"""Threshold in quantisation steps / span²; a lone step makes a parabola of up to 5.77 of these."""
+REST_STEPS = 2.5
+"""While the angle stays within so many quantisation steps the joint is at rest: ±1 step of jitter is 2."""
+UNKNOWN_STEP = math.radians(0.5)
+"""The coarsest quantisation that is believed in before anything has moved [rad]."""
+TINY = 1e-6
+"""Angles closer than this are the same [rad]."""
+SUDDEN = 0.2
+"""Share of a span in which a sudden acceleration climbs to the threshold; a swaying arm takes longer."""
+EARLY = 0.25
+"""How early, in spans, the threshold is passed before an acceleration that sets in suddenly."""
+JUMP_FACTOR = 6.0
+"""Least jump of the goal in standard deviations of its noise."""
+JUMP_SWING = 11.5
+"""Swing of the parabola's acceleration as it passes over a unit jump, times span²: from +5.77 to -5.77."""
+
+
+class Trigger:
+    """Finds the reversals in the commanded angle of one joint.
+
+    The acceleration is that of a parabola through the last ``SPAN`` seconds.  It has a direction when it exceeds a
+    threshold made of the quantisation, of the noise seen so far and of ``settings.min_acceleration``; a reversal is a
+    change of direction, at the last zero crossing in between.  A goal that jumps and then stands (a host that writes
+    goals seldom) is one reversal, at the jump, signed as the jump.
+
+    rate_hz: nominal rate of the samples; resolution_rad: their quantisation [rad], 0 if there is none, NaN if unknown
+    (then the smallest step seen so far).  ``dropped`` counts samples that could not be used: repeated or out-of-order
+    times, NaN.  Raises DetectorError when rate_hz is not positive.
+    """
+
+    def __init__(self, settings: DetectorSettings, rate_hz: float, resolution_rad: float) -> None:
+        if not 0 < rate_hz < math.inf:
+            raise DetectorError(f"the rate of the commands is {rate_hz:g} Hz; expected a positive number (poll_hz)")
+        self.dropped = 0
+        self._block = 2 * round((rate_hz / INNER_RATE_HZ - 1) / 2) + 1 if rate_hz > INNER_RATE_HZ else 1
+        self._longest = GAP_PERIODS / rate_hz
+        self._times: list[float] = []
+        self._commands: list[float] = []
+        self._last_time = -math.inf
+        self._last_command = math.nan
+        self._learning = math.isnan(resolution_rad)
+        self._step = UNKNOWN_STEP if self._learning else max(resolution_rad, TINY)
+        self._least = settings.min_acceleration or 0.0
+        self._fit = LocalFit(max(SPAN, LEAST_SAMPLES / rate_hz))
+        self._noise = NoiseLevel()
+        self._jump = JumpDetector(self._fit)
+        self._forget()
+
+    def push(self, times: Sequence[float] | FloatArray, commands: Sequence[float] | FloatArray) -> list[Reversal]:
+        """The reversals that became certain with these samples: times [s] and angles [rad], equally many of both."""
+        found = []
+        for time, command in zip(_plain(times), _plain(commands), strict=True):
+            # False for a NaN too.
+            if not (self._last_time < time < math.inf and abs(command) < math.inf):
+                self.dropped += 1
+                continue
+            reversal = self._thin(time, command)
+            if reversal is not None:
+                found.append(reversal)
+        return found
+
+    def _thin(self, time: float, command: float) -> Reversal | None:
+        """Collects samples into blocks and hands on the median of each: a median keeps jumps sharp."""
+        if time - self._last_time > self._longest:
+            self._forget()
+        if self._learning:
+            change = abs(command - self._last_command)
+            if TINY < change < self._step:
+                self._step = change
+        self._last_time, self._last_command = time, command
+        if self._block == 1:
+            return self._take(time, command, time)
+        self._times.append(time)
+        self._commands.append(command)
+        if len(self._times) < self._block:
+            return None
+        middle = self._block // 2
+        reversal = self._take(self._times[middle], sorted(self._commands)[middle], time)
+        self._times.clear()
+        self._commands.clear()
+        return reversal
+
+    def _take(self, time: float, command: float, now: float) -> Reversal | None:
+        self._noise.add(time, command, self._step)
+        jumped = self._jump.add(time, command, max(REST_STEPS * self._step, JUMP_FACTOR * self._noise.level))
+        if jumped is not None:
+            at, change = jumped
+            self._forget()
+            return Reversal(at, now, JUMP_SWING * change / self._fit.span**2)
+        curvature = self._fit.add(time, command)
+        return None if curvature is None else self._follow(curvature, now)
+
+    def _follow(self, curvature: Curvature, now: float) -> Reversal | None:
+        """Keeps the direction of the acceleration; a reversal when it has changed."""
+        accel = curvature.value
+        if self._recent and (self._recent[-1].value > 0) != (accel > 0):
+            self._crossing = _zero(self._recent[-1], curvature)
+        self._recent.append(curvature)
+        if abs(accel) < self._threshold(curvature.gain):
+            return None
+        if self._jump.pending or self._fit.reach() < REST_STEPS * self._step:
+            return None
+        old, self._direction = self._direction, math.copysign(1.0, accel)
+        strong, self._strong = self._strong, curvature.time
+        if old == self._direction:
+            self._extreme = max(self._extreme, accel, key=abs)
+            return None
+        swing = accel - self._extreme
+        self._extreme = accel
+        if not old:
+            return None
+        span = self._fit.span
+        sudden = curvature.time - strong > span and curvature.time - _zero(self._recent[0], curvature) < SUDDEN * span
+        return Reversal(curvature.time + EARLY * span if sudden else self._crossing, now, swing)
+
+    def _threshold(self, gain: float) -> float:
+        steps = STEP_FACTOR * self._step / self._fit.span**2
+        return max(steps + NOISE_FACTOR * self._noise.level * gain, self._least)
+
+    def _forget(self) -> None:
+        """Starts anew, with what was learnt about noise and steps."""
+        self._times.clear()
+        self._commands.clear()
+        self._fit.clear()
+        self._noise.interrupt()
+        self._jump.clear()
+        self._recent: deque[Curvature] = deque(maxlen=4)
+        self._direction = 0.0
+        self._extreme = 0.0
+        self._crossing = self._strong = math.nan
+
+
+def _zero(one: Curvature, other: Curvature) -> float:
+    """Where the line through two accelerations is zero [s]."""
+    if one.value == other.value:
+        return other.time
+    return one.time + one.value / (one.value - other.value) * (other.time - one.time)
+
+
+def _plain(values: Sequence[float] | FloatArray) -> Sequence[float]:
+    """Plain floats: arithmetic on NumPy's scalars is several times slower."""
+    return values if isinstance(values, list | tuple) else [float(value) for value in values]

@@ -1,0 +1,65 @@
+"""Which stretch of tip acceleration belongs to a reversal: how long it is, and how it is cut from a stream."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lostmotion.detector.window import DetectorSettings, FloatArray, Window
+
+__all__ = ["cut", "window_length"]
+
+BEST_RATIO = 1.2564
+"""T / tau that maximises (1 - exp(-T / tau)) / sqrt(T), a ring-down's amplitude over white noise in T seconds."""
+IMPACT_DELAY = 0.05
+"""How long after a reversal the teeth typically meet [s]; the gap has to be crossed first."""
+LONGEST = 0.5
+"""A hand-waved arm reverses about as often [s]: a longer window would hear the next impact too."""
+LEAST_RESOLUTION = 2.5
+"""Bins that the mask must hold for the ring to stand out of it."""
+
+
+def window_length(settings: DetectorSettings, rate_hz: float) -> float:
+    """Length of a window [s], a whole number of samples.
+
+    That of the settings, or else what fits the oscillator: the delay of the impact and 1.26 time constants
+    tau = 1 / (2π zeta f_res) of its ring-down, at least 2.5 / f_width, at most 0.5 s.  A longer window gathers more
+    noise than ring; docs/decisions/0002-score.md has the measurement.
+    """
+    if settings.window_s is not None:
+        wanted = settings.window_s
+    else:
+        tau = 1 / (2 * math.pi * settings.zeta * settings.f_res_hz)
+        shortest = LEAST_RESOLUTION / settings.f_width_hz
+        wanted = max(shortest, min(IMPACT_DELAY + BEST_RATIO * tau, LONGEST))
+    return max(round(wanted * rate_hz), 1) / rate_hz
+
+
+def cut(
+    joint: str,
+    times: FloatArray,
+    accel: FloatArray,
+    start: float,
+    duration: float,
+    rate_hz: float,
+    excitation: float = math.nan,
+    temperature: float = math.nan,
+) -> Window:
+    """The window [start, start + duration) of a stream of tip acceleration, on the grid of the sensor's rate.
+
+    times [s], ascending, and accel [m/s²], shape (M,): a stretch of the stream that holds the window, or what there is
+    of it.  Each sample goes to the grid point nearest in time, whatever its jitter; a grid point without a sample is
+    NaN.  The grid starts within one sample of ``start``.
+    """
+    length = round(duration * rate_hz)
+    first, last = np.searchsorted(times, (start - 0.5 / rate_hz, start + duration + 0.5 / rate_hz))
+    place = (times[first:last] - start) * rate_hz
+    # The stream's phase against the grid, averaged on the circle: one late sample must not shift all others.
+    phase = float(np.angle(np.exp(2j * np.pi * place).mean())) / (2 * np.pi) % 1.0 if place.size else 0.0
+    slot = np.rint(place - phase).astype(np.intp)
+    inside = (slot >= 0) & (slot < length)
+    grid = np.full(length, np.nan)
+    grid[slot[inside]] = accel[first:last][inside]
+    time = start + (np.arange(length) + phase) / rate_hz
+    return Window(joint, start, duration, time, grid, rate_hz, excitation, temperature)
