@@ -1,0 +1,197 @@
+"""The text of a recording: ``# key = value`` lines, a header, rows.  Text in, columns out, and back.
+
+No file is opened here, and no unit converted.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import re
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date, datetime, time
+from itertools import chain, islice
+from typing import Any
+
+import numpy as np
+
+from lostmotion.drivers.base import FloatArray
+from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.units import COLUMN_UNITS
+
+__all__ = ["ROWS_AT_ONCE", "Table", "cells", "head_text", "parse", "toml_value"]
+
+ROWS_AT_ONCE = 16384  # bounds the text held in memory while a file of any length is read or written
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """What stands in a recording, as it stands there.
+
+    columns: the numbers of the columns that the format knows, shape (N,) each, NaN where a cell is empty; metadata;
+    extra: the other columns, as text; truncated: whether an incomplete last line was left out; first_line: the number
+    of the first row's line in the file.
+    """
+
+    columns: dict[str, FloatArray]
+    metadata: dict[str, Any]
+    extra: dict[str, list[str]]
+    truncated: bool
+    first_line: int
+
+
+def parse(lines: Iterator[str], name: str, *, ends_in_newline: bool) -> Table:
+    """Reads the text.  ``name`` stands in errors; raises RecordingError."""
+    metadata, header_text, header_line = _head(lines, name)
+    reader = csv.reader(chain([header_text], lines))
+    header = _header(reader, f"{name}: line {header_line}")
+    numbers: dict[str, list[FloatArray]] = {column: [] for column in header if column in COLUMN_UNITS}
+    extra: dict[str, list[str]] = {column: [] for column in header if column not in COLUMN_UNITS}
+    truncated = False
+    line = header_line + 1
+    for rows, is_last in _chunks(reader, name):
+        if is_last and not ends_in_newline and rows and not _is_whole(rows[-1], header):
+            rows.pop()
+            truncated = True
+        texts = _transposed(rows, header, name, line)
+        for column, parts in numbers.items():
+            parts.append(_numbers(texts[column], column, name, line))
+        for column, kept in extra.items():
+            kept += texts[column]
+        line += len(rows)
+    columns = {column: np.concatenate(parts) for column, parts in numbers.items()}
+    return Table(columns, metadata, extra, truncated, header_line + 1)
+
+
+def _head(lines: Iterator[str], name: str) -> tuple[dict[str, Any], str, int]:
+    """The metadata, and the header with its line number."""
+    settings = []
+    for number, text in enumerate(lines, start=1):
+        if text.startswith("#"):
+            settings.append(_checked_setting(text[1:].strip(), f"{name}: line {number}"))
+        elif text.strip():
+            try:
+                return tomllib.loads("\n".join(settings)), text, number
+            except tomllib.TOMLDecodeError as error:
+                raise RecordingError(
+                    f"{name}: the '#' lines do not go together: {error}; is a key there twice?"
+                ) from error
+    raise RecordingError(f"{name}: found no header, expected a line such as 'time,accel'; the file is empty")
+
+
+def _checked_setting(text: str, where: str) -> str:
+    try:
+        tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise RecordingError(
+            f'{where}: found {text[:60]!r}, expected key = value in TOML ({error}); does a text lack its "quotes"?'
+        ) from error
+    return text
+
+
+def _header(reader: Iterator[list[str]], where: str) -> list[str]:
+    header = [cell.strip() for cell in next(reader)]
+    shown = ",".join(header)[:80]
+    if all(_is_number(cell) for cell in header):
+        raise RecordingError(f"{where}: found {shown!r}, expected a header such as 'time,accel'; the header is missing")
+    if "time" not in header:
+        raise RecordingError(
+            f"{where}: found the columns {shown!r}, expected one called 'time'; "
+            "is it a recording of another program, or not separated by commas?"
+        )
+    twice = sorted({column for column in header if header.count(column) > 1})
+    if twice:
+        raise RecordingError(f"{where}: found the column {twice[0]!r} twice, expected each once; rename one of them")
+    return header
+
+
+def _chunks(reader: Iterator[list[str]], name: str) -> Iterator[tuple[list[list[str]], bool]]:
+    """Rows of text, some at a time, and whether they are the last; blank lines at the end are left out."""
+    try:
+        while rows := list(islice(reader, ROWS_AT_ONCE)):
+            is_last = len(rows) < ROWS_AT_ONCE
+            while is_last and rows and not rows[-1]:
+                rows.pop()
+            yield rows, is_last
+        yield [], True
+    except csv.Error as error:
+        raise RecordingError(
+            f"{name}: found {error}, expected lines of comma-separated numbers; is it text?"
+        ) from error
+
+
+def _transposed(rows: list[list[str]], header: list[str], name: str, line: int) -> dict[str, tuple[str, ...]]:
+    width = len(header)
+    if any(len(row) != width for row in rows):
+        index = next(i for i, row in enumerate(rows) if len(row) != width)
+        raise RecordingError(
+            f"{name}: line {line + index}: found {len(rows[index])} cells, expected {width} as in the header; "
+            "is a comma missing, or used as a decimal point?"
+        )
+    columns: Iterable[tuple[str, ...]] = zip(*rows, strict=True) if rows else ((),) * width
+    return dict(zip(header, columns, strict=True))
+
+
+def _numbers(cells: Sequence[str], column: str, name: str, line: int) -> FloatArray:
+    try:
+        return np.array([float(cell) if cell else math.nan for cell in cells])
+    except ValueError:
+        index = next((i for i, cell in enumerate(cells) if cell.strip() and not _is_number(cell)), None)
+    if index is None:  # blanks in an empty cell
+        return np.array([float(cell) if cell.strip() else math.nan for cell in cells])
+    raise RecordingError(
+        f"{name}: line {line + index}: found {cells[index][:40]!r} in the column {column!r}, expected a number; "
+        "is a decimal comma or a word in it?"
+    )
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _is_whole(row: list[str], header: list[str]) -> bool:
+    """Whether a row without its newline may still be complete."""
+    return len(row) == len(header) and all(
+        not cell.strip() or _is_number(cell) for column, cell in zip(header, row, strict=True) if column in COLUMN_UNITS
+    )
+
+
+def head_text(metadata: Mapping[str, Any]) -> str:
+    """The ``# key = value`` lines of a recording."""
+    return "".join(f"# {_toml_key(key)} = {toml_value(value)}\n" for key, value in metadata.items())
+
+
+def cells(values: FloatArray) -> list[float | str]:
+    """A column as csv.writer takes it: floats, which it writes so that they read back the same, empty for NaN."""
+    return ["" if value != value else value for value in values.tolist()]
+
+
+def toml_value(value: object) -> str:
+    """A value as TOML on one line.  Raises TypeError for what TOML does not have."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int | np.integer):
+        return str(int(value))
+    if isinstance(value, float | np.floating):
+        return repr(float(value))
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, datetime | date | time):
+        return value.isoformat()
+    if isinstance(value, Mapping):
+        inner = ", ".join(f"{_toml_key(key)} = {toml_value(item)}" for key, item in value.items())
+        return f"{{ {inner} }}" if inner else "{}"
+    if isinstance(value, Sequence):
+        return f"[{', '.join(toml_value(item) for item in value)}]"
+    raise TypeError(f"found {type(value).__name__}, expected a value that TOML has")
+
+
+def _toml_key(key: str) -> str:
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else toml_value(key)

@@ -1,0 +1,126 @@
+"""Writes a recording while its samples arrive.  Whole recordings are recording.py's."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from lostmotion.drivers.base import AccelBlock, FloatArray, ServoSample
+from lostmotion.drivers.codec.recording_csv import cells, head_text
+from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.recording import merge
+
+__all__ = ["Recorder"]
+
+SERVO_COLUMNS = ("command", "position", "torque", "voltage", "current", "temperature")
+COLUMNS = (*SERVO_COLUMNS, "accel")
+HOLD_S = 1.0  # how long a sample waits for an earlier one of the other source
+
+Samples = tuple[FloatArray, dict[str, FloatArray]]
+
+
+class Recorder:
+    """One joint and its accelerometer, written to a recording row by row in time order.
+
+    Rows are handed to the system as soon as their order is certain, at most HOLD_S late, so that a killed recorder
+    leaves a readable file.  ``origin`` is the robot time [s] that is 0 in the file; times are rounded to 1 ns.
+    ``late`` counts samples that came more than HOLD_S after others of their time and could not be written in order.
+    Raises RecordingError when the file cannot be written.
+    """
+
+    def __init__(self, path: str | Path, metadata: Mapping[str, Any], origin: float = 0.0) -> None:
+        self.rows = 0
+        self.late = 0
+        self._path = Path(path)
+        self._origin = origin
+        self._pending = {"servo": _nothing(SERVO_COLUMNS), "accel": _nothing(("accel",))}
+        self._newest = dict.fromkeys(self._pending, -np.inf)
+        self._written_until = -np.inf
+        try:
+            self._file = self._path.open("w", encoding="utf-8", newline="")
+        except OSError as error:
+            raise self._error(error) from error
+        self._write(head_text(metadata) + ",".join(("time", *COLUMNS)) + "\n")
+
+    def add_servo(self, samples: Sequence[ServoSample]) -> None:
+        """Takes samples of the joint, in time order."""
+        columns = {name: np.array([getattr(sample, name) for sample in samples]) for name in SERVO_COLUMNS}
+        self._add("servo", np.array([sample.time for sample in samples]), columns)
+
+    def add_accel(self, block: AccelBlock) -> None:
+        """Takes a block of the accelerometer."""
+        self._add("accel", block.time, {"accel": block.accel})
+
+    def close(self) -> None:
+        """Writes what still waits and closes the file; may be called twice."""
+        if self._file.closed:
+            return
+        try:
+            self._emit(np.inf)
+        finally:
+            try:
+                self._file.close()
+            except OSError as error:
+                raise self._error(error) from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _add(self, source: str, times: FloatArray, columns: dict[str, FloatArray]) -> None:
+        if len(times) == 0:
+            return
+        in_time = times > self._written_until
+        self.late += int(np.count_nonzero(~in_time))
+        old_times, old = self._pending[source]
+        self._pending[source] = (
+            np.concatenate([old_times, times[in_time]]),
+            {name: np.concatenate([old[name], values[in_time]]) for name, values in columns.items()},
+        )
+        self._newest[source] = max(self._newest[source], float(times[-1]))
+        self._emit(max(min(self._newest.values()), max(self._newest.values()) - HOLD_S))
+
+    def _emit(self, until: float) -> None:
+        """Writes all rows up to and with the robot time ``until`` [s]."""
+        ready = []
+        for source, (times, columns) in self._pending.items():
+            cut = int(np.searchsorted(times, until, "right"))
+            ready.append((times[:cut], {name: values[:cut] for name, values in columns.items()}))
+            self._pending[source] = (times[cut:], {name: values[cut:] for name, values in columns.items()})
+        times, columns = merge(*ready)
+        if len(times) == 0:
+            return
+        self._written_until = until
+        text = io.StringIO()
+        rounded = np.round(times - self._origin, 9)
+        csv.writer(text, lineterminator="\n").writerows(
+            zip(cells(rounded), *(cells(columns[name]) for name in COLUMNS), strict=True)
+        )
+        self._write(text.getvalue())
+        self.rows += len(times)
+
+    def _write(self, text: str) -> None:
+        try:
+            self._file.write(text)
+            self._file.flush()
+        except OSError as error:
+            raise self._error(error) from error
+
+    def _error(self, error: OSError) -> RecordingError:
+        return RecordingError(
+            f"{self._path}: cannot be written: {error.strerror or error}; is there a folder, and room?"
+        )
+
+
+def _nothing(columns: Sequence[str]) -> Samples:
+    return np.empty(0), {name: np.empty(0) for name in columns}

@@ -1,0 +1,202 @@
+"""A recording: what was measured or simulated, as columns over time, and the CSV file it lives in.
+
+The format is described for users in docs/recordings.md, its text is codec/recording_csv.py's.  Only whole files are
+handled here: rows that are written while they arrive are recorder.py's, playing a file back is replay.py's.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, BinaryIO, TextIO
+
+import numpy as np
+
+from lostmotion.drivers.base import FloatArray
+from lostmotion.drivers.codec import recording_csv
+from lostmotion.drivers.codec.recording_csv import toml_value
+from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.units import COLUMN_UNITS, to_si
+
+__all__ = ["Recording", "merge", "read_recording", "replacing", "toml_value", "write_recording"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording:
+    """Columns over time, in SI units.
+
+    time: seconds from an arbitrary origin, shape (N,), never descending, N >= 1; columns: those of the format that
+    are there, each of shape (N,), NaN where a cell is empty; metadata: the ``# key = value`` lines; extra: columns
+    that the format does not know, as text; truncated: 1 when the file's last line was cut off and left out, else 0.
+    """
+
+    time: FloatArray
+    columns: Mapping[str, FloatArray]
+    metadata: Mapping[str, Any] = field(default_factory=dict)
+    extra: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    truncated: int = 0
+    name: str = "recording"
+
+    @property
+    def duration(self) -> float:
+        """From the first row to the last [s]."""
+        return float(self.time[-1] - self.time[0])
+
+    def signal(self, column: str) -> tuple[FloatArray, FloatArray]:
+        """Times [s] and values of one column where it was sampled, shape (M,) each, M >= 1.
+
+        Raises RecordingError when the recording has no such column, or nothing in it.
+        """
+        values = self.columns.get(column, np.empty(0))
+        sampled = ~np.isnan(values)
+        if not sampled.any():
+            there = ", ".join(name for name, other in self.columns.items() if not np.isnan(other).all()) or "none"
+            raise RecordingError(
+                f"{self.name}: found samples of {there}, expected {column!r}; this signal was not recorded"
+            )
+        return self.time[sampled], values[sampled]
+
+    def unit(self, column: str) -> str:
+        """The unit in which a column stands here: that of the format unless the metadata name another one."""
+        return str(self.metadata.get(f"{column}_unit", COLUMN_UNITS[column]))
+
+    @property
+    def foreign_units(self) -> dict[str, str]:
+        """Columns that do not stand in the format's unit (a force in "V", a command in "m"), and their unit."""
+        return {name: self.unit(name) for name in self.columns if self.unit(name) != COLUMN_UNITS[name]}
+
+
+def read_recording(path: str | Path) -> Recording:
+    """Reads a recording and converts the units that its metadata name to SI.
+
+    A last line that was cut off (a recorder was killed) is left out and counted in ``truncated``.  Raises
+    RecordingError, one line: the file, the line, what was found and expected, and the likely cause.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as file:
+            ends_in_newline = _ends_in_newline(file)
+            lines = io.TextIOWrapper(file, encoding="utf-8-sig", newline="")
+            table = recording_csv.parse(lines, str(path), ends_in_newline=ends_in_newline)
+    except UnicodeDecodeError as error:
+        raise RecordingError(
+            f"{path}: found the byte 0x{error.object[error.start]:02x}, expected UTF-8 text; is it a binary file?"
+        ) from error
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror or error}; is the path right?") from error
+    times = table.columns.pop("time")
+    if len(times) == 0:
+        raise RecordingError(
+            f"{path}: found a header and no rows, expected samples; was the recording stopped at once?"
+        )
+    _check_times(times, str(path), table.first_line)
+    recording = Recording(times, table.columns, table.metadata, table.extra, int(table.truncated), str(path))
+    return _in_si(recording)
+
+
+def _ends_in_newline(file: BinaryIO) -> bool:
+    """Whether the last line is complete (a pipe's is taken to be); leaves the file at its start."""
+    if not file.seekable() or file.seek(0, os.SEEK_END) == 0:
+        return True
+    file.seek(-1, os.SEEK_END)
+    last = file.read(1)
+    file.seek(0)
+    return last in b"\r\n"
+
+
+def _check_times(times: FloatArray, name: str, first_line: int) -> None:
+    bad = np.flatnonzero(~np.isfinite(times))
+    if bad.size:
+        raise RecordingError(
+            f"{name}: line {first_line + bad[0]}: found the time {times[bad[0]]}, expected seconds; is the cell empty?"
+        )
+    back = np.flatnonzero(np.diff(times) < 0)
+    if back.size:
+        index = int(back[0]) + 1
+        raise RecordingError(
+            f"{name}: line {first_line + index}: found the time {times[index]} after {times[index - 1]}, "
+            "expected rows in time order; were two recordings joined, or did a clock step?"
+        )
+
+
+def _in_si(recording: Recording) -> Recording:
+    """The recording with every known unit of its metadata converted to SI; others are left as they are."""
+    metadata = dict(recording.metadata)
+    columns = {"time": recording.time, **recording.columns}
+    for column in columns:
+        known = to_si(str(metadata.get(f"{column}_unit")))
+        if known is not None:
+            metadata[f"{column}_unit"], factor = known
+            columns[column] = columns[column] * factor
+    times = columns.pop("time")
+    return Recording(times, columns, metadata, recording.extra, recording.truncated, recording.name)
+
+
+def write_recording(recording: Recording, path: str | Path) -> None:
+    """Writes a recording; a file of that name is replaced, at once and only when all is written.
+
+    What is written reads back the same, bit by bit.  Raises RecordingError when the file cannot be written.
+    """
+    header = ["time", *recording.columns, *recording.extra]
+    numbers = [recording.time, *recording.columns.values()]
+    with replacing(path) as file:
+        file.write(recording_csv.head_text(recording.metadata))
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(header)
+        for start in range(0, len(recording.time), recording_csv.ROWS_AT_ONCE):
+            part = slice(start, start + recording_csv.ROWS_AT_ONCE)
+            texts = [column[part] for column in recording.extra.values()]
+            writer.writerows(zip(*(recording_csv.cells(values[part]) for values in numbers), *texts, strict=True))
+
+
+@contextmanager
+def replacing(path: str | Path) -> Iterator[TextIO]:
+    """A text file that takes the place of ``path`` when the block ends without an error; else nothing changes.
+
+    Raises RecordingError when it cannot be written.
+    """
+    path = Path(path).resolve()
+    is_device = path.exists() and not path.is_file()  # /dev/stdout, a pipe: nothing there to replace
+    target = path if is_device else path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        try:
+            with target.open("w", encoding="utf-8", newline="") as file:
+                yield file
+            if not is_device:
+                target.replace(path)
+        finally:
+            if not is_device:
+                target.unlink(missing_ok=True)
+    except OSError as error:
+        raise RecordingError(
+            f"{path}: cannot be written: {error.strerror or error}; is there a folder, and room?"
+        ) from error
+
+
+def merge(*sources: tuple[FloatArray, Mapping[str, FloatArray]]) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Joins sources that were sampled at instants of their own into rows in time order.
+
+    Each source is its times [s], shape (M,), in order, and its columns, shape (M,) each.  Samples of several sources at
+    exactly the same time share a row; a source's own samples never do.  Returns times, shape (N,), and all columns,
+    shape (N,) each, NaN where a source has no sample.
+    """
+    times = np.concatenate([source_times for source_times, _ in sources])
+    nth = np.concatenate([np.arange(len(t)) - np.searchsorted(t, t, "left") for t, _ in sources])
+    order = np.lexsort((nth, times))
+    starts = np.ones(len(times), dtype=bool)
+    starts[1:] = (np.diff(times[order]) != 0) | (np.diff(nth[order]) != 0)
+    row = np.empty(len(times), dtype=np.intp)
+    row[order] = np.cumsum(starts) - 1
+    columns: dict[str, FloatArray] = {}
+    end = 0
+    for source_times, source_columns in sources:
+        begin, end = end, end + len(source_times)
+        for name, values in source_columns.items():
+            column = columns.setdefault(name, np.full(int(starts.sum()), np.nan))
+            column[row[begin:end]] = values
+    return times[order][starts], columns

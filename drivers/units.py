@@ -1,0 +1,46 @@
+"""Units that recordings come in, and their factors to SI.  Nothing but the table and its look-up lives here."""
+
+from __future__ import annotations
+
+import math
+
+__all__ = ["COLUMN_UNITS", "to_si"]
+
+COLUMN_UNITS = {
+    "time": "s",
+    "command": "rad",
+    "position": "rad",
+    "accel": "m/s^2",
+    "torque": "N m",
+    "force": "N",
+    "displacement": "m",
+    "voltage": "V",
+    "current": "A",
+    "temperature": "degC",
+}
+"""The columns of a recording that have a meaning, each with its unit."""
+
+POUND_FORCE = 4.4482216152605  # exact by definition, in N
+STANDARD_GRAVITY = 9.80665
+
+_FACTORS: dict[str, dict[str, float]] = {
+    "s": {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0},
+    "rad": {"mrad": 1e-3, "deg": math.pi / 180, "°": math.pi / 180, "arcmin": math.pi / 10800, "rev": 2 * math.pi},
+    "m/s^2": {"m/s²": 1.0, "mm/s^2": 1e-3, "g": STANDARD_GRAVITY, "mg": STANDARD_GRAVITY / 1000},
+    "N m": {"Nm": 1.0, "N mm": 1e-3, "mN m": 1e-3, "kgf cm": STANDARD_GRAVITY / 100, "lbf in": POUND_FORCE * 0.0254},
+    "N": {"mN": 1e-3, "kN": 1e3, "lbf": POUND_FORCE, "kip": 1000 * POUND_FORCE, "kgf": STANDARD_GRAVITY},
+    "m": {"cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "in": 0.0254, "ft": 0.3048},
+    "V": {"mV": 1e-3},
+    "A": {"mA": 1e-3},
+    "degC": {"°C": 1.0, "C": 1.0},
+}
+
+
+def to_si(unit: str) -> tuple[str, float] | None:
+    """The SI unit that stands for ``unit`` and the factor to it; None where the unit is not known."""
+    for si, others in _FACTORS.items():
+        if unit == si:
+            return si, 1.0
+        if unit in others:
+            return si, others[unit]
+    return None
