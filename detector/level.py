@@ -44,10 +44,7 @@ def level(scores: ArrayLike, labels: ArrayLike) -> Level:
 
     Raises DetectorError without scores of both classes.
     """
-    return _best(
-        *_sorted(scores, labels),
-        lambda accept, reject, positive, negative: (accept + 1) / (positive + 1) + (reject + 1) / (negative + 1),
-    )
+    return _best(*_sorted(scores, labels), _eq9)
 
 
 def youden(scores: ArrayLike, labels: ArrayLike) -> Level:
@@ -56,10 +53,7 @@ def youden(scores: ArrayLike, labels: ArrayLike) -> Level:
     Eq. 9 rewards having none of one kind of error however many of the other, and depends on how many windows of each
     class were recorded; J does neither.  Arguments, ties and errors as for ``level``.
     """
-    return _best(
-        *_sorted(scores, labels),
-        lambda accept, reject, positive, negative: accept / (accept + negative) - positive / (positive + reject),
-    )
+    return _best(*_sorted(scores, labels), _youden_j)
 
 
 def from_healthy(scores: ArrayLike, false_alarm: float = 0.01) -> Level:
@@ -88,9 +82,21 @@ Criterion = Callable[[FloatArray, FloatArray, FloatArray, FloatArray], FloatArra
 """Of correct_accept, correct_reject, false_positive, false_negative, each of shape (number of levels,)."""
 
 
+def _eq9(accept: FloatArray, reject: FloatArray, positive: FloatArray, negative: FloatArray) -> FloatArray:
+    return (accept + 1) / (positive + 1) + (reject + 1) / (negative + 1)
+
+
+def _youden_j(accept: FloatArray, reject: FloatArray, positive: FloatArray, negative: FloatArray) -> FloatArray:
+    return accept / (accept + negative) - positive / (positive + reject)
+
+
 def _best(scores: FloatArray, worn: NDArray[np.bool_], criterion: Criterion) -> Level:
     """The best of the levels half-way between neighbouring scores; scores ascending."""
     ends = np.flatnonzero(np.diff(scores) > 0)
+    if ends.size == 0:
+        raise DetectorError(
+            f"all {scores.size} scores are {scores[0]:g}, with play and without; no level tells them apart"
+        )
     below = np.cumsum(worn)[ends].astype(float)
     healthy_below = ends + 1 - below
     accept, positive = worn.sum() - below, (~worn).sum() - healthy_below

@@ -42,7 +42,7 @@ def freq_fft(frequency_hz: float, length: int, rate_hz: float) -> float:
 
 def frequencies(length: int, rate_hz: float) -> FloatArray:
     """Frequency [Hz] of each bin, shape (length // 2 + 1,)."""
-    return np.fft.rfftfreq(length, 1 / rate_hz)
+    return np.arange(length // 2 + 1, dtype=np.float64) * (rate_hz / length)
 
 
 def amplitude_spectrum(accel: FloatArray) -> FloatArray:

@@ -122,27 +122,13 @@ class Trigger:
         return None if curvature is None else self._follow(curvature, now)
 
     def _follow(self, curvature: Curvature, now: float) -> Reversal | None:
-        """Keeps the direction of the acceleration; a reversal when it has changed."""
-        accel = curvature.value
-        if self._recent and (self._recent[-1].value > 0) != (accel > 0):
-            self._crossing = _zero(self._recent[-1], curvature)
-        self._recent.append(curvature)
-        if abs(accel) < self._threshold(curvature.gain):
+        self._lobes.add(curvature)
+        if abs(curvature.value) < self._threshold(curvature.gain):
             return None
         if self._jump.pending or self._fit.reach() < REST_STEPS * self._step:
             return None
-        old, self._direction = self._direction, math.copysign(1.0, accel)
-        strong, self._strong = self._strong, curvature.time
-        if old == self._direction:
-            self._extreme = max(self._extreme, accel, key=abs)
-            return None
-        swing = accel - self._extreme
-        self._extreme = accel
-        if not old:
-            return None
-        span = self._fit.span
-        sudden = curvature.time - strong > span and curvature.time - _zero(self._recent[0], curvature) < SUDDEN * span
-        return Reversal(curvature.time + EARLY * span if sudden else self._crossing, now, swing)
+        changed = self._lobes.enter(curvature)
+        return None if changed is None else Reversal(changed[0], now, changed[1])
 
     def _threshold(self, gain: float) -> float:
         steps = STEP_FACTOR * self._step / self._fit.span**2
@@ -155,10 +141,39 @@ class Trigger:
         self._fit.clear()
         self._noise.interrupt()
         self._jump.clear()
-        self._recent: deque[Curvature] = deque(maxlen=4)
+        self._lobes = _Lobes(self._fit.span)
+
+
+class _Lobes:
+    """The acceleration as a row of lobes, positive and negative in turn, with weak stretches between them."""
+
+    def __init__(self, span: float) -> None:
+        self._span = span
         self._direction = 0.0
         self._extreme = 0.0
-        self._crossing = self._strong = math.nan
+        self._crossing = math.nan
+        self._strong = math.nan
+        self._recent: deque[Curvature] = deque(maxlen=4)
+
+    def add(self, curvature: Curvature) -> None:
+        """Every acceleration, strong or weak: keeps the last zero crossing."""
+        if self._recent and (self._recent[-1].value > 0) != (curvature.value > 0):
+            self._crossing = _zero(self._recent[-1], curvature)
+        self._recent.append(curvature)
+
+    def enter(self, curvature: Curvature) -> tuple[float, float] | None:
+        """A strong acceleration, already added: time and swing of the reversal if it is the first of a new lobe."""
+        time, accel = curvature.time, curvature.value
+        old, since, extreme = self._direction, self._strong, self._extreme
+        self._direction, self._strong = math.copysign(1.0, accel), time
+        if old == self._direction:
+            self._extreme = max(extreme, accel, key=abs)
+            return None
+        self._extreme = accel
+        if not old:
+            return None
+        sudden = time - since > self._span and time - _zero(self._recent[0], curvature) < SUDDEN * self._span
+        return (time + EARLY * self._span if sudden else self._crossing), accel - extreme
 
 
 def _zero(one: Curvature, other: Curvature) -> float:

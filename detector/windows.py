@@ -61,5 +61,5 @@ def cut(
     inside = (slot >= 0) & (slot < length)
     grid = np.full(length, np.nan)
     grid[slot[inside]] = accel[first:last][inside]
-    time = start + (np.arange(length) + phase) / rate_hz
+    time = start + (np.arange(length, dtype=np.float64) + phase) / rate_hz
     return Window(joint, start, duration, time, grid, rate_hz, excitation, temperature)
