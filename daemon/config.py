@@ -1,0 +1,237 @@
+"""The configuration: TOML in, one frozen value out, or one line that says what is wrong with it.
+
+Every key is checked, also those that belong to a driver; what only a device can tell is left to ``doctor`` and the
+service.  Nothing here opens a port or a database.
+"""
+
+from __future__ import annotations
+
+import difflib
+import os
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import msgspec
+
+from lostmotion.daemon import crosscheck
+from lostmotion.daemon.options import AlarmOptions, DetectorOptions, RobotTable, StoreOptions, ZenohOptions
+from lostmotion.detector.window import DetectorSettings
+from lostmotion.drivers import registry
+from lostmotion.drivers.base import AccelerometerOptions, Driver, JointOptions, RobotOptions
+from lostmotion.drivers.errors import DriverError, LostmotionError, UnknownDriverError
+
+__all__ = ["Config", "ConfigError", "default", "load", "loads"]
+
+T = TypeVar("T")
+Table = dict[str, Any]
+OWN_TABLES = ("robot", "store", "accelerometer", "joint", "detector", "alarm")
+
+
+class ConfigError(LostmotionError):
+    """The configuration is wrong; the one-line message names the file, the key, what was found and expected."""
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """A checked configuration.
+
+    overrides: ``[joint.detector]`` by joint; robots: the drivers' own tables by driver; drivers: their rows of the
+    table; notes: what is allowed and yet worth saying, one line each.
+    """
+
+    robot: RobotTable
+    store: StoreOptions
+    accelerometers: tuple[AccelerometerOptions, ...]
+    joints: tuple[JointOptions, ...]
+    detector: DetectorOptions
+    overrides: Mapping[str, DetectorOptions]
+    alarm: AlarmOptions
+    robots: Mapping[str, RobotOptions]
+    drivers: Mapping[str, Driver]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def zenoh(self) -> ZenohOptions | None:
+        """The options of the Zenoh sink, None without ``[alarm.zenoh]``."""
+        return self.alarm.zenoh
+
+    @property
+    def database(self) -> Path:
+        """Where the database lies."""
+        return Path(self.store.path).expanduser() if self.store.path else state_folder() / "history.db"
+
+    def joint(self, name: str) -> JointOptions:
+        """The joint of that name.  Raises ConfigError."""
+        for joint in self.joints:
+            if joint.name == name:
+                return joint
+        raise ConfigError(f"no joint is called {name!r}; there are {', '.join(j.name for j in self.joints)}")
+
+    def buses(self) -> list[tuple[JointOptions, ...]]:
+        """The joints that share a driver and a port, together."""
+        groups: dict[tuple[str, str], list[JointOptions]] = {}
+        for joint in self.joints:
+            groups.setdefault((joint.driver, joint.port), []).append(joint)
+        return [tuple(group) for group in groups.values()]
+
+    def accelerometer(self, name: str) -> AccelerometerOptions:
+        """The accelerometer of that name, which must exist."""
+        return next(sensor for sensor in self.accelerometers if sensor.name == name)
+
+    def settings(self, joint: str) -> DetectorSettings:
+        """The detector's settings for a joint: its oscillator, then ``[detector]``, then ``[joint.detector]``."""
+        oscillator = self.accelerometer(self.joint(joint).accelerometer).oscillator
+        given = self.detector.given() | self.overrides.get(joint, DetectorOptions()).given()
+        return replace(DetectorSettings(f_res_hz=oscillator.f_res_hz, zeta=oscillator.zeta), **cast(Any, given))
+
+
+def load(path: Path) -> Config:
+    """Reads and checks a file.  Raises ConfigError."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
+        raise ConfigError(f"{path}: cannot be read: {reason}; a configuration file was expected here") from error
+    return loads(text, str(path))
+
+
+def default() -> Config:
+    """The built-in configuration: a simulated robot, its database in the user's state folder."""
+    return load(Path(__file__).parent / "simulated.toml")
+
+
+def loads(text: str, where: str) -> Config:
+    """Checks a configuration given as text; ``where`` names it in messages.  Raises ConfigError."""
+    try:
+        config = _decode(tomllib.loads(text))
+        return replace(config, notes=crosscheck.check(config))
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{where}: no valid TOML: {error}") from error
+    except (ConfigError, crosscheck.CrossCheckError, DriverError) as error:
+        raise ConfigError(f"{where}: {error}") from error
+
+
+def state_folder() -> Path:
+    """Where this user's programs keep what should outlive a restart (XDG base directory specification)."""
+    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "lostmotion"
+
+
+def _decode(tables: Table) -> Config:
+    joints = _list_of_tables(tables, "joint")
+    overrides: dict[str, DetectorOptions] = {}
+    decoded_joints: list[JointOptions] = []
+    for index, table in enumerate(joints):
+        path = _path("joint", index, table)
+        own = {key: value for key, value in table.items() if key != "detector"}
+        joint = _convert(own, _driver(own, path).joint_options, path)
+        overrides[joint.name] = _convert(table.get("detector", {}), DetectorOptions, f"{path}.detector")
+        decoded_joints.append(joint)
+    sensors: list[AccelerometerOptions] = []
+    for index, table in enumerate(_list_of_tables(tables, "accelerometer")):
+        path = _path("accelerometer", index, table)
+        sensors.append(_convert(table, _driver(table, path).accelerometer_options, path))
+    items: list[JointOptions | AccelerometerOptions] = [*decoded_joints, *sensors]
+    drivers = {item.driver: registry.get_driver(item.driver) for item in items}
+    _refuse_unknown_tables(tables, drivers)
+    return Config(
+        robot=_convert(_required(tables, "robot"), RobotTable, "robot"),
+        store=_convert(tables.get("store", {}), StoreOptions, "store"),
+        accelerometers=tuple(sensors),
+        joints=tuple(decoded_joints),
+        detector=_convert(tables.get("detector", {}), DetectorOptions, "detector"),
+        overrides=overrides,
+        alarm=_convert(tables.get("alarm", {}), AlarmOptions, "alarm"),
+        robots={name: _convert(tables.get(name, {}), driver.robot_options, name) for name, driver in drivers.items()},
+        drivers=drivers,
+    )
+
+
+def _required(tables: Table, name: str) -> object:
+    if name not in tables:
+        raise ConfigError(f"[{name}] is missing")
+    return tables[name]
+
+
+def _list_of_tables(tables: Table, name: str) -> list[Table]:
+    found = _required(tables, name)
+    if not isinstance(found, list) or not found or not all(isinstance(item, dict) for item in found):
+        raise ConfigError(f"{name}: found {_shown(found)}, expected at least one [[{name}]] table")
+    return found
+
+
+def _path(kind: str, index: int, table: Table) -> str:
+    name = table.get("name")
+    return f"{kind} {name!r}" if isinstance(name, str) else f"{kind}[{index}]"
+
+
+def _driver(table: Table, path: str) -> Driver:
+    name = table.get("driver")
+    if not isinstance(name, str):
+        raise ConfigError(f"{path}.driver: found {_shown(name)}, expected one of {', '.join(registry.names())}")
+    try:
+        return registry.get_driver(name)
+    except UnknownDriverError as error:
+        raise ConfigError(f"{path}.driver: {error}{_near(name, registry.names())}") from error
+
+
+def _refuse_unknown_tables(tables: Table, drivers: Mapping[str, Driver]) -> None:
+    known = [*OWN_TABLES, *drivers]
+    for name in tables:
+        if name not in known:
+            hint = "; no joint or accelerometer uses that driver" if name in registry.names() else _near(name, known)
+            raise ConfigError(f"{name}: unknown key{hint}")
+
+
+def _convert(value: object, kind: type[T], path: str) -> T:
+    try:
+        return msgspec.convert(value, kind, strict=True)
+    except msgspec.ValidationError as error:
+        raise ConfigError(_explain(str(error), value, kind, path)) from error
+
+
+def _explain(message: str, value: object, kind: type, path: str) -> str:
+    """msgspec's message as ours: the key's full path first, then what was found and expected."""
+    what, _, inner = message.partition(" - at `")
+    inner = inner.rstrip("`").removeprefix("$")
+    if unknown := re.match(r"Object contains unknown field `(.+)`", what):
+        return f"{path}{inner}.{unknown[1]}: unknown key{_near(unknown[1], _keys(kind))}"
+    if missing := re.match(r"Object missing required field `(.+)`", what):
+        return f"{path}{inner}.{missing[1]}: is missing"
+    found = _at(value, inner)
+    return f"{path}{inner}: found {_shown(found)}; {what[0].lower()}{what[1:]}"
+
+
+def _keys(kind: type) -> list[str]:
+    """All keys of an options type and of the tables within it."""
+    keys: list[str] = []
+    for field in msgspec.structs.fields(kind):
+        keys.append(field.encode_name)
+        for inner in (field.type, *getattr(field.type, "__args__", ())):
+            if isinstance(inner, type) and issubclass(inner, msgspec.Struct):
+                keys += _keys(inner)
+    return keys
+
+
+def _near(word: str, known: Sequence[str]) -> str:
+    close = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
+    return f"; did you mean {close[0]}?" if close else f"; there are {', '.join(sorted(set(known)))}"
+
+
+def _at(value: object, path: str) -> object:
+    for key in re.findall(r"\w+", path):
+        value = value[int(key)] if isinstance(value, list) else cast(Table, value)[key]
+    return value
+
+
+def _shown(value: object) -> str:
+    return (
+        "nothing"
+        if value is None
+        else f"{value!r}"
+        if isinstance(value, str | int | float | bool)
+        else type(value).__name__
+    )

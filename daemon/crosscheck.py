@@ -1,0 +1,160 @@
+"""What one table of a configuration cannot know of the others: names, ports, bands, clocks.  Pure functions."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from lostmotion.detector.errors import DetectorError
+from lostmotion.detector.score import validate
+from lostmotion.drivers.base import AccelerometerOptions, JointOptions
+from lostmotion.drivers.clock import SystemClock
+from lostmotion.drivers.errors import LostmotionError
+
+if TYPE_CHECKING:
+    from lostmotion.daemon.config import Config
+
+__all__ = ["CrossCheckError", "check"]
+
+SAFE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
+
+
+class CrossCheckError(LostmotionError):
+    """Two tables of the configuration contradict each other, or a value is outside its range."""
+
+
+def check(config: Config) -> tuple[str, ...]:
+    """Raises CrossCheckError at the first contradiction; returns what is allowed and yet worth saying."""
+    _names(config)
+    _ranges(config)
+    _roles(config)
+    _ports(config)
+    _drivers_agree(config)
+    notes = [note for joint in config.joints for note in _bands(config, joint)]
+    if config.alarm.can is not None:
+        notes.append("alarm.can: alarms on CAN are not built yet, nothing will be sent there")
+    return tuple(dict.fromkeys(notes))
+
+
+def _names(config: Config) -> None:
+    for kind, names in (
+        ("robot", [config.robot.name]),
+        ("joint", [joint.name for joint in config.joints]),
+        ("accelerometer", [sensor.name for sensor in config.accelerometers]),
+    ):
+        for name, times in Counter(names).items():
+            if not SAFE_NAME.fullmatch(name):
+                raise CrossCheckError(
+                    f"{kind}.name: found {name!r}, expected letters, digits, _ . or - (it becomes part of a Zenoh key)"
+                )
+            if times > 1:
+                raise CrossCheckError(f"{kind}.name: {name!r} is given {times} times, expected once")
+    sensors = {sensor.name for sensor in config.accelerometers}
+    for joint in config.joints:
+        if joint.accelerometer not in sensors:
+            raise CrossCheckError(
+                f"joint {joint.name!r}.accelerometer: found {joint.accelerometer!r}, "
+                f"expected the name of an accelerometer: {', '.join(sorted(sensors))}"
+            )
+
+
+def _ranges(config: Config) -> None:
+    for joint in config.joints:
+        _within(f"joint {joint.name!r}.poll_hz", joint.poll_hz, 1.0, 10_000.0)
+    for sensor in config.accelerometers:
+        path = f"accelerometer {sensor.name!r}"
+        _within(f"{path}.rate_hz", sensor.rate_hz, 1.0, 100_000.0)
+        _within(f"{path}.oscillator.f_res_hz", sensor.oscillator.f_res_hz, 0.1, 50_000.0)
+        _within(f"{path}.oscillator.zeta", sensor.oscillator.zeta, 1e-5, 0.99)
+        _within(f"{path}.oscillator.length_m", sensor.oscillator.length_m, 1e-3, 10.0)
+    tables = {"store": config.store, "detector": config.detector, "alarm": config.alarm}
+    tables |= {f"joint {name!r}.detector": options for name, options in config.overrides.items()}
+    for name, table in tables.items():
+        for key, value in msgspec.structs.asdict(table).items():
+            if isinstance(value, float) and not math.isfinite(value):
+                raise CrossCheckError(f"{name}.{key}: found {value}, expected a finite number")
+
+
+def _within(path: str, value: float, low: float, high: float) -> None:
+    if not low <= value <= high:
+        raise CrossCheckError(f"{path}: found {value:g}, expected {low:g} to {high:g}")
+
+
+def _roles(config: Config) -> None:
+    for kind, items in (("joint", config.joints), ("accelerometer", config.accelerometers)):
+        for item in items:
+            driver = config.drivers[item.driver]
+            if (driver.servo if kind == "joint" else driver.accelerometer) is None:
+                raise CrossCheckError(f"{kind} {item.name!r}.driver: {item.driver!r} drives no {kind}")
+    virtual = sorted(name for name, driver in config.drivers.items() if driver.waits)
+    if virtual and len(config.drivers) > 1:
+        others = ", ".join(sorted(set(config.drivers) - {virtual[0]}))
+        raise CrossCheckError(
+            f"driver: {virtual[0]!r} lives in a time of its own and cannot be mixed with {others}; use one or the other"
+        )
+
+
+def _devices(config: Config) -> Iterator[tuple[str, JointOptions | AccelerometerOptions]]:
+    for joint in config.joints:
+        yield f"joint {joint.name!r}", joint
+    for sensor in config.accelerometers:
+        yield f"accelerometer {sensor.name!r}", sensor
+
+
+def _ports(config: Config) -> None:
+    """One port has one driver and one baud rate; several joints may share it, an accelerometer has its own."""
+    first: dict[str, tuple[str, JointOptions | AccelerometerOptions]] = {}
+    ids: dict[tuple[str, object], str] = {}
+    for path, item in _devices(config):
+        if config.drivers[item.driver].waits or not item.port:
+            continue
+        other_path, other = first.setdefault(item.port, (path, item))
+        number = getattr(item, "id", None)
+        if other is not item and (isinstance(item, AccelerometerOptions) or item.driver != other.driver):
+            raise CrossCheckError(f"{path}.port: {item.port} already belongs to {other_path}; a port has one master")
+        if getattr(item, "baudrate", None) != getattr(other, "baudrate", None):
+            raise CrossCheckError(
+                f"{path}.baudrate: found {getattr(item, 'baudrate', None)}, "
+                f"expected {getattr(other, 'baudrate', None)} as for {other_path} on the same port {item.port}"
+            )
+        if number is not None and ids.setdefault((item.port, number), path) != path:
+            raise CrossCheckError(f"{path}.id: {number} on {item.port} already belongs to {ids[item.port, number]}")
+
+
+def _drivers_agree(config: Config) -> None:
+    """Lets the drivers of hardware look at their own options; a virtual robot is costly to make and checks at start."""
+    for joints in config.buses():
+        driver = config.drivers[joints[0].driver]
+        if driver.servo and not driver.waits:
+            driver.servo(joints, config.robots[driver.name], SystemClock())
+    for sensor in config.accelerometers:
+        driver = config.drivers[sensor.driver]
+        if driver.accelerometer and not driver.waits:
+            driver.accelerometer(sensor, config.robots[driver.name], SystemClock())
+
+
+def _bands(config: Config, joint: JointOptions) -> Iterator[str]:
+    """The bands of eqs. 8 and 10 lie under the accelerometer's Nyquist frequency."""
+    sensor = config.accelerometer(joint.accelerometer)
+    settings = config.settings(joint.name)
+    nyquist = sensor.rate_hz / 2
+    top = settings.f_res_hz + settings.f_width_hz / 2
+    if top >= nyquist:
+        raise CrossCheckError(
+            f"accelerometer {sensor.name!r}: the oscillator rings up to {top:g} Hz, but rate_hz = {sensor.rate_hz:g} "
+            f"shows only what is below {nyquist:g} Hz; take a faster sensor or a slower oscillator"
+        )
+    try:
+        validate(settings, sensor.rate_hz)
+    except DetectorError as error:
+        raise CrossCheckError(f"joint {joint.name!r}: {error}") from error
+    if settings.f_norm_hz + settings.f_norm_width_hz / 2 > nyquist:
+        yield (
+            f"joint {joint.name!r}: the norm's band reaches beyond {nyquist:g} Hz, half of rate_hz of accelerometer "
+            f"{sensor.name!r}, and is cut off there"
+        )

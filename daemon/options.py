@@ -1,0 +1,80 @@
+"""The service's own tables of the configuration, as typed values with their defaults and ranges.
+
+The tables of joints, sensors and robots belong to the drivers (``drivers/base.py``); nothing here reads a file.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import UNSET, Meta, Struct, UnsetType
+
+__all__ = ["AlarmOptions", "CanOptions", "DetectorOptions", "RobotTable", "StoreOptions", "ZenohOptions"]
+
+Positive = Annotated[float, Meta(gt=0)]
+Share = Annotated[float, Meta(gt=0, le=1)]
+
+
+class RobotTable(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """``[robot]``"""
+
+    name: str
+
+
+class StoreOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """``[store]``: the database's path ("" means the user's state folder) and how much raw data is kept [MB]."""
+
+    path: str = ""
+    keep_windows_mb: Annotated[float, Meta(ge=0)] = 100.0
+
+
+class DetectorOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """``[detector]`` and ``[joint.detector]``: what is not given comes from the table above, at last from
+    ``DetectorSettings``; "auto" lets the detector choose."""
+
+    window_s: Positive | Literal["auto"] | UnsetType = UNSET
+    f_width_hz: Positive | UnsetType = UNSET
+    f_norm_hz: Positive | UnsetType = UNSET
+    f_norm_width_hz: Positive | UnsetType = UNSET
+    level: Positive | UnsetType = UNSET
+    min_acceleration: Positive | Literal["auto"] | UnsetType = UNSET
+
+    def given(self) -> dict[str, float | None]:
+        """The keys that were given, in the names and values of DetectorSettings."""
+        return {
+            key: None if value == "auto" else value
+            for key, value in msgspec.structs.asdict(self).items()
+            if value is not UNSET
+        }
+
+
+class ZenohOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """``[alarm.zenoh]``: how the session is opened; multicast scouting is off unless asked for."""
+
+    mode: Literal["peer", "client", "router"] = "peer"
+    connect: list[str] = []
+    listen: list[str] = []
+    multicast_scouting: bool = False
+
+
+class CanOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """``[alarm.can]``: checked, so that a configuration may already hold it; nothing sends on CAN yet."""
+
+    interface: str
+    channel: str
+    node_id: Annotated[int, Meta(ge=1, le=127)]
+
+
+class AlarmOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """``[alarm]``: the last ``windows`` scored windows of a joint decide on its health (``alarm.py``).
+
+    degraded, warning: share of them above the level; error: median score as a multiple of the level.
+    """
+
+    windows: Annotated[int, Meta(ge=3, le=10000)] = 20
+    degraded: Share = 0.2
+    warning: Share = 0.5
+    error: Annotated[float, Meta(gt=1)] = 5.0
+    zenoh: ZenohOptions | None = None
+    can: CanOptions | None = None
