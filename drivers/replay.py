@@ -41,6 +41,7 @@ log = logging.getLogger(__name__)
 Column = Literal["command", "position", "accel", "torque", "force", "displacement", "voltage", "current", "temperature"]
 SERVO_FIELDS = ("position", "torque", "current", "voltage", "temperature")
 RATE_TOLERANCE = 0.05
+LEAST_RATE = 0.5
 
 
 class ReplayJointOptions(JointOptions, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -141,11 +142,14 @@ class ReplayJoints:
             self._track = Track(np.sort(np.concatenate([times for times, _ in self._samples.values()])), self._clock)
 
     def identify(self) -> tuple[Identity, ...]:
-        """What stands in the recording; any rate will do."""
-        return tuple(
-            Identity(joint.name, _describe(self._clock.recording(joint.port), joint.column), joint.column, ok=True)
-            for joint in self._joints
-        )
+        """The rate of the recording against that of the polls; a faster one will do, a slow one looks like gaps."""
+        found = []
+        for joint in self._joints:
+            recording = self._clock.recording(joint.port)
+            too_slow = _rate_hz(recording.signal(joint.column)[0]) < LEAST_RATE * joint.poll_hz
+            expected = f"{joint.column} at {joint.poll_hz:g} Hz or more"
+            found.append(Identity(joint.name, _describe(recording, joint.column), expected, not too_slow))
+        return tuple(found)
 
     def read(self) -> ServoReading:
         if self._track is None:

@@ -156,7 +156,8 @@ def test_rate_is_checked(path: Path) -> None:
     assert (told.name, told.ok) == ("tip", True)
     assert told.found.startswith("accel at 1000 Hz, 4 s, in ")
     assert [item.ok for item in joints.identify()] == [True]
-    _, _, other = robot(path, rate_hz=200.0)
+    _, joints, other = robot(path, rate_hz=200.0, poll_hz=400.0)
+    assert [(item.expected, item.ok) for item in joints.identify()] == [("command at 400 Hz or more", False)]
     (told,) = other.identify()
     assert (told.expected, told.ok) == ("accel at 200 Hz", False)
 
