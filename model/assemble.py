@@ -1,0 +1,113 @@
+"""From a base, effects and values to the solver's tables.  No physics, no integration."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lostmotion.model.base import Base, Fusion
+from lostmotion.model.effects.base import Effect
+from lostmotion.model.effects.registry import rank
+from lostmotion.model.kernel import Kernel
+from lostmotion.model.signals import DRIVEN, SIGNALS, TIME
+from lostmotion.model.solve import IntArray, Plan
+
+__all__ = ["assemble", "in_order", "scope"]
+
+
+@dataclass(frozen=True)
+class _Step:
+    """One call of a kernel: its place in the order, its target, its parameters' values, where its states begin."""
+
+    place: tuple[int, int]
+    target: int
+    kernel: Kernel
+    values: tuple[float, ...]
+    states_at: int = 0
+    has_states: bool = False
+
+
+def in_order(effects: Sequence[Effect]) -> list[Effect]:
+    """The effects in the order of their evaluation, which is also that of their states."""
+    return sorted(effects, key=lambda effect: rank(effect.id))
+
+
+def scope(values: Mapping[str, float], effect: Effect | None = None) -> dict[str, float]:
+    """What a term sees: the base's values, and those of its effect under their short names."""
+    seen = {key: value for key, value in values.items() if "." not in key}
+    if effect is not None:
+        seen.update({name: values[f"{effect.id}.{name}"] for name in effect.parameters})
+    return seen
+
+
+def assemble(base: Base, effects: Sequence[Effect], values: Mapping[str, float], driven: bool) -> Plan:
+    """The tables of solve.Plan for a base with effects (in_order); driven: whether there is an input."""
+    steps = sorted([*_base_steps(base, effects, scope(values)), *_effect_steps(base, effects, values)], key=_place)
+    states = [state.signal for state in base.states]
+    own = sum(len(effect.states) for effect in effects)
+    given = {*base.presets, *states, *(signal for signal, _ in base.input_signals)}
+    targets = [step.target for step in steps]
+    start = np.zeros(SIGNALS + own)
+    start[DRIVEN] = float(driven)
+    for signal, preset in base.presets.items():
+        start[signal] = values[preset] if isinstance(preset, str) else preset
+    reset = [signal for signal in base.presets if signal in targets]
+    rates = [state.rate for state in base.states]
+    needed = [i for i, step in enumerate(steps) if step.has_states or step.target in rates]
+    lengths = [len(step.values) for step in steps]
+    return Plan(
+        addresses=_table([step.kernel.address for step in steps]),
+        targets=_table(targets),
+        fresh=_table([t not in given and t not in targets[:i] for i, t in enumerate(targets)]),
+        p=np.array([value for step in steps for value in step.values] + [0.0]),
+        p_at=_table(np.cumsum([0, *lengths[:-1]])),
+        x_at=_table([SIGNALS + step.states_at for step in steps]),
+        dx_at=_table([len(states) + step.states_at for step in steps]),
+        live=max(needed) + 1,
+        state_at=_table([*states, *range(SIGNALS, SIGNALS + own)]),
+        rate_signals=_table(rates),
+        input_signals=_table([signal for signal, _ in base.input_signals]),
+        input_orders=_table([order for _, order in base.input_signals]),
+        presets=_table(reset),
+        preset_values=start[reset],
+        start=start,
+        time=TIME,
+        watch=base.watched,
+    )
+
+
+def _base_steps(base: Base, effects: Sequence[Effect], values: Mapping[str, float]) -> Iterator[_Step]:
+    touched = {term.target for effect in effects for term in effect.terms.get(base.id, ())}
+    fusions = [fusion for fusion in base.fusions if not touched & set(fusion.covers[:-1])]
+    fused = {signal for fusion in fusions for signal in fusion.covers}
+    for fusion in fusions:
+        yield _fused(fusion, values)
+    for term in base.terms:
+        if term.target not in fused:
+            yield _Step((term.target, -1), term.target, term.kernel, tuple(values[name] for name in term.parameters))
+
+
+def _fused(fusion: Fusion, values: Mapping[str, float]) -> _Step:
+    """It runs where the first of its terms would, so that all it sets is there for effects in between."""
+    parameters = tuple(values[name] for name in fusion.parameters)
+    return _Step((fusion.covers[0], -1), fusion.covers[-1], fusion.kernel, parameters)
+
+
+def _effect_steps(base: Base, effects: Sequence[Effect], values: Mapping[str, float]) -> Iterator[_Step]:
+    states_at = 0
+    for place, effect in enumerate(effects):
+        seen = scope(values, effect)
+        for term in effect.terms.get(base.id, ()):
+            parameters = tuple(seen[name] for name in term.parameters)
+            yield _Step((term.target, place), term.target, term.kernel, parameters, states_at, bool(effect.states))
+        states_at += len(effect.states)
+
+
+def _place(step: _Step) -> tuple[int, int]:
+    return step.place
+
+
+def _table(numbers: Sequence[int] | IntArray) -> IntArray:
+    return np.asarray(numbers, dtype=np.int64)

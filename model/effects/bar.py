@@ -1,0 +1,94 @@
+"""The bar is no ideal oscillator: a spring that hardens, damping that grows with speed, a second mode."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from lostmotion.model.base import Operating, Term
+from lostmotion.model.effects.base import ActsOn, Effect, on
+from lostmotion.model.kernel import Slots, kernel
+from lostmotion.model.parameter import Domain, Parameter
+from lostmotion.model.signals import ALPHA2, BAR_FORCE, OMEGA2, Q_RATE, TIP, TORQUE, Q
+
+__all__ = ["HARDENING_SPRING", "QUADRATIC_DAMPING", "SECOND_MODE"]
+
+BARS = ("play", "oscillator")
+
+
+@kernel
+def hardening(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """-k3 q³; p: k3."""
+    return -p[0] * s[Q] ** 3
+
+
+@kernel
+def quadratic_on_bar(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """-b2 q' |q'|; p: b2."""
+    return -p[0] * s[Q_RATE] * abs(s[Q_RATE])
+
+
+@kernel
+def quadratic_on_joint(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """-b2 omega |omega|; p: b2."""
+    return -p[0] * s[OMEGA2] * abs(s[OMEGA2])
+
+
+@kernel
+def second_mode(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """q2'' = -2 zeta2 w q2' - w² q2 - participation omega_2' l, added at the tip; p: f2, zeta2, participation, l."""
+    w = 2 * math.pi * p[0]
+    dx[0] = x[1]
+    dx[1] = -2 * p[1] * w * x[1] - w * w * x[0] - p[2] * p[3] * s[ALPHA2]
+    return dx[1]
+
+
+def _second_rate(values: Mapping[str, float], operating: Operating) -> float:
+    """Three times its frequency [rad/s]: it rings on."""
+    return 3 * 2 * math.pi * values["f2"]
+
+
+HARDENING_SPRING = Effect(
+    id="hardening_spring",
+    equation="-k3 q^3",
+    summary="the bar stiffens with deflection (softens for a negative k3)",
+    acts_on=ActsOn.OSCILLATOR,
+    bases=BARS,
+    parameters={"k3": Parameter(2e9, "N/m^3", -1e12, 1e12, False, "guess: 10 % of k q at 0.4 mm", "cubic stiffness")},
+    terms=on(BARS, Term(BAR_FORCE, hardening, ("k3",))),
+)
+QUADRATIC_DAMPING = Effect(
+    id="quadratic_damping",
+    equation="-b2 q' |q'|; joint, servo: -b2 omega |omega|",
+    summary="drag that grows with the square of speed: air",
+    acts_on=ActsOn.OSCILLATOR,
+    bases=("play", "oscillator", "joint", "servo"),
+    parameters={
+        "b2": Parameter(
+            1.0, "N s^2/m^2", 0.0, 1e4, False, "guess: as much as b at 0.2 m/s", "drag", Domain.NOT_NEGATIVE
+        )
+    },
+    terms={
+        **on(BARS, Term(BAR_FORCE, quadratic_on_bar, ("b2",))),
+        **on(("joint", "servo"), Term(TORQUE, quadratic_on_joint, ("b2",))),
+    },
+    defaults={
+        base: {"b2": Parameter(value, "N m s^2/rad^2", 0.0, 10.0, False, "guess", "drag", Domain.NOT_NEGATIVE)}
+        for base, value in (("joint", 1e-5), ("servo", 2e-3))
+    },
+)
+SECOND_MODE = Effect(
+    id="second_mode",
+    equation="q2'' + 2 zeta2 w2 q2' + w2^2 q2 = -participation omega_2' l, tip: + q2''",
+    summary="a second bending mode of the same bar",
+    acts_on=ActsOn.OSCILLATOR,
+    bases=("play",),
+    parameters={
+        "f2": Parameter(180.0, "Hz", 10.0, 1000.0, False, "guess; a bare bar has 6.3 times the first", "frequency", Domain.POSITIVE),
+        "zeta2": Parameter(0.02, "", 0.0, 1.0, False, "guess", "damping ratio", Domain.NOT_NEGATIVE),
+        "participation": Parameter(0.3, "", -3.0, 3.0, False, "guess", "share of the excitation that it takes"),
+    },
+    terms=on(("play",), Term(TIP, second_mode, ("f2", "zeta2", "participation", "l"))),
+    states=(None, None),
+    rate=_second_rate,
+)  # fmt: skip

@@ -1,0 +1,80 @@
+"""What an effect is: one more physical term of a model, as one value.  No equations here.
+
+An effect adds contributions to signals and may have states of its own; only the solver integrates.  To write one: a
+kernel for each signal it acts on (kernel.py), a row in the registry, a test.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+
+from lostmotion.model.base import Operating, Term
+from lostmotion.model.errors import ModelError
+from lostmotion.model.parameter import Parameter
+
+__all__ = ["ActsOn", "Effect", "EffectInfo", "omega_0", "on"]
+
+
+class ActsOn(StrEnum):
+    """Where an effect enters."""
+
+    JOINT = "joint"
+    OSCILLATOR = "oscillator"
+    COMMAND = "command"
+    CONTACT = "contact"
+    SENSOR = "sensor"
+
+
+@dataclass(frozen=True, kw_only=True)
+class EffectInfo:
+    """What a person is told of an effect: id, equation, summary, parameters by name, where it acts, on which bases."""
+
+    id: str
+    equation: str
+    summary: str
+    acts_on: ActsOn
+    parameters: Mapping[str, Parameter]
+    bases: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effect(EffectInfo):
+    """An effect with its physics.
+
+    terms: by base, in any order; their parameters are names of this effect's own, or else of the base's.
+    states: for each state of its own, the signal whose value it begins with, or None for zero; a state that takes a
+    signal's place begins where that stood *without* this effect.  rate: the fastest rate [rad/s] of the effect for its
+    own and the base's values.  delay [s] shifts the input, clock_rate stretches the sensor's time stamps; both are
+    plain functions of the effect's values, outside the kernels.  defaults: other values of the parameters on one base.
+    """
+
+    terms: Mapping[str, tuple[Term, ...]] = field(default_factory=dict)
+    states: tuple[int | None, ...] = ()
+    rate: Callable[[Mapping[str, float], Operating], float] | None = None
+    delay: Callable[[Mapping[str, float]], float] | None = None
+    clock_rate: Callable[[Mapping[str, float]], float] | None = None
+    defaults: Mapping[str, Mapping[str, Parameter]] = field(default_factory=dict)
+
+    def parameters_on(self, base: str) -> dict[str, Parameter]:
+        """Its parameters with their defaults on that base.  Raises ModelError when it does not act there."""
+        if base not in self.bases:
+            raise ModelError(f"{self.id} does not act on the base {base!r}, only on {', '.join(self.bases)}")
+        return {**self.parameters, **self.defaults.get(base, {})}
+
+
+def on(bases: tuple[str, ...], *terms: Term) -> dict[str, tuple[Term, ...]]:
+    """The same terms on each of these bases."""
+    return dict.fromkeys(bases, terms)
+
+
+def omega_0(value: float) -> Parameter:
+    """The speed within which a dry friction is smoothed: sign(omega) ~ tanh(omega/omega_0)."""
+    source = "convention: small against the speeds of the motion, large enough for the step"
+    return Parameter(value, "rad/s", 1e-5, 1.0, True, source, "speed within which sign(omega) is smoothed")
+
+
+def scaled(parameter: Parameter, factor: float) -> Parameter:
+    """A parameter whose value and bounds are larger by a factor: a servo's torques beside a small gear's."""
+    return replace(parameter, value=parameter.value * factor, low=parameter.low * factor, high=parameter.high * factor)

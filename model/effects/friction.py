@@ -1,0 +1,132 @@
+"""Friction in the joint: viscous, Coulomb, Stribeck, and growing with the load.
+
+sign(omega) is smoothed to tanh(omega/omega_0): a fixed-step solver cannot resolve a jump, and below omega_0 the joint
+creeps instead of sticking.  omega_0 is a parameter, fixed unless it is freed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from lostmotion.model.base import Operating, Term
+from lostmotion.model.effects.base import ActsOn, Effect, omega_0, on, scaled
+from lostmotion.model.kernel import Slots, kernel
+from lostmotion.model.parameter import Domain, Parameter
+from lostmotion.model.signals import FORCE, OMEGA2, TORQUE
+
+__all__ = ["COULOMB", "LOAD_DEPENDENT", "STRIBECK", "VISCOUS"]
+
+JOINTS = ("play", "joint", "servo")
+GUESS = "guess: about 5 % of the torque that moves the joint"
+SERVO = 200.0
+"""A servo's torques against those on the bar's small inertia."""
+
+
+@kernel
+def viscous(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """-b_v omega; p: b_v."""
+    return -p[0] * s[OMEGA2]
+
+
+@kernel
+def coulomb(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """-tau_c sign(omega); p: tau_c, omega_0."""
+    return -p[0] * math.tanh(s[OMEGA2] / p[1])
+
+
+@kernel
+def stribeck(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """-(tau_c + (tau_s - tau_c) exp(-(omega/omega_s)²)) sign(omega); p: tau_c, tau_s, omega_s, omega_0."""
+    fall = math.exp(-((s[OMEGA2] / p[2]) ** 2))
+    return -(p[0] + (p[1] - p[0]) * fall) * math.tanh(s[OMEGA2] / p[3])
+
+
+@kernel
+def load_dependent(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """-mu |F| R2 sign(omega); p: mu, omega_0, R2."""
+    return -p[0] * abs(s[FORCE]) * p[2] * math.tanh(s[OMEGA2] / p[1])
+
+
+@kernel
+def torque_dependent(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """-mu |transmitted torque| sign(omega); p: mu, omega_0."""
+    return -p[0] * abs(s[FORCE]) * math.tanh(s[OMEGA2] / p[1])
+
+
+def _dry_rate(values: Mapping[str, float], operating: Operating) -> float:
+    """Slope of the smoothed step over the inertia [rad/s]; half of it, as it is met only in passing."""
+    return 0.5 * max(values.get("tau_c", 0.0), values.get("tau_s", 0.0)) / values["omega_0"] / operating.inertia
+
+
+def _viscous_rate(values: Mapping[str, float], operating: Operating) -> float:
+    return abs(values["b_v"]) / operating.inertia
+
+
+def _load_rate(values: Mapping[str, float], operating: Operating) -> float:
+    return (
+        0.5 * values["mu"] * (operating.watched or 0.0) * values.get("R2", 1.0) / values["omega_0"] / operating.inertia
+    )
+
+
+_B_V = Parameter(4e-4, "N m s/rad", 0.0, 1e-1, False, GUESS, "viscous friction", Domain.NOT_NEGATIVE)
+_TAU_C = Parameter(3e-4, "N m", 0.0, 1e-1, False, GUESS, "Coulomb friction", Domain.NOT_NEGATIVE)
+_TAU_S = Parameter(5e-4, "N m", 0.0, 1e-1, False, GUESS, "static friction", Domain.NOT_NEGATIVE)
+_OMEGA_S = Parameter(0.1, "rad/s", 1e-3, 10.0, False, "guess", "Stribeck speed", Domain.POSITIVE)
+_SLOW = {base: {"omega_0": omega_0(2e-3)} for base in ("joint", "servo")}
+
+VISCOUS = Effect(
+    id="viscous_friction",
+    equation="-b_v omega",
+    summary="friction in proportion to speed: grease, back-EMF",
+    acts_on=ActsOn.JOINT,
+    bases=JOINTS,
+    parameters={"b_v": _B_V},
+    terms=on(JOINTS, Term(TORQUE, viscous, ("b_v",))),
+    rate=_viscous_rate,
+    defaults={"servo": {"b_v": scaled(_B_V, SERVO)}},
+)
+COULOMB = Effect(
+    id="coulomb_friction",
+    equation="-tau_c sign(omega)",
+    summary="dry friction of constant size",
+    acts_on=ActsOn.JOINT,
+    bases=JOINTS,
+    parameters={"tau_c": _TAU_C, "omega_0": omega_0(1e-2)},
+    terms=on(JOINTS, Term(TORQUE, coulomb, ("tau_c", "omega_0"))),
+    rate=_dry_rate,
+    defaults={"joint": _SLOW["joint"], "servo": {"tau_c": scaled(_TAU_C, SERVO), **_SLOW["servo"]}},
+)
+STRIBECK = Effect(
+    id="stribeck_friction",
+    equation="-(tau_c + (tau_s - tau_c) exp(-(omega/omega_s)^2)) sign(omega)",
+    summary="dry friction that is larger near rest: the whole law, Coulomb included",
+    acts_on=ActsOn.JOINT,
+    bases=JOINTS,
+    parameters={"tau_c": _TAU_C, "tau_s": _TAU_S, "omega_s": _OMEGA_S, "omega_0": omega_0(1e-2)},
+    terms=on(JOINTS, Term(TORQUE, stribeck, ("tau_c", "tau_s", "omega_s", "omega_0"))),
+    rate=_dry_rate,
+    defaults={
+        "joint": _SLOW["joint"],
+        "servo": {"tau_c": scaled(_TAU_C, SERVO), "tau_s": scaled(_TAU_S, SERVO), **_SLOW["servo"]},
+    },
+)
+LOAD_DEPENDENT = Effect(
+    id="load_dependent_friction",
+    equation="-mu |F| R2 sign(omega); servo, joint: -mu |transmitted torque| sign(omega)",
+    summary="dry friction that grows with what the gear transmits",
+    acts_on=ActsOn.JOINT,
+    bases=JOINTS,
+    parameters={
+        "mu": Parameter(
+            0.05, "", 0.0, 1.0, False, "guess: lubricated gears", "friction coefficient", Domain.NOT_NEGATIVE
+        ),
+        "omega_0": omega_0(1e-2),
+    },
+    terms={
+        "play": (Term(TORQUE, load_dependent, ("mu", "omega_0", "R2")),),
+        **on(("joint", "servo"), Term(TORQUE, torque_dependent, ("mu", "omega_0"))),
+    },
+    rate=_load_rate,
+    defaults=_SLOW,
+)

@@ -1,0 +1,90 @@
+"""What real gears add: eccentricity, flanks that differ, a torque that ripples with the angle."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from lostmotion.model.base import Operating, Term
+from lostmotion.model.effects.base import ActsOn, Effect, on, scaled
+from lostmotion.model.kernel import Slots, kernel, whole_power
+from lostmotion.model.parameter import Domain, Parameter
+from lostmotion.model.signals import FORCE, GAP, GAP_RATE, OMEGA1, THETA1, THETA2, TORQUE
+
+__all__ = ["CONTACT_ASYMMETRY", "GEAR_ECCENTRICITY", "TORQUE_RIPPLE"]
+
+JOINTS = ("joint", "servo")
+_PHI = Parameter(0.0, "rad", -math.pi, math.pi, False, "guess", "phase")
+
+
+@kernel
+def eccentric_gap(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """e sin(N theta_1 + phi); p: e, N, phi."""
+    return p[0] * math.sin(p[1] * s[THETA1] + p[2])
+
+
+@kernel
+def eccentric_rate(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """Its derivative, e N omega_1 cos(N theta_1 + phi); p: e, N, phi."""
+    return p[0] * p[1] * s[OMEGA1] * math.cos(p[1] * s[THETA1] + p[2])
+
+
+@kernel
+def asymmetric(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """(ratio - 1) beta X^n on the flank X > 0; p: ratio, beta, n, d."""
+    closed = 2.0 * s[GAP] / p[3]
+    return (p[0] - 1.0) * p[1] * whole_power(closed, int(p[2])) if closed > 0 else 0.0
+
+
+@kernel
+def ripple(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """tau_r sin(N theta_2 + phi); p: tau_r, N, phi."""
+    return p[0] * math.sin(p[1] * s[THETA2] + p[2])
+
+
+def _ripple_rate(values: Mapping[str, float], operating: Operating) -> float:
+    return 4 * math.sqrt(abs(values["tau_r"]) * values["N"] / operating.inertia)
+
+
+GEAR_ECCENTRICITY = Effect(
+    id="gear_eccentricity",
+    equation="delta_d += e sin(N theta_1 + phi)",
+    summary="gear 1 runs out of true, N times a turn",
+    acts_on=ActsOn.CONTACT,
+    bases=("play",),
+    parameters={
+        "e": Parameter(1e-5, "m", -1e-3, 1e-3, False, "guess: an eighth of the play", "amplitude"),
+        "N": Parameter(12.0, "", 1, 60, True, "guess", "periods a turn of gear 1", Domain.WHOLE),
+        "phi": _PHI,
+    },
+    terms=on(("play",), Term(GAP, eccentric_gap, ("e", "N", "phi")), Term(GAP_RATE, eccentric_rate, ("e", "N", "phi"))),
+)
+CONTACT_ASYMMETRY = Effect(
+    id="contact_asymmetry",
+    equation="beta -> beta ratio where delta_d > 0",
+    summary="beta differs between the two flanks",
+    acts_on=ActsOn.CONTACT,
+    bases=("play",),
+    parameters={
+        "ratio": Parameter(
+            2.0, "", 0.01, 100.0, False, "guess", "beta of flank delta_d > 0 over the other's", Domain.POSITIVE
+        )
+    },
+    terms=on(("play",), Term(FORCE, asymmetric, ("ratio", "beta", "n", "d"))),
+)
+_TAU_R = Parameter(2e-4, "N m", -0.1, 0.1, False, "guess", "amplitude")
+TORQUE_RIPPLE = Effect(
+    id="torque_ripple",
+    equation="tau_r sin(N theta_2 + phi)",
+    summary="cogging or gear ripple: a torque that repeats with the angle",
+    acts_on=ActsOn.JOINT,
+    bases=JOINTS,
+    parameters={
+        "tau_r": _TAU_R,
+        "N": Parameter(12.0, "", 1, 60, True, "guess", "periods a turn", Domain.WHOLE),
+        "phi": _PHI,
+    },
+    terms=on(JOINTS, Term(TORQUE, ripple, ("tau_r", "N", "phi"))),
+    rate=_ripple_rate,
+    defaults={"servo": {"tau_r": scaled(_TAU_R, 200.0)}},
+)

@@ -1,0 +1,44 @@
+"""Gravity on the joint: the torque of an arm that is not balanced."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from lostmotion.model.base import Operating, Term
+from lostmotion.model.effects.base import ActsOn, Effect, on, scaled
+from lostmotion.model.kernel import Slots, kernel
+from lostmotion.model.parameter import Domain, Parameter
+from lostmotion.model.signals import THETA2, TORQUE
+
+__all__ = ["GRAVITY_TORQUE"]
+
+JOINTS = ("play", "joint", "servo")
+
+
+@kernel
+def gravity_torque(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """-tau_g sin(theta_2 + phi); p: tau_g, phi."""
+    return -p[0] * math.sin(s[THETA2] + p[1])
+
+
+def _rate(values: Mapping[str, float], operating: Operating) -> float:
+    """Four times the pendulum's frequency, whose swing lasts [rad/s]."""
+    return 4 * math.sqrt(values["tau_g"] / operating.inertia)
+
+
+_TAU_G = Parameter(2e-3, "N m", 0.0, 1.0, False, "guess: 2 g at 0.1 m", "weight times its arm", Domain.NOT_NEGATIVE)
+GRAVITY_TORQUE = Effect(
+    id="gravity_torque",
+    equation="-tau_g sin(theta_2 + phi)",
+    summary="weight of an unbalanced arm; phi is the angle from hanging down at theta_2 = 0",
+    acts_on=ActsOn.JOINT,
+    bases=JOINTS,
+    parameters={
+        "tau_g": _TAU_G,
+        "phi": Parameter(0.0, "rad", -math.pi, math.pi, False, "guess: hanging", "angle at rest"),
+    },
+    terms=on(JOINTS, Term(TORQUE, gravity_torque, ("tau_g", "phi"))),
+    rate=_rate,
+    defaults={"servo": {"tau_g": scaled(_TAU_G, 200.0)}},
+)

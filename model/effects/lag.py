@@ -1,0 +1,68 @@
+"""First-order lags, each with a state of its own: of the actuator on the command, of the sensor's filter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from lostmotion.model.base import Operating, Term
+from lostmotion.model.effects.base import ActsOn, Effect, on
+from lostmotion.model.kernel import Slots, kernel
+from lostmotion.model.parameter import Domain, Parameter
+from lostmotion.model.signals import COMMAND, OMEGA1, SENSOR, THETA1, TIP
+
+__all__ = ["ACTUATOR_LAG", "SENSOR_LAG"]
+
+COMMANDED = ("play", "servo")
+SENSED = ("play", "oscillator")
+
+
+@kernel
+def lagged_angle(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """x' = (theta_1 - x)/T; theta_1 becomes x; p: T."""
+    dx[0] = (s[THETA1] - x[0]) / p[0]
+    return x[0] - s[THETA1]
+
+
+@kernel
+def lagged_rate(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """omega_1 becomes x'."""
+    return dx[0] - s[OMEGA1]
+
+
+@kernel
+def low_pass(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """x' = (a - x)/T; the sensor shows x; p: T."""
+    dx[0] = (s[SENSOR] - x[0]) / p[0]
+    return x[0] - s[SENSOR]
+
+
+def _rate(values: Mapping[str, float], operating: Operating) -> float:
+    return 1 / values["T"]
+
+
+ACTUATOR_LAG = Effect(
+    id="actuator_lag",
+    equation="T theta_1' + theta_1 = command",
+    summary="the actuator follows its command with a first-order lag",
+    acts_on=ActsOn.COMMAND,
+    bases=COMMANDED,
+    parameters={
+        "T": Parameter(5e-3, "s", 1e-4, 0.5, False, "guess: a servo's inner loop", "time constant", Domain.POSITIVE)
+    },
+    terms=on(COMMANDED, Term(THETA1, lagged_angle, ("T",)), Term(OMEGA1, lagged_rate, ("T",))),
+    states=(COMMAND,),
+    rate=_rate,
+)
+SENSOR_LAG = Effect(
+    id="sensor_lag",
+    equation="T a_s' + a_s = a",
+    summary="first-order low-pass of the accelerometer, continuous in time",
+    acts_on=ActsOn.SENSOR,
+    bases=SENSED,
+    parameters={
+        "T": Parameter(1e-3, "s", 5e-5, 0.1, False, "guess: a 160 Hz filter", "time constant", Domain.POSITIVE)
+    },
+    terms=on(SENSED, Term(SENSOR, low_pass, ("T",))),
+    states=(TIP,),
+    rate=_rate,
+)

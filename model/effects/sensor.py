@@ -1,0 +1,82 @@
+"""What the accelerometer adds: gravity on a tilted axis, centripetal crosstalk, saturation, drift."""
+
+from __future__ import annotations
+
+import math
+
+from lostmotion.model.base import Term
+from lostmotion.model.effects.base import ActsOn, Effect, on
+from lostmotion.model.kernel import Slots, kernel
+from lostmotion.model.parameter import Domain, Parameter
+from lostmotion.model.signals import OMEGA2, READING, THETA2, TIME, TIP
+
+__all__ = ["BIAS_DRIFT", "CENTRIPETAL_CROSSTALK", "GRAVITY_LEAKAGE", "SENSOR_SATURATION"]
+
+SENSED = ("play", "oscillator")
+G = 9.80665
+"""Standard gravity [m/s²]."""
+
+
+@kernel
+def leakage(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """c g sin(theta_2 + phi); p: c, phi."""
+    return p[0] * G * math.sin(s[THETA2] + p[1])
+
+
+@kernel
+def centripetal(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """c omega² l; p: c, l."""
+    return p[0] * s[OMEGA2] ** 2 * p[1]
+
+
+@kernel
+def drift(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """c t; p: c."""
+    return p[0] * s[TIME]
+
+
+@kernel
+def saturation(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """The reading is clipped at ±a_max; p: a_max."""
+    return min(max(s[READING], -p[0]), p[0]) - s[READING]
+
+
+GRAVITY_LEAKAGE = Effect(
+    id="gravity_leakage",
+    equation="accel += c g sin(theta_2 + phi)",
+    summary="gravity leaks into the reading because the axis is tilted",
+    acts_on=ActsOn.SENSOR,
+    bases=("play",),
+    parameters={
+        "c": Parameter(0.05, "", -1.0, 1.0, False, "guess: an axis 3 deg off", "share of gravity"),
+        "phi": Parameter(0.0, "rad", -math.pi, math.pi, False, "guess", "angle at theta_2 = 0"),
+    },
+    terms=on(("play",), Term(TIP, leakage, ("c", "phi"))),
+)
+CENTRIPETAL_CROSSTALK = Effect(
+    id="centripetal_crosstalk",
+    equation="accel += c omega^2 l",
+    summary="centripetal acceleration leaks into the tangential axis",
+    acts_on=ActsOn.SENSOR,
+    bases=("play",),
+    parameters={"c": Parameter(0.05, "", -1.0, 1.0, False, "guess: a sensor turned by 3 deg", "crosstalk")},
+    terms=on(("play",), Term(TIP, centripetal, ("c", "l"))),
+)
+BIAS_DRIFT = Effect(
+    id="bias_drift",
+    equation="accel += c t",
+    summary="the offset drifts, as when the sensor warms up",
+    acts_on=ActsOn.SENSOR,
+    bases=SENSED,
+    parameters={"c": Parameter(0.01, "m/s^3", -10.0, 10.0, False, "guess", "drift")},
+    terms=on(SENSED, Term(READING, drift, ("c",))),
+)
+SENSOR_SATURATION = Effect(
+    id="sensor_saturation",
+    equation="accel -> clipped at +-a_max",
+    summary="the accelerometer's range is too small",
+    acts_on=ActsOn.SENSOR,
+    bases=SENSED,
+    parameters={"a_max": Parameter(19.6, "m/s^2", 0.1, 2000.0, False, "a 2 g range", "range", Domain.POSITIVE)},
+    terms=on(SENSED, Term(READING, saturation, ("a_max",))),
+)

@@ -1,0 +1,95 @@
+"""One function of one signature: how a term of the model meets the solver.  No physics, no integration.
+
+``kernel(s, x, dx, p) -> contribution``: s are the signals (index them with the constants of signals.py; read only those
+before the target), x the states of the effect, dx their derivatives to be set, p the term's parameters in the order in
+which the term names them.  The returned contribution is added to the term's target.  Terms of one effect share x and
+dx, and run in the order of their targets.
+
+Kernels are compiled by numba when they are first needed, and cached on disk; a plain Python function works through the
+same address by ctypes (slowly: about a microsecond a call).
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numba import cfunc, njit, types
+from numpy.typing import NDArray
+
+from lostmotion.model.signals import LAYOUT
+
+__all__ = ["POINTER", "Function", "Kernel", "Slots", "compiled", "kernel", "python_kernel", "whole_power"]
+
+Slots = NDArray[np.float64]
+"""As a kernel sees it: something that is indexed and holds floats, without length or slices."""
+Function = Callable[[Slots, Slots, Slots, Slots], float]
+
+POINTER = types.CPointer(types.float64)
+SIGNATURE = types.float64(POINTER, POINTER, POINTER, POINTER)
+_C_POINTER = ctypes.POINTER(ctypes.c_double)
+_C_SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_double, _C_POINTER, _C_POINTER, _C_POINTER, _C_POINTER)
+
+
+class Kernel:
+    """A function that the solver calls by ``address``; ``error`` is what a pure-Python one raised last."""
+
+    def __init__(self, function: Function, in_python: bool = False) -> None:
+        self.function = function
+        self.error: Exception | None = None
+        self._in_python = in_python
+
+    @cached_property
+    def _handle(self) -> Any:
+        if self._in_python:
+            return _C_SIGNATURE(self._guarded)
+        # Signal numbers are compiled in: another order of the signals must not find the old code in the cache.
+        self.function.__qualname__ = f"{self.function.__qualname__}_{LAYOUT}"
+        return compiled(lambda **options: cfunc(SIGNATURE, **options)(self.function))
+
+    @cached_property
+    def address(self) -> int:
+        """Where the machine code starts; compiles the function at the first call."""
+        return ctypes.cast(self._handle, ctypes.c_void_p).value or 0 if self._in_python else self._handle.address
+
+    def _guarded(self, s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+        try:
+            return float(self.function(s, x, dx, p))
+        except Exception as error:  # noqa: BLE001 - none may pass through the solver's machine code; raised after it
+            self.error = error
+            return float("nan")
+
+
+def kernel(function: Function) -> Kernel:
+    """Decorator: a kernel that numba compiles when it is first needed."""
+    return Kernel(function)
+
+
+def python_kernel(function: Function) -> Kernel:
+    """Decorator: a kernel that stays Python, for effects that numba cannot compile or that are still being tried."""
+    return Kernel(function, in_python=True)
+
+
+def compiled(build: Callable[..., Any]) -> Any:
+    """``build(cache=True)``, or without a cache where no folder for it can be written (a hardened service)."""
+    try:
+        return build(cache=True)
+    except RuntimeError:  # numba: "cannot cache function: no locator available"
+        return build()
+
+
+def _whole_power(base: float, exponent: int) -> float:
+    """base ** exponent for a whole exponent >= 0 by repeated squaring, so that odd powers keep the sign."""
+    result = 1.0
+    while exponent > 0:
+        if exponent & 1:
+            result *= base
+        base *= base
+        exponent >>= 1
+    return result
+
+
+whole_power: Callable[[float, int], float] = compiled(lambda **options: njit(**options)(_whole_power))

@@ -1,0 +1,209 @@
+"""The model as its users see it: built from names and values, changed by copies, simulated.  No equations here."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lostmotion.model import substep
+from lostmotion.model.assemble import assemble, in_order, scope
+from lostmotion.model.base import Base
+from lostmotion.model.bases import get_base
+from lostmotion.model.effects.base import Effect
+from lostmotion.model.effects.registry import get_effect
+from lostmotion.model.errors import ModelError
+from lostmotion.model.motion import FloatArray, Motion
+from lostmotion.model.parameter import Parameter
+from lostmotion.model.pieces import Pieces, cut
+from lostmotion.model.signals import READING
+from lostmotion.model.solve import Plan, integrate, start_signals
+from lostmotion.model.trajectory import Trajectory
+
+__all__ = ["Model", "build_model"]
+
+
+def build_model(base: str, effects: Sequence[str] = (), values: Mapping[str, float | Parameter] | None = None) -> Model:
+    """A model from the names of its base and effects; what values do not state takes its documented default.
+
+    values: by name, those of an effect as "coulomb_friction.tau_c", in SI units.  Raises ModelError for an unknown
+    base, effect or parameter, naming those that exist, and for a value that physics does not allow.
+    """
+    found = get_base(base)
+    twice = {name for name in effects if list(effects).count(name) > 1}
+    if twice:
+        raise ModelError(f"an effect can act only once, but {', '.join(sorted(twice))} is listed twice")
+    parameters = dict(found.parameters)
+    for effect in map(get_effect, effects):
+        parameters |= {f"{effect.id}.{name}": given for name, given in effect.parameters_on(base).items()}
+    model = Model(base, tuple(effects), MappingProxyType(parameters))
+    return model.replace(values) if values else model
+
+
+@dataclass(frozen=True)
+class Model:
+    """A base, effects on it and their parameters.  Immutable; ``replace`` and ``with_effect`` give changed copies."""
+
+    base: str
+    effects: tuple[str, ...]
+    parameters: Mapping[str, Parameter] = field(hash=False)
+
+    def replace(self, values: Mapping[str, float | Parameter]) -> Model:
+        """A copy with these values.  Raises ModelError as build_model does."""
+        parameters = dict(self.parameters)
+        for name, given in values.items():
+            if name not in parameters:
+                raise ModelError(f"no parameter is called {name!r}; this model has {', '.join(parameters)}")
+            try:
+                parameters[name] = parameters[name].updated(given)
+            except ModelError as error:
+                raise ModelError(f"parameter {name}: {error}") from error
+        return Model(self.base, self.effects, MappingProxyType(parameters))
+
+    def with_effect(self, name: str) -> Model:
+        """A copy with one more effect, at its defaults.  Raises ModelError when it is there, unknown, or acts elsewhere."""
+        return build_model(self.base, (*self.effects, name), self.parameters)
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the states, in the order of ``Trajectory.state``: "theta_2", "q'", "actuator_lag.0"."""
+        own = (f"{effect.id}.{i}" for effect in self._in_order for i in range(len(effect.states)))
+        return (*(state.name for state in self._base.states), *own)
+
+    @cached_property
+    def _base(self) -> Base:
+        return get_base(self.base)
+
+    @cached_property
+    def _in_order(self) -> list[Effect]:
+        return in_order([get_effect(name) for name in self.effects])
+
+    @cached_property
+    def _values(self) -> dict[str, float]:
+        return {name: parameter.value for name, parameter in self.parameters.items()}
+
+    def _plan(self, driven: bool) -> Plan:
+        return assemble(self._base, self._in_order, self._values, driven)
+
+    def initial_state(self, drive: Motion | None = None, time: float = 0.0, **given: float) -> FloatArray:
+        """The state (n,) that moves along with the drive at that time: no deflection, lags settled, gap centred.
+
+        given: other values for some states by name, for instance ``initial_state(None, q=1e-3)``.  Raises ModelError
+        for a name that no state has.
+        """
+        unknown = set(given) - set(self.state_names)
+        if unknown:
+            raise ModelError(
+                f"no state is called {', '.join(sorted(unknown))}; there are {', '.join(self.state_names)}"
+            )
+        pieces = cut(drive, float(time), 1e-3, self._delay)
+        state = self._start(self._plan(drive is not None), pieces, float(time))
+        for name, value in given.items():
+            state[self.state_names.index(name)] = value
+        return state
+
+    def simulate(
+        self, drive: Motion | None, times: ArrayLike, state: ArrayLike | None = None, *, substep_s: float | None = None
+    ) -> Trajectory:
+        """The motion at the output times.
+
+        drive: the input (play, servo: command [rad]; joint: torque [N m]; oscillator: force [N]), or None for a
+        ring-down or free swing.  times: (N,) ascending [s], evenly spaced or not; the simulation starts at times[0]
+        with state (n,), or moving along with the drive.  To go on from a trajectory, start at its last time with its
+        ``state``.  substep_s: longest integration step [s]; chosen from the model's stiffness when left out, from the
+        force that the motion really reaches.  Give it when derivatives by finite differences are wanted.
+
+        A joint *without* play is one with a very small d: 1 µm costs about three times the steps of the default.
+        Raises ModelError for times, drives and states that cannot be used, and when the motion exceeds all numbers.
+        """
+        times = _checked_times(times)
+        sensor_clock = math.prod(
+            effect.clock_rate(scope(self._values, effect)) for effect in self._in_order if effect.clock_rate
+        )
+        local = times - times[0]
+        grid = local if sensor_clock == 1 else np.union1d(local, local / sensor_clock)
+        pieces = cut(drive, float(times[0]), max(float(grid[-1]), 1e-3), self._delay)
+        plan = self._plan(drive is not None)
+        x0 = self._start(plan, pieces, float(times[0])) if state is None else self._checked_state(state)
+        out, states, used = self._solve(plan, pieces, x0, grid, float(times[0]), substep_s)
+        here = np.searchsorted(grid, local)
+        felt = here if sensor_clock == 1 else np.searchsorted(grid, local / sensor_clock)
+        names = self._base.outputs
+        signals = {name: row[felt if names[name] == READING else here] for name, row in zip(names, out, strict=True)}
+        if drive is not None and "command" in signals:
+            signals["command"] = np.asarray(drive.position(times), dtype=float)  # as sent, before any delay
+        states = states[here]
+        return Trajectory(times, MappingProxyType(signals), states, states[-1].copy(), used)
+
+    @property
+    def _delay(self) -> float:
+        return sum(effect.delay(scope(self._values, effect)) for effect in self._in_order if effect.delay)
+
+    def _start(self, plan: Plan, pieces: Pieces, time: float) -> FloatArray:
+        """The base's states at rest against the drive; then each effect's own begin where the signals stand."""
+        value, rate = pieces.coefficients[0, :2]
+        base = self._base.start(scope(self._values), float(value), float(rate))
+        wanted = [signal for effect in self._in_order for signal in effect.states]
+        state = np.array([*base, *(0.0 for _ in wanted)])
+        for _ in wanted:  # one state may begin at a signal that another one stands behind
+            signals = start_signals(plan, state, time, float(value), float(rate))
+            state[len(base) :] = [0.0 if signal is None else signals[signal] for signal in wanted]
+        return state
+
+    def _checked_state(self, state: ArrayLike) -> FloatArray:
+        x0 = np.array(state, dtype=np.float64)
+        if x0.shape != (len(self.state_names),) or not np.all(np.isfinite(x0)):
+            raise ModelError(
+                f"a state needs {len(self.state_names)} finite numbers ({', '.join(self.state_names)}); found {x0}"
+            )
+        return x0
+
+    def _solve(
+        self, plan: Plan, pieces: Pieces, x0: FloatArray, grid: FloatArray, origin: float, substep_s: float | None
+    ) -> tuple[FloatArray, FloatArray, float]:
+        """Output signals (outputs, N), states (N, n) and the sub-step; runs again where the motion got harder than guessed."""
+        if substep_s is not None and not (math.isfinite(substep_s) and substep_s > 0):
+            raise ModelError(f"a sub-step of {substep_s} s is not possible")
+        records = np.array(list(self._base.outputs.values()), dtype=np.int64)
+        out, states = np.empty((records.size, grid.size)), np.empty((grid.size, x0.size))
+        before = substep.operating(self._base, self._values, pieces)
+        length = float(pieces.knots[-1])
+        step = substep_s or substep.pick(self._base, self._in_order, self._values, before, None, length)
+        for _ in range(4):
+            peak = integrate(plan, pieces.knots, pieces.coefficients, step, x0, grid, records, out, states, origin)
+            self._raise_kernel_errors()
+            finite = math.isfinite(peak) and bool(np.all(np.isfinite(states[-1])))
+            if substep_s is not None:
+                break
+            needed = (
+                substep.pick(self._base, self._in_order, self._values, before, peak, length) if finite else step / 8
+            )
+            if needed >= step:
+                break
+            step = needed
+        if not finite:
+            raise ModelError(
+                f"the motion exceeds all numbers with a sub-step of {step:.3g} s; "
+                "the start state or a parameter is far outside of what the motion allows, or the sub-step is too long"
+            )
+        return out, states, step
+
+    def _raise_kernel_errors(self) -> None:
+        for effect in self._in_order:
+            for term in effect.terms.get(self.base, ()):
+                error, term.kernel.error = term.kernel.error, None
+                if error is not None:
+                    raise ModelError(f"effect {effect.id}: its function raised {error!r}") from error
+
+
+def _checked_times(times: ArrayLike) -> FloatArray:
+    """Output times as an array of their own.  Raises ModelError unless they are finite, ascending, at least one."""
+    array = np.array(times, dtype=np.float64)
+    if array.ndim != 1 or array.size == 0 or not np.all(np.isfinite(array)) or np.any(np.diff(array) <= 0):
+        raise ModelError("output times must be at least one, finite and strictly ascending")
+    return array

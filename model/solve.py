@@ -1,0 +1,224 @@
+"""The compiled integrator: fixed-step RK4 over a list of terms given by address.  It knows no physics.
+
+Time runs over the intervals of the input's polynomial; each is cut into equal steps no longer than asked for, so no
+step straddles a knot.  Output times are free: between steps the states follow the cubic Hermite polynomial through both
+ends (fourth order, as the steps are), and all signals are evaluated from them.  The step never depends on the motion,
+so the result is a smooth function of the parameters and finite differences of it make sense.
+
+All arrays of a plan are small tables of indices; ``s`` holds the signals, then the effects' own states.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from lostmotion.model.kernel import POINTER, compiled
+
+__all__ = ["FloatArray", "IntArray", "Plan", "integrate", "start_signals"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+class Plan(NamedTuple):
+    """A model as tables, T terms, n states of which the first are the base's.
+
+    addresses, targets: (T,) in causal order; fresh: (T,) 1 where the term is the first on its target, which it then
+    sets instead of adding to it; p, p_at: parameters of all terms and where each begins; x_at, dx_at: where the term's
+    states begin in s and in the states; live: how many terms the derivatives need, the others wait for an output;
+    state_at: (n,) where each state stands in s; rate_signals: the signals that are the derivatives of the base's states;
+    input_signals, input_orders: which signals carry the input (order 0) and its derivative (1) before any term;
+    presets: signals that terms add to without one that sets them, with their value; start: (S,) signals to begin with;
+    time, watch: the signals that hold the time, and whose largest magnitude is reported.
+    """
+
+    addresses: IntArray
+    targets: IntArray
+    fresh: IntArray
+    p: FloatArray
+    p_at: IntArray
+    x_at: IntArray
+    dx_at: IntArray
+    live: int
+    state_at: IntArray
+    rate_signals: IntArray
+    input_signals: IntArray
+    input_orders: IntArray
+    presets: IntArray
+    preset_values: FloatArray
+    start: FloatArray
+    time: int
+    watch: int
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def _call(context: Any, address: Any, s: Any, x: Any, dx: Any, p: Any) -> Any:
+    """float64 kernel(s, x, dx, p) at an address."""
+
+    def codegen(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        double = ir.DoubleType()
+        function = ir.FunctionType(double, [double.as_pointer()] * 4)
+        return builder.call(builder.inttoptr(args[0], function.as_pointer()), args[1:])
+
+    return types.float64(types.int64, POINTER, POINTER, POINTER, POINTER), codegen
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def _at(context: Any, array: Any, index: Any) -> Any:
+    """The address of array[index]."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        data = context.make_array(signature.args[0])(context, builder, args[0]).data
+        return builder.gep(data, [args[1]])
+
+    return POINTER(array, index), codegen
+
+
+@njit  # type: ignore[untyped-decorator]
+def _input(c: FloatArray, tau: float) -> tuple[float, float]:
+    """The polynomial c (6,), lowest order first, and its derivative at tau."""
+    value, rate = c[5], 0.0
+    for i in range(4, -1, -1):
+        rate = rate * tau + value
+        value = value * tau + c[i]
+    return value, rate
+
+
+@njit  # type: ignore[untyped-decorator]
+def _load(
+    plan: Plan, s: FloatArray, time: float, value: float, rate: float, x: FloatArray, dx: FloatArray, h: float
+) -> None:
+    """Sets what the terms start from: time, input, presets, and the states x + h dx."""
+    s[plan.time] = time
+    for i in range(plan.input_signals.size):
+        s[plan.input_signals[i]] = value if plan.input_orders[i] == 0 else rate
+    for i in range(plan.presets.size):
+        s[plan.presets[i]] = plan.preset_values[i]
+    for i in range(x.size):
+        s[plan.state_at[i]] = x[i] + h * dx[i]
+
+
+@njit  # type: ignore[untyped-decorator]
+def _run(plan: Plan, s: FloatArray, dx: FloatArray, first: int, last: int) -> None:
+    """Evaluates the terms first … last - 1 on the loaded signals."""
+    for i in range(first, last):
+        value = _call(
+            plan.addresses[i], _at(s, 0), _at(s, plan.x_at[i]), _at(dx, plan.dx_at[i]), _at(plan.p, plan.p_at[i])
+        )
+        target = plan.targets[i]
+        s[target] = value if plan.fresh[i] else s[target] + value
+
+
+@njit  # type: ignore[untyped-decorator]
+def _rates(plan: Plan, s: FloatArray, dx: FloatArray) -> None:
+    """dx = f(loaded s)."""
+    _run(plan, s, dx, 0, plan.live)
+    for i in range(plan.rate_signals.size):
+        dx[i] = s[plan.rate_signals[i]]
+
+
+@njit  # type: ignore[untyped-decorator]
+def _record(plan: Plan, s: FloatArray, scratch: FloatArray, records: IntArray, out: FloatArray, o: int) -> None:
+    """Evaluates the terms that only outputs need and writes column o."""
+    _run(plan, s, scratch, plan.live, plan.targets.size)
+    for r in range(records.size):
+        out[r, o] = s[records[r]]
+
+
+@njit  # type: ignore[untyped-decorator]
+def _hermite(
+    x: FloatArray, dx: FloatArray, y: FloatArray, dy: FloatArray, h: float, part: float, z: FloatArray
+) -> None:
+    """z = the cubic through (x, dx) and (y, dy), h apart, at this part of h."""
+    rest = 1.0 - part
+    for i in range(x.size):
+        ends = rest * x[i] + part * y[i]
+        slope = y[i] - x[i]
+        z[i] = ends - part * rest * ((rest - part) * slope - h * (rest * dx[i] - part * dy[i]))
+
+
+def _start_signals(plan: Plan, x: FloatArray, time: float, value: float, rate: float) -> FloatArray:
+    """All signals at one instant, shape (signals + effects' states,), for states x (n,) and an input with its rate."""
+    s = plan.start.copy()
+    dx = np.zeros(x.size + 1)
+    _load(plan, s, time, value, rate, x, dx, 0.0)
+    _run(plan, s, dx, 0, plan.targets.size)
+    return s
+
+
+def _integrate(
+    plan: Plan,
+    knots: FloatArray,
+    coefficients: FloatArray,
+    substep: float,
+    x0: FloatArray,
+    times: FloatArray,
+    records: IntArray,
+    out: FloatArray,
+    states: FloatArray,
+    origin: float,
+) -> float:
+    """Integrates from knots[0] = 0 to knots[-1].
+
+    knots: (K + 1,) ascending [s], counted from origin as the output times are; coefficients: (K, 6) of the input's polynomial in each interval, lowest order first;
+    substep: longest step [s]; x0: (n,); times: (N,) ascending, within the knots; records: the signals wanted; out:
+    (len(records), N) and states: (N, n) are filled.  Returns the largest magnitude of the watched signal, which is NaN
+    or infinite when the states left the range of numbers.
+    """
+    n = x0.size
+    s = plan.start.copy()
+    x, y, z = x0.copy(), np.empty(n), np.empty(n)
+    k1, k2, k3, k4, scratch = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
+    value, rate = _input(coefficients[0], 0.0)
+    _load(plan, s, origin + knots[0], value, rate, x, k1, 0.0)
+    _rates(plan, s, k1)
+    peak, o = abs(s[plan.watch]), 0
+    while o < times.size and times[o] <= knots[0]:
+        _record(plan, s, scratch, records, out, o)
+        states[o] = x
+        o += 1
+    for interval in range(knots.size - 1):
+        c, left = coefficients[interval], knots[interval]
+        steps = max(1, int(np.ceil((knots[interval + 1] - left) / substep - 1e-9)))
+        h = (knots[interval + 1] - left) / steps
+        for step in range(steps):
+            begin = left + step * h
+            value, rate = _input(c, begin + h / 2 - left)
+            _load(plan, s, origin + begin + h / 2, value, rate, x, k1, h / 2)
+            _rates(plan, s, k2)
+            _load(plan, s, origin + begin + h / 2, value, rate, x, k2, h / 2)
+            _rates(plan, s, k3)
+            end = left + (step + 1) * h
+            value, rate = _input(c, end - left)
+            _load(plan, s, origin + end, value, rate, x, k3, h)
+            _rates(plan, s, k4)
+            for i in range(n):
+                y[i] = x[i] + h / 6 * (k1[i] + 2 * (k2[i] + k3[i]) + k4[i])
+            _load(plan, s, origin + end, value, rate, y, k4, 0.0)
+            _rates(plan, s, k4)  # the slope at the end is the next step's first
+            if not abs(s[plan.watch]) <= peak:
+                peak = abs(s[plan.watch])
+            while o < times.size and times[o] <= end + 1e-6 * h:
+                if times[o] < end - 1e-6 * h:
+                    _hermite(x, k1, y, k4, h, (times[o] - begin) / h, z)
+                    value, rate = _input(c, times[o] - left)
+                    _load(plan, s, origin + times[o], value, rate, z, k1, 0.0)
+                    _run(plan, s, scratch, 0, plan.live)
+                    states[o] = z
+                else:
+                    states[o] = y
+                _record(plan, s, scratch, records, out, o)
+                o += 1
+            x, y = y, x
+            k1, k4 = k4, k1
+    return float(peak)
+
+
+start_signals = compiled(lambda **options: njit(**options)(_start_signals))
+integrate = compiled(lambda **options: njit(nogil=True, **options)(_integrate))

@@ -1,0 +1,29 @@
+"""What a simulation hands over."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["Trajectory"]
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Signals at the output times.
+
+    time: (N,) [s]; signals: by name, each (N,), SI units (play: command, position [rad], velocity, acceleration [rad/s²],
+    accel [m/s²], force [N], torque [N m], displacement, gap [m]); states: (N, n), all states at those times; state: the
+    last of them, to go on from with ``simulate(…, state=…)``; substep_s: the step that was used [s].
+    """
+
+    time: FloatArray
+    signals: Mapping[str, FloatArray]
+    states: FloatArray
+    state: FloatArray
+    substep_s: float
+
+    def __getitem__(self, name: str) -> FloatArray:
+        return self.signals[name]
