@@ -1,4 +1,4 @@
-"""The physics: bases, effects, the compiled integrator, motions and the sensor.  No I/O, no clock, nothing else of ours.
+"""The physics: bases, effects, the compiled integrator, motions, the sensor.  No I/O, no clock, nothing else of ours.
 
 >>> trajectory = build_model("play", ["coulomb_friction"], {"d": 6e-5}).simulate(Sine(6.0, 0.02), times)
 """

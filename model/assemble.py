@@ -110,4 +110,4 @@ def _place(step: _Step) -> tuple[int, int]:
 
 
 def _table(numbers: Sequence[int] | IntArray) -> IntArray:
-    return np.asarray(numbers, dtype=np.int64)
+    return np.asarray(numbers, dtype=np.uint64)

@@ -1,8 +1,8 @@
 """The two spur gears with play, eqs. 1-5: their terms, and how fast their contact can be.  No oscillator here.
 
 The sign of the play is the paper's: delta_d = p2 - p1 is positive when the driven tooth is ahead, and F_cnt then holds
-it back.  Both gears turn the same way for a positive angle.  The contact only takes energy away: eq. 1's elastic part has a potential, and
-its viscous part dissipates alpha delta_v² (2 delta_d/d)^(n+1) >= 0, n + 1 being even.
+it back.  Both gears turn the same way for a positive angle.  The contact only takes energy away: eq. 1's elastic part
+has a potential, and its viscous part dissipates alpha delta_v² (2 delta_d/d)^(n+1) >= 0, n + 1 being even.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ PARAMETERS: Mapping[str, Parameter] = {
     "R1": Parameter(0.010, "m", 1e-3, 0.1, True, "guess: an AX-12A's output gear", "radius of gear 1", Domain.POSITIVE),
     "R2": Parameter(0.010, "m", 1e-3, 0.1, True, "guess: an AX-12A's output gear", "radius of gear 2", Domain.POSITIVE),
     "J2": Parameter(
-        2e-4, "kg m^2", 1e-6, 1.0, True, "guess: 20 g of bar and sensor at 0.1 m", "inertia behind gear 2", Domain.POSITIVE
+        2e-4, "kg m^2", 1e-6, 1.0, True, "guess: 20 g at 0.1 m", "inertia behind gear 2", Domain.POSITIVE
     ),
     "beta": Parameter(
-        20.0, "N", 1e-2, 1e4, True, "convention: the size of the play is where the force is beta", "contact force at the gap d/2",
+        20.0, "N", 1e-2, 1e4, True, "convention: d/2 is where the force is beta", "contact force at the gap d/2",
         Domain.POSITIVE,
     ),
     "alpha": Parameter(
@@ -104,4 +104,4 @@ def contact_rate(values: Mapping[str, float], operating: Operating) -> float:
         force = max(mass * pull, beta * impact)
     closed = max((force / beta) ** (1 / n), 1e-3)
     stiffness = n * beta * closed ** (n - 1) / half
-    return max(math.sqrt(stiffness / mass), values["alpha"] * closed ** (n + 1) / mass)
+    return max(math.sqrt(stiffness / mass), float(values["alpha"] * closed ** (n + 1) / mass))

@@ -28,7 +28,7 @@ DECORRELATED = 0.5
 @dataclass(frozen=True)
 class Check:
     """substep_s: the step [s]; error: root mean square difference from a run at half the step over the signal's own,
-    within the horizon; horizon_s: how long after the start the motion can be predicted [s], inf for the whole record."""
+    within the horizon; horizon_s: how long the motion can be predicted [s], inf for the whole record."""
 
     substep_s: float
     error: float

@@ -12,23 +12,22 @@ same address by ctypes (slowly: about a microsecond a call).
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, MutableSequence
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar, cast
 
-import numpy as np
 from numba import cfunc, njit, types
-from numpy.typing import NDArray
 
 from lostmotion.model.signals import LAYOUT
 
-__all__ = ["POINTER", "Function", "Kernel", "Slots", "compiled", "kernel", "python_kernel", "whole_power"]
+__all__ = ["POINTER", "Function", "Kernel", "Slots", "compiled", "jitted", "kernel", "python_kernel", "whole_power"]
 
-Slots = NDArray[np.float64]
+Slots = MutableSequence[float]
 """As a kernel sees it: something that is indexed and holds floats, without length or slices."""
 Function = Callable[[Slots, Slots, Slots, Slots], float]
+F = TypeVar("F", bound=Callable[..., Any])
 
-POINTER = types.CPointer(types.float64)
+POINTER: Any = cast(Any, types).CPointer(types.float64)
 SIGNATURE = types.float64(POINTER, POINTER, POINTER, POINTER)
 _C_POINTER = ctypes.POINTER(ctypes.c_double)
 _C_SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_double, _C_POINTER, _C_POINTER, _C_POINTER, _C_POINTER)
@@ -53,7 +52,9 @@ class Kernel:
     @cached_property
     def address(self) -> int:
         """Where the machine code starts; compiles the function at the first call."""
-        return ctypes.cast(self._handle, ctypes.c_void_p).value or 0 if self._in_python else self._handle.address
+        if self._in_python:
+            return ctypes.cast(self._handle, ctypes.c_void_p).value or 0
+        return int(self._handle.address)
 
     def _guarded(self, s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
         try:
@@ -81,7 +82,13 @@ def compiled(build: Callable[..., Any]) -> Any:
         return build()
 
 
-def _whole_power(base: float, exponent: int) -> float:
+def jitted(function: F) -> F:
+    """Decorator: numba compiles the function into those that call it."""
+    return cast(F, njit(forceinline=True)(function))
+
+
+@jitted
+def whole_power(base: float, exponent: int) -> float:
     """base ** exponent for a whole exponent >= 0 by repeated squaring, so that odd powers keep the sign."""
     result = 1.0
     while exponent > 0:
@@ -90,6 +97,3 @@ def _whole_power(base: float, exponent: int) -> float:
         base *= base
         exponent >>= 1
     return result
-
-
-whole_power: Callable[[float, int], float] = compiled(lambda **options: njit(**options)(_whole_power))

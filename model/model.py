@@ -66,7 +66,7 @@ class Model:
         return Model(self.base, self.effects, MappingProxyType(parameters))
 
     def with_effect(self, name: str) -> Model:
-        """A copy with one more effect, at its defaults.  Raises ModelError when it is there, unknown, or acts elsewhere."""
+        """A copy with one more effect, at its defaults.  Raises ModelError if it is there, unknown or elsewhere."""
         return build_model(self.base, (*self.effects, name), self.parameters)
 
     @property
@@ -166,10 +166,10 @@ class Model:
     def _solve(
         self, plan: Plan, pieces: Pieces, x0: FloatArray, grid: FloatArray, origin: float, substep_s: float | None
     ) -> tuple[FloatArray, FloatArray, float]:
-        """Output signals (outputs, N), states (N, n) and the sub-step; runs again where the motion got harder than guessed."""
+        """Outputs (outputs, N), states (N, n), sub-step; again where the motion is harder than guessed."""
         if substep_s is not None and not (math.isfinite(substep_s) and substep_s > 0):
             raise ModelError(f"a sub-step of {substep_s} s is not possible")
-        records = np.array(list(self._base.outputs.values()), dtype=np.int64)
+        records = np.array(list(self._base.outputs.values()), dtype=np.uint64)
         out, states = np.empty((records.size, grid.size)), np.empty((grid.size, x0.size))
         before = substep.operating(self._base, self._values, pieces)
         length = float(pieces.knots[-1])

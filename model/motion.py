@@ -1,6 +1,6 @@
 """Excitations: the input of a model as a function of time.  Closed forms, a recording, and a name for each.
 
-The value is an angle [rad] where the base takes a command, a torque [N m] for ``joint``, a force [N] for ``oscillator``.
+The value is an angle [rad] where the base takes a command, a torque [N m] on ``joint``, a force [N] on ``oscillator``.
 """
 
 from __future__ import annotations
@@ -189,7 +189,8 @@ class Sampled:
 
     def position(self, t: FloatArray) -> FloatArray:
         inside = self._inside(t)
-        return np.asarray(self._spline(inside) + (t - inside) * self._spline(inside, 1))
+        value = self._spline(inside)
+        return np.asarray(value if np.array_equal(inside, t) else value + (t - inside) * self._spline(inside, 1))
 
     def velocity(self, t: FloatArray) -> FloatArray:
         return np.asarray(self._spline(self._inside(t), 1))
@@ -218,10 +219,10 @@ def by_name(text: str) -> Motion:
         raise ModelError(f"{text!r} is no motion; write for instance {_EXAMPLES[kind]!r}") from error
 
 
-def _hand_waved(seed: float = 0, *rest: float) -> HandWaved:
-    if not float(seed).is_integer() or len(rest) > 3:
+def _hand_waved(seed: float = 0, amplitude: float = 0.15, low: float = 0.5, high: float = 3.0) -> HandWaved:
+    if not float(seed).is_integer():
         raise ValueError("a seed is a whole number")
-    return HandWaved(int(seed), *rest)
+    return HandWaved(int(seed), amplitude, low, high)
 
 
 _KINDS: Mapping[str, Callable[..., Motion]] = {"sine": Sine, "hand-waved": _hand_waved, "chirp": Chirp, "step": Step}

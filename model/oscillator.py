@@ -32,7 +32,7 @@ PARAMETERS: Mapping[str, Parameter] = {
                    Domain.POSITIVE),
     "b": Parameter(2 * _ZETA * math.sqrt(_K * _M), "N s/m", 0.0, 1e3, False, "guess: damping ratio 0.012", "damping",
                    Domain.NOT_NEGATIVE),
-    "k": Parameter(_K, "N/m", 1e-3, 1e8, False, "chosen: resonance at 58 Hz, below what 200 Hz sampling allows", "stiffness",
+    "k": Parameter(_K, "N/m", 1e-3, 1e8, False, "chosen: 58 Hz, below what 200 Hz sampling allows", "stiffness",
                    Domain.POSITIVE),
 }  # fmt: skip
 STATES = (State("q", Q, Q_RATE), State("q'", Q_RATE, QDD))

@@ -23,7 +23,7 @@ TOLERANCE = 1e-9
 
 @dataclass(frozen=True)
 class Pieces:
-    """knots: (K + 1,) [s] counted from the start; coefficients: (K, 6), lowest order first, in the time since each knot;
+    """knots: (K + 1,) [s] from the start; coefficients: (K, 6), lowest order first, in the time since each knot;
     speed and acceleration: largest magnitude of the derivatives at the knots."""
 
     knots: FloatArray

@@ -3,7 +3,7 @@
 The controller sets the duty cycle kp error_gain (theta_1 - theta_2), capped at ±cap; the supply U times the duty is
 the motor's voltage, and its winding R and constant kt (both seen at the output shaft, gears included) give the torque
 tau = kt (duty U - kt omega)/R.  Without an input (drive None) the servo is let go: no current, no torque.
-Law of the controller: kscalelabs/sysid, measured on a Feetech STS3215 ("duty cycle = K_P * error_gain * position_error").
+The law: kscalelabs/sysid, measured on a Feetech STS3215: "duty cycle = K_P * error_gain * position_error".
 """
 
 from __future__ import annotations
@@ -63,13 +63,13 @@ BASE = Base(
         "J": Parameter(0.02, "kg m^2", 1e-6, 1e2, False, "guess: rotor seen through the gears, and a small arm",
                        "inertia with the rotor's, at the output", Domain.POSITIVE),
         "kp": Parameter(32.0, "", 0.0, 1e4, True, "STS3215: as shipped", "gain set in the servo", Domain.NOT_NEGATIVE),
-        "error_gain": Parameter(0.165, "1/rad", 1e-4, 1e2, True, "kscalelabs/sysid, STS3215: 0.16489", "duty per kp and rad",
+        "error_gain": Parameter(0.165, "1/rad", 1e-4, 1e2, True, "kscalelabs/sysid: STS3215", "duty per kp and rad",
                                 Domain.POSITIVE),
         "cap": Parameter(1.0, "", 0.01, 1.0, True, "guess: the whole supply", "largest duty", Domain.POSITIVE),
-        "U": Parameter(12.0, "V", 3.0, 48.0, True, "STS3215 and AX-12A: 12 V supply", "supply voltage", Domain.POSITIVE),
+        "U": Parameter(12.0, "V", 3.0, 48.0, True, "STS3215, AX-12A: as rated", "supply voltage", Domain.POSITIVE),
         "kt": Parameter(1.2, "N m/A", 1e-2, 1e2, False, "guess: STS3215 stalls at 2.9 N m and 2.7 A",
                         "torque constant at the output", Domain.POSITIVE),
-        "R": Parameter(4.4, "Ohm", 1e-2, 1e3, False, "guess: STS3215 stalls at 12 V and 2.7 A", "winding", Domain.POSITIVE),
+        "R": Parameter(4.4, "Ohm", 1e-2, 1e3, False, "guess: STS3215 stalls at 2.7 A", "winding", Domain.POSITIVE),
     },
     states=(State("theta_2", THETA2, OMEGA2), State("omega_2", OMEGA2, ALPHA2)),
     terms=(

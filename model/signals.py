@@ -1,7 +1,7 @@
 """The signals of a model, in causal order: a term that targets one may read every earlier one, and only those.
 
-No physics here.  All bases share this one order; a signal that a base does not use stays at zero.  Compiled kernels hold
-these numbers as constants, so the order is part of the name of their cache (``LAYOUT``, used by kernel.py).
+No physics here.  All bases share this one order; a signal that a base does not use stays at zero.  Compiled kernels
+hold these numbers as constants, so the order is part of the name of their cache (``LAYOUT``, used by kernel.py).
 """
 
 from __future__ import annotations

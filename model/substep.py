@@ -16,7 +16,7 @@ from lostmotion.model.signals import INERTIA
 __all__ = ["operating", "pick"]
 
 SHARE = 0.25
-"""Sub-step times fastest rate.  RK4 is stable to about 2.8; a quarter keeps an impact's error near 1e-4 of its force."""
+"""Sub-step times fastest rate.  RK4 is stable to about 2.8; a quarter keeps an impact's error near 1e-4."""
 LONGEST_S = 4e-3
 MOST_STEPS = 50_000_000
 

@@ -14,7 +14,7 @@ __all__ = ["Trajectory"]
 class Trajectory:
     """Signals at the output times.
 
-    time: (N,) [s]; signals: by name, each (N,), SI units (play: command, position [rad], velocity, acceleration [rad/s²],
+    time: (N,) [s]; signals: by name, each (N,), SI units (play: command, position [rad], velocity, acceleration,
     accel [m/s²], force [N], torque [N m], displacement, gap [m]); states: (N, n), all states at those times; state: the
     last of them, to go on from with ``simulate(…, state=…)``; substep_s: the step that was used [s].
     """

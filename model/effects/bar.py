@@ -84,7 +84,7 @@ SECOND_MODE = Effect(
     acts_on=ActsOn.OSCILLATOR,
     bases=("play",),
     parameters={
-        "f2": Parameter(180.0, "Hz", 10.0, 1000.0, False, "guess; a bare bar has 6.3 times the first", "frequency", Domain.POSITIVE),
+        "f2": Parameter(180.0, "Hz", 10.0, 1000.0, False, "guess: above f_res", "frequency", Domain.POSITIVE),
         "zeta2": Parameter(0.02, "", 0.0, 1.0, False, "guess", "damping ratio", Domain.NOT_NEGATIVE),
         "participation": Parameter(0.3, "", -3.0, 3.0, False, "guess", "share of the excitation that it takes"),
     },

@@ -1,5 +1,8 @@
-"""Which effects there are.  The order is that of evaluation where two act on the same signal: causal, whatever the order
-in which a model lists them; effects of other people come last."""
+"""Which effects there are.
+
+Their order is that of evaluation where two act on one signal: causal, however a model lists them.  Effects that others
+register come last.
+"""
 
 from __future__ import annotations
 

@@ -103,9 +103,9 @@ SHAFT_COMPLIANCE = Effect(
     bases=("play",),
     parameters={
         "share": Parameter(0.8, "", 0.05, 0.99, False, "guess", "share of J2 behind the shaft", Domain.SHARE),
-        "k_s": Parameter(20.0, "N m/rad", 0.1, 1e4, False, "guess: 80 Hz or so with 80 % of J2 on a held gear", "stiffness",
+        "k_s": Parameter(50.0, "N m/rad", 0.1, 1e4, False, "guess: 90 Hz with the gear held", "stiffness",
                          Domain.POSITIVE),
-        "c_s": Parameter(2e-3, "N m s/rad", 0.0, 1.0, False, "guess: a few per cent of critical", "damping", Domain.NOT_NEGATIVE),
+        "c_s": Parameter(2e-3, "N m s/rad", 0.0, 1.0, False, "guess: 1 % of critical", "damping", Domain.NOT_NEGATIVE),
     },
     terms=on(("play",), Term(GAP, near_gap, _SHAFT), Term(GAP_RATE, near_gap_rate, _SHAFT),
              Term(INERTIA, far_inertia, _SHAFT), Term(TORQUE, twist, _SHAFT)),
@@ -120,7 +120,7 @@ FINITE_ACTUATOR = Effect(
     acts_on=ActsOn.COMMAND,
     bases=("play",),
     parameters={
-        "J1": Parameter(1e-3, "kg m^2", 1e-6, 1.0, False, "guess: five times J2, a rotor seen through its gears", "inertia of gear 1",
+        "J1": Parameter(1e-3, "kg m^2", 1e-6, 1.0, False, "guess: a rotor seen through its gears", "inertia of gear 1",
                         Domain.POSITIVE),
         "f1": Parameter(30.0, "Hz", 1.0, 500.0, False, "guess", "bandwidth of the servo", Domain.POSITIVE),
         "zeta1": Parameter(0.7, "", 0.0, 5.0, False, "guess", "damping ratio of the servo", Domain.NOT_NEGATIVE),
