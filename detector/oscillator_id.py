@@ -19,6 +19,7 @@ LEAST_PEAK = 4.0
 HALF_WIDTH = 0.2
 """Half-width of the band around the peak that is demodulated, as a share of its frequency."""
 LEAST_CYCLES = 6
+LEAST_SAMPLES = 32
 STEPS = 8
 """Gauss-Newton steps; three are enough from a good start."""
 
@@ -37,15 +38,16 @@ def identify(accel: FloatArray, rate_hz: float) -> Oscillator:
 
     From the maximum of the band around the spectral peak down to the noise, Re(A exp(s t)) and a cubic (the arm's own
     motion) are fitted by least squares; s = (-zeta + i sqrt(1 - zeta²)) 2π f_res starts from the envelope's decay
-    and is refined by Gauss-Newton steps.  Within 0.5 % in f_res and 10 % in zeta where the tap is 50 times the noise (20
-    times at 1 kHz).
+    and is refined by Gauss-Newton steps.  Within 0.5 % in f_res and 10 % in zeta where the tap is 50 times the noise
+    (20 times at 1 kHz).
 
     Raises DetectorError when no peak stands out, or the ring-down is too short to measure.
     """
     values = np.asarray(accel, dtype=float)
-    if values.size < 32 or not np.isfinite(values).all():
+    missing = int(np.sum(~np.isfinite(values)))
+    if values.size < LEAST_SAMPLES or missing:
         raise DetectorError(
-            f"{values.size} samples, {int(np.isnan(values).sum())} missing; expected at least 32, none missing"
+            f"{values.size} samples, {missing} of them missing; expected at least {LEAST_SAMPLES} and none missing"
         )
     spectrum = np.fft.fft(values - values.mean())
     frequency = np.arange(values.size, dtype=np.float64) * (rate_hz / values.size)

@@ -17,8 +17,10 @@ class DetectorSettings:
     """The parameters of eqs. 8-10 and of the trigger, in SI units.
 
     f_res_hz and zeta are the oscillator's resonance and damping ratio.  A window_s of None means: as long as the
-    ring-down is worth hearing (``windows.length``).  min_acceleration [rad/s²] is the least commanded acceleration on
-    both sides of a reversal that counts; None means: as small as the command's quantisation lets be seen.
+    ring-down is worth hearing (``windows.window_length``).  min_acceleration [rad/s²] is the least commanded
+    acceleration on both sides of a reversal that counts; None means: as small as quantisation and noise of the command
+    let be seen.  level belongs to window_s and f_width_hz: silence scores about as much as the mask has bins, which is
+    f_width_hz times the window's length; docs/decisions/0002-score.md says why 8.
     """
 
     f_res_hz: float
@@ -27,7 +29,7 @@ class DetectorSettings:
     f_width_hz: float = 12.0
     f_norm_hz: float = 100.0
     f_norm_width_hz: float = 40.0
-    level: float = 4.0
+    level: float = 8.0
     min_acceleration: float | None = None
 
 
@@ -36,7 +38,8 @@ class Reversal:
     """The commanded acceleration changed direction.
 
     time: the zero crossing, robot time [s]; seen: the time at which that was certain [s]; swing: the change of the
-    commanded acceleration from its last extreme before to the first value after [rad/s²], signed as after.
+    commanded acceleration from its extreme before to its value when the new direction was certain [rad/s²], signed as
+    after; at a jump of the goal, what the trigger's parabola makes of it, signed as the jump.
     """
 
     time: float
@@ -46,7 +49,10 @@ class Reversal:
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """Tip acceleration after one reversal: time [s] and accel [m/s²], shape (N,), from start, lasting duration [s]."""
+    """Tip acceleration after one reversal: time [s] and accel [m/s²], shape (N,), from start, lasting duration [s].
+
+    One sample every 1 / rate_hz; accel is NaN where a sample is missing.
+    """
 
     joint: str
     start: float

@@ -50,13 +50,13 @@ def cut(
 
     times [s], ascending, and accel [m/s²], shape (M,): a stretch of the stream that holds the window, or what there is
     of it.  Each sample goes to the grid point nearest in time, whatever its jitter; a grid point without a sample is
-    NaN.  The grid starts within one sample of ``start``.
+    NaN.  The grid starts within half a sample of ``start``.
     """
     length = round(duration * rate_hz)
-    first, last = np.searchsorted(times, (start - 0.5 / rate_hz, start + duration + 0.5 / rate_hz))
+    first, last = np.searchsorted(times, (start - 1 / rate_hz, start + duration + 1 / rate_hz))
     place = (times[first:last] - start) * rate_hz
     # The stream's phase against the grid, averaged on the circle: one late sample must not shift all others.
-    phase = float(np.angle(np.exp(2j * np.pi * place).mean())) / (2 * np.pi) % 1.0 if place.size else 0.0
+    phase = float(np.angle(np.exp(2j * np.pi * place).mean())) / (2 * np.pi) if place.size else 0.0
     slot = np.rint(place - phase).astype(np.intp)
     inside = (slot >= 0) & (slot < length)
     grid = np.full(length, np.nan)

@@ -1,0 +1,59 @@
+"""The running parabola and the running noise against their definitions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lostmotion.detector.local_fit import LocalFit
+from lostmotion.detector.noise import NoiseLevel
+
+
+def test_running_sums_equal_a_polynomial_fit() -> None:
+    """At each of 500 irregular samples, late in the robot's life: twice the leading coefficient of numpy's polyfit."""
+    rng = np.random.default_rng(20)
+    time = 1e6 + np.cumsum(rng.uniform(0.004, 0.016, 500))
+    angle = 3 + np.sin(7 * time) + 0.01 * rng.normal(size=500)
+    fit = LocalFit(0.2)
+    for index in range(500):
+        curvature = fit.add(time[index], angle[index])
+        inside = time[: index + 1] >= time[index] - 0.2 * (1 + 1e-9)
+        if time[index] - time[: index + 1][inside][0] < 0.16:
+            assert curvature is None
+            continue
+        t, y = time[: index + 1][inside], angle[: index + 1][inside]
+        assert curvature is not None
+        assert curvature.value == pytest.approx(2 * np.polyfit(t - t.mean(), y, 2)[0], rel=1e-6, abs=1e-6)
+        assert curvature.time == pytest.approx(t.mean(), abs=1e-7)
+
+
+def test_gain_is_the_standard_deviation_of_the_curvature() -> None:
+    """Unit noise at 100 Hz in 0.2 s: the spread of the fitted acceleration is what ``gain`` says, within 5 %."""
+    rng = np.random.default_rng(21)
+    fit = LocalFit(0.2)
+    results = [fit.add(0.01 * i, value) for i, value in enumerate(rng.normal(size=20000))]
+    values = [r.value for r in results if r is not None]
+    last = results[-1]
+    assert last is not None
+    assert np.std(values) == pytest.approx(last.gain, rel=0.05)
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.003])
+def test_noise_level_is_the_standard_deviation(jitter: float) -> None:
+    """Gaussian errors of 2 mrad on a moving angle, at irregular but true times: within 15 %, averaged over time."""
+    rng = np.random.default_rng(22)
+    time = np.arange(3000) * 0.01 + rng.uniform(-jitter, jitter, 3000)
+    noise = NoiseLevel()
+    levels = []
+    for t, y in zip(time, np.sin(time) + rng.normal(0, 2e-3, 3000), strict=True):
+        noise.add(t, y, 0.0)
+        levels.append(noise.level)
+    assert np.mean(levels[200:]) == pytest.approx(2e-3, rel=0.15)
+
+
+def test_a_staircase_is_no_noise() -> None:
+    """Goals written at 20 Hz and read at 100 Hz leave no noise behind."""
+    noise = NoiseLevel()
+    for index in range(300):
+        noise.add(0.01 * index, 0.1 * (index // 5), 0.0)
+    assert noise.level == 0.0
