@@ -1,0 +1,110 @@
+"""The lab's commands: arguments and tables only.  daemon/cli.py attaches them when one is called."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import click
+
+from lostmotion.drivers.recording import Recording, write_recording
+from lostmotion.lab import modelfile
+from lostmotion.lab.simulate import Simulation
+from lostmotion.model import EffectInfo, Trajectory, catalogue
+
+__all__ = ["effects", "simulate"]
+
+WIDE = 200  # columns where nobody has said how many there are: nothing is cut off
+POSITIVE = click.FloatRange(min=0, min_open=True, max=1e9)
+as_json = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else there.")
+
+
+@click.command()
+@click.argument("model")
+@click.option("-o", "--output", type=click.Path(path_type=Path), required=True, metavar="REC", help="File to write.")
+@click.option("--motion", metavar="TEXT", help="hand-waved:7 (seed), sine:6,0.02 (Hz, rad), chirp:…, step:…, or free.")
+@click.option("--duration", type=POSITIVE, default=10.0, show_default=True, metavar="S", help="Length [s].")
+@click.option("--rate-hz", type=POSITIVE, default=1000.0, show_default=True, metavar="R", help="Rows a second.")
+@click.option("--servo-rate-hz", type=POSITIVE, metavar="R", help="Rate of command and position.  [default: --rate-hz]")
+@click.option("--noise", type=click.FloatRange(min=0, max=1e9), default=0.0, show_default=True, metavar="S",
+              help="Standard deviation, in the unit of what is measured.")  # fmt: skip
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, metavar="N", help="Of the noise.")
+@as_json
+def simulate(model: str, output: Path, as_json: bool, **options: Any) -> None:
+    """Write a recording of MODEL: a model file, or the name of a base (play, oscillator, joint, servo).
+
+    An existing REC is replaced, once all is simulated.
+    """
+    simulation = Simulation(modelfile.load(model), **options)
+    recording = simulation.recording(list(_progress(simulation)))
+    write_recording(recording, output)
+    if as_json:
+        click.echo(json.dumps({"recording": str(output), "rows": simulation.samples, **recording.metadata}))
+    else:
+        click.echo(_told(recording, output), err=True)
+
+
+@click.command()
+@as_json
+def effects(as_json: bool) -> None:
+    """List the catalogue of effects: id, equation, parameters with units, what each acts on."""
+    if as_json:
+        click.echo(json.dumps([_effect(effect) for effect in catalogue()], indent=1, ensure_ascii=False))
+    else:
+        _print_table(catalogue())
+
+
+def _progress(simulation: Simulation) -> Iterable[Trajectory]:
+    """The simulation's pieces, with a bar on stderr where that is a terminal."""
+    if not sys.stderr.isatty():
+        yield from simulation.pieces()
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("simulating", total=simulation.samples)
+        for piece in simulation.pieces():
+            progress.advance(task, len(piece.time))
+            yield piece
+
+
+def _told(recording: Recording, output: Path) -> str:
+    effects = ", ".join(recording.metadata["effects"]) or "none"
+    columns = ", ".join(recording.columns)
+    rows = len(recording.time)
+    return f"{output}: {rows} rows of {columns}; base {recording.metadata['model']}, active effects: {effects}"
+
+
+def _effect(effect: EffectInfo) -> dict[str, Any]:
+    parameters = {
+        name: {"value": parameter.value, "unit": parameter.unit, "meaning": parameter.meaning}
+        for name, parameter in effect.parameters.items()
+    }
+    return {
+        "id": effect.id,
+        "equation": effect.equation,
+        "summary": effect.summary,
+        "parameters": parameters,
+        "acts_on": effect.acts_on.value,
+        "bases": list(effect.bases),
+    }
+
+
+def _print_table(effects: Iterable[EffectInfo]) -> None:
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for column in ("id", "acts on", "equation", "parameters", "bases"):
+        table.add_column(column, overflow="fold")
+    for effect in effects:
+        units = (f"{name} [{parameter.unit or '-'}]" for name, parameter in effect.parameters.items())
+        cells = (effect.id, effect.acts_on.value, effect.equation, ", ".join(units), ", ".join(effect.bases))
+        table.add_row(*map(Text, cells))
+    Console(width=None if sys.stdout.isatty() else WIDE).print(table)
