@@ -122,8 +122,8 @@ def mann_kendall(y: ArrayLike, alpha: float = 0.05) -> Trend:
 
     The variance is corrected for ties, and for serial correlation after Hamed and Rao (1998): by the autocorrelation of
     the ranks of the detrended series, over the lags before the first that is not significant; never below that of
-    independent values, for negative correlation promises more than it keeps.  At a correlation of 0.6 a test at 5 % cries
-    wolf in 8 to 11 % of trend-free series of 80 to 400 points (uncorrected: 31 to 38 %).
+    independent values, for negative correlation promises more than it keeps.  At a correlation of 0.6 a test at
+    5 % cries wolf in 8 to 11 % of trend-free series of 80 to 400 points (uncorrected: 31 to 38 %).
 
     Raises DetectorError for fewer than 3 points.
     """

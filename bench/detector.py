@@ -1,0 +1,74 @@
+"""How fast windows are scored and commands are watched: `python -m bench.detector`.
+
+Windows of 0.25 s at 1 kHz: all at once, beside the same steps written plainly with SciPy, window by window.  Commands
+of one joint at 100 Hz, pushed one by one as the service does, beside `numpy.polyfit` through the same span.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+from scipy import fft, signal
+
+from lostmotion.detector.score import batch
+from lostmotion.detector.trigger import SPAN, Trigger
+from lostmotion.detector.window import DetectorSettings, FloatArray
+
+__all__ = ["main"]
+
+SETTINGS = DetectorSettings(f_res_hz=58.0)
+JOINTS, POLL_HZ = 6, 100
+
+
+def plain(windows: FloatArray) -> FloatArray:
+    """Eq. 8 as one writes it with SciPy: detrend, Tukey window, rfft, mean over 80-120 Hz, sum over 52-64 Hz."""
+    taper = signal.windows.tukey(250, 0.25)
+    scores = np.empty(len(windows))
+    for index, accel in enumerate(windows):
+        spectrum = np.abs(fft.rfft(signal.detrend(accel) * taper))
+        scores[index] = np.sum(spectrum[13:16] / np.mean(spectrum[20:30]))
+    return scores
+
+
+def polyfits(times: list[float], angles: list[float]) -> None:
+    """The trigger's parabola by its definition, at each sample."""
+    points = round(SPAN * POLL_HZ) + 1
+    for end in range(points, len(times)):
+        np.polyfit(times[end - points : end], angles[end - points : end], 2)
+
+
+def best(work: Callable[[], object], repeats: int = 5) -> float:
+    """Shortest of several runs [s]."""
+    spans = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        work()
+        spans.append(time.perf_counter() - start)
+    return min(spans)
+
+
+def push_all(times: list[float], angles: list[float]) -> None:
+    """One sample a push."""
+    trigger = Trigger(SETTINGS, POLL_HZ, np.radians(300 / 1024))
+    for moment, angle in zip(times, angles, strict=True):
+        trigger.push((moment,), (angle,))
+
+
+def main() -> None:
+    """Prints both tables."""
+    windows = np.random.default_rng(0).normal(size=(20_000, 250))
+    ours, theirs = best(lambda: batch(windows, 1000.0, SETTINGS)), best(lambda: plain(windows), 2)
+    count = len(windows)
+    print(f"score   {count / ours:9,.0f} windows/s  plain SciPy {count / theirs:9,.0f}  x {theirs / ours:.1f}")
+    seconds = np.arange(0, 60, 1 / POLL_HZ)
+    angles = np.round(0.3 * np.sin(2 * np.pi * 0.8 * seconds) * 1024 / np.radians(300)) * np.radians(300) / 1024
+    pushed = best(lambda: push_all(seconds.tolist(), angles.tolist())) / seconds.size
+    fitted = best(lambda: polyfits(seconds.tolist(), angles.tolist()), 1) / seconds.size
+    print(f"trigger {pushed * 1e6:9.1f} µs a sample  polyfit {fitted * 1e6:13.1f}  x {fitted / pushed:.1f}")
+    print(f"        {JOINTS} joints at {POLL_HZ} Hz: {JOINTS * POLL_HZ * pushed:.2%} of a core")
+
+
+if __name__ == "__main__":
+    main()
