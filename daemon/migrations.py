@@ -25,9 +25,9 @@ CREATE TABLE score (
     excitation REAL, temperature REAL, quality TEXT,
     PRIMARY KEY (joint_id, time_us)) WITHOUT ROWID;
 CREATE TABLE alarm (
-    id INTEGER PRIMARY KEY, joint_id INTEGER NOT NULL REFERENCES joint(id), severity TEXT NOT NULL,
-    raised_us INTEGER NOT NULL, acknowledged_us INTEGER, cleared_us INTEGER, reason TEXT NOT NULL,
-    UNIQUE (joint_id, severity, raised_us));
+    id INTEGER PRIMARY KEY, joint_id INTEGER NOT NULL REFERENCES joint(id), cause TEXT NOT NULL,
+    severity TEXT NOT NULL, raised_us INTEGER NOT NULL, acknowledged_us INTEGER, cleared_us INTEGER,
+    reason TEXT NOT NULL, UNIQUE (joint_id, cause, severity, raised_us));
 CREATE TABLE window (
     id INTEGER PRIMARY KEY, joint_id INTEGER NOT NULL REFERENCES joint(id), time_us INTEGER NOT NULL,
     impact INTEGER NOT NULL, bytes INTEGER NOT NULL, rate_hz REAL NOT NULL, offset REAL NOT NULL, accel BLOB NOT NULL,
@@ -37,7 +37,8 @@ CREATE VIEW joints AS SELECT name, health, reason, {_iso("since_us")} AS since F
 CREATE VIEW scores AS SELECT joint.name AS joint, {_iso("time_us")} AS time, duration, score, level, impact,
     play, play_low, play_high, excitation, temperature, coalesce(quality, 'ok') AS quality
     FROM score JOIN joint ON joint.id = score.joint_id;
-CREATE VIEW alarms AS SELECT joint.name AS joint, severity, iif(cleared_us IS NULL, 'active', 'cleared') AS state,
+CREATE VIEW alarms AS SELECT joint.name AS joint, severity, cause,
+    iif(cleared_us IS NULL, 'active', 'cleared') AS state,
     {_iso("raised_us")} AS raised, {_iso("acknowledged_us")} AS acknowledged, {_iso("cleared_us")} AS cleared,
     alarm.reason AS reason FROM alarm JOIN joint ON joint.id = alarm.joint_id;
 CREATE VIEW windows AS SELECT joint.name AS joint, {_iso("time_us")} AS time, impact, rate_hz, offset, accel

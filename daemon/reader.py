@@ -10,7 +10,17 @@ from types import TracebackType
 from typing import Any
 
 from lostmotion.daemon.migrations import CURRENT
-from lostmotion.daemon.records import AlarmRow, DeviceRow, Health, JointRow, ScoreRow, Severity, from_micros, micros
+from lostmotion.daemon.records import (
+    AlarmRow,
+    Cause,
+    DeviceRow,
+    Health,
+    JointRow,
+    ScoreRow,
+    Severity,
+    from_micros,
+    micros,
+)
 from lostmotion.drivers.errors import LostmotionError
 
 __all__ = ["Reader", "ReaderError", "open_readonly"]
@@ -71,7 +81,7 @@ class Reader:
     def joints(self) -> list[JointRow]:
         """All joints ever seen and their health, by name."""
         rows = self._db.execute("SELECT name, health, reason, since_us FROM joint ORDER BY name")
-        return [JointRow(name, Health(health), reason, frommicros(since)) for name, health, reason, since in rows]
+        return [JointRow(name, Health(health), reason, from_micros(since)) for name, health, reason, since in rows]
 
     def scores(
         self, joint: str, since: datetime | None = None, until: datetime | None = None, limit: int | None = None
@@ -92,14 +102,22 @@ class Reader:
     def alarms(self, joint: str | None = None, active_only: bool = False) -> list[AlarmRow]:
         """Alarms of one joint or of all, oldest first."""
         rows = self._db.execute(
-            "SELECT name, severity, raised_us, alarm.reason, acknowledged_us, cleared_us"
+            "SELECT name, cause, severity, raised_us, alarm.reason, acknowledged_us, cleared_us"
             " FROM alarm JOIN joint ON joint.id = joint_id WHERE (?1 IS NULL OR name = ?1)"
             " AND (NOT ?2 OR cleared_us IS NULL) ORDER BY raised_us, alarm.id",
             [joint, active_only],
         )
         return [
-            AlarmRow(name, Severity(severity), from_micros(raised), reason, _maybe(acknowledged), _maybe(cleared))
-            for name, severity, raised, reason, acknowledged, cleared in rows
+            AlarmRow(
+                name,
+                Cause(cause),
+                Severity(severity),
+                from_micros(raised),
+                reason,
+                _maybe(acknowledged),
+                _maybe(cleared),
+            )
+            for name, cause, severity, raised, reason, acknowledged, cleared in rows
         ]
 
     def active_alarms(self, joint: str | None = None) -> list[AlarmRow]:
@@ -125,5 +143,6 @@ def _score(joint: str, row: tuple[Any, ...]) -> ScoreRow:
     time, duration, score, level, impact, *numbers, quality = row
     score, play, low, high, excitation, temperature = (math.nan if x is None else x for x in (score, *numbers))
     return ScoreRow(
-        joint, from_micros(time), duration, score, level, bool(impact), play, low, high, excitation, temperature, quality or "ok"
+        joint, from_micros(time), duration, score, level, bool(impact), play, low, high, excitation, temperature,
+        quality or "ok",
     )  # fmt: skip

@@ -48,6 +48,13 @@ class Severity(Enum):
     ERROR = "error"
 
 
+class Cause(Enum):
+    """What an alarm is about: the play that is heard, or a device that should hear it."""
+
+    PLAY = "play"
+    DEVICE = "device"
+
+
 @dataclass(frozen=True, slots=True)
 class ScoreRow:
     """One scored window; the fields are those of ``detector.window.Score``, time is UTC."""
@@ -98,6 +105,7 @@ class AlarmRow:
     """One alarm from its raising to its clearing; None for what has not happened.  state: active or cleared."""
 
     joint: str
+    cause: Cause
     severity: Severity
     raised: datetime
     reason: str

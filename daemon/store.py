@@ -80,6 +80,10 @@ class Store:
             self._trim()
             self._wake.notify()
 
+    def reader(self) -> Reader:
+        """The same database for reading."""
+        return open_readonly(self.path)
+
     def waiting(self) -> int:
         """How many rows are not on the disk yet."""
         with self._wake:
@@ -185,11 +189,11 @@ class Store:
 
     def _alarm(self, row: AlarmRow) -> None:
         self._db.execute(
-            "INSERT INTO alarm (joint_id, severity, raised_us, acknowledged_us, cleared_us, reason)"
-            " VALUES (?, ?, ?, ?, ?, ?) ON CONFLICT (joint_id, severity, raised_us) DO UPDATE SET"
+            "INSERT INTO alarm (joint_id, cause, severity, raised_us, acknowledged_us, cleared_us, reason)"
+            " VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT (joint_id, cause, severity, raised_us) DO UPDATE SET"
             " acknowledged_us = excluded.acknowledged_us, cleared_us = excluded.cleared_us",
             [
-                self._id(row.joint), row.severity.value, micros(row.raised),
+                self._id(row.joint), row.cause.value, row.severity.value, micros(row.raised),
                 row.acknowledged and micros(row.acknowledged), row.cleared and micros(row.cleared), row.reason,
             ],
         )  # fmt: skip

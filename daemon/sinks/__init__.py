@@ -1,0 +1,29 @@
+"""Where scores, alarms and health go besides the database.  A sink never raises for what its far end does."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from lostmotion.daemon.records import AlarmRow, JointRow, ScoreRow
+
+__all__ = ["Sink"]
+
+
+class Sink(Protocol):
+    """Takes what happens, in order, from one thread; must return at once."""
+
+    def score(self, row: ScoreRow) -> None:
+        """Every scored window."""
+        ...
+
+    def alarm(self, row: AlarmRow) -> None:
+        """Every transition of an alarm."""
+        ...
+
+    def health(self, row: JointRow) -> None:
+        """A joint's health, once at the start and whenever it changes."""
+        ...
+
+    def close(self) -> None:
+        """The service ends."""
+        ...

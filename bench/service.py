@@ -1,0 +1,119 @@
+"""What the service costs on emulated hardware: share of a core, resident memory, and windows lost.
+
+    python -m bench.service [--duration 600] [--accel csv:1000]
+
+Six AX-12A at 100 Hz on one line and one accelerometer answer from another process.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+GOAL_CORE, GOAL_MB = 0.05, 80.0
+WARM_UP_S = 5.0
+JOINT = """
+[[joint]]
+name = "j{0}"
+driver = "dynamixel"
+port = "{1}"
+model = "AX-12A"
+id = {0}
+accelerometer = "tip"
+"""
+DRIVERS = {"csv": ("csv_serial", "time_column = 0\ncolumn = 1"), "witmotion": ("witmotion", "")}
+
+
+def main(arguments: Sequence[str] = ()) -> None:
+    """Prints one table row for each kind of accelerometer."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--duration", type=float, default=30.0, help="seconds for each accelerometer")
+    parser.add_argument("--accel", action="append", help="csv:1000 or witmotion:200; may be given twice")
+    given = parser.parse_args(arguments)
+    print(f"service, 6 AX-12A at 100 Hz, {given.duration:g} s")
+    print(f"goal: at most {GOAL_CORE:.0%} of a core and {GOAL_MB:g} MB, no window lost")
+    print(f"{'accelerometer':<16}{'core':>8}{'RSS MB':>9}{'triggered':>11}{'scored':>8}{'lost':>6}")
+    for accel in given.accel or ["csv:1000", "witmotion:200"]:
+        core, rss_mb, (triggered, scored, lost) = measure(accel, given.duration)
+        print(f"{accel:<16}{core:>8.2%}{rss_mb:>9.1f}{triggered:>11}{scored:>8}{lost:>6}", flush=True)
+
+
+def measure(accel: str, duration_s: float) -> tuple[float, float, tuple[int, int, int]]:
+    """Share of a core after the warm-up, peak resident memory [MB], and windows triggered, scored and lost."""
+    with tempfile.TemporaryDirectory() as name, running_service(Path(name), accel) as process:
+        time.sleep(WARM_UP_S)
+        before, start = cpu_seconds(process.pid), time.monotonic()
+        time.sleep(duration_s)
+        core = (cpu_seconds(process.pid) - before) / (time.monotonic() - start)
+        rss_mb = int(re.findall(r"VmHWM:\s+(\d+)", Path(f"/proc/{process.pid}/status").read_text())[0]) / 1024
+        process.send_signal(signal.SIGTERM)
+        _, text = process.communicate(timeout=30)
+    return core, rss_mb, windows(text)
+
+
+@contextmanager
+def running_service(folder: Path, accel: str, alarm: str = "") -> Iterator[subprocess.Popen[str]]:
+    """The emulators and the service, each in a process of its own; both end with the block."""
+    command = [sys.executable, "-m", "lostmotion.drivers.emulator", "--servos", "ax12:1,2,3,4,5,6", "--accel", accel]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as emulator:
+        assert emulator.stdout is not None
+        ports = [emulator.stdout.readline().strip() for _ in range(2)]
+        path = folder / "bench.toml"
+        path.write_text(configuration(folder, ports, accel) + alarm)
+        run = [sys.executable, "-c", "from lostmotion.daemon.cli import main; main()", "run", "--config", str(path)]
+        with subprocess.Popen(
+            run, stderr=subprocess.PIPE, text=True, env=os.environ | {"PYTHONUNBUFFERED": "1"}
+        ) as process:
+            try:
+                yield process
+            finally:
+                process.kill()
+                emulator.kill()
+
+
+def configuration(folder: Path, ports: list[str], accel: str) -> str:
+    """Six joints on the first port, one accelerometer on the second."""
+    kind, _, rate = accel.partition(":")
+    driver, keys = DRIVERS[kind]
+    text = f"""
+[robot]
+name = "bench"
+[store]
+path = "{folder / "history.db"}"
+[[accelerometer]]
+name = "tip"
+driver = "{driver}"
+port = "{ports[1]}"
+rate_hz = {rate}
+oscillator = {{ f_res_hz = 58.0, zeta = 0.012, length_m = 0.10 }}
+{keys}
+"""
+    return text + "".join(JOINT.format(number, ports[0]) for number in range(1, 7))
+
+
+def windows(text: str) -> tuple[int, int, int]:
+    """Windows triggered, scored and lost, from the summary that the service logs when it stops."""
+    rows = re.findall(r"windows triggered=(\d+) scored=(\d+)", text)
+    if not rows:
+        raise RuntimeError(f"the service did not end well:\n{text}")
+    triggered, scored = (sum(int(row[column]) for row in rows) for column in (0, 1))
+    return triggered, scored, triggered - scored
+
+
+def cpu_seconds(pid: int) -> float:
+    """User and system time that a process has used [s]."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,188 @@
+"""Servo samples and tip acceleration in, scored windows out.  Reads no clock, owns no thread, does no I/O."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from lostmotion.daemon.ring import Ring
+from lostmotion.detector.errors import DetectorError
+from lostmotion.detector.score import score_window
+from lostmotion.detector.trigger import Trigger
+from lostmotion.detector.window import DetectorSettings, Score, Window
+from lostmotion.detector.windows import cut, window_length
+from lostmotion.drivers.base import ServoSample
+
+__all__ = ["Counts", "JointPlan", "Pipeline", "Scored"]
+
+LOOK_BACK_S = 1.0
+"""a reversal is certain only some time after it; the acceleration is kept that much longer [s]"""
+GIVE_UP_S = 1.0
+"""how long after its end a window waits for late acceleration [s]"""
+SERVO_SILENT_S = 5.0
+"""a joint that says nothing for so long no longer holds back the release of acceleration [s]"""
+
+
+@dataclass(frozen=True, slots=True)
+class JointPlan:
+    """How one joint is listened to: its accelerometer, that one's rate, and the rate of the joint's commands [Hz]."""
+
+    joint: str
+    accelerometer: str
+    rate_hz: float
+    poll_hz: float
+    settings: DetectorSettings
+
+
+@dataclass(frozen=True, slots=True)
+class Scored:
+    """A window and what the detector says of it."""
+
+    window: Window
+    score: Score
+
+
+@dataclass(slots=True)
+class Counts:
+    """Windows of one joint: opened, scored, and lost by reason."""
+
+    triggered: int = 0
+    scored: int = 0
+    lost: Counter[str] = field(default_factory=Counter)
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class _Pending:
+    """A window that waits for its acceleration."""
+
+    end: float
+    start: float
+    excitation: float
+    temperature: float
+
+
+class _Joint:
+    """What is known of one joint while it runs."""
+
+    def __init__(self, plan: JointPlan) -> None:
+        self.plan = plan
+        self.length = window_length(plan.settings, plan.rate_hz)
+        self.trigger: Trigger | None = None
+        self.pending: list[_Pending] = []
+        self.heard = -math.inf
+        self.temperature = math.nan
+        self.counts = Counts()
+
+    def take(self, times: list[float], commands: list[float], resolution_rad: float, since: float) -> None:
+        """Opens a window for every reversal in these commands that is not before ``since``."""
+        if self.trigger is None:
+            self.trigger = Trigger(self.plan.settings, self.plan.poll_hz, resolution_rad)
+        self.heard = max(self.heard, times[-1])
+        for reversal in self.trigger.push(times, commands):
+            if reversal.time < since:
+                continue
+            self.counts.triggered += 1
+            window = _Pending(reversal.time + self.length, reversal.time, abs(reversal.swing), self.temperature)
+            heapq.heappush(self.pending, window)
+
+
+class Pipeline:
+    """All joints of a robot.  ``rings`` by accelerometer; ``virtual``: data may come late and is waited for.
+
+    Call ``servo`` with what the joints said, then ``step``.
+    """
+
+    def __init__(self, plans: Iterable[JointPlan], rings: Mapping[str, Ring], virtual: bool = False) -> None:
+        self._joints = {plan.joint: _Joint(plan) for plan in plans}
+        self._rings = rings
+        self._virtual = virtual
+        self._closed = False
+
+    @property
+    def counts(self) -> dict[str, Counts]:
+        """What became of the windows, by joint."""
+        return {name: joint.counts for name, joint in self._joints.items()}
+
+    @property
+    def open_windows(self) -> int:
+        """How many windows wait for their acceleration."""
+        return sum(len(joint.pending) for joint in self._joints.values())
+
+    def servo(self, samples: Iterable[ServoSample], resolution_rad: float) -> None:
+        """Takes the samples of one bus, whose commands have steps of ``resolution_rad``."""
+        if self._closed:
+            return
+        columns: dict[str, tuple[list[float], list[float]]] = {}
+        for sample in samples:
+            times, commands = columns.setdefault(sample.joint, ([], []))
+            times.append(sample.time)
+            commands.append(sample.command)
+            if math.isfinite(sample.temperature):
+                self._joints[sample.joint].temperature = sample.temperature
+        for name, (times, commands) in columns.items():
+            joint = self._joints[name]
+            # Hardware that has not begun to measure cannot lose a window; a virtual sensor may just be behind.
+            since = -math.inf if self._virtual else self._rings[joint.plan.accelerometer].oldest
+            joint.take(times, commands, resolution_rad, since)
+
+    def servo_ended(self, joint: str) -> None:
+        """This joint will say nothing more."""
+        self._joints[joint].heard = math.inf
+
+    def close(self) -> None:
+        """Opens no more windows; those that are open are still finished by ``step``."""
+        self._closed = True
+
+    def step(self, now: float) -> list[Scored]:
+        """The windows whose acceleration is there, or for which it is no longer waited at robot time ``now`` [s]."""
+        done = [scored for joint in self._joints.values() for scored in self._finish(joint, now)]
+        for name, ring in self._rings.items():
+            mine = [joint for joint in self._joints.values() if joint.plan.accelerometer == name]
+            ring.release(min((self._needed(joint, ring) for joint in mine), default=math.inf))
+            ring.awaited = min((joint.pending[0].end for joint in mine if joint.pending), default=math.inf)
+            if ring.newest >= ring.awaited:
+                ring.awaited = -math.inf  # it came in between: look again at once
+        return done
+
+    def _finish(self, joint: _Joint, now: float) -> Iterable[Scored]:
+        ring = self._rings[joint.plan.accelerometer]
+        while joint.pending:
+            end = joint.pending[0].end
+            late = not self._virtual and now > end + GIVE_UP_S
+            if not (ring.newest >= end or late):
+                return
+            scored = self._score(joint, heapq.heappop(joint.pending), ring)
+            if scored:
+                yield scored
+
+    def _score(self, joint: _Joint, pending: _Pending, ring: Ring) -> Scored | None:
+        plan = joint.plan
+        period = 1 / plan.rate_hz
+        times, accel = ring.slice(pending.start - period, pending.end + period)
+        if not len(times):
+            joint.counts.lost["no acceleration"] += 1
+            return None
+        window = cut(
+            plan.joint, times, accel, pending.start, joint.length, plan.rate_hz, pending.excitation, pending.temperature
+        )
+        try:
+            score = score_window(window, plan.settings, ring.range_ms2)
+        except DetectorError as error:
+            joint.counts.lost[str(error)] += 1
+            return None
+        if math.isnan(score.score):
+            joint.counts.lost[score.quality] += 1
+        else:
+            joint.counts.scored += 1
+        return Scored(window, score)
+
+    def _needed(self, joint: _Joint, ring: Ring) -> float:
+        """From when on a joint may still need acceleration [s]."""
+        oldest = joint.heard - LOOK_BACK_S
+        if not self._virtual:
+            oldest = max(oldest, ring.newest - SERVO_SILENT_S)
+        starts = [pending.start for pending in joint.pending]
+        return min([oldest, *starts]) - 1 / joint.plan.rate_hz

@@ -1,0 +1,206 @@
+"""One thread for each servo bus and accelerometer: open, identify, read, and again when the port went away.
+
+A poller knows no window and no score.  It hands on what was read and keeps a public account of its device: the state
+it is in, why, and how many samples came, were lost, late or broken.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import threading
+import time
+from collections import deque
+from dataclasses import dataclass, field
+from enum import Enum
+
+from lostmotion.daemon.ring import Ring
+from lostmotion.drivers.base import Accelerometer, Identity, ServoBus, ServoSample
+from lostmotion.drivers.errors import DriverError, EndOfData, IdentityError, PortError
+
+__all__ = ["AccelPoller", "Account", "BusPoller", "DeviceState", "Inbox", "Poller"]
+
+log = logging.getLogger(__name__)
+
+FIRST_RETRY_S = 0.5
+LAST_RETRY_S = 10.0
+WRONG_RETRY_S = 30.0
+"""how often a device that was not the expected one is asked again [s]"""
+
+INBOX_READINGS = 1000
+"""a virtual bus waits while more readings than this are unread"""
+
+
+class DeviceState(Enum):
+    """What a poller is doing."""
+
+    OPENING = "opening"
+    READING = "reading"
+    RETRYING = "retrying"  # the port is missing, busy or went away
+    WRONG = "wrong device"  # something else answers
+    ENDED = "ended"  # a replay has come to its end
+
+
+@dataclass(slots=True)
+class Account:
+    """What has become of one device; written by its poller, read by anyone.
+
+    faults: by joint or accelerometer, why it is not what was expected; heard: by the same names, host time [s]
+    (monotonic) of the last data.
+    """
+
+    state: DeviceState = DeviceState.OPENING
+    reason: str = ""
+    samples: int = 0
+    lost: int = 0
+    late: int = 0
+    broken: int = 0
+    silent: int = 0
+    faults: dict[str, str] = field(default_factory=dict)
+    heard: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class Inbox:
+    """Servo samples on their way to the pipeline, with the resolution of their command [rad]; and the bell that wakes
+    the main thread."""
+
+    bell: threading.Event = field(default_factory=threading.Event)
+    servo: deque[tuple[float, tuple[ServoSample, ...]]] = field(default_factory=deque)
+
+
+class Poller:
+    """Keeps one device going until ``stop`` is set.  ``members`` are the joints, or the accelerometer, behind it."""
+
+    def __init__(
+        self, name: str, members: tuple[str, ...], device: ServoBus | Accelerometer, stop: threading.Event
+    ) -> None:
+        self.name = name
+        self.members = members
+        self.account = Account()
+        self._device = device
+        self._stop = stop
+        self._check_again = math.inf
+
+    def run(self) -> None:
+        """The whole life of the device; ends with ``stop`` or at the end of a replay."""
+        pause = FIRST_RETRY_S
+        while not self._stop.is_set():
+            try:
+                self._start()
+                pause = FIRST_RETRY_S
+                self._read_on()
+            except EndOfData:
+                self._now(DeviceState.ENDED, "")
+            except PortError as error:
+                self._now(DeviceState.RETRYING, str(error))
+            except (IdentityError, DriverError) as error:
+                self._now(DeviceState.WRONG, str(error))
+                pause = WRONG_RETRY_S
+            finally:
+                self._device.close()
+            if self.account.state is DeviceState.ENDED:
+                break
+            self._stop.wait(pause)
+            pause = min(2 * pause, LAST_RETRY_S)
+        self._end()
+
+    def fail(self, reason: str) -> None:
+        """Notes that the poller itself broke down."""
+        self._now(DeviceState.WRONG, reason)
+
+    def _start(self) -> None:
+        """Opens the port and asks who is there; one wrong servo of several does not stop the others."""
+        self._device.open()
+        self._note(self._device.identify())
+        if len(self.account.faults) == len(self.members):
+            raise IdentityError("; ".join(self.account.faults.values()))
+        self._now(DeviceState.READING, "")
+
+    def _note(self, identities: tuple[Identity, ...]) -> None:
+        before = self.account.faults
+        self.account.faults = {
+            who.name: f"{who.name}: found {who.found}, expected {who.expected}" for who in identities if not who.ok
+        }
+        for name, fault in self.account.faults.items():
+            if before.get(name) != fault:
+                log.error("%s: %s", self.name, fault)
+        self._check_again = time.monotonic() + WRONG_RETRY_S if self.account.faults else math.inf
+
+    def _read_on(self) -> None:
+        while not self._stop.is_set():
+            self._read()
+            if time.monotonic() > self._check_again:
+                self._note(self._device.identify())
+
+    def _read(self) -> None:
+        raise NotImplementedError
+
+    def _end(self) -> None:
+        """Called once, when nothing more will come."""
+
+    def _now(self, state: DeviceState, reason: str) -> None:
+        changed = (state, reason) != (self.account.state, self.account.reason)
+        self.account.state, self.account.reason = state, reason
+        if not changed:
+            return
+        if state in (DeviceState.RETRYING, DeviceState.WRONG):
+            log.warning("%s: %s: %s", self.name, state.value, reason)
+        else:
+            log.info("%s: %s", self.name, state.value)
+
+
+class BusPoller(Poller):
+    """Puts the samples of all good joints of one bus into the inbox.  ``waits``: its data can wait for the reader."""
+
+    def __init__(
+        self, name: str, members: tuple[str, ...], bus: ServoBus, stop: threading.Event, inbox: Inbox, waits: bool
+    ) -> None:
+        super().__init__(name, members, bus, stop)
+        self._bus = bus
+        self._inbox = inbox
+        self._waits = waits
+
+    def _read(self) -> None:
+        reading = self._bus.read()
+        account, now = self.account, time.monotonic()
+        account.lost += reading.lost
+        account.silent += len(reading.silent)
+        samples = tuple(sample for sample in reading.samples if sample.joint not in account.faults)
+        if not samples:
+            return
+        account.samples += len(samples)
+        for sample in samples:
+            account.heard[sample.joint] = now
+        self._inbox.servo.append((self._bus.resolution_rad, samples))
+        while self._waits and len(self._inbox.servo) > INBOX_READINGS and not self._stop.is_set():
+            self._inbox.bell.set()
+            self._stop.wait(0.002)
+
+    def _end(self) -> None:
+        self._inbox.bell.set()
+
+
+class AccelPoller(Poller):
+    """Puts the samples of one accelerometer into its ring.  ``waits``: its data can wait for room in the ring."""
+
+    def __init__(self, name: str, device: Accelerometer, stop: threading.Event, ring: Ring, waits: bool) -> None:
+        super().__init__(name, (name,), device, stop)
+        self._sensor = device
+        self._ring = ring
+        self._wait = stop if waits else None
+
+    def _read(self) -> None:
+        block = self._sensor.read()
+        account = self.account
+        account.lost += block.lost
+        account.late += block.late
+        account.broken += block.broken
+        if len(block.time):
+            account.samples += len(block.time)
+            account.heard[self.name] = time.monotonic()
+            self._ring.range_ms2 = self._sensor.range_ms2
+            self._ring.push(block, self._wait)
+
+    def _end(self) -> None:
+        self._ring.end()

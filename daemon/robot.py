@@ -1,0 +1,111 @@
+"""What one configuration brings to life: clock, pollers, rings and pipeline of a robot.  Stores and tells nothing."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+
+from lostmotion.daemon.config import Config
+from lostmotion.daemon.pipeline import JointPlan, Pipeline, Scored
+from lostmotion.daemon.poller import AccelPoller, Account, BusPoller, DeviceState, Inbox, Poller
+from lostmotion.daemon.ring import Ring
+from lostmotion.drivers.base import AccelerometerOptions, Driver, JointOptions
+from lostmotion.drivers.clock import Clock, SystemClock
+
+__all__ = ["Robot"]
+
+RING_S = 20.0
+"""how much acceleration is kept of hardware [s]"""
+VIRTUAL_RING_S = 60.0
+DEAD_S = 3.0
+"""a device that reads nothing for so long is dead [s]"""
+BAD = (DeviceState.RETRYING, DeviceState.WRONG)
+
+
+class Robot:
+    """All devices of a configuration.  ``pollers`` wait for someone to give each a thread."""
+
+    def __init__(self, config: Config) -> None:
+        self.config = config
+        self.stop = threading.Event()
+        self.inbox = Inbox()
+        self._virtual = any(driver.waits for driver in config.drivers.values())
+        self.clock = _clock(config)
+        self.rings = {sensor.name: self._ring(sensor) for sensor in config.accelerometers}
+        self.pollers: list[Poller] = [*self._buses(), *self._sensors()]
+        self.pipeline = Pipeline([_plan(config, joint) for joint in config.joints], self.rings, self._virtual)
+        self._by_member = {member: poller for poller in self.pollers for member in poller.members}
+        self._started = time.monotonic()
+
+    def step(self) -> list[Scored]:
+        """Takes what came in since the last call; the windows that are done."""
+        ended = [poller for poller in self.pollers if poller.account.state is DeviceState.ENDED]
+        while self.inbox.servo:
+            resolution_rad, samples = self.inbox.servo.popleft()
+            self.pipeline.servo(samples, resolution_rad)
+        for poller in ended:
+            if isinstance(poller, BusPoller):
+                for joint in poller.members:
+                    self.pipeline.servo_ended(joint)
+        return self.pipeline.step(self.clock.now())
+
+    @property
+    def finished(self) -> bool:
+        """Whether every device has come to its end and all its data has been used."""
+        ended = all(poller.account.state is DeviceState.ENDED for poller in self.pollers)
+        return ended and not self.inbox.servo and not self.pipeline.open_windows
+
+    def fault(self, joint: JointOptions) -> str:
+        """What keeps a joint from being heard, "" when nothing does."""
+        for member in (joint.name, joint.accelerometer):
+            poller = self._by_member[member]
+            reason = _reason(poller.name, poller.account, member)
+            if not reason and not self._virtual and poller.account.state is DeviceState.READING:
+                heard = poller.account.heard.get(member, self._started)
+                silence = time.monotonic() - heard
+                if silence > DEAD_S:
+                    reason = f"{member}: no data for more than {DEAD_S:g} s from {poller.name}"
+            if reason:
+                return reason
+        return ""
+
+    @property
+    def samples(self) -> int:
+        """How many samples all devices have delivered."""
+        return sum(poller.account.samples for poller in self.pollers)
+
+    def _ring(self, sensor: AccelerometerOptions) -> Ring:
+        seconds = VIRTUAL_RING_S if self._virtual else RING_S
+        return Ring(max(int(seconds * sensor.rate_hz), 1024), self.inbox.bell)
+
+    def _buses(self) -> Iterator[BusPoller]:
+        for joints in self.config.buses():
+            driver = self.config.drivers[joints[0].driver]
+            assert driver.servo is not None
+            bus = driver.servo(joints, self.config.robots[driver.name], self.clock)
+            name = f"{driver.name} {joints[0].port}".strip()
+            yield BusPoller(name, tuple(joint.name for joint in joints), bus, self.stop, self.inbox, driver.waits)
+
+    def _sensors(self) -> Iterator[AccelPoller]:
+        for options in self.config.accelerometers:
+            driver = self.config.drivers[options.driver]
+            assert driver.accelerometer is not None
+            sensor = driver.accelerometer(options, self.config.robots[driver.name], self.clock)
+            yield AccelPoller(options.name, sensor, self.stop, self.rings[options.name], driver.waits)
+
+
+def _clock(config: Config) -> Clock:
+    driver: Driver = next(iter(config.drivers.values()))
+    return driver.clock(config.robots[driver.name]) if driver.clock else SystemClock()
+
+
+def _plan(config: Config, joint: JointOptions) -> JointPlan:
+    rate_hz = config.accelerometer(joint.accelerometer).rate_hz
+    return JointPlan(joint.name, joint.accelerometer, rate_hz, joint.poll_hz, config.settings(joint.name))
+
+
+def _reason(device: str, account: Account, member: str) -> str:
+    if account.state in BAD:
+        return f"{device}: {account.reason}"
+    return account.faults.get(member, "")

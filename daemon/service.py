@@ -1,0 +1,314 @@
+"""The service: startup, main loop, shutdown.  Calls the stages in order; what a stage does is the stage's.
+
+The only place with broad catches: whatever goes wrong in one window, sink or poller is logged and the rest goes on.
+"""
+
+from __future__ import annotations
+
+import logging
+import signal
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import TypeVar
+
+from lostmotion.daemon import logs
+from lostmotion.daemon.alarm import JointMonitor
+from lostmotion.daemon.config import Config
+from lostmotion.daemon.notify import Notifier
+from lostmotion.daemon.poller import Poller
+from lostmotion.daemon.records import AlarmRow, DeviceRow, JointRow, ScoreRow, WindowRow
+from lostmotion.daemon.robot import Robot
+from lostmotion.daemon.sinks import Sink
+from lostmotion.daemon.sinks.log import LogSink
+from lostmotion.daemon.store import Store
+from lostmotion.drivers.errors import LostmotionError
+
+__all__ = ["run"]
+
+log = logging.getLogger(__name__)
+
+T = TypeVar("T")
+
+LOOP_S = 0.05
+"""the main thread wakes at least so often, and whenever a window is complete [s]"""
+LOOK_S = 1.0
+"""how often devices are looked at [s]"""
+ACCOUNT_S = 10.0
+"""how often the devices' counts go to the database [s]"""
+SUMMARY_S = 300.0
+FINISH_S = 3.0
+"""how long a stopping service waits for open windows [s]"""
+CRASH_PAUSE_S = 5.0
+
+
+def run(config: Config, *, duration_s: float | None = None, reload: Callable[[], Config] | None = None) -> int:
+    """Runs the service in the foreground until a signal, the end of a replay, or ``duration_s`` seconds of host time.
+
+    SIGTERM and SIGINT finish the open windows; SIGHUP takes the configuration that ``reload`` returns, unless it raises
+    LostmotionError.  Returns the exit status, 0.  Raises StoreError when the database cannot be opened.
+    """
+    logs.setup()
+    flags = Flags()
+    with flags.installed():
+        service = Service(config, reload, flags)
+        service.startup()
+        try:
+            service.main_loop(duration_s)
+        finally:
+            service.shutdown()
+    return 0
+
+
+class Flags:
+    """What signals have asked for; handlers only set these."""
+
+    def __init__(self) -> None:
+        self.stop = False
+        self.reload = False
+
+    @contextmanager
+    def installed(self) -> Iterator[None]:
+        """Listens to the signals, and gives them back afterwards."""
+        numbers = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+        before = {number: signal.signal(number, self._set) for number in numbers}
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    def _set(self, number: int, frame: FrameType | None) -> None:
+        self.reload = self.reload or number == signal.SIGHUP
+        self.stop = self.stop or number != signal.SIGHUP
+
+
+class Service:
+    """One run of the service, from ``startup`` to ``shutdown``."""
+
+    def __init__(self, config: Config, reload: Callable[[], Config] | None, flags: Flags) -> None:
+        self._config = config
+        self._reload = reload
+        self._flags = flags
+        self._notifier = Notifier()
+        self._threads: list[threading.Thread] = []
+        self._sinks: list[Sink] = []
+        self._monitors: dict[str, JointMonitor] = {}
+        self._robot = Robot(config)
+        self._store = _store(config)
+        self._due = {period_s: time.monotonic() + period_s for period_s in (LOOK_S, ACCOUNT_S, SUMMARY_S)}
+        self._watched = (time.monotonic(), 0)
+
+    def startup(self) -> None:
+        """Everything that has to be there before the first sample."""
+        self._begin()
+        self._notifier.ready()
+        log.info("started: robot %s, %d joints", self._config.robot.name, len(self._config.joints))
+
+    def main_loop(self, duration_s: float | None) -> None:
+        """Steps until there is a reason to stop."""
+        end = float("inf") if duration_s is None else time.monotonic() + duration_s
+        while not (self._flags.stop or self._robot.finished or time.monotonic() >= end):
+            self._robot.inbox.bell.wait(LOOP_S)
+            self._robot.inbox.bell.clear()
+            self._step()
+            self._look_around()
+            if self._flags.reload:
+                self._flags.reload = False
+                self._take_new_configuration()
+
+    def shutdown(self) -> None:
+        """Finishes what is open, in the order of the data's way."""
+        self._notifier.stopping()
+        self._finish()
+        self._summary()
+        self._store.close()
+        self._notifier.close()
+        log.info("stopped")
+
+    # --- one configuration's life -----------------------------------------------------------------------------------
+
+    def _begin(self) -> None:
+        """Brings the present configuration to life: health from the store, sinks, then the pollers."""
+        config = self._config
+        for note in config.notes:
+            log.warning("%s", note)
+        self._sinks = _sinks(config)
+        self._monitors = {joint.name: self._monitor(joint.name) for joint in config.joints}
+        for monitor in self._monitors.values():
+            self._publish(monitor.row)
+        self._threads = [
+            threading.Thread(target=self._poll, args=(poller, self._robot.stop), name=poller.name, daemon=True)
+            for poller in self._robot.pollers
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def _finish(self) -> None:
+        """Waits for open windows (not for long), then ends pollers and sinks."""
+        self._robot.pipeline.close()
+        end = time.monotonic() + FINISH_S
+        while self._robot.pipeline.open_windows and time.monotonic() < end:
+            self._step()
+            time.sleep(0.01)
+        self._robot.stop.set()
+        for thread in self._threads:
+            thread.join(1.0)
+        self._account()
+        for sink in self._sinks:
+            self._guard(sink.close)
+
+    def _take_new_configuration(self) -> None:
+        """Replaces the running configuration; a bad one changes nothing."""
+        if self._reload is None:
+            log.warning("SIGHUP: there is no configuration file to read again")
+            return
+        self._notifier.reloading()
+        try:
+            config = self._reload()
+            robot = Robot(config)
+            same = (config.database, config.store, config.robot) == (
+                self._config.database, self._config.store, self._config.robot
+            )  # fmt: skip
+            store = self._store if same else _store(config)
+        except LostmotionError as error:
+            log.error("the old configuration stays: %s", error)
+        else:
+            self._finish()
+            if store is not self._store:
+                self._store.close()
+            self._config, self._robot, self._store = config, robot, store
+            self._begin()
+            log.info("configuration taken: robot %s, %d joints", config.robot.name, len(config.joints))
+        self._notifier.ready()
+
+    def _monitor(self, joint: str) -> JointMonitor:
+        """A joint's health where an earlier run left it."""
+        with self._store.reader() as reader:
+            new = JointRow(joint, since=self._robot.clock.utc(self._robot.clock.now()))
+            row = next((row for row in reader.joints() if row.name == joint), new)
+            recent = reader.scores(joint, limit=self._config.alarm.windows)
+            return JointMonitor(row, self._config.alarm, recent, reader.active_alarms(joint))
+
+    # --- the data's way ---------------------------------------------------------------------------------------------
+
+    def _step(self) -> None:
+        """Samples to windows, windows to scores, scores to store, alarm state and sinks."""
+        for scored in self._guard(self._robot.step) or ():
+            utc = self._robot.clock.utc(scored.score.time)
+            row = ScoreRow.of(scored.score, utc)
+            for sink in self._sinks:
+                self._guard(sink.score, row)
+            self._store.add(row)
+            if self._config.store.keep_windows_mb:
+                self._store.add(WindowRow.of(scored.window, row.impact, utc))
+            for change in self._monitors[row.joint].scored(row):
+                self._publish(change)
+
+    def _publish(self, row: AlarmRow | JointRow) -> None:
+        self._store.add(row)
+        for sink in self._sinks:
+            if isinstance(row, AlarmRow):
+                self._guard(sink.alarm, row)
+            else:
+                self._guard(sink.health, row)
+
+    def _look_around(self) -> None:
+        """What need not be done for every window: dead devices, systemd, counts."""
+        if self._is_due(LOOK_S):
+            utc = self._robot.clock.utc(self._robot.clock.now())
+            for joint in self._config.joints:
+                for change in self._monitors[joint.name].device(self._robot.fault(joint), utc):
+                    self._publish(change)
+            self._notifier.status(self._status())
+        if self._is_due(ACCOUNT_S):
+            self._account()
+        if self._is_due(SUMMARY_S):
+            self._summary()
+        self._feed_watchdog()
+
+    def _is_due(self, period_s: float) -> bool:
+        now = time.monotonic()
+        if now < self._due[period_s]:
+            return False
+        self._due[period_s] = now + period_s
+        return True
+
+    def _feed_watchdog(self) -> None:
+        """systemd hears of life only while samples arrive."""
+        now, (last, before) = time.monotonic(), self._watched
+        if self._notifier.watchdog_s and now - last >= self._notifier.watchdog_s / 3:
+            samples = self._robot.samples
+            if samples != before:
+                self._notifier.watchdog()
+            self._watched = (now, samples)
+
+    # --- accounts ---------------------------------------------------------------------------------------------------
+
+    def _account(self) -> None:
+        """The devices' counts go to the database, for `status` and `doctor`."""
+        utc = self._robot.clock.utc(self._robot.clock.now())
+        for poller in self._robot.pollers:
+            of, ring = poller.account, self._robot.rings.get(poller.name)
+            reason = of.reason or "; ".join(of.faults.values())
+            overwritten = ring.overwritten if ring else 0
+            counts = (of.samples, of.lost, of.late, of.broken, of.silent, overwritten)
+            self._store.add(DeviceRow(poller.name, utc, of.state.value, reason, *counts))
+
+    def _status(self) -> str:
+        counts = self._robot.pipeline.counts.values()
+        healths = Counter(monitor.row.health.value for monitor in self._monitors.values())
+        text = ", ".join(f"{number} {health}" for health, number in sorted(healths.items()))
+        lost = sum((count.lost for count in counts), Counter[str]())
+        text += f"; windows: {sum(count.scored for count in counts)} scored, {lost.total()} lost"
+        return f"{text}; {self._store.problem}" if self._store.problem else text
+
+    def _summary(self) -> None:
+        """The devices' and windows' counts as log lines: what was lost is never hidden."""
+        for poller in self._robot.pollers:
+            of = poller.account
+            log.info(
+                "%s: %s samples=%d lost=%d late=%d broken=%d silent=%d",
+                *(poller.name, of.state.value, of.samples, of.lost, of.late, of.broken, of.silent),
+            )
+        for name, count in self._robot.pipeline.counts.items():
+            lost = ", ".join(f"{number} x {reason}" for reason, number in count.lost.items()) or "none"
+            log.info("%s: windows triggered=%d scored=%d lost: %s", name, count.triggered, count.scored, lost)
+
+    # --- guards -----------------------------------------------------------------------------------------------------
+
+    def _poll(self, poller: Poller, stop: threading.Event) -> None:
+        """A poller's thread: a poller that breaks down is started again."""
+        while True:
+            try:
+                poller.run()
+                return
+            except Exception as error:
+                log.exception("%s: broke down and is started again", poller.name)
+                poller.fail(f"internal error: {error!r}")
+                if stop.wait(CRASH_PAUSE_S):
+                    return
+
+    def _guard(self, function: Callable[..., T], *arguments: object) -> T | None:
+        """Calls a stage; an error in it is logged and the service goes on."""
+        try:
+            return function(*arguments)
+        except Exception:
+            log.exception("internal error in %s", getattr(function, "__qualname__", function))
+            return None
+
+
+def _store(config: Config) -> Store:
+    return Store(config.database, config.robot.name, config.store.keep_windows_mb)
+
+
+def _sinks(config: Config) -> list[Sink]:
+    sinks: list[Sink] = [LogSink()]
+    if config.zenoh is not None:
+        from lostmotion.daemon.sinks.zenoh import ZenohSink  # 3 MB that many do not need
+
+        sinks.append(ZenohSink(config.robot.name, config.zenoh))
+    return sinks

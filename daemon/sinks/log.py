@@ -1,0 +1,40 @@
+"""The log as a sink: health and alarms as warnings, scores as debugging lines; ``key=value`` after the sentence."""
+
+from __future__ import annotations
+
+import logging
+
+from lostmotion.daemon.records import AlarmRow, Health, JointRow, ScoreRow, Severity, iso
+
+__all__ = ["LogSink"]
+
+log = logging.getLogger(__name__)
+
+
+class LogSink:
+    """Writes one line for each event."""
+
+    def score(self, row: ScoreRow) -> None:
+        log.debug(
+            "score joint=%s time=%s score=%.3g level=%g impact=%s quality=%s",
+            *(row.joint, iso(row.time), row.score, row.level, row.impact, row.quality),
+        )
+
+    def alarm(self, row: AlarmRow) -> None:
+        bad = logging.ERROR if row.severity is Severity.ERROR else logging.WARNING
+        log.log(
+            bad if row.cleared is None else logging.INFO,
+            "alarm joint=%s cause=%s severity=%s state=%s reason=%r",
+            *(row.joint, row.cause.value, row.severity.value, row.state, row.reason),
+        )
+
+    def health(self, row: JointRow) -> None:
+        good = row.health in (Health.OK, Health.DEGRADED)
+        log.log(
+            logging.INFO if good else logging.WARNING,
+            "health joint=%s health=%s reason=%r",
+            *(row.name, row.health.value, row.reason),
+        )
+
+    def close(self) -> None:
+        """Nothing is held open."""

@@ -1,0 +1,137 @@
+"""Zenoh as a sink: scores, alarms and health as JSON under ``lostmotion/<robot>/``, and a liveliness token.
+
+The session is opened by a thread of its own, again and again while the router is away; what happens meanwhile is not
+sent later, except the newest health of every joint and its newest alarms.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import threading
+from collections.abc import Mapping
+from datetime import datetime
+
+import msgspec
+import zenoh
+
+from lostmotion.daemon.options import ZenohOptions
+from lostmotion.daemon.records import AlarmRow, JointRow, ScoreRow, iso
+
+__all__ = ["SCHEMA", "ZenohSink"]
+
+log = logging.getLogger(__name__)
+
+SCHEMA = 1
+"""version of the payloads: grows when a key changes its meaning or goes away"""
+FIRST_RETRY_S = 1.0
+LAST_RETRY_S = 30.0
+CLOSE_S = 2.0
+
+
+class ZenohSink:
+    """Publishes for one robot.  Returns at once; the session opens in the background."""
+
+    def __init__(self, robot: str, options: ZenohOptions) -> None:
+        self._prefix = f"lostmotion/{robot}"
+        self._options = options
+        self._session: zenoh.Session | None = None
+        self._lock = threading.Lock()
+        self._latest: dict[tuple[str, str], bytes] = {}
+        self._failing = False
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._open, name="zenoh", daemon=True)
+        self._thread.start()
+
+    def score(self, row: ScoreRow) -> None:
+        values = {name: getattr(row, name) for name in ScoreRow.__dataclass_fields__}
+        self._put(f"{row.joint}/score", _payload(values))
+
+    def alarm(self, row: AlarmRow) -> None:
+        values: dict[str, object] = {"joint": row.joint, "cause": row.cause.value, "severity": row.severity.value}
+        values |= {"state": row.state, "raised": row.raised, "acknowledged": row.acknowledged}
+        values |= {"cleared": row.cleared, "reason": row.reason}
+        self._keep(f"{row.joint}/alarm", row.cause.value, _payload(values))
+
+    def health(self, row: JointRow) -> None:
+        values = {"joint": row.name, "health": row.health.value, "since": row.since, "reason": row.reason}
+        self._keep(f"{row.name}/health", "", _payload(values))
+
+    def close(self) -> None:
+        """Closes the session: an open one would keep the interpreter from ending."""
+        self._closing.set()
+        self._thread.join(CLOSE_S)
+        with self._lock:
+            session, self._session = self._session, None
+        if session is not None:
+            session.close()  # type: ignore[no-untyped-call]
+
+    def _keep(self, key: str, kind: str, payload: bytes) -> None:
+        with self._lock:
+            self._latest[key, kind] = payload
+        self._put(key, payload)
+
+    def _put(self, key: str, payload: bytes) -> None:
+        with self._lock:
+            if self._session is None:
+                return
+            try:
+                # Express: a window's score is alone and has no batch to wait for.
+                self._session.put(
+                    f"{self._prefix}/{key}", payload, encoding=zenoh.Encoding.APPLICATION_JSON, express=True
+                )
+            except zenoh.ZError as error:
+                self._say(f"cannot publish: {error}")
+                return
+        self._say("")
+
+    def _open(self) -> None:
+        pause = FIRST_RETRY_S
+        while not self._closing.is_set():
+            try:
+                session = zenoh.open(_config(self._options))
+                session.liveliness().declare_token(f"{self._prefix}/alive")
+            except zenoh.ZError as error:
+                self._say(f"session not open, trying again: {error}")
+                self._closing.wait(pause)
+                pause = min(2 * pause, LAST_RETRY_S)
+                continue
+            self._use(session)
+            return
+
+    def _use(self, session: zenoh.Session) -> None:
+        with self._lock:
+            self._session = session
+            latest = list(self._latest.items())
+        log.info("zenoh: session open as %s %s", self._options.mode, session.zid())
+        if self._options.connect and not (session.info.routers_zid() or session.info.peers_zid()):
+            log.warning("zenoh: nobody answers at %s yet; it is tried on", ", ".join(self._options.connect))
+        for (key, _), payload in latest:
+            self._put(key, payload)
+
+    def _say(self, problem: str) -> None:
+        """Logs when publishing begins to fail and when it works again, not every time."""
+        if problem and not self._failing:
+            log.warning("zenoh: %s", problem)
+        elif self._failing and not problem:
+            log.info("zenoh: publishing again")
+        self._failing = bool(problem)
+
+
+def _payload(values: Mapping[str, object]) -> bytes:
+    """JSON with the schema's number, UTC as text, and null for what is unknown."""
+    plain = {key: iso(value) if isinstance(value, datetime) else value for key, value in values.items()}
+    return msgspec.json.encode({"schema": SCHEMA} | plain)
+
+
+def _config(options: ZenohOptions) -> zenoh.Config:
+    config = zenoh.Config()
+    settings = {
+        "mode": options.mode,
+        "connect/endpoints": options.connect,
+        "listen/endpoints": options.listen,
+        "scouting/multicast/enabled": options.multicast_scouting,
+    }
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
