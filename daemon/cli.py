@@ -1,0 +1,199 @@
+"""The command line: arguments only.  What a command does stands in ``commands`` and is imported when it is called, so
+that ``--help`` is quick and the running service carries no plots; the lab's commands come from ``lab.cli``, late too.
+
+A command returns its exit status (``commands/guard.py``); None means 0.
+"""
+
+from __future__ import annotations
+
+import math
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import click
+
+from lostmotion import __version__
+from lostmotion.daemon.commands.guard import LateCommand, RootGroup
+
+__all__ = ["cli", "main"]
+
+
+def positive(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
+    """Refuses what is not a finite number above 0."""
+    if value is not None and not (value > 0 and math.isfinite(value)):
+        raise click.BadParameter(f"found {value}, expected a number above 0", ctx, param)
+    return value
+
+
+def moment(ctx: click.Context, param: click.Parameter, value: str | None) -> datetime | None:
+    """ISO 8601, or how long ago."""
+    from lostmotion.daemon.commands.times import TimeError, parse
+
+    try:
+        return None if value is None else parse(value, datetime.now(UTC))
+    except TimeError as error:
+        raise click.BadParameter(str(error), ctx, param) from error
+
+
+FILE = click.Path(path_type=Path)
+as_json = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else there.")
+config_file = click.option("--config", type=FILE, metavar="FILE", help="Configuration (TOML).")
+database = click.option(
+    "--database", type=FILE, metavar="FILE", help="Database to read, instead of the configured one."
+)
+since = click.option("--since", callback=moment, metavar="TIME", help="From here on: 30d, 12h, 2w, or ISO 8601.")
+until = click.option("--until", callback=moment, metavar="TIME", help="Up to here: as --since.")
+
+
+@click.group(cls=RootGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(__version__, message="%(prog)s %(version)s")
+def cli() -> None:
+    """Hears the play in a robot's joints: watches servos, scores every reversal, and keeps the history of wear."""
+
+
+def main() -> None:
+    """The program ``lostmotion``."""
+    cli.main()
+
+
+@cli.command()
+@config_file
+@click.option("--duration", type=float, callback=positive, metavar="S", help="Stop after so many seconds.")
+def run(config: Path | None, duration: float | None) -> int:
+    """Watch the robot, in the foreground (the service).
+
+    Without --config a simulated robot runs, and its database is in the user's state folder.
+    """
+    from lostmotion.daemon.commands.run import run
+
+    return run(config, duration)
+
+
+@cli.group("config")
+def config_group() -> None:
+    """Look at a configuration."""
+
+
+@config_group.command("check")
+@click.argument("file", type=FILE)
+@as_json
+def config_check(file: Path, as_json: bool) -> None:
+    """Validate a configuration, and show what is in force for each joint."""
+    from lostmotion.daemon.commands.config_check import check
+
+    check(file, as_json)
+
+
+@cli.command()
+@config_file
+@as_json
+def doctor(config: Path | None, as_json: bool) -> int:
+    """Check devices, rates, noise, clock, disk: value and allowed range of each.  Exit status 1 if one is bad.
+
+    The devices must be free: stop the service first.
+    """
+    from lostmotion.daemon.commands.doctor import doctor
+
+    return doctor(config, as_json)
+
+
+@cli.command()
+@config_file
+@database
+@click.option("--fail", is_flag=True, help="Exit status 1 while an alarm is active.")
+@as_json
+def status(config: Path | None, database: Path | None, fail: bool, as_json: bool) -> int:
+    """Joints, their health, and active alarms."""
+    from lostmotion.daemon.commands.status import status
+
+    return status(config, database, fail, as_json)
+
+
+@cli.command()
+@click.argument("joint")
+@config_file
+@database
+@since
+@until
+@click.option("--limit", type=click.IntRange(min=1), metavar="N", help="The newest N of them.")
+@click.option("--csv", "as_csv", is_flag=True, help="CSV on stdout.")
+@as_json
+def history(
+    joint: str,
+    config: Path | None,
+    database: Path | None,
+    since: datetime | None,
+    until: datetime | None,
+    limit: int | None,
+    as_csv: bool,
+    as_json: bool,
+) -> None:
+    """Scores of a joint, oldest first."""
+    from lostmotion.daemon.commands.history import history
+
+    if as_csv and as_json:
+        raise click.UsageError("found --csv and --json, expected one of them")
+    history(joint, config, database, (since, until, limit), "json" if as_json else "csv" if as_csv else "table")
+
+
+@cli.command()
+@click.argument("joint")
+@config_file
+@database
+@since
+@until
+@click.option(
+    "--level", type=float, callback=positive, metavar="X", help="The limit, instead of the level of the newest score."
+)
+@click.option("--png", type=FILE, metavar="FILE", help="Draw the plot into a picture.")
+@as_json
+def trend(
+    joint: str,
+    config: Path | None,
+    database: Path | None,
+    since: datetime | None,
+    until: datetime | None,
+    level: float | None,
+    png: Path | None,
+    as_json: bool,
+) -> None:
+    """Wear of a joint: slope, significance, changes, and the time until the limit."""
+    from lostmotion.daemon.commands.trend import trend
+
+    trend(joint, config, database, (since, until), level, png, as_json)
+
+
+@cli.command()
+@click.option("--config", type=FILE, metavar="FILE", required=True, help="Configuration (TOML).")
+@click.option("--duration", type=float, callback=positive, metavar="S", required=True, help="Seconds to record.")
+@click.option("-o", "--output", type=FILE, metavar="REC", required=True, help="Recording to write (CSV).")
+@click.option("--joint", metavar="NAME", help="Which joint; needed when there are several.")
+def record(config: Path, duration: float, output: Path, joint: str | None) -> None:
+    """Measure a joint into a recording.  Ctrl-C ends it early; what was measured stays."""
+    from lostmotion.daemon.commands.record import record
+
+    record(config, duration, output, joint)
+
+
+@cli.command()
+@click.argument("recording", type=FILE)
+@config_file
+@click.option("--joint", metavar="NAME", help="The joint whose settings count, and its name in the output.")
+@click.option("--column", default="accel", help="The column that rings: accel (default), force, displacement …")
+@click.option("--f-res-hz", type=float, callback=positive, metavar="X", help="Resonance of the oscillator.")
+@click.option("--zeta", type=float, callback=positive, metavar="X", help="Damping ratio of the oscillator.")
+@click.option("--level", type=float, callback=positive, metavar="X", help="Level of eq. 9.")
+@as_json
+def score(recording: Path, config: Path | None, joint: str | None, as_json: bool, **given: Any) -> None:
+    """The detector over a recording, window by window.
+
+    Settings: the options here, else --config, else what the recording's head says, else the defaults.
+    """
+    from lostmotion.daemon.commands.score import Asked, score
+
+    score(recording, config, Asked(joint=joint, **given), as_json)
+
+
+cli.add_command(LateCommand("simulate", "lostmotion.lab.cli:simulate", "Make a recording from a model."))
+cli.add_command(LateCommand("effects", "lostmotion.lab.cli:effects", "The catalogue of effects, with their equations."))

@@ -1,0 +1,1 @@
+"""What the commands do: one module each.  Arguments are cli.py's."""

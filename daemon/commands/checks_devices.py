@@ -1,0 +1,116 @@
+"""What the doctor hears from servos and accelerometers in one short measurement."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lostmotion.daemon.commands.checks import Check, within
+from lostmotion.daemon.commands.devices import Device, Devices, Event
+from lostmotion.daemon.config import Config
+from lostmotion.drivers.base import AccelBlock, FloatArray, Identity, ServoReading
+
+__all__ = ["check_devices"]
+
+PASS_S = 3.0
+"""Robot time of the measurement [s]."""
+RATE_TOLERANCE = 0.05
+POLL_TOLERANCE = 0.1
+MOST_LOST = 0.01
+"""Share of samples or polls."""
+NOISE_MS2 = (1e-4, 2.0)
+"""Below: a sensor that is stuck.  Above: it hides a ring-down, whose first swing is a few m/s²."""
+MAD_OF_DIFFERENCES = 1.4826 / np.sqrt(2)
+
+
+@dataclass(slots=True)
+class Heard:
+    """All that one device said."""
+
+    device: Device
+    identities: list[Identity] = field(default_factory=list)
+    times: dict[str, list[float]] = field(default_factory=dict)
+    accel: list[FloatArray] = field(default_factory=list)
+    counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(("lost", "late", "broken", "silent"), 0))
+    error: str = ""
+
+    def add(self, event: Event) -> None:
+        """Keeps what the event brings."""
+        self.identities += event.identities
+        self.error = str(event.error or self.error)
+        data = event.data
+        if isinstance(data, ServoReading):
+            for sample in data.samples:
+                self.times.setdefault(sample.joint, []).append(sample.time)
+            self.counts["lost"] += data.lost
+            self.counts["silent"] += len(data.silent)
+        elif isinstance(data, AccelBlock):
+            self.times.setdefault(self.device.members[0], []).extend(data.time.tolist())
+            self.accel.append(data.accel)
+            for kind in ("lost", "late", "broken"):
+                self.counts[kind] += getattr(data, kind)
+
+
+def check_devices(config: Config) -> list[Check]:
+    """Measures for PASS_S seconds of robot time with all devices at once, as the service does."""
+    devices = Devices(config)
+    heard = {device.name: Heard(device) for device in devices.all}
+    with devices:
+        for event in devices.events(PASS_S):
+            heard[event.device.name].add(event)
+    return [check for one in heard.values() for check in _checks(config, one)]
+
+
+def _checks(config: Config, heard: Heard) -> Iterator[Check]:
+    name = heard.device.name
+    if heard.error:
+        yield Check(name, "port", "failed", "", "open and answering", False, heard.error)
+    for who in heard.identities:
+        cause = "" if who.ok else "another device, model, rate or id than the configuration says, or it has no power"
+        yield Check(who.name, "identity", who.found, "", who.expected, who.ok, cause)
+    if not heard.identities:
+        return
+    is_bus = heard.device.members[0] in {joint.name for joint in config.joints} and not heard.accel
+    for member in heard.device.members:
+        times = np.array(heard.times.get(member, []))
+        yield from _servo(config, member, times) if is_bus else _sensor(config, member, times, heard)
+    yield _losses(heard)
+
+
+def _servo(config: Config, joint: str, times: FloatArray) -> Iterator[Check]:
+    wanted = config.joint(joint).poll_hz
+    cause = "a slow bus: more servos than it can serve at this baud rate, or an FTDI latency timer above 1 ms"
+    low, high = (1 - POLL_TOLERANCE) * wanted, (1 + POLL_TOLERANCE) * wanted
+    yield within(joint, "poll rate", _rate(times), "Hz", low, high, cause)
+
+
+def _sensor(config: Config, name: str, times: FloatArray, heard: Heard) -> Iterator[Check]:
+    options, rate = config.accelerometer(name), _rate(times)
+    low, high = (1 - RATE_TOLERANCE) * options.rate_hz, (1 + RATE_TOLERANCE) * options.rate_hz
+    yield within(name, "sample rate", rate, "Hz", low, high, "the sensor is set to another rate than rate_hz says")
+    settings = [config.settings(joint.name) for joint in config.joints if joint.accelerometer == name]
+    top = max((s.f_res_hz + s.f_width_hz / 2 for s in settings), default=options.oscillator.f_res_hz)
+    cause = "the oscillator is too fast for this sensor: lengthen the bar or load its end, or take a faster sensor"
+    yield within(name, "upper end of the oscillator's band", top, "Hz", None, rate / 2, cause)
+    accel = np.concatenate(heard.accel) if heard.accel else np.empty(0)
+    accel = accel[np.isfinite(accel)]
+    noise = float(MAD_OF_DIFFERENCES * np.median(np.abs(np.diff(accel)))) if accel.size > 1 else np.nan
+    cause = "no signal at all: is the sensor alive?" if noise < NOISE_MS2[0] else "a loose sensor, or a wrong range"
+    yield within(name, "noise", noise, "m/s²", *NOISE_MS2, cause)
+
+
+def _losses(heard: Heard) -> Check:
+    samples = sum(len(times) for times in heard.times.values())
+    bad = sum(heard.counts.values())
+    told = ", ".join(f"{count} {kind}" for kind, count in heard.counts.items() if count) or "none"
+    ok = samples > 0 and bad <= MOST_LOST * samples
+    cause = "" if ok else "a bad cable, a loaded machine, a servo without power, or too low a baud rate"
+    allowed = f"at most {MOST_LOST:.0%}"
+    return Check(heard.device.name, "bad samples", f"{told} of {samples}", "", allowed, ok, cause)
+
+
+def _rate(times: FloatArray) -> float:
+    """Samples a second over the whole pass (a hole counts, unlike in a median), NaN for too few."""
+    return float((times.size - 1) / (times[-1] - times[0])) if times.size > 2 and times[-1] > times[0] else np.nan

@@ -1,0 +1,125 @@
+"""What the doctor finds on the machine itself: clock, disk, database, adapters, versions."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import platform
+import re
+import shutil
+import time
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, requires, version
+from pathlib import Path
+
+from lostmotion import __version__
+from lostmotion.daemon.commands.checks import Check, within
+from lostmotion.daemon.config import Config
+from lostmotion.daemon.reader import open_readonly
+from lostmotion.drivers.base import AccelerometerOptions, JointOptions
+from lostmotion.drivers.errors import LostmotionError
+
+__all__ = ["ClockPair", "check_adapters", "check_clock", "check_disk", "check_versions"]
+
+SYSTEM = "system"
+USB_SERIAL = Path("/sys/bus/usb-serial/devices")
+YEARS = (2025, 2100)
+DRIFT_S = 0.05
+UNSYNCHRONISED = 5
+"""TIME_ERROR of adjtimex(2)."""
+TIMEX_BYTES = 512
+"""More than struct timex has on any machine; with modes = 0 nothing is changed."""
+SPARE_MB = 200.0
+LASTS_DAYS = 90.0
+ROW_BYTES = 100.0
+"""A score in the database, measured 80 to 95."""
+WINDOWS_A_DAY = 86400.0
+"""A joint that reverses once a second all day, where no history tells better."""
+
+
+class ClockPair:
+    """Wall and monotonic clock at one moment; ``drift`` is by how much they have moved apart since [s]."""
+
+    def __init__(self) -> None:
+        self._start = time.time() - time.monotonic()
+
+    def drift(self) -> float:
+        return time.time() - time.monotonic() - self._start
+
+
+def check_clock(since: ClockPair, virtual: bool) -> Iterator[Check]:
+    """The system's clock.  A virtual robot has its own time, so its host need not be synchronised."""
+    year = datetime.now(UTC).year
+    yield within(SYSTEM, "year", year, "", *YEARS, "the clock was never set: no network time, and no battery")
+    cause = "the clock was stepped during the pass; scores stay right, their UTC jumps"
+    yield within(SYSTEM, "clock step during the pass", abs(since.drift()), "s", None, DRIFT_S, cause)
+    if not virtual:
+        ok = _is_synchronised()
+        cause = "" if ok else "no network time: is systemd-timesyncd or chrony running, and the network up?"
+        yield Check(SYSTEM, "clock", "synchronised" if ok else "not synchronised", "", "synchronised", ok, cause)
+
+
+def _is_synchronised() -> bool:
+    buffer = ctypes.create_string_buffer(TIMEX_BYTES)
+    return bool(ctypes.CDLL(None).adjtimex(buffer) != UNSYNCHRONISED)
+
+
+def check_disk(config: Config) -> Iterator[Check]:
+    """The database's folder, or the one in which it would be made."""
+    path = config.database
+    folder = next(parent for parent in path.absolute().parents if parent.is_dir())
+    target = path if path.exists() else folder
+    writable = os.access(target, os.W_OK)
+    cause = "" if writable else "another user owns it: run as the service's user, or choose another store.path"
+    yield Check(str(path), "database", "writable" if writable else "read-only", "", "writable", writable, cause)
+    free_mb = shutil.disk_usage(folder).free / 1e6
+    needed_mb = SPARE_MB + config.store.keep_windows_mb
+    yield within(str(folder), "free space", round(free_mb), "MB", needed_mb, None, "the disk is full")
+    windows_a_day, error = WINDOWS_A_DAY * len(config.joints), ""
+    if path.exists():
+        try:
+            windows_a_day = _windows_a_day(path) or windows_a_day
+        except LostmotionError as found:
+            error = str(found)
+        yield Check(str(path), "schema", "unreadable" if error else "known", "", "known", not error, error)
+    days = (free_mb - config.store.keep_windows_mb) * 1e6 / (windows_a_day * ROW_BYTES)
+    growth = f"grows by {windows_a_day * ROW_BYTES / 1e6:.1f} MB a day"
+    yield within(str(folder), f"room ({growth})", round(days), "days", LASTS_DAYS, None, "too small a disk")
+
+
+def _windows_a_day(path: Path) -> float:
+    """Over the newest scores in the database, 0 for too few to tell.  Raises ReaderError."""
+    with open_readonly(path) as reader:
+        newest = [reader.scores(joint.name, limit=1000) for joint in reader.joints()]
+    spans = [(len(scores), (scores[-1].time - scores[0].time).total_seconds()) for scores in newest if scores]
+    return sum(86400 * count / span for count, span in spans if span > 0)
+
+
+def check_adapters(config: Config, root: Path = USB_SERIAL) -> Iterator[Check]:
+    """The latency timer of FTDI adapters: at its usual 16 ms a bus manages 10 cycles a second."""
+    items: list[JointOptions | AccelerometerOptions] = [*config.joints, *config.accelerometers]
+    for port in dict.fromkeys(item.port for item in items if item.port and not config.drivers[item.driver].waits):
+        timer = root / Path(port).resolve().name / "latency_timer"
+        if timer.exists():
+            cause = "its usual setting; install the udev rule in systemd/ (ATTR{latency_timer}=1)"
+            yield within(port, "FTDI latency timer", float(timer.read_text()), "ms", None, 1, cause)
+
+
+def check_versions() -> Iterator[Check]:
+    """lostmotion, Python, and every library that lostmotion needs."""
+    yield Check(SYSTEM, "lostmotion", __version__, "", "any", True)
+    yield _version("Python", platform.python_version(), "3.11")
+    for requirement in requires("lostmotion") or []:
+        found = re.match(r"([\w.-]+)\s*>=\s*([\d.]+)(?!.*extra)", requirement)
+        if found:
+            try:
+                yield _version(found[1], version(found[1]), found[2])
+            except PackageNotFoundError:
+                yield _version(found[1], "missing", found[2])
+
+
+def _version(name: str, found: str, least: str) -> Check:
+    numbers = [[int(n) for n in re.findall(r"\d+", text)[:3]] for text in (found, least)]
+    ok = numbers[0] >= numbers[1]
+    return Check(SYSTEM, name, found, "", f"at least {least}", ok, "" if ok else "install lostmotion anew")

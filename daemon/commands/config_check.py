@@ -1,0 +1,68 @@
+"""``lostmotion config check``: is the configuration valid, and what does it come to."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from lostmotion.daemon import config as configuration
+from lostmotion.daemon.commands import output
+from lostmotion.daemon.config import Config
+
+__all__ = ["check"]
+
+
+def check(path: Path, as_json: bool) -> None:
+    """Prints a summary.  Raises ConfigError."""
+    config = configuration.load(path)
+    if as_json:
+        output.print_json(_document(config))
+    else:
+        _print(path, config)
+
+
+def _document(config: Config) -> dict[str, Any]:
+    return {
+        "valid": True,
+        "robot": config.robot.name,
+        "database": str(config.database),
+        "accelerometers": [
+            {"name": sensor.name, "driver": sensor.driver, "port": sensor.port, "rate_hz": sensor.rate_hz}
+            for sensor in config.accelerometers
+        ],
+        "joints": [
+            {
+                "name": joint.name,
+                "driver": joint.driver,
+                "port": joint.port,
+                "poll_hz": joint.poll_hz,
+                "accelerometer": joint.accelerometer,
+                "detector": asdict(config.settings(joint.name)),
+            }
+            for joint in config.joints
+        ],
+        "notes": list(config.notes),
+    }
+
+
+def _print(path: Path, config: Config) -> None:
+    output.print_lines([f"{path}: valid", f"robot {config.robot.name}, database {config.database}", ""])
+    screen = output.console()
+    joints = [[j.name, j.driver, j.port, f"{j.poll_hz:g}", j.accelerometer] for j in config.joints]
+    screen.print(output.table(("joint", "driver", "port", "poll [Hz]", "accelerometer"), joints, ("poll [Hz]",)))
+    sensors = [
+        [s.name, s.driver, s.port, f"{s.rate_hz:g}", f"{s.oscillator.f_res_hz:g}", f"{s.oscillator.zeta:g}"]
+        for s in config.accelerometers
+    ]
+    columns = ("accelerometer", "driver", "port", "rate [Hz]", "f_res [Hz]", "zeta")
+    screen.print(output.table(columns, sensors, columns[3:]))
+    settings = {joint.name: asdict(config.settings(joint.name)) for joint in config.joints}
+    keys = list(next(iter(settings.values())))
+    rows = [[key, *(_shown(values[key]) for values in settings.values())] for key in keys]
+    screen.print(output.table(("detector", *settings), rows, tuple(settings)))
+    output.print_lines([f"note: {note}" for note in config.notes])
+
+
+def _shown(value: float | None) -> str:
+    return "auto" if value is None else f"{value:g}"

@@ -1,0 +1,59 @@
+"""``lostmotion doctor``: one pass over everything, each as value and allowed range."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+from lostmotion.daemon.commands import output
+from lostmotion.daemon.commands.checks import Check
+from lostmotion.daemon.commands.checks_devices import PASS_S, check_devices
+from lostmotion.daemon.commands.checks_system import (
+    ClockPair,
+    check_adapters,
+    check_clock,
+    check_disk,
+    check_versions,
+)
+from lostmotion.daemon.commands.where import find_config
+
+__all__ = ["doctor"]
+
+
+def doctor(given: Path | None, as_json: bool) -> int:
+    """Prints all checks; 1 when one of them is bad.  Raises ConfigError."""
+    config = find_config(given)
+    sys.stderr.write(f"measuring for about {PASS_S:g} s ...\n")
+    clocks = ClockPair()
+    checks = check_devices(config)
+    virtual = any(driver.waits for driver in config.drivers.values())
+    checks += [*check_adapters(config), *check_clock(clocks, virtual), *check_disk(config), *check_versions()]
+    bad = [check for check in checks if not check.ok]
+    if as_json:
+        output.print_json({"ok": not bad, "checks": [asdict(check) for check in checks]})
+    else:
+        _print(checks, bad)
+    return int(bool(bad))
+
+
+def _print(checks: list[Check], bad: list[Check]) -> None:
+    from rich.markup import escape
+
+    rows = [
+        [
+            escape(check.subject),
+            escape(check.check),
+            escape(f"{_shown(check.value)} {check.unit}".strip()),
+            escape(check.allowed),
+            "[green]ok[/green]" if check.ok else "[red]BAD[/red]",
+        ]
+        for check in checks
+    ]
+    output.console().print(output.table(("what", "check", "value", "allowed", ""), rows))
+    told = [f"BAD: {check.subject}: {check.check}: {check.cause}" for check in bad]
+    output.print_lines([*told, f"{len(checks) - len(bad)} of {len(checks)} checks are good"])
+
+
+def _shown(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:.4g}"

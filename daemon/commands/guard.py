@@ -1,0 +1,107 @@
+"""The edge of the program: what a command raises becomes one line on stderr and an exit status; late commands.
+
+0: done; 1: the answer is bad news; 2: the call, the configuration or the input is wrong; 130, 141: ended by Ctrl-C, or
+because nobody reads the output any more (128 + the signal's number, as a shell reports it).
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+import click
+
+__all__ = ["LateCommand", "RootGroup"]
+
+WRONG, INTERRUPTED, UNREAD = 2, 130, 141
+
+
+class RootGroup(click.Group):
+    """A group whose errors are one line."""
+
+    def main(self, *args: Any, **kwargs: Any) -> Any:
+        """Runs the command line and exits."""
+        kwargs |= {"standalone_mode": False, "prog_name": "lostmotion"}
+        if isinstance(sys.stdout, io.TextIOWrapper):
+            sys.stdout.reconfigure(errors="replace")  # a terminal without UTF-8 gets ? for bars and lines
+        run = super().main
+        sys.exit(_status(lambda: run(*args, **kwargs)))
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            ctx.exit(INTERRUPTED)
+
+
+class LateCommand(click.Command):
+    """A command that lives in a module which is imported only when the command is called.
+
+    target: ``module:attribute`` of a click.Command; the help line is repeated here so that ``--help`` imports nothing.
+    """
+
+    def __init__(self, name: str, target: str, short_help: str) -> None:
+        super().__init__(name, short_help=short_help)
+        self._target = target
+
+    def make_context(
+        self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
+    ) -> click.Context:
+        """The context of the real command, which is all that click goes on with."""
+        module, _, attribute = self._target.partition(":")
+        command: click.Command = getattr(import_module(module), attribute)
+        return command.make_context(info_name, args, parent, **extra)
+
+
+def _status(call: Callable[[], Any]) -> int:
+    """The exit status of a call; its error, if any, has been said on stderr."""
+    try:
+        status = call()
+        sys.stdout.flush()
+    except click.exceptions.NoArgsIsHelpError as error:
+        error.show()
+        return WRONG
+    except click.UsageError as error:
+        command = error.ctx.command_path if error.ctx else "lostmotion"
+        return _say(f"{error.format_message().rstrip('.')}; see {command} --help")
+    except click.ClickException as error:
+        return _say(error.format_message())
+    except (BrokenPipeError, click.Abort):
+        return _unread()
+    except Exception as error:  # noqa: BLE001 - the edge of the program: no traceback reaches a user
+        return _explain(error)
+    return status if isinstance(status, int) else 0
+
+
+def _explain(error: Exception) -> int:
+    import sqlite3
+
+    from lostmotion.detector.errors import DetectorError
+    from lostmotion.drivers.errors import LostmotionError
+
+    if os.environ.get("LOSTMOTION_DEBUG"):
+        import traceback
+
+        traceback.print_exception(error)
+    if isinstance(error, LostmotionError | DetectorError):
+        return _say(str(error))
+    if isinstance(error, sqlite3.Error):
+        return _say(f"the database cannot be read: {error}; is it damaged, or locked by another program?")
+    if isinstance(error, OSError) and error.strerror:
+        return _say(f"{error.filename}: {error.strerror}" if error.filename else error.strerror)
+    return _say(f"internal error: {type(error).__name__}: {error}; set LOSTMOTION_DEBUG=1 for the traceback")
+
+
+def _say(message: str) -> int:
+    sys.stderr.write(f"lostmotion: {' '.join(message.split())}\n")
+    return WRONG
+
+
+def _unread() -> int:
+    """stdout leads nowhere now, so that Python does not complain when it flushes at exit."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return UNREAD

@@ -1,0 +1,73 @@
+"""``lostmotion history``: the scores of a joint as a table, CSV or JSON."""
+
+from __future__ import annotations
+
+import csv
+import math
+import sys
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from lostmotion.daemon.commands import output, times
+from lostmotion.daemon.commands.where import open_joint
+from lostmotion.daemon.records import ScoreRow, iso
+
+__all__ = ["history"]
+
+KEYS = ("time", "score", "level", "impact", "play", "play_low", "play_high", "quality")
+Bounds = tuple[datetime | None, datetime | None, int | None]
+
+
+def history(joint: str, config: Path | None, database: Path | None, bounds: Bounds, form: str) -> None:
+    """Prints the scores with since <= time < until, the newest ``limit`` of them; form: table, csv or json."""
+    with open_joint(joint, config, database) as reader:
+        scores = reader.scores(joint, *bounds)
+    if form == "json":
+        output.print_json({"joint": joint, "scores": [document(score) for score in scores]})
+    elif form == "csv":
+        _print_csv(scores)
+    else:
+        _print_table(joint, scores)
+
+
+def document(score: ScoreRow) -> dict[str, Any]:
+    """A score as others read it."""
+    return {key: iso(score.time) if key == "time" else getattr(score, key) for key in KEYS}
+
+
+def _print_csv(scores: list[ScoreRow]) -> None:
+    writer = csv.writer(sys.stdout, lineterminator="\n")
+    writer.writerow(KEYS)
+    for score in scores:
+        writer.writerow([_cell(value) for value in document(score).values()])
+
+
+def _cell(value: Any) -> Any:
+    """true and false as in JSON, nothing for NaN."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return "" if isinstance(value, float) and math.isnan(value) else value
+
+
+def _print_table(joint: str, scores: list[ScoreRow]) -> None:
+    if not scores:
+        output.print_lines([f"no scores of {joint} in that time"])
+        return
+    full = max((score.score for score in scores if math.isfinite(score.score)), default=1.0)
+    columns = ("time (UTC)", "score", "", "level", "impact", "play", "quality")
+    screen = output.console()
+    screen.print(output.table(columns, [_row(score, full) for score in scores], right=("score", "level", "play")))
+
+
+def _row(score: ScoreRow, full: float) -> list[str]:
+    colour = "red" if score.impact else "green"
+    return [
+        times.local(score.time),
+        "-" if math.isnan(score.score) else f"{score.score:.2f}",
+        f"[{colour}]{output.bar(score.score, full)}[/{colour}]",
+        f"{score.level:.2f}",
+        "impact" if score.impact else "",
+        output.arcmin(score.play),
+        score.quality,
+    ]

@@ -1,0 +1,63 @@
+"""What goes to stdout: one JSON document, or text and tables for people.  Nothing is computed here."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+__all__ = ["arcmin", "bar", "console", "print_json", "print_lines", "table"]
+
+WIDE = 160
+"""Columns of a table that goes to a file or a pipe: wide enough that nothing is cut off."""
+
+
+def print_json(document: Any) -> None:
+    """One JSON document on stdout.  Times must be aware; NaN and infinities become null."""
+    text = msgspec.json.format(msgspec.json.encode(document), indent=2)
+    sys.stdout.write(text.decode() + "\n")
+
+
+def print_lines(lines: Sequence[str]) -> None:
+    """Plain lines on stdout."""
+    sys.stdout.write("".join(f"{line}\n" for line in lines))
+
+
+def console() -> Console:
+    """stdout for tables; plain where it is no terminal or NO_COLOR is set."""
+    from rich.console import Console
+
+    return Console(width=None if sys.stdout.isatty() else WIDE, highlight=False)
+
+
+def table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str] = ()) -> Table:
+    """A table in the one style of all commands; ``right`` names the columns of numbers.  Cells may hold rich markup."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    made = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for name in columns:
+        made.add_column(name, justify="right" if name in right else "left", overflow="fold")
+    for row in rows:
+        made.add_row(*row)
+    return made
+
+
+def arcmin(angle: float) -> str:
+    """An angle [rad] in arc-minutes, a dash where it is unknown."""
+    return "-" if math.isnan(angle) else f"{math.degrees(angle) * 60:.1f}'"
+
+
+def bar(value: float, full: float, width: int = 12) -> str:
+    """A bar of eighths of a character, as long as ``value`` is of ``full``."""
+    if not value > 0 or not full > 0:
+        return ""
+    eighths = round(min(value / full, 1.0) * width * 8)
+    return "█" * (eighths // 8) + "▏▎▍▌▋▊▉"[eighths % 8 - 1] * (eighths % 8 > 0)

@@ -1,0 +1,124 @@
+"""``lostmotion record``: raw measurement of one joint to a recording."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lostmotion.daemon import config as configuration
+from lostmotion.daemon.commands.devices import Devices, Event
+from lostmotion.daemon.config import Config
+from lostmotion.daemon.records import iso
+from lostmotion.drivers.base import AccelBlock, ServoReading
+from lostmotion.drivers.clock import Clock
+from lostmotion.drivers.errors import IdentityError, LostmotionError
+from lostmotion.drivers.recorder import Recorder
+
+__all__ = ["RecordError", "record"]
+
+
+class RecordError(LostmotionError):
+    """The joint to record is not clear, or nothing came of it."""
+
+
+class Losses:
+    """What did not make it into the recording, by kind."""
+
+    def __init__(self) -> None:
+        self.counts = {"lost": 0, "late": 0, "broken": 0, "silent": 0}
+
+    def add(self, data: ServoReading | AccelBlock) -> None:
+        """Counts what one reading tells of losses."""
+        for kind in self.counts:
+            value = getattr(data, kind, 0)
+            self.counts[kind] += value if isinstance(value, int) else len(value)
+
+    def __str__(self) -> str:
+        return ", ".join(f"{count} {kind}" for kind, count in self.counts.items() if count)
+
+
+def record(given: Path, duration_s: float, output: Path, joint: str | None) -> None:
+    """Measures for ``duration_s`` seconds of robot time; Ctrl-C, or a device that goes away, leaves what came until
+    then.  Raises RecordError, ConfigError, DriverError."""
+    config = _alone(configuration.load(given), joint)
+    name = config.joints[0].name
+    devices = Devices(config)
+    origin, losses = devices.clock.now(), Losses()
+    recorder = Recorder(output, _metadata(config, name, devices.clock), origin)
+    try:
+        with devices, _progress(duration_s) as advance:
+            for event in devices.events(duration_s):
+                _take(event, recorder, losses, origin + duration_s)
+                advance(min(devices.clock.now() - origin, duration_s))
+    finally:
+        recorder.close()
+        losses.counts["late"] += recorder.late
+        missing = f" ({losses})" if str(losses) else ""
+        sys.stderr.write(f"{output}: {recorder.rows} rows of joint {name}{missing}\n")
+    if recorder.rows == 0:
+        raise RecordError(f"{output}: found no samples in {duration_s:g} s; try `lostmotion doctor --config {given}`")
+
+
+def _alone(config: Config, asked: str | None) -> Config:
+    """The configuration without the other joints and their devices."""
+    names = [joint.name for joint in config.joints]
+    if asked is None and len(names) > 1:
+        raise RecordError(f"found {len(names)} joints, expected one; choose with --joint from {', '.join(names)}")
+    joint = config.joint(asked or names[0])
+    return replace(config, joints=(joint,), accelerometers=(config.accelerometer(joint.accelerometer),))
+
+
+def _metadata(config: Config, name: str, clock: Clock) -> dict[str, Any]:
+    joint, settings = config.joint(name), config.settings(name)
+    sensor = config.accelerometer(joint.accelerometer)
+    return {
+        "robot": config.robot.name,
+        "joint": name,
+        "start": iso(clock.utc(clock.now())),
+        "servo_driver": joint.driver,
+        "accelerometer_driver": sensor.driver,
+        "poll_hz": joint.poll_hz,
+        "rate_hz": sensor.rate_hz,
+        "f_res_hz": settings.f_res_hz,
+        "zeta": settings.zeta,
+        "length_m": sensor.oscillator.length_m,
+    }
+
+
+def _take(event: Event, recorder: Recorder, losses: Losses, until: float) -> None:
+    """Writes what the event brings, up to the robot time ``until`` [s]."""
+    if event.error:
+        raise event.error
+    for identity in event.identities:
+        if not identity.ok:
+            raise IdentityError(f"{identity.name}: found {identity.found}, expected {identity.expected}")
+    data = event.data
+    if isinstance(data, ServoReading):
+        recorder.add_servo([sample for sample in data.samples if sample.time < until])
+    elif isinstance(data, AccelBlock):
+        cut = int(np.searchsorted(data.time, until, "left"))
+        recorder.add_accel(AccelBlock(data.time[:cut], data.accel[:cut]))
+    if data is not None:
+        losses.add(data)
+
+
+@contextmanager
+def _progress(total: float) -> Iterator[Any]:
+    """A bar on stderr, on a terminal only; gives a function of the seconds done."""
+    if not sys.stderr.isatty() or math.isinf(total):
+        yield lambda done: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("recording"), BarColumn(), TextColumn("{task.completed:.1f} s"), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("recording", total=total)
+        yield lambda done: progress.update(task, completed=done)

@@ -1,0 +1,107 @@
+"""``lostmotion score``: the detector over a recording, window by window."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from lostmotion.daemon import config as configuration
+from lostmotion.daemon.commands import output
+from lostmotion.detector.series import score_series
+from lostmotion.detector.window import DetectorSettings, Score
+from lostmotion.drivers.errors import LostmotionError, RecordingError
+from lostmotion.drivers.recording import Recording, read_recording
+from lostmotion.drivers.units import COLUMN_UNITS
+
+__all__ = ["Asked", "ScoreError", "score"]
+
+KEYS = ("time", "duration", "score", "impact", "play", "play_low", "play_high", "quality")
+F_RES_HZ = 58.0
+"""The resonance when nobody says one: that of the default oscillator, as in the built-in configuration."""
+
+
+class ScoreError(LostmotionError):
+    """The recording and what was asked of it do not fit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What the command line said; None where it said nothing."""
+
+    joint: str | None = None
+    column: str = "accel"
+    f_res_hz: float | None = None
+    zeta: float | None = None
+    level: float | None = None
+
+
+def score(path: Path, config: Path | None, asked: Asked, as_json: bool) -> None:
+    """Prints the score of each window; times are the recording's own [s].  Raises LostmotionError, DetectorError."""
+    if asked.column not in COLUMN_UNITS:
+        raise ScoreError(f"--column: found {asked.column!r}, expected one of {', '.join(COLUMN_UNITS)}")
+    recording = read_recording(path)
+    name = asked.joint or str(recording.metadata.get("joint", "joint"))
+    settings = _settings(recording, config, asked)
+    scores = score_series(
+        *recording.signal("command"),
+        *recording.signal(asked.column),
+        settings,
+        joint=name,
+        resolution=_number(recording, "resolution_rad", math.nan),
+        range_ms2=_number(recording, "range_ms2", math.inf),
+    )
+    if as_json:
+        windows = [{key: getattr(window, key) for key in KEYS} for window in scores]
+        output.print_json({"joint": name, "level": settings.level, "windows": windows})
+    else:
+        _print(name, settings, scores)
+
+
+def _settings(recording: Recording, config: Path | None, asked: Asked) -> DetectorSettings:
+    """Options before configuration before the recording's head before defaults."""
+    if config:
+        settings = _of_config(config, asked.joint or recording.metadata.get("joint"))
+    else:
+        settings = DetectorSettings(f_res_hz=_number(recording, "f_res_hz", F_RES_HZ))
+        settings = replace(settings, zeta=_number(recording, "zeta", settings.zeta))
+    given = {key: getattr(asked, key) for key in ("f_res_hz", "zeta", "level") if getattr(asked, key) is not None}
+    return replace(settings, **given)
+
+
+def _of_config(path: Path, joint: Any) -> DetectorSettings:
+    config = configuration.load(path)
+    names = [row.name for row in config.joints]
+    if joint is None and len(names) > 1:
+        raise ScoreError(
+            f"{path}: found {len(names)} joints, expected one; choose with --joint from {', '.join(names)}"
+        )
+    return config.settings(names[0] if joint is None else str(joint))
+
+
+def _number(recording: Recording, key: str, default: float) -> float:
+    value = recording.metadata.get(key, default)
+    if isinstance(value, bool) or not isinstance(value, int | float) or value < 0:
+        raise RecordingError(f"{recording.name}: # {key}: found {value!r}, expected a number of at least 0")
+    return float(value)
+
+
+def _print(name: str, settings: DetectorSettings, scores: list[Score]) -> None:
+    impacts = sum(window.impact for window in scores)
+    held_against = f"(f_res {settings.f_res_hz:g} Hz, level {settings.level:g})"
+    output.print_lines([f"joint {name}: {len(scores)} windows, {impacts} with impact {held_against}"])
+    if scores:
+        columns = ("time [s]", "duration [s]", "score", "impact", "play", "quality")
+        output.console().print(output.table(columns, [_row(window) for window in scores], right=columns[:3]))
+
+
+def _row(window: Score) -> list[str]:
+    return [
+        f"{window.time:.3f}",
+        f"{window.duration:.3f}",
+        "-" if math.isnan(window.score) else f"{window.score:.2f}",
+        "impact" if window.impact else "",
+        output.arcmin(window.play),
+        window.quality,
+    ]

@@ -1,0 +1,160 @@
+"""``lostmotion trend``: what the history of a joint says about its wear, in words, as JSON and as a plot.
+
+The numbers are detector/trend.py's; the plots are trend_terminal.py's and trend_picture.py's.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lostmotion.daemon.commands import output, times
+from lostmotion.daemon.commands.where import open_joint
+from lostmotion.daemon.records import ScoreRow, iso
+from lostmotion.detector.errors import DetectorError
+from lostmotion.detector.trend import Slope, WearTrend, summarise
+from lostmotion.detector.window import FloatArray
+from lostmotion.drivers.errors import LostmotionError
+
+__all__ = ["History", "TrendError", "trend"]
+
+DAY = 86400.0
+UNITS = (("year", 365.25 * DAY), ("month", 30.4375 * DAY), ("day", DAY), ("hour", 3600.0), ("minute", 60.0))
+MONTH = UNITS[1][1]
+
+
+class TrendError(LostmotionError):
+    """There is too little history for a trend."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class History:
+    """The scores of a joint that are numbers, and their trend: what a plot shows.
+
+    start: UTC of time 0; time [s] and score [-], shape (N,); impact, shape (N,); wear: with times from ``start``.
+    """
+
+    joint: str
+    start: datetime
+    time: FloatArray
+    score: FloatArray
+    impact: np.ndarray[Any, np.dtype[np.bool_]]
+    wear: WearTrend
+
+    @property
+    def span(self) -> float:
+        """From the first score to the last [s]."""
+        return self.wear.last - self.wear.first
+
+    def utc(self, time: float) -> datetime:
+        """The UTC of a time [s]."""
+        return self.start + timedelta(seconds=time)
+
+    def medians(self, pieces: int) -> tuple[FloatArray, FloatArray]:
+        """Median times [s] and scores in equal pieces of time, shape (M,) each, empty pieces left out."""
+        edges = np.linspace(self.wear.first, self.wear.last, pieces + 1)[1:-1]
+        runs = np.split(np.arange(self.time.size), np.searchsorted(self.time, edges))
+        full = [run for run in runs if run.size]
+        return (
+            np.array([np.median(self.time[run]) for run in full]),
+            np.array([np.median(self.score[run]) for run in full]),
+        )
+
+
+def trend(
+    joint: str,
+    config: Path | None,
+    database: Path | None,
+    bounds: tuple[datetime | None, datetime | None],
+    level: float | None,
+    png: Path | None,
+    as_json: bool,
+) -> None:
+    """Prints the trend of the scores with since <= time < until against ``level``; draws ``png`` when given."""
+    with open_joint(joint, config, database) as reader:
+        history = _history(joint, reader.scores(joint, *bounds), level)
+    if png:
+        from lostmotion.daemon.commands.trend_picture import draw
+
+        draw(history, png)
+    if as_json:
+        output.print_json(_document(history))
+        return
+    from lostmotion.daemon.commands.trend_terminal import plot
+
+    output.print_lines([*_words(history), "", plot(history), *([f"picture: {png}"] if png else [])])
+
+
+def _history(joint: str, rows: list[ScoreRow], level: float | None) -> History:
+    rows = [row for row in rows if math.isfinite(row.score)]
+    if not rows:
+        raise TrendError(f"found no scores of {joint!r} in that time, expected at least 3; try an earlier --since")
+    start = rows[0].time
+    time = np.array([(row.time - start).total_seconds() for row in rows])
+    score = np.array([row.score for row in rows])
+    try:
+        wear = summarise(time, score, level or rows[-1].level)
+    except DetectorError as error:
+        raise TrendError(f"joint {joint!r}: {error}; let it run for longer, or try an earlier --since") from error
+    return History(joint, start, time, score, np.array([row.impact for row in rows]), wear)
+
+
+def _document(history: History) -> dict[str, Any]:
+    wear, left = history.wear, history.wear.time_to_limit
+    return {
+        "joint": history.joint,
+        "count": wear.count,
+        "first": iso(history.utc(wear.first)),
+        "last": iso(history.utc(wear.last)),
+        "level": wear.limit,
+        "current": wear.current,
+        "slope": _per_month(wear.slope),
+        "mann_kendall": {
+            "p_value": wear.trend.p_value,
+            "tau": wear.trend.tau,
+            "direction": wear.trend.direction,
+        },
+        "change_points": [iso(history.utc(time)) for time in wear.change_points],
+        "recent_slope": _per_month(wear.recent),
+        "time_to_limit": left and {"likely_s": left.likely, "earliest_s": left.earliest, "latest_s": left.latest},
+    }
+
+
+def _per_month(slope: Slope) -> dict[str, float]:
+    return {"per_month": slope.slope * MONTH, "low": slope.low * MONTH, "high": slope.high * MONTH}
+
+
+def _words(history: History) -> list[str]:
+    wear = history.wear
+    first, last = (f"{history.utc(time).astimezone(UTC):%Y-%m-%d %H:%M}" for time in (wear.first, wear.last))
+    found = f"{wear.trend.direction} (p = {wear.trend.p_value:.2g})" if wear.trend.direction != "none" else "none found"
+    lines = [
+        f"{history.joint}: {wear.count} scores, {first} to {last} UTC",
+        f"trend          {found}, Mann-Kendall tau {wear.trend.tau:+.2f}",
+        f"slope          {_slope(wear.slope, history.span)}",
+    ]
+    if wear.change_points:
+        when = ", ".join(f"{history.utc(time):%Y-%m-%d %H:%M}" for time in wear.change_points)
+        lines += [f"changed        {when} UTC", f"since then     {_slope(wear.recent, history.span)}"]
+    return [*lines, f"now            {wear.current:.2f}, level {wear.limit:.2f}", f"limit          {_left(wear)}"]
+
+
+def _slope(slope: Slope, span: float) -> str:
+    """The slope in the unit that suits the length of the history."""
+    name, length = next((unit for unit in UNITS if span >= unit[1] / 2), UNITS[-1])
+    return f"{slope.slope * length:+.3g} per {name} (95 %: {slope.low * length:+.3g} to {slope.high * length:+.3g})"
+
+
+def _left(wear: WearTrend) -> str:
+    left = wear.time_to_limit
+    if left is None:
+        return "not reached at this slope"
+    if left.likely == 0:
+        return "reached"
+    words = [times.span(t) if math.isfinite(t) else "never" for t in (left.likely, left.earliest, left.latest)]
+    return f"reached in {words[0]} (95 %: {words[1]} to {words[2]})"

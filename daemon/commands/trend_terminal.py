@@ -1,0 +1,44 @@
+"""The plot of a trend in the terminal, by plotext: medians, the present slope, level, change points."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+
+import numpy as np
+
+from lostmotion.daemon.commands.trend import DAY, History
+
+__all__ = ["plot"]
+
+HEIGHT = 22
+TICKS = 5
+
+
+def plot(history: History) -> str:
+    """The plot as text, coloured only for a terminal that wants colours."""
+    import plotext
+
+    width = min(shutil.get_terminal_size((100, HEIGHT)).columns, 120)
+    plain = not sys.stdout.isatty() or bool(os.environ.get("NO_COLOR"))
+    wear = history.wear
+    figure = plotext.figure
+    figure.clear()
+    figure.plot_size(width, HEIGHT)
+    figure.theme("colorless" if plain else "simple")
+    figure.title(f"{history.joint}: score over UTC")
+    ends = [wear.first if wear.recent is wear.slope else wear.change_points[-1], wear.last]
+    line = figure.signal(ends, [wear.recent.at(t) for t in ends], marker="braille").lines()
+    figure.draw(line.label("Theil-Sen"))
+    time, score = history.medians(width - 12)
+    figure.draw(figure.signal(time.tolist(), score.tolist(), marker="•").label("median"))
+    figure.line(wear.limit, "horizontal", label=f"level {wear.limit:g}")
+    for change in wear.change_points:
+        figure.line(change, "vertical", style="dotted")
+    lowest, highest = min(score.min(), 0.0), max(score.max(), wear.limit)
+    figure.ruler("y").lim(lowest, highest * 1.05)
+    ticks = np.linspace(wear.first, wear.last, TICKS).tolist()
+    form = "%Y-%m-%d" if history.span > TICKS * DAY else "%H:%M:%S"
+    figure.ruler("x").ticks(ticks, [f"{history.utc(t):{form}}" for t in ticks])
+    return str(figure.build().string(colorless=plain)).strip("\n")

@@ -1,0 +1,44 @@
+"""Which configuration and which database a command means."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from lostmotion.daemon import config as configuration
+from lostmotion.daemon.config import Config
+from lostmotion.daemon.reader import Reader, open_readonly
+from lostmotion.drivers.errors import LostmotionError
+
+__all__ = ["ETC", "UnknownJointError", "find_config", "open_joint", "open_reader"]
+
+ETC = Path("/etc/lostmotion/lostmotion.toml")
+
+
+class UnknownJointError(LostmotionError):
+    """The database holds no such joint."""
+
+
+def find_config(given: Path | None) -> Config:
+    """The configuration that was given, else the built-in one.  Raises ConfigError."""
+    return configuration.load(given) if given else configuration.default()
+
+
+def open_reader(config: Path | None, database: Path | None) -> Reader:
+    """The database: the one given, else that of the configuration given, else the service's, else this user's.
+
+    Raises ConfigError or ReaderError.
+    """
+    if database is None:
+        database = find_config(config or (ETC if ETC.exists() else None)).database
+    return open_readonly(database)
+
+
+def open_joint(joint: str, config: Path | None, database: Path | None) -> Reader:
+    """The database, which must know the joint.  Raises UnknownJointError, ConfigError or ReaderError."""
+    reader = open_reader(config, database)
+    known = [row.name for row in reader.joints()]
+    if joint not in known:
+        reader.close()
+        there = f"there are {', '.join(known)}" if known else "it holds none yet; has a window been scored?"
+        raise UnknownJointError(f"found no joint {joint!r} in the database; {there}")
+    return reader
