@@ -11,7 +11,7 @@ from lostmotion.model.base import Base, Fusion
 from lostmotion.model.effects.base import Effect
 from lostmotion.model.effects.registry import rank
 from lostmotion.model.kernel import Kernel
-from lostmotion.model.signals import DRIVEN, SIGNALS, TIME
+from lostmotion.model.signals import SIGNALS, TIME
 from lostmotion.model.solve import IntArray, Plan
 
 __all__ = ["assemble", "in_order", "scope"]
@@ -42,15 +42,14 @@ def scope(values: Mapping[str, float], effect: Effect | None = None) -> dict[str
     return seen
 
 
-def assemble(base: Base, effects: Sequence[Effect], values: Mapping[str, float], driven: bool) -> Plan:
-    """The tables of solve.Plan for a base with effects (in_order); driven: whether there is an input."""
+def assemble(base: Base, effects: Sequence[Effect], values: Mapping[str, float]) -> Plan:
+    """The tables of solve.Plan for a base with effects (in_order), as without an input."""
     steps = sorted([*_base_steps(base, effects, scope(values)), *_effect_steps(base, effects, values)], key=_place)
     states = [state.signal for state in base.states]
     own = sum(len(effect.states) for effect in effects)
     given = {*base.presets, *states, *(signal for signal, _ in base.input_signals)}
     targets = [step.target for step in steps]
     start = np.zeros(SIGNALS + own)
-    start[DRIVEN] = float(driven)
     for signal, preset in base.presets.items():
         start[signal] = values[preset] if isinstance(preset, str) else preset
     reset = [signal for signal in base.presets if signal in targets]
@@ -80,10 +79,11 @@ def assemble(base: Base, effects: Sequence[Effect], values: Mapping[str, float],
 
 def _base_steps(base: Base, effects: Sequence[Effect], values: Mapping[str, float]) -> Iterator[_Step]:
     touched = {term.target for effect in effects for term in effect.terms.get(base.id, ())}
-    fusions = [fusion for fusion in base.fusions if not touched & set(fusion.covers[:-1])]
-    fused = {signal for fusion in fusions for signal in fusion.covers}
-    for fusion in fusions:
-        yield _fused(fusion, values)
+    fused: set[int] = set()
+    for fusion in base.fusions:
+        if not touched & set(fusion.covers[:-1]) and not fused & set(fusion.covers):
+            fused |= set(fusion.covers)
+            yield _fused(fusion, values)
     for term in base.terms:
         if term.target not in fused:
             yield _Step((term.target, -1), term.target, term.kernel, tuple(values[name] for name in term.parameters))

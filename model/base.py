@@ -79,3 +79,4 @@ class Base:
     input_signals: tuple[tuple[int, int], ...] = ()
     presets: Mapping[int, str | float] = field(default_factory=dict)
     fusions: tuple[Fusion, ...] = ()
+    """Those that cover most first."""

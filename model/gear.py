@@ -51,7 +51,7 @@ def gap_rate(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
 @kernel
 def contact(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
     """F_cnt = beta X^n + alpha delta_v X^(n+1), X = delta_d/(d/2) (eq. 1); p: beta, alpha, n, d."""
-    closed = 2.0 * s[GAP] / p[3]
+    closed = s[GAP] * (2.0 / p[3])
     return whole_power(closed, int(p[2])) * (p[0] + p[1] * s[GAP_RATE] * closed)
 
 
@@ -64,7 +64,7 @@ def contact_torque(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
 @kernel
 def acceleration(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
     """theta_2'' = torque / inertia (eq. 2)."""
-    return s[TORQUE] / s[INERTIA]
+    return s[TORQUE] * (1.0 / s[INERTIA])
 
 
 @kernel
@@ -72,7 +72,7 @@ def fused_contact(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
     """gap, gap_rate, contact and contact_torque in one call; p: R1, R2, beta, alpha, n, d."""
     s[GAP] = p[1] * s[THETA2] - p[0] * s[THETA1]
     s[GAP_RATE] = p[1] * s[OMEGA2] - p[0] * s[OMEGA1]
-    closed = 2.0 * s[GAP] / p[5]
+    closed = s[GAP] * (2.0 / p[5])
     s[FORCE] = whole_power(closed, int(p[4])) * (p[2] + p[3] * s[GAP_RATE] * closed)
     return -p[1] * s[FORCE]
 

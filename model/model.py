@@ -21,7 +21,7 @@ from lostmotion.model.errors import ModelError
 from lostmotion.model.motion import FloatArray, Motion
 from lostmotion.model.parameter import Parameter
 from lostmotion.model.pieces import Pieces, cut
-from lostmotion.model.signals import READING
+from lostmotion.model.signals import DRIVEN, READING
 from lostmotion.model.solve import Plan, integrate, start_signals
 from lostmotion.model.trajectory import Trajectory
 
@@ -87,8 +87,13 @@ class Model:
     def _values(self) -> dict[str, float]:
         return {name: parameter.value for name, parameter in self.parameters.items()}
 
-    def _plan(self, driven: bool) -> Plan:
-        return assemble(self._base, self._in_order, self._values, driven)
+    @cached_property
+    def _plans(self) -> tuple[Plan, Plan]:
+        """Without and with an input."""
+        free = assemble(self._base, self._in_order, self._values)
+        driven = free.start.copy()
+        driven[DRIVEN] = 1.0
+        return free, free._replace(start=driven)
 
     def initial_state(self, drive: Motion | None = None, time: float = 0.0, **given: float) -> FloatArray:
         """The state (n,) that moves along with the drive at that time: no deflection, lags settled, gap centred.
@@ -102,7 +107,7 @@ class Model:
                 f"no state is called {', '.join(sorted(unknown))}; there are {', '.join(self.state_names)}"
             )
         pieces = cut(drive, float(time), 1e-3, self._delay)
-        state = self._start(self._plan(drive is not None), pieces, float(time))
+        state = self._start(self._plans[drive is not None], pieces, float(time))
         for name, value in given.items():
             state[self.state_names.index(name)] = value
         return state
@@ -128,16 +133,17 @@ class Model:
         local = times - times[0]
         grid = local if sensor_clock == 1 else np.union1d(local, local / sensor_clock)
         pieces = cut(drive, float(times[0]), max(float(grid[-1]), 1e-3), self._delay)
-        plan = self._plan(drive is not None)
+        plan = self._plans[drive is not None]
         x0 = self._start(plan, pieces, float(times[0])) if state is None else self._checked_state(state)
         out, states, used = self._solve(plan, pieces, x0, grid, float(times[0]), substep_s)
-        here = np.searchsorted(grid, local)
-        felt = here if sensor_clock == 1 else np.searchsorted(grid, local / sensor_clock)
-        names = self._base.outputs
-        signals = {name: row[felt if names[name] == READING else here] for name, row in zip(names, out, strict=True)}
-        if drive is not None and "command" in signals:
-            signals["command"] = np.asarray(drive.position(times), dtype=float)  # as sent, before any delay
-        states = states[here]
+        signals = dict(zip(self._base.outputs, out, strict=True))
+        if sensor_clock != 1:
+            here, felt = np.searchsorted(grid, local), np.searchsorted(grid, local / sensor_clock)
+            outputs = self._base.outputs
+            signals = {name: row[felt if outputs[name] == READING else here] for name, row in signals.items()}
+            states = states[here]
+        if drive is not None and self._delay:
+            signals["command"] = np.asarray(drive.position(times), dtype=float)  # as sent
         return Trajectory(times, MappingProxyType(signals), states, states[-1].copy(), used)
 
     @property

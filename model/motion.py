@@ -184,6 +184,11 @@ class Sampled:
     def _spline(self) -> CubicSpline[np.float64]:
         return CubicSpline(self.time, self.values)
 
+    @cached_property
+    def nodes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Value, first and second derivative at the samples, each (N,)."""
+        return self.values, self._spline(self.time, 1), self._spline(self.time, 2)
+
     def _inside(self, t: FloatArray) -> FloatArray:
         return np.clip(t, self.time[0], self.time[-1])
 

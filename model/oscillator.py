@@ -47,7 +47,7 @@ def spring_and_damper(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
 @kernel
 def on_bar(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
     """q'' = force/m - omega_2' l (eq. 7); p: m, l."""
-    return s[BAR_FORCE] / p[0] - p[1] * s[ALPHA2]
+    return s[BAR_FORCE] * (1.0 / p[0]) - p[1] * s[ALPHA2]
 
 
 @kernel
@@ -71,9 +71,9 @@ def reading(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
 @kernel
 def fused_bar(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
     """theta_2'', spring_and_damper and on_bar in one call; p: b, k, m, l."""
-    s[ALPHA2] = s[TORQUE] / s[INERTIA]
+    s[ALPHA2] = s[TORQUE] * (1.0 / s[INERTIA])
     s[BAR_FORCE] = -p[0] * s[Q_RATE] - p[1] * s[Q]
-    return s[BAR_FORCE] / p[2] - p[3] * s[ALPHA2]
+    return s[BAR_FORCE] * (1.0 / p[2]) - p[3] * s[ALPHA2]
 
 
 @kernel

@@ -40,19 +40,31 @@ def cut(drive: Motion | None, start: float, length: float, delay: float = 0.0) -
     if drive is None:
         return Pieces(np.array([0.0, length]), np.zeros((1, 6)), 0.0, 0.0)
     if isinstance(drive, Sampled):
-        samples = drive.time + (delay - start)
-        inside = samples[(samples > 1e-6 * length) & (samples < length * (1 - 1e-6))]
-        return _through(drive, np.concatenate(([0.0], inside, [length])), start - delay)
+        return _through_samples(drive, start - delay, length)
     for halvings in range(4):
         knots = np.linspace(0.0, length, max(1, round(length / KNOT_S)) * 2**halvings + 1)
-        pieces = _through(drive, knots, start - delay)
+        times = knots + (start - delay)
+        values = (np.asarray(f(times), dtype=float) for f in (drive.position, drive.velocity, drive.acceleration))
+        pieces = _through(drive, knots, *values)
         if _middle_error(drive, pieces, start - delay) <= TOLERANCE:
             break
     return pieces
 
 
-def _through(drive: Motion, knots: FloatArray, origin: float) -> Pieces:
-    x, v, a = (np.asarray(f(knots + origin), dtype=float) for f in (drive.position, drive.velocity, drive.acceleration))
+def _through_samples(drive: Sampled, origin: float, length: float) -> Pieces:
+    """The spline itself: knots at the samples, and at both ends of the stretch."""
+    ends = np.array([origin, origin + length])
+    first, last = np.searchsorted(drive.time, (origin + 1e-6 * length, origin + (1 - 1e-6) * length))
+    knots = np.concatenate(([0.0], drive.time[first:last] - origin, [length]))
+    at_ends = (drive.position(ends), drive.velocity(ends), drive.acceleration(ends))
+    values = (
+        np.concatenate((end[:1], node[first:last], end[1:])) for end, node in zip(at_ends, drive.nodes, strict=True)
+    )
+    return _through(drive, knots, *values)
+
+
+def _through(drive: Motion, knots: FloatArray, x: FloatArray, v: FloatArray, a: FloatArray) -> Pieces:
+    """The pieces through values x, rates v and second derivatives a at the knots, all (K + 1,)."""
     if not (x.shape == v.shape == a.shape == knots.shape and np.all(np.isfinite(x + v + a))):
         raise ModelError(f"the motion {drive!r} does not give one finite number for each time")
     h = np.diff(knots)

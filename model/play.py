@@ -9,18 +9,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from lostmotion.model import gear, oscillator
-from lostmotion.model.base import Base, Operating, State, Term
-from lostmotion.model.kernel import Slots, kernel
+from lostmotion.model.base import Base, Fusion, Operating, State, Term
+from lostmotion.model.kernel import Slots, kernel, whole_power
 from lostmotion.model.parameter import Domain, Parameter
 from lostmotion.model.signals import (
     ALPHA2,
+    BAR_FORCE,
     COMMAND,
     COMMAND_RATE,
     FORCE,
     GAP,
+    GAP_RATE,
     INERTIA,
     OMEGA1,
     OMEGA2,
+    Q_RATE,
     READING,
     SENSOR,
     THETA1,
@@ -36,6 +39,25 @@ __all__ = ["BASE"]
 def biased(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
     """The sensor's output with its constant offset; p: bias."""
     return s[SENSOR] + p[0]
+
+
+@kernel
+def fused(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """Eqs. 1-7 in one call, as the single terms have them; p: as FUSION names them."""
+    gap = p[1] * s[THETA2] - p[0] * s[THETA1]
+    gap_rate = p[1] * s[OMEGA2] - p[0] * s[OMEGA1]
+    closed = gap * (2.0 / p[5])
+    force = whole_power(closed, int(p[4])) * (p[2] + p[3] * gap_rate * closed)
+    torque = -p[1] * force
+    alpha2 = torque * (1.0 / s[INERTIA])
+    bar_force = -p[6] * s[Q_RATE] - p[7] * s[Q]
+    s[GAP], s[GAP_RATE], s[FORCE], s[TORQUE], s[ALPHA2], s[BAR_FORCE] = gap, gap_rate, force, torque, alpha2, bar_force
+    return bar_force * (1.0 / p[8]) - p[9] * alpha2
+
+
+FUSION = Fusion(
+    (*gear.FUSION.covers, *oscillator.FUSION.covers), fused, (*gear.FUSION.parameters, *oscillator.FUSION.parameters)
+)
 
 
 def _rate(values: Mapping[str, float], operating: Operating) -> float:
@@ -75,5 +97,5 @@ BASE = Base(
     start=_start,
     input_signals=((COMMAND, 0), (COMMAND_RATE, 1), (THETA1, 0), (OMEGA1, 1)),
     presets={INERTIA: "J2"},
-    fusions=(gear.FUSION, oscillator.FUSION),
+    fusions=(FUSION, gear.FUSION, oscillator.FUSION),
 )
