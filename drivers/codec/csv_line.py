@@ -1,0 +1,67 @@
+"""Lines of numbers, as a microcontroller prints them: ``value`` or ``t_us,value`` or more columns.
+
+Columns are separated by a comma, a semicolon or a tab; lines end with LF or CR LF.
+"""
+
+from __future__ import annotations
+
+import math
+
+__all__ = ["CsvDecoder"]
+
+MAX_LINE = 256
+"""a line longer than this [bytes] is garbage without line ends, and is not kept"""
+TO_COMMAS = bytes.maketrans(b";\t_", b",,?")
+"""also spoils 1_000, which float() takes and no device prints"""
+
+
+class CsvDecoder:
+    """Cuts a stream into rows of numbers.
+
+    A broken line becomes None in its place and is counted in ``broken``: one that is not all numbers (NaN and infinity
+    are none), or that has another number of columns than the others, as happens when bytes are lost.  The second line
+    running with the same new number of columns is believed, so a change of format costs one line.  The first line
+    after ``reset`` is dropped without counting, for it is rarely whole.
+    """
+
+    def __init__(self) -> None:
+        self.broken = 0
+        self._rest = b""
+        self._columns = 0
+        self._new_columns = 0
+        self._skip_first = True
+
+    def feed(self, data: bytes) -> list[tuple[float, ...] | None]:
+        """The rows that are complete now."""
+        *lines, self._rest = (self._rest + data.translate(TO_COMMAS)).split(b"\n")
+        if len(self._rest) > MAX_LINE:
+            lines.append(self._rest)
+            self._rest = b""
+        if lines and self._skip_first:
+            del lines[0]
+            self._skip_first = False
+        return [self._row(line) for line in lines]
+
+    def reset(self) -> None:
+        """The line was opened anew, most likely in the middle of a reading."""
+        self._rest = b""
+        self._skip_first = True
+
+    def _row(self, line: bytes) -> tuple[float, ...] | None:
+        try:
+            row = tuple(map(float, line.split(b",")))
+        except ValueError:
+            row = ()
+        # the sum finds NaN and infinity in one go
+        if row and math.isfinite(sum(row)) and (len(row) == self._columns or self._fits(len(row))):
+            self._new_columns = 0
+            return row
+        self.broken += 1
+        return None
+
+    def _fits(self, columns: int) -> bool:
+        """Whether a row with another number of columns is to be believed: the first one, and the second running."""
+        if columns == self._new_columns or not self._columns:
+            self._columns = columns
+        self._new_columns = columns
+        return columns == self._columns

@@ -1,0 +1,90 @@
+"""Driver of a microcontroller that prints one reading a line: ``value``, or ``t_us,value``, or more columns.
+
+The lines stand in ``codec/csv_line.py``; ports, identity and times in ``serial_accelerometer.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Literal
+
+from lostmotion.drivers.base import Accelerometer, AccelerometerOptions, Driver, RobotOptions
+from lostmotion.drivers.clock import Clock
+from lostmotion.drivers.codec.csv_line import CsvDecoder
+from lostmotion.drivers.serial_accelerometer import Readings, SerialAccelerometer
+
+__all__ = ["DRIVER", "CsvSerialOptions"]
+
+SECONDS: Mapping[str, float] = MappingProxyType({"s": 1.0, "ms": 1e-3, "us": 1e-6})
+COUNTER = 2**32
+"""micros() and millis() of a microcontroller begin again at 0 after this many"""
+
+
+class CsvSerialOptions(AccelerometerOptions, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """baudrate [bit/s]; column: the one that holds the reading, counted from 0, or from the end by -1; scale: m/s² per
+    unit of the reading, negative to turn its sign; range_ms2: the largest acceleration the sensor can show [m/s²];
+    time_column: the one that holds the sensor's own time, if there is one, in ``time_unit``.
+    """
+
+    baudrate: int = 115200
+    column: int = -1
+    scale: float = 1.0
+    range_ms2: float = math.inf
+    time_column: int | None = None
+    time_unit: Literal["s", "ms", "us"] = "us"
+
+
+class CsvFormat:
+    """One column of the lines as acceleration, another one as the sensor's clock."""
+
+    name = "lines of numbers"
+
+    def __init__(self, options: CsvSerialOptions) -> None:
+        self.range_ms2 = options.range_ms2
+        self._column = options.column
+        self._scale = options.scale
+        self._time_column = options.time_column
+        self._unit = SECONDS[options.time_unit]
+        whole_numbers = options.time_unit != "s"
+        self.wraps = None if options.time_column is None else COUNTER * self._unit if whole_numbers else math.inf
+        self._decoder = CsvDecoder()
+
+    def feed(self, data: bytes) -> Readings:
+        accel: list[float] = []
+        stamps: list[float] = []
+        broken = 0
+        for row in self._decoder.feed(data):
+            value = self._value(row)
+            broken += math.isnan(value)
+            if self._time_column is None:
+                accel.append(value)
+            elif row is not None and self._time_column < len(row):
+                accel.append(value)
+                stamps.append(row[self._time_column] * self._unit)
+        return Readings(accel, None if self._time_column is None else stamps, broken)
+
+    def reset(self) -> None:
+        self._decoder.reset()
+
+    def _value(self, row: tuple[float, ...] | None) -> float:
+        """The reading [m/s²]; NaN for a broken line, one without that column, or one beyond the sensor's range."""
+        columns = len(row) if row else 0
+        if not row or not -columns <= self._column < columns:
+            return math.nan
+        value = row[self._column] * self._scale
+        return value if abs(value) <= self.range_ms2 else math.nan
+
+
+def _make(options: AccelerometerOptions, robot: RobotOptions, clock: Clock) -> Accelerometer:
+    assert isinstance(options, CsvSerialOptions)
+    return SerialAccelerometer(options, options.baudrate, CsvFormat(options), clock)
+
+
+DRIVER = Driver(
+    name="csv_serial",
+    summary="microcontroller printing one reading a line over a serial port",
+    accelerometer=_make,
+    accelerometer_options=CsvSerialOptions,
+)

@@ -1,0 +1,205 @@
+"""Driver of ROBOTIS Dynamixel servos: AX and MX on protocol 1.0, X and MX on protocol 2.0, also mixed on one line.
+
+It only reads; it never moves a servo.  The port stands in ``dynamixel_port.py``, models and units in
+``codec/servo_state.py``; packets are made and checked by dynamixel-sdk.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from dynamixel_sdk import COMM_RX_TIMEOUT, COMM_SUCCESS, Protocol1PacketHandler, Protocol2PacketHandler
+
+from lostmotion.drivers.base import Driver, Identity, JointOptions, RobotOptions, ServoBus, ServoReading, ServoSample
+from lostmotion.drivers.clock import Clock
+from lostmotion.drivers.codec.servo_state import ADDRESS, MODELS, Model, decode_state, model_name
+from lostmotion.drivers.dynamixel_port import BusPort
+from lostmotion.drivers.errors import DriverError
+
+__all__ = ["DRIVER", "DynamixelOptions"]
+
+LONGEST_WAIT_S = 0.3
+FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.1, 2.0
+"""a silent servo costs 34 ms each time it is asked, so the pause before the next time doubles from one to the other"""
+EAVESDROP_S = 1.2
+"""a GPS receiver speaks once a second"""
+MAX_ID = 252
+PACKET_ID, PACKET_DATA = 4, 9
+"""where the SDK's list of a status packet of protocol 2.0 holds them"""
+
+
+class DynamixelOptions(JointOptions, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """baudrate [bit/s] of the line; model: as printed on the servo; id: the servo's number on the line."""
+
+    baudrate: int = 1_000_000
+    model: str
+    id: int
+
+
+@dataclass(slots=True)
+class _Servo:
+    """One servo on the line and when to ask it next [s]; ``pause`` [s] is 0 while it answers."""
+
+    joint: str
+    id: int
+    model: Model
+    period: float
+    due: float = 0.0
+    pause: float = 0.0
+
+
+class DynamixelBus:
+    """All Dynamixel servos on one port; see ``base.ServoBus``.
+
+    Each servo is asked at multiples of its poll period.  Those of protocol 1.0 are read one by one, those of 2.0 by one
+    sync read; whoever is missing in its answer is asked once more alone, because one silent servo keeps those after it
+    from answering.  A sample's time is that of its request, which a servo obeys within its return delay (0.5 ms as
+    shipped); the answer's may be 16 ms later.
+    """
+
+    def __init__(self, joints: Sequence[DynamixelOptions], clock: Clock) -> None:
+        """Raises DriverError for an unknown model, an id used twice or different baud rates."""
+        _check(joints)
+        self._clock = clock
+        self._servos = [_Servo(j.name, j.id, MODELS[j.model], 1 / j.poll_hz) for j in joints]
+        self._port = BusPort(joints[0].port, joints[0].baudrate)
+        self._handlers = {1: Protocol1PacketHandler(), 2: Protocol2PacketHandler()}
+        self.resolution_rad = max(servo.model.step for servo in self._servos)
+
+    def open(self) -> None:
+        """Takes the port.  Raises PortError."""
+        self._port.open()
+        self._start()
+
+    def identify(self) -> tuple[Identity, ...]:
+        """Asks each servo for its model number.  Raises PortError."""
+        found = [self._ping(servo) for servo in self._servos]
+        silence = "no answer; likely cause: no power, another id, or another baudrate"
+        if all(number is None for number, _ in found):
+            heard = self._port.listen(EAVESDROP_S)
+            if heard:
+                silence = f"no answer, but {heard[:24]!r} unasked; likely cause: another device on the port"
+        self._start()
+        return tuple(
+            Identity(
+                servo.joint,
+                silence if number is None else f"id {servo.id}: {model_name(number)}, protocol {protocol}.0",
+                f"id {servo.id}: {model_name(servo.model.number)}, protocol {servo.model.protocol}.0",
+                number == servo.model.number and protocol == servo.model.protocol,
+            )
+            for servo, (number, protocol) in zip(self._servos, found, strict=True)
+        )
+
+    def read(self) -> ServoReading:
+        """Waits for the next poll, at most 0.3 s, and asks the servos whose turn it is.  Raises PortError."""
+        start = min(servo.due for servo in self._servos)
+        wait = start - self._clock.now()
+        if wait > 0:
+            time.sleep(min(wait, LONGEST_WAIT_S))
+            if wait > LONGEST_WAIT_S:
+                return ServoReading(silent=self._silent())
+        now = self._clock.now()
+        asked = [servo for servo in self._servos if servo.due <= now]
+        lone = [servo for servo in asked if servo.model.protocol == 1 or servo.pause]
+        samples = self._read_group([servo for servo in asked if servo.model.protocol == 2 and not servo.pause])
+        for servo in lone:
+            self._read_one(servo, samples)
+        return ServoReading(tuple(samples), self._silent(), self._schedule(asked))
+
+    def close(self) -> None:
+        """Gives the port back."""
+        self._port.close()
+
+    def _start(self) -> None:
+        now = self._clock.now()
+        for servo in self._servos:
+            servo.due, servo.pause = now, 0.0
+
+    def _ping(self, servo: _Servo) -> tuple[int | None, int]:
+        """The model number that answers at this id and the protocol it speaks, its own one first."""
+        own = servo.model.protocol
+        for protocol in (own, 3 - own):
+            number, result, _ = self._handlers[protocol].ping(self._port, servo.id)
+            if result == COMM_SUCCESS:
+                return number, protocol
+        return None, own
+
+    def _read_one(self, servo: _Servo, samples: list[ServoSample]) -> None:
+        now = self._clock.now()
+        protocol, size = servo.model.protocol, servo.model.block_size
+        data, _, _ = self._handlers[protocol].readTxRx(self._port, servo.id, ADDRESS[protocol], size)
+        self._take(servo, now, data, samples)
+
+    def _read_group(self, servos: list[_Servo]) -> list[ServoSample]:
+        """One sync read.  The SDK's group reader is no use: with one silent servo it gives 0 for all, without error."""
+        samples: list[ServoSample] = []
+        if not servos:
+            return samples
+        missing = {servo.id: servo for servo in servos}
+        handler, now, size = self._handlers[2], self._clock.now(), servos[0].model.block_size
+        handler.syncReadTx(self._port, ADDRESS[2], size, list(missing), len(missing), False)
+        for _ in servos:
+            packet, result = handler.rxPacket(self._port, False)
+            if result == COMM_RX_TIMEOUT:
+                break
+            if result == COMM_SUCCESS and (servo := missing.pop(packet[PACKET_ID], None)):
+                self._take(servo, now, packet[PACKET_DATA : PACKET_DATA + size], samples)
+        for servo in missing.values():
+            self._read_one(servo, samples)
+        return samples
+
+    def _take(self, servo: _Servo, now: float, data: Sequence[int], samples: list[ServoSample]) -> None:
+        """Makes a sample of a state block; one that is missing or of another size makes the servo a silent one."""
+        if len(data) != servo.model.block_size:
+            servo.pause = min(2 * servo.pause, LONGEST_PAUSE_S) or FIRST_PAUSE_S
+            return
+        servo.pause = 0.0
+        command, position, velocity, voltage, temperature, current = decode_state(servo.model, bytes(data))
+        nan = math.nan
+        samples.append(ServoSample(servo.joint, now, command, position, velocity, nan, current, voltage, temperature))
+
+    def _schedule(self, asked: list[_Servo]) -> int:
+        """Sets the next turns, on the grid of each servo's period; how many polls went by meanwhile."""
+        now, lost = self._clock.now(), 0
+        for servo in asked:
+            late = max(0, int((now - servo.due) / servo.period))
+            lost += late
+            servo.due += (late + 1) * servo.period
+            while servo.due < now + servo.pause:
+                servo.due += servo.period
+        return lost
+
+    def _silent(self) -> tuple[str, ...]:
+        return tuple(servo.joint for servo in self._servos if servo.pause)
+
+
+def _check(joints: Sequence[DynamixelOptions]) -> None:
+    seen: dict[int, str] = {}
+    for joint in joints:
+        if joint.model not in MODELS:
+            raise DriverError(f"joint {joint.name}: no model {joint.model!r} is known; there are {', '.join(MODELS)}")
+        if not 0 <= joint.id <= MAX_ID:
+            raise DriverError(f"joint {joint.name}: id is {joint.id}; expected 0 to {MAX_ID}")
+        if joint.poll_hz <= 0:
+            raise DriverError(f"joint {joint.name}: poll_hz is {joint.poll_hz:g}; expected more than 0")
+        if joint.id in seen:
+            raise DriverError(f"joints {seen[joint.id]} and {joint.name} have the same id {joint.id} on {joint.port}")
+        seen[joint.id] = joint.name
+    rates = sorted({joint.baudrate for joint in joints})
+    if len(rates) > 1:
+        raise DriverError(f"port {joints[0].port}: one line has one baudrate, found {', '.join(map(str, rates))}")
+
+
+def _make(joints: Sequence[JointOptions], robot: RobotOptions, clock: Clock) -> ServoBus:
+    return DynamixelBus([joint for joint in joints if isinstance(joint, DynamixelOptions)], clock)
+
+
+DRIVER = Driver(
+    name="dynamixel",
+    summary="ROBOTIS Dynamixel AX, MX (protocol 1.0 and 2.0) and X series",
+    servo=_make,
+    joint_options=DynamixelOptions,
+)

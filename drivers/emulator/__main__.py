@@ -1,0 +1,62 @@
+"""``python -m lostmotion.drivers.emulator``: prints the ports of emulated devices and serves them until killed."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from pathlib import Path
+
+import click
+
+from lostmotion.drivers.codec.servo_state import MODELS
+from lostmotion.drivers.emulator import CsvStream, Device, Emulator, Motion, ServoLine, WitMotionStream
+
+SHORT_NAMES = {"ax12": "AX-12A", "xl330": "XL330-M288", "xm430": "XM430-W350"}
+
+
+@click.command()
+@click.option("--servos", multiple=True, metavar="MODEL:ID,ID…", help="A line of servos, such as ax12:1,2,3.")
+@click.option("--accel", multiple=True, metavar="KIND:RATE", help="csv:1000 (t_us,value), values:1000, witmotion:200.")
+@click.option("--play", default=1.0, show_default=True, help="Size of the impacts after reversals of the last servo.")
+@click.option("--link", type=click.Path(path_type=Path), help="Also make symbolic links LINK.0, LINK.1, …")
+def main(servos: tuple[str, ...], accel: tuple[str, ...], play: float, link: Path | None) -> None:
+    """Emulates servos and accelerometers on pseudo-terminals: one path a line, then runs until killed.
+
+    All share one motion: impacts follow the reversals of the last servo's goal.
+    """
+    motion = Motion(play)
+    devices = [_servos(text, motion) for text in servos] + [_accelerometer(text, motion) for text in accel]
+    if not devices:
+        raise click.UsageError("nothing to emulate; give --servos or --accel")
+    with Emulator(*devices, link=link) as emulator, contextlib.suppress(KeyboardInterrupt):
+        for path in emulator.paths:
+            click.echo(path)
+        threading.Event().wait()
+
+
+def _servos(text: str, motion: Motion) -> Device:
+    name, _, ids = text.partition(":")
+    model = SHORT_NAMES.get(name.lower(), name)
+    if model not in MODELS:
+        raise click.BadParameter(f"no servo is called {name!r}; there are {', '.join([*SHORT_NAMES, *MODELS])}")
+    try:
+        return ServoLine.of(model, [int(id) for id in ids.split(",")], motion)
+    except ValueError as error:
+        raise click.BadParameter(f"{text!r}: ids are whole numbers, as in ax12:1,2,3") from error
+
+
+def _accelerometer(text: str, motion: Motion) -> Device:
+    kind, _, rate_text = text.partition(":")
+    try:
+        rate = float(rate_text)
+    except ValueError as error:
+        raise click.BadParameter(f"{text!r}: the rate is a number, as in csv:1000") from error
+    if kind == "witmotion":
+        return WitMotionStream(motion, rate)
+    if kind in ("csv", "values"):
+        return CsvStream(motion, rate, stamps=kind == "csv")
+    raise click.BadParameter(f"no accelerometer is called {kind!r}; there are csv, values, witmotion")
+
+
+if __name__ == "__main__":
+    main()

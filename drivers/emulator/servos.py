@@ -1,0 +1,144 @@
+"""Dynamixel servos on one line, byte for byte: protocols 1.0 and 2.0, with faults on request.  No I/O of its own."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from struct import pack_into, unpack_from
+
+from lostmotion.drivers.codec.dynamixel import BROADCAST, PING, READ, STATUS, SYNC_READ, WRITE, Packet, decoder, encode
+from lostmotion.drivers.codec.servo_state import ADDRESS, MODELS, Model, ServoState, encode_state
+from lostmotion.drivers.emulator.motion import Motion
+
+__all__ = ["ServoLine", "VirtualServo"]
+
+ID_ADDRESS = {1: 3, 2: 7}
+INSTRUCTION_ERROR = {1: 0x40, 2: 0x02}
+RANGE_ERROR = {1: 0x08, 2: 0x07}
+SPREAD_S = 1.7
+"""the servos of a line make the same motion, each this much later than the next; the last one carries the bar"""
+
+
+class VirtualServo:
+    """One servo: its control table, moved along a motion until someone writes a goal.
+
+    ``error`` is the error byte of all its answers; a ``silent`` servo gives none.
+    """
+
+    def __init__(self, model: Model, id: int, motion: Motion, ahead: float = 0.0) -> None:
+        self.model = model
+        self.id = id
+        self.silent = False
+        self.error = 0
+        self._motion = motion
+        self._ahead = ahead
+        self._held: float | None = None
+        self._table = bytearray(256)
+        pack_into("<H", self._table, 0, model.number)
+        self._table[ID_ADDRESS[model.protocol]] = id
+
+    def state(self, now: float) -> ServoState:
+        """What it would tell of itself at a time [s]."""
+        if self._held is not None:
+            return ServoState(self._held, self._held, 0.0, 11.8, 41, 0.02)
+        time = now + self._ahead
+        speed = self._motion.velocity(time)
+        return ServoState(self._motion.goal(time), self._motion.position(time), speed, 11.8, 41, 0.1 * speed)
+
+    def answer(self, packet: Packet, now: float) -> Packet | None:
+        """The status packet for an instruction; None where a servo stays quiet."""
+        if self.silent or (packet.id == BROADCAST and packet.code not in (PING, SYNC_READ)):
+            return None
+        if packet.code == PING:
+            return self._status(b"" if self.model.protocol == 1 else bytes(self._table[0:2]) + b"\x30")
+        if packet.code in (READ, SYNC_READ) and len(packet.parameters) == 2 * self.model.protocol:
+            return self._status(self.read(packet.parameters, now))
+        if packet.code == WRITE and len(packet.parameters) > self.model.protocol:
+            return self._status(b"", self._write(packet.parameters))
+        return self._status(b"", INSTRUCTION_ERROR[self.model.protocol])
+
+    def read(self, parameters: bytes, now: float) -> bytes:
+        """The bytes that an instruction's address and length ask for."""
+        at = ADDRESS[self.model.protocol]
+        self._table[at : at + self.model.block_size] = encode_state(self.model, self.state(now))
+        start, length = parameters if self.model.protocol == 1 else unpack_from("<HH", parameters)
+        return bytes(self._table[start : start + length])
+
+    def _write(self, parameters: bytes) -> int:
+        """Takes a goal; returns the error byte."""
+        form, width = ("<Bh", 3) if self.model.protocol == 1 else ("<Hi", 6)
+        if len(parameters) != width:
+            return RANGE_ERROR[self.model.protocol]
+        address, goal = unpack_from(form, parameters)
+        if address != ADDRESS[self.model.protocol]:
+            return RANGE_ERROR[self.model.protocol]
+        self._held = (goal - self.model.centre) * self.model.step
+        return 0
+
+    def _status(self, data: bytes, error: int = 0) -> Packet:
+        error |= self.error
+        if self.model.protocol == 1:
+            return Packet(self.id, error, data)
+        return Packet(self.id, STATUS, bytes((error,)) + data)
+
+
+class ServoLine:
+    """All servos on one line.  As on a real one, a broken or foreign packet gets no answer.
+
+    Faults on request, each for all answers until it is taken back: ``corrupt`` (ids whose checksum is wrong),
+    ``garbage`` (bytes sent before each answer), ``delay_s``; and ``silent``, ``error`` of a servo.
+    """
+
+    def __init__(self, servos: Iterable[VirtualServo]) -> None:
+        self.servos = {servo.id: servo for servo in servos}
+        self.corrupt: set[int] = set()
+        self.garbage = b""
+        self.delay_s = 0.0
+        self._decoders = {protocol: decoder(protocol) for protocol in {s.model.protocol for s in self.servos.values()}}
+        self._outbox: list[tuple[float, bytes]] = []
+
+    @classmethod
+    def of(cls, model: str, ids: Sequence[int], motion: Motion) -> ServoLine:
+        """A line of equal servos."""
+        last = len(ids) - 1
+        return cls(VirtualServo(MODELS[model], id, motion, SPREAD_S * (last - i)) for i, id in enumerate(ids))
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Takes bytes from the master; the answers are ready after the delay."""
+        for protocol, stream in self._decoders.items():
+            for packet in stream.feed(data):
+                if packet is not None:
+                    for servo, parameters in self._asked(packet, protocol):
+                        status = servo.answer(Packet(packet.id, packet.code, parameters), now)
+                        if status is not None:
+                            self._send(status, protocol, now)
+
+    def due(self) -> float:
+        """When the next answer is ready [s]; inf when there is none."""
+        return self._outbox[0][0] if self._outbox else math.inf
+
+    def emit(self, now: float) -> bytes:
+        """The answers that are ready."""
+        ready = b"".join(frame for when, frame in self._outbox if when <= now)
+        self._outbox = [(when, frame) for when, frame in self._outbox if when > now]
+        return ready
+
+    def _asked(self, packet: Packet, protocol: int) -> Iterable[tuple[VirtualServo, bytes]]:
+        """The servos that an instruction is for, in the order of their answers, each with its parameters."""
+        if packet.code == SYNC_READ and protocol == 2:
+            ids, parameters = packet.parameters[4:], packet.parameters[:4]
+            asked = [self.servos[id] for id in ids if id in self.servos and self.servos[id].model.protocol == 2]
+            for servo in asked:
+                if servo.silent:  # each waits for the one before it
+                    return
+                yield servo, parameters
+            return
+        for servo in self.servos.values():
+            if servo.model.protocol == protocol and packet.id in (servo.id, BROADCAST):
+                yield servo, packet.parameters
+
+    def _send(self, status: Packet, protocol: int, now: float) -> None:
+        frame = encode(status, protocol)
+        if status.id in self.corrupt:
+            frame = frame[:-1] + bytes((frame[-1] ^ 0x55,))
+        self._outbox.append((now + self.delay_s, self.garbage + frame))

@@ -1,0 +1,146 @@
+"""What all accelerometers on a serial port have in common: opening, identity by rate, reading, robot times.
+
+What their bytes mean is told by a ``Format``: ``witmotion.py``, ``csv_serial.py``.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from lostmotion.drivers.base import AccelBlock, AccelerometerOptions, Identity
+from lostmotion.drivers.clock import Clock
+from lostmotion.drivers.errors import DriverError
+from lostmotion.drivers.serial_port import SerialPort
+from lostmotion.drivers.timeline import Timeline
+
+__all__ = ["Format", "Readings", "SerialAccelerometer"]
+
+GATHER_S = 0.01
+"""bytes gather for this long between reads: at 1 kHz ten samples cost little more than one"""
+WAIT_S = 0.25
+LISTEN_S, SILENCE_S = 0.6, 2.5
+"""how long to measure a rate; how long to wait for the first reading (a microcontroller may boot when opened)"""
+RATE_TOLERANCE = 0.1
+NOTHING = np.empty(0)
+
+
+@dataclass(frozen=True, slots=True)
+class Readings:
+    """What a chunk of bytes held: accelerations [m/s²], NaN for a broken one; the sensor's own times [s] of each, or
+    None if it sends none; how many frames or lines were broken."""
+
+    accel: Sequence[float]
+    stamps: Sequence[float] | None
+    broken: int
+
+
+class Format(Protocol):
+    """How one kind of sensor speaks.
+
+    name: as a person calls it; range_ms2: the largest acceleration it can show [m/s²]; wraps: see ``Timeline``.
+    """
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def range_ms2(self) -> float: ...
+
+    @property
+    def wraps(self) -> float | None: ...
+
+    def feed(self, data: bytes) -> Readings:
+        """The readings that are complete now."""
+        ...
+
+    def reset(self) -> None:
+        """The port was opened anew."""
+        ...
+
+
+class SerialAccelerometer:
+    """An accelerometer on a serial port, sending on its own accord; see ``base.Accelerometer``."""
+
+    def __init__(self, options: AccelerometerOptions, baudrate: int, form: Format, clock: Clock) -> None:
+        """Raises DriverError when the rate is too low for the oscillator."""
+        oscillator, rate = options.oscillator.f_res_hz, options.rate_hz
+        if not 0 < oscillator < rate / 2:
+            raise DriverError(
+                f"accelerometer {options.name}: the oscillator rings at {oscillator:g} Hz, but {rate:g} samples/s show"
+                f" only frequencies below {rate / 2:g} Hz; expected a longer bar or a faster sensor"
+            )
+        self.range_ms2 = form.range_ms2
+        self._name = options.name
+        self._rate = rate
+        self._form = form
+        self._clock = clock
+        self._port = SerialPort(options.port, baudrate)
+        self._timeline = Timeline(1 / rate, form.wraps)
+        self._fresh = True
+
+    def open(self) -> None:
+        """Takes the port.  Raises PortError."""
+        self._port.open()
+        self._form.reset()
+        self._timeline = Timeline(1 / self._rate, self._form.wraps)
+        self._fresh = True
+
+    def identify(self) -> tuple[Identity, ...]:
+        """Measures the rate of the readings; whatever else comes in is shown as it is.  Raises PortError."""
+        expected = f"{self._form.name} at {self._rate:g} Hz"
+        count, span, broken, seen = self._listen()
+        if count < 2:
+            found = "nothing" if not seen else f"{len(seen)} bytes that are none of its ({seen[:24]!r})"
+            cause = "unpowered, or another port" if not seen else "another device on the port, or a wrong baudrate"
+            return (Identity(self._name, f"{found} in {SILENCE_S:g} s; likely cause: {cause}", expected, False),)
+        rate = (count - 1) / span
+        ok = abs(rate / self._rate - 1) <= RATE_TOLERANCE and broken <= 0.1 * count
+        found = f"{self._form.name} at {rate:.3g} Hz" + (f", {broken} broken of {count + broken}" if broken else "")
+        if not ok:
+            found += "; likely cause: rate_hz is not what the sensor is set to, or the line is too slow or noisy for it"
+        return (Identity(self._name, found, expected, ok),)
+
+    def read(self) -> AccelBlock:
+        """The samples since the last call; waits up to 0.3 s for some.  Raises PortError when the port is gone."""
+        if not self._fresh:
+            time.sleep(GATHER_S)  # not to a grid: drifting against the sensor's bursts shows the clock map all phases
+        self._fresh = False
+        data = self._port.read(WAIT_S)
+        arrival = self._clock.now()
+        readings = self._form.feed(data)
+        if not len(readings.accel):
+            return AccelBlock(NOTHING, NOTHING, broken=readings.broken)
+        if readings.stamps is None:
+            return self._timeline.counted(readings.accel, arrival, readings.broken)
+        return self._timeline.stamped(readings.stamps, readings.accel, arrival, readings.broken)
+
+    def close(self) -> None:
+        """Gives the port back."""
+        self._port.close()
+
+    def _listen(self) -> tuple[int, float, int, bytes]:
+        """Number of readings after the first chunk, and the time they took [s]; broken ones; the first bytes."""
+        start = self._clock.now()
+        first = last = None
+        count = broken = 0
+        seen = b""
+        while (now := self._clock.now()) < (start + SILENCE_S if first is None else first + LISTEN_S):
+            data = self._port.read(0.05)
+            seen = seen or data
+            readings = self._form.feed(data)
+            good = len(readings.accel) - sum(map(math.isnan, readings.accel))
+            if not good:
+                continue
+            # The last reading of a chunk is as fresh as the chunk; those of the first chunk may have waited for long.
+            now = self._clock.now()
+            if first is None:
+                first, count, broken = now, 1, 0
+            else:
+                count, broken, last = count + good, broken + readings.broken, now
+        return (count, last - first, broken, seen) if first is not None and last is not None else (0, 0.0, broken, seen)

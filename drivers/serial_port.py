@@ -1,0 +1,132 @@
+"""One serial port: opening it with errors that say the likely cause, reading without busy waiting, losing it.
+
+What the bytes mean stands in ``codec``.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import os
+import select
+import termios
+import threading
+from pathlib import Path
+
+import serial
+
+from lostmotion.drivers.errors import PortError
+
+__all__ = ["SerialPort"]
+
+CHUNK = 4096
+"""as many bytes as a Linux tty holds"""
+
+
+class SerialPort:
+    """A serial port held by this process alone.
+
+    ``close`` may come from another thread at any time: a ``read`` under way ends first, the next raises PortError.
+    """
+
+    def __init__(self, path: str, baudrate: int) -> None:
+        self.path = path
+        self.baudrate = baudrate
+        self._serial: serial.Serial | None = None
+        self._busy = threading.RLock()
+        self._poll = select.poll()
+
+    def open(self) -> None:
+        """Takes the port, raw, and forgets what had come in before.  Raises PortError with the likely cause."""
+        self.close()
+        try:
+            device = serial.Serial(self.path, self.baudrate, timeout=0, exclusive=True)
+            fcntl.ioctl(device.fileno(), termios.TIOCEXCL)
+        except (OSError, ValueError, termios.error) as error:
+            raise PortError(self._explain(error)) from error
+        self._poll = select.poll()
+        self._poll.register(device.fileno(), select.POLLIN)
+        self._serial = device
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the port is held."""
+        return self._serial is not None
+
+    def read(self, timeout_s: float) -> bytes:
+        """Everything that has come in; waits up to ``timeout_s`` for something, then returns nothing.
+
+        Raises PortError when the port is closed or gone.
+        """
+        with self._busy:
+            fd = self._fd()
+            try:
+                if not self._poll.poll(max(0.0, timeout_s * 1000)):
+                    return b""
+                data = os.read(fd, CHUNK)
+            except BlockingIOError:  # another reader was quicker: a program that ignores the lock
+                return b""
+            except OSError as error:
+                raise self._gone(error) from error
+            if not data:  # Linux reports a device that went away as readable and empty
+                raise self._gone(None)
+            return data
+
+    def write(self, data: bytes) -> int:
+        """Sends the bytes; how many the port took.  Raises PortError when the port is closed or gone."""
+        with self._busy:
+            fd = self._fd()
+            try:
+                return os.write(fd, data)
+            except BlockingIOError:
+                return 0
+            except OSError as error:
+                raise self._gone(error) from error
+
+    def discard_input(self) -> None:
+        """Forgets what has come in.  Raises PortError when the port is closed or gone."""
+        with self._busy:
+            fd = self._fd()
+            try:
+                termios.tcflush(fd, termios.TCIFLUSH)
+            except termios.error as error:
+                raise self._gone(error) from error
+
+    def close(self) -> None:
+        """Gives the port back."""
+        device, self._serial = self._serial, None
+        if device is None:
+            return
+        with self._busy:
+            with contextlib.suppress(OSError):  # unplugged: there is nothing left to give back
+                fcntl.ioctl(device.fileno(), termios.TIOCNXCL)
+            device.close()
+
+    def _fd(self) -> int:
+        if self._serial is None:
+            raise PortError(f"port {self.path} is not open")
+        return self._serial.fileno()
+
+    def _gone(self, error: Exception | None) -> PortError:
+        return PortError(
+            f"port {self.path} went away ({error or 'end of file'}); likely cause: unplugged or lost power"
+        )
+
+    def _explain(self, error: Exception) -> str:
+        """One line: what was found, what was expected, the likely cause."""
+        name = f"port {self.path or '(none)'}"
+        number = getattr(error, "errno", None)
+        if not self.path:
+            return "no port is named; expected one such as /dev/ttyUSB0"
+        if number == errno.ENOENT:
+            folder = Path("/dev/serial/by-id")
+            there = ", ".join(sorted(p.name for p in folder.iterdir())) if folder.is_dir() else "no serial adapter"
+            return f"{name} does not exist; likely cause: unplugged, or under another name (there is {there})"
+        if number in (errno.EACCES, errno.EPERM):
+            return f"{name} may not be opened by this user; likely cause: the user is not in the group dialout"
+        if number in (errno.EBUSY, errno.EAGAIN):
+            return f"{name} is busy; likely cause: another program holds it (the robot's controller, ModemManager)"
+        if isinstance(error, ValueError):
+            return f"{name} cannot run at {self.baudrate} baud: {error}"
+        return f"{name} is no usable serial port ({error}); expected a tty; likely cause: a wrong name"

@@ -1,0 +1,80 @@
+"""Driver of WitMotion's serial inertial sensors (WT901, JY901 and like): ±16 g, at most 200 readings a second.
+
+Its frames stand in ``codec/witmotion.py``; ports, identity and times in ``serial_accelerometer.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Literal
+
+from lostmotion.drivers.base import Accelerometer, AccelerometerOptions, Driver, RobotOptions
+from lostmotion.drivers.clock import Clock
+from lostmotion.drivers.codec import witmotion as codec
+from lostmotion.drivers.errors import DriverError
+from lostmotion.drivers.serial_accelerometer import Readings, SerialAccelerometer
+
+__all__ = ["DRIVER", "WitMotionOptions"]
+
+MAX_RATE_HZ = 200.0
+AXES: Mapping[str, int] = MappingProxyType({"x": 0, "y": 1, "z": 2})
+
+
+class WitMotionOptions(AccelerometerOptions, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """baudrate [bit/s]; axis: the sensor's axis that points along the motion of the bar's free end."""
+
+    baudrate: int = 115200
+    rate_hz: float = MAX_RATE_HZ
+    axis: Literal["x", "y", "z", "-x", "-y", "-z"] = "x"
+
+
+class WitMotionFormat:
+    """The acceleration along one axis.  The sensor sends no clock, and other frames are passed over."""
+
+    name = "WitMotion sensor"
+    range_ms2 = codec.FULL_SCALE_MS2
+    wraps = None
+
+    def __init__(self, axis: str) -> None:
+        self._index = AXES[axis[-1]]
+        self._sign = -1.0 if axis.startswith("-") else 1.0
+        self._decoder = codec.decoder()
+        self._only_acceleration = True
+
+    def feed(self, data: bytes) -> Readings:
+        accel: list[float] = []
+        broken = 0
+        for frame in self._decoder.feed(data):
+            if frame is None:
+                broken += 1
+                if self._only_acceleration:  # then it was a reading, and keeps its place in time
+                    accel.append(math.nan)
+            elif frame.kind == codec.ACCELERATION:
+                accel.append(self._sign * codec.to_ms2(frame.values[self._index]))
+            else:
+                self._only_acceleration = False
+        return Readings(accel, None, broken)
+
+    def reset(self) -> None:
+        self._decoder.reset()
+        self._only_acceleration = True
+
+
+def _make(options: AccelerometerOptions, robot: RobotOptions, clock: Clock) -> Accelerometer:
+    assert isinstance(options, WitMotionOptions)
+    if options.rate_hz > MAX_RATE_HZ:
+        raise DriverError(
+            f"accelerometer {options.name}: rate_hz is {options.rate_hz:g}; a WitMotion sensor sends at most"
+            f" {MAX_RATE_HZ:g} a second"
+        )
+    return SerialAccelerometer(options, options.baudrate, WitMotionFormat(options.axis), clock)
+
+
+DRIVER = Driver(
+    name="witmotion",
+    summary="WitMotion serial inertial sensor, ±16 g, up to 200 Hz",
+    accelerometer=_make,
+    accelerometer_options=WitMotionOptions,
+)
