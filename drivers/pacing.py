@@ -1,11 +1,12 @@
-"""How fast a virtual robot lives: robot time against the host's clock, for the simulated robot and the replay."""
+"""What the times of a simulated robot and of a replay have in common: how fast they run, and a start in UTC."""
 
 from __future__ import annotations
 
 import math
 import time
+from datetime import UTC, datetime
 
-__all__ = ["Pace"]
+__all__ = ["Pace", "as_utc"]
 
 STEP_S = 0.05  # of real time between two readings
 LONGEST_STEP_S = 0.5  # of robot time in one reading, whatever the speed
@@ -37,3 +38,8 @@ class Pace:
         if missing > 0:
             time.sleep(min(missing, LONGEST_SLEEP_S))
         return missing <= LONGEST_SLEEP_S
+
+
+def as_utc(stamp: datetime) -> datetime:
+    """A time in UTC; one without a zone is taken as UTC already."""
+    return stamp.replace(tzinfo=UTC) if stamp.tzinfo is None else stamp.astimezone(UTC)

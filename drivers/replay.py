@@ -31,7 +31,7 @@ from lostmotion.drivers.base import (
 )
 from lostmotion.drivers.clock import Clock, VirtualClock
 from lostmotion.drivers.errors import EndOfData, PortError, RecordingError
-from lostmotion.drivers.pacing import Pace
+from lostmotion.drivers.pacing import Pace, as_utc
 from lostmotion.drivers.recording import Recording, read_recording
 
 __all__ = ["DRIVER", "ReplayAccelerometer", "ReplayClock", "ReplayJoints"]
@@ -74,7 +74,7 @@ class ReplayClock(VirtualClock):
 
     def __init__(self, robot: RobotOptions) -> None:
         assert isinstance(robot, ReplayOptions)
-        super().__init__(_as_utc(robot.start) if robot.start else datetime.now(UTC))
+        super().__init__(as_utc(robot.start) if robot.start else datetime.now(UTC))
         self.pace = Pace(float("inf") if robot.speed == "max" else robot.speed)
         self._start_is_known = robot.start is not None
         self._recordings: dict[str, Recording] = {}
@@ -240,15 +240,11 @@ def _start(recording: Recording) -> datetime:
     if start is None:
         return datetime.now(UTC) - timedelta(seconds=recording.duration)
     try:
-        return _as_utc(start if isinstance(start, datetime) else datetime.fromisoformat(start))
+        return as_utc(start if isinstance(start, datetime) else datetime.fromisoformat(start))
     except (TypeError, ValueError) as error:
         raise RecordingError(
             f"{recording.name}: found start = {start!r}, expected a UTC time such as 2026-01-31T12:00:00Z"
         ) from error
-
-
-def _as_utc(stamp: datetime) -> datetime:
-    return stamp.replace(tzinfo=UTC) if stamp.tzinfo is None else stamp.astimezone(UTC)
 
 
 DRIVER = Driver(

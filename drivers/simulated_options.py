@@ -1,0 +1,45 @@
+"""What a configuration says of a simulated robot: its joints, its accelerometers, and the robot as a whole."""
+
+from __future__ import annotations
+
+import math
+from datetime import datetime
+from typing import Annotated, Literal
+
+import msgspec
+
+from lostmotion.drivers.base import AccelerometerOptions, JointOptions, RobotOptions
+
+__all__ = ["SimulatedAccelerometerOptions", "SimulatedJointOptions", "SimulatedOptions"]
+
+NotNegative = Annotated[float, msgspec.Meta(ge=0)]
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+
+
+class SimulatedJointOptions(JointOptions, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """play_m: the gap between the teeth at the start [m], 0 for none; wear_per_year: it grows as exp(wear_per_year t),
+    t in years of operation, for the larger the gap, the harder the teeth hit; resolution_rad: steps of command and
+    position [rad], by default an AX-12A's 300°/1023."""
+
+    play_m: Annotated[float, msgspec.Meta(ge=0, le=1e-3)] = 0.0
+    wear_per_year: NotNegative = 2.0
+    resolution_rad: NotNegative = math.radians(300) / 1023
+
+
+class SimulatedAccelerometerOptions(AccelerometerOptions, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """noise_ms2: standard deviation [m/s²]; range_ms2 and resolution_ms2: by default of a 16-bit sensor for ±16 g."""
+
+    noise_ms2: NotNegative = 0.1
+    range_ms2: Positive = 156.9
+    resolution_ms2: NotNegative = 0.0048
+
+
+class SimulatedOptions(RobotOptions, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """speed: 1 is real time, 525600 a year in a minute, "max" as fast as it is read; start: UTC of robot time 0, by
+    default now, or a year ago where time is skipped; motion: as ``lostmotion simulate --motion`` takes it; seed: of
+    motion and noise."""
+
+    speed: Positive | Literal["max"] = 1.0
+    start: datetime | None = None
+    motion: str = "hand-waved"
+    seed: Annotated[int, msgspec.Meta(ge=0)] = 0

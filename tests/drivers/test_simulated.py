@@ -1,0 +1,242 @@
+"""The model as a robot: what its joints and sensors tell, how its play shows and grows, at any speed of time."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from lostmotion.detector.series import score_series
+from lostmotion.detector.window import DetectorSettings
+from lostmotion.drivers.base import FloatArray, OscillatorOptions
+from lostmotion.drivers.errors import DriverError
+from lostmotion.drivers.life import YEAR_S
+from lostmotion.drivers.pacing import Pace
+from lostmotion.drivers.simulated import SimulatedAccelerometer, SimulatedJoints, SimulatedRobot
+from lostmotion.drivers.simulated_options import (
+    SimulatedAccelerometerOptions,
+    SimulatedJointOptions,
+    SimulatedOptions,
+)
+
+Recorded = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+SETTINGS = DetectorSettings(f_res_hz=58.0)
+
+
+class Robot:
+    """Joints a, b, … with these plays [m], an accelerometer each, read without waiting."""
+
+    def __init__(self, plays: Sequence[float], joint: Any = None, sensor: Any = None, **options: Any) -> None:
+        settings = SimulatedOptions(**({"speed": "max"} | options))
+        self.names = "abcdef"[: len(plays)]
+        self.clock = SimulatedRobot(settings, Pace(math.inf))
+        self.joints = SimulatedJoints(
+            [
+                SimulatedJointOptions(name=name, driver="simulated", accelerometer=name, play_m=play, **(joint or {}))
+                for name, play in zip(self.names, plays, strict=True)
+            ],
+            settings,
+            self.clock,
+        )
+        bar = OscillatorOptions(f_res_hz=58.0)
+        self.sensors = [
+            SimulatedAccelerometer(
+                SimulatedAccelerometerOptions(
+                    name=name, driver="simulated", rate_hz=1000.0, oscillator=bar, **(sensor or {})
+                ),
+                settings,
+                self.clock,
+            )
+            for name in self.names
+        ]
+        self.joints.open()
+        for one in self.sensors:
+            one.open()
+
+    def record(self, steps: int) -> dict[str, Recorded]:
+        """So many readings of each device: by joint, servo times, commands, accelerometer times, accelerations."""
+        samples = [sample for _ in range(steps) for sample in self.joints.read().samples]
+        recorded = {}
+        for name, sensor in zip(self.names, self.sensors, strict=True):
+            blocks = [sensor.read() for _ in range(steps)]
+            mine = [sample for sample in samples if sample.joint == name]
+            recorded[name] = (
+                np.array([sample.time for sample in mine]),
+                np.array([sample.command for sample in mine]),
+                np.concatenate([block.time for block in blocks]),
+                np.concatenate([block.accel for block in blocks]),
+            )
+        return recorded
+
+    def scores(self, recorded: Recorded) -> tuple[FloatArray, FloatArray]:
+        """Times and scores of all windows that are whole."""
+        found = score_series(*recorded, SETTINGS, resolution=self.joints.resolution_rad)
+        found = [score for score in found if score.quality == "ok"]
+        return np.array([score.time for score in found]), np.array([score.score for score in found])
+
+
+def test_play_is_heard_and_its_absence_is_not() -> None:
+    """Every window of a worn joint scores above every one of a sound one, and the level lies between them."""
+    robot = Robot([0.0, 6e-5, 1e-4])
+    recorded = robot.record(40)
+    sound, worn, badly = (robot.scores(recorded[name])[1] for name in robot.names)
+    assert len(sound) > 30
+    assert sound.max() < SETTINGS.level < worn.min() < np.median(badly)
+    assert np.median(worn) > 10 * np.median(sound)
+
+
+def test_samples_lie_on_the_devices_own_grids() -> None:
+    """10 s bring 1000 commands at 100 Hz and 10,000 accelerations at 1 kHz, none twice and none missing."""
+    times, commands, accel_times, accel = Robot([5e-5]).record(20)["a"]
+    np.testing.assert_allclose(times, np.arange(1000) / 100)
+    np.testing.assert_allclose(accel_times, np.arange(10000) / 1000)
+    steps = commands / (math.radians(300) / 1023)
+    np.testing.assert_allclose(steps, np.round(steps), atol=1e-9)
+    assert len(np.unique(commands)) > 20
+    assert np.isfinite(accel).all()
+
+
+def test_steps_join_without_a_seam() -> None:
+    """Cut into steps of 0.05 s, the motion is the one made in steps of 0.5 s."""
+    quiet = {"noise_ms2": 0.0, "resolution_ms2": 0.0}
+    for play in (0.0, 8e-5):
+        coarse = Robot([play], sensor=quiet).record(4)["a"]
+        fine = Robot([play], sensor=quiet, speed=1.0).record(40)["a"]
+        np.testing.assert_allclose(fine[2], coarse[2])
+        np.testing.assert_allclose(fine[3], coarse[3], atol=0.02 * np.abs(coarse[3]).max())
+
+
+def test_joint_without_play_follows_exactly() -> None:
+    """Without play the tip feels l theta_1'', as far as the bar lets it: at 1 Hz that is 0.03 % more."""
+    robot = Robot([0.0], sensor={"noise_ms2": 0.0, "resolution_ms2": 0.0}, motion="sine:1,0.1")
+    accel = robot.record(8)["a"][3]
+    assert np.abs(accel).max() == pytest.approx(0.1 * 0.1 * (2 * math.pi) ** 2, rel=2e-3)
+
+
+def test_sensor_has_noise_range_and_resolution() -> None:
+    """Readings are whole counts within the range, and as noisy as said."""
+    robot = Robot([0.0], sensor={"noise_ms2": 0.5, "range_ms2": 1.2, "resolution_ms2": 0.1}, motion="sine:0.1,0.001")
+    accel = robot.record(10)["a"][3]
+    assert np.abs(accel).max() == pytest.approx(1.2)
+    np.testing.assert_allclose(accel / 0.1, np.round(accel / 0.1), atol=1e-9)
+    assert accel.std() == pytest.approx(0.49, abs=0.02)
+    assert robot.sensors[0].range_ms2 == 1.2
+
+
+def test_same_seed_same_robot() -> None:
+    """A seed decides motion and noise, whoever reads first; joints move differently."""
+    one, other = Robot([0.0, 5e-5], seed=7), Robot([0.0, 5e-5], seed=7)
+    early = [other.sensors[1].read() for _ in range(4)]
+    ours, theirs = one.record(4), other.record(4)
+    np.testing.assert_array_equal(ours["b"][3], np.concatenate([block.accel for block in early]))
+    np.testing.assert_array_equal(ours["a"][3], theirs["a"][3])
+    assert not np.array_equal(ours["a"][1], ours["b"][1])
+    assert not np.array_equal(ours["a"][3], Robot([0.0, 5e-5], seed=8).record(4)["a"][3])
+
+
+def test_play_grows_with_use() -> None:
+    """The gap of a joint grows by the law that its options document; one without play keeps none."""
+    robot = Robot([0.0, 5e-5], joint={"wear_per_year": 1.5}, speed=YEAR_S / 2)
+    robot.record(8 * 3)
+    assert robot.clock.now() == pytest.approx(YEAR_S, rel=1e-3)
+    found = [identity.found for identity in robot.joints.identify()]
+    assert found == ["simulated joint, play 0 µm", f"simulated joint, play {50 * math.exp(1.5):.0f} µm"]
+
+
+@pytest.mark.slow
+def test_a_year_of_wear_shows_in_the_scores() -> None:
+    """A year in a minute: windows all over the year, each whole; the elbow's scores climb, the shoulder's do not."""
+    robot = Robot([0.0, 3e-5], speed=525600.0)
+    recorded = robot.record(8 * 60)
+    times, elbow = robot.scores(recorded["b"])
+    shoulder = robot.scores(recorded["a"])[1]
+    months = [elbow[(times >= YEAR_S * k / 12) & (times < YEAR_S * (k + 1) / 12)] for k in range(12)]
+    assert min(len(month) for month in months) > 30
+    assert len(elbow) > 0.95 * len(score_series(*recorded["b"], SETTINGS, resolution=robot.joints.resolution_rad))
+    assert np.median(np.concatenate(months[9:])) > 1.15 * np.median(np.concatenate(months[:3]))
+    assert np.quantile(shoulder, 0.99) < SETTINGS.level
+
+
+def test_skipped_time_is_a_hole_for_all_devices() -> None:
+    """Between two stretches nothing is told; the accelerometer is heard half a second longer than the servo."""
+    times, _, accel_times, _ = Robot([5e-5], speed=1000.0).record(24)["a"]
+    for measured, length in ((times, 3.5), (accel_times, 4.0)):
+        holes = np.flatnonzero(np.diff(measured) > 1.0)
+        assert len(holes) == 2
+        np.testing.assert_allclose(measured[holes + 1], [1000.0, 2000.0])
+        np.testing.assert_allclose(measured[holes], [length, 1000.0 + length], atol=0.011)
+
+
+def test_real_time_is_waited_for() -> None:
+    """At speed 1 half a second of samples takes at least as long."""
+    settings = SimulatedOptions()
+    clock = SimulatedRobot(settings)
+    options = SimulatedAccelerometerOptions(
+        name="tip", driver="simulated", rate_hz=200.0, oscillator=OscillatorOptions(f_res_hz=58.0)
+    )
+    sensor = SimulatedAccelerometer(options, settings, clock)
+    sensor.open()
+    begin, count = time.monotonic(), 0
+    while count < 100:
+        count += len(sensor.read().time)
+    assert time.monotonic() - begin >= 0.4
+    assert clock.now() == pytest.approx(0.5)
+
+
+def test_start_in_utc() -> None:
+    """Robot time 0 is now, a year ago where time is skipped, or what the options say."""
+    now = datetime.now(UTC)
+    assert abs(Robot([0.0]).clock.utc(0) - now) < timedelta(minutes=1)
+    assert abs(Robot([0.0], speed=525600.0).clock.utc(YEAR_S) - now) < timedelta(minutes=1)
+    assert Robot([0.0], start=datetime(2026, 1, 1)).clock.utc(60) == datetime(2026, 1, 1, 0, 1, tzinfo=UTC)
+
+
+def test_two_joints_may_share_an_accelerometer() -> None:
+    """A bar that two joints move feels the sum of both."""
+    quiet = {"noise_ms2": 0.0, "resolution_ms2": 0.0}
+    alone = Robot([0.0], sensor=quiet, motion="sine:1,0.1").record(4)["a"][3]
+    settings = SimulatedOptions(speed="max", motion="sine:1,0.1")
+    clock = SimulatedRobot(settings)
+    joints = [SimulatedJointOptions(name=name, driver="simulated", accelerometer="tip") for name in "ab"]
+    bus = SimulatedJoints(joints, settings, clock)
+    options = SimulatedAccelerometerOptions(
+        name="tip", driver="simulated", rate_hz=1000.0, oscillator=OscillatorOptions(f_res_hz=58.0), **quiet
+    )
+    sensor = SimulatedAccelerometer(options, settings, clock)
+    bus.open()
+    sensor.open()
+    np.testing.assert_allclose(np.concatenate([sensor.read().accel for _ in range(4)]), 2 * alone)
+    samples = bus.read().samples
+    assert [sample.joint for sample in samples[:4]] == ["a", "b", "a", "b"]
+
+
+def test_closed_device_keeps_nothing() -> None:
+    """Closing twice is allowed; opened again, a device goes on at the present time."""
+    robot = Robot([5e-5])
+    first = robot.sensors[0].read()
+    robot.sensors[0].close()
+    robot.sensors[0].close()
+    robot.joints.read()
+    robot.joints.read()
+    robot.joints.read()
+    robot.sensors[0].open()
+    assert robot.sensors[0].read().time[0] > first.time[-1] + 0.9
+
+
+def test_wrong_motion_is_told_at_the_start() -> None:
+    """A motion that does not exist is an error of one line, with those that do."""
+    with pytest.raises(DriverError, match="a: no motion is called 'wobble'; there are sine"):
+        Robot([0.0], motion="wobble")
+
+
+@pytest.mark.parametrize("table", [{"speed": 0}, {"speed": "fast"}, {"seed": -1}, {"colour": "red"}])
+def test_wrong_options_are_refused(table: dict[str, Any]) -> None:
+    """Speeds and seeds that make no sense, and unknown keys, never get as far as a robot."""
+    with pytest.raises(msgspec.ValidationError):
+        msgspec.convert(table, SimulatedOptions)
