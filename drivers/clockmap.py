@@ -34,8 +34,8 @@ class ClockMap:
     fitted to these of the last minute by least squares, with a weak prior on the slope for the first seconds; those far
     above the others (the host was busy all the time) are left out.
 
-    The sensor's clock has stepped when an arrival lies more than ``step_s`` below the line, or all arrivals of two
-    stretches running lie that much above.  Then the fit begins anew with the slope it had; ``steps`` counts these, and
+    The sensor's clock has stepped when it runs backwards, when an arrival lies more than ``step_s`` below the line, or
+    all arrivals of two stretches running lie that much above.  Then the fit begins anew with the slope it had; ``steps`` counts these, and
     ``step`` [s] is the last one's size, positive when the sensor's clock fell behind (it lost samples, if it counts).
 
     What remains is the delay of even the quickest sample, which nobody can tell from a clock's offset.
@@ -85,7 +85,7 @@ class ClockMap:
             self._restart(sensor, offset)
             return
         above = self._above(sensor, offset)
-        if above < -self._threshold():
+        if above < -self._threshold() or sensor < self._quickest[0]:
             self._stepped(above, sensor, offset)
         elif sensor >= self._end:
             self._end_stretch(sensor, offset)

@@ -14,8 +14,8 @@ __all__ = ["BROADCAST", "PING", "READ", "STATUS", "SYNC_READ", "WRITE", "Packet"
 
 PING, READ, WRITE, STATUS, SYNC_READ = 0x01, 0x02, 0x03, 0x55, 0x82
 BROADCAST = 0xFE
-MAX_LENGTH_2 = 1024
-"""the longest frame of protocol 2.0 that is taken for one; the SDK's limit"""
+MAX_LENGTH_1, MAX_LENGTH_2 = 250, 1024
+"""the largest length byte, or word, that is taken for one; the SDK's limits"""
 
 HEADER_1 = b"\xff\xff"
 HEADER_2 = b"\xff\xff\xfd\x00"
@@ -47,14 +47,17 @@ def decoder(protocol: int) -> StreamDecoder[Packet]:
 
 
 def _encode_1(packet: Packet) -> bytes:
-    body = bytes((packet.id, len(packet.parameters) + 2, packet.code)) + packet.parameters
+    length = len(packet.parameters) + 2
+    if length > MAX_LENGTH_1:
+        raise ValueError(f"a packet of {length} bytes; protocol 1.0 takes {MAX_LENGTH_1}")
+    body = bytes((packet.id, length, packet.code)) + packet.parameters
     return HEADER_1 + body + bytes((~sum(body) & 0xFF,))
 
 
 def _length_1(buffer: bytearray, at: int) -> int | None:
     if len(buffer) - at < 4:
         return None
-    if buffer[at + 2] == 0xFF or buffer[at + 3] < 2:
+    if buffer[at + 2] == 0xFF or not 2 <= buffer[at + 3] <= MAX_LENGTH_1:
         return 0
     return buffer[at + 3] + 4
 
