@@ -48,19 +48,20 @@ def _document(config: Config) -> dict[str, Any]:
 
 def _print(path: Path, config: Config) -> None:
     output.print_lines([f"{path}: valid", f"robot {config.robot.name}, database {config.database}", ""])
-    screen = output.console()
     joints = [[j.name, j.driver, j.port, f"{j.poll_hz:g}", j.accelerometer] for j in config.joints]
-    screen.print(output.table(("joint", "driver", "port", "poll [Hz]", "accelerometer"), joints, ("poll [Hz]",)))
+    output.print_table(("joint", "driver", "port", "poll [Hz]", "accelerometer"), joints, ("poll [Hz]",))
+    output.print_lines([""])
     sensors = [
         [s.name, s.driver, s.port, f"{s.rate_hz:g}", f"{s.oscillator.f_res_hz:g}", f"{s.oscillator.zeta:g}"]
         for s in config.accelerometers
     ]
     columns = ("accelerometer", "driver", "port", "rate [Hz]", "f_res [Hz]", "zeta")
-    screen.print(output.table(columns, sensors, columns[3:]))
+    output.print_table(columns, sensors, columns[3:])
+    output.print_lines([""])
     settings = {joint.name: asdict(config.settings(joint.name)) for joint in config.joints}
     keys = list(next(iter(settings.values())))
     rows = [[key, *(_shown(values[key]) for values in settings.values())] for key in keys]
-    screen.print(output.table(("detector", *settings), rows, tuple(settings)))
+    output.print_table(("detector", *settings), rows, tuple(settings))
     output.print_lines([f"note: {note}" for note in config.notes])
 
 

@@ -1,6 +1,7 @@
-"""The devices of a configuration for one short measurement, without the service: each read in a thread of its own.
+"""The devices of a configuration for one short measurement, without the service.
 
-Nothing is tried again here: what goes wrong is an event for the caller.
+Hardware is read by one thread for each device, a virtual robot's devices in turn.  Nothing is tried again here: what
+goes wrong is an event for the caller.
 """
 
 from __future__ import annotations
@@ -8,8 +9,9 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
-from queue import Empty, Queue
+from queue import Empty, Full, Queue
 from types import TracebackType
 from typing import Self
 
@@ -24,7 +26,7 @@ WAIT_S = 0.1
 GRACE_S = 0.5
 """How long after its end a measurement waits for samples of that time [s]."""
 WAITING = 200
-"""Events that may wait to be taken; a virtual robot waits then, and hardware never gets that far ahead."""
+"""Events that may wait to be taken; nobody gets that far behind."""
 GIVE_UP_S = 5.0
 """How long a thread may take to end after its port was closed [s]."""
 
@@ -76,7 +78,8 @@ class Devices:
         self.all = [*self._buses(), *self._accelerometers()]
         self._events = Queue(WAITING)
         self._stop = threading.Event()
-        self._threads = [threading.Thread(target=self._read, args=(device,), daemon=True) for device in self.all]
+        threaded = () if self._waits else self.all
+        self._threads = [threading.Thread(target=self._read, args=(device,), daemon=True) for device in threaded]
 
     def __enter__(self) -> Self:
         for thread in self._threads:
@@ -95,19 +98,34 @@ class Devices:
     def events(self, duration_s: float) -> Iterator[Event]:
         """What the devices say in ``duration_s`` seconds of robot time from now, and a little beyond it.
 
-        Hardware that is silent then is not waited for.  In a virtual robot one device may run ahead of the others, so
-        each has to get there.
+        Each device has to get there; hardware that is silent then is not waited for.
         """
         until = self.clock.now() + duration_s
         behind = {device.name for device in self.all}
-        while behind and (self._waits or self.clock.now() < until + GRACE_S):
-            try:
-                event = self._events.get(timeout=WAIT_S)
-            except Empty:
-                continue
+        for event in self._in_turn() if self._waits else self._from_threads(until + GRACE_S):
             if event.ended or event.newest >= until:
                 behind.discard(event.device.name)
             yield event
+            if not behind:
+                return
+
+    def _from_threads(self, until: float) -> Iterator[Event]:
+        while self.clock.now() < until:
+            with suppress(Empty):
+                yield self._events.get(timeout=WAIT_S)
+
+    def _in_turn(self) -> Iterator[Event]:
+        """A virtual robot's devices, always the one that is furthest behind: none gets far ahead of the others."""
+        telling = {device.name: self._told(device) for device in self.all}
+        newest = dict.fromkeys(telling, -math.inf)
+        while telling:
+            name = min(telling, key=newest.__getitem__)
+            for event in telling[name]:
+                newest[name] = max(newest[name], event.newest)
+                yield event
+                break
+            else:
+                del telling[name]
 
     def _buses(self) -> Iterator[Device]:
         for joints in self.config.buses():
@@ -124,23 +142,24 @@ class Devices:
             sensor = driver.accelerometer(options, self.config.robots[driver.name], self.clock)
             yield Device(f"{driver.name} {options.port or options.name}", (options.name,), sensor)
 
-    def _read(self, device: Device) -> None:
+    def _told(self, device: Device) -> Iterator[Event]:
+        """All that a device says in its life."""
         try:
             device.port.open()
-            self._put(Event(device, identities=device.port.identify()))
+            yield Event(device, identities=device.port.identify())
             while not self._stop.is_set():
-                self._put(Event(device, data=device.port.read()))
+                yield Event(device, data=device.port.read())
         except EndOfData:
-            self._put(Event(device, ended=True))
-        except DriverError as error:  # says nothing when the port was closed under it by __exit__
-            self._put(Event(device, ended=True, error=error))
+            yield Event(device, ended=True)
+        except DriverError as error:
+            yield Event(device, ended=True, error=error)
         finally:
             device.port.close()
 
-    def _put(self, event: Event) -> None:
-        while not self._stop.is_set():
-            if self._events.full():
-                self._stop.wait(WAIT_S / 10)
-            else:
-                self._events.put(event)
-                return
+    def _read(self, device: Device) -> None:
+        """A thread's work.  Hardware that finds the queue full, its reader being stuck, waits for it."""
+        for event in self._told(device):
+            while not self._stop.is_set():
+                with suppress(Full):
+                    self._events.put(event, timeout=WAIT_S)
+                    break

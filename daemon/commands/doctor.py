@@ -50,7 +50,7 @@ def _print(checks: list[Check], bad: list[Check]) -> None:
         ]
         for check in checks
     ]
-    output.console().print(output.table(("what", "check", "value", "allowed", ""), rows))
+    output.print_table(("what", "check", "value", "allowed", ""), rows)
     told = [f"BAD: {check.subject}: {check.check}: {check.cause}" for check in bad]
     output.print_lines([*told, f"{len(checks) - len(bad)} of {len(checks)} checks are good"])
 

@@ -36,6 +36,8 @@ class RootGroup(click.Group):
             return super().invoke(ctx)
         except KeyboardInterrupt:
             ctx.exit(INTERRUPTED)
+        except BrokenPipeError:
+            ctx.exit(_unread())
 
 
 class LateCommand(click.Command):
@@ -70,7 +72,9 @@ def _status(call: Callable[[], Any]) -> int:
         return _say(f"{error.format_message().rstrip('.')}; see {command} --help")
     except click.ClickException as error:
         return _say(error.format_message())
-    except (BrokenPipeError, click.Abort):
+    except click.Abort:
+        return INTERRUPTED
+    except BrokenPipeError:
         return _unread()
     except Exception as error:  # noqa: BLE001 - the edge of the program: no traceback reaches a user
         return _explain(error)

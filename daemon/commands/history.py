@@ -56,8 +56,7 @@ def _print_table(joint: str, scores: list[ScoreRow]) -> None:
         return
     full = max((score.score for score in scores if math.isfinite(score.score)), default=1.0)
     columns = ("time (UTC)", "score", "", "level", "impact", "play", "quality")
-    screen = output.console()
-    screen.print(output.table(columns, [_row(score, full) for score in scores], right=("score", "level", "play")))
+    output.print_table(columns, [_row(score, full) for score in scores], right=("score", "level", "play"))
 
 
 def _row(score: ScoreRow, full: float) -> list[str]:

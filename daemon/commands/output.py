@@ -5,15 +5,11 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 
-if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
-
-__all__ = ["arcmin", "bar", "console", "print_json", "print_lines", "table"]
+__all__ = ["arcmin", "bar", "print_json", "print_lines", "print_markup", "print_table"]
 
 WIDE = 160
 """Columns of a table that goes to a file or a pipe: wide enough that nothing is cut off."""
@@ -30,24 +26,28 @@ def print_lines(lines: Sequence[str]) -> None:
     sys.stdout.write("".join(f"{line}\n" for line in lines))
 
 
-def console() -> Console:
-    """stdout for tables; plain where it is no terminal or NO_COLOR is set."""
-    from rich.console import Console
-
-    return Console(width=None if sys.stdout.isatty() else WIDE, highlight=False)
+def print_markup(*lines: str) -> None:
+    """Lines of rich markup; plain where stdout is no terminal or NO_COLOR is set."""
+    _print(*lines)
 
 
-def table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str] = ()) -> Table:
+def print_table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str] = ()) -> None:
     """A table in the one style of all commands; ``right`` names the columns of numbers.  Cells may hold rich markup."""
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    made = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
     for name in columns:
-        made.add_column(name, justify="right" if name in right else "left", overflow="fold")
+        table.add_column(name, justify="right" if name in right else "left", overflow="fold")
     for row in rows:
-        made.add_row(*row)
-    return made
+        table.add_row(*row)
+    _print(table)
+
+
+def _print(*items: object) -> None:
+    from rich.console import Console
+
+    Console(width=None if sys.stdout.isatty() else WIDE, highlight=False).print(*items, sep="\n")
 
 
 def arcmin(angle: float) -> str:

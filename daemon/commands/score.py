@@ -93,7 +93,7 @@ def _print(name: str, settings: DetectorSettings, scores: list[Score]) -> None:
     output.print_lines([f"joint {name}: {len(scores)} windows, {impacts} with impact {held_against}"])
     if scores:
         columns = ("time [s]", "duration [s]", "score", "impact", "play", "quality")
-        output.console().print(output.table(columns, [_row(window) for window in scores], right=columns[:3]))
+        output.print_table(columns, [_row(window) for window in scores], right=columns[:3])
 
 
 def _row(window: Score) -> list[str]:

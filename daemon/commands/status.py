@@ -70,18 +70,15 @@ def _document(status: JointStatus) -> dict[str, Any]:
 def _print(robot: str, joints: list[JointStatus], devices: list[DeviceRow], now: datetime) -> None:
     from rich.markup import escape
 
-    screen = output.console()
-    screen.print(f"robot [bold]{escape(robot)}[/bold]" + ("" if joints else ": no joint has been seen yet"))
+    output.print_markup(f"robot [bold]{escape(robot)}[/bold]" + ("" if joints else ": no joint has been seen yet"))
     if joints:
         columns = ("joint", "health", "score", "level", "play", "last window", "why")
         rows = [_row(joint, now) for joint in joints]
-        screen.print(output.table(columns, rows, right=("score", "level", "play")))
+        output.print_table(columns, rows, right=("score", "level", "play"))
     for alarm in (alarm for joint in joints for alarm in joint.alarms):
         raised = f"raised {times.local(alarm.raised)} UTC"
-        screen.print(escape(f"alarm: {alarm.joint}: {alarm.severity.value}: {alarm.reason} ({raised})"))
-    for device in devices:
-        if line := _complaint(device):
-            screen.print(escape(line))
+        output.print_lines([f"alarm: {alarm.joint}: {alarm.severity.value}: {alarm.reason} ({raised})"])
+    output.print_lines([line for device in devices if (line := _complaint(device))])
 
 
 def _row(status: JointStatus, now: datetime) -> list[str]:

@@ -156,5 +156,9 @@ def _left(wear: WearTrend) -> str:
         return "not reached at this slope"
     if left.likely == 0:
         return "reached"
-    words = [times.span(t) if math.isfinite(t) else "never" for t in (left.likely, left.earliest, left.latest)]
-    return f"reached in {words[0]} (95 %: {words[1]} to {words[2]})"
+    likely, earliest, latest = (
+        times.span(t) if math.isfinite(t) else "never" for t in (left.likely, left.earliest, left.latest)
+    )
+    if likely == "never":
+        return f"not reached at this slope (95 %: not before {earliest} from now)"
+    return f"reached in {likely} (95 %: {earliest} to {latest})"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,44 +12,37 @@ from lostmotion.daemon.commands.trend import DAY, History
 from lostmotion.detector.trend import Slope
 from lostmotion.detector.window import FloatArray
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 __all__ = ["draw"]
 
 DateArray = NDArray[np.datetime64]
+Axes = Any  # matplotlib's, which is imported when a picture is asked for
 
+MANY = 500
 SMOOTH, IMPACT, LINE, LEVEL = "#8fa3b3", "#d98b5f", "#1f4e79", "#b3261e"
 
 
 def draw(history: History, path: Path) -> None:
-    """Writes the picture; its kind follows the name's ending (png, svg, pdf).  Raises OSError or LostmotionError."""
+    """Writes the picture (PNG).  Raises OSError."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9, 5), dpi=150, layout="constrained")
+    figure = Figure(figsize=(9, 5.5), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     _scores(axes, history)
     _trend(axes, history)
     _finish(axes, history)
-    figure.savefig(path)
+    figure.legend(loc="outside lower center", ncols=4, fontsize="small", frameon=False, markerscale=2.5)
+    figure.savefig(path, format="png")
 
 
 def _scores(axes: Axes, history: History) -> None:
+    size = 4 if history.time.size > MANY else 8
     for impact, colour, label in ((False, SMOOTH, "window without impact"), (True, IMPACT, "window with impact")):
         which = history.impact == impact
         if which.any():
-            axes.plot(
-                _dates(history, history.time[which]),
-                history.score[which],
-                ".",
-                ms=4,
-                mec="none",
-                alpha=0.5,
-                color=colour,
-                label=label,
-            )
+            when, score = _dates(history, history.time[which]), history.score[which]
+            axes.plot(when, score, ".", ms=size, mec="none", alpha=0.6, color=colour, label=label)
     days = history.span / DAY
     pieces, name = (round(days), "daily median") if days >= 10 else (60, "median of a 60th of the time")
     time, score = history.medians(pieces)
@@ -92,10 +85,10 @@ def _finish(axes: Axes, history: History) -> None:
     axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
     axes.set_xlabel("time (UTC)")
     axes.set_ylabel("score o of eq. 8 [-]")
-    axes.set_ylim(bottom=min(0.0, float(history.score.min())))
+    top = max(float(history.score.max()), history.wear.limit)
+    axes.set_ylim(min(0.0, float(history.score.min())), 1.08 * top)
     trend = history.wear.trend
     found = f"{trend.direction}, p = {trend.p_value:.2g}" if trend.direction != "none" else "no trend"
     axes.set_title(f"{history.joint}: {history.wear.count} scores, {found}", loc="left")
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(loc="upper left", fontsize="small", framealpha=0.9, markerscale=2.5)

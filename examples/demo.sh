@@ -1,0 +1,59 @@
+#!/bin/sh
+# The main job on the simulated robot: a year of wear in 40 seconds, then the questions one asks of it.
+# The shoulder has no play; the elbow's grows.  Everything lies in a folder of its own, which is removed at the end.
+set -eu
+PATH="$(cd "${BIN:-.venv/bin}" && pwd):$PATH"
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+trap 'exit 130' INT TERM
+cd "$folder"
+
+cat > robot.toml <<'END'
+[robot]
+name = "demo"
+
+[store]
+path = "history.db"
+
+[simulated]
+speed = 852324                     # a year in 37 s
+
+[[accelerometer]]
+name = "shoulder_tip"
+driver = "simulated"
+rate_hz = 1000
+oscillator = { f_res_hz = 58.0 }
+
+[[accelerometer]]
+name = "elbow_tip"
+driver = "simulated"
+rate_hz = 1000
+oscillator = { f_res_hz = 58.0 }
+
+[[joint]]
+name = "shoulder"
+driver = "simulated"
+accelerometer = "shoulder_tip"
+
+[[joint]]
+name = "elbow"
+driver = "simulated"
+accelerometer = "elbow_tip"
+play_m = 2e-6                      # gap between the teeth when new
+wear_per_year = 4.0                # it grows as exp(4 t): to 110 um in a year
+
+[detector]
+level = 60                         # above what this robot's healthy joint shows
+END
+
+show() {
+    printf '\n$ lostmotion %s\n' "$*"
+    lostmotion "$@"
+}
+
+show config check robot.toml
+show run --config robot.toml --duration 40
+show status --config robot.toml
+show history shoulder --config robot.toml --limit 5
+show history elbow --config robot.toml --limit 5
+show trend elbow --config robot.toml

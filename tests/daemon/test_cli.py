@@ -1,0 +1,197 @@
+"""The edge of the program: help, usage errors, exit statuses, signals, what is imported when."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from lostmotion import __version__
+from lostmotion.daemon.commands.guard import RootGroup
+from tests.daemon.cli_world import HARDWARE, PROGRAM, SIMULATED, call, fill, is_one_line, start
+
+HEAVY = ("numpy", "scipy", "numba", "matplotlib", "rich", "plotext", "serial", "zenoh")
+COMMANDS = ("config", "doctor", "effects", "history", "record", "run", "score", "simulate", "status", "trend")
+
+
+def imported_by(*arguments: str, folder: Path) -> set[str]:
+    """Which heavy packages a call of the program has loaded when it ends."""
+    code = (
+        "import sys\nfrom lostmotion.daemon.cli import main\n"
+        f"sys.argv[1:] = {list(arguments)}\n"
+        "try: main()\nexcept SystemExit: pass\n"
+        f"print('\\nLOADED', *[name for name in {HEAVY} if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, timeout=60)
+    return set(done.stdout.splitlines()[-1].split()[1:])
+
+
+def test_help_lists_every_command() -> None:
+    """`lostmotion --help` names all commands, those of the lab too, and no other."""
+    result = call("--help")
+    listed = [line.split()[0] for line in result.stdout.partition("Commands:")[2].splitlines() if line.strip()]
+    assert result.exit_code == 0
+    assert listed == list(COMMANDS)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_help(command: str) -> None:
+    """Each command explains itself and says in one line what it does."""
+    result = call(command, "--help")
+    assert result.exit_code == 0
+    assert result.stdout.startswith("Usage: lostmotion " + command)
+
+
+def test_version() -> None:
+    """`--version` prints name and version."""
+    assert call("--version").stdout == f"lostmotion {__version__}\n"
+
+
+def test_help_imports_nothing_heavy(tmp_path: Path) -> None:
+    """Not even NumPy is loaded for the help."""
+    assert imported_by("--help", folder=tmp_path) == set()
+
+
+def test_run_on_hardware_loads_no_heavy_package(tmp_path: Path) -> None:
+    """The service on serial ports runs without SciPy, numba, plots or tables in memory."""
+    (tmp_path / "robot.toml").write_text(HARDWARE)
+    loaded = imported_by("run", "--config", "robot.toml", "--duration", "0.3", folder=tmp_path)
+    assert (tmp_path / "history.db").exists()
+    assert loaded == {"numpy", "serial"}
+
+
+def test_reading_loads_no_science(tmp_path: Path) -> None:
+    """`history --json` loads neither tables nor plots."""
+    fill(tmp_path / "h.db", 5)
+    assert imported_by("history", "elbow", "--json", "--database", "h.db", folder=tmp_path) <= {"numpy"}
+
+
+def test_unknown_command_suggests_the_near_one() -> None:
+    """A slip of the finger is one line with the right name."""
+    assert is_one_line(call("histroy", "elbow"), "histroy", "history", "--help")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["status", "--jsno"], ["--jsno", "--json"]),
+        (["history"], ["JOINT", "lostmotion history --help"]),
+        (["history", "elbow", "--limit", "0"], ["--limit", "0"]),
+        (["history", "elbow", "--since", "yesterday"], ["yesterday", "30d"]),
+        (["history", "elbow", "--csv", "--json"], ["--csv", "--json"]),
+        (["run", "--duration", "nan"], ["nan", "above 0"]),
+        (["run", "--duration", "-1"], ["-1", "above 0"]),
+        (["run", "--config", "none.toml"], ["none.toml", "No such file"]),
+        (["record", "--config", "x.toml", "--duration", "1"], ["--output"]),
+    ],
+)
+def test_wrong_call_is_one_line(arguments: list[str], words: list[str]) -> None:
+    """Whatever is wrong with a call: status 2, nothing on stdout, one line on stderr that says what."""
+    assert is_one_line(call(*arguments), *words)
+
+
+def broken_program() -> RootGroup:
+    """A program of one command that has a bug."""
+    group = RootGroup()
+
+    @group.command()
+    def crash() -> None:
+        raise ZeroDivisionError("deep\ninside")
+
+    @group.command()
+    def interrupt() -> None:
+        raise KeyboardInterrupt
+
+    @group.command()
+    def write() -> None:
+        Path("/no/such/folder/x").write_text("")
+
+    return group
+
+
+def test_bug_shows_no_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An unexpected exception is one line that tells how to see more."""
+    monkeypatch.delenv("LOSTMOTION_DEBUG", raising=False)
+    assert is_one_line(CliRunner().invoke(broken_program(), ["crash"]), "internal error", "deep inside", "DEBUG")
+
+
+def test_debug_shows_the_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    """LOSTMOTION_DEBUG=1 brings the traceback, and the same status."""
+    monkeypatch.setenv("LOSTMOTION_DEBUG", "1")
+    result = CliRunner().invoke(broken_program(), ["crash"])
+    assert result.exit_code == 2
+    assert "Traceback" in result.stderr
+
+
+def test_error_of_the_system_names_the_file() -> None:
+    """An OSError that nobody foresaw still says which file and why."""
+    assert is_one_line(CliRunner().invoke(broken_program(), ["write"]), "/no/such/folder/x", "No such file")
+
+
+def test_interrupt_is_quiet() -> None:
+    """Ctrl-C ends a command with status 130 and no word."""
+    result = CliRunner().invoke(broken_program(), ["interrupt"])
+    assert (result.exit_code, result.stdout, result.stderr) == (130, "", "")
+
+
+def test_group_may_be_any_click_group() -> None:
+    """The guard wraps plain click commands, so that the lab's need not know it."""
+    group = RootGroup()
+    group.add_command(click.Command("three", callback=lambda: 1))
+    assert CliRunner().invoke(group, ["three"]).exit_code == 1
+
+
+def test_reader_that_goes_away(tmp_path: Path) -> None:
+    """`| head` ends the program without a complaint."""
+    fill(tmp_path / "h.db", 3000)
+    process = start("history", "elbow", "--csv", "--database", "h.db", folder=tmp_path)
+    assert process.stdout is not None
+    assert process.stderr is not None
+    assert process.stdout.readline().startswith("time,score,level")
+    process.stdout.close()
+    assert process.stderr.read() == ""
+    assert process.wait(20) == 141
+    process.stderr.close()
+
+
+def test_full_disk_under_stdout(tmp_path: Path) -> None:
+    """Output that cannot be written is an error, not a success."""
+    fill(tmp_path / "h.db", 5)
+    with Path("/dev/full").open("w") as full:
+        command = [*PROGRAM, "history", "elbow", "--json", "--database", "h.db"]
+        done = subprocess.run(command, cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, timeout=30)
+    assert done.returncode == 2
+    assert done.stderr == "lostmotion: No space left on device\n"
+
+
+def test_run_tells_where_the_database_is(tmp_path: Path) -> None:
+    """The first line on stderr names the robot and the database, stdout stays empty."""
+    (tmp_path / "robot.toml").write_text(HARDWARE)
+    process = start("run", "--config", "robot.toml", "--duration", "0.2", folder=tmp_path)
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == 0
+    assert out == ""
+    assert err.splitlines()[0] == "robot arm2; database history.db"
+
+
+def test_interrupted_recording_is_valid(tmp_path: Path) -> None:
+    """Ctrl-C ends `record` with status 130; what was measured until then can be scored."""
+    (tmp_path / "robot.toml").write_text(SIMULATED.replace('"max"', "1.0"))
+    process = start("record", "--config", "robot.toml", "--duration", "60", "-o", "r.csv", folder=tmp_path)
+    recording, deadline = tmp_path / "r.csv", time.monotonic() + 120
+    while time.monotonic() < deadline and not (recording.exists() and recording.stat().st_size > 60_000):
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert "rows of joint elbow" in err
+    assert "Traceback" not in err
+    windows = json.loads(call("score", recording, "--json").stdout)["windows"]
+    assert len(windows) >= 2

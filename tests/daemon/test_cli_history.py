@@ -1,0 +1,212 @@
+"""status, history and trend over a database that the store itself has filled."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lostmotion.daemon.commands.times import TimeError, ago, parse, span
+from lostmotion.daemon.store import Store
+from tests.daemon.cli_world import SIMULATED, START, call, fill, is_one_line
+
+
+@pytest.fixture(scope="module")
+def database(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A year of the robot arm1."""
+    path = tmp_path_factory.mktemp("database") / "h.db"
+    fill(path)
+    return path
+
+
+def document(*arguments: str | Path) -> Any:
+    """The JSON document that a call prints, and nothing else."""
+    result = call(*arguments, "--json")
+    assert result.exit_code == 0, result.stderr
+    return json.loads(result.stdout)
+
+
+def test_status_json(database: Path) -> None:
+    """The keys are those of the interface, NaN is null, times are UTC with Z."""
+    status = document("status", "--database", database)
+    assert list(status) == ["robot", "joints"]
+    elbow, shoulder = status["joints"]
+    keys = ["name", "health", "score", "level", "play", "last_window", "alarms"]
+    assert list(elbow) == keys
+    assert [elbow[key] for key in keys[:6]] == ["elbow", "WARNING", 6.97, 4.0, 0.001, "2026-12-30T10:10:12.000000Z"]
+    assert [alarm["reason"] for alarm in elbow["alarms"]] == ["half of the windows"]
+    assert (shoulder["score"], shoulder["play"], shoulder["alarms"]) == (None, None, [])
+
+
+def test_status_for_people(database: Path) -> None:
+    """The table shows health and play in arc-minutes; without a terminal it has no colours."""
+    text = call("status", "--database", database).stdout
+    assert "WARNING" in text
+    assert "3.4'" in text
+    assert "alarm: elbow: warning: half of the windows (raised 2026-01-01 00:00:00.0 UTC)" in text
+    assert "\x1b" not in text
+
+
+def test_status_fail(database: Path, tmp_path: Path) -> None:
+    """`--fail` is status 1 while an alarm is active, else 0."""
+    assert call("status", "--database", database, "--fail").exit_code == 1
+    Store(tmp_path / "calm.db", "arm1").close()
+    assert call("status", "--database", tmp_path / "calm.db", "--fail").exit_code == 0
+
+
+def test_history_json(database: Path) -> None:
+    """The keys are those of the interface, the oldest score comes first."""
+    history = document("history", "elbow", "--database", database)
+    assert list(history) == ["joint", "scores"]
+    assert len(history["scores"]) == 200
+    first = {"time": "2026-01-01T00:00:00.000000Z", "score": 1.0, "level": 4.0, "impact": False, "play": 0.001}
+    assert history["scores"][0] == first | {"play_low": 0.0009, "play_high": 0.0011, "quality": "ok"}
+    assert list(history["scores"][0])[:4] == ["time", "score", "level", "impact"]
+    assert document("history", "shoulder", "--database", database)["scores"][-1]["score"] is None
+
+
+def test_history_bounds(database: Path) -> None:
+    """since <= time < until; a limit keeps the newest."""
+    step = 365.25 / 200
+    since, until = START + timedelta(days=10 * step), START + timedelta(days=20 * step)
+    bounds = ["--since", since.isoformat(), "--until", until.isoformat()]
+    scores = document("history", "elbow", "--database", database, *bounds)["scores"]
+    assert [score["score"] for score in scores] == pytest.approx([1 + 6 * k / 200 for k in range(10, 20)])
+    newest = document("history", "elbow", "--database", database, *bounds, "--limit", "3")["scores"]
+    assert newest == scores[-3:]
+
+
+def test_history_csv(database: Path) -> None:
+    """CSV has the keys of JSON as its header and empty cells for what is unknown."""
+    text = call("history", "shoulder", "--database", database, "--csv", "--limit", "1").stdout
+    (row,) = csv.DictReader(io.StringIO(text))
+    assert row["time"] == "2026-12-30T10:10:12.000000Z"
+    assert (row["score"], row["level"], row["impact"], row["play"], row["quality"]) == ("", "4.0", "false", "", "gap")
+
+
+def test_history_table(database: Path) -> None:
+    """People see a bar, a mark at impacts and the play in arc-minutes."""
+    lines = call("history", "elbow", "--database", database, "--limit", "2").stdout.splitlines()
+    assert lines[-1].split() == ["2026-12-30", "10:10:12.0", "6.97", "█" * 12, "4.00", "impact", "3.4'", "ok"]
+
+
+def test_unknown_joint_names_the_known(database: Path) -> None:
+    """A wrong joint is one line that names the right ones."""
+    for command in ("history", "trend"):
+        assert is_one_line(call(command, "knee", "--database", database), "knee", "elbow, shoulder")
+
+
+def test_missing_database(tmp_path: Path) -> None:
+    """No database: the path, and the likely cause."""
+    for command in (["status"], ["history", "elbow"], ["trend", "elbow"]):
+        result = call(*command, "--database", tmp_path / "none.db")
+        assert is_one_line(result, "none.db", "lostmotion run")
+
+
+def test_damaged_database(database: Path, tmp_path: Path) -> None:
+    """Half a database is one line, not a traceback."""
+    damaged = tmp_path / "damaged.db"
+    damaged.write_bytes(database.read_bytes()[:8192] + b"\x5a" * 50_000)
+    assert is_one_line(call("history", "elbow", "--database", damaged), "database", "damaged")
+
+
+def test_configuration_names_the_database(database: Path, tmp_path: Path) -> None:
+    """--config F reads the database of F; --database beats it."""
+    config = tmp_path / "robot.toml"
+    config.write_text(SIMULATED.replace("history.db", str(database)))
+    assert document("status", "--config", config)["robot"] == "arm1"
+    assert is_one_line(call("status", "--config", config, "--database", tmp_path / "no.db"), "no.db")
+
+
+def test_users_database_is_the_default(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without options and without a system-wide configuration it is the one of `lostmotion run`."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    monkeypatch.setattr("lostmotion.daemon.commands.where.ETC", tmp_path / "none.toml")
+    fill(tmp_path / "lostmotion" / "history.db", 5)
+    assert document("history", "elbow")["joint"] == "elbow"
+
+
+def test_reading_while_the_service_writes(tmp_path: Path) -> None:
+    """A database that is open for writing can be read."""
+    fill(tmp_path / "h.db", 5)
+    writing = Store(tmp_path / "h.db", "arm1")
+    try:
+        assert len(document("history", "elbow", "--database", tmp_path / "h.db")["scores"]) == 5
+    finally:
+        writing.close()
+
+
+def test_trend_json(database: Path) -> None:
+    """A line of slope 6 a year is found as such, with its significance and the time at which it met the level."""
+    trend = document("trend", "elbow", "--database", database, "--level", "8.97")
+    assert trend["slope"]["per_month"] == pytest.approx(0.5, rel=1e-6)
+    assert trend["slope"]["low"] <= 0.5000001
+    assert trend["slope"]["high"] >= 0.4999999
+    assert trend["mann_kendall"]["direction"] == "rising"
+    assert trend["mann_kendall"]["tau"] == pytest.approx(1.0)
+    assert trend["current"] == pytest.approx(6.97)
+    assert trend["time_to_limit"]["likely_s"] == pytest.approx(2 / 6 * 365.25 * 86400, rel=1e-6)
+    assert (trend["count"], trend["level"], trend["change_points"]) == (200, 8.97, [])
+
+
+def test_trend_leaves_out_unknown_scores(database: Path) -> None:
+    """NaN counts for nothing; a constant history has no trend and never gets there."""
+    trend = document("trend", "shoulder", "--database", database)
+    assert (trend["count"], trend["slope"]["per_month"], trend["time_to_limit"]) == (199, 0.0, None)
+    assert trend["mann_kendall"]["direction"] == "none"
+
+
+def test_trend_in_the_terminal(database: Path) -> None:
+    """Words first, then a plot with level and dates; no escape codes without a terminal."""
+    text = call("trend", "elbow", "--database", database).stdout
+    assert "slope          +6 per year" in text
+    assert "limit          reached" in text
+    assert "level 4" in text
+    assert text.count("•") > 30
+    assert "2026-01-01" in text
+    assert "\x1b" not in text
+
+
+def test_trend_picture(database: Path, tmp_path: Path) -> None:
+    """--png writes a picture of some size, whatever its name; stdout still is one JSON document."""
+    picture = tmp_path / "trend.picture"
+    document("trend", "elbow", "--database", database, "--png", picture)
+    content = picture.read_bytes()
+    assert content[:8] == b"\x89PNG\r\n\x1a\n"
+    assert int.from_bytes(content[16:20], "big") >= 1000
+    assert is_one_line(call("trend", "elbow", "--database", database, "--png", tmp_path / "none" / "x.png"), "none")
+
+
+def test_trend_of_nothing(database: Path) -> None:
+    """Too little history is one line that says how much there is."""
+    few = ["--since", "2026-12-28T20:00"]
+    assert is_one_line(call("trend", "elbow", "--database", database, *few), "elbow", "at least 3")
+    assert is_one_line(call("trend", "elbow", "--database", database, "--since", "2027-06-01"), "no scores")
+
+
+def test_times_as_people_type_them() -> None:
+    """Lengths before now, ISO 8601 with and without a zone; all else is refused."""
+    now = datetime(2026, 7, 1, 12, tzinfo=UTC)
+    assert parse("30d", now) == now - timedelta(days=30)
+    assert parse("1.5h", now) == now - timedelta(minutes=90)
+    assert parse("2026-01-31", now) == datetime(2026, 1, 31, tzinfo=UTC)
+    assert parse("2026-01-31T12:00:00Z", now) == datetime(2026, 1, 31, 12, tzinfo=UTC)
+    assert parse("2026-01-31T12:00+02:00", now) == datetime(2026, 1, 31, 10, tzinfo=UTC)
+    for text in ("", "30", "3 moons", "2026-13-01", "99999999y"):
+        with pytest.raises(TimeError, match="expected one such as"):
+            parse(text, now)
+
+
+def test_times_as_people_read_them() -> None:
+    """The largest unit of which there are at least two; the future is said as such."""
+    now = datetime(2026, 7, 1, 12, tzinfo=UTC)
+    assert [span(s) for s in (3, 119, 120, 86400, 5 * 86400.0, 400 * 86400.0)] == [
+        "3 s", "119 s", "2 min", "24 h", "5.0 d", "13 months",
+    ]  # fmt: skip
+    assert ago(now - timedelta(seconds=3), now) == "3 s ago"
+    assert ago(now + timedelta(minutes=5), now) == "in 5 min"

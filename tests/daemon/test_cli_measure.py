@@ -1,0 +1,213 @@
+"""config check, record, score and doctor on the simulated robot and on files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lostmotion.daemon import config as configuration
+from lostmotion.daemon.commands.checks import within
+from lostmotion.daemon.commands.checks_system import ClockPair, check_adapters, check_clock, check_disk
+from lostmotion.drivers.recording import read_recording
+from tests.daemon.cli_world import HARDWARE, SECOND_JOINT, SIMULATED, call, fill, is_one_line
+
+
+@pytest.fixture
+def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The configuration of a simulated robot, in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "robot.toml"
+    path.write_text(SIMULATED)
+    return path
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four seconds of the simulated elbow, as `record` writes them."""
+    folder = tmp_path_factory.mktemp("recording")
+    (folder / "robot.toml").write_text(SIMULATED)
+    result = call("record", "--config", folder / "robot.toml", "--duration", "4", "-o", folder / "elbow.csv")
+    assert result.exit_code == 0, result.stderr
+    return folder / "elbow.csv"
+
+
+def documents(result: Any) -> Any:
+    """The one JSON document on stdout."""
+    return json.loads(result.stdout)
+
+
+def test_config_check(robot: Path) -> None:
+    """A valid configuration is shown as it is in force, defaults and all."""
+    found = documents(call("config", "check", robot, "--json"))
+    assert (found["valid"], found["robot"], found["database"]) == (True, "arm1", "history.db")
+    (joint,) = found["joints"]
+    assert (joint["name"], joint["detector"]["level"], joint["detector"]["f_res_hz"]) == ("elbow", 5.5, 58.0)
+    text = call("config", "check", robot).stdout
+    assert text.startswith(f"{robot}: valid\n")
+    assert [line.split() for line in text.splitlines() if line.startswith("level")] == [["level", "5.5"]]
+
+
+def test_config_check_refuses(robot: Path) -> None:
+    """An unknown key is one line that names the near one."""
+    robot.write_text(SIMULATED.replace("level", "levle"))
+    assert is_one_line(call("config", "check", robot), "levle", "level")
+
+
+def test_recording_holds_both_devices_in_order(recording: Path) -> None:
+    """Servo and accelerometer at their own rates, from 0 to the duration asked for, and what score needs to know."""
+    found = read_recording(recording)
+    command_times, _ = found.signal("command")
+    accel_times, accel = found.signal("accel")
+    assert 3.9 < found.duration < 4.0
+    assert np.median(np.diff(command_times)) == pytest.approx(0.01)
+    assert np.median(np.diff(accel_times)) == pytest.approx(0.001)
+    assert len(accel) == 4000
+    assert {key: found.metadata[key] for key in ("robot", "joint", "f_res_hz", "zeta")} == {
+        "robot": "arm1", "joint": "elbow", "f_res_hz": 58.0, "zeta": 0.012,
+    }  # fmt: skip
+
+
+def test_record_wants_one_joint(robot: Path) -> None:
+    """With several joints one has to be chosen, and then only its devices are used."""
+    robot.write_text(SIMULATED + SECOND_JOINT)
+    arguments = ["record", "--config", str(robot), "--duration", "0.5", "-o", "r.csv"]
+    assert is_one_line(call(*arguments), "--joint", "elbow, wrist")
+    assert is_one_line(call(*arguments, "--joint", "knee"), "knee", "wrist")
+    assert not Path("r.csv").exists()
+    assert call(*arguments, "--joint", "wrist").exit_code == 0
+    assert read_recording("r.csv").metadata["joint"] == "wrist"
+
+
+def test_record_without_the_device(robot: Path) -> None:
+    """A missing port: status 2, and the error's own line."""
+    robot.write_text(HARDWARE)
+    result = call("record", "--config", robot, "--duration", "1", "-o", "r.csv")
+    assert result.exit_code == 2
+    assert "no-such-port" in result.stderr.splitlines()[-1]
+    assert "Traceback" not in result.stderr
+
+
+def test_score_json(recording: Path) -> None:
+    """The keys are those of the interface; the recording's head gives joint and oscillator."""
+    found = documents(call("score", recording, "--json"))
+    assert list(found) == ["joint", "level", "windows"]
+    assert (found["joint"], found["level"]) == ("elbow", 8.0)
+    keys = ["time", "duration", "score", "impact", "play", "play_low", "play_high", "quality"]
+    assert len(found["windows"]) > 5
+    assert all(list(window) == keys for window in found["windows"])
+    assert all(0 <= window["time"] < 4 for window in found["windows"])
+
+
+def test_settings_by_rank(recording: Path) -> None:
+    """An option beats the configuration, which beats the default; impact means above that level."""
+    config = ["--config", str(recording.parent / "robot.toml")]
+    assert documents(call("score", recording, *config, "--json"))["level"] == 5.5
+    high = documents(call("score", recording, *config, "--level", "1e6", "--json"))
+    assert high["level"] == 1e6
+    assert not any(window["impact"] for window in high["windows"])
+
+
+def test_score_for_people(recording: Path) -> None:
+    """A line of summary and a row for each window."""
+    windows = documents(call("score", recording, "--json"))["windows"]
+    lines = call("score", recording).stdout.splitlines()
+    impacts = sum(window["impact"] for window in windows)
+    assert lines[0] == f"joint elbow: {len(windows)} windows, {impacts} with impact (f_res 58 Hz, level 8)"
+    assert len(lines) == 3 + len(windows)
+
+
+@pytest.mark.parametrize(
+    ("content", "arguments", "words"),
+    [
+        ("", [], ["x.csv"]),
+        ("time,command,accel\n", [], ["x.csv", "no rows"]),
+        ("time,command,accel\n0,0,0\n", [], ["at least 3"]),
+        ("time,command\n0,0\n1,0\n2,0\n3,0\n", [], ["'accel'", "command"]),
+        ("time,accel\n0,0\n1,0\n2,0\n3,0\n", [], ["'command'"]),
+        ("time,command,accel\n0,0,0\n2,0,0\n1,0,0\n", [], ["order"]),
+        ("# f_res_hz = \"x\"\ntime,command,accel\n0,0,0\n", [], ["f_res_hz", "number"]),
+        ("time,command,accel\n0,0,0\n", ["--column", "speed"], ["speed", "accel"]),
+        ("time,command,accel\n" + "".join(f"{t / 10},0,0\n" for t in range(90)), [], ["52-64 Hz", "too slow"]),
+    ],
+)  # fmt: skip
+def test_bad_recording_is_one_line(tmp_path: Path, content: str, arguments: list[str], words: list[str]) -> None:
+    """Whatever is wrong with a recording: status 2 and one line that says what."""
+    (tmp_path / "x.csv").write_text(content)
+    assert is_one_line(call("score", tmp_path / "x.csv", *arguments, "--json"), *words)
+
+
+def test_score_of_the_missing_file(tmp_path: Path) -> None:
+    """No such file: its name and the likely cause."""
+    assert is_one_line(call("score", tmp_path / "none.csv"), "none.csv", "No such file")
+
+
+def test_doctor_on_the_simulated_robot(robot: Path) -> None:
+    """Everything is good there: status 0, each check with value and allowed range."""
+    result = call("doctor", "--config", robot, "--json")
+    assert result.exit_code == 0, result.stdout
+    found = documents(result)
+    by_name = {(check["subject"], check["check"]): check for check in found["checks"]}
+    assert found["ok"]
+    assert by_name["elbow", "poll rate"]["value"] == pytest.approx(100, rel=0.02)
+    assert by_name["tip", "sample rate"]["value"] == pytest.approx(1000, rel=0.02)
+    assert by_name["tip", "sample rate"]["allowed"] == "950 to 1050"
+    assert 0.06 < by_name["tip", "noise"]["value"] < 0.15  # 0.1 by the driver's default
+    assert by_name["system", "numpy"]["ok"]
+    assert not Path("history.db").exists()
+
+
+def test_doctor_without_devices(robot: Path) -> None:
+    """Missing ports are bad checks with their cause, and status 1; all else is still looked at."""
+    robot.write_text(HARDWARE)
+    result = call("doctor", "--config", robot)
+    assert result.exit_code == 1
+    bad = [line for line in result.stdout.splitlines() if line.startswith("BAD: ")]
+    assert any("no-such-port-0" in line for line in bad)
+    assert any("no-such-port-1" in line for line in bad)
+    assert "free space" in result.stdout
+
+
+def test_latency_timer_of_an_adapter(robot: Path) -> None:
+    """16 ms is bad, 1 ms is good, a port without such a timer is no matter."""
+    robot.write_text(HARDWARE.replace("no-such-port-0", "/dev/ttyUSB0").replace("no-such-port-1", "/dev/ttyACM0"))
+    config, timer = configuration.load(robot), robot.parent / "ttyUSB0" / "latency_timer"
+    timer.parent.mkdir()
+    for milliseconds, ok in (("16\n", False), ("1\n", True)):
+        timer.write_text(milliseconds)
+        (check,) = check_adapters(config, robot.parent)
+        assert (check.subject, check.value, check.ok) == ("/dev/ttyUSB0", float(milliseconds), ok)
+        assert bool(check.cause) is not ok
+
+
+def test_disk_and_database(robot: Path) -> None:
+    """A database of something else is bad; a good one tells how fast it grows."""
+    config = configuration.load(robot)
+    Path("history.db").write_text("no database at all, but long enough to look like one" * 99)
+    assert [check.check for check in check_disk(config) if not check.ok] == ["schema"]
+    Path("history.db").unlink()
+    fill(Path("history.db"), 100)
+    checks = {check.check.partition(" (")[0]: check for check in check_disk(config)}
+    assert all(check.ok for check in checks.values())
+    assert checks["room"].check == "room (grows by 0.0 MB a day)"
+
+
+def test_clock_that_steps() -> None:
+    """Wall and monotonic clock that move apart during the pass are bad."""
+    clocks = ClockPair()
+    assert all(check.ok for check in check_clock(clocks, virtual=True))
+    clocks._start -= 1.0
+    assert [check.check for check in check_clock(clocks, virtual=True) if not check.ok] == [
+        "clock step during the pass"
+    ]
+
+
+def test_ranges() -> None:
+    """Bounds belong to the range, NaN never does, one bound may be missing."""
+    assert within("s", "c", 2.0, "", 1.0, 2.0, "why").ok
+    assert within("s", "c", 2.0, "", None, 2.0, "why").allowed == "at most 2"
+    bad = within("s", "c", float("nan"), "", 0.0, None, "why")
+    assert (bad.ok, bad.allowed, bad.cause) == (False, "at least 0", "why")
