@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import shutil
+import subprocess
+import sys
 import time
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -23,6 +27,7 @@ from lostmotion.drivers.replay import (
     ReplayOptions,
 )
 
+EXAMPLES = Path(__file__).parent.parent.parent / "examples"
 OSCILLATOR = OscillatorOptions(f_res_hz=58.0)
 
 
@@ -201,3 +206,22 @@ def test_real_recording_with_force_as_the_signal(real_data: Path) -> None:
     samples = all_samples(joints)
     assert len(samples) == 701
     assert max(abs(sample.command) for sample in samples) == pytest.approx(0.0254, rel=0.05)
+
+
+def test_service_over_a_real_recording(real_data: Path, tmp_path: Path) -> None:
+    """The example configuration, run as a user would: a window at each of 15 reversals of the commanded acceleration.
+
+    The last one ends behind the recording and has no score.
+    """
+    shutil.copy(real_data / "friction_backlash_30lb" / "1Hz_30lb_1in.csv", tmp_path / "recording.csv")
+    config = EXAMPLES / "replay.toml"
+    lostmotion = Path(sys.executable).parent / "lostmotion"
+    subprocess.run([lostmotion, "run", "--config", config], cwd=tmp_path, check=True, capture_output=True, timeout=60)
+    told = subprocess.run(
+        [lostmotion, "history", "damper", "--config", config, "--json"], cwd=tmp_path, check=True, capture_output=True
+    )
+    scores = json.loads(told.stdout)["scores"]
+    assert len(scores) == 15
+    assert [row["score"] is None for row in scores] == [False] * 14 + [True]
+    # Impacts ring far louder on one side of the gap than on the other.
+    assert np.median([row["score"] for row in scores[4:13:2]]) > 3 * np.median([row["score"] for row in scores[5:12:2]])
