@@ -15,7 +15,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from operator import attrgetter
-from typing import TYPE_CHECKING, TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -39,9 +39,6 @@ from lostmotion.drivers.simulated_options import (
     SimulatedJointOptions,
     SimulatedOptions,
 )
-
-if TYPE_CHECKING:
-    from lostmotion.model import Motion
 
 __all__ = ["DRIVER", "SimulatedAccelerometer", "SimulatedJoints", "SimulatedRobot"]
 
@@ -121,6 +118,14 @@ class SimulatedRobot(VirtualClock):
         for name, bar in self._sensors.items():
             bar.feel(step, tips[name])
         self.advance(step.end)
+
+
+class Motion(Protocol):
+    """A motion of the model, which is not imported yet: an angle [rad] and its derivatives at times [s]."""
+
+    def position(self, t: FloatArray) -> FloatArray: ...
+    def velocity(self, t: FloatArray) -> FloatArray: ...
+    def acceleration(self, t: FloatArray) -> FloatArray: ...
 
 
 class Gear:
