@@ -1,0 +1,67 @@
+"""Fixtures of the service's tests: the fake driver, the service in a process of its own."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from lostmotion.drivers import registry
+
+ROOT = Path(__file__).parent.parent.parent
+
+
+@pytest.fixture
+def fake_driver(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The fake driver is in the table."""
+    monkeypatch.setitem(registry.BUILT_IN, "fake", "tests.daemon.fakes:DRIVER")
+
+
+class Running:
+    """A service in another process; ``log`` is a file that grows."""
+
+    def __init__(self, config: Path, log: Path, environment: dict[str, str]) -> None:
+        self.log = log
+        with log.open("w") as sink:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "tests.daemon.fakes", str(config)],
+                cwd=ROOT, stderr=sink, env=os.environ | environment,
+            )  # fmt: skip
+
+    def wait_for(self, text: str, times: int = 1, timeout_s: float = 20.0) -> str:
+        """Waits until the log holds the text so often; the log."""
+        wait_until(lambda: self.log.read_text().count(text) >= times, timeout_s, lambda: self.log.read_text())
+        return self.log.read_text()
+
+    def stop(self, number: int) -> int:
+        """Sends a signal and waits for the end; the exit status."""
+        self.process.send_signal(number)
+        return self.process.wait(20)
+
+
+def wait_until(condition: Callable[[], object], timeout_s: float = 20.0, state: Callable[[], str] = str) -> None:
+    """Waits until the condition holds; fails with the state when it never does."""
+    end = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < end, f"not within {timeout_s} s; {state()}"
+        time.sleep(0.01)
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Callable[..., Running]]:
+    """Starts the service with a configuration file, in a process that ends with the test."""
+    started: list[Running] = []
+
+    def begin(config: Path, **environment: str) -> Running:
+        started.append(Running(config, tmp_path / f"log{len(started)}", environment))
+        return started[-1]
+
+    yield begin
+    for running in started:
+        running.process.kill()
+        running.process.wait()

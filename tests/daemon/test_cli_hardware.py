@@ -1,0 +1,97 @@
+"""record and doctor through the real drivers, on hardware emulated byte by byte."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lostmotion.drivers.emulator import Emulator, Motion, ServoLine, TextStream, WitMotionStream
+from lostmotion.drivers.recording import read_recording
+from tests.daemon.cli_world import HARDWARE, call
+
+
+@dataclass(frozen=True)
+class Arm:
+    """An emulated arm and the configuration that names its ports."""
+
+    emulator: Emulator
+    config: Path
+
+
+@pytest.fixture
+def arm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Arm]:
+    """One AX-12A with id 3 and a WitMotion sensor at 200 Hz."""
+    monkeypatch.chdir(tmp_path)
+    motion = Motion()
+    with Emulator(ServoLine.of("AX-12A", [3], motion), WitMotionStream(motion)) as emulator:
+        yield Arm(emulator, configuration(tmp_path, emulator))
+
+
+def configuration(folder: Path, emulator: Emulator) -> Path:
+    """HARDWARE with the emulator's ports."""
+    servos, sensor = emulator.paths
+    path = folder / "robot.toml"
+    path.write_text(HARDWARE.replace("no-such-port-0", servos).replace("no-such-port-1", sensor))
+    return path
+
+
+def checks(config: Path) -> dict[tuple[str, str], Any]:
+    """The doctor's checks by subject and name."""
+    found = json.loads(call("doctor", "--config", config, "--json").stdout)
+    return {(check["subject"], check["check"]): check for check in found["checks"]}
+
+
+def test_recording_of_hardware(arm: Arm) -> None:
+    """Both devices are measured at their rates, in one order, and the detector finds windows in the recording."""
+    result = call("record", "--config", arm.config, "--duration", "2.5", "-o", "r.csv")
+    assert result.exit_code == 0, result.stderr
+    recording = read_recording("r.csv")
+    servo_times, command = recording.signal("command")
+    accel_times, accel = recording.signal("accel")
+    assert len(servo_times) == pytest.approx(250, abs=40)
+    assert len(accel_times) == pytest.approx(500, abs=80)
+    assert np.median(np.diff(accel_times)) == pytest.approx(0.005, rel=0.05)
+    assert np.ptp(command) > 0.01
+    assert np.std(accel) > 0.01
+    assert json.loads(call("score", "r.csv", "--config", arm.config, "--json").stdout)["windows"]
+
+
+def test_unplugged_while_recording(arm: Arm) -> None:
+    """The error is told, and what came before it stays."""
+    pull = threading.Timer(1.5, arm.emulator.unplug, [1])
+    pull.start()
+    result = call("record", "--config", arm.config, "--duration", "30", "-o", "r.csv")
+    pull.join()
+    assert result.exit_code == 2
+    assert "went away" in result.stderr.splitlines()[-1]
+    assert read_recording("r.csv").duration > 0.3
+
+
+def test_doctor_on_healthy_hardware(arm: Arm) -> None:
+    """Devices are named, their rates are measured, nothing about them is bad."""
+    found = checks(arm.config)
+    assert "AX-12A" in found["elbow", "identity"]["value"]
+    assert found["elbow", "poll rate"]["value"] == pytest.approx(100, rel=0.1)
+    assert found["tip", "sample rate"]["value"] == pytest.approx(200, rel=0.05)
+    devices = [check for (subject, _), check in found.items() if subject in ("elbow", "tip")]
+    assert all(check["ok"] for check in devices), devices
+
+
+def test_doctor_names_the_wrong_device(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another servo model, and a GPS receiver where a sensor should be: both are bad, with what was found."""
+    monkeypatch.chdir(tmp_path)
+    with Emulator(ServoLine.of("AX-18A", [3], Motion()), TextStream()) as emulator:
+        config = configuration(tmp_path, emulator)
+        result = call("doctor", "--config", config, "--json")
+        found = json.loads(result.stdout)["checks"]
+    assert result.exit_code == 1
+    bad = [f"{check['check']} {check['value']} {check['cause']}" for check in found if not check["ok"]]
+    assert any("AX-18A" in text for text in bad), bad
+    assert any(emulator.paths[1] in text or "tip" in text for text in map(str, found)), found

@@ -1,0 +1,143 @@
+"""The configuration: what is taken, and in which words the rest is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from lostmotion.daemon import config
+from lostmotion.daemon.config import ConfigError
+
+GOOD = """
+[robot]
+name = "arm1"
+[store]
+path = "history.db"
+[[accelerometer]]
+name = "tip"
+driver = "witmotion"
+port = "/dev/ttyUSB1"
+baudrate = 115200
+rate_hz = 200
+oscillator = { f_res_hz = 58.0, zeta = 0.012, length_m = 0.10 }
+[[joint]]
+name = "elbow"
+driver = "dynamixel"
+port = "/dev/ttyUSB0"
+baudrate = 1000000
+model = "AX-12A"
+id = 3
+poll_hz = 100
+accelerometer = "tip"
+[joint.detector]
+level = 5.5
+window_s = "auto"
+[[joint]]
+name = "wrist"
+driver = "dynamixel"
+port = "/dev/ttyUSB0"
+baudrate = 1000000
+model = "AX-12A"
+id = 4
+accelerometer = "tip"
+[detector]
+window_s = 0.25
+f_width_hz = 12.0
+f_norm_hz = 85.0
+f_norm_width_hz = 20.0
+level = 4.0
+[alarm.zenoh]
+mode = "peer"
+connect = []
+listen = ["tcp/127.0.0.1:7447"]
+"""
+WITMOTION = 'driver = "witmotion"\nport = "/dev/ttyUSB1"\nbaudrate = 115200'
+
+
+def test_a_good_configuration_is_decoded_to_typed_values() -> None:
+    """Every table of the documented example arrives with its values; a joint's own detector keys win."""
+    good = config.loads(GOOD, "good.toml")
+    assert [joint.name for joint in good.joints] == ["elbow", "wrist"]
+    assert good.joint("elbow").model == "AX-12A"  # type: ignore[attr-defined]
+    assert good.accelerometer("tip").oscillator.zeta == 0.012
+    assert (good.settings("elbow").level, good.settings("elbow").window_s) == (5.5, None)
+    assert (good.settings("wrist").level, good.settings("wrist").window_s) == (4.0, 0.25)
+    assert good.settings("wrist").f_res_hz == 58.0
+    assert good.zenoh is not None
+    assert good.zenoh.listen == ["tcp/127.0.0.1:7447"]
+    assert not good.zenoh.multicast_scouting
+    assert [len(bus) for bus in good.buses()] == [2]
+    assert good.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("poll_hz = 100", "pol_hz = 100", "joint 'elbow'.pol_hz: unknown key; did you mean poll_hz?"),
+        ("id = 3", 'id = "3"', "joint 'elbow'.id: found '3'; expected `int`, got `str`"),
+        ("id = 3", "", "joint 'elbow'.id: is missing"),
+        ("zeta = 0.012", "zetta = 0.012", "accelerometer 'tip'.oscillator.zetta: unknown key; did you mean zeta?"),
+        ("zeta = 0.012", "zeta = 0.0", "accelerometer 'tip'.oscillator.zeta: found 0, expected 1e-05 to 0.99"),
+        ("level = 4.0", "level = -1", "detector.level: found -1; expected `float` > 0"),
+        ("level = 4.0", "level = nan", "detector.level: found nan"),
+        ("[detector]", "[detektor]", "detektor: unknown key; did you mean detector?"),
+        ("[detector]", "[simulated]", "simulated: unknown key; no joint or accelerometer uses that driver"),
+        ('driver = "witmotion"', 'driver = "witmoton"', "accelerometer 'tip'.driver: no driver is called 'witmoton'"),
+        (WITMOTION, 'driver = "replay"', "'replay' lives in a time of its own"),
+        ('accelerometer = "tip"', 'accelerometer = "top"', "joint 'elbow'.accelerometer: found 'top'"),
+        ('name = "wrist"', 'name = "elbow"', "joint.name: 'elbow' is given 2 times, expected once"),
+        ('name = "wrist"', 'name = "a/b"', "joint.name: found 'a/b', expected letters, digits"),
+        ("id = 4", "id = 3", "joint 'wrist'.id: 3 on /dev/ttyUSB0 already belongs to joint 'elbow'"),
+        ('port = "/dev/ttyUSB1"', 'port = "/dev/ttyUSB0"', "already belongs to joint 'elbow'; a port has one master"),
+        ("baudrate = 1000000\nmodel", "baudrate = 57600\nmodel", "expected 57600 as for joint 'elbow'"),
+        ("f_res_hz = 58.0", "f_res_hz = 98.0", "the oscillator rings up to 104 Hz, but rate_hz = 200 shows only"),
+        ("f_norm_hz = 85.0", "f_norm_hz = 150.0", "joint 'elbow': the norm band 140-160 Hz has 0 bins"),
+        ('mode = "peer"', 'mode = "pear"', "alarm.zenoh.mode: found 'pear'; invalid enum value 'pear'"),
+        ("[robot]", "[robot", "no valid TOML: "),
+        ('[robot]\nname = "arm1"', "", "[robot] is missing"),
+        ("rate_hz = 200", "rate_hz = 400", "accelerometer tip: rate_hz is 400"),
+    ],
+)
+def test_a_bad_configuration_is_refused_in_one_line(old: str, new: str, expected: str) -> None:
+    """Each mistake is told in one line that begins with the file and names the key, what was found and expected."""
+    assert old in GOOD
+    with pytest.raises(ConfigError) as refused:
+        config.loads(GOOD.replace(old, new, 1), "bad.toml")
+    message = str(refused.value)
+    assert message.startswith("bad.toml: ")
+    assert expected in message
+    assert "\n" not in message
+
+
+def test_what_is_not_built_yet_is_checked_and_noted() -> None:
+    """[alarm.can] is validated, and its note says that nothing is sent; a norm band beyond Nyquist is noted too."""
+    can = '[alarm.can]\ninterface = "socketcan"\nchannel = "can0"\nnode_id = 0x21\n'
+    wide = GOOD.replace("f_norm_width_hz = 20.0", "f_norm_width_hz = 40.0")
+    notes = config.loads(wide + can, "x").notes
+    assert "not built yet" in notes[-1]
+    assert "joint 'elbow': the norm's band reaches beyond 100 Hz" in notes[0]
+    with pytest.raises(ConfigError, match=r"alarm\.can\.node_id: found 200; expected `int` <= 127"):
+        config.loads(GOOD + can.replace("0x21", "200"), "x")
+
+
+def test_a_missing_file_is_told(tmp_path: Path) -> None:
+    """The path and the reason stand in one line."""
+    with pytest.raises(ConfigError, match=r"nothing\.toml: cannot be read: No such file"):
+        config.load(tmp_path / "nothing.toml")
+
+
+def test_the_built_in_robot_has_a_good_shoulder_and_a_worn_elbow(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """The default configuration is valid, names the two joints, and keeps its database in the user's state folder."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    default = config.default()
+    assert [joint.name for joint in default.joints] == ["shoulder", "elbow"]
+    assert default.database == tmp_path / "lostmotion" / "history.db"
+
+
+@pytest.mark.parametrize("path", sorted((Path(__file__).parents[2] / "examples").glob("*.toml")), ids=lambda p: p.name)
+def test_the_examples_are_valid(path: Path) -> None:
+    """Every configuration in examples/ passes the check."""
+    assert config.load(path).joints
