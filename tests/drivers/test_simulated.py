@@ -216,6 +216,19 @@ def test_two_joints_may_share_an_accelerometer() -> None:
     assert [sample.joint for sample in samples[:4]] == ["a", "b", "a", "b"]
 
 
+def test_sensor_of_no_joint_rides_on_a_sound_one() -> None:
+    """Alone, an accelerometer feels the hand that waves it."""
+    settings = SimulatedOptions(speed="max", motion="sine:1,0.1")
+    clock = SimulatedRobot(settings)
+    options = SimulatedAccelerometerOptions(
+        name="tip", driver="simulated", rate_hz=1000.0, oscillator=OscillatorOptions(f_res_hz=58.0), noise_ms2=0.0
+    )
+    sensor = SimulatedAccelerometer(options, settings, clock)
+    sensor.open()
+    accel = np.concatenate([sensor.read().accel for _ in range(4)])
+    assert np.abs(accel).max() == pytest.approx(0.1 * 0.1 * (2 * math.pi) ** 2, abs=0.01)
+
+
 def test_closed_device_keeps_nothing() -> None:
     """Closing twice is allowed; opened again, a device goes on at the present time."""
     robot = Robot([5e-5])
