@@ -1,9 +1,10 @@
 """How fast the compiled solver is beside SciPy's, at the same error: `python -m bench.simulation`.
 
 Two seconds at 1 kHz of the play model under a recorded hand-waved motion.  All three are held against one tight
-reference (DOP853, rtol 1e-12).  LSODA's tolerance and our sub-step are the coarsest whose error is at most 1e-3 of
-the acceleration's root mean square, well below any sensor's noise; the numba right-hand side is the best we could write (spline inlined), the Python one
-what one would write first (SciPy's spline, NumPy scalars).  Times are the best of several warm runs.
+reference (DOP853, rtol 1e-12).  LSODA's tolerance and our sub-step are the coarsest whose error is at most 1e-3 of the
+acceleration's root mean square, well below any sensor's noise.  The numba right-hand side is the best we could write
+(spline inlined), the Python one what one would write first (SciPy's spline, NumPy scalars).  Times are the best of
+several warm runs.
 """
 
 from __future__ import annotations

@@ -209,11 +209,14 @@ def _integrate(
             _rates(plan, s, k4)  # the slope at the end is the next step's first
             if not abs(s[plan.watch]) <= peak:
                 peak = abs(s[plan.watch])
+            between = False  # whether s still shows the end of the step
             while o < times.size and times[o] <= end + 1e-6 * h:
-                if times[o] < end - 1e-6 * h:
-                    _hermite(x, k1, y, k4, h, (times[o] - begin) / h, z)
+                part = min((times[o] - begin) / h, 1.0)
+                between = between or part < 1 - 1e-6
+                if between:
+                    _hermite(x, k1, y, k4, h, part, z)
                     value, rate = _input(c, times[o] - left)
-                    _load(plan, s, origin + times[o], value, rate, z, k1, 0.0)
+                    _load(plan, s, origin + times[o], value, rate, z, k4, 0.0)
                     _run(plan, s, scratch, 0, plan.live)
                     states[o] = z
                 else:

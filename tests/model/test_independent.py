@@ -1,0 +1,104 @@
+"""The compiled model against a second, independent solution of the same equations (independent.py)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from lostmotion.model import HandWaved, Model, Sine, build_model, catalogue
+from tests.model import independent
+
+TIMES = np.arange(0, 201) * 1e-3
+MOTION = HandWaved(seed=3, amplitude_rad=0.1, low_hz=2.0, high_hz=7.0)
+JOINT_EFFECTS = [e.id for e in catalogue() if "joint" in e.bases]
+SERVO_EFFECTS = [e.id for e in catalogue() if "servo" in e.bases]
+PLAY_EFFECTS = [e.id for e in catalogue() if "play" in e.bases and e.id != "clock_skew"]
+
+
+def values(model: Model) -> dict[str, float]:
+    """The model's parameters as plain numbers."""
+    return {name: parameter.value for name, parameter in model.parameters.items()}
+
+
+def command(t: float) -> float:
+    """The motion at one instant."""
+    return float(MOTION.position(np.array(t)))
+
+
+def rate(t: float) -> float:
+    """Its rate at one instant."""
+    return float(MOTION.velocity(np.array(t)))
+
+
+def distance(one: np.ndarray, other: np.ndarray) -> float:
+    """Root mean square difference over the root mean square."""
+    return float(np.sqrt(np.mean((one - other) ** 2) / np.mean(other**2)))
+
+
+def check_play(effects: list[str], **changed: float) -> None:
+    """Holds the play base with some effects against Radau, and makes sure that the effects show."""
+    model = build_model("play", effects, {"bias": 0.1, **changed})
+    ours = model.simulate(MOTION, TIMES)
+    theirs = independent.Play(values(model), command, rate).solve(TIMES)
+    plain = build_model("play", (), {"bias": 0.1}).simulate(MOTION, TIMES)
+    assert distance(ours["position"], theirs["position"]) < 1e-5
+    assert distance(ours["accel"], theirs["accel"]) < 2e-3
+    if effects:
+        assert distance(ours["accel"], plain["accel"]) > 20 * distance(ours["accel"], theirs["accel"])
+
+
+def test_play_base() -> None:
+    """Eqs. 1-7 without any effect agree with Radau."""
+    check_play([])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("effect", PLAY_EFFECTS)
+def test_play_with_each_effect(effect: str) -> None:
+    """Every effect on the play base agrees with Radau, and is not confused with no effect."""
+    changed = {"sensor_saturation.a_max": 3.0} if effect == "sensor_saturation" else {}
+    if effect == "second_mode":
+        changed = {"second_mode.zeta2": 0.05}
+    check_play([effect], **changed)
+
+
+@pytest.mark.slow
+def test_play_with_many_effects() -> None:
+    """Effects of every kind at once: they compose as the equations do."""
+    check_play(
+        ["sensor_lag", "hardening_spring", "coulomb_friction", "actuator_lag", "gravity_torque", "shaft_compliance"]
+    )
+
+
+@pytest.mark.parametrize("effect", [None, "hardening_spring", "quadratic_damping"])
+def test_oscillator(effect: str | None) -> None:
+    """The driven oscillator agrees with Radau, alone and with the effects on it."""
+    force = Sine(40.0, 1.0)
+    model = build_model("oscillator", [effect] if effect else [], {"bias": 0.05})
+    ours = model.simulate(force, TIMES, [1e-3, 0.0])["displacement"]
+    w = 2 * math.pi * 40
+    theirs = independent.oscillator(values(model), lambda t: math.sin(w * t), [1e-3, 0.0], TIMES)
+    assert distance(ours, theirs) < 1e-4
+
+
+@pytest.mark.parametrize("effect", [None, *JOINT_EFFECTS])
+def test_joint(effect: str | None) -> None:
+    """The joint under a torque agrees with Radau, alone and with each effect."""
+    torque = Sine(2.0, 2e-3)
+    model = build_model("joint", [effect] if effect else [], {"bias": 1e-4})
+    ours = model.simulate(torque, TIMES, [0.2, -0.5])["position"]
+    w = 2 * math.pi * 2
+    theirs = independent.joint(values(model), lambda t: 2e-3 * math.sin(w * t), [0.2, -0.5], TIMES)
+    assert distance(ours, theirs) < 1e-4
+
+
+@pytest.mark.parametrize("effect", [None, *SERVO_EFFECTS])
+def test_servo(effect: str | None) -> None:
+    """The servo following a command agrees with Radau, alone and with each effect."""
+    model = build_model("servo", [effect] if effect else [], {"cap": 0.3})
+    ours = model.simulate(MOTION, TIMES)["position"]
+    late = -values(model).get("command_delay.T", 0.0)
+    theirs = independent.servo(values(model), command, [command(late), rate(late), command(late)], TIMES)
+    assert distance(ours, theirs) < 1e-4
