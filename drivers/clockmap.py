@@ -35,8 +35,9 @@ class ClockMap:
     above the others (the host was busy all the time) are left out.
 
     The sensor's clock has stepped when it runs backwards, when an arrival lies more than ``step_s`` below the line, or
-    all arrivals of two stretches running lie that much above.  Then the fit begins anew with the slope it had; ``steps`` counts these, and
-    ``step`` [s] is the last one's size, positive when the sensor's clock fell behind (it lost samples, if it counts).
+    when all arrivals of two stretches running lie that much above.  Then the fit begins anew with the slope it had;
+    ``steps`` counts these, and ``step`` [s] is the last one's size, positive when the sensor's clock fell behind (it
+    lost samples, if it counts).
 
     What remains is the delay of even the quickest sample, which nobody can tell from a clock's offset.
     """

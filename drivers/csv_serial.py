@@ -56,25 +56,28 @@ class CsvFormat:
         stamps: list[float] = []
         broken = 0
         for row in self._decoder.feed(data):
-            value = self._value(row)
-            broken += math.isnan(value)
+            value = _cell(row, self._column) * self._scale
+            if not abs(value) <= self.range_ms2:
+                value = math.nan
+            stamp = _cell(row, self._time_column) * self._unit
+            broken += math.isnan(value + stamp)
             if self._time_column is None:
                 accel.append(value)
-            elif row is not None and self._time_column < len(row):
+            elif not math.isnan(stamp):
                 accel.append(value)
-                stamps.append(row[self._time_column] * self._unit)
+                stamps.append(stamp)
         return Readings(accel, None if self._time_column is None else stamps, broken)
 
     def reset(self) -> None:
         self._decoder.reset()
 
-    def _value(self, row: tuple[float, ...] | None) -> float:
-        """The reading [m/s²]; NaN for a broken line, one without that column, or one beyond the sensor's range."""
-        columns = len(row) if row else 0
-        if not row or not -columns <= self._column < columns:
-            return math.nan
-        value = row[self._column] * self._scale
-        return value if abs(value) <= self.range_ms2 else math.nan
+
+def _cell(row: tuple[float, ...] | None, column: int | None) -> float:
+    """A number of a line; NaN when the line is broken or too short, 0 for no column."""
+    if column is None:
+        return 0.0
+    columns = len(row) if row else 0
+    return row[column] if row and -columns <= column < columns else math.nan
 
 
 def _make(options: AccelerometerOptions, robot: RobotOptions, clock: Clock) -> Accelerometer:

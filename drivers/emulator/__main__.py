@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import signal
 import threading
 from pathlib import Path
 
@@ -28,6 +29,7 @@ def main(servos: tuple[str, ...], accel: tuple[str, ...], play: float, link: Pat
     devices = [_servos(text, motion) for text in servos] + [_accelerometer(text, motion) for text in accel]
     if not devices:
         raise click.UsageError("nothing to emulate; give --servos or --accel")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that the links are taken away
     with Emulator(*devices, link=link) as emulator, contextlib.suppress(KeyboardInterrupt):
         for path in emulator.paths:
             click.echo(path)

@@ -87,9 +87,9 @@ def test_a_header_in_the_data_is_stuffed() -> None:
 
 def test_too_long_a_packet_is_refused() -> None:
     """Protocol 1.0 ends at 250 bytes, 2.0 at 1024."""
-    with pytest.raises(ValueError, match="protocol 1.0 takes 250"):
+    with pytest.raises(ValueError, match=r"protocol 1\.0 takes 250"):
         encode(Packet(1, READ, bytes(249)), 1)
-    with pytest.raises(ValueError, match="protocol 2.0 takes 1024"):
+    with pytest.raises(ValueError, match=r"protocol 2\.0 takes 1024"):
         encode(Packet(0xFE, SYNC_READ, bytes(1100)), 2)
 
 

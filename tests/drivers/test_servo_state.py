@@ -45,7 +45,7 @@ def test_x_values_are_signed() -> None:
     assert state.velocity == pytest.approx(-2.29 * math.tau / 60)
     assert state.position == pytest.approx(-math.tau)
     assert state.command == 0.0
-    assert (state.voltage, state.temperature) == (pytest.approx(11.8), 41.0)
+    assert [state.voltage, state.temperature] == pytest.approx([11.8, 41.0])
 
 
 def test_the_profile_is_the_command_when_it_is_on() -> None:

@@ -1,0 +1,148 @@
+"""The table of drivers that the suite runs on.  A new driver is one more row."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from lostmotion.drivers.base import Accelerometer, RobotOptions, ServoBus
+from lostmotion.drivers.clock import Clock, SystemClock
+from lostmotion.drivers.emulator import CsvStream, Device, Emulator, Motion, ServoLine, TextStream, WitMotionStream
+from lostmotion.drivers.registry import get_driver
+
+__all__ = ["CASES", "Case", "Rig", "plugged"]
+
+MOTION = Motion(play=1.0)
+Options = Mapping[str, Any]
+
+
+def _silent_servos(model: str) -> ServoLine:
+    line = ServoLine.of(model, [1, 2], MOTION)
+    for servo in line.servos.values():
+        servo.silent = True
+    return line
+
+
+@dataclass(frozen=True)
+class Case:
+    """One driver in one role.
+
+    joints, or else accelerometer: the keys of its tables beside name, driver and port.  hardware: makes the device on
+    the port, silent: one of the same kind that gives no data; None for a driver that needs no device, whose port is a
+    recording in ``recording`` if it reads one.
+    """
+
+    id: str
+    driver: str
+    joints: Sequence[Options] = ()
+    accelerometer: Options = field(default_factory=dict)
+    hardware: Callable[[], Device] | None = None
+    silent: Callable[[], Device] = lambda: TextStream(b"")
+    robot: Options = field(default_factory=dict)
+    reads_recording: bool = False
+
+
+TIP = {"accelerometer": "tip"}
+OSCILLATOR = {"oscillator": {"f_res_hz": 58.0}}
+CASES = (
+    Case(
+        "dynamixel-ax",
+        "dynamixel",
+        joints=[{"model": "AX-12A", "id": 1, **TIP}, {"model": "AX-12A", "id": 2, **TIP}],
+        hardware=lambda: ServoLine.of("AX-12A", [1, 2], MOTION),
+        silent=lambda: _silent_servos("AX-12A"),
+    ),
+    Case(
+        "dynamixel-x",
+        "dynamixel",
+        joints=[{"model": "XL330-M288", "id": 1, **TIP}, {"model": "XL330-M288", "id": 2, **TIP}],
+        hardware=lambda: ServoLine.of("XL330-M288", [1, 2], MOTION),
+        silent=lambda: _silent_servos("XL330-M288"),
+    ),
+    Case(
+        "witmotion",
+        "witmotion",
+        accelerometer={"rate_hz": 200.0, **OSCILLATOR},
+        hardware=lambda: WitMotionStream(MOTION, 200),
+    ),
+    Case(
+        "csv_serial-stamped",
+        "csv_serial",
+        accelerometer={"rate_hz": 1000.0, "time_column": 0, "range_ms2": 160.0, **OSCILLATOR},
+        hardware=lambda: CsvStream(MOTION, 1000),
+    ),
+    Case(
+        "csv_serial-values",
+        "csv_serial",
+        accelerometer={"rate_hz": 1000.0, **OSCILLATOR},
+        hardware=lambda: CsvStream(MOTION, 1000, stamps=False),
+    ),
+    Case("simulated-joints", "simulated", joints=[TIP]),
+    Case("simulated-accelerometer", "simulated", accelerometer={"rate_hz": 1000.0, **OSCILLATOR}),
+    Case("replay-joints", "replay", joints=[TIP], reads_recording=True),
+    Case("replay-accelerometer", "replay", accelerometer={"rate_hz": 1000.0, **OSCILLATOR}, reads_recording=True),
+)
+
+
+@dataclass(frozen=True)
+class Rig:
+    """A driver made but not opened, and the emulator behind it, if any."""
+
+    driver: ServoBus | Accelerometer
+    names: tuple[str, ...]
+    emulator: Emulator | None
+
+
+@contextmanager
+def plugged(case: Case, folder: Path, device: Device | None = None) -> Iterator[Rig]:
+    """The driver of a case with its device, or another one, on the port."""
+    with ExitStack() as stack:
+        emulator, port = None, ""
+        if case.hardware is not None:
+            emulator = stack.enter_context(Emulator(device or case.hardware(), link=folder / "tty"))
+            port = emulator.paths[0]
+        elif case.reads_recording:
+            port = str(_recording(folder / "recording.csv"))
+        driver, names = make(case, port)
+        stack.callback(driver.close)
+        yield Rig(driver, names, emulator)
+
+
+def make(case: Case, port: str) -> tuple[ServoBus | Accelerometer, tuple[str, ...]]:
+    """The driver of a case, through the registry and the strict decoder as the service makes it."""
+    row = get_driver(case.driver)
+    robot: RobotOptions = msgspec.convert(dict(case.robot), row.robot_options)
+    clock: Clock = row.clock(robot) if row.clock else SystemClock()
+    common = {"driver": case.driver, "port": port}
+    if case.joints:
+        joints = [
+            msgspec.convert({"name": f"joint{i}", **common, **options}, row.joint_options)
+            for i, options in enumerate(case.joints)
+        ]
+        assert row.servo is not None
+        return row.servo(joints, robot, clock), tuple(joint.name for joint in joints)
+    options = msgspec.convert({"name": "tip", **common, **case.accelerometer}, row.accelerometer_options)
+    assert row.accelerometer is not None
+    return row.accelerometer(options, robot, clock), ("tip",)
+
+
+def _recording(path: Path) -> Path:
+    """Ten seconds of a joint at 100 Hz and its tip at 1 kHz, in the project's format."""
+    time = np.arange(10_000) / 1000
+    tip = MOTION.tip(1000)
+    rows = [
+        f"{t:.4f},{MOTION.goal(t):.6f},{MOTION.position(t):.6f},{tip[i]:.4f}"
+        if i % 10 == 0
+        else f"{t:.4f},,,{tip[i]:.4f}"
+        for i, t in enumerate(time)
+    ]
+    path.write_text("\n".join(["time,command,position,accel", *rows]) + "\n")
+    assert math.isfinite(tip[0])
+    return path

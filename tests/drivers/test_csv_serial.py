@@ -1,0 +1,109 @@
+"""The driver of printed numbers against an emulated microcontroller."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+import pytest
+
+from lostmotion.drivers.base import OscillatorOptions
+from lostmotion.drivers.csv_serial import CsvFormat, CsvSerialOptions
+from lostmotion.drivers.emulator import CsvStream, Emulator, TextStream
+from tests.drivers.rigs import MOTION, accelerometer, block
+
+
+def form(**options: object) -> CsvFormat:
+    """The format with some options, past its first line."""
+    oscillator = OscillatorOptions(f_res_hz=58)
+    made = CsvFormat(CsvSerialOptions(name="tip", driver="csv_serial", rate_hz=1000, oscillator=oscillator, **options))  # type: ignore[arg-type]
+    made.feed(b"cut\n")
+    return made
+
+
+@pytest.mark.parametrize("stamps", [True, False])
+def test_a_kilohertz_comes_through_whole(stamps: bool) -> None:
+    """1 kHz with or without the sensor's clock: all samples in order, at their times to 12 ms, evenly spaced."""
+    with Emulator(CsvStream(MOTION, 1000, stamps=stamps, ppm=200)) as emulator:
+        sensor = accelerometer("csv_serial", emulator.paths[0], 1000, time_column=0 if stamps else None)
+        sensor.open()
+        got = block(sensor, 1.0)
+        sensor.close()
+    assert (got.lost, got.broken) == (0, 0)
+    assert len(got.time) > 800
+    table = MOTION.tip(1000)
+    start = round(got.time[0] * 1000)
+    near = [k % len(table) for k in range(start - 100, start + 100)]
+    first = min(near, key=lambda k: np.abs(np.roll(table, -k)[:50] - got.accel[:50]).max())
+    assert np.roll(table, -first)[: len(got.accel)] == pytest.approx(got.accel, abs=1e-4)
+    behind = (got.time - (np.arange(len(got.time)) + first) / 1000 + 10) % 20 - 10
+    assert np.abs(behind).max() < 0.012
+    assert np.median(np.diff(got.time)) == pytest.approx(0.001, rel=0.01)
+
+
+def test_lost_samples_and_garbage_are_counted() -> None:
+    """Seven samples lost and one line of noise: 7 lost, 1 broken, and the signal has its gap as NaN."""
+    stream = CsvStream(MOTION, 1000)
+    with Emulator(stream) as emulator:
+        sensor = accelerometer("csv_serial", emulator.paths[0], 1000, time_column=0)
+        sensor.open()
+        block(sensor, 0.2)
+        stream.skip(7)
+        stream.insert(b"\x80rubbish,\n")
+        got = block(sensor, 0.4)
+        sensor.close()
+    assert (got.lost, got.broken) in {(7, 1), (6, 1)}
+    assert np.isnan(got.accel).sum() == 7
+    assert np.diff(got.time).min() > 0
+
+
+def test_the_microcontroller_restarts() -> None:
+    """When its clock begins anew the times go on ascending and stay near the host's."""
+    stream = CsvStream(MOTION, 1000)
+    with Emulator(stream) as emulator:
+        sensor = accelerometer("csv_serial", emulator.paths[0], 1000, time_column=0)
+        sensor.open()
+        before = block(sensor, 0.2)
+        stream.clock_us -= 3_000_000_000
+        after = block(sensor, 0.4)
+        sensor.close()
+    assert np.diff(np.concatenate([before.time, after.time])).min() > 0
+    assert after.time[-1] == pytest.approx(time.monotonic(), abs=0.5)
+
+
+def test_columns_scale_and_range() -> None:
+    """The chosen column times scale is m/s²; a reading beyond the range is a broken one."""
+    made = form(time_column=1, time_unit="ms", column=2, scale=-9.81, range_ms2=20.0)
+    readings = made.feed(b"7,1000,1.0\n7,1001,3.0\n7,1002,-2.0\n")
+    assert readings.accel == pytest.approx([-9.81, math.nan, 19.62], nan_ok=True)
+    assert readings.stamps == pytest.approx([1.0, 1.001, 1.002])
+    assert readings.broken == 1
+    assert made.wraps == pytest.approx(2**32 / 1000)
+
+
+@pytest.mark.parametrize("options", [{"column": 5}, {"column": -4}, {"time_column": 4}])
+def test_a_column_that_is_not_there_makes_lines_broken(options: dict[str, int]) -> None:
+    """Lines too short for the chosen column give no reading and are counted."""
+    readings = form(**options).feed(b"1,2,3\n1,2,3\n")
+    assert readings.broken == 2
+    assert np.isnan(readings.accel).all()
+
+
+def test_nan_lines_are_broken() -> None:
+    """A device that prints nan or inf gives NaN and counts."""
+    readings = form().feed(b"1.5\nnan\n-inf\n2.5\n")
+    assert readings.accel == pytest.approx([1.5, math.nan, math.nan, 2.5], nan_ok=True)
+    assert readings.broken == 2
+
+
+@pytest.mark.slow
+def test_a_silent_port_is_told_as_such() -> None:
+    """Nothing at all within 2.5 s is another finding than foreign bytes."""
+    with Emulator(TextStream(b"")) as emulator:
+        sensor = accelerometer("csv_serial", emulator.paths[0], 1000)
+        sensor.open()
+        (identity,) = sensor.identify()
+        sensor.close()
+    assert not identity.ok
+    assert identity.found == "nothing in 2.5 s; likely cause: unpowered, or another port"

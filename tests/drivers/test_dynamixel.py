@@ -1,0 +1,209 @@
+"""The Dynamixel driver against emulated servos that answer byte by byte."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+import pytest
+from dynamixel_sdk import Protocol1PacketHandler, Protocol2PacketHandler
+
+from lostmotion.drivers.codec.servo_state import MODELS
+from lostmotion.drivers.dynamixel_port import BusPort
+from lostmotion.drivers.emulator import Emulator, ServoLine, TextStream, VirtualServo
+from lostmotion.drivers.errors import DriverError
+from tests.drivers.rigs import MOTION, readings, servo_bus, until
+
+AX_STEP, X_STEP = math.radians(300 / 1024), math.tau / 4096
+
+
+@pytest.mark.parametrize(("model", "step"), [("AX-12A", AX_STEP), ("XL330-M288", X_STEP)])
+def test_samples_follow_the_motion(model: str, step: float) -> None:
+    """Each command is the emulator's goal at the sample's time, to half a count and 5 ms of motion, at 100 Hz."""
+    with Emulator(ServoLine.of(model, [1, 2], MOTION)) as emulator:
+        bus = servo_bus(emulator.paths[0], [1, 2], model)
+        bus.open()
+        samples = [s for r in readings(bus, 1.0) for s in r.samples if s.joint == "2"]
+        bus.close()
+    assert bus.resolution_rad == pytest.approx(step)
+    assert len(samples) > 60
+    for sample in samples:
+        assert sample.command == pytest.approx(MOTION.goal(sample.time), abs=step / 2 + 5 * 0.005)
+        assert [sample.voltage, sample.temperature] == pytest.approx([11.8, 41.0])
+    grid = np.diff([s.time for s in samples])
+    assert np.median(grid) == pytest.approx(0.01, abs=1e-3)
+
+
+def test_a_silent_servo_costs_the_others_little() -> None:
+    """With one of three servos silent the others keep coming, the silent one is named, and it returns by itself."""
+    line = ServoLine.of("AX-12A", [1, 2, 3], MOTION)
+    with Emulator(line) as emulator:
+        bus = servo_bus(emulator.paths[0], [1, 2, 3])
+        bus.open()
+        line.servos[2].silent = True
+        found = readings(bus, 1.5)
+        assert found[-1].silent == ("2",)
+        assert len([s for r in found for s in r.samples if s.joint == "3"]) > 75
+        assert not [s for r in found for s in r.samples if s.joint == "2"]
+        line.servos[2].silent = False
+        until(lambda: any(s.joint == "2" for s in bus.read().samples))
+        assert bus.read().silent == ()
+        bus.close()
+
+
+def test_a_silent_servo_does_not_zero_the_sync_read() -> None:
+    """On protocol 2.0 a silent servo keeps those after it from answering; they are read alone, and none reads 0."""
+    line = ServoLine.of("XL330-M288", [1, 2, 3], MOTION)
+    with Emulator(line) as emulator:
+        port = BusPort(emulator.paths[0], 1_000_000)
+        port.open()
+        for id in line.servos:
+            assert Protocol2PacketHandler().write4ByteTxRx(port, id, 116, 2374) == (0, 0)
+        port.close()
+        bus = servo_bus(emulator.paths[0], [1, 2, 3], "XL330-M288")
+        bus.open()
+        line.servos[1].silent = True
+        found = readings(bus, 1.0)
+        bus.close()
+    samples = [s for r in found for s in r.samples]
+    assert {s.joint for s in samples} == {"2", "3"}
+    assert len(samples) > 100
+    assert all(s.position == pytest.approx(326 * X_STEP) for s in samples)
+
+
+def test_mixed_protocols_on_one_line() -> None:
+    """An AX-12A and an XL330 on one line are both read."""
+    line = ServoLine([VirtualServo(MODELS["AX-12A"], 1, MOTION), VirtualServo(MODELS["XL330-M288"], 2, MOTION)])
+    with Emulator(line) as emulator:
+        bus = servo_bus(emulator.paths[0], [1, 2], ["AX-12A", "XL330-M288"])
+        bus.open()
+        assert all(identity.ok for identity in bus.identify())
+        found = readings(bus, 0.3)
+        bus.close()
+    assert {s.joint for r in found for s in r.samples} == {"1", "2"}
+    assert all(r.silent == () for r in found)
+
+
+@pytest.mark.parametrize("model", ["AX-12A", "XL330-M288"])
+def test_corrupted_and_noisy_answers(model: str) -> None:
+    """A wrong checksum makes that servo silent for the while; noise before an answer does no harm."""
+    line = ServoLine.of(model, [1, 2], MOTION)
+    with Emulator(line) as emulator:
+        bus = servo_bus(emulator.paths[0], [1, 2], model)
+        bus.open()
+        line.corrupt = {1}
+        found = readings(bus, 0.3)
+        assert {s.joint for r in found for s in r.samples} == {"2"}
+        line.corrupt, line.garbage = set(), b"\x00\xff\x13"
+        until(lambda: bus.read().silent == ())
+        found = readings(bus, 0.3)
+        assert {s.joint for r in found for s in r.samples} == {"1", "2"}
+        bus.close()
+
+
+def test_an_error_byte_does_not_hide_the_data() -> None:
+    """A servo that reports overheating (error 4) is still read."""
+    line = ServoLine.of("AX-12A", [1], MOTION)
+    line.servos[1].error = 4
+    with Emulator(line) as emulator:
+        bus = servo_bus(emulator.paths[0], [1])
+        bus.open()
+        assert bus.identify()[0].ok
+        assert len(bus.read().samples) == 1
+        bus.close()
+
+
+def test_polls_that_did_not_fit_are_counted() -> None:
+    """Three servos that take 15 ms each cannot be polled at 100 Hz; the samples and the lost polls add up."""
+    line = ServoLine.of("AX-12A", [1, 2, 3], MOTION)
+    line.delay_s = 0.015
+    with Emulator(line) as emulator:
+        bus = servo_bus(emulator.paths[0], [1, 2, 3])
+        bus.open()
+        start = time.monotonic()
+        found = readings(bus, 1.0)
+        spent = time.monotonic() - start
+        bus.close()
+    samples, lost = sum(len(r.samples) for r in found), sum(r.lost for r in found)
+    assert lost > samples
+    assert samples + lost == pytest.approx(300 * spent, abs=25)
+
+
+def test_an_ax_where_an_x_is_expected() -> None:
+    """The identity tells the model and the protocol found, and those expected."""
+    with Emulator(ServoLine.of("AX-12A", [1], MOTION)) as emulator:
+        bus = servo_bus(emulator.paths[0], [1], "XL330-M288")
+        bus.open()
+        (identity,) = bus.identify()
+        bus.close()
+    assert not identity.ok
+    assert identity.found == "id 1: AX-12A (model number 12), protocol 1.0"
+    assert identity.expected == "id 1: XL330-M288 (model number 1200), protocol 2.0"
+
+
+def test_another_model_and_a_missing_id() -> None:
+    """An AX-18A is not taken for an AX-12A, and an id that nobody has is told with the likely cause."""
+    with Emulator(ServoLine.of("AX-18A", [1], MOTION)) as emulator:
+        bus = servo_bus(emulator.paths[0], [1, 9])
+        bus.open()
+        wrong, missing = bus.identify()
+        bus.close()
+    assert (wrong.ok, wrong.found) == (False, "id 1: AX-18A (model number 18), protocol 1.0")
+    assert (missing.ok, missing.found) == (False, "no answer; likely cause: no power, another id, or another baudrate")
+
+
+def test_a_gps_receiver_instead_of_servos() -> None:
+    """Bytes that nobody asked for are shown; reading goes on in silence and never hangs."""
+    with Emulator(TextStream()) as emulator:
+        bus = servo_bus(emulator.paths[0], [1])
+        bus.open()
+        (identity,) = bus.identify()
+        assert not identity.ok
+        assert "$GPGGA" in identity.found
+        assert "another device on the port" in identity.found
+        found = readings(bus, 0.5)
+        bus.close()
+    assert not any(r.samples for r in found)
+    assert found[-1].silent == ("1",)
+
+
+def test_a_stream_that_never_ends_holds_no_read() -> None:
+    """A device that sends without pause cannot keep the SDK in its loop: an exchange ends at its deadline."""
+
+    class Flood(TextStream):
+        def due(self) -> float:
+            return 0.0
+
+        def emit(self, now: float) -> bytes:
+            time.sleep(0.001)
+            return b"\xff\xfe\xff\xff\xf0" * 40
+
+    with Emulator(Flood()) as emulator:
+        port = BusPort(emulator.paths[0], 1_000_000)
+        port.open()
+        start = time.monotonic()
+        _, result, _ = Protocol1PacketHandler().readTxRx(port, 1, 30, 14)
+        assert result != 0
+        assert time.monotonic() - start < 1.0
+        port.close()
+
+
+@pytest.mark.parametrize(
+    ("ids", "models", "message"),
+    [
+        ([1], "AX-13", "no model 'AX-13' is known; there are AX-12A"),
+        ([4, 4], "AX-12A", "have the same id 4"),
+        ([300], "AX-12A", "id is 300; expected 0 to 252"),
+    ],
+)
+def test_impossible_settings_are_refused(ids: list[int], models: str, message: str) -> None:
+    """An unknown model, an id used twice and an id out of range are told before the port is opened."""
+    with pytest.raises(DriverError, match=message):
+        servo_bus("/dev/null", ids, models)
+
+
+def test_a_rate_of_zero_is_refused() -> None:
+    """poll_hz must be more than 0."""
+    with pytest.raises(DriverError, match="poll_hz is 0"):
+        servo_bus("/dev/null", [1], poll_hz=0)
