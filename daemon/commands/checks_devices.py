@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import chain
 
 import numpy as np
 
@@ -59,7 +60,7 @@ def check_devices(config: Config) -> list[Check]:
     devices = Devices(config)
     heard = {device.name: Heard(device) for device in devices.all}
     with devices:
-        for event in devices.events(PASS_S):
+        for event in chain(devices.identities(), devices.events(PASS_S)):
             heard[event.device.name].add(event)
     return [check for one in heard.values() for check in _checks(config, one)]
 

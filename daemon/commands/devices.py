@@ -10,7 +10,7 @@ import math
 import threading
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from queue import Empty, Full, Queue
 from types import TracebackType
 from typing import Self
@@ -58,27 +58,23 @@ class Event:
         return self.data.samples[-1].time if self.data and self.data.samples else -math.inf
 
 
-@dataclass(slots=True)
 class Devices:
-    """All devices of a configuration; a context manager that reads them from its beginning to its end."""
+    """All devices of a configuration; a context manager that reads them from its beginning to its end.
 
-    config: Config
-    clock: Clock = field(init=False)
-    all: list[Device] = field(init=False)
-    _waits: bool = field(init=False)
-    _events: Queue[Event] = field(init=False)
-    _stop: threading.Event = field(init=False)
-    _threads: list[threading.Thread] = field(init=False)
+    First ask for ``identities``, then for ``events``.
+    """
 
-    def __post_init__(self) -> None:
-        config = self.config
+    def __init__(self, config: Config) -> None:
+        self._config = config
         driver = next(iter(config.drivers.values()))  # a virtual robot has one driver, all hardware has one clock
-        self.clock = driver.clock(config.robots[driver.name]) if driver.clock else SystemClock()
-        self._waits = driver.waits
+        self.clock: Clock = driver.clock(config.robots[driver.name]) if driver.clock else SystemClock()
         self.all = [*self._buses(), *self._accelerometers()]
-        self._events = Queue(WAITING)
+        self._going = {device.name for device in self.all}
+        self._telling = {device.name: self._told(device) for device in self.all}
+        self._waits = driver.waits
         self._stop = threading.Event()
-        threaded = () if self._waits else self.all
+        self._events: Queue[Event] = Queue(WAITING)
+        threaded = () if driver.waits else self.all
         self._threads = [threading.Thread(target=self._read, args=(device,), daemon=True) for device in threaded]
 
     def __enter__(self) -> Self:
@@ -95,13 +91,25 @@ class Devices:
         for thread in self._threads:
             thread.join(GIVE_UP_S)
 
+    def identities(self) -> list[Event]:
+        """Who the devices are, once each has answered or failed; hardware's samples until then are not kept."""
+        answers = []
+        if self._waits:
+            answers = [next(told) for told in self._telling.values()]
+        while {event.device.name for event in answers} < self._telling.keys():
+            event = self._events.get()
+            if event.data is None:
+                answers.append(event)
+        self._going -= {event.device.name for event in answers if event.ended}
+        return answers
+
     def events(self, duration_s: float) -> Iterator[Event]:
         """What the devices say in ``duration_s`` seconds of robot time from now, and a little beyond it.
 
         Each device has to get there; hardware that is silent then is not waited for.
         """
         until = self.clock.now() + duration_s
-        behind = {device.name for device in self.all}
+        behind = set(self._going)
         for event in self._in_turn() if self._waits else self._from_threads(until + GRACE_S):
             if event.ended or event.newest >= until:
                 behind.discard(event.device.name)
@@ -110,36 +118,35 @@ class Devices:
                 return
 
     def _from_threads(self, until: float) -> Iterator[Event]:
-        while self.clock.now() < until:
+        while self._going and self.clock.now() < until:
             with suppress(Empty):
                 yield self._events.get(timeout=WAIT_S)
 
     def _in_turn(self) -> Iterator[Event]:
         """A virtual robot's devices, always the one that is furthest behind: none gets far ahead of the others."""
-        telling = {device.name: self._told(device) for device in self.all}
-        newest = dict.fromkeys(telling, -math.inf)
-        while telling:
-            name = min(telling, key=newest.__getitem__)
-            for event in telling[name]:
+        newest = dict.fromkeys(self._going, -math.inf)
+        while newest:
+            name = min(newest, key=newest.__getitem__)
+            event = next(self._telling[name], None)
+            if event is None:
+                del newest[name]
+            else:
                 newest[name] = max(newest[name], event.newest)
                 yield event
-                break
-            else:
-                del telling[name]
 
     def _buses(self) -> Iterator[Device]:
-        for joints in self.config.buses():
-            driver = self.config.drivers[joints[0].driver]
+        for joints in self._config.buses():
+            driver = self._config.drivers[joints[0].driver]
             assert driver.servo is not None  # the configuration was checked
-            bus = driver.servo(joints, self.config.robots[driver.name], self.clock)
+            bus = driver.servo(joints, self._config.robots[driver.name], self.clock)
             names = tuple(joint.name for joint in joints)
             yield Device(f"{driver.name} {joints[0].port or ', '.join(names)}", names, bus)
 
     def _accelerometers(self) -> Iterator[Device]:
-        for options in self.config.accelerometers:
-            driver = self.config.drivers[options.driver]
+        for options in self._config.accelerometers:
+            driver = self._config.drivers[options.driver]
             assert driver.accelerometer is not None  # the configuration was checked
-            sensor = driver.accelerometer(options, self.config.robots[driver.name], self.clock)
+            sensor = driver.accelerometer(options, self._config.robots[driver.name], self.clock)
             yield Device(f"{driver.name} {options.port or options.name}", (options.name,), sensor)
 
     def _told(self, device: Device) -> Iterator[Event]:
@@ -158,7 +165,7 @@ class Devices:
 
     def _read(self, device: Device) -> None:
         """A thread's work.  Hardware that finds the queue full, its reader being stuck, waits for it."""
-        for event in self._told(device):
+        for event in self._telling[device.name]:
             while not self._stop.is_set():
                 with suppress(Full):
                     self._events.put(event, timeout=WAIT_S)

@@ -45,23 +45,25 @@ class Losses:
 
 
 def record(given: Path, duration_s: float, output: Path, joint: str | None) -> None:
-    """Measures for ``duration_s`` seconds of robot time; Ctrl-C, or a device that goes away, leaves what came until
-    then.  Raises RecordError, ConfigError, DriverError."""
+    """Measures for ``duration_s`` seconds of robot time from when both devices have said who they are; Ctrl-C, or a
+    device that goes away, leaves what came until then.  Raises RecordError, ConfigError, DriverError."""
     config = _alone(configuration.load(given), joint)
-    name = config.joints[0].name
-    devices = Devices(config)
-    origin, losses = devices.clock.now(), Losses()
-    recorder = Recorder(output, _metadata(config, name, devices.clock), origin)
-    try:
-        with devices, _progress(duration_s) as advance:
-            for event in devices.events(duration_s):
-                _take(event, recorder, losses, origin + duration_s)
-                advance(min(devices.clock.now() - origin, duration_s))
-    finally:
-        recorder.close()
-        losses.counts["late"] += recorder.late
-        missing = f" ({losses})" if str(losses) else ""
-        sys.stderr.write(f"{output}: {recorder.rows} rows of joint {name}{missing}\n")
+    devices, losses = Devices(config), Losses()
+    with devices:
+        for event in devices.identities():
+            _check(event)
+        start = devices.clock.now()
+        recorder = Recorder(output, _metadata(config, devices.clock), start)
+        try:
+            with _progress(duration_s) as advance:
+                for event in devices.events(duration_s):
+                    _take(event, recorder, losses, start, start + duration_s)
+                    advance(min(devices.clock.now() - start, duration_s))
+        finally:
+            recorder.close()
+            losses.counts["late"] += recorder.late
+            missing = f" ({losses})" if str(losses) else ""
+            sys.stderr.write(f"{output}: {recorder.rows} rows of joint {config.joints[0].name}{missing}\n")
     if recorder.rows == 0:
         raise RecordError(f"{output}: found no samples in {duration_s:g} s; try `lostmotion doctor --config {given}`")
 
@@ -75,12 +77,12 @@ def _alone(config: Config, asked: str | None) -> Config:
     return replace(config, joints=(joint,), accelerometers=(config.accelerometer(joint.accelerometer),))
 
 
-def _metadata(config: Config, name: str, clock: Clock) -> dict[str, Any]:
-    joint, settings = config.joint(name), config.settings(name)
-    sensor = config.accelerometer(joint.accelerometer)
+def _metadata(config: Config, clock: Clock) -> dict[str, Any]:
+    (joint,), (sensor,) = config.joints, config.accelerometers
+    settings = config.settings(joint.name)
     return {
         "robot": config.robot.name,
-        "joint": name,
+        "joint": joint.name,
         "start": iso(clock.utc(clock.now())),
         "servo_driver": joint.driver,
         "accelerometer_driver": sensor.driver,
@@ -92,19 +94,24 @@ def _metadata(config: Config, name: str, clock: Clock) -> dict[str, Any]:
     }
 
 
-def _take(event: Event, recorder: Recorder, losses: Losses, until: float) -> None:
-    """Writes what the event brings, up to the robot time ``until`` [s]."""
+def _check(event: Event) -> None:
+    """Raises DriverError for a device that failed, or is not the one expected."""
     if event.error:
         raise event.error
     for identity in event.identities:
         if not identity.ok:
             raise IdentityError(f"{identity.name}: found {identity.found}, expected {identity.expected}")
+
+
+def _take(event: Event, recorder: Recorder, losses: Losses, start: float, end: float) -> None:
+    """Writes what the event brings in start <= robot time [s] < end."""
+    _check(event)
     data = event.data
     if isinstance(data, ServoReading):
-        recorder.add_servo([sample for sample in data.samples if sample.time < until])
+        recorder.add_servo([sample for sample in data.samples if start <= sample.time < end])
     elif isinstance(data, AccelBlock):
-        cut = int(np.searchsorted(data.time, until, "left"))
-        recorder.add_accel(AccelBlock(data.time[:cut], data.accel[:cut]))
+        part = slice(*np.searchsorted(data.time, [start, end], "left"))
+        recorder.add_accel(AccelBlock(data.time[part], data.accel[part]))
     if data is not None:
         losses.add(data)
 

@@ -84,6 +84,7 @@ def test_doctor_on_healthy_hardware(arm: Arm) -> None:
     assert all(check["ok"] for check in devices), devices
 
 
+@pytest.mark.slow
 def test_doctor_names_the_wrong_device(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Another servo model, and a GPS receiver where a sensor should be: both are bad, with what was found."""
     monkeypatch.chdir(tmp_path)
