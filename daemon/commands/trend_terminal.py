@@ -27,17 +27,19 @@ def plot(history: History) -> str:
     figure.clear()
     figure.plot_size(width, HEIGHT)
     figure.theme("colorless" if plain else "simple")
+    figure.canvas("default")
     figure.title(f"{history.joint}: score over UTC")
+    time, score = history.medians(width - 12)
+    lowest, highest = min(score.min(), 0.0), 1.05 * max(score.max(), wear.limit)
+    figure.ruler("y").lim(lowest, highest)
+    level = figure.segment((wear.first, wear.last), (wear.limit, wear.limit), marker="─")
+    figure.draw(level.label(f"level {wear.limit:g}"))
+    for change in wear.change_points:  # figure.line would paint a white background
+        figure.draw(figure.segment((change, change), (lowest, highest), marker="┊"))
     ends = [wear.first if wear.recent is wear.slope else wear.change_points[-1], wear.last]
     line = figure.signal(ends, [wear.recent.at(t) for t in ends], marker="braille").lines()
     figure.draw(line.label("Theil-Sen"))
-    time, score = history.medians(width - 12)
     figure.draw(figure.signal(time.tolist(), score.tolist(), marker="•").label("median"))
-    figure.line(wear.limit, "horizontal", label=f"level {wear.limit:g}")
-    for change in wear.change_points:
-        figure.line(change, "vertical", style="dotted")
-    lowest, highest = min(score.min(), 0.0), max(score.max(), wear.limit)
-    figure.ruler("y").lim(lowest, highest * 1.05)
     ticks = np.linspace(wear.first, wear.last, TICKS).tolist()
     form = "%Y-%m-%d" if history.span > TICKS * DAY else "%H:%M:%S"
     figure.ruler("x").ticks(ticks, [f"{history.utc(t):{form}}" for t in ticks])
