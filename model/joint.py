@@ -24,7 +24,7 @@ def _rate(values: Mapping[str, float], operating: Operating) -> float:
     return 62.5
 
 
-def _start(values: Mapping[str, float], torque: float, rate: float) -> tuple[float, ...]:
+def _start(values: Mapping[str, float], torque: float, rate: float, acceleration: float) -> tuple[float, ...]:
     return (0.0, 0.0)
 
 

@@ -96,7 +96,7 @@ class Model:
         return free, free._replace(start=driven)
 
     def initial_state(self, drive: Motion | None = None, time: float = 0.0, **given: float) -> FloatArray:
-        """The state (n,) that moves along with the drive at that time: no deflection, lags settled, gap centred.
+        """The state (n,) that moves along with the drive at that time: bar bent by it, lags settled, gap centred.
 
         given: other values for some states by name, for instance ``initial_state(None, q=1e-3)``.  Raises ModelError
         for a name that no state has.
@@ -152,12 +152,12 @@ class Model:
 
     def _start(self, plan: Plan, pieces: Pieces, time: float) -> FloatArray:
         """The base's states at rest against the drive; then each effect's own begin where the signals stand."""
-        value, rate = pieces.coefficients[0, :2]
-        base = self._base.start(scope(self._values), float(value), float(rate))
+        value, rate, half = map(float, pieces.coefficients[0, :3])
+        base = self._base.start(scope(self._values), value, rate, 2 * half)
         wanted = [signal for effect in self._in_order for signal in effect.states]
         state = np.array([*base, *(0.0 for _ in wanted)])
         for _ in wanted:  # one state may begin at a signal that another one stands behind
-            signals = start_signals(plan, state, time, float(value), float(rate))
+            signals = start_signals(plan, state, time, value, rate)
             state[len(base) :] = [0.0 if signal is None else signals[signal] for signal in wanted]
         return state
 

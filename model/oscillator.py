@@ -104,7 +104,7 @@ def bar_rate(values: Mapping[str, float], operating: Operating) -> float:
     return 4 * math.sqrt(values["k"] / values["m"])
 
 
-def _start(values: Mapping[str, float], force: float, rate: float) -> tuple[float, ...]:
+def _start(values: Mapping[str, float], force: float, rate: float, acceleration: float) -> tuple[float, ...]:
     return (0.0, 0.0)
 
 

@@ -64,9 +64,11 @@ def _rate(values: Mapping[str, float], operating: Operating) -> float:
     return max(gear.contact_rate(values, operating), oscillator.bar_rate(values, operating))
 
 
-def _start(values: Mapping[str, float], angle: float, rate: float) -> tuple[float, ...]:
+def _start(values: Mapping[str, float], angle: float, rate: float, acceleration: float) -> tuple[float, ...]:
+    """Gears together, gap centred, the bar bent as the acceleration holds it, so that the start makes no ringing."""
     ratio = values["R1"] / values["R2"]
-    return (angle * ratio, rate * ratio, 0.0, 0.0)
+    bent = -values["m"] * values["l"] * ratio * acceleration / values["k"]
+    return (angle * ratio, rate * ratio, bent, 0.0)
 
 
 BASE = Base(

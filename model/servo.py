@@ -51,7 +51,7 @@ def _rate(values: Mapping[str, float], operating: Operating) -> float:
     return max(3 * math.sqrt(per_volt * values["U"] * values["kp"] * values["error_gain"]), per_volt * values["kt"])
 
 
-def _start(values: Mapping[str, float], angle: float, rate: float) -> tuple[float, ...]:
+def _start(values: Mapping[str, float], angle: float, rate: float, acceleration: float) -> tuple[float, ...]:
     return (angle, rate)
 
 

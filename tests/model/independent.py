@@ -30,8 +30,8 @@ def radau(rhs: Callable[[float, FloatArray], list[float]], start: list[float], t
 class Play:
     """Eqs. 1-7 with every effect of the catalogue that has a place in them, switched by the presence of its values."""
 
-    def __init__(self, values: Values, command: Scalar, rate: Scalar) -> None:
-        self.v, self.command, self.rate = values, command, rate
+    def __init__(self, values: Values, command: Scalar, rate: Scalar, acceleration: Scalar) -> None:
+        self.v, self.command, self.rate, self.acceleration = values, command, rate, acceleration
 
     def has(self, effect: str) -> bool:
         """Whether the effect acts."""
@@ -41,7 +41,8 @@ class Play:
         """Moving along with the command: joint, bar, actuator, near shaft, second mode, sensor filter."""
         late = time - self.v.get("command_delay.T", 0.0)
         angle, speed = self.command(late), self.rate(late)
-        return [angle, speed, 0, 0, angle, speed, angle, speed, 0, 0, 0]
+        bent = -self.v["m"] * self.v["l"] * self.acceleration(late) / self.v["k"]
+        return [angle, speed, bent, 0, angle, speed, angle, speed, 0, 0, 0]
 
     def parts(self, t: float, y: FloatArray) -> tuple[list[float], float]:
         """Derivatives of the eleven states, and the acceleration that the sensor feels."""

@@ -32,6 +32,11 @@ def rate(t: float) -> float:
     return float(MOTION.velocity(np.array(t)))
 
 
+def acceleration(t: float) -> float:
+    """Its second derivative at one instant."""
+    return float(MOTION.acceleration(np.array(t)))
+
+
 def distance(one: np.ndarray, other: np.ndarray) -> float:
     """Root mean square difference over the root mean square."""
     return float(np.sqrt(np.mean((one - other) ** 2) / np.mean(other**2)))
@@ -41,7 +46,7 @@ def check_play(effects: list[str], **changed: float) -> None:
     """Holds the play base with some effects against Radau, and makes sure that the effects show."""
     model = build_model("play", effects, {"bias": 0.1, **changed})
     ours = model.simulate(MOTION, TIMES)
-    theirs = independent.Play(values(model), command, rate).solve(TIMES)
+    theirs = independent.Play(values(model), command, rate, acceleration).solve(TIMES)
     plain = build_model("play", (), {"bias": 0.1}).simulate(MOTION, TIMES)
     assert distance(ours["position"], theirs["position"]) < 1e-5
     assert distance(ours["accel"], theirs["accel"]) < 2e-3
