@@ -20,7 +20,7 @@ CREATE TABLE joint (
     id INTEGER PRIMARY KEY, name TEXT NOT NULL UNIQUE,
     health TEXT NOT NULL DEFAULT 'OK', reason TEXT NOT NULL DEFAULT '', since_us INTEGER NOT NULL DEFAULT 0);
 CREATE TABLE score (
-    joint_id INTEGER NOT NULL REFERENCES joint(id), time_us INTEGER NOT NULL, duration REAL NOT NULL,
+    joint_id INTEGER NOT NULL REFERENCES joint(id), time_us INTEGER NOT NULL, duration_us INTEGER NOT NULL,
     score REAL, level REAL NOT NULL, impact INTEGER NOT NULL, play REAL, play_low REAL, play_high REAL,
     excitation REAL, temperature REAL, quality TEXT,
     PRIMARY KEY (joint_id, time_us)) WITHOUT ROWID;
@@ -34,13 +34,12 @@ CREATE TABLE window (
     UNIQUE (joint_id, time_us));
 CREATE INDEX window_by_worth ON window (impact, time_us, bytes);
 CREATE VIEW joints AS SELECT name, health, reason, {_iso("since_us")} AS since FROM joint;
-CREATE VIEW scores AS SELECT joint.name AS joint, {_iso("time_us")} AS time, duration, score, level, impact,
-    play, play_low, play_high, excitation, temperature, coalesce(quality, 'ok') AS quality
-    FROM score JOIN joint ON joint.id = score.joint_id;
-CREATE VIEW alarms AS SELECT joint.name AS joint, severity, cause,
-    iif(cleared_us IS NULL, 'active', 'cleared') AS state,
+CREATE VIEW scores AS SELECT joint.name AS joint, {_iso("time_us")} AS time, score, level, impact,
+    play, play_low, play_high, excitation, temperature, coalesce(quality, 'ok') AS quality,
+    duration_us / 1e6 AS duration FROM score JOIN joint ON joint.id = score.joint_id;
+CREATE VIEW alarms AS SELECT joint.name AS joint, severity, iif(cleared_us IS NULL, 'active', 'cleared') AS state,
     {_iso("raised_us")} AS raised, {_iso("acknowledged_us")} AS acknowledged, {_iso("cleared_us")} AS cleared,
-    alarm.reason AS reason FROM alarm JOIN joint ON joint.id = alarm.joint_id;
+    alarm.reason AS reason, cause FROM alarm JOIN joint ON joint.id = alarm.joint_id;
 CREATE VIEW windows AS SELECT joint.name AS joint, {_iso("time_us")} AS time, impact, rate_hz, offset, accel
     FROM window JOIN joint ON joint.id = window.joint_id;
 """

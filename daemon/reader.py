@@ -25,11 +25,6 @@ from lostmotion.drivers.errors import LostmotionError
 
 __all__ = ["Reader", "ReaderError", "open_readonly"]
 
-SCORE = (
-    "SELECT time_us, duration, score, level, impact, play, play_low, play_high, excitation, temperature, quality"
-    " FROM score WHERE joint_id = ? AND time_us >= ? AND time_us < ? ORDER BY time_us DESC LIMIT ?"
-)
-
 
 class ReaderError(LostmotionError):
     """There is no database to read, or none that this program understands."""
@@ -39,14 +34,9 @@ def open_readonly(path: Path) -> Reader:
     """Opens a database that a service may be writing.  Raises ReaderError."""
     if not path.is_file():
         raise ReaderError(f"{path}: no database there; start `lostmotion run` first, or name its configuration")
-    db = None
     try:
-        db = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True, timeout=5.0)
-        version = db.execute("PRAGMA user_version").fetchone()[0]
-        db.execute("SELECT count(*) FROM sqlite_schema").fetchone()
+        db, version = _connect(path, "mode=ro")
     except sqlite3.Error as error:
-        if db is not None:
-            db.close()
         raise ReaderError(f"{path}: cannot be read ({error}); is it a database of lostmotion?") from error
     if not 0 < version <= CURRENT:
         db.close()
@@ -55,8 +45,29 @@ def open_readonly(path: Path) -> Reader:
     return Reader(db)
 
 
+def _connect(path: Path, mode: str) -> tuple[sqlite3.Connection, int]:
+    """The open database and the version of its schema."""
+    db = sqlite3.connect(f"{path.absolute().as_uri()}?{mode}", uri=True, timeout=5.0)
+    try:
+        version = int(db.execute("PRAGMA user_version").fetchone()[0])
+        db.execute("SELECT count(*) FROM sqlite_schema").fetchone()
+    except sqlite3.Error:
+        db.close()
+        # Where this user may not write, SQLite cannot make the files that readers share with a writer; none is needed
+        # while nobody writes.
+        if mode == "mode=ro" and not Path(f"{path}-wal").exists():
+            return _connect(path, "immutable=1")
+        raise
+    return db, version
+
+
 class Reader:
     """An open database; a context manager."""
+
+    SCORES = (
+        "SELECT time_us, duration_us, score, level, impact, play, play_low, play_high, excitation, temperature, quality"
+        " FROM score WHERE joint_id = ? AND time_us >= ? AND time_us < ? ORDER BY time_us DESC LIMIT ?"
+    )
 
     def __init__(self, db: sqlite3.Connection) -> None:
         self._db = db
@@ -91,7 +102,7 @@ class Reader:
         if number is None:
             return []
         bounds = [micros(since) if since else 0, micros(until) if until else 2**62, -1 if limit is None else limit]
-        rows = self._db.execute(SCORE, [number[0], *bounds]).fetchall()
+        rows = self._db.execute(self.SCORES, [number[0], *bounds]).fetchall()
         return [_score(joint, row) for row in reversed(rows)]
 
     def last_window(self, joint: str) -> ScoreRow | None:
@@ -143,6 +154,6 @@ def _score(joint: str, row: tuple[Any, ...]) -> ScoreRow:
     time, duration, score, level, impact, *numbers, quality = row
     score, play, low, high, excitation, temperature = (math.nan if x is None else x for x in (score, *numbers))
     return ScoreRow(
-        joint, from_micros(time), duration, score, level, bool(impact), play, low, high, excitation, temperature,
+        joint, from_micros(time), duration / 1e6, score, level, bool(impact), play, low, high, excitation, temperature,
         quality or "ok",
     )  # fmt: skip

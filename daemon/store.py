@@ -183,7 +183,7 @@ class Store:
     def _score(self, row: ScoreRow) -> tuple[object, ...]:
         numbers = (row.play, row.play_low, row.play_high, row.excitation, row.temperature)
         return (
-            self._id(row.joint), micros(row.time), row.duration, _null(row.score), row.level, row.impact,
+            self._id(row.joint), micros(row.time), round(row.duration * 1e6), _null(row.score), row.level, row.impact,
             *map(_null, numbers), None if row.quality == "ok" else row.quality,
         )  # fmt: skip
 

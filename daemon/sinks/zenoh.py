@@ -36,12 +36,18 @@ class ZenohSink:
         self._prefix = f"lostmotion/{robot}"
         self._options = options
         self._session: zenoh.Session | None = None
+        self._token: zenoh.LivelinessToken | None = None  # gone from the network when it is gone from here
         self._lock = threading.Lock()
         self._latest: dict[tuple[str, str], bytes] = {}
         self._failing = False
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._open, name="zenoh", daemon=True)
         self._thread.start()
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the session is open (which does not mean that anyone listens)."""
+        return self._session is not None
 
     def score(self, row: ScoreRow) -> None:
         values = {name: getattr(row, name) for name in ScoreRow.__dataclass_fields__}
@@ -90,7 +96,7 @@ class ZenohSink:
         while not self._closing.is_set():
             try:
                 session = zenoh.open(_config(self._options))
-                session.liveliness().declare_token(f"{self._prefix}/alive")
+                self._token = session.liveliness().declare_token(f"{self._prefix}/alive")
             except zenoh.ZError as error:
                 self._say(f"session not open, trying again: {error}")
                 self._closing.wait(pause)

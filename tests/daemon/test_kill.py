@@ -1,0 +1,52 @@
+"""kill -9 at any moment: what a reader has seen stays, the database is sound, the service starts again."""
+
+from __future__ import annotations
+
+import random
+import sqlite3
+import time
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from tests.daemon.conftest import Running, wait_until
+from tests.daemon.fakes import fake_config
+
+KILLS = 50
+
+
+@pytest.mark.slow
+def test_no_committed_score_is_lost(tmp_path: Path, start: Callable[..., Running]) -> None:
+    """Fifty kills at random moments, some while starting, most while writing."""
+    database, seen = tmp_path / "history.db", set[tuple[str, str, float]]()
+    (tmp_path / "fake.toml").write_text(fake_config(tmp_path, joints=[f"j{k}" for k in range(12)]))
+    moments = random.Random(1)
+    for kill in range(KILLS):
+        service = start(tmp_path / "fake.toml")
+        if kill % 5:
+            service.wait_for("started")
+        end = time.monotonic() + moments.uniform(0.0, 1.2)
+        while time.monotonic() < end:
+            seen |= committed(database)
+            time.sleep(0.003)
+        service.process.kill()
+        service.process.wait()
+        assert seen <= committed(database), f"after kill {kill}"
+    service = start(tmp_path / "fake.toml")
+    before = len(committed(database))
+    wait_until(lambda: len(committed(database)) > before)
+    assert before >= len(seen) > 10 * KILLS
+    with closing(sqlite3.connect(database)) as db:
+        assert db.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
+
+
+def committed(database: Path) -> set[tuple[str, str, float]]:
+    """All scores that a reader sees."""
+    if not database.exists():
+        return set()
+    with closing(sqlite3.connect(f"{database.as_uri()}?mode=ro", uri=True)) as db:
+        if db.execute("PRAGMA user_version").fetchone()[0] == 0:
+            return set()
+        return set(db.execute("SELECT joint, time, score FROM scores"))

@@ -1,0 +1,262 @@
+"""The service as a whole: real processes, real signals, emulated devices on pseudo-terminals, recordings."""
+
+from __future__ import annotations
+
+import re
+import resource
+import signal
+import socket
+import sqlite3
+import time
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lostmotion.daemon.reader import open_readonly
+from lostmotion.daemon.records import Health
+from lostmotion.drivers.emulator import CsvStream, Emulator, Motion, ServoLine, TextStream
+from tests.daemon.conftest import Running, wait_until
+from tests.daemon.fakes import fake_config
+
+Start = Callable[..., Running]
+
+
+@pytest.fixture
+def configuration(tmp_path: Path) -> Path:
+    """A file that configures the fake robot."""
+    path = tmp_path / "fake.toml"
+    path.write_text(fake_config(tmp_path))
+    return path
+
+
+def count(database: Path, joint: str = "elbow") -> int:
+    """How many scores of a joint are committed; 0 while there is no database."""
+    try:
+        with closing(sqlite3.connect(f"{database.as_uri()}?mode=ro", uri=True)) as db:
+            return int(db.execute("SELECT count(*) FROM scores WHERE joint = ?", [joint]).fetchone()[0])
+    except sqlite3.OperationalError:
+        return 0
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_finishes_what_is_open(configuration: Path, start: Start, number: signal.Signals) -> None:
+    """Exit 0, and every window that was triggered is in the database: the open one was finished, not dropped."""
+    service = start(configuration)
+    wait_until(lambda: count(configuration.parent / "history.db") >= 3)
+    assert service.stop(number) == 0
+    triggered, scored, lost = re.findall(r"triggered=(\d+) scored=(\d+) lost: (.*)", service.log.read_text())[-1]
+    assert triggered == scored
+    assert lost == "none"
+    assert count(configuration.parent / "history.db") == int(scored)
+
+
+def test_windows_follow_the_commands_rhythm(configuration: Path, start: Start) -> None:
+    """The fake joint reverses its acceleration every 250 ms: so are the windows' times, in UTC of now."""
+    service = start(configuration)
+    wait_until(lambda: count(configuration.parent / "history.db") >= 6)
+    service.stop(signal.SIGTERM)
+    with open_readonly(configuration.parent / "history.db") as reader:
+        times = np.array([row.time.timestamp() for row in reader.scores("elbow")])
+        assert [row.temperature for row in reader.scores("elbow", limit=1)] == [40.0]
+        assert reader.joints()[0].health is Health.OK
+        assert {device.state for device in reader.devices()} == {"reading"}
+    assert np.diff(times) == pytest.approx(np.full(len(times) - 1, 0.25), abs=0.02)
+    assert abs(times[-1] - time.time()) < 10.0
+
+
+def test_reload_takes_a_good_configuration_and_keeps_the_old_one_before_a_bad_one(
+    configuration: Path, start: Start
+) -> None:
+    """SIGHUP with a typo: one log line, scoring goes on; with a second joint: that joint is scored too."""
+    database = configuration.parent / "history.db"
+    service = start(configuration)
+    service.wait_for("started")
+    good = configuration.read_text()
+    configuration.write_text(good.replace("window_s", "windows_s"))
+    service.process.send_signal(signal.SIGHUP)
+    log = service.wait_for("the old configuration stays")
+    assert "detector.windows_s: unknown key; did you mean window_s?" in log
+    before = count(database)
+    wait_until(lambda: count(database) > before + 1)
+    configuration.write_text(fake_config(configuration.parent, joints=["elbow", "wrist"]))
+    service.process.send_signal(signal.SIGHUP)
+    service.wait_for("configuration taken: robot fake, 2 joints")
+    before = count(database)
+    wait_until(lambda: count(database, "wrist") > 1 and count(database) > before + 1)
+    assert service.stop(signal.SIGTERM) == 0
+
+
+def test_systemd_hears_of_life_only_while_samples_arrive(tmp_path: Path, start: Start) -> None:
+    """READY, STATUS and WATCHDOG arrive; with the ports gone WATCHDOG ceases; STOPPING comes at the end."""
+    switch = tmp_path / "unplugged"
+    path = tmp_path / "fake.toml"
+    path.write_text(fake_config(tmp_path, f'[fake]\nmissing = "{switch}"\n'))
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        manager.settimeout(10.0)
+        service = start(path, NOTIFY_SOCKET=str(tmp_path / "notify"), WATCHDOG_USEC="300000")
+        heard = [manager.recv(1000).decode() for _ in range(12)]
+        assert heard[0] == "READY=1"
+        assert "WATCHDOG=1" in heard
+        switch.touch()
+        service.wait_for("the port went away", 2)
+        time.sleep(0.5)
+        manager.setblocking(False)
+        while drained(manager):
+            pass
+        manager.settimeout(10.0)
+        assert manager.recv(1000).decode().startswith("STATUS=")
+        assert manager.recv(1000).decode().startswith("STATUS=")
+        service.process.send_signal(signal.SIGTERM)
+        wait_until(lambda: manager.recv(1000) == b"STOPPING=1")
+
+
+def drained(end: socket.socket) -> bool:
+    """Whether a waiting message was taken from the socket."""
+    try:
+        end.recv(1000)
+    except BlockingIOError:
+        return False
+    return True
+
+
+def test_the_journal_gets_priorities(configuration: Path, start: Start) -> None:
+    """Under systemd each line begins with its level and carries no time of its own."""
+    service = start(configuration, JOURNAL_STREAM="8:1")
+    service.wait_for("<6>started: robot fake, 1 joints")
+    service.stop(signal.SIGTERM)
+
+
+def test_a_wrong_servo_is_an_error_and_the_others_go_on(tmp_path: Path, start: Start) -> None:
+    """One impostor on the bus: its joint is in ERROR with the reason, the other one is scored."""
+    path = tmp_path / "fake.toml"
+    path.write_text(fake_config(tmp_path, joints=["elbow", "impostor"]))
+    service = start(path)
+    wait_until(lambda: count(tmp_path / "history.db") >= 3)
+    service.wait_for("health joint=impostor health=ERROR")
+    service.stop(signal.SIGTERM)
+    with open_readonly(tmp_path / "history.db") as reader:
+        assert [(row.name, row.health) for row in reader.joints()] == [("elbow", Health.OK), ("impostor", Health.ERROR)]
+        assert [alarm.reason for alarm in reader.active_alarms()] == ["impostor: found fake, expected fake"]
+        assert reader.scores("impostor") == []
+
+
+def test_a_full_disk_stops_nothing(configuration: Path, start: Start) -> None:
+    """While files cannot grow the service goes on and says so; afterwards every window in between is there."""
+    database = configuration.parent / "history.db"
+    service = start(configuration)
+    wait_until(lambda: count(database) >= 2)
+    pid, before = service.process.pid, resource.prlimit(service.process.pid, resource.RLIMIT_FSIZE)
+    resource.prlimit(pid, resource.RLIMIT_FSIZE, (10_000, before[1]))
+    service.wait_for("scoring goes on, rows wait in memory")
+    stood = count(database)
+    time.sleep(1.0)
+    assert count(database) == stood
+    resource.prlimit(pid, resource.RLIMIT_FSIZE, before)
+    service.wait_for("written again; 0 rows were given up")
+    assert service.stop(signal.SIGTERM) == 0
+    with open_readonly(database) as reader:
+        times = np.array([row.time.timestamp() for row in reader.scores("elbow")])
+    assert np.diff(times).max() < 0.3
+
+
+def hardware(folder: Path, servo_port: str, accel_port: str) -> Path:
+    """Two AX-12A and a microcontroller, on these ports."""
+    path = folder / "hardware.toml"
+    bus = f'driver = "dynamixel"\nport = "{servo_port}"\nmodel = "AX-12A"\naccelerometer = "tip"\n'
+    path.write_text(
+        f"""
+[robot]
+name = "arm"
+[store]
+path = "{folder / "history.db"}"
+[[accelerometer]]
+name = "tip"
+driver = "csv_serial"
+port = "{accel_port}"
+rate_hz = 1000
+time_column = 0
+oscillator = {{ f_res_hz = 58.0 }}
+"""
+         f'[[joint]]\nname = "shoulder"\nid = 1\n{bus}'
+         f'[[joint]]\nname = "elbow"\nid = 2\n{bus}'
+    )
+    return path
+
+
+@pytest.mark.slow
+def test_a_robot_is_unplugged_and_plugged_in_again(tmp_path: Path, start: Start) -> None:
+    """Ports missing at the start are waited for; a bus unplugged on the way makes its joints ERROR, and OK again."""
+    motion = Motion(play=0.0)
+    path = hardware(tmp_path, str(tmp_path / "port.0"), str(tmp_path / "port.1"))
+    service = start(path)
+    service.wait_for("retrying", 2)
+    service.wait_for("health joint=elbow health=ERROR")
+    with Emulator(ServoLine.of("AX-12A", [1, 2], motion), CsvStream(motion), link=tmp_path / "port") as emulator:
+        wait_until(lambda: count(tmp_path / "history.db") >= 5)
+        service.wait_for("health joint=elbow health=OK")
+        emulator.unplug(0)
+        service.wait_for("health joint=elbow health=ERROR", 2)
+        before = count(tmp_path / "history.db")
+        emulator.plug(0)
+        wait_until(lambda: count(tmp_path / "history.db") > before + 2)
+        wait_until(lambda: health(tmp_path, "elbow") is not Health.ERROR)
+    assert service.stop(signal.SIGTERM) == 0
+    with open_readonly(tmp_path / "history.db") as reader:
+        states = [(alarm.cause.value, alarm.state) for alarm in reader.alarms("elbow") if alarm.cause.value == "device"]
+    assert states == [("device", "cleared")] * 2
+
+
+def health(folder: Path, joint: str) -> Health:
+    """A joint's health as the database has it."""
+    with open_readonly(folder / "history.db") as reader:
+        return next(row.health for row in reader.joints() if row.name == joint)
+
+
+def test_another_device_on_the_port_is_told(tmp_path: Path, start: Start) -> None:
+    """A GPS receiver where the accelerometer should be: the joints' error names what was found and expected."""
+    motion = Motion()
+    with Emulator(ServoLine.of("AX-12A", [1, 2], motion), TextStream()) as emulator:
+        service = start(hardware(tmp_path, *emulator.paths))
+        log = service.wait_for("health joint=elbow health=ERROR")
+        assert service.stop(signal.SIGTERM) == 0
+    assert re.search(r"tip: wrong device: .*found .*expected ", log)
+
+
+def test_a_replay_ends_by_itself(tmp_path: Path, start: Start) -> None:
+    """A recording as fast as possible: exit 0 without a signal, a window at each of its 20 s x 2 reversals, none lost,
+    times counted from the recording's start."""
+    times = np.arange(20_000) / 1000
+    rows = "".join(f"{t:.3f},{0.5 * np.sin(2 * np.pi * t):.6f},{np.sin(40 * t):.4f}\n" for t in times)
+    (tmp_path / "rec.csv").write_text("# start = 2026-01-31T12:00:00Z\ntime,command,accel\n" + rows)
+    path = tmp_path / "replay.toml"
+    path.write_text(
+        fake_config(tmp_path, '[replay]\nspeed = "max"\n')
+        .replace('driver = "fake"', f'driver = "replay"\nport = "{tmp_path / "rec.csv"}"')
+    )  # fmt: skip
+    service = start(path)
+    assert service.process.wait(20) == 0
+    assert "lost: none" in service.log.read_text()
+    with open_readonly(tmp_path / "history.db") as reader:
+        found = [row.time.timestamp() - 1769860800 for row in reader.scores("elbow")]
+    assert 37 <= len(found) <= 40
+    assert np.diff(found) == pytest.approx(np.full(len(found) - 1, 0.5), abs=0.02)
+    assert found[0] < 1.6
+
+
+@pytest.mark.slow
+def test_the_built_in_robot_keeps_good_and_worn_joints_apart(tmp_path: Path) -> None:
+    """Simulated as fast as it goes, the elbow's scores lie above the shoulder's: worst quartile of one over best of
+    the other."""
+    from lostmotion.daemon import config, service
+
+    text = (Path(config.__file__).parent / "simulated.toml").read_text()
+    text = text.replace("speed = 1 ", 'speed = "max" ') + f'[store]\npath = "{tmp_path / "history.db"}"\n'
+    assert service.run(config.loads(text, "simulated"), duration_s=4.0) == 0
+    with open_readonly(tmp_path / "history.db") as reader:
+        shoulder, elbow = ([row.score for row in reader.scores(name)] for name in ("shoulder", "elbow"))
+    assert min(len(shoulder), len(elbow)) > 50
+    assert np.percentile(elbow, 25) > np.percentile(shoulder, 75)

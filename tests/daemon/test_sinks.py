@@ -1,0 +1,155 @@
+"""The sinks: the log's lines, and Zenoh over a real session on loopback."""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from datetime import UTC, datetime
+
+import pytest
+import zenoh
+
+from lostmotion.daemon.options import ZenohOptions
+from lostmotion.daemon.records import AlarmRow, Cause, Health, JointRow, ScoreRow, Severity
+from lostmotion.daemon.sinks.log import LogSink
+from lostmotion.daemon.sinks.zenoh import ZenohSink
+from tests.daemon.conftest import wait_until
+
+NOON = datetime(2026, 1, 31, 12, 0, 0, 123456, tzinfo=UTC)
+SCORE = ScoreRow("elbow", NOON, 0.25, 17.5, 8.0, True, excitation=12.0)
+ALARM = AlarmRow("elbow", Cause.PLAY, Severity.WARNING, NOON, "play: much")
+HEALTH = JointRow("elbow", Health.WARNING, "play: much", NOON)
+
+
+@pytest.fixture
+def endpoint() -> str:
+    """A TCP port of this host that nobody uses."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+@contextmanager
+def session(mode: str, **endpoints: list[str]) -> Iterator[zenoh.Session]:
+    """Another program's session."""
+    config = zenoh.Config()
+    config.insert_json5("mode", json.dumps(mode))
+    config.insert_json5("scouting/multicast/enabled", "false")
+    for key, value in endpoints.items():
+        config.insert_json5(f"{key}/endpoints", json.dumps(value))
+    opened = zenoh.open(config)
+    try:
+        yield opened
+    finally:
+        opened.close()
+
+
+class Listener:
+    """Everything that arrives under lostmotion/arm1, by key."""
+
+    def __init__(self, other: zenoh.Session) -> None:
+        self.heard: dict[str, list[dict[str, object]]] = {}
+        self.encodings: set[str] = set()
+        other.declare_subscriber("lostmotion/arm1/**", self._take)
+
+    def _take(self, sample: zenoh.Sample) -> None:
+        self.encodings.add(str(sample.encoding))
+        self.heard.setdefault(str(sample.key_expr), []).append(json.loads(sample.payload.to_bytes()))
+
+
+def test_scores_alarms_and_health_arrive_under_their_keys(endpoint: str) -> None:
+    """JSON with schema 1, UTC with Z, null for unknown, encoding application/json; the token says the service lives."""
+    options = ZenohOptions(listen=[endpoint])
+    with closing(ZenohSink("arm1", options)) as sink:
+        wait_until(lambda: sink.is_open)
+        with session("client", connect=[endpoint]) as other:
+            listener = Listener(other)
+            wait_until(lambda: sink.score(SCORE) or listener.heard)  # until the subscription has reached the sink
+            sink.alarm(ALARM)
+            sink.health(HEALTH)
+            wait_until(lambda: len(listener.heard) == 3)
+            tokens = [str(reply.ok.key_expr) for reply in other.liveliness().get("lostmotion/*/alive") if reply.ok]
+    assert tokens == ["lostmotion/arm1/alive"]
+    assert listener.encodings == {"application/json"}
+    score = listener.heard["lostmotion/arm1/elbow/score"][0]
+    assert score["schema"] == 1
+    assert score["time"] == "2026-01-31T12:00:00.123456Z"
+    assert (score["score"], score["level"], score["impact"], score["quality"]) == (17.5, 8.0, True, "ok")
+    assert (score["play"], score["temperature"]) == (None, None)
+    assert listener.heard["lostmotion/arm1/elbow/alarm"] == [
+        {
+            "schema": 1, "joint": "elbow", "cause": "play", "severity": "warning", "state": "active",
+            "raised": "2026-01-31T12:00:00.123456Z", "acknowledged": None, "cleared": None, "reason": "play: much",
+        }
+    ]  # fmt: skip
+    assert listener.heard["lostmotion/arm1/elbow/health"] == [
+        {
+            "schema": 1, "joint": "elbow", "health": "WARNING", "since": "2026-01-31T12:00:00.123456Z",
+            "reason": "play: much",
+        }
+    ]  # fmt: skip
+
+
+def test_a_router_that_comes_later_is_found(endpoint: str, caplog: pytest.LogCaptureFixture) -> None:
+    """Without its router the sink swallows scores and says so once; when the router comes it publishes, first the
+    newest alarm and health."""
+    with closing(ZenohSink("arm1", ZenohOptions(mode="client", connect=[endpoint]))) as sink:
+        for _ in range(100):
+            sink.score(SCORE)
+        sink.alarm(ALARM)
+        sink.health(HEALTH)
+        wait_until(lambda: "trying again" in caplog.text)
+        assert not sink.is_open
+        with session("router", listen=[endpoint]) as router:
+            listener = Listener(router)
+            wait_until(lambda: len(listener.heard) == 2)
+            assert set(listener.heard) == {"lostmotion/arm1/elbow/alarm", "lostmotion/arm1/elbow/health"}
+            wait_until(lambda: sink.score(SCORE) or "lostmotion/arm1/elbow/score" in listener.heard)
+    assert caplog.text.count("trying again") == 1
+
+
+def test_a_sink_whose_far_end_goes_away_keeps_quiet(endpoint: str) -> None:
+    """The router dies and comes again: no error reaches the caller, and scores flow again."""
+    with closing(ZenohSink("arm1", ZenohOptions(mode="client", connect=[endpoint]))) as sink:
+        for _ in range(2):
+            with session("router", listen=[endpoint]) as router:
+                listener = Listener(router)
+                wait_until(lambda heard=listener.heard: sink.score(SCORE) or heard)
+            for _ in range(20):
+                sink.score(SCORE)
+
+
+def test_the_interpreter_ends_with_a_sink_open_or_opening(endpoint: str) -> None:
+    """A program that closes its sink ends at once, whether the session was open or still being tried."""
+    code = f"""
+from lostmotion.daemon.options import ZenohOptions
+from lostmotion.daemon.sinks.zenoh import ZenohSink
+import time
+one = ZenohSink("a", ZenohOptions(listen=["{endpoint}"]))
+two = ZenohSink("b", ZenohOptions(mode="client", connect=["tcp/127.0.0.1:1"]))
+while not one.is_open:
+    time.sleep(0.01)
+one.close()
+two.close()
+"""
+    assert subprocess.run([sys.executable, "-c", code], timeout=20, check=False).returncode == 0
+
+
+def test_the_log_tells_what_matters(caplog: pytest.LogCaptureFixture) -> None:
+    """Alarms and bad health are warnings, their end is news, scores are for debugging."""
+    caplog.set_level(logging.DEBUG)
+    sink = LogSink()
+    sink.score(ScoreRow("elbow", NOON, 0.25, math.nan, 8.0, False))
+    sink.alarm(ALARM)
+    sink.alarm(AlarmRow("elbow", Cause.PLAY, Severity.WARNING, NOON, "play: much", cleared=NOON))
+    sink.health(HEALTH)
+    sink.health(JointRow("elbow"))
+    levels = [record.levelname for record in caplog.records]
+    assert levels == ["DEBUG", "WARNING", "INFO", "WARNING", "INFO"]
+    assert caplog.messages[1] == "alarm joint=elbow cause=play severity=warning state=active reason='play: much'"

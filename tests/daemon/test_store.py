@@ -1,0 +1,289 @@
+"""The database: what goes in comes out, and what happens when it cannot."""
+
+from __future__ import annotations
+
+import logging
+import math
+import os
+import resource
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sqlite_utils
+
+from lostmotion.daemon import store as storing
+from lostmotion.daemon.migrations import CURRENT, MIGRATIONS
+from lostmotion.daemon.reader import ReaderError, open_readonly
+from lostmotion.daemon.records import AlarmRow, Cause, DeviceRow, Health, JointRow, ScoreRow, Severity, WindowRow
+from lostmotion.daemon.store import Store, StoreError
+from tests.daemon.conftest import wait_until
+
+NOON = datetime(2026, 1, 31, 12, 0, 0, 123456, tzinfo=UTC)
+FULL = ScoreRow("elbow", NOON, 0.25, 17.5, 8.0, True, 1e-3, 9e-4, 1.1e-3, 12.0, 41.0, "clipped")
+BARE = ScoreRow("elbow", NOON + timedelta(seconds=1), 0.25, math.nan, 8.0, False)
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """Where the database of a test lies."""
+    return tmp_path / "history.db"
+
+
+def filled(path: Path, *rows: storing.Row, keep_windows_mb: float = 100.0) -> Path:
+    """A database with these rows, closed again."""
+    store = Store(path, "arm1", keep_windows_mb)
+    for row in rows:
+        store.add(row)
+    store.close()
+    return path
+
+
+def scores(count: int, joint: str = "elbow") -> list[ScoreRow]:
+    """Scores a second apart whose values are 0, 1, 2 …"""
+    return [ScoreRow(joint, NOON + timedelta(seconds=k), 0.25, float(k), 8.0, k > 8) for k in range(count)]
+
+
+def raw_window(second: int, impact: bool, samples: int = 250) -> WindowRow:
+    """A kept window."""
+    return WindowRow("elbow", NOON + timedelta(seconds=second), impact, 1000.0, 2e-4, np.full(samples, 1.5, np.float32))
+
+
+def test_scores_come_back_as_they_went_in(path: Path) -> None:
+    """All fields, NaN as NaN; oldest first; a limit takes the newest; since is inside, until outside."""
+    rows = [FULL, BARE, replace(FULL, time=NOON + timedelta(seconds=2))]
+    with open_readonly(filled(path, *reversed(rows))) as reader:
+        found = reader.scores("elbow")
+        assert [row.time for row in found] == [row.time for row in rows]
+        assert found[0] == FULL
+        assert math.isnan(found[1].score)
+        assert math.isnan(found[1].play)
+        assert found[1].quality == "ok"
+        assert [row.time for row in reader.scores("elbow", limit=2)] == [row.time for row in rows[1:]]
+        assert reader.scores("elbow", since=rows[1].time, until=rows[2].time)[0].time == rows[1].time
+        assert len(reader.scores("elbow", since=rows[1].time, until=rows[2].time)) == 1
+        assert reader.scores("nobody") == []
+        assert reader.last_window("elbow") == rows[2]
+        assert reader.robot() == "arm1"
+
+
+def test_others_read_iso_times_and_plain_columns(path: Path) -> None:
+    """A program that knows nothing of lostmotion reads the documented columns, with UTC text and NULL for unknown."""
+    alarm = AlarmRow("elbow", Cause.PLAY, Severity.WARNING, NOON, "play: much")
+    database = sqlite_utils.Database(filled(path, FULL, BARE, alarm, raw_window(5, True)))
+    rows = list(database.query("SELECT * FROM scores ORDER BY time"))
+    assert list(rows[0]) == [
+        "joint", "time", "score", "level", "impact", "play", "play_low", "play_high",
+        "excitation", "temperature", "quality", "duration",
+    ]  # fmt: skip
+    assert rows[0]["time"] == "2026-01-31T12:00:00.123456Z"
+    assert (rows[1]["score"], rows[1]["play"], rows[1]["quality"]) == (None, None, "ok")
+    found = next(iter(database.query("SELECT * FROM alarms")))
+    assert found["state"] == "active"
+    assert found["raised"] == "2026-01-31T12:00:00.123456Z"
+    assert (found["acknowledged"], found["cleared"]) == (None, None)
+    window = next(iter(database.query("SELECT * FROM windows")))
+    assert np.frombuffer(window["accel"], "<f4").tolist() == [1.5] * 250
+    assert next(iter(database.query("SELECT name, health FROM joints"))) == {"name": "elbow", "health": "OK"}
+
+
+def test_an_alarm_is_one_row_from_raising_to_clearing(path: Path) -> None:
+    """Clearing updates the raised row; only what is not cleared is active."""
+    alarm = AlarmRow("elbow", Cause.DEVICE, Severity.ERROR, NOON, "no data")
+    cleared = replace(alarm, cleared=NOON + timedelta(minutes=1))
+    other = replace(alarm, joint="wrist")
+    with open_readonly(filled(path, alarm, other, cleared)) as reader:
+        assert reader.alarms("elbow") == [cleared]
+        assert reader.active_alarms() == [other]
+
+
+def test_health_and_devices_are_the_newest_ones(path: Path) -> None:
+    """A later row replaces the earlier one of the same name."""
+    device = DeviceRow("tip", NOON, "reading", "", 10, 1, 2, 3, 4, 5)
+    bad = JointRow("elbow", Health.ERROR, "unplugged", NOON)
+    with open_readonly(filled(path, JointRow("elbow"), device, bad, replace(device, samples=99))) as reader:
+        assert reader.joints() == [bad]
+        assert reader.devices() == [replace(device, samples=99)]
+
+
+def test_a_score_is_readable_by_others_soon(path: Path) -> None:
+    """Without any further call the writer commits what it was given."""
+    with closing(Store(path, "arm1")) as store, open_readonly(path) as reader:
+        store.add(FULL)
+        wait_until(lambda: reader.scores("elbow"), 5.0)
+
+
+def test_raw_windows_stay_below_their_limit(path: Path) -> None:
+    """The oldest windows without an impact go first, then the oldest with one; the newest impact stays."""
+    rows = [raw_window(second, impact=second % 2 == 0) for second in range(40)]
+    filled(path, *rows, keep_windows_mb=0.02)
+    with closing(sqlite3.connect(path)) as db:
+        assert db.execute("SELECT sum(length(accel)) FROM windows").fetchone()[0] <= 20_000
+        kept = [row[0] for row in db.execute("SELECT impact FROM windows ORDER BY time")]
+        assert sum(kept) == 19 or sum(kept) == 20
+        newest = db.execute("SELECT max(time) FROM windows WHERE impact").fetchone()[0]
+        assert newest == "2026-01-31T12:00:38.123456Z"
+    filled(path, raw_window(50, True), keep_windows_mb=0.002)
+    with closing(sqlite3.connect(path)) as db:
+        assert db.execute("SELECT time FROM windows").fetchall() == [("2026-01-31T12:00:50.123456Z",)]
+
+
+def test_a_score_takes_few_bytes_and_is_found_by_index(path: Path) -> None:
+    """Ten million scores stay near half a GB, and the history of a joint is a search, not a scan."""
+    usual = replace(FULL, play=math.nan, play_low=math.nan, play_high=math.nan, excitation=12.3, quality="ok")
+    filled(path, *[replace(usual, time=NOON + timedelta(seconds=k)) for k in range(20_000)])
+    with closing(sqlite3.connect(path)) as db:
+        size = db.execute("SELECT sum(pgsize) FROM dbstat WHERE name = 'score'").fetchone()[0]
+        plan = db.execute("EXPLAIN QUERY PLAN " + storing.Reader.SCORES, [1, 0, 2**62, 10]).fetchall()
+    assert size / 20_000 < 55
+    assert [row[3] for row in plan] == ["SEARCH score USING PRIMARY KEY (joint_id=? AND time_us>? AND time_us<?)"]
+
+
+def test_a_database_of_version_1_is_brought_up_to_date(path: Path) -> None:
+    """Scores survive the migration, the new table is there, and a copy of the old file stays."""
+    with closing(sqlite3.connect(path)) as db:
+        db.executescript(MIGRATIONS[0] + "PRAGMA user_version = 1;")
+        db.execute("INSERT INTO joint (id, name) VALUES (1, 'elbow')")
+        db.execute("INSERT INTO score VALUES (1, 1000000, 250000, 3.5, 8.0, 0, NULL, NULL, NULL, NULL, NULL, NULL)")
+        db.commit()
+    with open_readonly(path) as reader:
+        assert reader.devices() == []
+    filled(path, DeviceRow("tip", NOON, "reading", "", 10, 1, 2, 3, 4, 5))
+    with open_readonly(path) as reader:
+        assert [row.score for row in reader.scores("elbow")] == [3.5]
+        assert [row.name for row in reader.devices()] == ["tip"]
+    with closing(sqlite3.connect(path)) as db, closing(sqlite3.connect(f"{path}.version1")) as old:
+        assert db.execute("PRAGMA user_version").fetchone()[0] == CURRENT
+        assert old.execute("PRAGMA user_version").fetchone()[0] == 1
+        assert old.execute("SELECT score FROM scores").fetchone()[0] == 3.5
+
+
+def test_a_newer_database_is_refused_and_untouched(path: Path) -> None:
+    """The message says which versions were found and expected."""
+    filled(path, FULL)
+    with closing(sqlite3.connect(path)) as db:
+        db.execute("PRAGMA user_version = 99")
+    for opening in (lambda: Store(path, "arm1"), lambda: open_readonly(path)):
+        with pytest.raises((StoreError, ReaderError), match=r"version 99, expected .*newer lostmotion"):
+            opening()
+
+
+def test_what_is_no_database_of_ours_is_refused(path: Path) -> None:
+    """A text file, a damaged database and another program's database each get their own words."""
+    path.write_text("time,score\n" * 1000)
+    with pytest.raises(StoreError, match="is no SQLite database"):
+        Store(path, "arm1")
+    with pytest.raises(ReaderError, match="is it a database of lostmotion"):
+        open_readonly(path)
+    path.unlink()
+    with closing(sqlite3.connect(path)) as db:
+        db.execute("CREATE TABLE photos (name)")
+    with pytest.raises(StoreError, match="database of another program"):
+        Store(path, "arm1")
+
+
+def test_a_damaged_database_is_told(path: Path) -> None:
+    """Overwritten pages are recognised as damage when the database is opened."""
+    filled(path, *scores(5000))
+    data = bytearray(path.read_bytes())
+    data[100:8192] = b"\xff" * 8092
+    path.write_bytes(bytes(data))
+    with pytest.raises(StoreError, match="is damaged"):
+        Store(path, "arm1")
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="needs to give up root's rights to write everywhere")
+def test_a_database_that_may_only_be_read_is_told(path: Path) -> None:
+    """A user without the right to write gets one line, and can still read."""
+    filled(path, FULL)
+    for folder in [*path.parents][:-2]:
+        folder.chmod(folder.stat().st_mode | 0o055)
+    path.chmod(0o444)
+    with another_user():
+        with pytest.raises(StoreError, match="expected to be writable"):
+            Store(path, "arm1")
+        with open_readonly(path) as reader:
+            assert reader.scores("elbow") == [FULL]
+
+
+def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
+    """A file where a folder should be, and a folder where the file should be."""
+    (tmp_path / "file").touch()
+    with pytest.raises(StoreError, match="the folder cannot be made"):
+        Store(tmp_path / "file" / "history.db", "arm1")
+    with pytest.raises(StoreError, match="cannot be opened"):
+        Store(tmp_path, "arm1")
+    with pytest.raises(ReaderError, match="no database there"):
+        open_readonly(tmp_path / "nothing.db")
+
+
+def test_rows_wait_while_the_disk_is_full(path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """When the file cannot grow, rows stay in memory, it is said once, and all are there when it can again."""
+    with closing(Store(path, "arm1")) as store:
+        with files_up_to(40_000):
+            for row in scores(5000):
+                store.add(row)
+            wait_until(lambda: store.problem)
+            assert "disk" in store.problem
+            assert store.waiting() == 5000
+        wait_until(lambda: not store.waiting())
+        assert store.problem == ""
+    with open_readonly(path) as reader:
+        assert [row.score for row in reader.scores("elbow")] == [float(k) for k in range(5000)]
+    assert [record.levelno for record in caplog.records] == [logging.ERROR, logging.WARNING]
+
+
+def test_the_backlog_is_bounded(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beyond its limit the oldest rows are given up and counted; raw windows have a limit of their own."""
+    monkeypatch.setattr(storing, "BACKLOG_ROWS", 100)
+    monkeypatch.setattr(storing, "BACKLOG_WINDOWS", 10)
+    with closing(Store(path, "arm1")) as store:
+        with files_up_to(20_000):
+            for k, row in enumerate(scores(150)):
+                store.add(raw_window(k, True, 2500))
+                store.add(row)
+            wait_until(lambda: store.problem)
+            assert store.waiting() == 110
+            assert store.dropped == 50 + 140
+        wait_until(lambda: not store.waiting())
+    with open_readonly(path) as reader:
+        assert [row.score for row in reader.scores("elbow")] == [float(k) for k in range(50, 150)]
+
+
+def test_rows_wait_while_another_program_holds_the_lock(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A locked database is a problem that passes."""
+    monkeypatch.setattr(storing, "BUSY_S", 0.05)
+    with closing(Store(path, "arm1")) as store, closing(sqlite3.connect(path)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        store.add(FULL)
+        wait_until(lambda: "another program holds the database locked" in store.problem)
+        other.rollback()
+        wait_until(lambda: not store.waiting())
+    with open_readonly(path) as reader:
+        assert reader.scores("elbow") == [FULL]
+
+
+@contextmanager
+def another_user() -> Iterator[None]:
+    """Runs as nobody."""
+    os.seteuid(65534)
+    try:
+        yield
+    finally:
+        os.seteuid(0)
+
+
+@contextmanager
+def files_up_to(size: int) -> Iterator[None]:
+    """No file of this process may grow beyond ``size`` bytes: writing fails as on a full disk."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
