@@ -87,14 +87,15 @@ class SerialAccelerometer:
     def open(self) -> None:
         """Takes the port.  Raises PortError."""
         self._port.open()
-        self._form.reset()
         self._timeline = Timeline(1 / self._rate, self._form.wraps)
         self._fresh = True
 
     def identify(self) -> tuple[Identity, ...]:
         """Measures the rate of the readings; whatever else comes in is shown as it is.  Raises PortError."""
         expected = f"{self._form.name} at {self._rate:g} Hz"
+        self._form.reset()
         count, span, broken, seen = self._listen()
+        self._fresh = True
         if count < 2:
             found = "nothing" if not seen else f"{len(seen)} bytes that are none of its ({seen[:24]!r})"
             cause = "unpowered, or another port" if not seen else "another device on the port, or a wrong baudrate"
@@ -108,9 +109,11 @@ class SerialAccelerometer:
 
     def read(self) -> AccelBlock:
         """The samples since the last call; waits up to 0.3 s for some.  Raises PortError when the port is gone."""
-        if not self._fresh:
-            time.sleep(GATHER_S)  # not to a grid: drifting against the sensor's bursts shows the clock map all phases
-        self._fresh = False
+        if self._fresh:  # what waited since nobody read would look as if it came late
+            self._port.discard_input()
+            self._form.reset()
+            self._fresh = False
+        time.sleep(GATHER_S)  # not to a grid: drifting against the sensor's bursts shows the clock map all phases
         data = self._port.read(WAIT_S)
         arrival = self._clock.now()
         readings = self._form.feed(data)
