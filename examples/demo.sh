@@ -43,7 +43,7 @@ play_m = 2e-6                      # gap between the teeth when new
 wear_per_year = 4.0                # it grows as exp(4 t): to 110 um in a year
 
 [detector]
-level = 60                         # above what this robot's healthy joint shows
+level = 60                         # no gap is heard as 3, a gap of 10 um (3 arc-minutes) as 60
 END
 
 show() {
@@ -52,7 +52,9 @@ show() {
 }
 
 show config check robot.toml
-show run --config robot.toml --duration 40
+show record --config robot.toml --joint elbow --duration 2 -o new.csv   # compiles the model where it never was
+show score new.csv --config robot.toml
+show run --config robot.toml --duration 38
 show status --config robot.toml
 show history shoulder --config robot.toml --limit 5
 show history elbow --config robot.toml --limit 5
