@@ -127,7 +127,7 @@ def annotate(axis: Axes, frequency: np.ndarray, amplitude: np.ndarray, line: boo
     inside = (frequency > 52) & (frequency < 64)
     top = frequency[inside][np.argmax(amplitude[inside])], np.max(amplitude[inside])
     text = f"the bar rings:\n{top[1]:.2g} m/s² at {top[0]:.0f} Hz" if line else "nothing but noise"
-    axis.annotate(text, top, (80, top[1]), arrowprops={"arrowstyle": "->"}, va="center")
+    axis.annotate(text, top, (80, top[1] if line else 0.06), arrowprops={"arrowstyle": "->"}, va="center")
 
 
 def mean_spectrum(values: np.ndarray, rate_hz: float, window_s: float) -> tuple[np.ndarray, np.ndarray]:

@@ -27,6 +27,9 @@ Slots = MutableSequence[float]
 Function = Callable[[Slots, Slots, Slots, Slots], float]
 F = TypeVar("F", bound=Callable[..., Any])
 
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
+"""Division by zero gives inf, which the solver reports, instead of an exception that C would swallow; a multiplication
+and an addition may be one instruction."""
 POINTER: Any = cast(Any, types).CPointer(types.float64)
 SIGNATURE = types.float64(POINTER, POINTER, POINTER, POINTER)
 _C_POINTER = ctypes.POINTER(ctypes.c_double)
@@ -47,7 +50,7 @@ class Kernel:
             return _C_SIGNATURE(self._guarded)
         # Signal numbers are compiled in: another order of the signals must not find the old code in the cache.
         self.function.__qualname__ = f"{self.function.__qualname__}_{LAYOUT}"
-        return compiled(lambda **options: cfunc(SIGNATURE, **options)(self.function))
+        return compiled(lambda **options: cfunc(SIGNATURE, **OPTIONS, **options)(self.function))
 
     @cached_property
     def address(self) -> int:
@@ -84,7 +87,7 @@ def compiled(build: Callable[..., Any]) -> Any:
 
 def jitted(function: F) -> F:
     """Decorator: numba compiles the function into those that call it."""
-    return cast(F, njit(forceinline=True)(function))
+    return cast(F, njit(forceinline=True, **OPTIONS)(function))
 
 
 @jitted

@@ -171,6 +171,7 @@ class Sampled:
                 f"samples need as many values as times, at least two; found {self.time.shape} and {self.values.shape}"
             )
         for name, array in (("time", self.time), ("value", self.values)):
+            array.flags.writeable = False
             if not np.all(np.isfinite(array)):
                 bad = int(np.argmin(np.isfinite(array)))
                 raise ModelError(f"the {name} of sample {bad} is {array[bad]}, not a finite number; drop gaps first")

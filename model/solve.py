@@ -19,7 +19,7 @@ from numba import njit, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from lostmotion.model.kernel import POINTER, compiled, jitted
+from lostmotion.model.kernel import OPTIONS, POINTER, compiled, jitted
 
 __all__ = ["FloatArray", "IntArray", "Plan", "integrate", "start_signals"]
 
@@ -228,5 +228,5 @@ def _integrate(
     return float(peak)
 
 
-start_signals = compiled(lambda **options: njit(**options)(_start_signals))
-integrate = compiled(lambda **options: njit(nogil=True, **options)(_integrate))
+start_signals = compiled(lambda **options: njit(**OPTIONS, **options)(_start_signals))
+integrate = compiled(lambda **options: njit(nogil=True, **OPTIONS, **options)(_integrate))
