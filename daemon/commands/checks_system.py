@@ -102,7 +102,7 @@ def check_adapters(config: Config, root: Path = USB_SERIAL) -> Iterator[Check]:
     for port in dict.fromkeys(item.port for item in items if item.port and not config.drivers[item.driver].waits):
         timer = root / Path(port).resolve().name / "latency_timer"
         if timer.exists():
-            cause = "its usual setting; install the udev rule in systemd/ (ATTR{latency_timer}=1)"
+            cause = f'its usual setting; a udev rule with ATTR{{latency_timer}}="1", or now: echo 1 > {timer}'
             yield within(port, "FTDI latency timer", float(timer.read_text()), "ms", None, 1, cause)
 
 

@@ -17,7 +17,6 @@ from lostmotion.daemon.commands.devices import Devices, Event
 from lostmotion.daemon.config import Config
 from lostmotion.daemon.records import iso
 from lostmotion.drivers.base import AccelBlock, ServoReading
-from lostmotion.drivers.clock import Clock
 from lostmotion.drivers.errors import IdentityError, LostmotionError
 from lostmotion.drivers.recorder import Recorder
 
@@ -53,7 +52,7 @@ def record(given: Path, duration_s: float, output: Path, joint: str | None) -> N
         for event in devices.identities():
             _check(event)
         start = devices.clock.now()
-        recorder = Recorder(output, _metadata(config, devices.clock), start)
+        recorder = Recorder(output, _metadata(config, devices), start)
         try:
             with _progress(duration_s) as advance:
                 for event in devices.events(duration_s):
@@ -77,13 +76,19 @@ def _alone(config: Config, asked: str | None) -> Config:
     return replace(config, joints=(joint,), accelerometers=(config.accelerometer(joint.accelerometer),))
 
 
-def _metadata(config: Config, clock: Clock) -> dict[str, Any]:
+def _metadata(config: Config, devices: Devices) -> dict[str, Any]:
     (joint,), (sensor,) = config.joints, config.accelerometers
     settings = config.settings(joint.name)
+    limits = {
+        key: getattr(device.port, key)
+        for device in devices.all
+        for key in ("resolution_rad", "range_ms2")
+        if math.isfinite(getattr(device.port, key, math.nan))
+    }
     return {
         "robot": config.robot.name,
         "joint": joint.name,
-        "start": iso(clock.utc(clock.now())),
+        "start": iso(devices.clock.utc(devices.clock.now())),
         "servo_driver": joint.driver,
         "accelerometer_driver": sensor.driver,
         "poll_hz": joint.poll_hz,
@@ -91,6 +96,7 @@ def _metadata(config: Config, clock: Clock) -> dict[str, Any]:
         "f_res_hz": settings.f_res_hz,
         "zeta": settings.zeta,
         "length_m": sensor.oscillator.length_m,
+        **limits,
     }
 
 

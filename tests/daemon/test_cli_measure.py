@@ -66,6 +66,8 @@ def test_recording_holds_both_devices_in_order(recording: Path) -> None:
     assert np.median(np.diff(command_times)) == pytest.approx(0.01)
     assert np.median(np.diff(accel_times)) == pytest.approx(0.001)
     assert len(accel) == 4000
+    assert found.metadata["resolution_rad"] == pytest.approx(np.radians(300) / 1023)
+    assert found.metadata["range_ms2"] == pytest.approx(156.9)
     assert {key: found.metadata[key] for key in ("robot", "joint", "f_res_hz", "zeta")} == {
         "robot": "arm1", "joint": "elbow", "f_res_hz": 58.0, "zeta": 0.012,
     }  # fmt: skip
