@@ -33,7 +33,7 @@ GIVE_UP_S = 5.0
 
 @dataclass(frozen=True, slots=True)
 class Device:
-    """A servo bus or an accelerometer; members: the joints, or the accelerometer, behind it."""
+    """A servo bus or an accelerometer.  name: unique within the robot; members: the joints, or the accelerometer."""
 
     name: str
     members: tuple[str, ...]
@@ -140,14 +140,14 @@ class Devices:
             assert driver.servo is not None  # the configuration was checked
             bus = driver.servo(joints, self._config.robots[driver.name], self.clock)
             names = tuple(joint.name for joint in joints)
-            yield Device(f"{driver.name} {joints[0].port or ', '.join(names)}", names, bus)
+            yield Device(f"servos {', '.join(names)}", names, bus)
 
     def _accelerometers(self) -> Iterator[Device]:
         for options in self._config.accelerometers:
             driver = self._config.drivers[options.driver]
             assert driver.accelerometer is not None  # the configuration was checked
             sensor = driver.accelerometer(options, self._config.robots[driver.name], self.clock)
-            yield Device(f"{driver.name} {options.port or options.name}", (options.name,), sensor)
+            yield Device(f"accelerometer {options.name}", (options.name,), sensor)
 
     def _told(self, device: Device) -> Iterator[Event]:
         """All that a device says in its life."""

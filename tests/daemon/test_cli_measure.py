@@ -213,3 +213,17 @@ def test_ranges() -> None:
     assert within("s", "c", 2.0, "", None, 2.0, "why").allowed == "at most 2"
     bad = within("s", "c", float("nan"), "", 0.0, None, "why")
     assert (bad.ok, bad.allowed, bad.cause) == (False, "at least 0", "why")
+
+
+def test_recording_of_a_recording(recording: Path, robot: Path) -> None:
+    """Two devices behind one port are both measured: what was replayed and recorded again is the same."""
+    text = SIMULATED.replace('"simulated"', '"replay"').replace("[simulated]", "[replay]").replace("play_m = 8e-5", "")
+    robot.write_text(text.replace('driver = "replay"', f'driver = "replay"\nport = "{recording}"'))
+    result = call("record", "--config", robot, "--duration", "2", "-o", "again.csv")
+    assert result.exit_code == 0, result.stderr
+    first, again = read_recording(recording), read_recording("again.csv")
+    for column in ("command", "accel"):
+        times, values = again.signal(column)
+        expected = first.signal(column)[1][: len(values)]
+        assert len(times) == pytest.approx(2000 if column == "accel" else 200, abs=1)
+        assert values == pytest.approx(expected, abs=1e-12)
