@@ -75,6 +75,6 @@ class AlarmOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     windows: Annotated[int, Meta(ge=3, le=10000)] = 20
     degraded: Share = 0.2
     warning: Share = 0.5
-    error: Annotated[float, Meta(gt=1)] = 25.0
+    error: Annotated[float, Meta(gt=1)] = 15.0
     zenoh: ZenohOptions | None = None
     can: CanOptions | None = None

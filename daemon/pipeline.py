@@ -18,8 +18,8 @@ from lostmotion.drivers.base import ServoSample
 
 __all__ = ["Counts", "JointPlan", "Pipeline", "Scored"]
 
-LOOK_BACK_S = 1.0
-"""a reversal is certain only some time after it; the acceleration is kept that much longer [s]"""
+LOOK_BACK_S, LOOK_BACK_POLLS = 2.0, 10
+"""a reversal is certain only some time after it; the acceleration is kept for so many seconds and polls longer"""
 GIVE_UP_S = 1.0
 """how long after its end a window waits for late acceleration [s]"""
 SERVO_SILENT_S = 5.0
@@ -181,7 +181,7 @@ class Pipeline:
 
     def _needed(self, joint: _Joint, ring: Ring) -> float:
         """From when on a joint may still need acceleration [s]."""
-        oldest = joint.heard - LOOK_BACK_S
+        oldest = joint.heard - LOOK_BACK_S - LOOK_BACK_POLLS / joint.plan.poll_hz
         if not self._virtual:
             oldest = max(oldest, ring.newest - SERVO_SILENT_S)
         starts = [pending.start for pending in joint.pending]

@@ -107,6 +107,9 @@ class ZenohSink:
 
     def _use(self, session: zenoh.Session) -> None:
         with self._lock:
+            if self._closing.is_set():
+                session.close()  # type: ignore[no-untyped-call]
+                return
             self._session = session
             latest = list(self._latest.items())
         log.info("zenoh: session open as %s %s", self._options.mode, session.zid())

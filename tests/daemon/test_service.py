@@ -181,8 +181,8 @@ rate_hz = 1000
 time_column = 0
 oscillator = {{ f_res_hz = 58.0 }}
 """
-         f'[[joint]]\nname = "shoulder"\nid = 1\n{bus}'
-         f'[[joint]]\nname = "elbow"\nid = 2\n{bus}'
+        f'[[joint]]\nname = "shoulder"\nid = 1\n{bus}'
+        f'[[joint]]\nname = "elbow"\nid = 2\n{bus}'
     )
     return path
 

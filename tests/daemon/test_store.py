@@ -140,7 +140,7 @@ def test_a_score_takes_few_bytes_and_is_found_by_index(path: Path) -> None:
     with closing(sqlite3.connect(path)) as db:
         size = db.execute("SELECT sum(pgsize) FROM dbstat WHERE name = 'score'").fetchone()[0]
         plan = db.execute("EXPLAIN QUERY PLAN " + storing.Reader.SCORES, [1, 0, 2**62, 10]).fetchall()
-    assert size / 20_000 < 55
+    assert size / 20_000 < 55, size
     assert [row[3] for row in plan] == ["SEARCH score USING PRIMARY KEY (joint_id=? AND time_us>? AND time_us<?)"]
 
 
