@@ -1,4 +1,4 @@
-"""All benchmarks, one after another: ``python -m bench [NAME…]``.  Each prints a table of ratios measured in one run."""
+"""All benchmarks, one after another: ``python -m bench [NAME…]``.  Each prints a table measured in one run."""
 
 from __future__ import annotations
 
