@@ -26,6 +26,11 @@ FIRST_RETRY_S = 0.5
 LAST_RETRY_S = 10.0
 WRONG_RETRY_S = 30.0
 """how often a device that was not the expected one is asked again [s]"""
+DRIVER_GATHERS_S = 0.01
+"""accelerometers' drivers gather samples for so long themselves [s]"""
+LONGEST_PAUSE_S = 0.02
+AFTER_END_S = 0.003
+"""the last sample of a window is looked for so long after the window's end [s]"""
 
 INBOX_READINGS = 1000
 """a virtual bus waits while more readings than this are unread"""
@@ -191,6 +196,8 @@ class AccelPoller(Poller):
         self._wait = stop if waits else None
 
     def _read(self) -> None:
+        if self._wait is None:
+            self._gather()
         block = self._sensor.read()
         account = self.account
         account.lost += block.lost
@@ -201,6 +208,13 @@ class AccelPoller(Poller):
             account.heard[self.name] = time.monotonic()
             self._ring.range_ms2 = self._sensor.range_ms2
             self._ring.push(block, self._wait)
+
+    def _gather(self) -> None:
+        """Leaves hardware alone while no window ends: a wake-up costs more than the samples it brings."""
+        until_end = self._ring.awaited - time.monotonic()
+        pause = min(until_end + AFTER_END_S - DRIVER_GATHERS_S, LONGEST_PAUSE_S)
+        if pause > 0:
+            time.sleep(pause)
 
     def _end(self) -> None:
         self._ring.end()

@@ -18,7 +18,7 @@ __all__ = ["Robot"]
 RING_S = 20.0
 """how much acceleration is kept of hardware [s]"""
 VIRTUAL_RING_S = 60.0
-LISTEN_S = 0.08
+LISTEN_S = 0.04
 """servo samples of hardware are taken in bunches this far apart, which halves their cost; a window is longer [s]"""
 DEAD_S = 3.0
 """a device that reads nothing for so long is dead [s]"""
