@@ -72,10 +72,11 @@ def predictability_horizon(
 ) -> float:
     """Time after the start [s] from which a relative change of all free parameters has decorrelated the motion.
 
-    That is the first window of 0.1 s in which two runs differ by half the signal's root mean square (accel, or else
-    position or displacement); inf when there is none within the times.
+    Parameters that are whole numbers stay as they are.  The time is that of the first window of 0.1 s in which two runs
+    differ by half the signal's root mean square (accel, or else position); inf when there is none within the times.
     """
-    given = {name: p.value * (1 + perturbation) for name, p in model.parameters.items() if not p.fixed}
+    free = {name: p.value for name, p in model.parameters.items() if not (p.fixed or p.domain.is_whole)}
+    given = {name: value * (1 + perturbation) for name, value in free.items()}
     one = model.simulate(drive, times, state, substep_s=substep_s)
     other = model.replace(given).simulate(drive, times, state, substep_s=one.substep_s)
     apart = (_main_signal(one) - _main_signal(other)) ** 2
@@ -88,7 +89,7 @@ def predictability_horizon(
 
 
 def _main_signal(trajectory: Trajectory) -> FloatArray:
-    return next(trajectory[name] for name in ("accel", "position", "displacement") if name in trajectory.signals)
+    return next(trajectory[name] for name in ("accel", "position") if name in trajectory.signals)
 
 
 def _rms(values: FloatArray) -> float:

@@ -22,6 +22,11 @@ class Domain(Enum):
     WHOLE = "a whole number from 1 to 60"
     ODD = "an odd whole number from 1 to 101"
 
+    @property
+    def is_whole(self) -> bool:
+        """Whether only whole numbers are possible, between which there are no small steps."""
+        return self in (Domain.WHOLE, Domain.ODD)
+
     def allows(self, value: float) -> bool:
         """Whether a finite value lies in the domain."""
         match self:

@@ -8,7 +8,15 @@ import warnings
 import numpy as np
 import pytest
 
-from lostmotion.model import ChaoticMotionWarning, HandWaved, Sine, build_model, check, predictability_horizon
+from lostmotion.model import (
+    ChaoticMotionWarning,
+    HandWaved,
+    Parameter,
+    Sine,
+    build_model,
+    check,
+    predictability_horizon,
+)
 
 TIMES = np.arange(2001) * 1e-3
 
@@ -30,6 +38,14 @@ def test_strong_contact_damping_is_predictable(motion: Sine | HandWaved, alpha: 
         found = check(build_model("play", (), {"alpha": alpha}), motion, TIMES)
     assert found.horizon_s == math.inf
     assert found.error < 1e-3
+
+
+def test_whole_numbers_are_left_as_they_are() -> None:
+    """A model whose contact exponent and periods a turn are free has a horizon, though 11.00001 is no exponent."""
+    free = {"alpha": 500.0, "n": Parameter(11.0), "gear_eccentricity.N": Parameter(12.0)}
+    model = build_model("play", ["gear_eccentricity"], free)
+    assert not any(model.parameters[name].fixed for name in free)
+    assert 0.3 < predictability_horizon(model, Sine(6.0, 0.02), TIMES) < 2.0
 
 
 def test_bases_without_contact_are_predictable() -> None:
