@@ -41,7 +41,7 @@ def identify(accel: FloatArray, rate_hz: float) -> Oscillator:
     and is refined by Gauss-Newton steps.  Within 0.5 % in f_res and 10 % in zeta where the tap is 50 times the noise
     (20 times at 1 kHz).
 
-    Raises DetectorError when no peak stands out, or the ring-down is too short to measure.
+    Raises DetectorError when nothing moves, no peak stands out, or the ring-down is too short to measure.
     """
     values = np.asarray(accel, dtype=float)
     missing = int(np.sum(~np.isfinite(values)))
@@ -49,6 +49,8 @@ def identify(accel: FloatArray, rate_hz: float) -> Oscillator:
         raise DetectorError(
             f"{values.size} samples, {missing} of them missing; expected at least {LEAST_SAMPLES} and none missing"
         )
+    if np.ptp(values) == 0:
+        raise DetectorError(f"all {values.size} samples are {values[0]:g} m/s²; expected a ring: is the sensor stuck?")
     spectrum = np.fft.fft(values - values.mean())
     frequency = np.arange(values.size, dtype=np.float64) * (rate_hz / values.size)
     peak = _peak(np.abs(spectrum), frequency, rate_hz)

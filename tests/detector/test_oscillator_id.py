@@ -55,6 +55,14 @@ def test_too_little_is_said(accel: np.ndarray, words: str) -> None:
         identify(accel, 1000.0)
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("value", [0.0, 9.81])
+def test_a_sensor_that_stands_still_is_said(value: float) -> None:
+    """A sensor that always tells the same number has nothing to find a resonance in."""
+    with pytest.raises(DetectorError, match="all 1000 samples are"):
+        identify(np.full(1000, value), 200.0)
+
+
 def test_a_short_ring_is_said() -> None:
     """A bar with a damping of 0.2 does not ring long enough."""
     with pytest.raises(DetectorError, match="cycles"):
