@@ -90,7 +90,7 @@ def push_back(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
 
 
 def _servo_rate(values: Mapping[str, float], operating: Operating) -> float:
-    """Twice the loop's frequency, or what gear 1's own mass adds to the contact's rate."""
+    """Twice the loop's natural frequency, or its damping where that is more [rad/s]."""
     return 2 * math.pi * values["f1"] * max(2.0, 2 * values["zeta1"])
 
 
