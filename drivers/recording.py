@@ -61,6 +61,13 @@ class Recording:
             )
         return self.time[sampled], values[sampled]
 
+    def number(self, key: str, default: float) -> float:
+        """A number of the metadata, 0 or more, or else the default.  Raises RecordingError when it is no such number."""
+        value = self.metadata.get(key, default)
+        if isinstance(value, bool) or not isinstance(value, int | float) or value < 0:
+            raise RecordingError(f"{self.name}: # {key}: found {value!r}, expected a number of at least 0")
+        return float(value)
+
     def unit(self, column: str) -> str:
         """The unit in which a column stands here: that of the format unless the metadata name another one."""
         return str(self.metadata.get(f"{column}_unit", COLUMN_UNITS[column]))

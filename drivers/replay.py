@@ -126,10 +126,9 @@ class Track:
 class ReplayJoints:
     """The joints of one recording."""
 
-    resolution_rad = float("nan")
-
     def __init__(self, joints: Sequence[JointOptions], robot: RobotOptions, clock: Clock) -> None:
         assert isinstance(clock, ReplayClock)
+        self.resolution_rad = float("nan")
         self._joints = [joint for joint in joints if isinstance(joint, ReplayJointOptions)]
         self._clock = clock
         self._samples: dict[str, tuple[FloatArray, dict[str, FloatArray]]] = {}
@@ -139,6 +138,9 @@ class ReplayJoints:
         """Reads the recording, if no other device has yet; a second time it goes on where it was."""
         if self._track is None:
             self._samples = {joint.name: self._load(joint) for joint in self._joints}
+            if all(joint.column == "command" for joint in self._joints):
+                recording = self._clock.recording(self._joints[0].port)
+                self.resolution_rad = recording.number("resolution_rad", float("nan"))
             self._track = Track(np.sort(np.concatenate([times for times, _ in self._samples.values()])), self._clock)
 
     def identify(self) -> tuple[Identity, ...]:
@@ -179,11 +181,10 @@ class ReplayJoints:
 class ReplayAccelerometer:
     """One column of a recording as the signal of an accelerometer."""
 
-    range_ms2 = float("inf")
-
     def __init__(self, options: AccelerometerOptions, robot: RobotOptions, clock: Clock) -> None:
         assert isinstance(options, ReplayAccelerometerOptions)
         assert isinstance(clock, ReplayClock)
+        self.range_ms2 = float("inf")
         self._options = options
         self._clock = clock
         self._times = self._values = np.empty(0)
@@ -194,6 +195,8 @@ class ReplayAccelerometer:
         if self._track is None:
             recording = self._clock.recording(self._options.port)
             times, self._values = recording.signal(self._options.column)
+            if self._options.column == "accel":
+                self.range_ms2 = recording.number("range_ms2", float("inf"))
             self._times = times - recording.time[0]
             self._track = Track(self._times, self._clock)
 

@@ -102,6 +102,29 @@ def test_every_sample_comes_in_time_order(path: Path) -> None:
     assert np.isnan(joints.resolution_rad)
 
 
+def test_resolution_and_range_are_the_recordings(path: Path, tmp_path: Path) -> None:
+    """What a recording knows of its devices holds for its command and accel, not for a force in their place."""
+    times = np.arange(100) / 100
+    columns = {"command": times, "accel": times, "force": times}
+    known = {"resolution_rad": 0.005, "range_ms2": 157}
+    write_recording(Recording(times, columns, known), tmp_path / "known.csv")
+    _, joints, accelerometer = opened(tmp_path / "known.csv")
+    assert (joints.resolution_rad, accelerometer.range_ms2) == (0.005, 157.0)
+    _, _, force = opened(tmp_path / "known.csv", column="force")
+    _, unknown, sensor = opened(path)
+    assert force.range_ms2 == sensor.range_ms2 == np.inf
+    assert np.isnan(unknown.resolution_rad)
+
+
+@pytest.mark.parametrize("wrong", [-1, "small", True])
+def test_a_resolution_that_is_none_is_told(wrong: Any, tmp_path: Path) -> None:
+    """A negative resolution, or a word, is refused when the recording is opened."""
+    write_recording(Recording(np.zeros(1), {"command": np.ones(1)}, {"resolution_rad": wrong}), tmp_path / "rec.csv")
+    _, joints, _ = robot(tmp_path / "rec.csv")
+    with pytest.raises(RecordingError, match="# resolution_rad: found"):
+        joints.open()
+
+
 def test_clock_follows_the_reading(path: Path) -> None:
     """Robot time stands where the reading has got to, and UTC begins where the recording says."""
     clock, _, accelerometer = opened(path)
