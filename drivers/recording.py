@@ -62,7 +62,7 @@ class Recording:
         return self.time[sampled], values[sampled]
 
     def number(self, key: str, default: float) -> float:
-        """A number of the metadata, 0 or more, or else the default.  Raises RecordingError when it is no such number."""
+        """A number of the metadata, 0 or more, or else the default.  Raises RecordingError for anything else."""
         value = self.metadata.get(key, default)
         if isinstance(value, bool) or not isinstance(value, int | float) or value < 0:
             raise RecordingError(f"{self.name}: # {key}: found {value!r}, expected a number of at least 0")

@@ -138,12 +138,14 @@ class SerialAccelerometer:
             seen = seen or data
             readings = self._form.feed(data)
             good = len(readings.accel) - sum(map(math.isnan, readings.accel))
+            if first is not None:
+                broken += readings.broken
             if not good:
                 continue
             # The last reading of a chunk is as fresh as the chunk; those of the first chunk may have waited for long.
             now = self._clock.now()
             if first is None:
-                first, count, broken = now, 1, 0
+                first, count = now, 1
             else:
-                count, broken, last = count + good, broken + readings.broken, now
+                count, last = count + good, now
         return (count, last - first, broken, seen) if first is not None and last is not None else (0, 0.0, broken, seen)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 
@@ -95,6 +96,37 @@ def test_nan_lines_are_broken() -> None:
     readings = form().feed(b"1.5\nnan\n-inf\n2.5\n")
     assert readings.accel == pytest.approx([1.5, math.nan, math.nan, 2.5], nan_ok=True)
     assert readings.broken == 2
+
+
+class Noisy:
+    """Prints 150 lines a second, one at a time, of which every third is garbled."""
+
+    def __init__(self) -> None:
+        self._lines = itertools.cycle((b"1.5\n", b"1.5\n", b"1.?\n"))
+        self._due = time.monotonic()
+
+    def receive(self, data: bytes, now: float) -> None:
+        """It does not listen."""
+
+    def due(self) -> float:
+        """When the next line goes out [s]."""
+        return self._due
+
+    def emit(self, now: float) -> bytes:
+        """The next line."""
+        self._due += 1 / 150
+        return next(self._lines)
+
+
+def test_a_noisy_line_is_told_when_the_device_is_asked() -> None:
+    """A third of the lines broken is too much, though 100 good ones a second are as expected."""
+    with Emulator(Noisy()) as emulator:
+        sensor = accelerometer("csv_serial", emulator.paths[0], 100, oscillator=OscillatorOptions(f_res_hz=20))
+        sensor.open()
+        (identity,) = sensor.identify()
+        sensor.close()
+    assert "broken of" in identity.found
+    assert not identity.ok
 
 
 @pytest.mark.slow
