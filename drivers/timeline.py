@@ -42,7 +42,7 @@ class Timeline:
         self._count = 0
         self._time = math.nan  # of the last sample on the sensor's clock without wraps
         self._stamp = math.nan  # the same as it was sent
-        self._odd: float | None = None
+        self._odd: float | None = None  # the last stamp, if it did not follow the one before
 
     def counted(self, accel: Sequence[float], arrival: float, broken: int = 0) -> AccelBlock:
         """The block of samples [m/s²] that arrived together at ``arrival`` [s]; NaN stands for a broken one."""
@@ -56,7 +56,7 @@ class Timeline:
         start, before = self._time, self._stamp
         steps = [stamp - last for stamp, last in zip(stamps, (before, *stamps), strict=False)]
         if min(steps) > 0 and max(steps) < 1.5 * self._period:  # so it nearly always is; NaN compares false
-            self._stamp, self._time = stamps[-1], start + (stamps[-1] - before)
+            self._stamp, self._time, self._odd = stamps[-1], start + (stamps[-1] - before), None
             return self._block(np.array(stamps) + (start - before), np.array(accel), arrival, 0, broken)
         kept = [
             (advance, value)

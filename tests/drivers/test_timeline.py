@@ -59,6 +59,16 @@ def test_one_wild_stamp_is_thrown_away() -> None:
     assert block.time[-1] == pytest.approx(10.003, abs=1e-4)
 
 
+def test_a_wild_stamp_is_forgotten_when_good_ones_follow() -> None:
+    """Two wild stamps alike with good ones between them are two mistakes, not a clock that was set anew."""
+    timeline = Timeline(PERIOD, WRAP)
+    stamped(timeline, [500.001, 500.002, 50.0], arrival=10.0)
+    stamped(timeline, [500.003, 500.004], arrival=10.002)
+    block = stamped(timeline, [50.1, 500.005, 500.006], arrival=10.004)
+    assert (block.broken, block.lost) == (1, 0)
+    assert block.accel.tolist() == [1.0, 2.0]
+
+
 @pytest.mark.parametrize("restart", [0.001, 2000.0])
 def test_a_sensor_that_restarts_goes_on(restart: float) -> None:
     """Its clock begins anew anywhere: the second stamp of the new count is believed, and the times ascend."""
