@@ -56,7 +56,9 @@ def cut(drive: Motion | None, start: float, length: float, delay: float = 0.0) -
 def _through_samples(drive: Sampled, origin: float, length: float) -> Pieces:
     """The spline itself: knots at the samples, and at both ends of the stretch."""
     ends = np.array([origin, origin + length])
-    first, last = np.searchsorted(drive.time, (origin + 1e-6 * length, origin + (1 - 1e-6) * length))
+    # A sample this close to an end counts as that end: a piece without length has no polynomial.
+    margin = 1e-3 * min(length, np.ptp(drive.time) / (drive.time.size - 1))
+    first, last = np.searchsorted(drive.time, (origin + margin, origin + length - margin))
     knots = np.concatenate(([0.0], drive.time[first:last] - origin, [length]))
     at_ends = (drive.position(ends), drive.velocity(ends), drive.acceleration(ends))
     values = (

@@ -42,6 +42,14 @@ def test_pieces_follow_the_motion(motion: Motion) -> None:
     assert pieces.knots[-1] == 3.0
 
 
+def test_every_sample_is_a_knot_however_long_the_run() -> None:
+    """An hour that begins with a second of recording at 1 kHz loses no sample, nor where the run ends with one."""
+    time = 1e9 + np.arange(1001) / 1000
+    drive = Sampled(time, np.sin(time))
+    assert cut(drive, time[0], 3600.0).knots[:1001] == pytest.approx(time - time[0], abs=1e-6)
+    assert cut(drive, time[-1] - 3600, 3600.0).knots[-1001:] == pytest.approx(time - time[-1] + 3600, abs=1e-6)
+
+
 def test_hand_waved_is_irregular_and_band_limited() -> None:
     """It has the size it is asked for, nothing outside its band, does not repeat, and is the same for the same seed."""
     motion = HandWaved(seed=1, amplitude_rad=0.2, low_hz=0.5, high_hz=3.0)
