@@ -28,7 +28,7 @@ WRONG_RETRY_S = 30.0
 """how often a device that was not the expected one is asked again [s]"""
 DRIVER_GATHERS_S = 0.01
 """accelerometers' drivers gather samples for so long themselves [s]"""
-LONGEST_PAUSE_S = 0.02
+LONGEST_PAUSE_S = 0.01
 AFTER_END_S = 0.003
 """the last sample of a window is looked for so long after the window's end [s]"""
 
