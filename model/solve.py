@@ -148,6 +148,39 @@ def _hermite(
         z[i] = ends - part * rest * ((rest - part) * slope - h * (rest * dx[i] - part * dy[i]))
 
 
+@jitted
+def _rk4(
+    plan: Plan,
+    s: FloatArray,
+    c: FloatArray,
+    knot: float,
+    since: float,
+    h: float,
+    x: FloatArray,
+    k1: FloatArray,
+    k2: FloatArray,
+    k3: FloatArray,
+    k4: FloatArray,
+    y: FloatArray,
+) -> None:
+    """One classical Runge-Kutta step of h [s] from the states x, with slope k1, to y, whose slope is left in k4.
+
+    It begins ``since`` [s] after the knot at the time ``knot`` [s] from which the input's polynomial c counts.
+    """
+    value, rate = _input(c, since + h / 2)
+    _load(plan, s, knot + since + h / 2, value, rate, x, k1, h / 2)
+    _rates(plan, s, k2)
+    _load(plan, s, knot + since + h / 2, value, rate, x, k2, h / 2)
+    _rates(plan, s, k3)
+    value, rate = _input(c, since + h)
+    _load(plan, s, knot + since + h, value, rate, x, k3, h)
+    _rates(plan, s, k4)
+    for i in range(x.size):
+        y[i] = x[i] + h / 6 * (k1[i] + 2 * (k2[i] + k3[i]) + k4[i])
+    _load(plan, s, knot + since + h, value, rate, y, k4, 0.0)
+    _rates(plan, s, k4)  # the next step's first slope
+
+
 def _start_signals(plan: Plan, x: FloatArray, time: float, value: float, rate: float) -> FloatArray:
     """All signals at one instant, shape (signals + effects' states,), for states x (n,) and an input with its rate."""
     s = plan.start.copy()
@@ -193,23 +226,11 @@ def _integrate(
         steps = max(1, int(np.ceil((knots[interval + 1] - left) / substep - 1e-9)))
         h = (knots[interval + 1] - left) / steps
         for step in range(steps):
-            begin = left + step * h
-            value, rate = _input(c, begin + h / 2 - left)
-            _load(plan, s, origin + begin + h / 2, value, rate, x, k1, h / 2)
-            _rates(plan, s, k2)
-            _load(plan, s, origin + begin + h / 2, value, rate, x, k2, h / 2)
-            _rates(plan, s, k3)
-            end = left + (step + 1) * h
-            value, rate = _input(c, end - left)
-            _load(plan, s, origin + end, value, rate, x, k3, h)
-            _rates(plan, s, k4)
-            for i in range(n):
-                y[i] = x[i] + h / 6 * (k1[i] + 2 * (k2[i] + k3[i]) + k4[i])
-            _load(plan, s, origin + end, value, rate, y, k4, 0.0)
-            _rates(plan, s, k4)  # the slope at the end is the next step's first
+            begin, end = left + step * h, left + (step + 1) * h
+            _rk4(plan, s, c, origin + left, step * h, h, x, k1, k2, k3, k4, y)
             if not abs(s[plan.watch]) <= peak:
                 peak = abs(s[plan.watch])
-            between = False  # whether s still shows the end of the step
+            between = False  # from then on s no longer shows the end of the step
             while o < times.size and times[o] <= end + 1e-6 * h:
                 part = min((times[o] - begin) / h, 1.0)
                 between = between or part < 1 - 1e-6
