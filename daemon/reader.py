@@ -9,6 +9,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from sqlite_utils import Database
+
 from lostmotion.daemon.migrations import CURRENT
 from lostmotion.daemon.records import (
     AlarmRow,
@@ -65,13 +67,13 @@ class Reader:
     """An open database; a context manager."""
 
     SCORES = (
-        "SELECT time_us, duration_us, score, level, impact, play, play_low, play_high, excitation, temperature, quality"
-        " FROM score WHERE joint_id = ? AND time_us >= ? AND time_us < ? ORDER BY time_us DESC LIMIT ?"
+        "SELECT * FROM score WHERE joint_id = (SELECT id FROM joint WHERE name = :joint)"
+        " AND time_us >= :since AND time_us < :until ORDER BY time_us DESC LIMIT :limit"
     )
 
-    def __init__(self, db: sqlite3.Connection) -> None:
-        self._db = db
-        self._version: int = db.execute("PRAGMA user_version").fetchone()[0]
+    def __init__(self, connection: sqlite3.Connection) -> None:
+        self._db = Database(connection)
+        self._version: int = connection.execute("PRAGMA user_version").fetchone()[0]
 
     def __enter__(self) -> Reader:
         return self
@@ -82,28 +84,34 @@ class Reader:
         self.close()
 
     def close(self) -> None:
+        """Closes the database."""
         self._db.close()
 
     def robot(self) -> str:
         """The robot's name."""
-        row = self._db.execute("SELECT value FROM meta WHERE key = 'robot'").fetchone()
-        return str(row[0]) if row else ""
+        return str(next(self._db.query("SELECT value FROM meta WHERE key = 'robot'"), {"value": ""})["value"])
 
     def joints(self) -> list[JointRow]:
         """All joints ever seen and their health, by name."""
-        rows = self._db.execute("SELECT name, health, reason, since_us FROM joint ORDER BY name")
-        return [JointRow(name, Health(health), reason, from_micros(since)) for name, health, reason, since in rows]
+        rows = self._db.query("SELECT name, health, reason, since_us FROM joint ORDER BY name")
+        return [
+            JointRow(row["name"], Health(row["health"]), row["reason"], from_micros(row["since_us"])) for row in rows
+        ]
 
     def scores(
         self, joint: str, since: datetime | None = None, until: datetime | None = None, limit: int | None = None
     ) -> list[ScoreRow]:
         """Scores of a joint with since <= time < until, oldest first; with a limit, the newest so many of them."""
-        number = self._db.execute("SELECT id FROM joint WHERE name = ?", [joint]).fetchone()
-        if number is None:
-            return []
-        bounds = [micros(since) if since else 0, micros(until) if until else 2**62, -1 if limit is None else limit]
-        rows = self._db.execute(self.SCORES, [number[0], *bounds]).fetchall()
-        return [_score(joint, row) for row in reversed(rows)]
+        rows = self._db.query(
+            self.SCORES,
+            {
+                "joint": joint,
+                "since": micros(since) if since else 0,
+                "until": micros(until) if until else 2**62,
+                "limit": -1 if limit is None else limit,
+            },
+        )
+        return [_score(joint, row) for row in reversed(list(rows))]
 
     def last_window(self, joint: str) -> ScoreRow | None:
         """The newest scored window of a joint."""
@@ -112,23 +120,23 @@ class Reader:
 
     def alarms(self, joint: str | None = None, active_only: bool = False) -> list[AlarmRow]:
         """Alarms of one joint or of all, oldest first."""
-        rows = self._db.execute(
-            "SELECT name, cause, severity, raised_us, alarm.reason, acknowledged_us, cleared_us"
-            " FROM alarm JOIN joint ON joint.id = joint_id WHERE (?1 IS NULL OR name = ?1)"
-            " AND (NOT ?2 OR cleared_us IS NULL) ORDER BY raised_us, alarm.id",
-            [joint, active_only],
+        rows = self._db.query(
+            "SELECT alarm.*, joint.name AS joint FROM alarm JOIN joint ON joint.id = joint_id"
+            " WHERE (:joint IS NULL OR joint.name = :joint) AND (NOT :active_only OR cleared_us IS NULL)"
+            " ORDER BY raised_us, alarm.id",
+            {"joint": joint, "active_only": active_only},
         )
         return [
             AlarmRow(
-                name,
-                Cause(cause),
-                Severity(severity),
-                from_micros(raised),
-                reason,
-                _maybe(acknowledged),
-                _maybe(cleared),
+                row["joint"],
+                Cause(row["cause"]),
+                Severity(row["severity"]),
+                from_micros(row["raised_us"]),
+                row["reason"],
+                _maybe(row["acknowledged_us"]),
+                _maybe(row["cleared_us"]),
             )
-            for name, cause, severity, raised, reason, acknowledged, cleared in rows
+            for row in rows
         ]
 
     def active_alarms(self, joint: str | None = None) -> list[AlarmRow]:
@@ -139,21 +147,22 @@ class Reader:
         """What each servo bus and accelerometer has delivered and lost, as the service last wrote it."""
         if self._version < 2:
             return []
-        rows = self._db.execute(
-            "SELECT name, time_us, state, reason, samples, lost, late, broken, silent, overwritten"
-            " FROM device ORDER BY name"
-        )
-        return [DeviceRow(name, from_micros(time), *rest) for name, time, *rest in rows]
+        rows = self._db.query("SELECT * FROM device ORDER BY name")
+        return [DeviceRow(time=from_micros(row.pop("time_us")), **row) for row in rows]
 
 
 def _maybe(count: int | None) -> datetime | None:
     return None if count is None else from_micros(count)
 
 
-def _score(joint: str, row: tuple[Any, ...]) -> ScoreRow:
-    time, duration, score, level, impact, *numbers, quality = row
-    score, play, low, high, excitation, temperature = (math.nan if x is None else x for x in (score, *numbers))
+def _score(joint: str, row: dict[str, Any]) -> ScoreRow:
+    numbers = ("score", "play", "play_low", "play_high", "excitation", "temperature")
     return ScoreRow(
-        joint, from_micros(time), duration / 1e6, score, level, bool(impact), play, low, high, excitation, temperature,
-        quality or "ok",
-    )  # fmt: skip
+        joint=joint,
+        time=from_micros(row["time_us"]),
+        duration=row["duration_us"] / 1e6,
+        level=row["level"],
+        impact=bool(row["impact"]),
+        quality=row["quality"] or "ok",
+        **{name: math.nan if row[name] is None else row[name] for name in numbers},
+    )
