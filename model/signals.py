@@ -19,7 +19,6 @@ __all__ = [
     "GAP_RATE",
     "INERTIA",
     "LAYOUT",
-    "NAMES",
     "OMEGA1",
     "OMEGA2",
     "QDD",
@@ -78,9 +77,6 @@ SENSOR = 19
 READING = 20
 """what the sensor tells: with offset, drift and limits [m/s²]"""
 
-NAMES = (
-    *("TIME", "DRIVEN", "COMMAND", "COMMAND_RATE", "THETA1", "OMEGA1", "THETA2", "OMEGA2", "Q", "Q_RATE", "INERTIA"),
-    *("GAP", "GAP_RATE", "FORCE", "TORQUE", "ALPHA2", "BAR_FORCE", "QDD", "TIP", "SENSOR", "READING"),
-)
-SIGNALS = len(NAMES)
-LAYOUT = f"{zlib.crc32(' '.join(NAMES).encode()):08x}"
+_NUMBERS = {name: number for name, number in dict(globals()).items() if type(number) is int}
+SIGNALS = len(_NUMBERS)
+LAYOUT = f"{zlib.crc32(' '.join(sorted(_NUMBERS, key=_NUMBERS.__getitem__)).encode()):08x}"

@@ -20,7 +20,7 @@ def test_separable_scores_give_the_middle_of_the_gap() -> None:
 
 
 def test_eq_9_by_hand() -> None:
-    """Scores 1h 2h 3w 4h 5w 6w: with one added to each count, both gaps next to the overlap give 2 + 4/2 = 4."""
+    """Scores 1h 2h 3w 4h 5w 6w: with one added to each count, both gaps next to the overlap give 4/2 + 3/1 = 5."""
     scores, labels = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0], [0, 0, 1, 0, 1, 1]
     # Above 2.5: accept 3, reject 2, positive 1, negative 0, so 4/2 + 3/1 = 5.
     # Above 4.5: accept 2, reject 3, positive 0, negative 1, so 3/1 + 4/2 = 5.  A tie: the lower one.
