@@ -111,12 +111,13 @@ def _header(reader: Iterator[list[str]], where: str) -> list[str]:
 def _chunks(reader: Iterator[list[str]], name: str) -> Iterator[tuple[list[list[str]], bool]]:
     """Rows of text, some at a time, and whether they are the last; blank lines at the end are left out."""
     try:
-        while rows := list(islice(reader, ROWS_AT_ONCE)):
-            is_last = len(rows) < ROWS_AT_ONCE
-            while is_last and rows and not rows[-1]:
-                rows.pop()
-            yield rows, is_last
-        yield [], True
+        rows = list(islice(reader, ROWS_AT_ONCE))
+        while len(following := list(islice(reader, ROWS_AT_ONCE))) == ROWS_AT_ONCE or any(following):
+            yield rows, False
+            rows = following
+        while rows and not rows[-1]:
+            rows.pop()
+        yield rows, True
     except csv.Error as error:
         raise RecordingError(
             f"{name}: found {error}, expected lines of comma-separated numbers; is it text?"

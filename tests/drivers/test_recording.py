@@ -12,6 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from lostmotion.drivers.codec.recording_csv import ROWS_AT_ONCE
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.recording import Recording, merge, read_recording, write_recording
 from lostmotion.drivers.units import COLUMN_UNITS
@@ -118,6 +119,16 @@ def test_cut_last_line_is_left_out_and_counted(tmp_path: Path, rest: str) -> Non
     assert recording.time.tolist() == [0.0, 0.001]
     assert recording.columns["accel"].tolist() == [4.0, 5.0]
     assert recording.truncated == 1
+
+
+@pytest.mark.parametrize("rest", ["1.", "\n\n"])
+def test_the_end_is_found_wherever_it_falls(rest: str, tmp_path: Path) -> None:
+    """A cut line, or blank ones, right where one portion of the reading ends are no error either."""
+    path = tmp_path / "rec.csv"
+    path.write_text("time,accel\n" + "0,1\n" * (ROWS_AT_ONCE - 1) + rest)
+    recording = read_recording(path)
+    assert len(recording.time) == ROWS_AT_ONCE - 1
+    assert recording.truncated == (rest == "1.")
 
 
 @pytest.mark.parametrize(
