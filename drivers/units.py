@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["COLUMN_UNITS", "to_si"]
+__all__ = ["COLUMN_UNITS", "STANDARD_GRAVITY", "to_si"]
 
 COLUMN_UNITS = {
     "time": "s",
@@ -20,8 +20,10 @@ COLUMN_UNITS = {
 }
 """The columns of a recording that have a meaning, each with its unit."""
 
-POUND_FORCE = 4.4482216152605  # exact by definition, in N
+POUND_FORCE = 4.4482216152605
+"""[N], exact by definition, as is"""
 STANDARD_GRAVITY = 9.80665
+"""[m/s²]"""
 
 _FACTORS: dict[str, dict[str, float]] = {
     "s": {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0},

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from struct import Struct
 
 from lostmotion.drivers.codec.stream import StreamDecoder
+from lostmotion.drivers.units import STANDARD_GRAVITY
 
 __all__ = ["ACCELERATION", "FRAME_SIZE", "FULL_SCALE_MS2", "WitFrame", "decoder", "encode", "to_ms2"]
 
@@ -16,7 +17,6 @@ FRAME_SIZE = 11
 ACCELERATION = 0x51
 TYPES = range(0x50, 0x5B)
 """time, acceleration, angular velocity, angle, magnetic field, ports, pressure, position, speed, …"""
-STANDARD_GRAVITY = 9.80665
 FULL_SCALE_MS2 = 16 * STANDARD_GRAVITY
 """the range of ±16 g [m/s²]"""
 VALUES = Struct("<4h")
