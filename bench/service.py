@@ -2,7 +2,8 @@
 
     python -m bench.service [--duration 600] [--accel csv:1000]
 
-Six AX-12A at 100 Hz on one line and one accelerometer answer from another process.
+Six AX-12A at 100 Hz on one line and one accelerometer answer from another process.  What a process costs that only
+exchanges the same bytes, and does nothing with them, stands beside it: the floor that wake-ups set on this machine.
 """
 
 from __future__ import annotations
@@ -10,17 +11,23 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import select
 import signal
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
+
+from serial import Serial
+
+from lostmotion.drivers.codec.dynamixel import READ, Packet, encode
 
 GOAL_CORE, GOAL_MB = 0.05, 80.0
 WARM_UP_S = 5.0
+LONGEST_FLOOR_S = 20.0
 JOINT = """
 [[joint]]
 name = "j{0}"
@@ -41,10 +48,14 @@ def main(arguments: Sequence[str] = ()) -> None:
     given = parser.parse_args(arguments)
     print(f"service, 6 AX-12A at 100 Hz, {given.duration:g} s")
     print(f"goal: at most {GOAL_CORE:.0%} of a core and {GOAL_MB:g} MB, no window lost")
-    print(f"{'accelerometer':<16}{'core':>8}{'RSS MB':>9}{'triggered':>11}{'scored':>8}{'lost':>6}")
+    print(f"{'accelerometer':<16}{'core':>8}{'bytes only':>12}{'RSS MB':>9}{'triggered':>11}{'scored':>8}{'lost':>6}")
     for accel in given.accel or ["csv:1000", "witmotion:200"]:
+        floor = measure_floor(accel, min(given.duration, LONGEST_FLOOR_S))
         core, rss_mb, (triggered, scored, lost) = measure(accel, given.duration)
-        print(f"{accel:<16}{core:>8.2%}{rss_mb:>9.1f}{triggered:>11}{scored:>8}{lost:>6}", flush=True)
+        print(
+            f"{accel:<16}{core:>8.2%}{floor:>12.2%}{rss_mb:>9.1f}{triggered:>11}{scored:>8}{lost:>6}",
+            flush=True,
+        )
 
 
 def measure(accel: str, duration_s: float) -> tuple[float, float, tuple[int, int, int]]:
@@ -60,13 +71,40 @@ def measure(accel: str, duration_s: float) -> tuple[float, float, tuple[int, int
     return core, rss_mb, windows(text)
 
 
+def measure_floor(accel: str, duration_s: float) -> float:
+    """Share of a core of this process while it exchanges the service's bytes with the emulators."""
+    requests = [encode(Packet(number, READ, bytes((30, 14))), protocol=1) for number in range(1, 7)]
+    with running_emulators(accel) as ports, ExitStack() as stack:
+        line, sensor = (stack.enter_context(Serial(port, timeout=0)) for port in ports)
+        answer = select.poll()
+        answer.register(line.fileno(), select.POLLIN)
+        before, start = time.process_time(), time.monotonic()
+        for cycle in range(int(duration_s * 100)):
+            time.sleep(max(0.0, start + cycle / 100 - time.monotonic()))
+            for request in requests:
+                os.write(line.fileno(), request)
+                answer.poll(100)
+                os.read(line.fileno(), 64)
+            sensor.read(1024)
+        return (time.process_time() - before) / (time.monotonic() - start)
+
+
 @contextmanager
-def running_service(folder: Path, accel: str, alarm: str = "") -> Iterator[subprocess.Popen[str]]:
-    """The emulators and the service, each in a process of its own; both end with the block."""
+def running_emulators(accel: str) -> Iterator[list[str]]:
+    """The servos and the accelerometer in a process of their own; their ports."""
     command = [sys.executable, "-m", "lostmotion.drivers.emulator", "--servos", "ax12:1,2,3,4,5,6", "--accel", accel]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as emulator:
         assert emulator.stdout is not None
-        ports = [emulator.stdout.readline().strip() for _ in range(2)]
+        try:
+            yield [emulator.stdout.readline().strip() for _ in range(2)]
+        finally:
+            emulator.kill()
+
+
+@contextmanager
+def running_service(folder: Path, accel: str, alarm: str = "") -> Iterator[subprocess.Popen[str]]:
+    """The emulators and the service, each in a process of its own; both end with the block."""
+    with running_emulators(accel) as ports:
         path = folder / "bench.toml"
         path.write_text(configuration(folder, ports, accel) + alarm)
         run = [sys.executable, "-c", "from lostmotion.daemon.cli import main; main()", "run", "--config", str(path)]
@@ -77,7 +115,6 @@ def running_service(folder: Path, accel: str, alarm: str = "") -> Iterator[subpr
                 yield process
             finally:
                 process.kill()
-                emulator.kill()
 
 
 def configuration(folder: Path, ports: list[str], accel: str) -> str:
