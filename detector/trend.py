@@ -22,7 +22,6 @@ __all__ = [
     "TimeToLimit",
     "Trend",
     "WearTrend",
-    "change_points",
     "mann_kendall",
     "summarise",
     "theil_sen",

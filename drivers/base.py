@@ -1,7 +1,7 @@
 """The ports of the outside world: what a driver is, what it is told, and what it hands over.
 
-A driver turns a device's bytes into SI values with robot times.  It has at most four methods and ``close``:
-``open``, ``identify``, ``read``.  It does not score, store or retry: the service does.
+A driver turns a device's bytes into SI values with robot times.  It has four methods: ``open``, ``identify``,
+``read`` and ``close``.  It does not score, store or retry: the service does.
 """
 
 from __future__ import annotations

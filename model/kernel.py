@@ -20,7 +20,18 @@ from numba import cfunc, njit, types
 
 from lostmotion.model.signals import LAYOUT
 
-__all__ = ["POINTER", "Function", "Kernel", "Slots", "compiled", "jitted", "kernel", "python_kernel", "whole_power"]
+__all__ = [
+    "OPTIONS",
+    "POINTER",
+    "Function",
+    "Kernel",
+    "Slots",
+    "compiled",
+    "jitted",
+    "kernel",
+    "python_kernel",
+    "whole_power",
+]
 
 Slots = MutableSequence[float]
 """As a kernel sees it: something that is indexed and holds floats, without length or slices."""

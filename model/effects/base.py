@@ -14,7 +14,10 @@ from lostmotion.model.base import Operating, Term
 from lostmotion.model.errors import ModelError
 from lostmotion.model.parameter import Parameter
 
-__all__ = ["ActsOn", "Effect", "EffectInfo", "omega_0", "on"]
+__all__ = ["ActsOn", "Effect", "EffectInfo", "omega_0", "on", "servo_sized"]
+
+SERVO_SIZE = 200.0
+"""A servo's torques over those on the bar's small inertia."""
 
 
 class ActsOn(StrEnum):
@@ -75,6 +78,7 @@ def omega_0(value: float) -> Parameter:
     return Parameter(value, "rad/s", 1e-5, 1.0, True, source, "speed within which sign(omega) is smoothed")
 
 
-def scaled(parameter: Parameter, factor: float) -> Parameter:
-    """A parameter whose value and bounds are larger by a factor: a servo's torques beside a small gear's."""
-    return replace(parameter, value=parameter.value * factor, low=parameter.low * factor, high=parameter.high * factor)
+def servo_sized(torque: Parameter) -> Parameter:
+    """The default of a torque, or of a torque per speed, and its bounds as they are on the base ``servo``."""
+    value, low, high = (number * SERVO_SIZE for number in (torque.value, torque.low, torque.high))
+    return replace(torque, value=value, low=low, high=high)

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 
 from lostmotion.model.base import Operating, Term
-from lostmotion.model.effects.base import ActsOn, Effect, omega_0, on, scaled
+from lostmotion.model.effects.base import ActsOn, Effect, omega_0, on, servo_sized
 from lostmotion.model.kernel import Slots, kernel
 from lostmotion.model.parameter import Domain, Parameter
 from lostmotion.model.signals import FORCE, OMEGA2, TORQUE
@@ -19,8 +19,6 @@ __all__ = ["COULOMB", "LOAD_DEPENDENT", "STRIBECK", "VISCOUS"]
 
 JOINTS = ("play", "joint", "servo")
 GUESS = "guess: about 5 % of the torque that moves the joint"
-SERVO = 200.0
-"""A servo's torques against those on the bar's small inertia."""
 
 
 @kernel
@@ -84,7 +82,7 @@ VISCOUS = Effect(
     parameters={"b_v": _B_V},
     terms=on(JOINTS, Term(TORQUE, viscous, ("b_v",))),
     rate=_viscous_rate,
-    defaults={"servo": {"b_v": scaled(_B_V, SERVO)}},
+    defaults={"servo": {"b_v": servo_sized(_B_V)}},
 )
 COULOMB = Effect(
     id="coulomb_friction",
@@ -95,7 +93,7 @@ COULOMB = Effect(
     parameters={"tau_c": _TAU_C, "omega_0": omega_0(1e-2)},
     terms=on(JOINTS, Term(TORQUE, coulomb, ("tau_c", "omega_0"))),
     rate=_dry_rate,
-    defaults={"joint": _SLOW["joint"], "servo": {"tau_c": scaled(_TAU_C, SERVO), **_SLOW["servo"]}},
+    defaults={"joint": _SLOW["joint"], "servo": {"tau_c": servo_sized(_TAU_C), **_SLOW["servo"]}},
 )
 STRIBECK = Effect(
     id="stribeck_friction",
@@ -108,7 +106,7 @@ STRIBECK = Effect(
     rate=_dry_rate,
     defaults={
         "joint": _SLOW["joint"],
-        "servo": {"tau_c": scaled(_TAU_C, SERVO), "tau_s": scaled(_TAU_S, SERVO), **_SLOW["servo"]},
+        "servo": {"tau_c": servo_sized(_TAU_C), "tau_s": servo_sized(_TAU_S), **_SLOW["servo"]},
     },
 )
 LOAD_DEPENDENT = Effect(
