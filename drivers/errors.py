@@ -4,7 +4,6 @@ LostmotionError
 └── DriverError              every message says what was found, what was expected and the likely cause
     ├── PortError            the port is missing, busy, or went away            (worth another try later)
     ├── IdentityError        another device answers on the port                 (wants a person)
-    ├── ProtocolError        bytes that are no valid packet, beyond what a line loses now and then
     ├── UnknownDriverError   no driver of that name is installed
     └── RecordingError       a recording that cannot be read or is not one
 EndOfData                    a replay has come to its end: no error, and no LostmotionError
@@ -18,7 +17,6 @@ __all__ = [
     "IdentityError",
     "LostmotionError",
     "PortError",
-    "ProtocolError",
     "RecordingError",
     "UnknownDriverError",
 ]
@@ -38,10 +36,6 @@ class PortError(DriverError):
 
 class IdentityError(DriverError):
     """A device answers, but it is not the one the configuration names."""
-
-
-class ProtocolError(DriverError):
-    """The bytes on the line are not this protocol's."""
 
 
 class UnknownDriverError(DriverError):
