@@ -138,12 +138,13 @@ oscillator = {{ f_res_hz = 58.0, zeta = 0.012, length_m = 0.10 }}
 
 
 def windows(text: str) -> tuple[int, int, int]:
-    """Windows triggered, scored and lost, from the summary that the service logs when it stops."""
-    rows = re.findall(r"windows triggered=(\d+) scored=(\d+)", text)
+    """Windows triggered, scored and lost, from the last summary of each joint; the service logs one when it stops."""
+    rows = re.findall(r"(\w+): windows triggered=(\d+) scored=(\d+) lost: (.*)", text)
     if not rows:
         raise RuntimeError(f"the service did not end well:\n{text}")
-    triggered, scored = (sum(int(row[column]) for row in rows) for column in (0, 1))
-    return triggered, scored, triggered - scored
+    last = {joint: (int(triggered), int(scored), lost) for joint, triggered, scored, lost in rows}
+    lost = sum(int(number) for _, _, reasons in last.values() for number in re.findall(r"(\d+) x", reasons))
+    return sum(row[0] for row in last.values()), sum(row[1] for row in last.values()), lost
 
 
 def cpu_seconds(pid: int) -> float:
