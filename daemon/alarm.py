@@ -17,7 +17,7 @@ from lostmotion.daemon.records import AlarmRow, Cause, Health, JointRow, ScoreRo
 
 __all__ = ["Evidence", "JointMonitor"]
 
-HOLD = 0.8
+HOLD = 0.6
 """hysteresis: a health is left when the figure that led to it falls below this share of its limit"""
 LEAST_WINDOWS = 5
 """fewer scored windows than this say nothing"""
@@ -102,16 +102,19 @@ class JointMonitor:
         changes += self._set(Cause.PLAY, SEVERITY[self._play], play, time)
         changes += self._set(Cause.DEVICE, Severity.ERROR if self._fault else None, self._fault, time)
         health = Health.ERROR if self._fault else self._play
-        if health is not self.row.health:
+        if health is not self.row.health or (self._fault and self._fault != self.row.reason):
             self.row = JointRow(self.row.name, health, self._fault or play, time)
             changes.append(self.row)
         return changes
 
     def _set(self, cause: Cause, severity: Severity | None, reason: str, time: datetime) -> list[AlarmRow | JointRow]:
-        """Clears the alarm of a cause, or raises it, when its severity changes."""
+        """Clears or raises the alarm of a cause when its severity changes; a device that fails otherwise is told."""
         old = self._active.get(cause)
         if (old.severity if old else None) is severity:
-            return []
+            if old is None or cause is Cause.PLAY or old.reason == reason:
+                return []
+            self._active[cause] = replace(old, reason=reason)
+            return [self._active[cause]]
         changes: list[AlarmRow | JointRow] = []
         if old:
             changes.append(replace(self._active.pop(cause), cleared=time))

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from lostmotion.daemon.config import Config
 from lostmotion.daemon.pipeline import JointPlan, Pipeline, Scored
-from lostmotion.daemon.poller import AccelPoller, Account, BusPoller, DeviceState, Inbox, Poller
+from lostmotion.daemon.poller import AccelPoller, BusPoller, DeviceState, Inbox, Poller
 from lostmotion.daemon.ring import Ring
 from lostmotion.drivers.base import AccelerometerOptions, Driver, JointOptions, ServoSample
 from lostmotion.drivers.clock import Clock, SystemClock
@@ -68,19 +68,25 @@ class Robot:
         ended = all(poller.account.state is DeviceState.ENDED for poller in self.pollers)
         return ended and not self.inbox.servo and not self.pipeline.open_windows
 
-    def fault(self, joint: JointOptions) -> str:
-        """What keeps a joint from being heard, "" when nothing does."""
-        for member in (joint.name, joint.accelerometer):
-            poller = self._by_member[member]
-            reason = _reason(poller.name, poller.account, member)
-            if not reason and not self._virtual and poller.account.state is DeviceState.READING:
-                heard = poller.account.heard.get(member, self._started)
-                silence = time.monotonic() - heard
-                if silence > DEAD_S:
-                    reason = f"{member}: no data for more than {DEAD_S:g} s from {poller.name}"
-            if reason:
-                return reason
-        return ""
+    def fault(self, joint: JointOptions) -> str | None:
+        """What keeps a joint from being heard, "" when nothing does; None while its devices have not shown it yet."""
+        faults = [self._fault(member) for member in (joint.name, joint.accelerometer)]
+        known = [fault for fault in faults if fault]
+        return known[0] if known else None if None in faults else ""
+
+    def _fault(self, member: str) -> str | None:
+        poller = self._by_member[member]
+        account = poller.account
+        if account.state in BAD:
+            return f"{poller.name}: {account.reason}"
+        if member in account.faults:
+            return account.faults[member]
+        if self._virtual or account.state is DeviceState.ENDED:
+            return ""
+        heard = account.heard.get(member)
+        if time.monotonic() - (heard or self._started) > DEAD_S and account.state is DeviceState.READING:
+            return f"{member}: no data for more than {DEAD_S:g} s from {poller.name}"
+        return None if heard is None else ""
 
     @property
     def samples(self) -> int:
@@ -115,9 +121,3 @@ def _clock(config: Config) -> Clock:
 def _plan(config: Config, joint: JointOptions) -> JointPlan:
     rate_hz = config.accelerometer(joint.accelerometer).rate_hz
     return JointPlan(joint.name, joint.accelerometer, rate_hz, joint.poll_hz, config.settings(joint.name))
-
-
-def _reason(device: str, account: Account, member: str) -> str:
-    if account.state in BAD:
-        return f"{device}: {account.reason}"
-    return account.faults.get(member, "")

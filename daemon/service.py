@@ -49,7 +49,8 @@ def run(config: Config, *, duration_s: float | None = None, reload: Callable[[],
     """Runs the service in the foreground until a signal, the end of a replay, or ``duration_s`` seconds of host time.
 
     SIGTERM and SIGINT finish the open windows; SIGHUP takes the configuration that ``reload`` returns, unless it raises
-    LostmotionError.  Returns the exit status, 0.  Raises StoreError when the database cannot be opened.
+    LostmotionError.  Returns the exit status: 0, or 1 when rows were lost because the disk refused them.  Raises
+    StoreError when the database cannot be opened.
     """
     logs.setup()
     flags = Flags()
@@ -59,8 +60,8 @@ def run(config: Config, *, duration_s: float | None = None, reload: Callable[[],
         try:
             service.main_loop(duration_s)
         finally:
-            service.shutdown()
-    return 0
+            lost = service.shutdown()
+    return 1 if lost else 0
 
 
 class Flags:
@@ -120,14 +121,15 @@ class Service:
                 self._flags.reload = False
                 self._take_new_configuration()
 
-    def shutdown(self) -> None:
-        """Finishes what is open, in the order of the data's way."""
+    def shutdown(self) -> int:
+        """Finishes what is open, in the order of the data's way; how many rows were lost."""
         self._notifier.stopping()
         self._finish()
         self._summary()
-        self._store.close()
+        lost = self._store.close()
         self._notifier.close()
         log.info("stopped")
+        return lost
 
     # --- one configuration's life -----------------------------------------------------------------------------------
 
@@ -170,15 +172,14 @@ class Service:
         try:
             config = self._reload()
             robot = Robot(config)
-            same = (config.database, config.store, config.robot) == (
-                self._config.database, self._config.store, self._config.robot
-            )  # fmt: skip
-            store = self._store if same else _store(config)
+            store = self._store if config.database == self._config.database else _store(config)
         except LostmotionError as error:
             log.error("the old configuration stays: %s", error)
         else:
             self._finish()
-            if store is not self._store:
+            if store is self._store:
+                store.configure(config.robot.name, config.store.keep_windows_mb)
+            else:
                 self._store.close()
             self._config, self._robot, self._store = config, robot, store
             self._begin()
@@ -221,7 +222,8 @@ class Service:
         if self._is_due(LOOK_S):
             utc = self._robot.clock.utc(self._robot.clock.now())
             for joint in self._config.joints:
-                for change in self._monitors[joint.name].device(self._robot.fault(joint), utc):
+                fault = self._robot.fault(joint)
+                for change in self._monitors[joint.name].device(fault, utc) if fault is not None else ():
                     self._publish(change)
             self._notifier.status(self._status())
         if self._is_due(ACCOUNT_S):

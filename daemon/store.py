@@ -7,6 +7,7 @@ and the store says so in ``problem``; raw windows are given up first.  Reading i
 
 from __future__ import annotations
 
+import fcntl
 import logging
 import math
 import shutil
@@ -16,6 +17,7 @@ import time
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
+from typing import IO
 
 from lostmotion.daemon.migrations import CURRENT, MIGRATIONS
 from lostmotion.daemon.reader import Reader, open_readonly
@@ -47,30 +49,42 @@ class Store:
     """The database of one robot, open for writing.  Raises StoreError when it cannot be opened.
 
     ``problem`` is "" while rows reach the disk, else what keeps them from it; ``dropped`` counts rows given up because
-    the backlog was full.
+    the backlog was full.  While it is open no other process gets a Store of the same path: the scores of two robots
+    would be mixed.
     """
 
     def __init__(self, path: Path, robot: str, keep_windows_mb: float = 100.0) -> None:
         self.path = path
-        self.robot = robot
         self.problem = ""
         self.dropped = 0
-        self._keep_bytes = int(keep_windows_mb * 1e6)
-        self._kept_bytes = 0
+        self._keep_bytes = self._kept_bytes = 0
+        self._robot = self._robot_written = ""
+        self.configure(robot, keep_windows_mb)
         self._joints: dict[str, int] = {}
         self._rows: deque[Row] = deque()
         self._windows: deque[Row] = deque()
         self._in_flight = 0
         self._wake = threading.Condition()
         self._closing = False
-        self._db = _open(path)
+        self._lock = _lock(path)
         try:
-            self._prepare()
+            self._db = _open(path)
+            self._joints = dict(self._db.execute("SELECT name, id FROM joint"))
+            self._kept_bytes = self._db.execute("SELECT coalesce(sum(bytes), 0) FROM window").fetchone()[0]
         except sqlite3.Error as error:
             self._db.close()
+            self._lock.close()
             raise StoreError(_explain(path, error)) from error
+        except StoreError:
+            self._lock.close()
+            raise
         self._thread = threading.Thread(target=self._run, name="store", daemon=True)
         self._thread.start()
+
+    def configure(self, robot: str, keep_windows_mb: float) -> None:
+        """Sets what a new configuration may change; ``keep_windows_mb`` of raw windows stay [MB]."""
+        self._keep_bytes = int(keep_windows_mb * 1e6)
+        self._robot = robot
 
     def add(self, row: Row) -> None:
         """Takes a row; it is committed within about ``FLUSH_S``.  Never blocks on the disk."""
@@ -89,22 +103,22 @@ class Store:
         with self._wake:
             return len(self._rows) + len(self._windows) + self._in_flight
 
-    def close(self, timeout_s: float = 5.0) -> None:
-        """Writes what is waiting, tries for at most ``timeout_s``, and closes the database."""
+    def close(self, timeout_s: float = 5.0) -> int:
+        """Writes what is waiting, tries for at most ``timeout_s``, and closes the database.
+
+        Returns how many rows were lost: not written now, or given up before.
+        """
         with self._wake:
             self._closing = True
             self._wake.notify()
         self._thread.join(timeout_s)
-        if self._thread.is_alive() or self.waiting():
-            log.error("%s: closed with %d rows not written: %s", self.path, self.waiting(), self.problem or "too slow")
         if not self._thread.is_alive():
             self._db.close()
-
-    def _prepare(self) -> None:
-        with self._db:
-            self._db.execute("INSERT OR REPLACE INTO meta VALUES ('robot', ?)", [self.robot])
-        self._joints = dict(self._db.execute("SELECT name, id FROM joint"))
-        self._kept_bytes = self._db.execute("SELECT coalesce(sum(bytes), 0) FROM window").fetchone()[0]
+        self._lock.close()
+        lost = self.waiting() + self.dropped
+        if lost:
+            log.error("%s: %d rows were lost: %s", self.path, lost, self.problem or "the disk was too slow")
+        return lost
 
     def _run(self) -> None:
         while True:
@@ -130,6 +144,7 @@ class Store:
         try:
             with self._db:
                 self._write(batch)
+            self._robot_written = self._robot
         except sqlite3.Error as error:
             problem = _explain(self.path, error)
             self._joints, self._kept_bytes = {}, kept_bytes
@@ -156,6 +171,8 @@ class Store:
         self.problem = problem
 
     def _write(self, rows: Sequence[Row]) -> None:
+        if self._robot != self._robot_written:
+            self._db.execute("INSERT OR REPLACE INTO meta VALUES ('robot', ?)", [self._robot])
         scores = [self._score(row) for row in rows if isinstance(row, ScoreRow)]
         self._db.executemany("INSERT OR REPLACE INTO score VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", scores)
         for row in rows:
@@ -191,7 +208,7 @@ class Store:
         self._db.execute(
             "INSERT INTO alarm (joint_id, cause, severity, raised_us, acknowledged_us, cleared_us, reason)"
             " VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT (joint_id, cause, severity, raised_us) DO UPDATE SET"
-            " acknowledged_us = excluded.acknowledged_us, cleared_us = excluded.cleared_us",
+            " acknowledged_us = excluded.acknowledged_us, cleared_us = excluded.cleared_us, reason = excluded.reason",
             [
                 self._id(row.joint), row.cause.value, row.severity.value, micros(row.raised),
                 row.acknowledged and micros(row.acknowledged), row.cleared and micros(row.cleared), row.reason,
@@ -221,12 +238,33 @@ class Store:
         self._db.executemany("DELETE FROM window WHERE id = ?", gone)
 
 
-def _open(path: Path) -> sqlite3.Connection:
-    """Opens the database for writing and brings its schema up to date."""
+def _lock(path: Path) -> IO[bytes]:
+    """Holds ``path``.lock, in a folder that is made if need be, as long as the file is open."""
+    if path.is_dir():
+        raise StoreError(f"{path}: found a folder, expected a file; add its name to store.path")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise StoreError(f"{path}: the folder cannot be made: {error.strerror}; choose another store.path") from error
+    try:
+        file = path.with_name(f"{path.name}.lock").open("ab")
+    except OSError as error:
+        raise StoreError(
+            f"{path}: its folder is found read-only, expected to be writable; check its owner ({error.strerror})"
+        ) from error
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        file.close()
+        raise StoreError(
+            f"{path}: another lostmotion service writes it, expected to be the only one; stop that one, or choose "
+            "another store.path"
+        ) from error
+    return file
+
+
+def _open(path: Path) -> sqlite3.Connection:
+    """Opens the database for writing and brings its schema up to date."""
     db = None
     try:
         db = sqlite3.connect(path, timeout=BUSY_S, check_same_thread=False)

@@ -1,19 +1,22 @@
 """Zenoh as a sink: scores, alarms and health as JSON under ``lostmotion/<robot>/``, and a liveliness token.
 
 The session is opened by a thread of its own, again and again while the router is away; what happens meanwhile is not
-sent later, except the newest health of every joint and its newest alarms.
+sent later, except the newest health of every joint and its newest alarms.  Who joins late gets these as well: an
+advanced subscriber from the publisher's cache, any other program by a ``get`` on the key.
 """
 
 from __future__ import annotations
 
 import json
 import logging
+import re
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from datetime import datetime
 
 import msgspec
 import zenoh
+from zenoh.ext import AdvancedPublisher, CacheConfig, declare_advanced_publisher
 
 from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.records import AlarmRow, JointRow, ScoreRow, iso
@@ -27,6 +30,8 @@ SCHEMA = 1
 FIRST_RETRY_S = 1.0
 LAST_RETRY_S = 30.0
 CLOSE_S = 2.0
+CACHED = 8
+"""transitions of a joint that an advanced subscriber may ask for"""
 
 
 class ZenohSink:
@@ -39,6 +44,7 @@ class ZenohSink:
         self._token: zenoh.LivelinessToken | None = None  # gone from the network when it is gone from here
         self._lock = threading.Lock()
         self._latest: dict[tuple[str, str], bytes] = {}
+        self._publishers: dict[str, AdvancedPublisher] = {}
         self._failing = False
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._open, name="zenoh", daemon=True)
@@ -69,27 +75,53 @@ class ZenohSink:
         self._thread.join(CLOSE_S)
         with self._lock:
             session, self._session = self._session, None
+            self._publishers.clear()
         if session is not None:
             session.close()  # type: ignore[no-untyped-call]
 
     def _keep(self, key: str, kind: str, payload: bytes) -> None:
+        """Publishes what late joiners will ask for."""
         with self._lock:
             self._latest[key, kind] = payload
-        self._put(key, payload)
+        self._publish(lambda session: self._publisher(session, key).put(payload))
 
     def _put(self, key: str, payload: bytes) -> None:
+        # Express: a window's score is alone and has no batch to wait for.
+        self._publish(
+            lambda session: session.put(
+                f"{self._prefix}/{key}", payload, encoding=zenoh.Encoding.APPLICATION_JSON, express=True
+            )
+        )
+
+    def _publish(self, how: Callable[[zenoh.Session], None]) -> None:
         with self._lock:
             if self._session is None:
                 return
             try:
-                # Express: a window's score is alone and has no batch to wait for.
-                self._session.put(
-                    f"{self._prefix}/{key}", payload, encoding=zenoh.Encoding.APPLICATION_JSON, express=True
-                )
+                how(self._session)
             except zenoh.ZError as error:
-                self._say(f"cannot publish: {error}")
+                self._say(f"cannot publish: {_brief(error)}")
                 return
         self._say("")
+
+    def _publisher(self, session: zenoh.Session, key: str) -> AdvancedPublisher:
+        if key not in self._publishers:
+            self._publishers[key] = declare_advanced_publisher(
+                session,
+                f"{self._prefix}/{key}",
+                encoding=zenoh.Encoding.APPLICATION_JSON,
+                express=True,
+                cache=CacheConfig(max_samples=CACHED),
+                publisher_detection=True,
+            )
+        return self._publishers[key]
+
+    def _answer(self, query: zenoh.Query) -> None:
+        """Tells the newest alarms or health of the joints that a query names."""
+        for (name, _), payload in list(self._latest.items()):  # no lock: Zenoh may be waiting in a put that holds it
+            key = f"{self._prefix}/{name}"
+            if query.key_expr.intersects(zenoh.KeyExpr(key)):
+                query.reply(key, payload, encoding=zenoh.Encoding.APPLICATION_JSON)
 
     def _open(self) -> None:
         pause = FIRST_RETRY_S
@@ -97,8 +129,10 @@ class ZenohSink:
             try:
                 session = zenoh.open(_config(self._options))
                 self._token = session.liveliness().declare_token(f"{self._prefix}/alive")
+                for kind in ("alarm", "health"):
+                    session.declare_queryable(f"{self._prefix}/*/{kind}", self._answer)
             except zenoh.ZError as error:
-                self._say(f"session not open, trying again: {error}")
+                self._say(f"session not open, trying again: {_brief(error)}")
                 self._closing.wait(pause)
                 pause = min(2 * pause, LAST_RETRY_S)
                 continue
@@ -115,8 +149,8 @@ class ZenohSink:
         log.info("zenoh: session open as %s %s", self._options.mode, session.zid())
         if self._options.connect and not (session.info.routers_zid() or session.info.peers_zid()):
             log.warning("zenoh: nobody answers at %s yet; it is tried on", ", ".join(self._options.connect))
-        for (key, _), payload in latest:
-            self._put(key, payload)
+        for (key, kind), payload in latest:
+            self._keep(key, kind, payload)
 
     def _say(self, problem: str) -> None:
         """Logs when publishing begins to fail and when it works again, not every time."""
@@ -133,6 +167,11 @@ def _payload(values: Mapping[str, object]) -> bytes:
     return msgspec.json.encode({"schema": SCHEMA} | plain)
 
 
+def _brief(error: zenoh.ZError) -> str:
+    """The error without the places in Zenoh's source that it names."""
+    return re.sub(r"\s*at \S+\.rs:\d+\.?", "", str(error))
+
+
 def _config(options: ZenohOptions) -> zenoh.Config:
     config = zenoh.Config()
     settings = {
@@ -140,6 +179,7 @@ def _config(options: ZenohOptions) -> zenoh.Config:
         "connect/endpoints": options.connect,
         "listen/endpoints": options.listen,
         "scouting/multicast/enabled": options.multicast_scouting,
+        "timestamping/enabled": True,  # the publishers' cache orders by it
     }
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))

@@ -56,11 +56,11 @@ def test_a_few_windows_say_nothing() -> None:
 
 
 def test_health_does_not_flap() -> None:
-    """A warning raised at half of the windows stays at 40 % and goes at 30 %: one alarm, not many."""
+    """A warning raised at half of the windows stays at 30 % and goes at 20 %: one alarm, not many."""
     joint = monitor()
     feed(joint, *[0.5, 2.0] * 5)
     assert joint.row.health is Health.WARNING
-    assert feed(joint, 0.5, 0.5) == []
+    assert feed(joint, *[0.5] * 4) == []
     changes = feed(joint, 0.5, 0.5)
     assert joint.row.health is Health.DEGRADED
     assert [type(change) for change in changes] == [AlarmRow, JointRow]
@@ -114,3 +114,15 @@ def test_a_restart_changes_nothing() -> None:
     quiet = feed(again, *[0.5] * 10)
     assert [change.state for change in quiet if isinstance(change, AlarmRow)] == ["cleared"]
     assert again.row.health is Health.OK
+
+
+def test_a_device_alarm_tells_the_present_fault() -> None:
+    """Another fault of the same device changes the reason of the alarm that is active, and of the health."""
+    joint = monitor()
+    joint.device("port does not exist", NOON)
+    changes = joint.device("another servo answers", NOON)
+    assert [change.reason for change in changes] == ["another servo answers"] * 2
+    alarm = changes[0]
+    assert isinstance(alarm, AlarmRow)
+    assert (alarm.state, alarm.raised) == ("active", NOON)
+    assert joint.device("another servo answers", NOON) == []

@@ -163,6 +163,16 @@ def test_a_full_disk_stops_nothing(configuration: Path, start: Start) -> None:
     assert np.diff(times).max() < 0.3
 
 
+def test_rows_that_a_full_disk_refused_to_the_end_are_told(configuration: Path, start: Start) -> None:
+    """A service that has to stop while the disk is full says how many rows are lost, and exits with 1."""
+    service = start(configuration)
+    wait_until(lambda: count(configuration.parent / "history.db") >= 2)
+    resource.prlimit(service.process.pid, resource.RLIMIT_FSIZE, (10_000, resource.RLIM_INFINITY))
+    service.wait_for("scoring goes on, rows wait in memory")
+    assert service.stop(signal.SIGTERM) == 1
+    assert re.search(r"[1-9]\d* rows were lost: .*disk", service.wait_for("stopped"))
+
+
 def hardware(folder: Path, servo_port: str, accel_port: str) -> Path:
     """Two AX-12A and a microcontroller, on these ports."""
     path = folder / "hardware.toml"
@@ -199,7 +209,7 @@ def test_a_robot_is_unplugged_and_plugged_in_again(tmp_path: Path, start: Start)
         wait_until(lambda: count(tmp_path / "history.db") >= 5)
         service.wait_for("health joint=elbow health=OK")
         emulator.unplug(0)
-        service.wait_for("health joint=elbow health=ERROR", 2)
+        wait_until(lambda: health(tmp_path, "elbow") is Health.ERROR)
         before = count(tmp_path / "history.db")
         emulator.plug(0)
         wait_until(lambda: count(tmp_path / "history.db") > before + 2)
@@ -224,6 +234,23 @@ def test_another_device_on_the_port_is_told(tmp_path: Path, start: Start) -> Non
         log = service.wait_for("health joint=elbow health=ERROR")
         assert service.stop(signal.SIGTERM) == 0
     assert re.search(r"tip: wrong device: .*found .*expected ", log)
+
+
+def test_an_alarm_outlives_a_restart_until_its_device_reads(tmp_path: Path, start: Start) -> None:
+    """First the port is missing, at the next start another servo is there: the alarm stays and tells the new fault."""
+    motion = Motion()
+    path = hardware(tmp_path, str(tmp_path / "port.0"), str(tmp_path / "port.1"))
+    service = start(path)
+    service.wait_for("alarm joint=elbow")
+    assert service.stop(signal.SIGTERM) == 0
+    with Emulator(ServoLine.of("AX-12A", [7], motion), CsvStream(motion), link=tmp_path / "port"):
+        service = start(path)
+        log = service.wait_for("alarm joint=elbow")
+        assert service.stop(signal.SIGTERM) == 0
+    assert "state=cleared" not in log
+    with open_readonly(tmp_path / "history.db") as reader:
+        (alarm,) = reader.alarms("elbow")
+    assert (alarm.state, "no answer" in alarm.reason) == ("active", True)
 
 
 def test_a_replay_ends_by_itself(tmp_path: Path, start: Start) -> None:

@@ -10,10 +10,12 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import pytest
 import zenoh
+from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
 from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.records import AlarmRow, Cause, Health, JointRow, ScoreRow, Severity
@@ -94,6 +96,31 @@ def test_scores_alarms_and_health_arrive_under_their_keys(endpoint: str) -> None
             "reason": "play: much",
         }
     ]  # fmt: skip
+
+
+def test_who_joins_late_gets_the_last_alarm_and_health(endpoint: str) -> None:
+    """An advanced subscriber and a plain ``get``, both of a program that starts after the transitions, hear of them."""
+    cleared = replace(ALARM, cleared=NOON)
+    with closing(ZenohSink("arm1", ZenohOptions(listen=[endpoint]))) as sink:
+        for row in (ALARM, cleared):
+            sink.alarm(row)
+        sink.health(HEALTH)
+        wait_until(lambda: sink.is_open)
+        with session("peer", connect=[endpoint]) as other:
+            heard: list[tuple[str, object]] = []
+            declare_advanced_subscriber(
+                other,
+                "lostmotion/arm1/*/*",
+                lambda sample: heard.append((str(sample.key_expr), json.loads(sample.payload.to_bytes()))),
+                history=HistoryConfig(detect_late_publishers=True, max_samples=1),
+            )
+            wait_until(lambda: len(heard) == 2)
+            replies = [json.loads(r.ok.payload.to_bytes()) for r in other.get("lostmotion/arm1/*/alarm") if r.ok]
+            (health,) = [json.loads(r.ok.payload.to_bytes()) for r in other.get("lostmotion/arm1/elbow/health") if r.ok]
+    told = dict(heard)
+    assert set(told) == {"lostmotion/arm1/elbow/alarm", "lostmotion/arm1/elbow/health"}
+    assert replies == [told["lostmotion/arm1/elbow/alarm"]]
+    assert (replies[0]["state"], health["health"]) == ("cleared", "WARNING")
 
 
 def test_a_router_that_comes_later_is_found(endpoint: str, caplog: pytest.LogCaptureFixture) -> None:

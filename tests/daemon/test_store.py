@@ -213,12 +213,31 @@ def test_a_database_that_may_only_be_read_is_told(path: Path) -> None:
             assert reader.scores("elbow") == [FULL]
 
 
+def test_two_services_do_not_share_a_database(path: Path) -> None:
+    """The second Store of a path is refused while the first is open, and only then; nothing of the first is lost."""
+    with closing(Store(path, "arm1")) as store:
+        with pytest.raises(StoreError, match="another lostmotion service writes it"):
+            Store(path, "arm2")
+        store.add(FULL)
+    with closing(Store(path, "arm1")), open_readonly(path) as reader:
+        assert reader.scores("elbow") == [FULL]
+
+
+def test_a_new_configuration_renames_the_robot_in_an_open_database(path: Path) -> None:
+    """What SIGHUP may change in the store is taken with the next row."""
+    with closing(Store(path, "arm1")) as store:
+        store.configure("arm2", 1.0)
+        store.add(FULL)
+    with open_readonly(path) as reader:
+        assert reader.robot() == "arm2"
+
+
 def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
     """A file where a folder should be, and a folder where the file should be."""
     (tmp_path / "file").touch()
     with pytest.raises(StoreError, match="the folder cannot be made"):
         Store(tmp_path / "file" / "history.db", "arm1")
-    with pytest.raises(StoreError, match="cannot be opened"):
+    with pytest.raises(StoreError, match="found a folder, expected a file"):
         Store(tmp_path, "arm1")
     with pytest.raises(ReaderError, match="no database there"):
         open_readonly(tmp_path / "nothing.db")
