@@ -63,6 +63,11 @@ class Robot:
                     self.pipeline.servo_ended(joint)
 
     @property
+    def is_open(self) -> bool:
+        """Whether any device has been opened, or has failed to."""
+        return any(poller.account.state is not DeviceState.OPENING for poller in self.pollers)
+
+    @property
     def finished(self) -> bool:
         """Whether every device has come to its end and all its data has been used."""
         ended = all(poller.account.state is DeviceState.ENDED for poller in self.pollers)

@@ -6,6 +6,7 @@ The only place with broad catches: whatever goes wrong in one window, sink or po
 from __future__ import annotations
 
 import logging
+import math
 import signal
 import threading
 import time
@@ -46,7 +47,8 @@ CRASH_PAUSE_S = 5.0
 
 
 def run(config: Config, *, duration_s: float | None = None, reload: Callable[[], Config] | None = None) -> int:
-    """Runs the service in the foreground until a signal, the end of a replay, or ``duration_s`` seconds of host time.
+    """Runs the service in the foreground until a signal, the end of a replay, or ``duration_s`` seconds of host time
+    after the first device has been opened (a simulator may have to be compiled before that).
 
     SIGTERM and SIGINT finish the open windows; SIGHUP takes the configuration that ``reload`` returns, unless it raises
     LostmotionError.  Returns the exit status: 0, or 1 when rows were lost because the disk refused them.  Raises
@@ -111,12 +113,14 @@ class Service:
 
     def main_loop(self, duration_s: float | None) -> None:
         """Steps until there is a reason to stop."""
-        end = float("inf") if duration_s is None else time.monotonic() + duration_s
+        end = math.inf
         while not (self._flags.stop or self._robot.finished or time.monotonic() >= end):
             self._robot.inbox.bell.wait(LOOP_S)
             self._robot.inbox.bell.clear()
             self._step()
             self._look_around()
+            if duration_s is not None and end == math.inf and self._robot.is_open:
+                end = time.monotonic() + duration_s
             if self._flags.reload:
                 self._flags.reload = False
                 self._take_new_configuration()
