@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Annotated, Protocol
 
 import msgspec
 import numpy as np
@@ -21,11 +21,13 @@ __all__ = [
     "AccelBlock",
     "Accelerometer",
     "AccelerometerOptions",
+    "Baudrate",
     "Driver",
     "FloatArray",
     "Identity",
     "JointOptions",
     "OscillatorOptions",
+    "Port",
     "RobotOptions",
     "ServoBus",
     "ServoReading",
@@ -33,6 +35,9 @@ __all__ = [
 ]
 
 FloatArray = NDArray[np.float64]
+Port = Annotated[str, msgspec.Meta(min_length=1)]
+"""``port`` of a driver that cannot do without"""
+Baudrate = Annotated[int, msgspec.Meta(gt=0)]
 
 
 @dataclass(frozen=True, slots=True)

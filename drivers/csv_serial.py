@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Literal
 
-from lostmotion.drivers.base import Accelerometer, AccelerometerOptions, Driver, RobotOptions
+from lostmotion.drivers.base import Accelerometer, AccelerometerOptions, Baudrate, Driver, Port, RobotOptions
 from lostmotion.drivers.clock import Clock
 from lostmotion.drivers.codec.csv_line import CsvDecoder
 from lostmotion.drivers.serial_accelerometer import Readings, SerialAccelerometer
@@ -28,7 +28,8 @@ class CsvSerialOptions(AccelerometerOptions, frozen=True, kw_only=True, forbid_u
     time_column: the one that holds the sensor's own time, if there is one, in ``time_unit``.
     """
 
-    baudrate: int = 115200
+    port: Port
+    baudrate: Baudrate = 115200
     column: int = -1
     scale: float = 1.0
     range_ms2: float = math.inf

@@ -13,7 +13,17 @@ from dataclasses import dataclass
 
 from dynamixel_sdk import COMM_RX_TIMEOUT, COMM_SUCCESS, Protocol1PacketHandler, Protocol2PacketHandler
 
-from lostmotion.drivers.base import Driver, Identity, JointOptions, RobotOptions, ServoBus, ServoReading, ServoSample
+from lostmotion.drivers.base import (
+    Baudrate,
+    Driver,
+    Identity,
+    JointOptions,
+    Port,
+    RobotOptions,
+    ServoBus,
+    ServoReading,
+    ServoSample,
+)
 from lostmotion.drivers.clock import Clock
 from lostmotion.drivers.codec.servo_state import ADDRESS, MODELS, Model, decode_state, model_name
 from lostmotion.drivers.dynamixel_port import BusPort
@@ -34,7 +44,8 @@ PACKET_ID, PACKET_DATA = 4, 9
 class DynamixelOptions(JointOptions, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """baudrate [bit/s] of the line; model: as printed on the servo; id: the servo's number on the line."""
 
-    baudrate: int = 1_000_000
+    port: Port
+    baudrate: Baudrate = 1_000_000
     model: str
     id: int
 

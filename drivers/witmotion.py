@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Literal
 
-from lostmotion.drivers.base import Accelerometer, AccelerometerOptions, Driver, RobotOptions
+from lostmotion.drivers.base import Accelerometer, AccelerometerOptions, Baudrate, Driver, Port, RobotOptions
 from lostmotion.drivers.clock import Clock
 from lostmotion.drivers.codec import witmotion as codec
 from lostmotion.drivers.errors import DriverError
@@ -25,7 +25,8 @@ AXES: Mapping[str, int] = MappingProxyType({"x": 0, "y": 1, "z": 2})
 class WitMotionOptions(AccelerometerOptions, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """baudrate [bit/s]; axis: the sensor's axis that points along the motion of the bar's free end."""
 
-    baudrate: int = 115200
+    port: Port
+    baudrate: Baudrate = 115200
     rate_hz: float = MAX_RATE_HZ
     axis: Literal["x", "y", "z", "-x", "-y", "-z"] = "x"
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import time
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +19,8 @@ from tests.drivers.rigs import MOTION, accelerometer, block
 def form(**options: object) -> CsvFormat:
     """The format with some options, past its first line."""
     oscillator = OscillatorOptions(f_res_hz=58)
-    made = CsvFormat(CsvSerialOptions(name="tip", driver="csv_serial", rate_hz=1000, oscillator=oscillator, **options))  # type: ignore[arg-type]
+    given: dict[str, Any] = {"name": "tip", "driver": "csv_serial", "port": "none", "rate_hz": 1000} | options
+    made = CsvFormat(CsvSerialOptions(oscillator=oscillator, **given))
     made.feed(b"cut\n")
     return made
 
