@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import msgspec
+from msgspec import inspect
 
 from lostmotion.daemon import crosscheck
 from lostmotion.daemon.options import AlarmOptions, DetectorOptions, RobotTable, StoreOptions, ZenohOptions
@@ -92,7 +93,7 @@ class Config:
 def load(path: Path) -> Config:
     """Reads and checks a file.  Raises ConfigError."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")  # editors on Windows begin a file with a mark
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
         raise ConfigError(f"{path}: cannot be read: {reason}; a configuration file was expected here") from error
@@ -127,13 +128,13 @@ def _decode(tables: Table) -> Config:
     for index, table in enumerate(joints):
         path = _path("joint", index, table)
         own = {key: value for key, value in table.items() if key != "detector"}
-        joint = _convert(own, _driver(own, path).joint_options, path)
+        joint = _convert(own, _driver(own, path, "servo").joint_options, path)
         overrides[joint.name] = _convert(table.get("detector", {}), DetectorOptions, f"{path}.detector")
         decoded_joints.append(joint)
     sensors: list[AccelerometerOptions] = []
     for index, table in enumerate(_list_of_tables(tables, "accelerometer")):
         path = _path("accelerometer", index, table)
-        sensors.append(_convert(table, _driver(table, path).accelerometer_options, path))
+        sensors.append(_convert(table, _driver(table, path, "accelerometer").accelerometer_options, path))
     items: list[JointOptions | AccelerometerOptions] = [*decoded_joints, *sensors]
     drivers = {item.driver: registry.get_driver(item.driver) for item in items}
     _refuse_unknown_tables(tables, drivers)
@@ -168,14 +169,17 @@ def _path(kind: str, index: int, table: Table) -> str:
     return f"{kind} {name!r}" if isinstance(name, str) else f"{kind}[{index}]"
 
 
-def _driver(table: Table, path: str) -> Driver:
+def _driver(table: Table, path: str, role: str) -> Driver:
     name = table.get("driver")
     if not isinstance(name, str):
         raise ConfigError(f"{path}.driver: found {_shown(name)}, expected one of {', '.join(registry.names())}")
     try:
-        return registry.get_driver(name)
+        driver = registry.get_driver(name)
     except UnknownDriverError as error:
         raise ConfigError(f"{path}.driver: {error}{_near(name, registry.names())}") from error
+    if getattr(driver, role) is None:
+        raise ConfigError(f"{path}.driver: found {name!r}, which is no {role} ({driver.summary}); expected one that is")
+    return driver
 
 
 def _refuse_unknown_tables(tables: Table, drivers: Mapping[str, Driver]) -> None:
@@ -198,22 +202,40 @@ def _explain(message: str, value: object, kind: type, path: str) -> str:
     what, _, inner = message.partition(" - at `")
     inner = inner.rstrip("`").removeprefix("$")
     if unknown := re.match(r"Object contains unknown field `(.+)`", what):
-        return f"{path}{inner}.{unknown[1]}: unknown key{_near(unknown[1], _keys(kind))}"
+        return f"{path}{inner}.{unknown[1]}: unknown key{_near(unknown[1], _keys(_types_at(kind, inner)))}"
     if missing := re.match(r"Object missing required field `(.+)`", what):
         return f"{path}{inner}.{missing[1]}: is missing"
-    found = _at(value, inner)
-    return f"{path}{inner}: found {_shown(found)}; {what[0].lower()}{what[1:]}"
+    if what.startswith("Invalid enum value"):
+        what = f"expected {_choice(_types_at(kind, inner))}"
+    return f"{path}{inner}: found {_shown(_at(value, inner))}; {what[0].lower()}{what[1:]}"
 
 
-def _keys(kind: type) -> list[str]:
-    """All keys of an options type and of the tables within it."""
-    keys: list[str] = []
-    for field in msgspec.structs.fields(kind):
-        keys.append(field.encode_name)
-        for inner in (field.type, *getattr(field.type, "__args__", ())):
-            if isinstance(inner, type) and issubclass(inner, msgspec.Struct):
-                keys += _keys(inner)
-    return keys
+def _types_at(kind: type, path: str) -> list[inspect.Type]:
+    """What may stand at a path within an options type, a union taken apart."""
+    types: list[inspect.Type] = [inspect.type_info(kind)]
+    for key in re.findall(r"\w+", path):
+        inner = [t.item_type for t in types if isinstance(t, inspect.ListType)] or [
+            field.type
+            for t in types
+            if isinstance(t, inspect.StructType)
+            for field in t.fields
+            if field.encode_name == key
+        ]
+        types = [part for t in inner for part in (t.types if isinstance(t, inspect.UnionType) else (t,))]
+    return types
+
+
+def _keys(types: Sequence[inspect.Type]) -> list[str]:
+    return [field.encode_name for t in types if isinstance(t, inspect.StructType) for field in t.fields]
+
+
+def _choice(types: Sequence[inspect.Type]) -> str:
+    """``float or 'auto'``: the words that are allowed, and the other types."""
+    names = [
+        ", ".join(map(repr, t.values)) if isinstance(t, inspect.LiteralType) else type(t).__name__[:-4].lower()
+        for t in types
+    ]
+    return " or ".join(names)
 
 
 def _near(word: str, known: Sequence[str]) -> str:

@@ -1,8 +1,12 @@
-"""What one table of a configuration cannot know of the others: names, ports, bands, clocks.  Pure functions."""
+"""What types cannot say of a configuration: its tables agree, numbers are in range, addresses have their form.
+
+Nothing is opened; of the file system only whether the database's path is a folder is asked.
+"""
 
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections import Counter
 from collections.abc import Iterator
@@ -12,6 +16,7 @@ import msgspec
 
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.score import validate
+from lostmotion.detector.windows import window_length
 from lostmotion.drivers.base import AccelerometerOptions, JointOptions
 from lostmotion.drivers.clock import SystemClock
 from lostmotion.drivers.errors import LostmotionError
@@ -21,6 +26,9 @@ if TYPE_CHECKING:
 
 __all__ = ["CrossCheckError", "check"]
 
+WINDOW_S = (0.02, 5.0)
+"""a window has to hold a ring-down, and to fit four times into the ring of samples (robot.py)"""
+ENDPOINT = re.compile(r"(tcp|udp|tls|quic|ws)/\S+:\d+([?#]\S*)?|(serial|unixsock-stream|unixpipe|vsock)/\S+")
 SAFE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
 
 
@@ -32,9 +40,10 @@ def check(config: Config) -> tuple[str, ...]:
     """Raises CrossCheckError at the first contradiction; returns what is allowed and yet worth saying."""
     _names(config)
     _ranges(config)
-    _roles(config)
+    _one_time(config)
     _ports(config)
     _drivers_agree(config)
+    _addresses(config)
     notes = [note for joint in config.joints for note in _bands(config, joint)]
     if config.alarm.can is not None:
         notes.append("alarm.can: alarms on CAN are not built yet, nothing will be sent there")
@@ -85,12 +94,8 @@ def _within(path: str, value: float, low: float, high: float) -> None:
         raise CrossCheckError(f"{path}: found {value:g}, expected {low:g} to {high:g}")
 
 
-def _roles(config: Config) -> None:
-    for kind, items in (("joint", config.joints), ("accelerometer", config.accelerometers)):
-        for item in items:
-            driver = config.drivers[item.driver]
-            if (driver.servo if kind == "joint" else driver.accelerometer) is None:
-                raise CrossCheckError(f"{kind} {item.name!r}.driver: {item.driver!r} drives no {kind}")
+def _one_time(config: Config) -> None:
+    """A virtual robot shares nothing with hardware."""
     virtual = sorted(name for name, driver in config.drivers.items() if driver.waits)
     if virtual and len(config.drivers) > 1:
         others = ", ".join(sorted(set(config.drivers) - {virtual[0]}))
@@ -126,6 +131,22 @@ def _ports(config: Config) -> None:
             raise CrossCheckError(f"{path}.id: {number} on {item.port} already belongs to {ids[item.port, number]}")
 
 
+def _addresses(config: Config) -> None:
+    """The database is no folder; Zenoh understands its endpoints."""
+    if os.path.isdir(config.database):  # noqa: PTH112 - Path.is_dir raises where this user may not look
+        raise CrossCheckError(
+            f"store.path: found a directory, {config.database}; expected a file, such as {config.database}/history.db"
+        )
+    zenoh = config.zenoh
+    for key, endpoints in (("connect", zenoh.connect), ("listen", zenoh.listen)) if zenoh else ():
+        for endpoint in endpoints:
+            if not ENDPOINT.fullmatch(endpoint):
+                raise CrossCheckError(
+                    f"alarm.zenoh.{key}: found {endpoint!r}, expected protocol/address:port such as tcp/127.0.0.1:7447 "
+                    "(tcp, udp, tls, quic, ws; or serial, unixsock-stream, unixpipe, vsock with their own addresses)"
+                )
+
+
 def _drivers_agree(config: Config) -> None:
     """Lets the drivers of hardware look at their own options; a virtual robot is costly to make and checks at start."""
     for joints in config.buses():
@@ -149,6 +170,7 @@ def _bands(config: Config, joint: JointOptions) -> Iterator[str]:
             f"accelerometer {sensor.name!r}: the oscillator rings up to {top:g} Hz, but rate_hz = {sensor.rate_hz:g} "
             f"shows only what is below {nyquist:g} Hz; take a faster sensor or a slower oscillator"
         )
+    _within(f"joint {joint.name!r}: window_s", window_length(settings, sensor.rate_hz), *WINDOW_S)
     try:
         validate(settings, sensor.rate_hz)
     except DetectorError as error:

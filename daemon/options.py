@@ -59,7 +59,7 @@ class ZenohOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
 
 class CanOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """``[alarm.can]``: checked, so that a configuration may already hold it; nothing sends on CAN yet."""
+    """``[alarm.can]``: a configuration may already hold it; nothing sends on CAN yet."""
 
     interface: str
     channel: str

@@ -93,7 +93,23 @@ def test_a_good_configuration_is_decoded_to_typed_values() -> None:
         ("baudrate = 1000000\nmodel", "baudrate = 57600\nmodel", "expected 57600 as for joint 'elbow'"),
         ("f_res_hz = 58.0", "f_res_hz = 98.0", "the oscillator rings up to 104 Hz, but rate_hz = 200 shows only"),
         ("f_norm_hz = 85.0", "f_norm_hz = 150.0", "joint 'elbow': the norm band 140-160 Hz has 0 bins"),
-        ('mode = "peer"', 'mode = "pear"', "alarm.zenoh.mode: found 'pear'; invalid enum value 'pear'"),
+        ('mode = "peer"', 'mode = "mesh"', "alarm.zenoh.mode: found 'mesh'; expected 'client', 'peer', 'router'"),
+        ('"auto"', '"car"', "joint 'elbow'.detector.window_s: found 'car'; expected float or 'auto'"),
+        ("window_s = 0.25", "window_s = 1000.0", "joint 'wrist': window_s: found 1000, expected 0.02 to 5"),
+        ("window_s = 0.25", "window_s = 0.01", "joint 'wrist': window_s: found 0.01, expected 0.02 to 5"),
+        ('port = "/dev/ttyUSB1"', "", "accelerometer 'tip'.port: is missing"),
+        ('port = "/dev/ttyUSB0"', 'port = ""', "joint 'elbow'.port: found ''; expected `str` of length >= 1"),
+        ("baudrate = 1000000", "baudrate = 0", "joint 'elbow'.baudrate: found 0; expected `int` >= 1"),
+        ('driver = "dynamixel"', 'driver = "witmotion"', "joint 'elbow'.driver: found 'witmotion', which is no servo"),
+        ('driver = "witmotion"', 'driver = "dynamixel"', "found 'dynamixel', which is no accelerometer"),
+        ("connect = []", 'connect = ["localhost"]', "alarm.zenoh.connect: found 'localhost', expected protocol/addr"),
+        ('"tcp/127.0.0.1:7447"', '"tcp/127.0.0.1"', "alarm.zenoh.listen: found 'tcp/127.0.0.1', expected protocol/"),
+        ('path = "history.db"', 'path = "/"', "store.path: found a directory, /; expected a file"),
+        (
+            "[alarm.zenoh]",
+            "[alarm]\nlimit = 3\n[alarm.zenoh]",
+            "alarm.limit: unknown key; there are can, degraded, error, warning, windows, zenoh",
+        ),
         ("[robot]", "[robot", "no valid TOML: "),
         ('[robot]\nname = "arm1"', "", "[robot] is missing"),
         ("rate_hz = 200", "rate_hz = 400", "accelerometer tip: rate_hz is 400"),
@@ -108,6 +124,25 @@ def test_a_bad_configuration_is_refused_in_one_line(old: str, new: str, expected
     assert message.startswith("bad.toml: ")
     assert expected in message
     assert "\n" not in message
+
+
+def test_endpoints_of_all_kinds_are_taken() -> None:
+    """IPv6, names, metadata and protocols that have no port are endpoints of Zenoh too."""
+    endpoints = [
+        "tcp/[::1]:7447",
+        "udp/robot.local:7447#iface=eth0",
+        "unixsock-stream//run/z.sock",
+        "serial//dev/ttyS0#baudrate=9600",
+    ]
+    zenoh = config.loads(GOOD.replace('["tcp/127.0.0.1:7447"]', str(endpoints)), "x").zenoh
+    assert zenoh is not None
+    assert zenoh.listen == endpoints
+
+
+def test_a_byte_order_mark_is_taken(tmp_path: Path) -> None:
+    """A file that an editor on Windows began with a mark is read like any other."""
+    (tmp_path / "bom.toml").write_text(GOOD, encoding="utf-8-sig")
+    assert config.load(tmp_path / "bom.toml").robot.name == "arm1"
 
 
 def test_what_is_not_built_yet_is_checked_and_noted() -> None:
