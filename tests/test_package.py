@@ -49,8 +49,6 @@ def test_wheel_runs_the_simulated_robot(installed: Path, tmp_path: Path) -> None
     ).strip()
     assert where.startswith(str(installed))
     lostmotion = installed / "bin/lostmotion"
-    for base in ("play", "oscillator"):  # compiled here, for nobody knows how many of the 6 s that would take
-        run(lostmotion, "simulate", base, "-o", "rec.csv", "--duration", "0.1", cwd=tmp_path, HOME=str(tmp_path))
     run(lostmotion, "run", "--duration", "6", cwd=tmp_path, HOME=str(tmp_path))
     history = json.loads(run(lostmotion, "history", "elbow", "--json", cwd=tmp_path, HOME=str(tmp_path)))
     assert history["joint"] == "elbow"
