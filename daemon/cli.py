@@ -146,7 +146,7 @@ def history(
 @click.option(
     "--level", type=float, callback=positive, metavar="X", help="The limit, instead of the level of the newest score."
 )
-@click.option("--png", type=FILE, metavar="FILE", help="Draw the plot into a picture.")
+@click.option("--png", type=FILE, metavar="FILE", help="Draw the plot into a picture (png, svg, pdf).")
 @as_json
 def trend(
     joint: str,

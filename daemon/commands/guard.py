@@ -6,6 +6,7 @@ because nobody reads the output any more (128 + the signal's number, as a shell 
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 import sys
@@ -26,6 +27,7 @@ class RootGroup(click.Group):
     def main(self, *args: Any, **kwargs: Any) -> Any:
         """Runs the command line and exits."""
         kwargs |= {"standalone_mode": False, "prog_name": "lostmotion"}
+        sys.stdout, sys.stderr = sys.stdout or Closed(), sys.stderr or io.StringIO()  # None: closed by the caller
         if isinstance(sys.stdout, io.TextIOWrapper):
             sys.stdout.reconfigure(errors="replace")  # a terminal without UTF-8 gets ? for bars and lines
         run = super().main
@@ -38,6 +40,13 @@ class RootGroup(click.Group):
             ctx.exit(INTERRUPTED)
         except BrokenPipeError:
             ctx.exit(_unread())
+
+
+class Closed(io.TextIOBase):
+    """A stdout that the caller has closed: a command that has nothing to print may run all the same."""
+
+    def write(self, text: str, /) -> int:
+        raise OSError(errno.EBADF, "stdout is closed, expected to be open for the output")
 
 
 class LateCommand(click.Command):

@@ -21,6 +21,7 @@ Bounds = tuple[datetime | None, datetime | None, int | None]
 
 def history(joint: str, config: Path | None, database: Path | None, bounds: Bounds, form: str) -> None:
     """Prints the scores with since <= time < until, the newest ``limit`` of them; form: table, csv or json."""
+    times.check_order(*bounds[:2])
     with open_joint(joint, config, database) as reader:
         scores = reader.scores(joint, *bounds)
     if form == "json":

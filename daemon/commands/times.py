@@ -8,14 +8,14 @@ from datetime import UTC, datetime, timedelta
 from lostmotion.daemon.records import iso
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["TimeError", "ago", "local", "parse", "span"]
+__all__ = ["TimeError", "ago", "check_order", "local", "parse", "span"]
 
 UNITS_S = {"s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "w": 7 * 86400.0, "y": 365.25 * 86400.0}
 STEPS = (("y", 365.25 * 86400.0), ("months", 30.4375 * 86400.0), ("d", 86400.0), ("h", 3600.0), ("min", 60.0))
 
 
 class TimeError(LostmotionError):
-    """A text that is no time."""
+    """A text that is no time, or times in the wrong order."""
 
 
 def parse(text: str, now: datetime) -> datetime:
@@ -33,6 +33,14 @@ def parse(text: str, now: datetime) -> datetime:
         raise TimeError(
             f"found the time {text!r}, expected one such as 30d, 12h, 2026-01-31 or {iso(now)[:19]}Z"
         ) from error
+
+
+def check_order(since: datetime | None, until: datetime | None) -> None:
+    """Raises TimeError for a period that ends before it begins."""
+    if since and until and until <= since:
+        raise TimeError(
+            f"found --until {iso(until)[:19]}Z, expected a time after --since {iso(since)[:19]}Z; are they swapped?"
+        )
 
 
 def span(seconds: float) -> str:

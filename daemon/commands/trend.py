@@ -26,10 +26,11 @@ __all__ = ["History", "TrendError", "trend"]
 DAY = 86400.0
 UNITS = (("year", 365.25 * DAY), ("month", 30.4375 * DAY), ("day", DAY), ("hour", 3600.0), ("minute", 60.0))
 MONTH = UNITS[1][1]
+PICTURES = (".png", ".svg", ".pdf")
 
 
 class TrendError(LostmotionError):
-    """There is too little history for a trend."""
+    """There is too little history for a trend, or no such kind of picture."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,6 +77,9 @@ def trend(
     as_json: bool,
 ) -> None:
     """Prints the trend of the scores with since <= time < until against ``level``; draws ``png`` when given."""
+    times.check_order(*bounds)
+    if png and png.suffix.lower() not in PICTURES:
+        raise TrendError(f"--png: found the name {str(png)!r}, expected one that ends with {', '.join(PICTURES)}")
     with open_joint(joint, config, database) as reader:
         history = _history(joint, reader.scores(joint, *bounds), level)
     if png:

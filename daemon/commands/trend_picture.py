@@ -22,7 +22,7 @@ SMOOTH, IMPACT, LINE, LEVEL = "#8fa3b3", "#d98b5f", "#1f4e79", "#b3261e"
 
 
 def draw(history: History, path: Path) -> None:
-    """Writes the picture (PNG).  Raises OSError."""
+    """Writes the picture, in the form that the suffix names.  Raises OSError."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -33,7 +33,7 @@ def draw(history: History, path: Path) -> None:
     _trend(axes, history)
     _finish(axes, history)
     figure.legend(loc="outside lower center", ncols=4, fontsize="small", frameon=False, markerscale=2.5)
-    figure.savefig(path, format="png")
+    figure.savefig(path)
 
 
 def _scores(axes: Axes, history: History) -> None:

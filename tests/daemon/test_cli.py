@@ -171,6 +171,16 @@ def test_full_disk_under_stdout(tmp_path: Path) -> None:
     assert done.stderr == "lostmotion: No space left on device\n"
 
 
+@pytest.mark.parametrize("arguments", [["history", "elbow", "--json", "--database", "h.db"], ["effects"]])
+def test_closed_stdout(tmp_path: Path, arguments: list[str]) -> None:
+    """`>&-` is one line and status 2, whether a command prints JSON or a table."""
+    fill(tmp_path / "h.db", 5)
+    command = ["sh", "-c", 'exec "$@" >&-', "sh", *PROGRAM, *arguments]
+    done = subprocess.run(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, timeout=60)
+    assert done.returncode == 2
+    assert done.stderr == "lostmotion: stdout is closed, expected to be open for the output\n"
+
+
 def test_run_tells_where_the_database_is(tmp_path: Path) -> None:
     """The first line on stderr names the robot and the database, stdout stays empty."""
     (tmp_path / "robot.toml").write_text(HARDWARE)

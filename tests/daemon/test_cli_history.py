@@ -173,13 +173,30 @@ def test_trend_in_the_terminal(database: Path) -> None:
 
 
 def test_trend_picture(database: Path, tmp_path: Path) -> None:
-    """--png writes a picture of some size, whatever its name; stdout still is one JSON document."""
-    picture = tmp_path / "trend.picture"
+    """--png writes a picture of some size; stdout still is one JSON document."""
+    picture = tmp_path / "trend.PNG"
     document("trend", "elbow", "--database", database, "--png", picture)
     content = picture.read_bytes()
     assert content[:8] == b"\x89PNG\r\n\x1a\n"
     assert int.from_bytes(content[16:20], "big") >= 1000
     assert is_one_line(call("trend", "elbow", "--database", database, "--png", tmp_path / "none" / "x.png"), "none")
+
+
+def test_trend_picture_in_other_forms(database: Path, tmp_path: Path) -> None:
+    """The suffix names the form; one that is none is refused before anything is printed."""
+    for suffix, start in ((".svg", b"<?xml"), (".pdf", b"%PDF")):
+        picture = tmp_path / f"trend{suffix}"
+        document("trend", "elbow", "--database", database, "--png", picture)
+        assert picture.read_bytes().startswith(start)
+    refused = call("trend", "elbow", "--database", database, "--png", tmp_path / "x.xyz")
+    assert is_one_line(refused, "x.xyz", ".png, .svg, .pdf")
+
+
+def test_swapped_times(database: Path) -> None:
+    """A period that ends before it begins is a wrong call, not an empty answer."""
+    for command in ("history", "trend"):
+        result = call(command, "elbow", "--database", database, "--since", "30d", "--until", "31d")
+        assert is_one_line(result, "--until", "--since", "swapped")
 
 
 def test_trend_of_nothing(database: Path) -> None:
