@@ -14,6 +14,9 @@ from lostmotion.detector.windows import cut, window_length
 
 __all__ = ["rate_of", "score_series"]
 
+NONSENSE_MS2 = 1e100
+"""No accelerometer tells so much [m/s²], and sums of it may exceed all numbers."""
+
 
 def score_series(
     times_servo: FloatArray,
@@ -29,13 +32,14 @@ def score_series(
 
     times_servo [s] and commands [rad], shape (N,); times_accel [s], ascending, and accel [m/s²], shape (M,): on one
     clock, at rates of their own.  resolution: quantisation of the commands [rad], 0 if none, NaN if unknown;
-    range_ms2: the accelerometer's largest acceleration [m/s²].
+    range_ms2: the accelerometer's largest acceleration [m/s²].  Accelerations beyond 1e100 m/s² count as missing.
 
     Raises DetectorError when there is too little data to tell a rate, or the settings do not fit the rate.
     """
     servo_rate, accel_rate = rate_of(times_servo, "commands"), rate_of(times_accel, "accelerations")
     validate(settings, accel_rate)
     duration = window_length(settings, accel_rate)
+    accel = np.where(np.abs(accel) < NONSENSE_MS2, accel, np.nan)
     reversals = Trigger(settings, servo_rate, resolution).push(times_servo, commands)
     windows = (
         cut(joint, times_accel, accel, found.time, duration, accel_rate, excitation=abs(found.swing))
@@ -51,8 +55,11 @@ def rate_of(times: FloatArray, what: str) -> float:
     """
     steps = np.diff(times)
     if steps.size < 2:
-        raise DetectorError(f"the recording has {times.size} {what}; expected at least 3 to tell their rate")
+        raise DetectorError(f"found {times.size} {what}, expected at least 3 to tell their rate")
     period = float(np.median(steps))
     if not period > 0:
-        raise DetectorError(f"the times of the {what} do not ascend (median step {period:g} s); is the file sorted?")
+        raise DetectorError(
+            f"the times of the {what} do not ascend (median step {period:g} s, from {times[0]:g} s on); "
+            "is the file sorted, or are the times too large to tell them apart?"
+        )
     return 1 / period

@@ -87,16 +87,18 @@ def bands(length: int, rate_hz: float, settings: DetectorSettings) -> Bands:
 
 
 def normalised_spectrum(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> FloatArray:
-    """norm(fft(s)) of eq. 8: each amplitude over the mean amplitude of the norm band; NaN where that mean is 0.
+    """norm(fft(s)) of eq. 8: each amplitude over the mean amplitude of the norm band; NaN where that mean is 0, or
+    beyond all numbers.
 
     accel: windows [m/s²], shape (..., N); returns shape (..., N // 2 + 1).  Raises DetectorError as ``bands`` does.
     """
     chosen = bands(accel.shape[-1], rate_hz, settings)
-    spectrum = amplitude_spectrum(accel)
-    floor = spectrum[..., chosen.norm].mean(axis=-1, keepdims=True)
-    # A window of one value leaves rounding dust behind the cubic: that is no floor to divide by.
-    dust = 1e-13 * np.abs(accel).max(axis=-1, keepdims=True)
-    return np.asarray(spectrum / np.where(floor > dust, floor, np.nan))
+    with np.errstate(over="ignore", invalid="ignore"):
+        spectrum = amplitude_spectrum(accel)
+        floor = spectrum[..., chosen.norm].mean(axis=-1, keepdims=True)
+        # A window of one value leaves rounding dust behind the cubic: that is no floor to divide by.
+        dust = 1e-13 * np.abs(accel).max(axis=-1, keepdims=True)
+        return np.asarray(spectrum / np.where((floor > dust) & (floor < np.inf), floor, np.nan))
 
 
 def _band(centre_hz: float, width_hz: float, length: int, rate_hz: float) -> slice:

@@ -64,9 +64,10 @@ def test_same_as_the_service() -> None:
 @pytest.mark.parametrize(
     ("servo", "sensor", "words"),
     [
-        (np.array([0.0]), np.arange(100) / 200, "1 commands; expected at least 3"),
+        (np.array([0.0]), np.arange(100) / 200, "found 1 commands, expected at least 3"),
         (np.arange(100) / 100, np.empty(0), "0 accelerations"),
         (np.arange(100)[::-1] / 100, np.arange(100) / 200, "do not ascend"),
+        (1e15 + np.arange(100) / 100, np.arange(100) / 200, "from 1e.15 s on.*too large to tell them apart"),
         (np.arange(100) / 100, np.arange(100) / 50, "mask 52-64 Hz"),
     ],
 )
@@ -74,6 +75,18 @@ def test_recordings_that_tell_nothing_are_refused(servo: FloatArray, sensor: Flo
     """One row, none at all, times that run backwards, a sensor too slow: said in one line."""
     with pytest.raises(DetectorError, match=words):
         score_series(servo, np.zeros(servo.size), sensor, np.zeros(sensor.size), SETTINGS)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("share", [0.5, 1.0])
+def test_nonsensical_accelerations_give_no_score(share: float) -> None:
+    """Where half of the samples or all are near the largest number there is, windows have no score and say why."""
+    _, (servo, commands, sensor, accel) = recording(1.5)
+    accel = np.where(np.random.default_rng(1).random(accel.size) < share, 1e308, accel)
+    scores = score_series(servo, commands, sensor, accel, SETTINGS, resolution=X_SERIES)
+    assert len(scores) > 50
+    assert all(math.isnan(s.score) and not s.impact for s in scores)
+    assert all({"gappy", "short"} & set(s.quality.split(",")) for s in scores)
 
 
 def test_a_robot_at_rest_has_no_windows() -> None:

@@ -60,6 +60,13 @@ def test_norm_divides_by_the_mean_of_its_band() -> None:
     assert normalised[:, bands(250, 1000.0, SETTINGS).norm].mean(axis=1) == pytest.approx(np.ones(5))
 
 
+@pytest.mark.filterwarnings("error")
+def test_norm_beyond_all_numbers_is_nan() -> None:
+    """Values near the largest number there is, whose sum exceeds all numbers, give NaN and no warning."""
+    accel = np.random.default_rng(1).choice([-1.7e308, 1.7e308], (5, 250))
+    assert np.isnan(normalised_spectrum(accel, 1000.0, SETTINGS)).all()
+
+
 @pytest.mark.parametrize(
     ("rate", "settings", "words"),
     [
