@@ -7,11 +7,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from lostmotion.daemon import config as configuration
 from lostmotion.daemon.commands import output
+from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.series import score_series
 from lostmotion.detector.window import DetectorSettings, Score
-from lostmotion.drivers.errors import LostmotionError, RecordingError
+from lostmotion.drivers.errors import LostmotionError
 from lostmotion.drivers.recording import Recording, read_recording
 from lostmotion.drivers.units import COLUMN_UNITS
 
@@ -20,6 +23,8 @@ __all__ = ["Asked", "ScoreError", "score"]
 KEYS = ("time", "duration", "score", "impact", "play", "play_low", "play_high", "quality")
 F_RES_HZ = 58.0
 """The resonance when nobody says one: that of the default oscillator, as in the built-in configuration."""
+MILLISECONDS = 0.5
+"""No accelerometer is so slow [s]: a usual step of the times beyond this is one in milliseconds."""
 
 
 class ScoreError(LostmotionError):
@@ -38,20 +43,13 @@ class Asked:
 
 
 def score(path: Path, config: Path | None, asked: Asked, as_json: bool) -> None:
-    """Prints the score of each window; times are the recording's own [s].  Raises LostmotionError, DetectorError."""
+    """Prints the score of each window; times are the recording's own [s].  Raises LostmotionError."""
     if asked.column not in COLUMN_UNITS:
         raise ScoreError(f"--column: found {asked.column!r}, expected one of {', '.join(COLUMN_UNITS)}")
     recording = read_recording(path)
     name = asked.joint or str(recording.metadata.get("joint", "joint"))
     settings = _settings(recording, config, asked)
-    scores = score_series(
-        *recording.signal("command"),
-        *recording.signal(asked.column),
-        settings,
-        joint=name,
-        resolution=_number(recording, "resolution_rad", math.nan),
-        range_ms2=_number(recording, "range_ms2", math.inf),
-    )
+    scores = _scores(recording, asked.column, settings, name)
     if as_json:
         windows = [{key: getattr(window, key) for key in KEYS} for window in scores]
         output.print_json({"joint": name, "level": settings.level, "windows": windows})
@@ -59,13 +57,32 @@ def score(path: Path, config: Path | None, asked: Asked, as_json: bool) -> None:
         _print(name, settings, scores)
 
 
+def _scores(recording: Recording, column: str, settings: DetectorSettings, joint: str) -> list[Score]:
+    """Raises RecordingError, ScoreError."""
+    times, values = recording.signal(column)
+    try:
+        return score_series(
+            *recording.signal("command"),
+            times,
+            values,
+            settings,
+            joint=joint,
+            resolution=recording.number("resolution_rad", math.nan),
+            range_ms2=recording.number("range_ms2", math.inf),
+        )
+    except DetectorError as error:
+        step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+        cause = f'; the times are {step:g} apart: if they are milliseconds, say # time_unit = "ms" at the top'
+        raise ScoreError(f"{recording.name}: {error}{cause if step > MILLISECONDS else ''}") from error
+
+
 def _settings(recording: Recording, config: Path | None, asked: Asked) -> DetectorSettings:
     """Options before configuration before the recording's head before defaults."""
     if config:
         settings = _of_config(config, asked.joint or recording.metadata.get("joint"))
     else:
-        settings = DetectorSettings(f_res_hz=_number(recording, "f_res_hz", F_RES_HZ))
-        settings = replace(settings, zeta=_number(recording, "zeta", settings.zeta))
+        settings = DetectorSettings(f_res_hz=recording.number("f_res_hz", F_RES_HZ))
+        settings = replace(settings, zeta=recording.number("zeta", settings.zeta))
     given = {key: getattr(asked, key) for key in ("f_res_hz", "zeta", "level") if getattr(asked, key) is not None}
     return replace(settings, **given)
 
@@ -78,13 +95,6 @@ def _of_config(path: Path, joint: Any) -> DetectorSettings:
             f"{path}: found {len(names)} joints, expected one; choose with --joint from {', '.join(names)}"
         )
     return config.settings(names[0] if joint is None else str(joint))
-
-
-def _number(recording: Recording, key: str, default: float) -> float:
-    value = recording.metadata.get(key, default)
-    if isinstance(value, bool) or not isinstance(value, int | float) or value < 0:
-        raise RecordingError(f"{recording.name}: # {key}: found {value!r}, expected a number of at least 0")
-    return float(value)
 
 
 def _print(name: str, settings: DetectorSettings, scores: list[Score]) -> None:

@@ -25,6 +25,7 @@ from lostmotion.drivers.units import COLUMN_UNITS
 __all__ = ["ROWS_AT_ONCE", "Table", "cells", "head_text", "parse", "toml_value"]
 
 ROWS_AT_ONCE = 16384  # bounds the text held in memory while a file of any length is read or written
+CUT = '"'  # no number: stands for what was cut off
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,13 +47,13 @@ class Table:
 def parse(lines: Iterator[str], name: str, *, ends_in_newline: bool) -> Table:
     """Reads the text.  ``name`` stands in errors; raises RecordingError."""
     metadata, header_text, header_line = _head(lines, name)
-    reader = csv.reader(chain([header_text], lines))
-    header = _header(reader, f"{name}: line {header_line}")
+    table = _rows(chain([header_text], lines), name, header_line, ends_in_newline=ends_in_newline)
+    header = _header(next(table), f"{name}: line {header_line}")
     numbers: dict[str, list[FloatArray]] = {column: [] for column in header if column in COLUMN_UNITS}
     extra: dict[str, list[str]] = {column: [] for column in header if column not in COLUMN_UNITS}
     truncated = False
     line = header_line + 1
-    for rows, is_last in _chunks(reader, name):
+    for rows, is_last in _chunks(table):
         if is_last and not ends_in_newline and rows and not _is_whole(rows[-1], header):
             rows.pop()
             truncated = True
@@ -92,8 +93,8 @@ def _checked_setting(text: str, where: str) -> str:
     return text
 
 
-def _header(reader: Iterator[list[str]], where: str) -> list[str]:
-    header = [cell.strip() for cell in next(reader)]
+def _header(row: list[str], where: str) -> list[str]:
+    header = [cell.strip() for cell in row]
     shown = ",".join(header)[:80]
     if all(_is_number(cell) for cell in header):
         raise RecordingError(f"{where}: found {shown!r}, expected a header such as 'time,accel'; the header is missing")
@@ -108,20 +109,33 @@ def _header(reader: Iterator[list[str]], where: str) -> list[str]:
     return header
 
 
-def _chunks(reader: Iterator[list[str]], name: str) -> Iterator[tuple[list[list[str]], bool]]:
-    """Rows of text, some at a time, and whether they are the last; blank lines at the end are left out."""
+def _rows(lines: Iterable[str], name: str, first_line: int, *, ends_in_newline: bool) -> Iterator[list[str]]:
+    """Rows of text; in place of a last line that was cut off within a quote, one that is not whole."""
+    reader = csv.reader(lines, strict=True)
+    read = 0
     try:
-        rows = list(islice(reader, ROWS_AT_ONCE))
-        while len(following := list(islice(reader, ROWS_AT_ONCE))) == ROWS_AT_ONCE or any(following):
-            yield rows, False
-            rows = following
-        while rows and not rows[-1]:
-            rows.pop()
-        yield rows, True
+        for row in reader:
+            yield row
+            read = reader.line_num
     except csv.Error as error:
+        if not ends_in_newline and reader.line_num == read + 1 and "unexpected end" in str(error):
+            yield [CUT]
+            return
         raise RecordingError(
-            f"{name}: found {error}, expected lines of comma-separated numbers; is it text?"
+            f"{name}: line {first_line + read}: found {error}, expected comma-separated numbers; "
+            "is a quote not closed, or is it no text?"
         ) from error
+
+
+def _chunks(reader: Iterator[list[str]]) -> Iterator[tuple[list[list[str]], bool]]:
+    """Rows of text, some at a time, and whether they are the last; blank lines at the end are left out."""
+    rows = list(islice(reader, ROWS_AT_ONCE))
+    while len(following := list(islice(reader, ROWS_AT_ONCE))) == ROWS_AT_ONCE or any(following):
+        yield rows, False
+        rows = following
+    while rows and not rows[-1]:
+        rows.pop()
+    yield rows, True
 
 
 def _transposed(rows: list[list[str]], header: list[str], name: str, line: int) -> dict[str, tuple[str, ...]]:
@@ -138,14 +152,22 @@ def _transposed(rows: list[list[str]], header: list[str], name: str, line: int) 
 
 def _numbers(cells: Sequence[str], column: str, name: str, line: int) -> FloatArray:
     try:
-        return np.array([float(cell) if cell else math.nan for cell in cells])
+        numbers = np.array([float(cell) if cell else math.nan for cell in cells])
     except ValueError:
         index = next((i for i, cell in enumerate(cells) if cell.strip() and not _is_number(cell)), None)
-    if index is None:  # blanks in an empty cell
-        return np.array([float(cell) if cell.strip() else math.nan for cell in cells])
-    raise RecordingError(
-        f"{name}: line {line + index}: found {cells[index][:40]!r} in the column {column!r}, expected a number; "
-        "is a decimal comma or a word in it?"
+        if index is not None:
+            raise _bad_cell(cells[index], column, f"{name}: line {line + index}") from None
+        numbers = np.array([float(cell) if cell.strip() else math.nan for cell in cells])  # blanks in an empty cell
+    infinite = np.flatnonzero(np.isinf(numbers))
+    if infinite.size:
+        raise _bad_cell(cells[infinite[0]], column, f"{name}: line {line + infinite[0]}")
+    return numbers
+
+
+def _bad_cell(cell: str, column: str, where: str) -> RecordingError:
+    return RecordingError(
+        f"{where}: found {cell[:40]!r} in the column {column!r}, expected a finite number; "
+        "is a decimal comma or a word in it, or did a division by zero make it?"
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import resource
 from pathlib import Path
 from typing import Any
 
@@ -122,12 +123,19 @@ def test_score_for_people(recording: Path) -> None:
     assert len(lines) == 3 + len(windows)
 
 
+GOOD_ROWS = "time,command,accel\n" + "".join(f"{t / 200},0,0\n" for t in range(90))
+
+
 @pytest.mark.parametrize(
     ("content", "arguments", "words"),
     [
         ("", [], ["x.csv"]),
         ("time,command,accel\n", [], ["x.csv", "no rows"]),
-        ("time,command,accel\n0,0,0\n", [], ["at least 3"]),
+        ("time,command,accel\n0,0,0\n", [], ["x.csv: found 1 commands", "at least 3"]),
+        ("time,command,accel\n" + "".join(f"{t * 5},0,0\n" for t in range(90)), [], ["x.csv: ", 'time_unit = "ms"']),
+        ("# f_res_hz = 5000\n" + GOOD_ROWS, [], ["x.csv: the mask 4994-5006 Hz"]),
+        ("time,command,accel\n" + "".join(f"{10**15 + t / 200!r},0,0\n" for t in range(90)), [], ["x.csv: ", "large"]),
+        (GOOD_ROWS + "0.45,inf,0\n0.455,0,0\n", [], ["x.csv: line 92: found 'inf' in the column 'command'"]),
         ("time,command\n0,0\n1,0\n2,0\n3,0\n", [], ["'accel'", "command"]),
         ("time,accel\n0,0\n1,0\n2,0\n3,0\n", [], ["'command'"]),
         ("time,command,accel\n0,0,0\n2,0,0\n1,0,0\n", [], ["order"]),
@@ -185,16 +193,60 @@ def test_latency_timer_of_an_adapter(robot: Path) -> None:
         assert bool(check.cause) is not ok
 
 
+def bad_disk(config: Path) -> dict[str, str]:
+    """The bad checks of the disk and their causes."""
+    return {check.check: check.cause for check in check_disk(configuration.load(config)) if not check.ok}
+
+
 def test_disk_and_database(robot: Path) -> None:
-    """A database of something else is bad; a good one tells how fast it grows."""
-    config = configuration.load(robot)
-    Path("history.db").write_text("no database at all, but long enough to look like one" * 99)
-    assert [check.check for check in check_disk(config) if not check.ok] == ["schema"]
-    Path("history.db").unlink()
+    """A good database tells how fast it grows; trying to write it leaves nothing behind; names of checks are fixed."""
     fill(Path("history.db"), 100)
-    checks = {check.check.partition(" (")[0]: check for check in check_disk(config)}
-    assert all(check.ok for check in checks.values())
-    assert checks["room"].check == "room (grows by 0.0 MB a day)"
+    before = Path("history.db").read_bytes()
+    checks = list(check_disk(configuration.load(robot)))
+    assert [check.check for check in checks] == ["database", "free space", "room"]
+    assert all(check.ok for check in checks)
+    assert Path("history.db").read_bytes() == before
+    assert {path.name for path in Path().iterdir()} <= {"history.db", "history.db.lock", "robot.toml"}
+
+
+def test_database_of_something_else(robot: Path) -> None:
+    """A file that is no database is a bad check, not the end of the doctor."""
+    Path("history.db").write_text("no database at all, but long enough to look like one" * 99)
+    assert "not a database" in bad_disk(robot)["database"]
+
+
+def test_damaged_database_of_the_doctor(robot: Path) -> None:
+    """Half a database is a bad check and status 1; all other checks are still made."""
+    fill(Path("history.db"))
+    Path("history.db").write_bytes(Path("history.db").read_bytes()[:8192] + b"\x5a" * 50_000)
+    result = call("doctor", "--config", robot, "--json")
+    assert result.exit_code == 1
+    checks = {check["check"]: check for check in documents(result)["checks"]}
+    assert not checks["database"]["ok"]
+    assert "malformed" in checks["database"]["cause"]
+    assert checks["numpy"]["ok"]
+
+
+@pytest.mark.parametrize("filled", [True, False])
+def test_full_disk_of_the_doctor(robot: Path, filled: bool) -> None:
+    """Where no more can be written, with a database or before there is one, the doctor has tried and says so."""
+    if filled:
+        fill(Path("history.db"))
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, limits[1]))
+    try:
+        found = bad_disk(robot)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert "the disk is full" in found["database"]
+
+
+def test_room_is_never_negative(robot: Path) -> None:
+    """A disk that cannot even hold the windows has 0 days of room, and the cause tells the growth."""
+    robot.write_text(SIMULATED.replace("[store]", "[store]\nkeep_windows_mb = 1e12"))
+    room = next(check for check in check_disk(configuration.load(robot)) if check.check == "room")
+    assert (room.value, room.ok) == (0, False)
+    assert "8.6 MB a day" in room.cause
 
 
 def test_clock_that_steps() -> None:
