@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -29,7 +30,8 @@ class Recorder:
     """One joint and its accelerometer, written to a recording row by row in time order.
 
     Rows are handed to the system as soon as their order is certain, at most HOLD_S late, so that a killed recorder
-    leaves a readable file.  ``origin`` is the robot time [s] that is 0 in the file; times are rounded to 1 ns.
+    leaves a readable file.  When one cannot be written, all before it stay and the file is closed; a file without any
+    row is removed.  ``origin`` is the robot time [s] that is 0 in the file; times are rounded to 1 ns.
     ``late`` counts samples that came more than HOLD_S after others of their time and could not be written in order.
     Raises RecordingError when the file cannot be written.
     """
@@ -42,8 +44,9 @@ class Recorder:
         self._pending = {"servo": _nothing(SERVO_COLUMNS), "accel": _nothing(("accel",))}
         self._newest = dict.fromkeys(self._pending, -np.inf)
         self._written_until = -np.inf
+        self._size = 0
         try:
-            self._file = self._path.open("w", encoding="utf-8", newline="")
+            self._file = self._path.open("wb", buffering=0)
         except OSError as error:
             raise self._error(error) from error
         self._write(head_text(metadata) + ",".join(("time", *COLUMNS)) + "\n")
@@ -61,13 +64,8 @@ class Recorder:
         """Writes what still waits and closes the file; may be called twice."""
         if self._file.closed:
             return
-        try:
-            self._emit(np.inf)
-        finally:
-            try:
-                self._file.close()
-            except OSError as error:
-                raise self._error(error) from error
+        self._emit(np.inf)
+        self._close()
 
     def __enter__(self) -> Self:
         return self
@@ -110,9 +108,24 @@ class Recorder:
         self.rows += len(times)
 
     def _write(self, text: str) -> None:
+        """Writes all of the text, or else none of it and nothing ever after."""
+        rest = memoryview(text.encode())
+        size = self._size + len(rest)
         try:
-            self._file.write(text)
-            self._file.flush()
+            while rest:
+                rest = rest[self._file.write(rest) :]
+        except OSError as error:
+            with suppress(OSError):  # a pipe cannot be cut
+                self._file.truncate(self._size)
+            self._close()
+            raise self._error(error) from error
+        self._size = size
+
+    def _close(self) -> None:
+        try:
+            self._file.close()
+            if self.rows == 0 and self._path.is_file():
+                self._path.unlink()
         except OSError as error:
             raise self._error(error) from error
 

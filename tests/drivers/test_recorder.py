@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import os
+import resource
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -87,6 +90,46 @@ def test_killed_recorder_leaves_a_recording(tmp_path: Path) -> None:
     assert values[-1] >= told[-1]
     assert values[:-1].tolist() == list(range(len(values) - 1))
     assert recording.truncated in (0, 1)
+
+
+@contextmanager
+def room_for(size: int) -> Iterator[None]:
+    """No file can grow beyond so many bytes, as if the disk were full then."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+def feed(recorder: Recorder, until: int) -> None:
+    """Both devices' samples of so many milliseconds, in readings of 50 ms."""
+    for first in range(0, until, 50):
+        recorder.add_servo(servo(*range(first, first + 50, 10)))
+        recorder.add_accel(block(first, first + 50))
+
+
+def test_disk_that_fills_up_leaves_what_fitted(tmp_path: Path) -> None:
+    """The error comes with the first rows that do not fit; all before are there, whole, and none after."""
+    path = tmp_path / "rec.csv"
+    recorder = Recorder(path, {"joint": "elbow"}, origin=100.0)
+    with room_for(10_000), pytest.raises(RecordingError, match=r"rec\.csv: cannot be written: File too large"):
+        feed(recorder, 10_000)
+    recorder.close()
+    recording = read_recording(path)
+    assert recording.truncated == 0
+    assert recorder.rows == len(recording.time) > 100
+    assert recording.signal("accel")[1].tolist() == list(range(recorder.rows))
+    assert path.stat().st_size > 8_000
+
+
+def test_no_row_no_file(tmp_path: Path) -> None:
+    """Where not even the head fits, or no sample came, no file is left."""
+    with room_for(20), pytest.raises(RecordingError, match="File too large"):
+        Recorder(tmp_path / "rec.csv", {"joint": "elbow"})
+    Recorder(tmp_path / "rec.csv", {"joint": "elbow"}).close()
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_full_disk_and_missing_folder(tmp_path: Path) -> None:
