@@ -123,6 +123,7 @@ def _parameter(name: str, given: object, defaults: Mapping[str, Parameter]) -> P
         read = msgspec.convert(table, _Parameter)
         fixed = default.fixed if read.fixed is None else read.fixed
         unit = default.unit if read.unit is None else read.unit
+        default.check_unit(unit)  # first: in the wrong unit the value is likely out of bounds as well
         parameter = Parameter(read.value, unit, read.low, read.high, fixed)
         default.updated(parameter)
     except (msgspec.ValidationError, ModelError) as error:

@@ -52,7 +52,7 @@ class Parameter:
 
     low and high bound a fit; fixed: a fit leaves it alone; source: where the value comes from ("guess: …" where it is
     one); meaning: what it is; domain: what physics allows.  Raises ModelError for a value that is not finite or lies
-    outside the bounds or the domain.
+    outside the bounds or the domain, and for bounds that are swapped.
     """
 
     value: float
@@ -66,13 +66,23 @@ class Parameter:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "value", _number(self.value))
-        if not math.isfinite(self.value) or not self.domain.allows(self.value):
-            raise ModelError(
-                f"{self.value:g} {self.unit}".rstrip() + f" is not possible; it must be {self.domain.value}"
-            )
+        given = f"{self.value:g} {self.unit}".rstrip()
+        if not math.isfinite(self.value):
+            raise ModelError(f"{given} is not possible; it must be a finite number")
+        if not self.domain.allows(self.value):
+            raise ModelError(f"{given} is not possible; it must be {self.domain.value}")
+        if self.low > self.high:
+            raise ModelError(f"low = {self.low:g} is more than high = {self.high:g}; are the bounds swapped?")
         if not self.low <= self.value <= self.high:
             raise ModelError(
                 f"{self.value:g} lies outside its own bounds {self.low:g} to {self.high:g} {self.unit}".rstrip()
+            )
+
+    def check_unit(self, unit: str) -> None:
+        """Raises ModelError unless it is the unit of this parameter, or "" for nothing said."""
+        if unit and unit != self.unit:
+            raise ModelError(
+                f"the unit is {unit!r}, expected {repr(self.unit) if self.unit else 'none'}; values are in SI units"
             )
 
     def updated(self, given: float | Parameter) -> Parameter:
@@ -83,8 +93,7 @@ class Parameter:
         if not isinstance(given, Parameter):
             value = _number(given)
             return replace(self, value=value, low=_least(self.low, value), high=-_least(-self.high, -value))
-        if given.unit and given.unit != self.unit:
-            raise ModelError(f"the unit is {given.unit!r}, but the model counts it in {self.unit or 'no unit'!r}")
+        self.check_unit(given.unit)
         low = given.low if given.low > -math.inf else _least(self.low, given.value)
         high = given.high if given.high < math.inf else -_least(-self.high, -given.value)
         source, meaning = given.source or self.source, given.meaning or self.meaning

@@ -113,12 +113,20 @@ def test_written_file_is_readable(tmp_path: Path) -> None:
         ('base = "play"\n[parameters]\nd = { unit = "m" }', "d: Object missing required field `value`"),
         ('base = "play"\n[parameters]\nd = {}', "d: Object missing required field `value`"),
         ('base = "play"\n[parameters]\nd = { value = 1e-4, max = 2 }', "d: Object contains unknown field `max`"),
-        ('base = "play"\n[parameters]\nd = { value = 0.1, unit = "mm" }', "d: the unit is 'mm'"),
+        ('base = "play"\n[parameters]\nd = { value = 0.1, unit = "mm" }', "d: the unit is 'mm', expected 'm'"),
+        (
+            'base = "play"\n[parameters]\nd = { value = 0.06, unit = "mm", low = 1e-6, high = 1e-3 }',
+            "'mm', expected 'm'",
+        ),
+        ('base = "play"\n[parameters]\nn = { value = 11, unit = "m" }', "n: the unit is 'm', expected none"),
         ('base = "play"\n[parameters]\nd = { value = 1e-4, low = 2e-4 }', "d: 0.0001 lies outside its own bounds"),
-        ('base = "play"\n[parameters]\nd = { value = 1e-4, low = 3e-4, high = 2e-4 }', "d: 0.0001 lies outside"),
+        (
+            'base = "play"\n[parameters]\nd = { value = 1e-4, low = 3e-4, high = 2e-4 }',
+            "d: low = 0.0003 is more than high",
+        ),
         ('base = "play"\n[parameters]\nd = "wide"', "d: Expected `object`, got `str`"),
         ('base = "play"\n[parameters]\nd = true', "d: Expected `float`, got `bool`"),
-        ('base = "play"\n[parameters]\nd = nan', "d: nan m is not possible"),
+        ('base = "play"\n[parameters]\nd = nan', "d: nan m is not possible; it must be a finite number"),
         ('base = "play"\n[parameters]\nd = -1', "-1 m is not possible; it must be more than 0"),
     ],
 )
