@@ -41,6 +41,11 @@ def simulate(model: str, output: Path, as_json: bool, **options: Any) -> None:
     simulation = Simulation(modelfile.load(model), **options)
     recording = simulation.recording(list(_progress(simulation)))
     write_recording(recording, output)
+    horizon = simulation.horizon()
+    if horizon < simulation.duration:
+        click.echo(
+            f"{output}: the motion is chaotic: from {horizon:.1f} s on, samples hold only as statistics", err=True
+        )
     if as_json:
         click.echo(json.dumps({"recording": str(output), "rows": simulation.samples, **recording.metadata}))
     else:

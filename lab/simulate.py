@@ -12,7 +12,7 @@ import numpy as np
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.errors import SimulationError
 from lostmotion.lab.modelfile import ModelFile
-from lostmotion.model import Model, ModelError, Motion, Sensor, Trajectory, by_name
+from lostmotion.model import Model, ModelError, Motion, Sensor, Trajectory, by_name, predictability_horizon
 from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray
 
@@ -21,6 +21,8 @@ __all__ = ["Simulation"]
 FREE = "free"
 PIECE_S = 10.0  # simulated between two reports of progress
 MOST_SAMPLES = 50_000_000
+CHECK_STEP_S = 1e-3
+LONGEST_CHECK_S = 10.0  # of motion; looking for chaos simulates it twice more
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +38,7 @@ class _Sensors:
 
 
 _SENSORS = {
-    "play": _Sensors("accel", ("command", "position"), ("command", "position"), "hand-waved", {"q": 1e-3}),
+    "play": _Sensors("accel", ("command", "position", "force"), ("command", "position"), "hand-waved", {"q": 1e-3}),
     "oscillator": _Sensors("displacement", ("force", "accel"), (), FREE, {"q": 1e-3}),
     "joint": _Sensors("position", ("torque",), (), FREE, {"theta_2": 0.5}),
     "servo": _Sensors("position", ("command",), ("command", "position"), "hand-waved", {"theta_2": 0.5}),
@@ -76,6 +78,21 @@ class Simulation:
             model = self.model.build()
             drive = self._drive()
             yield from _pieces(model, drive, self._times(), self._start(model, drive), self._piece_length())
+        except ModelError as error:
+            raise SimulationError(str(error)) from error
+
+    def horizon(self) -> float:
+        """When the motion stops being predictable [s]; inf when it does not, or is too long to find out cheaply.
+
+        Raises SimulationError.
+        """
+        if self.duration > LONGEST_CHECK_S:
+            return math.inf
+        try:
+            model = self.model.build()
+            drive = self._drive()
+            times = np.arange(0.0, self.duration, CHECK_STEP_S)
+            return predictability_horizon(model, drive, times, self._start(model, drive))
         except ModelError as error:
             raise SimulationError(str(error)) from error
 

@@ -34,7 +34,8 @@ def test_recording_is_the_model(tmp_path: Path) -> None:
     recording = read_recording(tmp_path / "rec.csv")
     times = np.arange(1000) / 1000
     expected = build_model("play").simulate(Sine(6.0, 0.02), times)
-    for column in ("command", "position", "accel"):
+    assert list(recording.columns) == ["command", "position", "force", "accel"]
+    for column in recording.columns:
         np.testing.assert_allclose(recording.columns[column], expected[column], rtol=1e-9, atol=1e-12)
 
 
@@ -101,6 +102,19 @@ def test_bases_without_a_motion_move_freely() -> None:
     swinging = made(Simulation(ModelFile("joint", ("gravity_torque",)), duration=2.0)).columns["position"]
     assert swinging[0] == 0.5
     assert swinging.min() == pytest.approx(-0.5, abs=1e-3)
+
+
+@pytest.mark.parametrize(("alpha", "duration", "warned"), [(100, 3, True), (4000, 3, False), (100, 11, False)])
+def test_chaotic_motion_is_told(tmp_path: Path, alpha: float, duration: float, warned: bool) -> None:
+    """With weak contact damping one line says from when on; not for the default, nor where it would cost much."""
+    (tmp_path / "m.toml").write_text(f'base = "play"\n[parameters]\nalpha = {alpha}\n')
+    result = run(tmp_path / "m.toml", "-o", tmp_path / "r.csv", "--duration", duration)
+    assert [line for line in result.stderr.splitlines() if "chaotic: from 1.7 s on" in line] == (
+        [f"{tmp_path / 'r.csv'}: the motion is chaotic: from 1.7 s on, samples hold only as statistics"]
+        if warned
+        else []
+    )
+    assert len(result.stderr.splitlines()) == 1 + warned
 
 
 def test_what_cannot_be_simulated_is_one_line(tmp_path: Path) -> None:
