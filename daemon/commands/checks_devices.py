@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import chain
@@ -22,6 +23,9 @@ RATE_TOLERANCE = 0.05
 POLL_TOLERANCE = 0.1
 MOST_LOST = 0.01
 """Share of samples or polls."""
+LEAST_SAMPLES = 3
+"""Fewer have no rate and no noise."""
+UNLIKE = "another device, model, rate or id than the configuration says, or it has no power"
 NOISE_MS2 = (1e-4, 2.0)
 """Below: a sensor that is stuck.  Above: it hides a ring-down, whose first swing is a few m/s²."""
 NOISE_ORDER, NOISE_BLOCK, QUIET = 4, 128, 0.1
@@ -34,6 +38,7 @@ class Heard:
     device: Device
     identities: list[Identity] = field(default_factory=list)
     times: dict[str, list[float]] = field(default_factory=dict)
+    good: Counter[str] = field(default_factory=Counter)
     accel: list[FloatArray] = field(default_factory=list)
     counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(("lost", "late", "broken", "silent"), 0))
     error: str = ""
@@ -46,11 +51,13 @@ class Heard:
         if isinstance(data, ServoReading):
             for sample in data.samples:
                 self.times.setdefault(sample.joint, []).append(sample.time)
+                self.good[sample.joint] += 1
             self.counts["lost"] += data.lost
             self.counts["silent"] += len(data.silent)
         elif isinstance(data, AccelBlock):
             self.times.setdefault(self.device.members[0], []).extend(data.time.tolist())
             self.accel.append(data.accel)
+            self.good[self.device.members[0]] += int(np.isfinite(data.accel).sum())
             for kind in ("lost", "late", "broken"):
                 self.counts[kind] += getattr(data, kind)
 
@@ -70,15 +77,19 @@ def _checks(config: Config, heard: Heard) -> Iterator[Check]:
     if heard.error:
         yield Check(name, "port", "failed", "", "open and answering", False, heard.error)
     for who in heard.identities:
-        cause = "" if who.ok else "another device, model, rate or id than the configuration says, or it has no power"
-        yield Check(who.name, "identity", who.found, "", who.expected, who.ok, cause)
+        yield Check(who.name, "identity", who.found, "", who.expected, who.ok, "" if who.ok else UNLIKE)
     if not heard.identities:
         return
     is_bus = heard.device.members[0] in {joint.name for joint in config.joints} and not heard.accel
+    causes = {who.name: UNLIKE for who in heard.identities if not who.ok}
     for member in heard.device.members:
         times = np.array(heard.times.get(member, []))
-        yield from _servo(config, member, times) if is_bus else _sensor(config, member, times, heard)
-    yield _losses(heard)
+        cause = causes.get(member, "it said who it is, and then fell silent: a loose cable, or no power?")
+        yield within(member, "samples", heard.good[member], "", LEAST_SAMPLES, None, cause)
+        if heard.good[member] >= LEAST_SAMPLES:
+            yield from _servo(config, member, times) if is_bus else _sensor(config, member, times, heard)
+    if heard.good.total():
+        yield _losses(heard)
 
 
 def _servo(config: Config, joint: str, times: FloatArray) -> Iterator[Check]:

@@ -7,11 +7,14 @@ import os
 import platform
 import re
 import shutil
+import sqlite3
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from lostmotion import __version__
 from lostmotion.daemon.commands.checks import Check, within
@@ -34,6 +37,8 @@ SPARE_MB = 200.0
 LASTS_DAYS = 90.0
 ROW_BYTES = 100.0
 """A score in the database, measured 80 to 95."""
+BUSY_S = 5.0
+TRIED_BYTES = 1_000_000
 WINDOWS_A_DAY = 86400.0
 """A joint that reverses once a second all day, where no history tells better."""
 
@@ -66,30 +71,45 @@ def _is_synchronised() -> bool:
 
 
 def check_disk(config: Config) -> Iterator[Check]:
-    """The database's folder, or the one in which it would be made."""
+    """The database, or the folder in which it would be made: tried by writing and reading; its room."""
     path = config.database
-    folder = next(parent for parent in path.absolute().parents if parent.is_dir())
-    target = path if path.exists() else folder
-    writable = os.access(target, os.W_OK)
-    cause = "" if writable else "another user owns it: run as the service's user, or choose another store.path"
-    yield Check(str(path), "database", "writable" if writable else "read-only", "", "writable", writable, cause)
+    folder = next(parent for parent in path.absolute().parents if os.path.isdir(parent))  # noqa: PTH112 - never raises
+    windows_a_day, error = 0.0, ""
+    try:
+        _try_to_write(path, folder)
+        windows_a_day = _windows_a_day(path) if path.exists() else 0.0
+    except LostmotionError as found:
+        error = str(found)
+    except (sqlite3.Error, OSError) as found:
+        error = f"{found}: another user owns it, the disk is full, or it is damaged; then try sqlite3's .recover on it"
+    windows_a_day = windows_a_day or WINDOWS_A_DAY * len(config.joints)
+    value = "unusable" if error else "usable"
+    yield Check(str(path), "database", value, "", "readable and writable", not error, error)
     free_mb = shutil.disk_usage(folder).free / 1e6
     needed_mb = SPARE_MB + config.store.keep_windows_mb
     yield within(str(folder), "free space", round(free_mb), "MB", needed_mb, None, "the disk is full")
-    windows_a_day, error = WINDOWS_A_DAY * len(config.joints), ""
-    if path.exists():
-        try:
-            windows_a_day = _windows_a_day(path) or windows_a_day
-        except LostmotionError as found:
-            error = str(found)
-        yield Check(str(path), "schema", "unreadable" if error else "known", "", "known", not error, error)
-    days = (free_mb - config.store.keep_windows_mb) * 1e6 / (windows_a_day * ROW_BYTES)
-    growth = f"grows by {windows_a_day * ROW_BYTES / 1e6:.1f} MB a day"
-    yield within(str(folder), f"room ({growth})", round(days), "days", LASTS_DAYS, None, "too small a disk")
+    growth_mb = windows_a_day * ROW_BYTES / 1e6
+    days = max(free_mb - config.store.keep_windows_mb, 0.0) / growth_mb
+    cause = f"too small a disk: the database grows by {growth_mb:.1f} MB a day"
+    yield within(str(folder), "room", round(days), "days", LASTS_DAYS, None, cause)
+
+
+def _try_to_write(path: Path, folder: Path) -> None:
+    """Writes a table that never is committed, in a database of its own where there is none yet.
+
+    The small cache makes SQLite put its pages on the disk at once.  Raises sqlite3.Error or OSError.
+    """
+    with TemporaryDirectory(dir=folder) as scratch:
+        target = path if path.exists() else Path(scratch) / "try.db"
+        with closing(sqlite3.connect(target, timeout=BUSY_S)) as db:
+            db.execute("PRAGMA cache_size = 1")
+            db.execute("BEGIN IMMEDIATE")
+            db.execute("CREATE TABLE doctor AS SELECT zeroblob(?) AS content", [TRIED_BYTES])
+            db.rollback()
 
 
 def _windows_a_day(path: Path) -> float:
-    """Over the newest scores in the database, 0 for too few to tell.  Raises ReaderError."""
+    """Over the newest scores in the database, 0 for too few to tell.  Raises ReaderError or sqlite3.Error."""
     with open_readonly(path) as reader:
         newest = [reader.scores(joint.name, limit=1000) for joint in reader.joints()]
     spans = [(len(scores), (scores[-1].time - scores[0].time).total_seconds()) for scores in newest if scores]

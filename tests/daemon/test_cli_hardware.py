@@ -94,5 +94,8 @@ def test_doctor_names_the_wrong_device(tmp_path: Path, monkeypatch: pytest.Monke
         found = json.loads(result.stdout)["checks"]
     assert result.exit_code == 1
     bad = [f"{check['check']} {check['value']} {check['cause']}" for check in found if not check["ok"]]
+    silent = {check["check"]: check for check in found if check["subject"] == "tip"}
+    assert set(silent) == {"identity", "samples"}
+    assert silent["samples"]["cause"] == silent["identity"]["cause"] != ""
     assert any("AX-18A" in text for text in bad), bad
     assert any(emulator.paths[1] in text or "tip" in text for text in map(str, found)), found
