@@ -169,11 +169,12 @@ def trend(
 @click.option("--duration", type=float, callback=positive, metavar="S", required=True, help="Seconds to record.")
 @click.option("-o", "--output", type=FILE, metavar="REC", required=True, help="Recording to write (CSV).")
 @click.option("--joint", metavar="NAME", help="Which joint; needed when there are several.")
-def record(config: Path, duration: float, output: Path, joint: str | None) -> None:
+@as_json
+def record(config: Path, duration: float, output: Path, joint: str | None, as_json: bool) -> None:
     """Measure a joint into a recording.  Ctrl-C ends it early; what was measured stays."""
     from lostmotion.daemon.commands.record import record
 
-    record(config, duration, output, joint)
+    record(config, duration, output, joint, as_json)
 
 
 @cli.command()

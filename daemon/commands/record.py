@@ -14,6 +14,7 @@ import numpy as np
 
 from lostmotion.daemon import config as configuration
 from lostmotion.daemon.commands.devices import Devices, Event
+from lostmotion.daemon.commands.output import print_json
 from lostmotion.daemon.config import Config
 from lostmotion.daemon.records import iso
 from lostmotion.drivers.base import AccelBlock, ServoReading
@@ -27,13 +28,14 @@ class RecordError(LostmotionError):
     """The joint to record is not clear, or nothing came of it."""
 
 
-class Losses:
-    """What did not make it into the recording, by kind."""
+class Tally:
+    """How many samples made it into the recording, by device, and what did not, by kind."""
 
     def __init__(self) -> None:
+        self.samples = {"servo": 0, "accelerometer": 0}
         self.counts = {"lost": 0, "late": 0, "broken": 0, "silent": 0}
 
-    def add(self, data: ServoReading | AccelBlock) -> None:
+    def add_losses(self, data: ServoReading | AccelBlock) -> None:
         """Counts what one reading tells of losses."""
         for kind in self.counts:
             value = getattr(data, kind, 0)
@@ -43,11 +45,14 @@ class Losses:
         return ", ".join(f"{count} {kind}" for kind, count in self.counts.items() if count)
 
 
-def record(given: Path, duration_s: float, output: Path, joint: str | None) -> None:
+def record(given: Path, duration_s: float, output: Path, joint: str | None, as_json: bool) -> None:
     """Measures for ``duration_s`` seconds of robot time from when both devices have said who they are; Ctrl-C, or a
-    device that goes away, leaves what came until then.  Raises RecordError, ConfigError, DriverError."""
+    device that goes away, leaves what came until then.  ``as_json``: prints what was measured.
+
+    Raises RecordError, ConfigError, DriverError.
+    """
     config = _alone(configuration.load(given), joint)
-    devices, losses = Devices(config), Losses()
+    devices, tally = Devices(config), Tally()
     with devices:
         for event in devices.identities():
             _check(event)
@@ -56,15 +61,20 @@ def record(given: Path, duration_s: float, output: Path, joint: str | None) -> N
         try:
             with _progress(duration_s) as advance:
                 for event in devices.events(duration_s):
-                    _take(event, recorder, losses, start, start + duration_s)
+                    _take(event, recorder, tally, start, start + duration_s)
                     advance(min(devices.clock.now() - start, duration_s))
         finally:
             recorder.close()
-            losses.counts["late"] += recorder.late
-            missing = f" ({losses})" if str(losses) else ""
+            tally.counts["late"] += recorder.late
+            measured_s = min(devices.clock.now() - start, duration_s)
+            missing = f" ({tally})" if str(tally) else ""
             sys.stderr.write(f"{output}: {recorder.rows} rows of joint {config.joints[0].name}{missing}\n")
     if recorder.rows == 0:
         raise RecordError(f"{output}: found no samples in {duration_s:g} s; try `lostmotion doctor --config {given}`")
+    if as_json:
+        rates = {device: count / measured_s for device, count in tally.samples.items()}
+        document = {"path": str(output), "joint": config.joints[0].name, "rows": recorder.rows, "duration": measured_s}
+        print_json(document | {"rates": rates, "losses": tally.counts})
 
 
 def _alone(config: Config, asked: str | None) -> Config:
@@ -109,17 +119,20 @@ def _check(event: Event) -> None:
             raise IdentityError(f"{identity.name}: found {identity.found}, expected {identity.expected}")
 
 
-def _take(event: Event, recorder: Recorder, losses: Losses, start: float, end: float) -> None:
+def _take(event: Event, recorder: Recorder, tally: Tally, start: float, end: float) -> None:
     """Writes what the event brings in start <= robot time [s] < end."""
     _check(event)
     data = event.data
     if isinstance(data, ServoReading):
-        recorder.add_servo([sample for sample in data.samples if start <= sample.time < end])
+        samples = [sample for sample in data.samples if start <= sample.time < end]
+        recorder.add_servo(samples)
+        tally.samples["servo"] += len(samples)
     elif isinstance(data, AccelBlock):
         part = slice(*np.searchsorted(data.time, [start, end], "left"))
         recorder.add_accel(AccelBlock(data.time[part], data.accel[part]))
+        tally.samples["accelerometer"] += len(data.time[part])
     if data is not None:
-        losses.add(data)
+        tally.add_losses(data)
 
 
 @contextmanager

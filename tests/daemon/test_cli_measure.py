@@ -85,6 +85,16 @@ def test_record_wants_one_joint(robot: Path) -> None:
     assert read_recording("r.csv").metadata["joint"] == "wrist"
 
 
+def test_record_json(robot: Path) -> None:
+    """One document says what was measured: file, joint, rows, length and the rates of both devices."""
+    found = documents(call("record", "--config", robot, "--duration", "1.5", "-o", "r.csv", "--json"))
+    rows = len(read_recording("r.csv").time)
+    assert (found["path"], found["joint"], found["rows"]) == ("r.csv", "elbow", rows)
+    assert found["duration"] == pytest.approx(1.5)
+    assert found["rates"] == pytest.approx({"servo": 100, "accelerometer": 1000}, rel=0.02)
+    assert found["losses"] == {"lost": 0, "late": 0, "broken": 0, "silent": 0}
+
+
 def test_record_without_the_device(robot: Path) -> None:
     """A missing port: status 2, and the error's own line."""
     robot.write_text(HARDWARE)
@@ -206,7 +216,7 @@ def test_disk_and_database(robot: Path) -> None:
     assert [check.check for check in checks] == ["database", "free space", "room"]
     assert all(check.ok for check in checks)
     assert Path("history.db").read_bytes() == before
-    assert {path.name for path in Path().iterdir()} <= {"history.db", "history.db.lock", "robot.toml"}
+    assert {path.name.partition("-")[0] for path in Path().iterdir()} <= {"history.db", "history.db.lock", "robot.toml"}
 
 
 def test_database_of_something_else(robot: Path) -> None:
