@@ -188,7 +188,19 @@ def test_run_tells_where_the_database_is(tmp_path: Path) -> None:
     out, err = process.communicate(timeout=30)
     assert process.returncode == 0
     assert out == ""
-    assert err.splitlines()[0] == "robot arm2; database history.db"
+    assert err.splitlines()[0].endswith("robot arm2; database history.db")
+
+
+def test_run_that_cannot_start_says_so_in_one_line(tmp_path: Path) -> None:
+    """A database that cannot be opened and a folder in its place: status 2, and one line in all on stderr."""
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "text").write_text("no database" * 999)
+    for path, words in (("folder", "found a directory, folder"), ("text", "no SQLite database")):
+        (tmp_path / "robot.toml").write_text(HARDWARE.replace("history.db", path))
+        process = start("run", "--config", "robot.toml", "--duration", "0.2", folder=tmp_path)
+        out, err = process.communicate(timeout=30)
+        assert (process.returncode, out, err.count("\n")) == (2, "", 1), err
+        assert words in err
 
 
 def test_interrupted_recording_is_valid(tmp_path: Path) -> None:
