@@ -81,7 +81,8 @@ def check_disk(config: Config) -> Iterator[Check]:
     except LostmotionError as found:
         error = str(found)
     except (sqlite3.Error, OSError) as found:
-        error = f"{found}: another user owns it, the disk is full, or it is damaged; then try sqlite3's .recover on it"
+        reason = getattr(found, "strerror", found)
+        error = f"{reason}: another user owns it, the disk is full, or it is damaged; then try sqlite3's .recover on it"
     windows_a_day = windows_a_day or WINDOWS_A_DAY * len(config.joints)
     value = "unusable" if error else "usable"
     yield Check(str(path), "database", value, "", "readable and writable", not error, error)
