@@ -65,7 +65,8 @@ class SimulatedRobot(VirtualClock):
         assert isinstance(robot, SimulatedOptions)
         speed = math.inf if robot.speed == "max" else robot.speed
         now = datetime.now(UTC)
-        super().__init__(as_utc(robot.start or now - timedelta(seconds=YEAR_S if skips(speed) else 0)))
+        # Time that runs fast would soon be ahead of the calendar, were it to start today.
+        super().__init__(as_utc(robot.start or now - timedelta(seconds=YEAR_S if speed > 1 else 0)))
         self._options = robot
         self._speed = speed
         self._pace = pace or Pace(speed)

@@ -36,8 +36,8 @@ class SimulatedAccelerometerOptions(AccelerometerOptions, frozen=True, kw_only=T
 
 class SimulatedOptions(RobotOptions, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """speed: 1 is real time, 525600 a year in a minute, "max" as fast as it is read; start: UTC of robot time 0, by
-    default now, or a year ago where time is skipped; motion: as ``lostmotion simulate --motion`` takes it; seed: of
-    motion and noise."""
+    default now, or a year ago where time runs faster than real time; motion: as ``lostmotion simulate --motion`` takes
+    it; seed: of motion and noise."""
 
     speed: Positive | Literal["max"] = 1.0
     start: datetime | None = None

@@ -189,11 +189,29 @@ def test_real_time_is_waited_for() -> None:
     assert clock.now() == pytest.approx(0.5)
 
 
+@pytest.mark.parametrize("speed", [1.0, 4.0])
+def test_no_sample_is_ahead_of_the_clock_or_the_calendar(speed: float) -> None:
+    """Whatever has been read lies in the past, by the robot's clock and by the host's."""
+    settings = SimulatedOptions(speed=speed)
+    clock = SimulatedRobot(settings)
+    options = SimulatedAccelerometerOptions(
+        name="tip", driver="simulated", rate_hz=200.0, oscillator=OscillatorOptions(f_res_hz=58.0)
+    )
+    sensor = SimulatedAccelerometer(options, settings, clock)
+    sensor.open()
+    for _ in range(6):
+        last = sensor.read().time[-1]
+        assert last < clock.now()
+        assert clock.utc(last) < datetime.now(UTC)
+
+
 def test_start_in_utc() -> None:
-    """Robot time 0 is now, a year ago where time is skipped, or what the options say."""
+    """Robot time 0 is now, a year ago where time runs faster than real time, or what the options say."""
     now = datetime.now(UTC)
-    assert abs(Robot([0.0]).clock.utc(0) - now) < timedelta(minutes=1)
-    assert abs(Robot([0.0], speed=525600.0).clock.utc(YEAR_S) - now) < timedelta(minutes=1)
+    for speed in (0.5, 1.0):
+        assert abs(Robot([0.0], speed=speed).clock.utc(0) - now) < timedelta(minutes=1)
+    for speed in (1.5, 4.0, 525600.0, "max"):
+        assert abs(Robot([0.0], speed=speed).clock.utc(YEAR_S) - now) < timedelta(minutes=1)
     assert Robot([0.0], start=datetime(2026, 1, 1)).clock.utc(60) == datetime(2026, 1, 1, 0, 1, tzinfo=UTC)
 
 
