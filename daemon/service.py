@@ -109,7 +109,8 @@ class Service:
         """Everything that has to be there before the first sample."""
         self._begin()
         self._notifier.ready()
-        log.info("started: robot %s, %d joints", self._config.robot.name, len(self._config.joints))
+        config = self._config
+        log.info("started: robot %s, %d joints, database %s", config.robot.name, len(config.joints), config.database)
 
     def main_loop(self, duration_s: float | None) -> None:
         """Steps until there is a reason to stop."""

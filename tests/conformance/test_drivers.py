@@ -115,7 +115,12 @@ def test_unknown_keys_are_refused(case: Case) -> None:
     """A misspelt key in a table is an error, not ignored."""
     row = get_driver(case.driver)
     kind = row.joint_options if case.joints else row.accelerometer_options
-    given = {"name": "a", "driver": case.driver, **(case.joints[0] if case.joints else case.accelerometer)}
+    given = {
+        "name": "a",
+        "driver": case.driver,
+        "port": "/dev/ttyUSB0",
+        **(case.joints[0] if case.joints else case.accelerometer),
+    }
     msgspec.convert(given, kind)
     with pytest.raises(msgspec.ValidationError, match="bodrate"):
         msgspec.convert({**given, "bodrate": 1}, kind)

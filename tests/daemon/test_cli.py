@@ -182,13 +182,13 @@ def test_closed_stdout(tmp_path: Path, arguments: list[str]) -> None:
 
 
 def test_run_tells_where_the_database_is(tmp_path: Path) -> None:
-    """The first line on stderr names the robot and the database, stdout stays empty."""
+    """The service's first word names the robot and the database, stdout stays empty."""
     (tmp_path / "robot.toml").write_text(HARDWARE)
     process = start("run", "--config", "robot.toml", "--duration", "0.2", folder=tmp_path)
     out, err = process.communicate(timeout=30)
     assert process.returncode == 0
     assert out == ""
-    assert err.splitlines()[0].endswith("robot arm2; database history.db")
+    assert "INFO    started: robot arm2, 1 joints, database history.db\n" in err
 
 
 def test_run_that_cannot_start_says_so_in_one_line(tmp_path: Path) -> None:
