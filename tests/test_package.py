@@ -13,6 +13,9 @@ import pytest
 
 from tests.conftest import ROOT
 
+# One worker builds: two at once would write the same egg-info.
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("package")]
+
 
 def run(*command: str | Path, cwd: Path, **environment: str) -> str:
     """Standard output of a command that must succeed, with nothing of this environment but the given variables."""
@@ -41,7 +44,6 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "env"
 
 
-@pytest.mark.slow
 def test_wheel_runs_the_simulated_robot(installed: Path, tmp_path: Path) -> None:
     """The installed command scores the simulated robot and tells its history, with no source tree in reach."""
     where = run(
@@ -55,7 +57,6 @@ def test_wheel_runs_the_simulated_robot(installed: Path, tmp_path: Path) -> None
     assert len(history["scores"]) >= 3
 
 
-@pytest.mark.slow
 def test_wheel_carries_types_and_defaults(installed: Path) -> None:
     """py.typed, the default configuration and the licence are in the installed package."""
     (package,) = installed.glob("lib/python*/site-packages/lostmotion")
