@@ -54,7 +54,7 @@ show() {
 show config check robot.toml
 show record --config robot.toml --joint elbow --duration 2 -o new.csv   # compiles the model where it never was
 show score new.csv --config robot.toml
-show run --config robot.toml --duration 38
+show run --config robot.toml --duration 36
 show status --config robot.toml
 show history shoulder --config robot.toml --limit 5
 show history elbow --config robot.toml --limit 5
