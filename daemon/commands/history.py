@@ -64,7 +64,7 @@ def _row(score: ScoreRow, full: float) -> list[str]:
     colour = "red" if score.impact else "green"
     return [
         times.local(score.time),
-        "-" if math.isnan(score.score) else f"{score.score:.2f}",
+        output.number(score.score),
         f"[{colour}]{output.bar(score.score, full)}[/{colour}]",
         f"{score.level:.2f}",
         "impact" if score.impact else "",

@@ -9,7 +9,7 @@ from typing import Any
 
 import msgspec
 
-__all__ = ["arcmin", "bar", "print_json", "print_lines", "print_markup", "print_table"]
+__all__ = ["arcmin", "bar", "number", "print_json", "print_lines", "print_markup", "print_table"]
 
 WIDE = 160
 """Columns of a table that goes to a file or a pipe: wide enough that nothing is cut off."""
@@ -48,6 +48,11 @@ def _print(*items: object) -> None:
     from rich.console import Console
 
     Console(width=None if sys.stdout.isatty() else WIDE, highlight=False).print(*items, sep="\n")
+
+
+def number(value: float) -> str:
+    """A score with two decimals, "-" where there is none."""
+    return "-" if math.isnan(value) else f"{value:.2f}"
 
 
 def arcmin(angle: float) -> str:

@@ -110,7 +110,7 @@ def _row(window: Score) -> list[str]:
     return [
         f"{window.time:.3f}",
         f"{window.duration:.3f}",
-        "-" if math.isnan(window.score) else f"{window.score:.2f}",
+        output.number(window.score),
         "impact" if window.impact else "",
         output.arcmin(window.play),
         window.quality,

@@ -89,7 +89,7 @@ def _row(status: JointStatus, now: datetime) -> list[str]:
     numbers = ["-", "-", "-", "none yet"]
     if last:
         when = times.ago(last.time, now)
-        numbers = [f"{last.score:.2f}", f"{last.level:.2f}", output.arcmin(last.play), when]
+        numbers = [output.number(last.score), f"{last.level:.2f}", output.arcmin(last.play), when]
     return [escape(joint.name), f"[{colour}]{joint.health.value}[/{colour}]", *numbers, escape(joint.reason)]
 
 

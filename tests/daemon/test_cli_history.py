@@ -48,6 +48,7 @@ def test_status_for_people(database: Path) -> None:
     text = call("status", "--database", database).stdout
     assert "WARNING" in text
     assert "3.4'" in text
+    assert "nan" not in text
     assert "alarm: elbow: warning: half of the windows (raised 2026-01-01 00:00:00.0 UTC)" in text
     assert "\x1b" not in text
 

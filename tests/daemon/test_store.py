@@ -224,8 +224,10 @@ def test_two_services_do_not_share_a_database(path: Path) -> None:
 
 
 def test_a_new_configuration_renames_the_robot_in_an_open_database(path: Path) -> None:
-    """What SIGHUP may change in the store is taken with the next row."""
+    """What SIGHUP may change in the store is taken with the next row; the first name is there at once."""
     with closing(Store(path, "arm1")) as store:
+        with store.reader() as reader:
+            assert reader.robot() == "arm1"
         store.configure("arm2", 1.0)
         store.add(FULL)
     with open_readonly(path) as reader:
