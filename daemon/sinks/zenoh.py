@@ -12,11 +12,12 @@ import logging
 import re
 import threading
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from datetime import datetime
 
 import msgspec
 import zenoh
-from zenoh.ext import AdvancedPublisher, CacheConfig, declare_advanced_publisher
+from zenoh.ext import AdvancedPublisher, CacheConfig, MissDetectionConfig, declare_advanced_publisher
 
 from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.records import AlarmRow, JointRow, ScoreRow, iso
@@ -32,6 +33,8 @@ LAST_RETRY_S = 30.0
 CLOSE_S = 2.0
 CACHED = 8
 """transitions of a joint that an advanced subscriber may ask for"""
+HEARTBEAT_S = 1.0
+"""how soon a subscriber learns that it has missed a transition [s]"""
 
 
 class ZenohSink:
@@ -42,7 +45,7 @@ class ZenohSink:
         self._options = options
         self._session: zenoh.Session | None = None
         self._token: zenoh.LivelinessToken | None = None  # gone from the network when it is gone from here
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()  # held over a whole _keep, so that no older value follows a newer one
         self._latest: dict[tuple[str, str], bytes] = {}
         self._publishers: dict[str, AdvancedPublisher] = {}
         self._failing = False
@@ -72,18 +75,18 @@ class ZenohSink:
     def close(self) -> None:
         """Closes the session: an open one would keep the interpreter from ending."""
         self._closing.set()
-        self._thread.join(CLOSE_S)
         with self._lock:
             session, self._session = self._session, None
             self._publishers.clear()
         if session is not None:
             session.close()  # type: ignore[no-untyped-call]
+        self._thread.join(CLOSE_S)
 
     def _keep(self, key: str, kind: str, payload: bytes) -> None:
         """Publishes what late joiners will ask for."""
         with self._lock:
             self._latest[key, kind] = payload
-        self._publish(lambda session: self._publisher(session, key).put(payload))
+            self._publish(lambda session: self._publisher(session, key).put(payload))
 
     def _put(self, key: str, payload: bytes) -> None:
         # Express: a window's score is alone and has no batch to wait for.
@@ -113,15 +116,27 @@ class ZenohSink:
                 express=True,
                 cache=CacheConfig(max_samples=CACHED),
                 publisher_detection=True,
+                # Without sequence numbers a subscriber to several keys drops what is older than another key's sample.
+                sample_miss_detection=MissDetectionConfig(heartbeat=None, sporadic_heartbeat=HEARTBEAT_S),
             )
         return self._publishers[key]
 
-    def _answer(self, query: zenoh.Query) -> None:
-        """Tells the newest alarms or health of the joints that a query names."""
-        for (name, _), payload in list(self._latest.items()):  # no lock: Zenoh may be waiting in a put that holds it
-            key = f"{self._prefix}/{name}"
-            if query.key_expr.intersects(zenoh.KeyExpr(key)):
-                query.reply(key, payload, encoding=zenoh.Encoding.APPLICATION_JSON)
+    def _answer(self, queryable: zenoh.Queryable[zenoh.handlers.Handler[zenoh.Query]]) -> None:
+        """Tells the newest alarms and health of the joints that queries name, until the session is closed.
+
+        In a thread that ``close`` can wait for: Zenoh's own threads for Python callbacks outlive the session, and one
+        that returns while the interpreter ends aborts it.
+        """
+        while True:
+            try:
+                query = queryable.recv()
+            except zenoh.ZError:
+                return
+            with query, suppress(zenoh.ZError):
+                for (name, _), payload in list(self._latest.items()):
+                    key = f"{self._prefix}/{name}"
+                    if query.key_expr.intersects(zenoh.KeyExpr(key)):
+                        query.reply(key, payload, encoding=zenoh.Encoding.APPLICATION_JSON)
 
     def _open(self) -> None:
         pause = FIRST_RETRY_S
@@ -129,14 +144,14 @@ class ZenohSink:
             try:
                 session = zenoh.open(_config(self._options))
                 self._token = session.liveliness().declare_token(f"{self._prefix}/alive")
-                for kind in ("alarm", "health"):
-                    session.declare_queryable(f"{self._prefix}/*/{kind}", self._answer)
+                queryable = session.declare_queryable(f"{self._prefix}/*/*")
             except zenoh.ZError as error:
                 self._say(f"session not open, trying again: {_brief(error)}")
                 self._closing.wait(pause)
                 pause = min(2 * pause, LAST_RETRY_S)
                 continue
             self._use(session)
+            self._answer(queryable)
             return
 
     def _use(self, session: zenoh.Session) -> None:
@@ -145,12 +160,11 @@ class ZenohSink:
                 session.close()  # type: ignore[no-untyped-call]
                 return
             self._session = session
-            latest = list(self._latest.items())
+            for (key, kind), payload in list(self._latest.items()):
+                self._keep(key, kind, payload)
         log.info("zenoh: session open as %s %s", self._options.mode, session.zid())
         if self._options.connect and not (session.info.routers_zid() or session.info.peers_zid()):
             log.warning("zenoh: nobody answers at %s yet; it is tried on", ", ".join(self._options.connect))
-        for (key, kind), payload in latest:
-            self._keep(key, kind, payload)
 
     def _say(self, problem: str) -> None:
         """Logs when publishing begins to fail and when it works again, not every time."""
