@@ -76,8 +76,9 @@ class Robot:
     def fault(self, joint: JointOptions) -> str | None:
         """What keeps a joint from being heard, "" when nothing does; None while its devices have not shown it yet."""
         faults = [self._fault(member) for member in (joint.name, joint.accelerometer)]
-        known = [fault for fault in faults if fault]
-        return known[0] if known else None if None in faults else ""
+        if None in faults and not any(faults):
+            return None
+        return next((fault for fault in faults if fault), "")
 
     def _fault(self, member: str) -> str | None:
         poller = self._by_member[member]

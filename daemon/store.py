@@ -71,6 +71,7 @@ class Store:
             self._db = _open(path)
             with self._db:
                 self._write([])
+            self._robot_written = robot
             self._joints = dict(self._db.execute("SELECT name, id FROM joint"))
             self._kept_bytes = self._db.execute("SELECT coalesce(sum(bytes), 0) FROM window").fetchone()[0]
         except sqlite3.Error as error:

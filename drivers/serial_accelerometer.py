@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from lostmotion.drivers.base import AccelBlock, AccelerometerOptions, Identity
+from lostmotion.drivers.base import GATHER_S, AccelBlock, AccelerometerOptions, Identity
 from lostmotion.drivers.clock import Clock
 from lostmotion.drivers.errors import DriverError
 from lostmotion.drivers.serial_port import SerialPort
@@ -21,8 +21,6 @@ from lostmotion.drivers.timeline import Timeline
 
 __all__ = ["Format", "Readings", "SerialAccelerometer"]
 
-GATHER_S = 0.01
-"""bytes gather for this long between reads: at 1 kHz ten samples cost little more than one"""
 WAIT_S = 0.25
 LISTEN_S, SILENCE_S = 0.6, 2.5
 """how long to measure a rate; how long to wait for the first reading (a microcontroller may boot when opened)"""
