@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -13,8 +14,9 @@ import pytest
 
 from tests.conftest import ROOT
 
-# One worker builds: two at once would write the same egg-info.
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("package")]
+pytestmark = pytest.mark.slow
+
+NOT_SOURCE = shutil.ignore_patterns(".*", "__pycache__", "*.egg-info", "build", "dist")
 
 
 def run(*command: str | Path, cwd: Path, **environment: str) -> str:
@@ -26,12 +28,14 @@ def run(*command: str | Path, cwd: Path, **environment: str) -> str:
     return done.stdout
 
 
-@pytest.fixture(scope="module")
-def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of an environment that has the wheel installed, with this environment's dependencies in reach."""
-    folder = tmp_path_factory.mktemp("package")
+def installed(folder: Path) -> Path:
+    """An environment that has the wheel installed, with this environment's dependencies in reach.
+
+    It is built from a copy: setuptools writes beside the source, where other tests and other runs are at work.
+    """
+    shutil.copytree(ROOT, folder / "tree", symlinks=True, ignore=NOT_SOURCE)
     build = ("-m", "build", "--no-isolation", "--outdir", folder)
-    run(sys.executable, *build, "--sdist", ROOT, cwd=folder)
+    run(sys.executable, *build, "--sdist", folder / "tree", cwd=folder)
     (sdist,) = folder.glob("*.tar.gz")
     run("tar", "xzf", sdist, cwd=folder)
     source = folder / sdist.name.removesuffix(".tar.gz")
@@ -44,22 +48,19 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "env"
 
 
-def test_wheel_runs_the_simulated_robot(installed: Path, tmp_path: Path) -> None:
-    """The installed command scores the simulated robot and tells its history, with no source tree in reach."""
+def test_wheel_is_whole_and_runs_the_simulated_robot(tmp_path: Path) -> None:
+    """The installed command scores the simulated robot with no source tree in reach; types and licence came along."""
+    environment = installed(tmp_path)
     where = run(
-        installed / "bin/python", "-c", "import lostmotion.daemon as d; print(d.__path__[0])", cwd=tmp_path
+        environment / "bin/python", "-c", "import lostmotion.daemon as d; print(d.__path__[0])", cwd=tmp_path
     ).strip()
-    assert where.startswith(str(installed))
-    lostmotion = installed / "bin/lostmotion"
+    assert where.startswith(str(environment))
+    lostmotion = environment / "bin/lostmotion"
     run(lostmotion, "run", "--duration", "6", cwd=tmp_path, HOME=str(tmp_path))
     history = json.loads(run(lostmotion, "history", "elbow", "--json", cwd=tmp_path, HOME=str(tmp_path)))
     assert history["joint"] == "elbow"
     assert len(history["scores"]) >= 3
-
-
-def test_wheel_carries_types_and_defaults(installed: Path) -> None:
-    """py.typed, the default configuration and the licence are in the installed package."""
-    (package,) = installed.glob("lib/python*/site-packages/lostmotion")
+    (package,) = environment.glob("lib/python*/site-packages/lostmotion")
     assert (package / "py.typed").is_file()
     assert (package / "daemon/simulated.toml").is_file()
     assert list(package.parent.glob("lostmotion-*.dist-info/licenses/LICENSE"))
