@@ -2,14 +2,16 @@
 
 LostmotionError
 ├── ModelFileError           a model file that cannot be read or makes no sense
-└── SimulationError          what is asked of the model cannot be simulated
+├── SimulationError          what is asked of the model cannot be simulated
+├── ExperimentError          a recording that this model cannot be held against
+└── EffectFileError          a file with an effect of the user's own that cannot be used
 """
 
 from __future__ import annotations
 
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["ModelFileError", "SimulationError"]
+__all__ = ["EffectFileError", "ExperimentError", "ModelFileError", "SimulationError"]
 
 
 class ModelFileError(LostmotionError):
@@ -18,3 +20,11 @@ class ModelFileError(LostmotionError):
 
 class SimulationError(LostmotionError):
     """What is asked of the model cannot be simulated; one line says why."""
+
+
+class ExperimentError(LostmotionError):
+    """The recording cannot be held against the model; one line says what was found and what the base needs."""
+
+
+class EffectFileError(LostmotionError):
+    """The user's own effect cannot be used; one line says where and why."""

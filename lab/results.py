@@ -1,0 +1,202 @@
+"""What the lab finds, as values: fits, comparisons, explanations, ladders.  Nothing is computed here.
+
+``document()`` of each is what ``--json`` prints; the keys are promises to other programs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from lostmotion.lab.experiment import Experiment
+from lostmotion.model import Model
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["Curve", "Errors", "Estimate", "Explanation", "Finding", "Fit", "Ladder", "Ranked", "Rung", "Verdict"]
+
+Verdict = Literal["missing", "nothing_missing", "outside_catalogue"]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter with its 95 % confidence interval, SI units.
+
+    told: whether these recordings can tell it; at_bound: whether the fit pushed it against a bound.
+    """
+
+    name: str
+    value: float
+    low: float
+    high: float
+    unit: str
+    told: bool = True
+    at_bound: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A model fitted to experiments.
+
+    starts: the state (n,) with which each experiment begins; correlation: (P, P) of the estimates; noise, rms: by
+    column, its unit; substep_s: the integration step that was used; complete: False when the user stopped it early.
+    """
+
+    model: Model
+    experiments: tuple[Experiment, ...]
+    starts: tuple[FloatArray, ...]
+    estimates: tuple[Estimate, ...]
+    correlation: FloatArray
+    noise: Mapping[str, float]
+    rms: Mapping[str, float]
+    substep_s: float
+    complete: bool = True
+
+    def document(self) -> dict[str, Any]:
+        """The keys of ``lab fit --json``."""
+        return {
+            "base": self.model.base,
+            "effects": list(self.model.effects),
+            "parameters": {e.name: [_number(v) for v in (e.value, e.low, e.high)] for e in self.estimates},
+            "units": {e.name: e.unit for e in self.estimates},
+            "not_told": [e.name for e in self.estimates if not e.told],
+            "at_bound": [e.name for e in self.estimates if e.at_bound],
+            "correlation": {
+                "names": [e.name for e in self.estimates],
+                "matrix": np.round(self.correlation, 4).tolist(),
+            },
+            "rms": dict(self.rms),
+            "noise": dict(self.noise),
+            "complete": self.complete,
+        }
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """An effect of the catalogue, tried: errors on data that the fit has not seen, and how likely chance did it."""
+
+    effect: str
+    rms_before: float
+    rms_after: float
+    p_value: float
+    parameters: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    """value, low, high (95 %) of each of its parameters."""
+
+    def document(self) -> dict[str, Any]:
+        """One entry of ``ranking``."""
+        numbers = {name: _number(getattr(self, name)) for name in ("rms_before", "rms_after", "p_value")}
+        parameters = {name: [_number(v) for v in triple] for name, triple in self.parameters.items()}
+        return {"effect": self.effect, **numbers, "parameters": parameters}
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Root mean squares on data that the fit has not seen, and of the noise."""
+
+    before: float
+    after: float
+    noise: float
+    unit: str
+
+    def document(self) -> dict[str, Any]:
+        """The key ``error``."""
+        return {"before": _number(self.before), "after": _number(self.after), "noise": _number(self.noise),
+                "unit": self.unit}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """The shape of what no effect explains: its mean over a variable with a 95 % band, each (K,)."""
+
+    variable: str
+    unit: str
+    x: FloatArray
+    mean: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Finding:
+    """The structure that is left: the equation it acts on, the variables it depends on, in words and as a curve."""
+
+    acts_on: str
+    depends_on: tuple[str, ...]
+    description: str
+    curve: Curve | None = None
+    formula: str | None = None
+
+    def document(self) -> dict[str, Any]:
+        """The key ``residual``."""
+        found: dict[str, Any] = {"acts_on": self.acts_on, "depends_on": list(self.depends_on),
+                                 "description": self.description, "formula": self.formula}  # fmt: skip
+        if self.curve is not None:
+            arrays = {name: getattr(self.curve, name).tolist() for name in ("x", "mean", "low", "high")}
+            found["curve"] = {"variable": self.curve.variable, "unit": self.curve.unit, **arrays}
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """What is missing from a model.
+
+    missing: strongest first; confusable: groups that these recordings cannot tell apart; ranking: best first;
+    detectable: for each effect the size of its main parameter (name, value) that would have been seen, where nothing
+    is missing; base, best: the fits without and with what is missing.
+    """
+
+    verdict: Verdict
+    missing: tuple[str, ...]
+    confusable: tuple[tuple[str, ...], ...]
+    ranking: tuple[Ranked, ...]
+    error: Errors
+    residual: Finding | None
+    advice: str
+    detectable: Mapping[str, tuple[str, float]]
+    base: Fit
+    best: Fit
+
+    def document(self) -> dict[str, Any]:
+        """The keys of ``lab explain --json``."""
+        return {
+            "verdict": self.verdict,
+            "missing": list(self.missing),
+            "confusable": [list(group) for group in self.confusable],
+            "ranking": [entry.document() for entry in self.ranking],
+            "error": self.error.document(),
+            "residual": self.residual.document() if self.residual else None,
+            "advice": self.advice,
+            "detectable": {effect: {name: _number(size)} for effect, (name, size) in self.detectable.items()},
+            "parameters": {e.name: [_number(v) for v in (e.value, e.low, e.high)] for e in self.best.estimates},
+            "effects": list(self.best.model.effects),
+        }
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One step of the ladder: the active effects, the error on unseen data, the noise floor, its unit."""
+
+    effects: tuple[str, ...]
+    rms: float
+    noise: float
+    unit: str
+
+
+@dataclass(frozen=True, eq=False)
+class Ladder:
+    """How the error fell, effect by effect; last: the explanation that added nothing more."""
+
+    rungs: tuple[Rung, ...]
+    last: Explanation
+
+    def document(self) -> dict[str, Any]:
+        """The keys of ``lab improve --json``: those of explain, and the ladder."""
+        rungs = [{"effects": list(r.effects), "rms": _number(r.rms), "noise": _number(r.noise)} for r in self.rungs]
+        return {**self.last.document(), "ladder": rungs}
+
+
+def _number(value: float) -> float | None:
+    """JSON knows neither NaN nor infinity."""
+    return float(value) if np.isfinite(value) else None
