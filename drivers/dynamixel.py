@@ -1,7 +1,8 @@
 """Driver of ROBOTIS Dynamixel servos: AX and MX on protocol 1.0, X and MX on protocol 2.0, also mixed on one line.
 
 It only reads; it never moves a servo.  The port stands in ``dynamixel_port.py``, models and units in
-``codec/servo_state.py``; packets are made and checked by dynamixel-sdk.
+``codec/servo_state.py``.  Packets are made and checked by dynamixel-sdk, but for the one question that is put to each
+servo of protocol 1.0 at every poll: a sync read, which 1.0 has not, would ask all at once.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from lostmotion.drivers.base import (
     ServoSample,
 )
 from lostmotion.drivers.clock import Clock
+from lostmotion.drivers.codec.dynamixel import Question
 from lostmotion.drivers.codec.servo_state import ADDRESS, MODELS, Model, decode_state, model_name
 from lostmotion.drivers.dynamixel_port import BusPort
 from lostmotion.drivers.errors import DriverError
@@ -76,6 +78,11 @@ class DynamixelBus:
         _check(joints)
         self._clock = clock
         self._servos = [_Servo(j.name, j.id, MODELS[j.model], 1 / j.poll_hz) for j in joints]
+        self._questions = {
+            servo.id: Question(servo.id, ADDRESS[1], servo.model.block_size)
+            for servo in self._servos
+            if servo.model.protocol == 1
+        }
         self._port = BusPort(joints[0].port, joints[0].baudrate)
         self._handlers = {1: Protocol1PacketHandler(), 2: Protocol2PacketHandler()}
         self.resolution_rad = max(servo.model.step for servo in self._servos)
@@ -114,10 +121,11 @@ class DynamixelBus:
                 return ServoReading(silent=self._silent())
         now = self._clock.now()
         asked = [servo for servo in self._servos if servo.due <= now]
-        lone = [servo for servo in asked if servo.model.protocol == 1 or servo.pause]
+        lone = [servo for servo in asked if servo.model.protocol == 2 and servo.pause]
         samples = self._read_group([servo for servo in asked if servo.model.protocol == 2 and not servo.pause])
         for servo in lone:
             self._read_one(servo, samples)
+        self._read_in_turn([servo for servo in asked if servo.model.protocol == 1], samples)
         return ServoReading(tuple(samples), self._silent(), self._schedule(asked))
 
     def close(self) -> None:
@@ -138,10 +146,27 @@ class DynamixelBus:
                 return number, protocol
         return None, own
 
+    def _read_in_turn(self, servos: list[_Servo], samples: list[ServoSample]) -> None:
+        """Asks servos of protocol 1.0 one after the other; looks at the answers when all have come."""
+        while servos:
+            answers = self._port.ask([self._questions[servo.id] for servo in servos], self._clock.now)
+            for servo, (asked, answer) in zip(servos, answers, strict=False):
+                data = self._questions[servo.id].parameters(answer) or self._search(servo, answer)
+                self._take(servo, asked, data, samples)
+            servos = servos[len(answers) :]
+
+    def _search(self, servo: _Servo, answer: bytes) -> Sequence[int]:
+        """A servo's state block where its plain answer did not come: the SDK finds it among noise or in pieces."""
+        if not answer or len(answer) == self._questions[servo.id].length:
+            self._port.clearPort()
+            return b""
+        data: Sequence[int]
+        data, _, _ = self._handlers[1].readRx(self._port, servo.id, servo.model.block_size)
+        return data
+
     def _read_one(self, servo: _Servo, samples: list[ServoSample]) -> None:
         now = self._clock.now()
-        protocol, size = servo.model.protocol, servo.model.block_size
-        data, _, _ = self._handlers[protocol].readTxRx(self._port, servo.id, ADDRESS[protocol], size)
+        data, _, _ = self._handlers[2].readTxRx(self._port, servo.id, ADDRESS[2], servo.model.block_size)
         self._take(servo, now, data, samples)
 
     def _read_group(self, servos: list[_Servo]) -> list[ServoSample]:

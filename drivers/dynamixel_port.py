@@ -7,7 +7,9 @@ a clock that may step, knows a few baud rates only, and does not survive unplugg
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Sequence
 
+from lostmotion.drivers.codec.dynamixel import Question
 from lostmotion.drivers.serial_port import SerialPort
 
 __all__ = ["BusPort"]
@@ -29,11 +31,12 @@ class BusPort:
         self._byte_s = BITS_PER_BYTE / baudrate
         self._deadline = 0.0
         self._received = b""
+        self._quiet = False  # whether nothing but answers has come in
 
     def open(self) -> None:
         """Takes the port, and forgets an exchange that was cut off."""
         self._port.open()
-        self.is_using = False
+        self.is_using = self._quiet = False
         self._received = b""
 
     def close(self) -> None:
@@ -48,8 +51,27 @@ class BusPort:
             heard = self._port.read(left)
         return heard
 
+    def ask(self, questions: Sequence[Question], now: Callable[[], float]) -> list[tuple[float, bytes]]:
+        """Asks one servo after the other: the time ``now`` of each request, and what came in.
+
+        The first answer of another length than expected is the last one; ``readPort`` has it, too, and what may follow.
+        What came in before is forgotten only after an exchange that went another way: that costs a system call.
+        """
+        if not self._quiet:
+            self.clearPort()
+        longest = max(question.length for question in questions)
+        turns = [(question.request, question.length) for question in questions]
+        heard = self._port.converse(turns, self._patience(longest), now)
+        answer = heard[-1][1]
+        self._quiet = len(answer) == questions[len(heard) - 1].length
+        if not self._quiet:
+            self._received = answer
+            self.setPacketTimeout(longest)
+        return heard
+
     def clearPort(self) -> None:  # noqa: N802 - the SDK's name, as those below
         """Forgets what has come in."""
+        self._quiet = False
         self._port.discard_input()
         self._received = b""
 
@@ -72,8 +94,12 @@ class BusPort:
 
     def setPacketTimeout(self, packet_length: int) -> None:  # noqa: N802
         """An answer of so many bytes is expected from now on."""
-        self._deadline = time.monotonic() + packet_length * self._byte_s + LATENCY_S
+        self._deadline = time.monotonic() + self._patience(packet_length)
 
     def isPacketTimeout(self) -> bool:  # noqa: N802
         """Whether the answer should have come by now."""
         return time.monotonic() >= self._deadline
+
+    def _patience(self, length: int) -> float:
+        """How long an answer of so many bytes may take [s]."""
+        return length * self._byte_s + LATENCY_S

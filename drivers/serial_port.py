@@ -12,6 +12,7 @@ import os
 import select
 import termios
 import threading
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import serial
@@ -60,29 +61,35 @@ class SerialPort:
         Raises PortError when the port is closed or gone.
         """
         with self._busy:
-            fd = self._fd()
-            try:
-                if not self._poll.poll(max(0.0, timeout_s * 1000)):
-                    return b""
-                data = os.read(fd, CHUNK)
-            except BlockingIOError:  # another reader was quicker: a program that ignores the lock
-                return b""
-            except OSError as error:
-                raise self._gone(error) from error
-            if not data:  # Linux reports a device that went away as readable and empty
-                raise self._gone(None)
-            return data
+            return self._receive(self._fd(), max(0.0, timeout_s * 1000))
+
+    def converse(
+        self, turns: Sequence[tuple[bytes, int]], timeout_s: float, now: Callable[[], float]
+    ) -> list[tuple[float, bytes]]:
+        """Sends a request, waits for its answer, sends the next one: the time ``now`` of each, and what came in.
+
+        A turn is a request and the length of its answer [bytes].  The first answer of another length ends it; that is
+        b"" where none came within ``timeout_s``.  Raises PortError when the port is closed or gone.
+
+        All turns in one call, with nothing else between them: what Python does right after a wait costs several times
+        as much as at other times, because the caches are cold.
+        """
+        heard: list[tuple[float, bytes]] = []
+        with self._busy:
+            fd, timeout_ms = self._fd(), timeout_s * 1000
+            for request, length in turns:
+                asked = now()
+                self._send(fd, request)
+                answer = self._receive(fd, timeout_ms)
+                heard.append((asked, answer))
+                if len(answer) != length:
+                    break
+        return heard
 
     def write(self, data: bytes) -> int:
         """Sends the bytes; how many the port took.  Raises PortError when the port is closed or gone."""
         with self._busy:
-            fd = self._fd()
-            try:
-                return os.write(fd, data)
-            except BlockingIOError:
-                return 0
-            except OSError as error:
-                raise self._gone(error) from error
+            return self._send(self._fd(), data)
 
     def discard_input(self) -> None:
         """Forgets what has come in.  Raises PortError when the port is closed or gone."""
@@ -102,6 +109,27 @@ class SerialPort:
             with contextlib.suppress(OSError):  # unplugged: there is nothing left to give back
                 fcntl.ioctl(device.fileno(), termios.TIOCNXCL)
             device.close()
+
+    def _receive(self, fd: int, timeout_ms: float) -> bytes:
+        try:
+            if not self._poll.poll(timeout_ms):
+                return b""
+            data = os.read(fd, CHUNK)
+        except BlockingIOError:  # another reader was quicker: a program that ignores the lock
+            return b""
+        except OSError as error:
+            raise self._gone(error) from error
+        if not data:  # Linux reports a device that went away as readable and empty
+            raise self._gone(None)
+        return data
+
+    def _send(self, fd: int, data: bytes) -> int:
+        try:
+            return os.write(fd, data)
+        except BlockingIOError:
+            return 0
+        except OSError as error:
+            raise self._gone(error) from error
 
     def _fd(self) -> int:
         if self._serial is None:

@@ -10,7 +10,19 @@ from dataclasses import dataclass
 
 from lostmotion.drivers.codec.stream import StreamDecoder
 
-__all__ = ["BROADCAST", "PING", "READ", "STATUS", "SYNC_READ", "WRITE", "Packet", "crc16", "decoder", "encode"]
+__all__ = [
+    "BROADCAST",
+    "PING",
+    "READ",
+    "STATUS",
+    "SYNC_READ",
+    "WRITE",
+    "Packet",
+    "Question",
+    "crc16",
+    "decoder",
+    "encode",
+]
 
 PING, READ, WRITE, STATUS, SYNC_READ = 0x01, 0x02, 0x03, 0x55, 0x82
 BROADCAST = 0xFE
@@ -18,6 +30,8 @@ MAX_LENGTH_1, MAX_LENGTH_2 = 250, 1024
 """the largest length byte, or word, that is taken for one; the SDK's limits"""
 
 HEADER_1 = b"\xff\xff"
+SUM_1 = 0xFD
+"""of all bytes of a frame, modulo 256: the header's 0xFE and, with the checksum, 0xFF for the rest"""
 HEADER_2 = b"\xff\xff\xfd\x00"
 PATTERN = b"\xff\xff\xfd"
 
@@ -32,6 +46,23 @@ class Packet:
     id: int
     code: int
     parameters: bytes = b""
+
+
+class Question:
+    """A read instruction of protocol 1.0, made once and asked often: ``request`` is its frame.
+
+    ``length`` is that of the answer [bytes], which holds ``size`` parameters from ``address`` on.
+    """
+
+    def __init__(self, id: int, address: int, size: int) -> None:
+        self.request = _encode_1(Packet(id, READ, bytes((address, size))))
+        self.length = size + 6
+        self._start = HEADER_1 + bytes((id, size + 2))
+
+    def parameters(self, answer: bytes) -> bytes:
+        """Those of a frame that is this answer and nothing else, whatever its error byte says; else none."""
+        whole = len(answer) == self.length and answer.startswith(self._start) and sum(answer) & 0xFF == SUM_1
+        return answer[5:-1] if whole else b""
 
 
 def encode(packet: Packet, protocol: int) -> bytes:
