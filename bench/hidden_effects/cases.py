@@ -1,0 +1,199 @@
+"""One case: three recordings of a joint with something hidden in it, on disk.  What is hidden goes to truth.json.
+
+The strength of an effect is set by what it does: the change of the accelerometer's signal over half a second from the
+same start, over the noise, is brought into a window (RATIO) by the size of the effect and of the noise.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from bench.hidden_effects.catalogue import ACTS_ON, INSIDE, OUTSIDE, Random, Values, draw, rough, true_base
+from bench.hidden_effects.motion import hand_waved
+from bench.hidden_effects.physics import Command, follow, simulate
+
+__all__ = ["KINDS", "Case", "write_case"]
+
+FloatArray = NDArray[np.float64]
+KINDS = ("strong", "moderate", "nothing", "pair", "outside", "bounces")
+RATE_HZ, DURATION, LEAD, RECORDINGS = 800.0, 4.0, 0.5, 3
+"""The recording begins LEAD s after the motion: its initial state is nobody's knowledge."""
+RATIO = {"strong": (10.0, 20.0), "moderate": (3.0, 6.0)}
+NOISE = (0.05, 0.4)
+COUNTS = (16 * 9.80665 / 32768, 0.0118)
+RANGE = 16 * 9.80665
+STRETCH = 0.5
+UNITS = {"d": "m", "k": "N/m", "l": "m", "alpha": "N s/m", "b": "N s/m"}
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is hidden and how strongly: kind is one of KINDS, size "strong" or "moderate"."""
+
+    name: str
+    kind: str
+    effects: tuple[str, ...]
+    size: str
+    colour: str
+    seed: int
+
+
+@dataclass(frozen=True)
+class _Joint:
+    """A joint and three motions of it."""
+
+    values: Values
+    commands: tuple[Command, ...]
+
+
+def draw_case(kind: str, number: int, seed: int) -> Case:
+    """The number-th case of a kind; strong and moderate go through the catalogue in turn."""
+    rng = np.random.default_rng((seed, KINDS.index(kind), number))
+    turn = np.random.default_rng((seed, KINDS.index(kind))).permutation
+    size = kind if kind in RATIO else "strong"
+    effects: tuple[str, ...] = ()
+    if kind in RATIO:
+        effects = (INSIDE[turn(len(INSIDE))[number % len(INSIDE)]],)
+    elif kind == "outside":
+        effects = (OUTSIDE[turn(len(OUTSIDE))[number % len(OUTSIDE)]],)
+    elif kind == "pair":
+        first = str(rng.choice(INSIDE))
+        others = [name for name in INSIDE if ACTS_ON[name] != ACTS_ON[first]]
+        effects = (first, str(rng.choice(others)))
+    elif kind == "bounces" and number % 2:
+        effects = (str(rng.choice(INSIDE)),)
+    colour = ("white", "ar1", "pink")[number % 2 * int(rng.integers(1, 3))]
+    return Case(f"{kind}-{seed}-{number:03d}", kind, effects, size, colour, int(rng.integers(2**31)))
+
+
+def write_case(case: Case, folder: Path) -> None:
+    """Simulates the case and writes its files into the folder."""
+    rng = np.random.default_rng(case.seed)
+    alpha = (800.0, 1500.0) if case.kind == "bounces" else (3000.0, 6000.0)
+    commands = tuple(hand_waved(rng, LEAD + DURATION) for _ in range(RECORDINGS))
+    base = _Joint(true_base(rng, alpha), commands)
+    hidden, noise, ratios = _sized(case, base, rng)
+    values = {**base.values, **hidden}
+    folder.mkdir(parents=True, exist_ok=True)
+    count = float(rng.choice(COUNTS))
+    rms = [
+        _write_recording(folder / f"rec{i}.csv", values, command, _noise(rng, case.colour, noise), count)
+        for i, command in enumerate(commands, 1)
+    ]
+    (folder / "model.toml").write_text(_model_file(rough(base.values, rng)))
+    truth = {
+        "kind": case.kind, "size": case.size, "effects": list(case.effects), "parameters": values, "noise": rms,
+        "colour": case.colour, "count": count, "ratio": ratios, "seed": case.seed,
+    }  # fmt: skip
+    (folder / "truth.json").write_text(json.dumps(truth, indent=1))
+
+
+def _sized(case: Case, base: _Joint, rng: Random) -> tuple[Values, float, list[float]]:
+    """Parameters of the effects, the noise's rms [m/s²], and the change that each effect makes over the noise."""
+    noise = float(np.exp(rng.uniform(*np.log(NOISE))))
+    hidden: Values = {}
+    ratios: list[float] = []
+    low, high = RATIO[case.size]
+    for effect in case.effects:
+        seed, strength = int(rng.integers(2**31)), 3.0 if case.size == "strong" else 1.0
+        wanted = rng.uniform(low, high)
+        for _ in range(6):
+            found = _peak_share(draw(effect, np.random.default_rng(seed), strength), base)
+            ratio = _change(base, found) / noise
+            if low <= ratio <= high:
+                break
+            strength = float(np.clip(strength * np.clip((wanted / max(ratio, 1e-3)) ** 0.8, 0.4, 2.5), 0.3, 5.0))
+        else:  # the size is at the end of what is sensible, or the change does not grow with it
+            if not hidden:
+                noise = float(np.clip(noise * ratio / wanted, *NOISE))
+        hidden |= found
+        ratios.append(_change(base, found) / noise)
+    return hidden, noise, ratios
+
+
+def _peak_share(values: Values, base: _Joint) -> Values:
+    """A saturation that is given as a share of the peak becomes an acceleration."""
+    if "sensor_saturation.share" not in values:
+        return values
+    peak = max(np.max(np.abs(_clean(base.values, command, _times()))) for command in base.commands)
+    return {"sensor_saturation.a_max": round(values["sensor_saturation.share"] * float(peak), 3)}
+
+
+def _change(base: _Joint, effect: Values) -> float:
+    """Root mean square of what the effect changes in the signal [m/s²].
+
+    Over short stretches that start at rest against the command, as far apart chaos would rule; whole recordings for
+    what only grows with time, and for what the sensor does to a motion that it leaves alone.
+    """
+    name = next(iter(effect)).split(".")[0]
+    changed = []
+    for command in base.commands:
+        if ACTS_ON[name] == "sensor":
+            change = _clean({**base.values, **effect}, command, _times()) - _clean(base.values, command, _times())
+            changed.append(change - change.mean())
+            continue
+        for start in np.arange(LEAD, LEAD + DURATION - STRETCH, 2 * STRETCH):
+            times = np.arange(start, start + STRETCH, 1 / RATE_HZ)
+            both = (_from_rest({**base.values, **hidden}, command, times) for hidden in (effect, {}))
+            changed.append(next(both) - next(both))
+    return float(np.sqrt(np.mean(np.concatenate(changed) ** 2)))
+
+
+def _times() -> FloatArray:
+    return LEAD + np.arange(round(DURATION * RATE_HZ)) / RATE_HZ
+
+
+def _from_rest(values: Values, command: Command, times: FloatArray) -> FloatArray:
+    return simulate(values, command, times, follow(values, command, float(times[0])))[0]
+
+
+def _clean(values: Values, command: Command, times: FloatArray) -> FloatArray:
+    """What the sensor would tell at its stamps `times` without noise, limits or counts; the motion starts at 0."""
+    own = times - times[0]
+    felt_at = times[0] + own / (1 + values.get("clock_skew.s", 0.0))
+    accel = _from_rest(values, command, np.concatenate(([0.0], felt_at)))[1:]
+    accel = accel + values.get("curved_sensor.c", 0.0) * accel**2
+    hum = np.sin(2 * math.pi * values.get("hum.f", 0.0) * felt_at + values.get("hum.phi", 0.0))
+    accel = accel + values.get("hum.a", 0.0) * hum + values["bias"] + values.get("bias_drift.c", 0.0) * own
+    limit = values.get("sensor_saturation.a_max", math.inf)
+    return np.asarray(np.clip(accel, -limit, limit))
+
+
+def _noise(rng: Random, colour: str, rms: float) -> FloatArray:
+    """Noise of that rms (N,): white, ar1 (a sample resembles the one before), pink (power falls as 1/f)."""
+    size = round(DURATION * RATE_HZ)
+    white = rng.normal(0.0, 1.0, size + 200)
+    if colour == "ar1":
+        keep = rng.uniform(0.5, 0.9)
+        white = np.asarray(lfilter([math.sqrt(1 - keep**2)], [1, -keep], white))
+    elif colour == "pink":
+        spectrum = np.fft.rfft(white)
+        spectrum[1:] /= np.sqrt(np.arange(1, spectrum.size) / 20 + 0.1)
+        spectrum[0] = 0
+        white = np.fft.irfft(spectrum, white.size)
+    drawn = white[200:]
+    return np.asarray(rms * drawn / np.std(drawn))
+
+
+def _write_recording(path: Path, values: Values, command: Command, noise: FloatArray, count: float) -> float:
+    """Writes the recording; the rms of all that its sensor adds to the clean signal."""
+    times = _times()
+    clean = _clean(values, command, times)
+    limit = min(values.get("sensor_saturation.a_max", math.inf), RANGE)
+    reading = np.clip(np.round((clean + noise) / count) * count, -limit, limit)
+    rows = zip(times - LEAD, command.at(times), reading, strict=True)
+    lines = [f"{time:.6f},{angle:.10g},{accel:.6g}" for time, angle, accel in rows]
+    path.write_text("\n".join(["time,command,accel", *lines, ""]))
+    return float(np.std(reading - clean))
+
+
+def _model_file(values: Values) -> str:
+    lines = [f'{name} = {{ value = {value:.6g}, unit = "{UNITS[name]}" }}' for name, value in values.items()]
+    return "\n".join(['base = "play"', "[parameters]", *lines, ""])
