@@ -98,8 +98,8 @@ class Model:
     def initial_state(self, drive: Motion | None = None, time: float = 0.0, **given: float) -> FloatArray:
         """The state (n,) that moves along with the drive at that time: bar bent by it, lags settled, gap centred.
 
-        given: other values for some states by name, for instance ``initial_state(None, q=1e-3)``.  Raises ModelError
-        for a name that no state has.
+        given: other values for some states by name, for instance ``initial_state(None, q=1e-3)``; the effects' own
+        states begin where these put the signals.  Raises ModelError for a name that no state has.
         """
         unknown = set(given) - set(self.state_names)
         if unknown:
@@ -107,10 +107,7 @@ class Model:
                 f"no state is called {', '.join(sorted(unknown))}; there are {', '.join(self.state_names)}"
             )
         pieces = cut(drive, float(time), 1e-3, self._delay)
-        state = self._start(self._plans[drive is not None], pieces, float(time))
-        for name, value in given.items():
-            state[self.state_names.index(name)] = value
-        return state
+        return self._start(self._plans[drive is not None], pieces, float(time), given)
 
     def simulate(
         self, drive: Motion | None, times: ArrayLike, state: ArrayLike | None = None, *, substep_s: float | None = None
@@ -150,15 +147,19 @@ class Model:
     def _delay(self) -> float:
         return sum(effect.delay(scope(self._values, effect)) for effect in self._in_order if effect.delay)
 
-    def _start(self, plan: Plan, pieces: Pieces, time: float) -> FloatArray:
+    def _start(
+        self, plan: Plan, pieces: Pieces, time: float, given: Mapping[str, float] = MappingProxyType({})
+    ) -> FloatArray:
         """The base's states at rest against the drive; then each effect's own begin where the signals stand."""
         value, rate, half = map(float, pieces.coefficients[0, :3])
         base = self._base.start(scope(self._values), value, rate, 2 * half)
         wanted = [signal for effect in self._in_order for signal in effect.states]
-        state = np.array([*base, *(0.0 for _ in wanted)])
+        names = self.state_names
+        state = np.array([given.get(name, x) for name, x in zip(names, (*base, *(0.0 for _ in wanted)), strict=True)])
         for _ in wanted:  # one state may begin at a signal that another one stands behind
             signals = start_signals(plan, state, time, value, rate)
-            state[len(base) :] = [0.0 if signal is None else signals[signal] for signal in wanted]
+            own = [0.0 if signal is None else signals[signal] for signal in wanted]
+            state[len(base) :] = [given.get(name, x) for name, x in zip(names[len(base) :], own, strict=True)]
         return state
 
     def _checked_state(self, state: ArrayLike) -> FloatArray:

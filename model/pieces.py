@@ -52,7 +52,7 @@ def cut(drive: Motion | None, start: float, length: float, delay: float = 0.0) -
     return pieces
 
 
-@lru_cache(maxsize=8)  # a fit asks for the same few recordings thousands of times
+@lru_cache(maxsize=256)  # a fit asks for the same stretches of a few recordings thousands of times
 def _through_samples(drive: Sampled, origin: float, length: float) -> Pieces:
     """The spline itself: knots at the samples, and at both ends of the stretch."""
     ends = np.array([origin, origin + length])

@@ -1,0 +1,119 @@
+"""Fitting on a growing horizon: many short stretches first, then half as many of twice the length, up to the whole.
+
+A long free run of gears has a minimum for every way in which impacts may be confused; a stretch of half a second has
+hardly any.  Each level begins where the one before ended.  The numerics are levenberg's; nothing is searched here.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lostmotion.lab.experiment import Experiment
+from lostmotion.lab.levenberg import Problem, Solution, minimise
+from lostmotion.lab.stretch import Stretch
+from lostmotion.lab.unknowns import Unknowns
+from lostmotion.model import Model
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["Level", "first_level", "fitted", "grow", "huber_of", "level_of", "merged", "residuals", "tiles"]
+
+FIRST_S = 0.5
+OUTSIDE = 2.0  # medians of |r|: further out a residual counts by its magnitude
+LEAST_HUBER = 3.0
+LOST = 2.0
+"""A level that ends with this many times the error of the one before has lost the motion: chaos, or a wrong model."""
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """A fit with stretches of one length: the model, where they start, the root mean square of r (units of noise)."""
+
+    model: Model
+    unknowns: Unknowns
+    z: FloatArray
+    stretches: tuple[Stretch, ...]
+    rms: float
+
+    @property
+    def horizon_s(self) -> float:
+        """Length of the longest stretch [s]."""
+        return max(stretch.experiment.duration for stretch in self.stretches)
+
+
+def first_level(base: str, experiment: Experiment, longest_s: float = math.inf) -> int:
+    """How often to halve the record for the first stretches: half a second on gears; a motion that is not chaotic
+    starts whole, or with stretches of ``longest_s``."""
+    first = FIRST_S if base == "play" else longest_s
+    return max(0, math.ceil(math.log2(max(experiment.duration / first, 1.0)) - 0.2)) if math.isfinite(first) else 0
+
+
+def tiles(experiment: Experiment, halvings: int) -> list[Experiment]:
+    """The record in 2^halvings stretches of equal length."""
+    edges = np.linspace(experiment.time[0], experiment.time[-1], 2**halvings + 1)
+    edges[-1] += 1.0
+    return [experiment.between(a, b) for a, b in itertools.pairwise(edges)]
+
+
+def merged(stretches: Sequence[Stretch], experiments: Sequence[Experiment], halvings: int) -> tuple[Stretch, ...]:
+    """Stretches of 2^halvings a record, each with the start state of the shorter one that began there."""
+    known = {(s.experiment.name, float(s.experiment.time[0])): s for s in stretches}
+    longer = []
+    for experiment in experiments:
+        for tile in tiles(experiment, halvings):
+            old = known[experiment.name, float(tile.time[0])]
+            longer.append(Stretch(tile, old.noise, old.scale, old.start))
+    return tuple(longer)
+
+
+def level_of(problem: Problem, solution: Solution) -> Level:
+    """A solution with its error."""
+    model = problem.unknowns.put(problem.model, solution.z)
+    r = np.concatenate(residuals(model, solution.stretches, problem.substep_s))
+    return Level(model, problem.unknowns, solution.z, solution.stretches, float(np.sqrt(np.mean(r**2))))
+
+
+def residuals(model: Model, stretches: Sequence[Stretch], substep_s: float | None) -> list[FloatArray]:
+    """r of each stretch, in units of the noise."""
+    return [s.residual(s.experiment.model(model), s.start, substep_s) for s in stretches]
+
+
+def huber_of(model: Model, stretches: Sequence[Stretch], substep_s: float | None) -> float:
+    """The bound beyond which residuals count as outside, from where they stand now."""
+    r = np.concatenate(residuals(model, stretches, substep_s))
+    middle = float(np.median(np.abs(r[np.isfinite(r)]))) if np.any(np.isfinite(r)) else LEAST_HUBER
+    return max(LEAST_HUBER, OUTSIDE * middle)
+
+
+def fitted(
+    model: Model,
+    unknowns: Unknowns,
+    stretches: Sequence[Stretch],
+    substep_s: float | None,
+    *,
+    iterations: int = 15,
+    states: bool = True,
+    quadratic: bool = False,
+) -> Level:
+    """One level: minimises from the model's values and the stretches' start states."""
+    huber = math.inf if quadratic else huber_of(model, stretches, substep_s)
+    z = unknowns.z(model)
+    problem = Problem(model, unknowns, z, substep_s, huber)
+    return level_of(problem, minimise(problem, z, stretches, iterations=iterations, states=states))
+
+
+def grow(
+    level: Level, experiments: Sequence[Experiment], halvings: int, substep_s: float | None, *, down_to: int = 0
+) -> Level:
+    """From stretches of 2^-halvings of the records to 2^-down_to, or the longest at which the motion is not lost."""
+    for shorter in range(halvings - 1, down_to - 1, -1):
+        stretches = merged(level.stretches, experiments, shorter)
+        longer = fitted(level.model, level.unknowns, stretches, substep_s)
+        if not longer.rms < LOST * max(level.rms, 1.0):
+            break
+        level = longer
+    return level

@@ -1,0 +1,131 @@
+"""A stretch of an experiment that is simulated from a start state of its own, and how far the model is off there.
+
+Restarting a chaotic or drifting motion every second or so is what makes its parameters findable.  No fitting here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from lostmotion.lab.experiment import Experiment
+from lostmotion.lab.unknowns import Unknowns
+from lostmotion.model import Model, ModelError, Trajectory
+from lostmotion.model.effects import get_effect
+from lostmotion.model.motion import FloatArray
+from lostmotion.model.signals import OMEGA1, OMEGA2, THETA1, THETA2
+
+__all__ = ["Linearised", "Stretch", "scales", "state_scales"]
+
+STEP = 1e-5
+"""Finite difference, in numbers of order one: fixed integration steps make it good to about 1e-5 of the derivative."""
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """Residual r (M,) in units of the noise, and its derivatives by parameters A (M, P) and start state B (M, n)."""
+
+    r: FloatArray
+    A: FloatArray
+    B: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """experiment: the stretch; noise: by column, what a residual counts in; scale: (n,) what a state's change counts
+    in; start: (n,) the state at its first sample."""
+
+    experiment: Experiment
+    noise: Mapping[str, float]
+    scale: FloatArray
+    start: FloatArray
+
+    def starting(self, state: FloatArray) -> Stretch:
+        """The same with another start state."""
+        return replace(self, start=state)
+
+    @cached_property
+    def seen(self) -> dict[str, FloatArray]:
+        """Which samples of each column there are, (N,) booleans."""
+        return {name: ~np.isnan(values) for name, values in self.experiment.measured.items()}
+
+    def simulate(self, model: Model, start: FloatArray, substep_s: float | None) -> Trajectory:
+        """The model's motion over the stretch.  ``model`` already holds what the recording states."""
+        return model.simulate(self.experiment.drive, self.experiment.time, start, substep_s=substep_s)
+
+    def residual(self, model: Model, start: FloatArray, substep_s: float | None) -> FloatArray:
+        """(measured - modelled) / noise of all columns one after the other (M,); infinite where it cannot be run."""
+        try:
+            trajectory = self.simulate(model, start, substep_s)
+        except ModelError:
+            return np.full(sum(int(np.sum(seen)) for seen in self.seen.values()), np.inf)
+        measured = self.experiment.measured
+        return np.concatenate(
+            [(measured[name] - trajectory[name])[seen] / self.noise[name] for name, seen in self.seen.items()]
+        )
+
+    def linearised(self, model: Model, unknowns: Unknowns, z: FloatArray, substep_s: float | None) -> Linearised:
+        """Residual and derivatives by finite differences, at the parameters z and this start state."""
+        own = self.experiment.model
+        here = own(unknowns.put(model, z))
+        r = self.residual(here, self.start, substep_s)
+        A, B = np.empty((r.size, z.size)), np.empty((r.size, self.start.size))
+        for i in range(z.size):
+            moved = z.copy()
+            moved[i] += STEP
+            A[:, i] = (self.residual(own(unknowns.put(model, moved)), self.start, substep_s) - r) / STEP
+        for i in range(self.start.size):
+            start = self.start.copy()
+            start[i] += STEP * self.scale[i]
+            B[:, i] = (self.residual(here, start, substep_s) - r) / STEP
+        return Linearised(r, A, B)
+
+
+def scales(experiment: Experiment) -> tuple[float, float]:
+    """Typical deviation of the measured signals: of accel [m/s²] and of position or displacement; 0 if not measured."""
+
+    def spread(*columns: str) -> float:
+        found = [experiment.measured[name] for name in columns if name in experiment.measured]
+        return float(np.nanstd(found[0])) if found else 0.0
+
+    return spread("accel"), spread("position", "displacement")
+
+
+def state_scales(model: Model, experiment: Experiment) -> FloatArray:
+    """What a change of each state counts in, (n,): half the play and the speed with which it is crossed, the bar's
+    bending at the usual acceleration, the spread of what was measured."""
+    values = {name: p.value for name, p in experiment.model(model).parameters.items()}
+    accel, position = scales(experiment)
+    if model.base == "play":
+        turn = values["d"] / 2 / values["R2"]
+        pull = _acceleration(experiment) * values["R1"]
+        speed = math.sqrt(max(pull * values["d"], 1e-12)) / values["R2"]
+        w = math.sqrt(values["k"] / values["m"])
+        bend = max(accel, 1e-3) / w**2
+        base = [turn, speed, bend, bend * w]
+    elif model.base == "oscillator":
+        w = math.sqrt(values["k"] / values["m"])
+        bend = position or accel / w**2
+        turn, speed, base = bend, bend * w, [bend, bend * w]
+    else:
+        turn, speed = position, position * 2 * math.pi
+        base = [turn, speed]
+    like = {THETA1: turn, THETA2: turn, OMEGA1: speed, OMEGA2: speed, None: base[-2] if len(base) > 2 else turn}
+    own = [like.get(signal, accel or turn) for name in _ordered(model) for signal in get_effect(name).states]
+    return np.array([*base, *own])
+
+
+def _ordered(model: Model) -> list[str]:
+    """Effects that have states, in the order of their states."""
+    return list(dict.fromkeys(name.split(".")[0] for name in model.state_names if "." in name))
+
+
+def _acceleration(experiment: Experiment) -> float:
+    """The input's usual acceleration (root mean square) [rad/s²]."""
+    if experiment.drive is None:
+        return 0.0
+    return float(np.sqrt(np.mean(experiment.drive.acceleration(experiment.time) ** 2)))

@@ -1,0 +1,108 @@
+"""What a fit changes: the free parameters as a vector of numbers of order one.  No data, no simulation.
+
+Positive quantities vary by their logarithm, so that a step is a share of the value; those that may be zero or negative
+vary in units of their scale.  Weak priors (a factor e, or ten scales) keep what the data cannot tell from running away.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lostmotion.model import Domain, Model, Parameter
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["Unknown", "Unknowns", "free_names"]
+
+LOG_PRIOR = 1.0
+LINEAR_PRIOR = 10.0
+
+
+def free_names(model: Model) -> tuple[str, ...]:
+    """Parameters that a fit may change: those not fixed, and whole numbers never."""
+    return tuple(name for name, p in model.parameters.items() if not (p.fixed or p.domain.is_whole))
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One free parameter; value = exp(z) when logarithmic, else scale z."""
+
+    name: str
+    low: float
+    high: float
+    scale: float
+    logarithmic: bool
+
+    @classmethod
+    def of(cls, name: str, parameter: Parameter) -> Unknown:
+        """The unknown for a parameter at its present value."""
+        low, high = parameter.low, parameter.high
+        if parameter.domain is Domain.POSITIVE:
+            return cls(name, max(low, 1e-300), high, 1.0, True)
+        if parameter.domain is Domain.SHARE:
+            low, high = max(low, 0.01), min(high, 0.99)
+        if parameter.domain in (Domain.NOT_NEGATIVE, Domain.SHARE):
+            low = max(low, 0.0)
+        scale = abs(parameter.value) or _size(low, high)
+        return cls(name, low, high, scale, False)
+
+    def z(self, value: float) -> float:
+        """The number of order one that stands for a value."""
+        return math.log(value) if self.logarithmic else value / self.scale
+
+    def value(self, z: float) -> float:
+        """The value that a number of order one stands for, within the bounds."""
+        value = math.exp(min(z, 700.0)) if self.logarithmic else z * self.scale
+        return min(max(value, self.low), self.high)
+
+    def slope(self, z: float) -> float:
+        """d value / d z."""
+        return math.exp(min(z, 700.0)) if self.logarithmic else self.scale
+
+
+def _size(low: float, high: float) -> float:
+    """A scale for a parameter that starts at zero: a twentieth of its finite range, or 1."""
+    return (high - low) / 20 if math.isfinite(high - low) and high - low < 1e3 else 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Unknowns:
+    """All free parameters of a model as one vector z (P,)."""
+
+    items: tuple[Unknown, ...]
+    prior: FloatArray
+    """(P,) standard deviations of the priors in z."""
+
+    @classmethod
+    def of(cls, model: Model, names: Sequence[str] | None = None) -> Unknowns:
+        """Those of a model: the free ones, or the given ones."""
+        chosen = free_names(model) if names is None else tuple(names)
+        items = tuple(Unknown.of(name, model.parameters[name]) for name in chosen)
+        return cls(items, np.array([LOG_PRIOR if item.logarithmic else LINEAR_PRIOR for item in items]))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Their names, in order."""
+        return tuple(item.name for item in self.items)
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Lowest and highest z, (P,) each."""
+        low = [item.z(item.low) if np.isfinite(item.low) else -np.inf for item in self.items]
+        high = [item.z(item.high) if np.isfinite(item.high) else np.inf for item in self.items]
+        return np.array(low), np.array(high)
+
+    def z(self, model: Model) -> FloatArray:
+        """The vector that stands for a model's values."""
+        return np.array([item.z(model.parameters[item.name].value) for item in self.items])
+
+    def put(self, model: Model, z: FloatArray) -> Model:
+        """The model with the values of a vector.  Raises ModelError where physics does not allow one."""
+        return model.replace({item.name: item.value(float(x)) for item, x in zip(self.items, z, strict=True)})
+
+    def slopes(self, z: FloatArray) -> FloatArray:
+        """d value / d z of each, (P,)."""
+        return np.array([item.slope(float(x)) for item, x in zip(self.items, z, strict=True)])
