@@ -7,7 +7,8 @@
     R1 = { value = 0.01, unit = "m", fixed = true }
     coulomb_friction.tau_c = { value = 1e-4, unit = "N m" }
 
-What a file does not say takes the documented default, also whether a parameter is fixed.
+What a file does not say takes the documented default, also whether a parameter is fixed.  An effect of the user's own
+is listed as "file.py:function", the file being relative to the model file's folder; reading the model runs that file.
 """
 
 from __future__ import annotations
@@ -23,8 +24,11 @@ import msgspec
 
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.recording import replacing, toml_value
-from lostmotion.lab.errors import ModelFileError
+from lostmotion.lab.effectfile import is_reference, load_effect, reference
+from lostmotion.lab.errors import EffectFileError, ModelFileError
+from lostmotion.lab.own_effect import OwnEffect
 from lostmotion.model import BASES, Model, ModelError, Parameter, build_model
+from lostmotion.model.effects.registry import find
 
 __all__ = ["ModelFile", "dumps", "load", "loads", "save"]
 
@@ -61,7 +65,7 @@ def load(path: str | Path) -> ModelFile:
     if str(path) in BASES and not Path(path).exists():
         return ModelFile(str(path))
     try:
-        return loads(Path(path).read_text(encoding="utf-8"), str(path))
+        return loads(Path(path).read_text(encoding="utf-8"), str(path), Path(path).parent)
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
         raise ModelFileError(
@@ -69,24 +73,33 @@ def load(path: str | Path) -> ModelFile:
         ) from error
 
 
-def loads(text: str, where: str) -> ModelFile:
-    """Reads a model given as text; ``where`` names it in messages.  Raises ModelFileError."""
+def loads(text: str, where: str, folder: Path = Path()) -> ModelFile:
+    """Reads a model given as text; ``where`` names it in messages, ``folder`` is where the user's own effects are.
+
+    Raises ModelFileError.
+    """
     try:
         file = msgspec.convert(tomllib.loads(text), _File)
-        defaults = build_model(file.base, effects=tuple(file.effects)).parameters
+        effects = tuple(load_effect(name, folder).id if is_reference(name) else name for name in file.effects)
+        defaults = build_model(file.base, effects=effects).parameters
         given = {name: _parameter(name, value, defaults) for name, value in _flat(file.parameters)}
-        model = ModelFile(file.base, tuple(file.effects), given)
+        model = ModelFile(file.base, effects, given)
         model.build()
     except tomllib.TOMLDecodeError as error:
         raise ModelFileError(f"{where}: no valid TOML: {error}") from error
-    except (msgspec.ValidationError, ModelError) as error:
+    except (msgspec.ValidationError, ModelError, EffectFileError) as error:
         raise ModelFileError(f"{where}: {error}") from error
     return model
 
 
-def dumps(model: ModelFile) -> str:
-    """The text of a model file: one line a parameter, in the given order; reads back the same.  Raises ModelError."""
-    lines = [f"base = {toml_value(model.base)}", f"effects = {toml_value(model.effects)}"]
+def dumps(model: ModelFile, folder: Path = Path()) -> str:
+    """The text of a model file in a folder: one line a parameter, in the given order; reads back the same.
+
+    Raises ModelError.
+    """
+    found = [(name, find(name)) for name in model.effects]
+    effects = [reference(effect, folder) if isinstance(effect, OwnEffect) else name for name, effect in found]
+    lines = [f"base = {toml_value(model.base)}", f"effects = {toml_value(effects)}"]
     if model.parameters:
         defaults = build_model(model.base, effects=model.effects).parameters
         lines += ["", "[parameters]"]
@@ -96,7 +109,7 @@ def dumps(model: ModelFile) -> str:
 
 def save(model: ModelFile, path: str | Path) -> None:
     """Writes a model file; one of that name is replaced, at once.  Raises ModelFileError when it cannot be written."""
-    text = dumps(model)
+    text = dumps(model, Path(path).parent)
     try:
         with replacing(path) as file:
             file.write(text)

@@ -12,6 +12,7 @@ same address by ctypes (slowly: about a microsecond a call).
 from __future__ import annotations
 
 import ctypes
+import threading
 from collections.abc import Callable, MutableSequence
 from functools import cached_property
 from typing import Any, TypeVar, cast
@@ -47,12 +48,18 @@ _C_POINTER = ctypes.POINTER(ctypes.c_double)
 _C_SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_double, _C_POINTER, _C_POINTER, _C_POINTER, _C_POINTER)
 
 
+class _Raised(threading.local):
+    """What a Python kernel raised in this thread."""
+
+    error: BaseException | None = None
+
+
 class Kernel:
-    """A function that the solver calls by ``address``; ``error`` is what a pure-Python one raised last."""
+    """A function that the solver calls by ``address``; one in Python that raised gives NaN until it is asked why."""
 
     def __init__(self, function: Function, in_python: bool = False) -> None:
         self.function = function
-        self.error: Exception | None = None
+        self._raised = _Raised()
         self._in_python = in_python
 
     @cached_property
@@ -71,11 +78,18 @@ class Kernel:
         return int(self._handle.address)
 
     def _guarded(self, s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+        if self._raised.error is not None:  # the rest of the motion, as fast as possible
+            return float("nan")
         try:
             return float(self.function(s, x, dx, p))
-        except Exception as error:  # noqa: BLE001 - none may pass through the solver's machine code; raised after it
-            self.error = error
+        except BaseException as error:  # noqa: BLE001 - none, no Ctrl-C, gets through machine code; raised after it
+            self._raised.error = error
             return float("nan")
+
+    def take_error(self) -> BaseException | None:
+        """What the function raised in this thread since the last time."""
+        error, self._raised.error = self._raised.error, None
+        return error
 
 
 def kernel(function: Function) -> Kernel:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +17,7 @@ from lostmotion.model.assemble import assemble, in_order, scope
 from lostmotion.model.base import Base
 from lostmotion.model.bases import get_base
 from lostmotion.model.effects.base import Effect
-from lostmotion.model.effects.registry import get_effect
+from lostmotion.model.effects.registry import get_effect, own, register
 from lostmotion.model.errors import ModelError
 from lostmotion.model.motion import FloatArray, Motion
 from lostmotion.model.parameter import Parameter
@@ -64,6 +65,10 @@ class Model:
             except ModelError as error:
                 raise ModelError(f"parameter {name}: {error}") from error
         return Model(self.base, self.effects, MappingProxyType(parameters))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """To another process goes what it is made of; addresses of compiled code mean nothing there."""
+        return _remade, (self.base, self.effects, dict(self.parameters), own(self.effects))
 
     def with_effect(self, name: str) -> Model:
         """A copy with one more effect, at its defaults.  Raises ModelError if it is there, unknown or elsewhere."""
@@ -201,11 +206,21 @@ class Model:
         return out, states, step
 
     def _raise_kernel_errors(self) -> None:
-        for effect in self._in_order:
-            for term in effect.terms.get(self.base, ()):
-                error, term.kernel.error = term.kernel.error, None
-                if error is not None:
-                    raise ModelError(f"effect {effect.id}: its function raised {error!r}") from error
+        terms = ((effect.id, term) for effect in self._in_order for term in effect.terms.get(self.base, ()))
+        errors = [(name, error) for name, term in terms if (error := term.kernel.take_error()) is not None]
+        for name, error in errors:
+            if not isinstance(error, Exception):  # Ctrl-C
+                raise error
+            raise ModelError(f"effect {name}: its function raised {error!r}") from error
+
+
+def _remade(
+    base: str, effects: tuple[str, ...], parameters: Mapping[str, Parameter], own_effects: tuple[Effect, ...]
+) -> Model:
+    """The model, in a process that may not know the effects that are not lostmotion's: unpickling them told them."""
+    for effect in own_effects:
+        register(effect)
+    return Model(base, effects, MappingProxyType(dict(parameters)))
 
 
 def _checked_times(times: ArrayLike) -> FloatArray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from lostmotion.model.motion import FloatArray
 
@@ -27,3 +28,7 @@ class Trajectory:
 
     def __getitem__(self, name: str) -> FloatArray:
         return self.signals[name]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """To another process goes a plain dict; read-only views of one cannot be pickled."""
+        return Trajectory, (self.time, dict(self.signals), self.states, self.state, self.substep_s)

@@ -1,16 +1,18 @@
 """Which effects there are.
 
 Their order is that of evaluation where two act on one signal: causal, however a model lists them.  Effects that others
-register come last.
+register come last, by id, so that the order is the same in every process.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterable
 
 from lostmotion.model.effects import bar, clock, friction, gears, gravity, lag, sensor, shaft
 from lostmotion.model.effects.base import Effect, EffectInfo
 from lostmotion.model.errors import ModelError
 
-__all__ = ["catalogue", "get_effect", "rank", "register"]
+__all__ = ["catalogue", "find", "get_effect", "own", "rank", "register", "unregister"]
 
 _EFFECTS: dict[str, Effect] = {
     effect.id: effect
@@ -38,11 +40,12 @@ _EFFECTS: dict[str, Effect] = {
         clock.CLOCK_SKEW,
     )
 }
+_PLACES = {name: place for place, name in enumerate(_EFFECTS)}
 
 
 def catalogue() -> tuple[EffectInfo, ...]:
     """All effects, in the order of their evaluation."""
-    return tuple(_EFFECTS.values())
+    return tuple(sorted(_EFFECTS.values(), key=lambda effect: rank(effect.id)))
 
 
 def register(effect: Effect) -> None:
@@ -52,6 +55,17 @@ def register(effect: Effect) -> None:
     _EFFECTS[effect.id] = effect
 
 
+def unregister(name: str) -> None:
+    """Takes a registered effect out again; lostmotion's own stay."""
+    if name not in _PLACES:
+        _EFFECTS.pop(name, None)
+
+
+def find(name: str) -> Effect | None:
+    """The effect of that id, if there is one."""
+    return _EFFECTS.get(name)
+
+
 def get_effect(name: str) -> Effect:
     """The effect of that id.  Raises ModelError naming those that exist."""
     if name not in _EFFECTS:
@@ -59,6 +73,11 @@ def get_effect(name: str) -> Effect:
     return _EFFECTS[name]
 
 
-def rank(name: str) -> int:
+def own(names: Iterable[str]) -> tuple[Effect, ...]:
+    """Those of the effects that are registered in this process only."""
+    return tuple(get_effect(name) for name in names if name not in _PLACES)
+
+
+def rank(name: str) -> tuple[int, str]:
     """Its place in the order of evaluation."""
-    return list(_EFFECTS).index(name)
+    return _PLACES.get(name, len(_PLACES)), name

@@ -1,0 +1,138 @@
+"""From a function of the user's to kernels that the solver can call: compiled where numba can, else in plain Python.
+
+A kernel gets tables of numbers; the code generated here hands the function its arguments out of them.
+"""
+
+from __future__ import annotations
+
+import dis
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from numba import njit, types
+
+from lostmotion.lab.errors import EffectFileError
+from lostmotion.lab.readable import READABLE, Entry
+from lostmotion.model.kernel import OPTIONS, Kernel, python_kernel
+from lostmotion.model.signals import TIME
+
+__all__ = ["Arguments", "Built", "build"]
+
+SHIFT_S = 1e-5
+"""Half the time over which a rate is taken as a difference [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Arguments:
+    """A function's arguments in their order, and which of them are parameters and states of its own."""
+
+    names: tuple[str, ...]
+    own: tuple[str, ...]
+    states: tuple[str, ...]
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Those that are signals."""
+        return tuple(key for key in self.names if key in READABLE and key not in self.states)
+
+    @property
+    def of_base(self) -> tuple[str, ...]:
+        """Those that are parameters of the base."""
+        return tuple(key for key in self.names if key not in {*self.own, *self.states, *READABLE})
+
+    @property
+    def values(self) -> tuple[str, ...]:
+        """Those that do not change during a motion: what a kernel gets as p."""
+        return (*self.own, *self.of_base)
+
+
+@dataclass(frozen=True)
+class Built:
+    """The function as it is called, by target the kernels around it, and why they are in plain Python, if they are."""
+
+    function: Callable[..., Any]
+    kernels: tuple[tuple[int, Kernel], ...]
+    note: str | None
+
+
+def build(name: str, function: Callable[..., Any], arguments: Arguments, entry: Entry) -> Built:
+    """The kernels for a function.  Raises EffectFileError where the compiler sees that it returns no number."""
+    sources = {entry.target: _value_source(arguments)}
+    if entry.rate is not None:
+        sources[entry.rate] = _rate_source(arguments)
+    if any(step.opname == "RAISE_VARARGS" for step in dis.get_instructions(function)):
+        return _in_python(function, sources, "it may raise an error, which compiled code cannot tell")
+    try:
+        compiled = njit(**OPTIONS)(function)
+        compiled.compile((types.float64,) * len(arguments.names))
+    except Exception as error:  # noqa: BLE001 - numba refuses code in many ways, and Python runs it all the same
+        return _in_python(function, sources, _reason(error))
+    _check_returned(name, compiled.nopython_signatures[0].return_type, len(arguments.states))
+    kernels = tuple((target, Kernel(_kernel(source, compiled))) for target, source in sources.items())
+    return Built(compiled, kernels, None)
+
+
+def _in_python(function: Callable[..., Any], sources: Mapping[int, str], note: str) -> Built:
+    kernels = tuple((target, python_kernel(_kernel(source, function))) for target, source in sources.items())
+    return Built(function, kernels, note)
+
+
+def _kernel(source: str, function: Callable[..., Any]) -> Callable[..., float]:
+    """The generated function; all that goes into its text are names that were checked and numbers of slots."""
+    namespace: dict[str, Any] = {"function": function}
+    exec(source, namespace)
+    made: Callable[..., float] = namespace["kernel"]
+    return made
+
+
+def _value_source(arguments: Arguments) -> str:
+    """function(…) → the contribution; the states' derivatives go to dx."""
+    call = f"function({', '.join(_slot(key, arguments) for key in arguments.names)})"
+    if not arguments.states:
+        return f"def kernel(s, x, dx, p):\n    return {call}\n"
+    derivatives = "".join(f"    dx[{i}] = found[{i + 1}]\n" for i in range(len(arguments.states)))
+    return f"def kernel(s, x, dx, p):\n    found = {call}\n{derivatives}    return found[0]\n"
+
+
+def _rate_source(arguments: Arguments) -> str:
+    """The contribution's rate: the difference over a short time in which angles, lengths and time go on as they do."""
+    later, earlier = (
+        f"function({', '.join(_moved(key, arguments, sign) for key in arguments.names)})" for sign in "+-"
+    )
+    return f"def kernel(s, x, dx, p):\n    return ({later} - {earlier}) / {2 * SHIFT_S!r}\n"
+
+
+def _slot(key: str, arguments: Arguments) -> str:
+    if key in arguments.states:
+        return f"x[{arguments.states.index(key)}]"
+    if key in arguments.values:
+        return f"p[{arguments.values.index(key)}]"
+    return f"s[{READABLE[key].number}]"
+
+
+def _moved(key: str, arguments: Arguments, sign: str) -> str:
+    slot = _slot(key, arguments)
+    if key not in arguments.signals:
+        return slot
+    signal = READABLE[key]
+    if signal.number == TIME:
+        return f"{slot} {sign} {SHIFT_S!r}"
+    return slot if signal.rate is None else f"{slot} {sign} {SHIFT_S!r} * s[{signal.rate}]"
+
+
+def _check_returned(name: str, found: Any, states: int) -> None:
+    """Raises EffectFileError unless the compiler found numbers, as many as expected, on every path."""
+    parts: tuple[Any, ...] = tuple(found) if isinstance(found, types.UniTuple | types.Tuple) else (found,)
+    if len(parts) == states + 1 and all(isinstance(part, types.Float | types.Integer) for part in parts):
+        return
+    expected = "a number" if not states else f"{states + 1} numbers: the contribution and each state's derivative"
+    found = "nothing on some branch (None)" if isinstance(found, types.Optional) else f"{found}"
+    raise EffectFileError(f"{name}: returns {found}, expected {expected}; does every branch return?")
+
+
+def _reason(error: Exception) -> str:
+    """What numba says in many lines, in one."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    telling = [line for line in lines if not line.startswith(("Failed in", "During:", "File "))]
+    return f"numba cannot compile it: {(telling or lines or ['no reason given'])[0]}"
