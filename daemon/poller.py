@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from lostmotion.daemon.ring import Ring
-from lostmotion.drivers.base import GATHER_S, Accelerometer, Identity, ServoBus, ServoSample
+from lostmotion.drivers.base import Accelerometer, Identity, ServoBus, ServoSample
 from lostmotion.drivers.errors import DriverError, EndOfData, IdentityError, PortError
 
 __all__ = ["AccelPoller", "Account", "BusPoller", "DeviceState", "Inbox", "Poller"]
@@ -26,9 +26,8 @@ FIRST_RETRY_S = 0.5
 LAST_RETRY_S = 10.0
 WRONG_RETRY_S = 30.0
 """how often a device that was not the expected one is asked again [s]"""
-LONGEST_PAUSE_S = 0.01
-AFTER_END_S = 0.003
-"""the last sample of a window is looked for so long after the window's end [s]"""
+GATHER_S = 0.05
+"""how long the samples of an accelerometer gather while no window ends [s]: fifty cost little more than one"""
 
 INBOX_READINGS = 1000
 """a virtual bus waits while more readings than this are unread"""
@@ -208,9 +207,8 @@ class AccelPoller(Poller):
             self._ring.push(block, self._wait)
 
     def _gather(self) -> None:
-        """Leaves hardware alone while no window ends: a wake-up costs more than the samples it brings."""
-        until_end = self._ring.awaited - time.monotonic()
-        pause = min(until_end + AFTER_END_S - GATHER_S, LONGEST_PAUSE_S)
+        """Leaves hardware alone until a window ends: a wake-up costs more than the samples it brings."""
+        pause = min(self._ring.awaited - time.monotonic(), GATHER_S)
         if pause > 0:
             time.sleep(pause)
 

@@ -34,7 +34,7 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
-LOOP_S = 0.035
+LOOP_S = 0.05
 """the main thread wakes at least so often, and whenever a window is complete [s]"""
 LOOK_S = 1.0
 """how often devices are looked at [s]"""

@@ -29,7 +29,7 @@ __all__ = ["Reader", "Store", "StoreError", "open_readonly"]
 log = logging.getLogger(__name__)
 
 Row = ScoreRow | WindowRow | AlarmRow | JointRow | DeviceRow
-FLUSH_S = 0.05
+FLUSH_S = 0.1
 """how long the first row of a batch waits for company [s]"""
 RETRY_S = 1.0
 """pause after the disk refused [s]"""

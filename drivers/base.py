@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from lostmotion.drivers.clock import Clock
 
 __all__ = [
-    "GATHER_S",
     "AccelBlock",
     "Accelerometer",
     "AccelerometerOptions",
@@ -37,8 +36,6 @@ __all__ = [
 
 FloatArray = NDArray[np.float64]
 
-GATHER_S = 0.01
-"""for so long an accelerometer's ``read`` lets samples gather [s]: at 1 kHz ten cost little more than one"""
 Port = Annotated[str, msgspec.Meta(min_length=1)]
 """``port`` of a driver that cannot do without"""
 Baudrate = Annotated[int, msgspec.Meta(gt=0)]

@@ -6,14 +6,13 @@ What their bytes mean is told by a ``Format``: ``witmotion.py``, ``csv_serial.py
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
-from lostmotion.drivers.base import GATHER_S, AccelBlock, AccelerometerOptions, Identity
+from lostmotion.drivers.base import AccelBlock, AccelerometerOptions, Identity
 from lostmotion.drivers.clock import Clock
 from lostmotion.drivers.errors import DriverError
 from lostmotion.drivers.serial_port import SerialPort
@@ -106,13 +105,14 @@ class SerialAccelerometer:
         return (Identity(self._name, found, expected, ok),)
 
     def read(self) -> AccelBlock:
-        """The samples since the last call; waits up to 0.3 s for some.  Raises PortError when the port is gone."""
+        """The samples since the last call and the next burst; waits up to 0.25 s for it.  Raises PortError when the port
+        is gone."""
         if self._fresh:  # what waited since nobody read would look as if it came late
             self._port.discard_input()
             self._form.reset()
             self._fresh = False
-        time.sleep(GATHER_S)  # not to a grid: drifting against the sensor's bursts shows the clock map all phases
-        data = self._port.read(WAIT_S)
+        # Nobody knows for how long the older bytes have been there, so they show no arrival to the clock map.
+        data = self._port.read(0.0) + self._port.read(WAIT_S)
         arrival = self._clock.now()
         readings = self._form.feed(data)
         if not len(readings.accel):

@@ -16,7 +16,7 @@ __all__ = ["Timeline"]
 
 MAX_GAP_S = 1.0
 """a longer gap is a clock that was set anew, not samples that were lost"""
-LATE_S, LATE_PERIODS = 0.05, 3
+LATE_S, LATE_PERIODS = 0.1, 3
 """a sample is late when it comes this long after it was measured, and at least that many periods"""
 LEAST_STEP_S = 3e-3
 NOTHING = np.empty(0)

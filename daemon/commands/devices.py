@@ -23,6 +23,8 @@ from lostmotion.drivers.errors import DriverError, EndOfData
 __all__ = ["Device", "Devices", "Event"]
 
 WAIT_S = 0.1
+GATHER_S = 0.01
+"""For so long a thread leaves an accelerometer alone after each reading [s]: ten samples cost little more than one."""
 GRACE_S = 0.5
 """How long after its end a measurement waits for samples of that time [s]."""
 WAITING = 200
@@ -170,3 +172,5 @@ class Devices:
                 with suppress(Full):
                     self._events.put(event, timeout=WAIT_S)
                     break
+            if isinstance(event.data, AccelBlock):
+                self._stop.wait(GATHER_S)
