@@ -1,0 +1,125 @@
+"""Sections that a search for missing effects fills: ladder, ranking, what would have been seen, what is left."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from lostmotion.lab import verdict, words
+from lostmotion.lab.quantity import Interval, number, quantities, scale
+from lostmotion.lab.report.plots import curve
+from lostmotion.lab.report.tags import Html, Section, bar, cell, figure, note, paragraphs, table
+from lostmotion.lab.results import Curve, Explanation, Finding, Ladder, Ranked, Rung
+from lostmotion.model.effects import get_effect
+
+__all__ = ["advice", "detectable", "ladder", "left", "ranking", "remedies"]
+
+SMALLEST_P = 1e-12
+
+
+def remedies(effects: tuple[str, ...]) -> Html:
+    """What to look at on the robot, for each effect that was found."""
+    return paragraphs(words.look(effect) for effect in effects)
+
+
+def ladder(climbed: Ladder) -> Section:
+    """How the error fell, effect by effect, to the noise floor."""
+    largest = max(rung.rms for rung in climbed.rungs)
+    befores: list[tuple[str, ...] | None] = [None, *(rung.effects for rung in climbed.rungs[:-1])]
+    rows = [_rung(rung, before, largest) for rung, before in zip(climbed.rungs, befores, strict=True)]
+    text = "Root mean square of measured minus modelled, on data that the fit has not seen. Dashed: the noise floor."
+    return Section("ladder", "How the error fell",
+                   Html(note(text) + table(("", "error", "error>", "noise>"), rows)))  # fmt: skip
+
+
+def ranking(explanation: Explanation) -> Section | None:
+    """All effects that were tried, best first; None where none was."""
+    tried = explanation.ranking
+    if not tried:
+        return None
+    unit, noise = explanation.error.unit, explanation.error.noise
+    largest = max((v for r in tried for v in (r.rms_before, r.rms_after) if math.isfinite(v)), default=1.0) or 1.0
+    rows = [
+        (cell(words.name(entry.effect), entry.effect), bar(entry.rms_after / largest, noise / largest),
+         *_errors(entry, unit), cell(_p(entry.p_value), css="number"), _parameters(explanation, entry))
+        for entry in tried
+    ]  # fmt: skip
+    shown = scale(unit, largest).unit
+    text = (
+        f"Each effect, added to the model and fitted: errors in {shown} on data that the fit has not seen; dashed: the "
+        "noise. p: the chance that an effect which is not there would do as well."
+    )
+    head = ("effect", "error with it", "before>", "after>", "p>", "parameters")
+    return Section("ranking", "Which effects were tried",
+                   Html(note(text) + table(head, rows, (e.effect in explanation.missing for e in tried))))  # fmt: skip
+
+
+def detectable(explanation: Explanation) -> Section | None:
+    """The size of each effect that would have been seen; None where that was not asked."""
+    if not explanation.detectable:
+        return None
+    base = explanation.base.model.base
+    rows = []
+    for effect, (name, value) in explanation.detectable.items():
+        parameter = get_effect(effect).parameters_on(base)[name]
+        (text,), unit = quantities(parameter.unit, value)
+        rows.append(
+            (cell(words.name(effect), effect), cell(name, parameter.meaning), cell(f"{text} {unit}", css="number"))
+        )
+    text = "An effect that is not named above is smaller than this, or these recordings would have shown it."
+    return Section("detectable", "What would have been seen",
+                   Html(note(text) + table(("effect", "its size is", "seen from>"), rows)))  # fmt: skip
+
+
+def left(finding: Finding) -> Section:
+    """The structure that no effect explains: words, shape, formula."""
+    body = paragraphs(verdict.of_finding(finding))
+    if finding.formula:
+        body = Html(body + paragraphs([f"A short formula that fits: {finding.formula}"]))
+    if finding.curve is not None:
+        body = Html(body + _shape(finding.curve))
+    return Section("left", "What no effect of the catalogue explains", body)
+
+
+def advice(explanation: Explanation) -> Section | None:
+    """What to record next; None where nothing is to be said."""
+    if not explanation.advice:
+        return None
+    return Section("advice", "What to record next", paragraphs([explanation.advice]))
+
+
+def _rung(rung: Rung, before: tuple[str, ...] | None, largest: float) -> tuple[Html, ...]:
+    new = [words.name(effect) for effect in rung.effects if effect not in (before or ())]
+    what = "the model as given" if before is None else f"with {verdict.joined(new)}"
+    (rms, noise), unit = quantities(rung.unit, rung.rms, rung.noise)
+    return (
+        cell(what, ", ".join(rung.effects) or "no effects"),
+        bar(rung.rms / largest, rung.noise / largest),
+        cell(f"{rms} {unit}", css="number"),
+        cell(f"{noise} {unit}", css="number"),
+    )
+
+
+def _errors(entry: Ranked, unit: str) -> tuple[Html, Html]:
+    (before, after), _ = quantities(unit, entry.rms_before, entry.rms_after, digits=3)
+    return cell(before, css="number"), cell(after, css="number")
+
+
+def _parameters(explanation: Explanation, entry: Ranked) -> Html:
+    known = get_effect(entry.effect).parameters_on(explanation.base.model.base)
+    units: Mapping[str, str] = {name: parameter.unit for name, parameter in known.items()}
+    short = {name.removeprefix(f"{entry.effect}."): triple for name, triple in entry.parameters.items()}
+    return cell("", *(f"{name} = {Interval(*triple, units.get(name, ''))}" for name, triple in short.items()))
+
+
+def _p(value: float) -> str:
+    if value < SMALLEST_P:
+        return "< 10⁻¹²"
+    return number(value, 3) if value >= 1e-3 else number(value, 1 - math.floor(math.log10(value)))
+
+
+def _shape(shape: Curve) -> Html:
+    what, across = words.variable(shape.variable)
+    title = f"What is left, against {what}."
+    picture = curve(title, shape.x, shape.mean, shape.low, shape.high, (what, "what is left"), (across, shape.unit))
+    return figure(picture, title, "Mean with its 95 % band.")

@@ -1,0 +1,72 @@
+"""Sections that a fit fills: the model and its equations, the parameters with intervals, their correlations."""
+
+from __future__ import annotations
+
+from html import escape
+
+import numpy as np
+
+from lostmotion.lab import verdict, words
+from lostmotion.lab.quantity import Interval
+from lostmotion.lab.report.plots import heat_map
+from lostmotion.lab.report.tags import Html, Section, cell, note, table
+from lostmotion.lab.results import Estimate, Fit
+from lostmotion.model import BASES, Model
+from lostmotion.model.effects import get_effect
+
+__all__ = ["correlations", "model", "parameters"]
+
+STRONG = 0.95
+"""Correlations from here on are named: these recordings hardly tell the two parameters from each other."""
+
+
+def model(built: Model) -> Section:
+    """The base and the active effects with their equations."""
+    base = BASES[built.base]
+    rows = [(cell("base", built.base), _equation(base.equation), cell(base.summary))]
+    for name in built.effects:
+        effect = get_effect(name)
+        rows.append((cell(words.name(name), name), _equation(effect.equation), cell(effect.summary, words.look(name))))
+    heading = "The model and its effects" if built.effects else "The model, without effects"
+    return Section("model", heading, table(("", "equation", "what it is"), rows))
+
+
+def parameters(fit: Fit) -> Section | None:
+    """The estimates with their intervals; None where nothing was free."""
+    if not fit.estimates:
+        return None
+    body = table(
+        ("parameter", "value>", "95 % interval>", "unit", ""), [_row(fit.model, estimate) for estimate in fit.estimates]
+    )
+    hidden = [e.name for e in fit.estimates if not e.told]
+    text = f"These recordings cannot tell {verdict.joined(hidden)}; take the values as assumed." if hidden else ""
+    return Section("parameters", "Parameters", Html(body + (note(text) if text else "")))
+
+
+def correlations(fit: Fit) -> Section | None:
+    """How the estimates depend on each other; None for less than two."""
+    names = [e.name for e in fit.estimates]
+    matrix = np.atleast_2d(fit.correlation)
+    if len(names) < 2 or matrix.shape != (len(names), len(names)):
+        return None
+    pairs = [f"{names[i]} with {names[j]} ({matrix[i, j]:.2f})"
+             for i in range(len(names)) for j in range(i) if abs(matrix[i, j]) >= STRONG]  # fmt: skip
+    text = "Two parameters of a strong colour are told only together: an error in one is made up for by the other."
+    if pairs:
+        text += f" Hardly to be told apart: {verdict.joined(pairs)}."
+    return Section("correlations", "Correlations of the parameters", Html(note(text) + heat_map(names, matrix)))
+
+
+def _row(built: Model, estimate: Estimate) -> tuple[Html, ...]:
+    meaning = built.parameters[estimate.name].meaning if estimate.name in built.parameters else ""
+    interval = Interval(estimate.value, estimate.low, estimate.high, estimate.unit)
+    (value, low, high), unit = interval.texts()
+    span = f"{low} … {high}" if estimate.told and interval.known else "–"
+    flags = [text for text, is_set in (("cannot be told", not estimate.told), ("at its bound", estimate.at_bound))
+             if is_set]  # fmt: skip
+    flag = Html(f'<td class="flag">{escape(", ".join(flags))}</td>')
+    return (cell(estimate.name, meaning), cell(value, css="number"), cell(span, css="number"), cell(unit), flag)
+
+
+def _equation(text: str) -> Html:
+    return cell(Html(f"<code>{escape(text)}</code>"))

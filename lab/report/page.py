@@ -1,0 +1,118 @@
+"""The page: which sections there are, in which order, and the one file that holds them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from html import escape
+from importlib.resources import files
+from pathlib import Path, PurePath
+from string import Template
+
+import lostmotion
+from lostmotion.detector.oscillator_id import Oscillator
+from lostmotion.drivers.recording import replacing
+from lostmotion.lab import verdict
+from lostmotion.lab.report import findings, fitted, misfit
+from lostmotion.lab.report.signals import packed, signals
+from lostmotion.lab.report.tags import Html, Section, paragraphs
+from lostmotion.lab.report.views import Overlay, overlays
+from lostmotion.lab.results import Explanation, Fit, Ladder
+
+__all__ = ["write_report"]
+
+ASSETS = files("lostmotion.lab.report") / "assets"
+
+
+def write_report(
+    path: str | Path,
+    *,
+    title: str = "Model against measurement",
+    fit: Fit | None = None,
+    explanation: Explanation | None = None,
+    ladder: Ladder | None = None,
+    tap: Oscillator | None = None,
+) -> None:
+    """Writes the report of whatever is given; a file of that name is replaced, at once and only when all is written.
+
+    Raises RecordingError when it cannot be written.
+    """
+    explanation = explanation or (ladder.last if ladder else None)
+    fit = fit or (explanation.best if explanation else None)
+    drawn = tuple(overlays(fit)) if fit else ()
+    text = _page(title, _sections(drawn, fit, explanation, ladder, tap), drawn, fit)
+    with replacing(path) as file:
+        file.write(text)
+
+
+def _sections(
+    drawn: Sequence[Overlay],
+    fit: Fit | None,
+    explanation: Explanation | None,
+    ladder: Ladder | None,
+    tap: Oscillator | None,
+) -> tuple[Section, ...]:
+    found = explanation
+    possible = (
+        _headline(fit, explanation, ladder),
+        findings.ladder(ladder) if ladder else None,
+        findings.advice(found) if found else None,
+        signals(drawn) if drawn else None,
+        findings.left(found.residual) if found and found.residual else None,
+        misfit.in_frequency(drawn),
+        findings.ranking(found) if found else None,
+        findings.detectable(found) if found else None,
+        fitted.model(fit.model) if fit else None,
+        fitted.parameters(fit) if fit else None,
+        fitted.correlations(fit) if fit else None,
+        _tap(tap) if tap else None,
+    )
+    return tuple(section for section in possible if section is not None)
+
+
+def _headline(fit: Fit | None, explanation: Explanation | None, ladder: Ladder | None) -> Section | None:
+    """The verdict in plain words, and what to look at."""
+    if ladder:
+        sentences, effects = verdict.of_ladder(ladder), (*verdict.added(ladder), *ladder.last.missing)
+    elif explanation:
+        sentences, effects = verdict.of_explanation(explanation), explanation.missing
+    elif fit:
+        sentences, effects = verdict.of_fit(fit), ()
+    else:
+        return None
+    tone = explanation.verdict if explanation else ""
+    body = paragraphs(sentences, "tells") + findings.remedies(effects)
+    return Section("verdict", "In plain words", Html(f'<div class="headline {tone}">{body}</div>'))
+
+
+def _tap(tap: Oscillator) -> Section:
+    text = f"Resonance {tap.f_res_hz:.2f} Hz, damping ratio {tap.zeta:.4f}, from {tap.cycles:.0f} cycles of ring-down."
+    return Section("tap", "The bar, from a tap", paragraphs([text]))
+
+
+def _page(title: str, sections: Iterable[Section], drawn: Sequence[Overlay], fit: Fit | None) -> str:
+    sections = tuple(sections)
+    script = "\n".join((_comment(_asset("uPlot.LICENSE.txt")), _asset("uPlot.iife.min.js"), _asset("report.js")))
+    return Template(_asset("page.html")).substitute(
+        title=escape(title),
+        version=escape(lostmotion.__version__),
+        subtitle=_subtitle(fit) if fit else "",
+        style=_asset("uPlot.min.css") + "\n" + _asset("report.css"),
+        contents="".join(f'<a href="#{section.id}">{escape(section.heading)}</a>' for section in sections),
+        sections="\n".join(section.html() for section in sections),
+        signals=packed(drawn),
+        script=script,
+    )
+
+
+def _subtitle(fit: Fit) -> Html:
+    names = ", ".join(PurePath(experiment.name).name for experiment in fit.experiments)
+    active = ", ".join(fit.model.effects) or "none"
+    return paragraphs([f"base {fit.model.base}; active effects: {active}; recordings: {names}"])
+
+
+def _asset(name: str) -> str:
+    return (ASSETS / name).read_text(encoding="utf-8")
+
+
+def _comment(text: str) -> str:
+    return f"/*! uPlot\n{text}*/"

@@ -1,0 +1,78 @@
+"""Pieces of HTML: sections, tables, keys.  All text that comes in is escaped here, unless it is ``Html`` already."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from html import escape
+
+__all__ = ["Html", "Section", "bar", "cell", "figure", "key", "note", "paragraphs", "table"]
+
+CHOSEN = '<tr class="chosen">'
+
+
+class Html(str):
+    """Text that is HTML already."""
+
+    __slots__ = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """A part of the page: the anchor, the heading, the body."""
+
+    id: str
+    heading: str
+    body: Html
+
+    def html(self) -> str:
+        """The section with its heading."""
+        return f'<section id="{self.id}"><h2>{escape(self.heading)}</h2>\n{self.body}\n</section>'
+
+
+def cell(*parts: str, css: str = "") -> Html:
+    """A table's cell; what comes after the first part stands small below it."""
+    first, *rest = (part if isinstance(part, Html) else Html(escape(part)) for part in parts)
+    small = "".join(f"<small>{part}</small>" for part in rest if part)
+    opening = f'<td class="{css}">' if css else "<td>"
+    return Html(f"{opening}{first}{small}</td>")
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[Html]], chosen: Iterable[bool] = ()) -> Html:
+    """A table that scrolls sideways where it is too wide; a head that ends in ">" stands to the right, over numbers."""
+    cells = "".join(f'<th class="number">{escape(h[:-1])}</th>' if h.endswith(">") else f"<th>{escape(h)}</th>"
+                    for h in head)  # fmt: skip
+    marks = iter(chosen)
+    lines = "".join(f"{CHOSEN if next(marks, False) else '<tr>'}{''.join(row)}</tr>\n" for row in rows)
+    return Html(f'<div class="scroll"><table><thead><tr>{cells}</tr></thead><tbody>\n{lines}</tbody></table></div>')
+
+
+def bar(share: float, mark: float) -> Html:
+    """A cell with a bar of that share of the width, and a mark."""
+    full, at = (100 * min(max(v, 0.0), 1.0) for v in (share, mark))
+    mark_html = f'<b style="left:{at:.2f}%"></b>' if mark == mark else ""
+    return Html(f'<td class="bar"><div class="track"><i style="width:{full:.2f}%"></i>{mark_html}</div></td>')
+
+
+def key(*names: tuple[str, str]) -> Html:
+    """The key of a picture: (class, text) of each line in it."""
+    items = "".join(f'<li class="{css}">{escape(text)}</li>' for css, text in names)
+    return Html(f'<ul class="key">{items}</ul>')
+
+
+def figure(picture: str, title: str, caption: str = "") -> Html:
+    """A picture, ready SVG, with its caption."""
+    return Html(
+        f"<figure>{picture}<figcaption><strong>{escape(title)}</strong> {escape(caption)}</figcaption></figure>"
+    )
+
+
+def paragraphs(texts: Iterable[str], css: str = "") -> Html:
+    """Each text as a paragraph."""
+    opening = f'<p class="{css}">' if css else "<p>"
+    return Html("".join(f"{opening}{escape(text)}</p>" for text in texts if text))
+
+
+def note(text: str) -> Html:
+    """A paragraph of explanation, in a softer colour."""
+    return paragraphs([text], "note")

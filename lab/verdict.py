@@ -1,0 +1,107 @@
+"""What the lab has found, in a few plain sentences.  Nothing is computed here; one effect's words are words.py's."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from lostmotion.lab import words
+from lostmotion.lab.quantity import quantities
+from lostmotion.lab.results import Errors, Explanation, Finding, Fit, Ladder
+
+__all__ = ["added", "detectable", "joined", "of_explanation", "of_finding", "of_fit", "of_ladder"]
+
+PLACES = {"joint": "the joint", "oscillator": "the bar", "sensor": "the sensor", "command": "the command",
+          "contact": "the teeth"}  # fmt: skip
+
+
+def of_explanation(explanation: Explanation) -> tuple[str, ...]:
+    """The verdict: what is missing and how large, or that nothing is, or what no effect explains; the errors."""
+    error = explanation.error
+    sentences = [words.sentence(effect, words.intervals(explanation.best, effect)) for effect in explanation.missing]
+    if explanation.verdict == "nothing_missing":
+        sentences.append(f"Nothing is missing: {_reaches(error)}.")
+    elif explanation.verdict == "missing":
+        sentences.append(_falls(error, len(sentences)))
+    else:
+        found = explanation.residual
+        sentences += [
+            "Something is missing that no effect of the catalogue explains.",
+            _falls(error, len(sentences) - 1),
+        ]
+        sentences += of_finding(found) if found else ()
+    sentences += [f"These recordings cannot tell {_apart(group)}." for group in explanation.confusable]
+    return tuple(s for s in sentences if s)
+
+
+def of_finding(finding: Finding) -> tuple[str, ...]:
+    """Where the structure that is left acts, on what it depends, how it looks."""
+    place = PLACES.get(finding.acts_on, finding.acts_on)
+    depends = joined([words.variable(name)[0] for name in finding.depends_on])
+    where = f"It acts on {place}" + (f" and depends on {depends}." if depends else ".")
+    return tuple(s for s in (where, finding.description) if s)
+
+
+def of_fit(fit: Fit) -> tuple[str, ...]:
+    """How far the model explains what was measured, column by column, and what stands in the way of a better fit."""
+    sentences = [] if fit.complete else ["The fit was stopped early: these are the best figures until then."]
+    for column, rms in fit.rms.items():
+        what, si = words.column(column)
+        (error, noise), unit = quantities(si, rms, fit.noise.get(column, math.nan))
+        sentences.append(f"The error in {what} is {error} {unit}; the noise is {noise}.")
+    hidden = [e.name for e in fit.estimates if not e.told]
+    if hidden:
+        sentences.append(f"These recordings cannot tell {joined(hidden)}.")
+    return tuple(sentences)
+
+
+def of_ladder(ladder: Ladder) -> tuple[str, ...]:
+    """The effects that were added and how far the error fell with them, then what the last search says."""
+    last = ladder.last
+    sentences = [words.sentence(effect, words.intervals(last.best, effect)) for effect in added(ladder)]
+    if not sentences:
+        return of_explanation(last)
+    first, final = ladder.rungs[0], ladder.rungs[-1]
+    sentences.append(_falls(Errors(first.rms, final.rms, final.noise, final.unit), len(sentences)))
+    if last.verdict == "nothing_missing":
+        return (*sentences, "Nothing more is missing.")
+    return (*sentences, *of_explanation(last))
+
+
+def added(ladder: Ladder) -> tuple[str, ...]:
+    """The effects of the last rung that the first did not have, in order."""
+    return tuple(e for e in ladder.rungs[-1].effects if e not in ladder.rungs[0].effects)
+
+
+def detectable(explanation: Explanation) -> tuple[str, ...]:
+    """For each effect that is not there the size from which on it would have been seen."""
+    base = explanation.base.model.base
+    return tuple(words.size(effect, name, value, base) for effect, (name, value) in explanation.detectable.items())
+
+
+def joined(names: Sequence[str]) -> str:
+    """ "a, b and c"."""
+    return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
+
+
+def _falls(error: Errors, count: int) -> str:
+    """ "Adding it brings the error from 4.1 to 0.41 m/s²; the sensor's noise is 0.40."; "" where nothing was added."""
+    if not count:
+        return f"The error stays at {_against(error)}."
+    (before, after, noise), unit = quantities(error.unit, error.before, error.after, error.noise)
+    them = "it" if count == 1 else "them"
+    return f"Adding {them} brings the error from {before} to {after} {unit}; the sensor's noise is {noise}."
+
+
+def _reaches(error: Errors) -> str:
+    return f"the model explains these recordings down to the noise, {_against(error)}"
+
+
+def _against(error: Errors) -> str:
+    (after, noise), unit = quantities(error.unit, error.after, error.noise)
+    return f"{after} against {noise} {unit}"
+
+
+def _apart(group: Sequence[str]) -> str:
+    names = [words.name(effect) for effect in group]
+    return f"{names[0]} from {names[1]}" if len(names) == 2 else f"apart {joined(names)}"
