@@ -4,14 +4,15 @@ LostmotionError
 ├── ModelFileError           a model file that cannot be read or makes no sense
 ├── SimulationError          what is asked of the model cannot be simulated
 ├── ExperimentError          a recording that this model cannot be held against
-└── EffectFileError          a file with an effect of the user's own that cannot be used
+├── EffectFileError          a file with an effect of the user's own that cannot be used
+└── ExecutorError            where parallel work is to run, and cannot
 """
 
 from __future__ import annotations
 
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["EffectFileError", "ExperimentError", "ModelFileError", "SimulationError"]
+__all__ = ["EffectFileError", "ExecutorError", "ExperimentError", "ModelFileError", "SimulationError"]
 
 
 class ModelFileError(LostmotionError):
@@ -28,3 +29,7 @@ class ExperimentError(LostmotionError):
 
 class EffectFileError(LostmotionError):
     """The user's own effect cannot be used; one line says where and why."""
+
+
+class ExecutorError(LostmotionError):
+    """Parallel work cannot run where it was asked to; one line says what is missing."""

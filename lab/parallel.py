@@ -1,0 +1,161 @@
+"""Where the lab's parallel work runs: threads here, processes here, or a Dask cluster, all as one Executor.
+
+Threads are the usual choice: the integrator holds no lock, so they scale, and nothing is copied.  Effects in plain
+Python do hold it; for these take processes.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import (
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    as_completed,
+)
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from importlib import import_module
+from multiprocessing import get_context
+from typing import Any, Generic, TypeVar
+
+from lostmotion.lab.errors import ExecutorError
+
+__all__ = ["Gathered", "cores", "gather", "open_executor"]
+
+T = TypeVar("T")
+R = TypeVar("R")
+CONNECT_S = 5.0
+WORKERS_S = 10.0
+EXPECTED = "expected threads:N, processes:N or dask=HOST:PORT"
+
+
+@dataclass(frozen=True, eq=False)
+class Gathered(Generic[R]):
+    """What came of many calls, in their order: all results, or those up to a Ctrl-C, the others None."""
+
+    results: tuple[R | None, ...]
+    complete: bool
+
+    @property
+    def done(self) -> tuple[R, ...]:
+        """The results that there are."""
+        return tuple(result for result in self.results if result is not None)
+
+
+def cores() -> int:
+    """How many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextmanager
+def open_executor(spec: str | None = None) -> Iterator[Executor]:
+    """An executor for the time of a block; work that is still waiting when the block ends is dropped.
+
+    spec: None: a thread for each core; "threads:N"; "processes:N"; "dask=HOST:PORT": the workers of the Dask cluster
+    whose scheduler listens there.  What is sent to processes and clusters must be picklable, functions importable.
+    Raises ExecutorError.
+    """
+    kind, _, rest = (spec or f"threads:{cores()}").replace("dask=", "dask:", 1).partition(":")
+    count = int(rest) if rest.isdecimal() else 0
+    if not (rest if kind == "dask" else kind in ("threads", "processes") and count):
+        raise ExecutorError(f"found the executor {spec!r}, {EXPECTED}")
+    try:
+        with _cluster(rest) if kind == "dask" else _pool(kind, count) as executor:
+            yield executor
+    except (BrokenExecutor, CancelledError) as error:
+        raise ExecutorError(
+            f"{spec}: {error or 'work was dropped'}; did a worker stop, or run out of memory?"
+        ) from error
+
+
+def gather(
+    executor: Executor,
+    function: Callable[[T], R],
+    items: Iterable[T],
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Gathered[R]:
+    """function(item) for each item; ``progress(done, total)`` is told after each.
+
+    The first error is raised, and what has not begun is dropped.  So it is on Ctrl-C, which returns what is done.
+    """
+    futures = [executor.submit(function, item) for item in items]
+    try:
+        for count, future in enumerate(as_completed(futures), start=1):
+            future.result()
+            progress(count, len(futures))
+    except KeyboardInterrupt:
+        return Gathered(tuple(map(_result, futures)), complete=False)
+    finally:
+        for future in futures:
+            future.cancel()
+    return Gathered(tuple(future.result() for future in futures), complete=True)
+
+
+def _result(future: Future[R]) -> R | None:
+    done = future.done() and not future.cancelled() and future.exception() is None
+    return future.result() if done else None
+
+
+@contextmanager
+def _pool(kind: str, count: int) -> Iterator[Executor]:
+    """Processes are spawned, not forked: this one may have threads, and compiled code in use."""
+    pool: Executor
+    if kind == "threads":
+        pool = ThreadPoolExecutor(count)
+    else:
+        pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=_leave_ctrl_c)
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _leave_ctrl_c() -> None:
+    """A terminal sends Ctrl-C to all processes; the one in front answers it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@contextmanager
+def _cluster(address: str) -> Iterator[Executor]:
+    with _client(address) as client:
+        _check_workers(client, address)
+        executor: Executor = client.get_executor(pure=False)  # pure would look at all arguments for equal calls
+        try:
+            yield executor
+        except import_module("distributed").KilledWorker as error:
+            raise BrokenExecutor(str(error)) from error
+        finally:
+            with suppress(OSError):  # the scheduler is gone
+                executor.shutdown(wait=False)
+
+
+def _client(address: str) -> Any:
+    try:
+        distributed = import_module("distributed")
+    except ImportError as error:
+        raise ExecutorError("dask= needs the package distributed; pip install 'lostmotion[cluster]'") from error
+    try:
+        return distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
+    except (OSError, ValueError) as error:  # its TimeoutError is an OSError
+        raise ExecutorError(
+            f"dask={address}: no scheduler answers: {error}; does dask scheduler run there, and is the port right?"
+        ) from error
+
+
+def _check_workers(client: Any, address: str) -> None:
+    """Raises ExecutorError unless there are workers that have lostmotion; else a task would wait for ever."""
+    try:
+        client.wait_for_workers(1, timeout=WORKERS_S)
+        client.run(cores)
+    except TimeoutError as error:
+        raise ExecutorError(
+            f"dask={address}: the scheduler has no workers, expected at least one; start dask worker"
+        ) from error
+    except ImportError as error:
+        raise ExecutorError(f"dask={address}: a worker cannot load lostmotion: {error}; install it there") from error
