@@ -13,6 +13,7 @@ LEAST_COVER = 0.8
 """Share of the span that the samples must cover."""
 REANCHOR = 64
 """Samples after which the running sums are made anew, so that rounding does not pile up."""
+NO_SUMS = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Curvature(NamedTuple):
@@ -39,23 +40,22 @@ class LocalFit:
         self.samples: deque[tuple[float, float]] = deque()
         self._anchor = self._offset = 0.0
         self._age = REANCHOR
-        self._s1 = self._s2 = self._s3 = self._s4 = self._y0 = self._y1 = self._y2 = 0.0
+        self._sums = NO_SUMS
 
     def add(self, time: float, value: float) -> Curvature | None:
         """Takes a sample, later than all before; the curvature, or None while the span is not well covered."""
         samples = self.samples
         samples.append((time, value))
         oldest = time - self.span * (1 + 1e-9)
-        gone = []
+        changes = []
         while samples[0][0] < oldest:
-            gone.append(samples.popleft())
+            changes.append((*samples.popleft(), -1.0))
+        changes.append((time, value, 1.0))
         self._age += 1
         if self._age > REANCHOR:
             self._reanchor()
         else:
-            for old in gone:
-                self._count(*old, -1.0)
-            self._count(time, value, 1.0)
+            self._count(changes)
         if len(samples) < LEAST_POINTS or time - samples[0][0] < LEAST_COVER * self.span:
             return None
         return self._curvature()
@@ -65,31 +65,37 @@ class LocalFit:
         values = [value for time, value in self.samples if time >= since]
         return max(values) - min(values) if values else 0.0
 
+    def moves(self, least: float) -> bool:
+        """Whether ``reach`` is at least so much; most often the first and the last sample already show it."""
+        samples = self.samples
+        return abs(samples[-1][1] - samples[0][1]) >= least or self.reach() >= least
+
     def _reanchor(self) -> None:
         self._anchor, self._offset = self.samples[-1]
         self._age = 0
-        self._s1 = self._s2 = self._s3 = self._s4 = self._y0 = self._y1 = self._y2 = 0.0
-        for sample in self.samples:
-            self._count(*sample, 1.0)
+        self._sums = NO_SUMS
+        self._count([(*sample, 1.0) for sample in self.samples])
 
-    def _count(self, time: float, value: float, sign: float) -> None:
-        t = time - self._anchor
-        y = sign * (value - self._offset)
-        t2 = t * t
-        self._s1 += sign * t
-        self._s2 += sign * t2
-        self._s3 += sign * t2 * t
-        self._s4 += sign * t2 * t2
-        self._y0 += y
-        self._y1 += y * t
-        self._y2 += y * t2
+    def _count(self, changes: list[tuple[float, float, float]]) -> None:
+        """Adds samples (time, value, 1) to the sums and takes others (-1) out of them."""
+        s1, s2, s3, s4, y0, y1, y2 = self._sums
+        for time, value, sign in changes:
+            t = time - self._anchor
+            y = sign * (value - self._offset)
+            t2 = t * t
+            s1 += sign * t
+            s2 += sign * t2
+            s3 += sign * t2 * t
+            s4 += sign * t2 * t2
+            y0 += y
+            y1 += y * t
+            y2 += y * t2
+        self._sums = s1, s2, s3, s4, y0, y1, y2
 
     def _curvature(self) -> Curvature:
         """Normal equations in central moments c_k of the times; the parabola's part orthogonal to a line."""
         n = len(self.samples)
-        m = self._s1 / n
-        s2, s3, s4 = self._s2 / n, self._s3 / n, self._s4 / n
-        y0, y1, y2 = self._y0 / n, self._y1 / n, self._y2 / n
+        m, s2, s3, s4, y0, y1, y2 = [total / n for total in self._sums]
         m2 = m * m
         c2 = s2 - m2
         c3 = s3 - 3 * m * s2 + 2 * m * m2

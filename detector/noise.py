@@ -51,6 +51,8 @@ class NoiseLevel:
 
     def _clipped_mean(self, least: float) -> float:
         count = len(self._sorted)
+        if self._sorted[-1] <= least:  # nothing to cut down, as nearly always
+            return sum(self._sorted) / count
         usual = math.ceil(SHARE * count)
         limit = max(least, FAR * sum(self._sorted[:usual]) / (usual * TRIMMED_MEAN))
         below = bisect_left(self._sorted, limit)

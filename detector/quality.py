@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lostmotion.detector.window import FloatArray, Window
 
@@ -32,12 +33,13 @@ def describe(window: Window, range_ms2: float = math.inf) -> str:
     if there.size == 0:
         return "short"
     values = window.accel[there]
-    flat = bool(np.ptp(values) == 0)
+    high, low = float(values.max()), float(values.min())
+    flat = high == low
     covered = int(there[-1] - there[0]) + 1
     found = {
         "short": covered < COVERED_SHARE * window.accel.size,
         "gappy": there.size < GAPPY_SHARE * covered,
-        "clipped": bool(np.abs(values).max() >= FULL_SCALE * range_ms2) or (not flat and _has_flat_top(values)),
+        "clipped": max(high, -low) >= FULL_SCALE * range_ms2 or (not flat and _has_flat_top(values, (high, low))),
         "flat": flat,
         "gentle": abs(window.excitation) < GENTLE,
     }
@@ -53,18 +55,19 @@ def mended(accel: FloatArray) -> FloatArray:
     return np.interp(index, index[there], accel[there])
 
 
-def _has_flat_top(values: FloatArray) -> bool:
+def _has_flat_top(values: FloatArray, extremes: tuple[float, float]) -> bool:
     """Whether the signal stays at an extreme for some samples after a step far larger than its finest.
 
     A slow signal in coarse steps also stays at its top for a while, but gets there by its finest step.
     """
+    held = [values == extreme for extreme in extremes]
+    return any(np.count_nonzero(at) >= FLAT_TOP and _is_jumped_to(at, values) for at in held)
+
+
+def _is_jumped_to(at: NDArray[np.bool_], values: FloatArray) -> bool:
+    """Whether a large step leads to one of the longer stretches where ``at`` is true."""
     steps = np.abs(np.diff(values))
     finest = float(steps[steps > 0].min())
-    for extreme in (values.max(), values.min()):
-        at = np.concatenate(([0], (values == extreme).astype(np.int8), [0]))
-        edges = np.flatnonzero(np.diff(at))
-        starts, ends = edges[::2], edges[1::2]
-        for first, end in zip(starts, ends, strict=True):
-            if end - first >= FLAT_TOP and first > 0 and steps[first - 1] > 5 * finest:
-                return True
-    return False
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], at.astype(np.int8), [0]))))
+    stretches = zip(edges[::2], edges[1::2], strict=True)
+    return any(end - first >= FLAT_TOP and first > 0 and steps[first - 1] > 5 * finest for first, end in stretches)

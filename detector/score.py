@@ -26,7 +26,8 @@ def score(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> floa
 
     Raises DetectorError when N samples at this rate do not tell the bands of the settings.
     """
-    return float(batch(np.asarray(accel)[None, :], rate_hz, settings)[0])
+    mask = bands(len(accel), rate_hz, settings).mask
+    return float(normalised_spectrum(np.asarray(accel), rate_hz, settings)[mask].sum())
 
 
 def batch(accel2d: FloatArray, rate_hz: float, settings: DetectorSettings) -> FloatArray:
@@ -43,7 +44,7 @@ def score_window(window: Window, settings: DetectorSettings, range_ms2: float = 
     range_ms2: the largest acceleration that the sensor shows [m/s²].  Raises DetectorError as ``score`` does.
     """
     quality = describe(window, range_ms2)
-    enough = np.isfinite(window.accel).mean() >= LEAST_SHARE if window.accel.size else False
+    enough = window.accel.size and np.count_nonzero(np.isfinite(window.accel)) >= LEAST_SHARE * window.accel.size
     value = score(mended(window.accel), window.rate_hz, settings) if enough else math.nan
     return Score(
         joint=window.joint,

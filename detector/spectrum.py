@@ -54,7 +54,7 @@ def amplitude_spectrum(accel: FloatArray) -> FloatArray:
     length = accel.shape[-1]
     basis, taper = _preparation(length)
     rest = accel - (accel @ basis) @ basis.T
-    return np.abs(np.fft.rfft(rest * taper)) * (2 / float(taper.sum()))
+    return np.abs(np.fft.rfft(rest * taper))
 
 
 @lru_cache(maxsize=64)
@@ -112,10 +112,10 @@ def _range(centre_hz: float, width_hz: float) -> str:
 
 @lru_cache(maxsize=64)
 def _preparation(length: int) -> tuple[FloatArray, FloatArray]:
-    """An orthonormal basis of the cubics, shape (length, 4), and the Tukey window, shape (length,)."""
+    """An orthonormal basis of the cubics, shape (length, 4), and the Tukey window of sum 2, shape (length,)."""
     order = min(TREND_ORDER, length - 1)
     basis, _ = np.linalg.qr(np.vander(np.linspace(-1, 1, length), order + 1))
     middle = (np.arange(length) + 0.5) / length
     from_edge = np.minimum(middle, 1 - middle)
     taper = np.where(from_edge < TAPER / 2, 0.5 - 0.5 * np.cos(2 * np.pi * from_edge / TAPER), 1.0)
-    return np.asarray(basis), np.asarray(taper)
+    return np.asarray(basis), np.asarray(taper * (2 / taper.sum()))

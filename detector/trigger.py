@@ -125,7 +125,7 @@ class Trigger:
         self._lobes.add(curvature)
         if abs(curvature.value) < self._threshold(curvature.gain):
             return None
-        if self._jump.pending or self._fit.reach() < REST_STEPS * self._step:
+        if self._jump.pending or not self._fit.moves(REST_STEPS * self._step):
             return None
         changed = self._lobes.enter(curvature)
         return None if changed is None else Reversal(changed[0], now, changed[1])
@@ -167,7 +167,8 @@ class _Lobes:
         old, since, extreme = self._direction, self._strong, self._extreme
         self._direction, self._strong = math.copysign(1.0, accel), time
         if old == self._direction:
-            self._extreme = max(extreme, accel, key=abs)
+            if abs(accel) > abs(extreme):
+                self._extreme = accel
             return None
         self._extreme = accel
         if not old:

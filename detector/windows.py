@@ -56,7 +56,8 @@ def cut(
     first, last = np.searchsorted(times, (start - 1 / rate_hz, start + duration + 1 / rate_hz))
     place = (times[first:last] - start) * rate_hz
     # The stream's phase against the grid, averaged on the circle: one late sample must not shift all others.
-    phase = float(np.angle(np.exp(2j * np.pi * place).mean())) / (2 * np.pi) if place.size else 0.0
+    turn = 2 * np.pi * place
+    phase = math.atan2(np.sin(turn).sum(), np.cos(turn).sum()) / (2 * np.pi)
     slot = np.rint(place - phase).astype(np.intp)
     inside = (slot >= 0) & (slot < length)
     grid = np.full(length, np.nan)

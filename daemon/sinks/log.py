@@ -15,10 +15,11 @@ class LogSink:
     """Writes one line for each event."""
 
     def score(self, row: ScoreRow) -> None:
-        log.debug(
-            "score joint=%s time=%s score=%.3g level=%g impact=%s quality=%s",
-            *(row.joint, iso(row.time), row.score, row.level, row.impact, row.quality),
-        )
+        if log.isEnabledFor(logging.DEBUG):
+            log.debug(
+                "score joint=%s time=%s score=%.3g level=%g impact=%s quality=%s",
+                *(row.joint, iso(row.time), row.score, row.level, row.impact, row.quality),
+            )
 
     def alarm(self, row: AlarmRow) -> None:
         bad = logging.ERROR if row.severity is Severity.ERROR else logging.WARNING
