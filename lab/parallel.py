@@ -6,6 +6,7 @@ Python do hold it; for these take processes.
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 from collections.abc import Callable, Iterable, Iterator
@@ -70,7 +71,7 @@ def open_executor(spec: str | None = None) -> Iterator[Executor]:
             yield executor
     except (BrokenExecutor, CancelledError) as error:
         raise ExecutorError(
-            f"{spec}: {error or 'work was dropped'}; did a worker stop, or run out of memory?"
+            f"{spec}: {str(error) or 'the work was dropped'}; did a worker stop, or run out of memory?"
         ) from error
 
 
@@ -140,6 +141,7 @@ def _client(address: str) -> Any:
         distributed = import_module("distributed")
     except ImportError as error:
         raise ExecutorError("dask= needs the package distributed; pip install 'lostmotion[cluster]'") from error
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # errors come as exceptions; no tracebacks
     try:
         return distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
     except (OSError, ValueError) as error:  # its TimeoutError is an OSError

@@ -55,7 +55,7 @@ class _Raised(threading.local):
 
 
 class Kernel:
-    """A function that the solver calls by ``address``; one in Python that raised gives NaN until it is asked why."""
+    """A function that the solver calls by ``address``; what one in Python raises is NaN to the solver."""
 
     def __init__(self, function: Function, in_python: bool = False) -> None:
         self.function = function
@@ -78,7 +78,7 @@ class Kernel:
         return int(self._handle.address)
 
     def _guarded(self, s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
-        if self._raised.error is not None:  # the rest of the motion, as fast as possible
+        if not isinstance(self._raised.error, Exception | None):  # Ctrl-C: the rest as fast as possible
             return float("nan")
         try:
             return float(self.function(s, x, dx, p))

@@ -181,6 +181,10 @@ class Sampled:
                 f"times must ascend, but sample {bad} at {self.time[bad]:g} s does not follow its forerunner"
             )
 
+    def __reduce__(self) -> tuple[type[Sampled], tuple[FloatArray, FloatArray]]:
+        """To another process go the samples alone; the spline is soon made again."""
+        return Sampled, (self.time, self.values)
+
     @cached_property
     def _spline(self) -> CubicSpline[np.float64]:
         return CubicSpline(self.time, self.values)
