@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 
-.PHONY: help demo test check format bench figures clean
+.PHONY: help demo test check format bench bench-hidden figures clean
 help:
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
@@ -34,6 +34,9 @@ format: $(READY)  ## puts the source into the one form
 
 bench: $(READY)  ## speed and memory as ratios, side by side in one run
 	$(BIN)/python -m bench
+
+bench-hidden: $(READY)  ## recordings with a hidden effect: what lab explain makes of them (table and figure, takes long)
+	$(BIN)/python -m bench.hidden_effects run --seed $(or $(SEED),0) --figures docs/figures
 
 figures: $(READY)  ## the paper's figures 1, 2, 4 and 5 from the model, into docs/figures
 	$(BIN)/python -m bench.figures

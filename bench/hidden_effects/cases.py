@@ -1,7 +1,8 @@
 """One case: three recordings of a joint with something hidden in it, on disk.  What is hidden goes to truth.json.
 
-The strength of an effect is set by what it does: the change of the accelerometer's signal over half a second from the
-same start, over the noise, is brought into a window (RATIO) by the size of the effect and of the noise.
+The strength of an effect is set by what it does: what the best fit of the base leaves of it in the accelerometer's
+signal, over the noise, is brought into a window (RATIO) by the size of the noise and, where that is not enough, of the
+effect.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from scipy.signal import lfilter
 from bench.hidden_effects.catalogue import ACTS_ON, INSIDE, OUTSIDE, Random, Values, draw, rough, true_base
 from bench.hidden_effects.motion import hand_waved
 from bench.hidden_effects.physics import Command, follow, simulate
+from bench.hidden_effects.sizing import Stretch, left_by_base
 
 __all__ = ["KINDS", "Case", "write_case"]
 
@@ -29,7 +31,10 @@ RATIO = {"strong": (10.0, 20.0), "moderate": (3.0, 6.0)}
 NOISE = (0.05, 0.4)
 COUNTS = (16 * 9.80665 / 32768, 0.0118)
 RANGE = 16 * 9.80665
-STRETCH = 0.5
+STRETCH, STRETCHES = 0.45, (0.8, 1.8)
+LAGGING = {"actuator_lag.T", "finite_actuator.J1"}
+START, SMALLEST_LARGEST, TRIES = {"strong": 3.0, "moderate": 1.0}, (0.3, 5.0), 4
+GROWING = ("clock_skew", "bias_drift")
 UNITS = {"d": "m", "k": "N/m", "l": "m", "alpha": "N s/m", "b": "N s/m"}
 
 
@@ -96,25 +101,28 @@ def write_case(case: Case, folder: Path) -> None:
 
 
 def _sized(case: Case, base: _Joint, rng: Random) -> tuple[Values, float, list[float]]:
-    """Parameters of the effects, the noise's rms [m/s²], and the change that each effect makes over the noise."""
-    noise = float(np.exp(rng.uniform(*np.log(NOISE))))
+    """Parameters of the effects, the noise's rms [m/s²], and what each effect leaves over the noise.
+
+    The noise follows the first effect as far as it may, then the size does.
+    """
+    quietest, loudest = NOISE[0] * rng.uniform(1, 2), NOISE[1] * rng.uniform(0.5, 1)
+    noise = float(np.exp(rng.uniform(math.log(quietest), math.log(loudest))))
     hidden: Values = {}
     ratios: list[float] = []
     low, high = RATIO[case.size]
     for effect in case.effects:
-        seed, strength = int(rng.integers(2**31)), 3.0 if case.size == "strong" else 1.0
-        wanted = rng.uniform(low, high)
-        for _ in range(6):
+        wanted, seed, strength = rng.uniform(low, high), int(rng.integers(2**31)), START[case.size]
+        for _ in range(TRIES):
             found = _peak_share(draw(effect, np.random.default_rng(seed), strength), base)
-            ratio = _change(base, found) / noise
-            if low <= ratio <= high:
-                break
-            strength = float(np.clip(strength * np.clip((wanted / max(ratio, 1e-3)) ** 0.8, 0.4, 2.5), 0.3, 5.0))
-        else:  # the size is at the end of what is sensible, or the change does not grow with it
+            left = _left(base, found)
             if not hidden:
-                noise = float(np.clip(noise * ratio / wanted, *NOISE))
+                noise = float(np.clip(left / wanted, quietest, loudest))
+            if low <= left / noise <= high:
+                break
+            strength *= float(np.clip((wanted * noise / max(left, 1e-6)) ** 0.8, 0.4, 2.5))
+            strength = float(np.clip(strength, *SMALLEST_LARGEST))
         hidden |= found
-        ratios.append(_change(base, found) / noise)
+        ratios.append(left / noise)
     return hidden, noise, ratios
 
 
@@ -126,41 +134,50 @@ def _peak_share(values: Values, base: _Joint) -> Values:
     return {"sensor_saturation.a_max": round(values["sensor_saturation.share"] * float(peak), 3)}
 
 
-def _change(base: _Joint, effect: Values) -> float:
-    """Root mean square of what the effect changes in the signal [m/s²].
+def _left(base: _Joint, effect: Values) -> float:
+    """Root mean square of what the effect leaves in the signal after the base has done its best [m/s²].
 
-    Over short stretches that start at rest against the command, as far apart chaos would rule; whole recordings for
-    what only grows with time, and for what the sensor does to a motion that it leaves alone.
+    Over short stretches, as farther from a start chaos would rule; over whole recordings for what only time brings out.
     """
-    name = next(iter(effect)).split(".")[0]
-    changed = []
-    for command in base.commands:
-        if ACTS_ON[name] == "sensor":
-            change = _clean({**base.values, **effect}, command, _times()) - _clean(base.values, command, _times())
-            changed.append(change - change.mean())
-            continue
-        for start in np.arange(LEAD, LEAD + DURATION - STRETCH, 2 * STRETCH):
-            times = np.arange(start, start + STRETCH, 1 / RATE_HZ)
-            both = (_from_rest({**base.values, **hidden}, command, times) for hidden in (effect, {}))
-            changed.append(next(both) - next(both))
-    return float(np.sqrt(np.mean(np.concatenate(changed) ** 2)))
+    times, values = _times(), {**base.values, **effect}
+    if next(iter(effect)).split(".")[0] in GROWING:
+        changes = [_clean(values, command, times) - _clean(base.values, command, times) for command in base.commands]
+        return float(np.sqrt(np.mean([np.var(change) for change in changes])))
+    stretches = [stretch for command in base.commands[:2] for stretch in _stretches(values, command)]
+    return left_by_base(base.values, stretches, 1 / RATE_HZ)
+
+
+def _stretches(values: Values, command: Command) -> list[Stretch]:
+    """Stretches of the clean signal, each with a state to begin from in which the base's gap is as it was."""
+    times = np.arange(round((STRETCHES[-1] + STRETCH) * RATE_HZ)) / RATE_HZ
+    accel, states = simulate(values, command, times, follow(values, command, 0.0))
+    late = values.get("command_delay.T", 0.0)
+    found = []
+    for start in STRETCHES:
+        first, last = round(start * RATE_HZ), round((start + STRETCH) * RATE_HZ)
+        state = states[first].copy()
+        angle = state[4] if LAGGING & set(values) else command.at(times[first : first + 1] - late)[0]
+        state[0] += command.at(times[first : first + 1])[0] - angle
+        found.append(Stretch(command, start, _read(values, accel[first:last], times[first:last] - LEAD), state))
+    return found
 
 
 def _times() -> FloatArray:
     return LEAD + np.arange(round(DURATION * RATE_HZ)) / RATE_HZ
 
 
-def _from_rest(values: Values, command: Command, times: FloatArray) -> FloatArray:
-    return simulate(values, command, times, follow(values, command, float(times[0])))[0]
-
-
 def _clean(values: Values, command: Command, times: FloatArray) -> FloatArray:
-    """What the sensor would tell at its stamps `times` without noise, limits or counts; the motion starts at 0."""
+    """What the sensor would tell at its stamps `times` without noise or counts; the motion starts at 0."""
     own = times - times[0]
     felt_at = times[0] + own / (1 + values.get("clock_skew.s", 0.0))
-    accel = _from_rest(values, command, np.concatenate(([0.0], felt_at)))[1:]
+    from_start = np.concatenate(([0.0], felt_at))
+    return _read(values, simulate(values, command, from_start, follow(values, command, 0.0))[0][1:], own)
+
+
+def _read(values: Values, accel: FloatArray, own: FloatArray) -> FloatArray:
+    """The sensor's own part, for accelerations at times since it was switched on: curve, hum, offset, drift, range."""
     accel = accel + values.get("curved_sensor.c", 0.0) * accel**2
-    hum = np.sin(2 * math.pi * values.get("hum.f", 0.0) * felt_at + values.get("hum.phi", 0.0))
+    hum = np.sin(2 * math.pi * values.get("hum.f", 0.0) * own + values.get("hum.phi", 0.0))
     accel = accel + values.get("hum.a", 0.0) * hum + values["bias"] + values.get("bias_drift.c", 0.0) * own
     limit = values.get("sensor_saturation.a_max", math.inf)
     return np.asarray(np.clip(accel, -limit, limit))

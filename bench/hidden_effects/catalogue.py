@@ -11,12 +11,11 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-__all__ = ["ACTS_ON", "CONFUSABLE", "INSIDE", "OUTSIDE", "draw", "rough", "true_base"]
+__all__ = ["ACTS_ON", "INSIDE", "OUTSIDE", "draw", "rough", "true_base"]
 
 Values = dict[str, float]
 Random = np.random.Generator
 Draw = Callable[[Random, float], Values]
-SIGMA_PHI = math.pi
 
 
 def _angle(rng: Random) -> float:
@@ -77,15 +76,15 @@ _DRAWS: Mapping[str, tuple[str, Draw]] = {
     "gear_eccentricity": ("contact", lambda rng, s: {"e": _near(rng, 4e-6) * s, "N": float(rng.integers(1, 41)),
                                                      "phi": _angle(rng)}),
     "contact_asymmetry": ("contact", _asymmetry),
-    "actuator_lag": ("command", lambda rng, s: {"T": _near(rng, 2.5e-3) * s**0.8}),
-    "command_delay": ("command", lambda rng, s: {"T": _near(rng, 2.5e-3) * s**0.8}),
+    "actuator_lag": ("command", lambda rng, s: {"T": _near(rng, 2e-3) * s**0.8}),
+    "command_delay": ("command", lambda rng, s: {"T": _near(rng, 2e-3) * s**0.8}),
     "finite_actuator": ("command", lambda rng, s: {"J1": _near(rng, 1e-3), "f1": _near(rng, 30.0, 1.15) / s**0.5,
                                                    "zeta1": rng.uniform(0.5, 0.9)}),
     "hardening_spring": ("oscillator", _hardening),
     "quadratic_damping": ("oscillator", lambda rng, s: {"b2": _near(rng, 0.7) * s}),
     "second_mode": ("oscillator", _second_mode),
-    "gravity_leakage": ("sensor", lambda rng, s: {"c": _sign(rng) * _near(rng, 0.06) * s, "phi": rng.uniform(-1, 1)}),
-    "centripetal_crosstalk": ("sensor", lambda rng, s: {"c": _sign(rng) * _near(rng, 0.5) * s}),
+    "gravity_leakage": ("sensor", lambda rng, s: {"c": _sign(rng) * _near(rng, 0.04) * s, "phi": rng.uniform(-1, 1)}),
+    "centripetal_crosstalk": ("sensor", lambda rng, s: {"c": _sign(rng) * _near(rng, 0.3) * s}),
     "sensor_lag": ("sensor", lambda rng, s: {"T": _near(rng, 6e-4) * s}),
     "sensor_saturation": ("sensor", lambda rng, s: {"share": 1 - 0.15 * min(s, 5.0) ** 0.8}),
     "clock_skew": ("sensor", lambda rng, s: {"s": _sign(rng) * _near(rng, 8e-4) * s}),
@@ -106,7 +105,7 @@ ACTS_ON = {name: where for name, (where, _) in {**_DRAWS, **_OUTSIDE}.items()}
 
 
 def draw(effect: str, rng: Random, strength: float) -> Values:
-    """Parameters of the effect as "effect.name"; sensor_saturation's `share` is of the peak, known after a simulation."""
+    """Parameters of the effect as "effect.name"; sensor_saturation has a `share` of the peak in place of a_max."""
     _, drawn = {**_DRAWS, **_OUTSIDE}[effect]
     return {f"{effect}.{name}": float(value) for name, value in drawn(rng, strength).items()}
 

@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.integrate import odeint
 
-__all__ = ["NEUTRAL", "STATES", "Command", "Values", "follow", "simulate"]
+__all__ = ["NEUTRAL", "STATES", "Command", "Values", "follow", "layout", "motion", "simulate"]
 
 FloatArray = NDArray[np.float64]
 Values = Mapping[str, float]
@@ -68,6 +68,11 @@ class Command:
     def __init__(self, start: float, step: float, coefficients: FloatArray) -> None:
         self.start, self.step, self.coefficients = start, step, np.ascontiguousarray(coefficients)
 
+    @property
+    def where(self) -> tuple[float, float, FloatArray]:
+        """Start, step and coefficients, as the compiled functions take them."""
+        return self.start, self.step, self.coefficients
+
     def at(self, times: FloatArray) -> FloatArray:
         """The angle [rad] at the times."""
         return np.array([_command(t, self.start, self.step, self.coefficients)[0] for t in times])
@@ -83,7 +88,7 @@ def _command(t, start, step, coefficients):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _motion(y, t, v, start, step, coefficients, out):  # type: ignore[no-untyped-def]
+def motion(y, t, v, start, step, coefficients, out):  # type: ignore[no-untyped-def]
     """Sets the derivatives (12,) and gives the acceleration that the accelerometer feels."""
     theta2, omega2, q, dq, x1, dx1, near, dnear, q2, dq2, filtered, z = y
     out[:] = 0.0
@@ -100,9 +105,10 @@ def _motion(y, t, v, start, step, coefficients, out):  # type: ignore[no-untyped
     flexible = v.shaft_compliance__share < 1.0
     gear, dgear = (near, dnear) if flexible else (theta2, omega2)
     turn = v.gear_eccentricity__N
-    gap = gear * v.R2 - theta1 * v.R1 + v.gear_eccentricity__e * math.sin(turn * theta1 + v.gear_eccentricity__phi)
-    dgap = dgear * v.R2 - omega1 * v.R1
-    dgap += v.gear_eccentricity__e * turn * omega1 * math.cos(turn * theta1 + v.gear_eccentricity__phi)
+    gap, dgap = gear * v.R2 - theta1 * v.R1, dgear * v.R2 - omega1 * v.R1
+    if v.gear_eccentricity__e > 0.0:
+        gap += v.gear_eccentricity__e * math.sin(turn * theta1 + v.gear_eccentricity__phi)
+        dgap += v.gear_eccentricity__e * turn * omega1 * math.cos(turn * theta1 + v.gear_eccentricity__phi)
     closed = gap / (v.d / 2)
     flank = closed ** int(v.n)
     force = v.beta * flank * (v.contact_asymmetry__ratio if closed > 0 else 1.0) + v.alpha * dgap * flank * closed
@@ -127,7 +133,8 @@ def _motion(y, t, v, start, step, coefficients, out):  # type: ignore[no-untyped
         out[8] = dq2
         out[9] = -2 * v.second_mode__zeta2 * w2 * dq2 - w2 * w2 * q2 - v.second_mode__participation * v.l * alpha2
         felt += out[9]
-    felt += v.gravity_leakage__c * G * math.sin(theta2 + v.gravity_leakage__phi)
+    if v.gravity_leakage__c != 0.0:
+        felt += v.gravity_leakage__c * G * math.sin(theta2 + v.gravity_leakage__phi)
     felt += v.centripetal_crosstalk__c * omega2 * omega2 * v.l
     if v.sensor_lag__T > 0.0:
         out[10] = (felt - filtered) / v.sensor_lag__T
@@ -138,25 +145,31 @@ def _motion(y, t, v, start, step, coefficients, out):  # type: ignore[no-untyped
 @njit(cache=True)
 def _on_joint(v, t, theta, omega, force, z):  # type: ignore[no-untyped-def]
     """Torque of the effects on the joint, the hysteresis' state z in rad."""
-    torque = -v.viscous_friction__b_v * omega
-    torque -= v.coulomb_friction__tau_c * math.tanh(omega / v.coulomb_friction__omega_0)
-    fall = math.exp(-((omega / v.stribeck_friction__omega_s) ** 2))
-    dry = v.stribeck_friction__tau_c + (v.stribeck_friction__tau_s - v.stribeck_friction__tau_c) * fall
-    torque -= dry * math.tanh(omega / v.stribeck_friction__omega_0)
-    load = v.load_dependent_friction__mu * abs(force) * v.R2
-    torque -= load * math.tanh(omega / v.load_dependent_friction__omega_0)
-    torque -= v.gravity_torque__tau_g * math.sin(theta + v.gravity_torque__phi)
-    spot = math.exp(-(((theta - v.tight_spot__angle) / v.tight_spot__width) ** 2))
-    torque -= v.tight_spot__tau_t * spot * math.tanh(omega / 5e-3)
+    torque = -v.viscous_friction__b_v * omega - v.cubic_friction__b3 * omega**3
+    if v.coulomb_friction__tau_c > 0.0:
+        torque -= v.coulomb_friction__tau_c * math.tanh(omega / v.coulomb_friction__omega_0)
+    if v.stribeck_friction__tau_s > 0.0:
+        fall = math.exp(-((omega / v.stribeck_friction__omega_s) ** 2))
+        dry = v.stribeck_friction__tau_c + (v.stribeck_friction__tau_s - v.stribeck_friction__tau_c) * fall
+        torque -= dry * math.tanh(omega / v.stribeck_friction__omega_0)
+    if v.load_dependent_friction__mu > 0.0:
+        load = v.load_dependent_friction__mu * abs(force) * v.R2
+        torque -= load * math.tanh(omega / v.load_dependent_friction__omega_0)
+    if v.gravity_torque__tau_g > 0.0:
+        torque -= v.gravity_torque__tau_g * math.sin(theta + v.gravity_torque__phi)
+    if v.tight_spot__tau_t > 0.0:
+        spot = math.exp(-(((theta - v.tight_spot__angle) / v.tight_spot__width) ** 2))
+        torque -= v.tight_spot__tau_t * spot * math.tanh(omega / 5e-3)
     torque -= v.hysteresis__tau_h * z / v.hysteresis__reach
-    torque -= v.cubic_friction__b3 * omega**3
-    return torque + v.shaking__tau * math.sin(2 * math.pi * v.shaking__f * t + v.shaking__phi)
+    if v.shaking__tau > 0.0:
+        torque += v.shaking__tau * math.sin(2 * math.pi * v.shaking__f * t + v.shaking__phi)
+    return torque
 
 
 @njit(cache=True)
 def _rhs(y, t, v, start, step, coefficients):  # type: ignore[no-untyped-def]
     out = np.empty(12)
-    _motion(y, t, v, start, step, coefficients, out)
+    motion(y, t, v, start, step, coefficients, out)
     return out
 
 
@@ -164,11 +177,12 @@ def _rhs(y, t, v, start, step, coefficients):  # type: ignore[no-untyped-def]
 def _felt(states, times, v, start, step, coefficients):  # type: ignore[no-untyped-def]
     out, felt = np.empty(12), np.empty(len(times))
     for i in range(len(times)):
-        felt[i] = _motion(states[i], times[i], v, start, step, coefficients, out)
+        felt[i] = motion(states[i], times[i], v, start, step, coefficients, out)
     return felt
 
 
-def _layout(values: Values) -> Layout:
+def layout(values: Values) -> Layout:
+    """The values in the order of the compiled functions, neutral where none is given.  Raises KeyError."""
     unknown = set(values) - set(NEUTRAL)
     if unknown:
         raise KeyError(f"no value of the equations is called {', '.join(sorted(unknown))}")
@@ -177,11 +191,11 @@ def _layout(values: Values) -> Layout:
 
 def follow(values: Values, command: Command, time: float) -> FloatArray:
     """The state (12,) that moves along with the command: gap centred, lags settled, bar bent by the acceleration."""
-    v = _layout(values)
+    v = layout(values)
     angle, rate, acceleration = _command(time - v.command_delay__T, command.start, command.step, command.coefficients)
     bent = -v.m * v.l * acceleration / v.k
     state = np.array([angle, rate, bent, 0, angle, rate, angle, rate, 0, 0, 0, 0], dtype=float)
-    state[10] = _felt(state[None], np.array([time]), v._replace(sensor_lag__T=0.0), *vars(command).values())[0]
+    state[10] = _felt(state[None], np.array([time]), v._replace(sensor_lag__T=0.0), *command.where)[0]
     return state
 
 
@@ -192,7 +206,7 @@ def simulate(
 
     Offset, drift, range and noise of the sensor are not in it.  Raises ArithmeticError when LSODA fails.
     """
-    v, where = _layout(values), tuple(vars(command).values())
+    v, where = layout(values), command.where
     absolute = rtol * np.array([1e-2, 1, 1e-4, 1e-1, 1e-2, 1, 1e-2, 1, 1e-5, 1e-2, 1, 1e-2])
     states, told = odeint(
         _rhs, state, times, (v, *where), rtol=rtol, atol=absolute, hmax=LONGEST_STEP, mxstep=1_000_000, full_output=True
