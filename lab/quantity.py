@@ -11,13 +11,13 @@ from dataclasses import dataclass
 __all__ = ["Interval", "Scale", "number", "quantities", "quantity", "readable", "scale"]
 
 SMALLEST = 0.1
-"""The largest unit is taken in which the largest value is at least this; above the SI unit (kN), at least 1."""
+"""The largest unit is taken in which the largest value is at least this; thousands (kN) are taken from 1 on."""
 MOST_DIGITS = 6
 
 _SCALES: dict[str, tuple[tuple[str, float], ...]] = {
     "m": (("m", 1.0), ("mm", 1e3), ("µm", 1e6), ("nm", 1e9)),
     "s": (("s", 1.0), ("ms", 1e3), ("µs", 1e6)),
-    "rad": (("°", 180 / math.pi), ("′", 10800 / math.pi)),
+    "rad": (("°", 180 / math.pi), ("′", 10800 / math.pi), ("″", 648000 / math.pi)),
     "rad/s": (("°/s", 180 / math.pi),),
     "kg": (("kg", 1.0), ("g", 1e3), ("mg", 1e6)),
     "kg m^2": (("kg m²", 1.0), ("kg cm²", 1e4), ("g cm²", 1e7)),
@@ -59,7 +59,7 @@ def scale(unit: str, *values: float) -> Scale:
     if largest == 0:
         return next(Scale(name, factor) for name, factor in known if factor >= 1)
     for name, factor in known:
-        if largest * factor >= (SMALLEST if factor >= 1 else 1):
+        if largest * factor >= (1 if factor == 1e-3 else SMALLEST):
             return Scale(name, factor)
     return Scale(*known[-1])
 
@@ -165,11 +165,11 @@ class Interval:
 def _decimals(value: float, digits: int) -> int:
     """Decimals that show this many digits of the value, after rounding."""
     if value == 0 or not math.isfinite(value):
-        return digits
+        return 0
     return digits - 1 - math.floor(math.log10(float(f"{abs(value):.{digits - 1}e}")))
 
 
 def _with_unit(text: str, unit: str) -> str:
-    if unit in ("", "°", "′"):
+    if unit in ("", "°", "′", "″"):
         return text + unit
     return f"{text} {unit}"

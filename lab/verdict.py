@@ -17,21 +17,19 @@ PLACES = {"joint": "the joint", "oscillator": "the bar", "sensor": "the sensor",
 
 def of_explanation(explanation: Explanation) -> tuple[str, ...]:
     """The verdict: what is missing and how large, or that nothing is, or what no effect explains; the errors."""
-    error = explanation.error
+    error, found = explanation.error, explanation.residual
     sentences = [words.sentence(effect, words.intervals(explanation.best, effect)) for effect in explanation.missing]
     if explanation.verdict == "nothing_missing":
-        sentences.append(f"Nothing is missing: {_reaches(error)}.")
-    elif explanation.verdict == "missing":
-        sentences.append(_falls(error, len(sentences)))
+        sentences.append(
+            f"Nothing is missing: the model explains these recordings down to the noise: {_against(error)}."
+        )
     else:
-        found = explanation.residual
-        sentences += [
-            "Something is missing that no effect of the catalogue explains.",
-            _falls(error, len(sentences) - 1),
-        ]
+        sentences.append(_falls(error, len(explanation.missing)))
+    if explanation.verdict == "outside_catalogue":
+        sentences.append("Something is missing that no effect of the catalogue explains.")
         sentences += of_finding(found) if found else ()
     sentences += [f"These recordings cannot tell {_apart(group)}." for group in explanation.confusable]
-    return tuple(s for s in sentences if s)
+    return tuple(sentences)
 
 
 def of_finding(finding: Finding) -> tuple[str, ...]:
@@ -76,7 +74,10 @@ def added(ladder: Ladder) -> tuple[str, ...]:
 def detectable(explanation: Explanation) -> tuple[str, ...]:
     """For each effect that is not there the size from which on it would have been seen."""
     base = explanation.base.model.base
-    return tuple(words.size(effect, name, value, base) for effect, (name, value) in explanation.detectable.items())
+    return tuple(
+        f"{words.name(effect)}: from {words.size(effect, parameter, value, base)} on ({parameter})"
+        for effect, (parameter, value) in explanation.detectable.items()
+    )
 
 
 def joined(names: Sequence[str]) -> str:
@@ -85,21 +86,17 @@ def joined(names: Sequence[str]) -> str:
 
 
 def _falls(error: Errors, count: int) -> str:
-    """ "Adding it brings the error from 4.1 to 0.41 m/s²; the sensor's noise is 0.40."; "" where nothing was added."""
+    """ "Adding it brings the error from 4.1 to 0.41 m/s²; the sensor's noise is 0.40." """
     if not count:
-        return f"The error stays at {_against(error)}."
+        return f"The error is {_against(error)} of noise."
     (before, after, noise), unit = quantities(error.unit, error.before, error.after, error.noise)
     them = "it" if count == 1 else "them"
     return f"Adding {them} brings the error from {before} to {after} {unit}; the sensor's noise is {noise}."
 
 
-def _reaches(error: Errors) -> str:
-    return f"the model explains these recordings down to the noise, {_against(error)}"
-
-
 def _against(error: Errors) -> str:
     (after, noise), unit = quantities(error.unit, error.after, error.noise)
-    return f"{after} against {noise} {unit}"
+    return f"{after} {unit} against {noise}"
 
 
 def _apart(group: Sequence[str]) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from lostmotion.lab.quantity import Interval, quantity
+from lostmotion.lab.quantity import Interval
 from lostmotion.lab.results import Fit
 from lostmotion.model.effects import get_effect
 
@@ -149,6 +149,13 @@ _WORDS = {
 }
 
 
+_READ_AS: Mapping[tuple[str, str], Callable[[Interval], Interval]] = {
+    ("gravity_leakage", "c"): lambda c: c.tilt,
+    ("centripetal_crosstalk", "c"): lambda c: c.tilt,
+    ("clock_skew", "s"): lambda s: s.percent,
+}
+"""Parameters without a unit that are better read as an angle or a percentage."""
+
 _VARIABLES = {
     "time": ("time", "s"),
     "command": ("the commanded angle", "rad"),
@@ -211,9 +218,13 @@ def look(effect: str) -> str:
 
 
 def size(effect: str, parameter: str, value: float, base: str) -> str:
-    """A size of an effect by one of its parameters: "Coulomb friction from tau_c = 30.0 µN m on"."""
-    unit = get_effect(effect).parameters_on(base)[parameter].unit
-    return f"{name(effect)} from {parameter} = {quantity(value, unit, digits=2)} on"
+    """A size of an effect by one of its parameters, without its sign, as its sentence has it: "30.0 µN m", "2.9°".
+
+    Raises ModelError for an effect that does not exist or does not act on that base.
+    """
+    interval = Interval(value, unit=get_effect(effect).parameters_on(base)[parameter].unit).size
+    read_as = _READ_AS.get((effect, parameter))
+    return read_as(interval).alone if read_as else interval.alone
 
 
 def intervals(fit: Fit, effect: str) -> dict[str, Interval]:

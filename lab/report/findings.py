@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 from lostmotion.lab import verdict, words
 from lostmotion.lab.quantity import Interval, number, quantities, scale
@@ -40,8 +39,8 @@ def ranking(explanation: Explanation) -> Section | None:
     unit, noise = explanation.error.unit, explanation.error.noise
     largest = max((v for r in tried for v in (r.rms_before, r.rms_after) if math.isfinite(v)), default=1.0) or 1.0
     rows = [
-        (cell(words.name(entry.effect), entry.effect), bar(entry.rms_after / largest, noise / largest),
-         *_errors(entry, unit), cell(_p(entry.p_value), css="number"), _parameters(explanation, entry))
+        (_tried(explanation, entry), bar(entry.rms_after / largest, noise / largest),
+         *_errors(entry, unit), cell(_p(entry.p_value), css="number"))
         for entry in tried
     ]  # fmt: skip
     shown = scale(unit, largest).unit
@@ -49,7 +48,7 @@ def ranking(explanation: Explanation) -> Section | None:
         f"Each effect, added to the model and fitted: errors in {shown} on data that the fit has not seen; dashed: the "
         "noise. p: the chance that an effect which is not there would do as well."
     )
-    head = ("effect", "error with it", "before>", "after>", "p>", "parameters")
+    head = ("effect", "error with it", "before>", "after>", "p>")
     return Section("ranking", "Which effects were tried",
                    Html(note(text) + table(head, rows, (e.effect in explanation.missing for e in tried))))  # fmt: skip
 
@@ -59,16 +58,13 @@ def detectable(explanation: Explanation) -> Section | None:
     if not explanation.detectable:
         return None
     base = explanation.base.model.base
-    rows = []
-    for effect, (name, value) in explanation.detectable.items():
-        parameter = get_effect(effect).parameters_on(base)[name]
-        (text,), unit = quantities(parameter.unit, value)
-        rows.append(
-            (cell(words.name(effect), effect), cell(name, parameter.meaning), cell(f"{text} {unit}", css="number"))
-        )
+    rows = [
+        (cell(words.name(effect), effect), cell(words.size(effect, name, value, base), _meaning(effect, name, base)))
+        for effect, (name, value) in explanation.detectable.items()
+    ]
     text = "An effect that is not named above is smaller than this, or these recordings would have shown it."
     return Section("detectable", "What would have been seen",
-                   Html(note(text) + table(("effect", "its size is", "seen from>"), rows)))  # fmt: skip
+                   Html(note(text) + table(("effect", "seen from"), rows)))  # fmt: skip
 
 
 def left(finding: Finding) -> Section:
@@ -100,22 +96,27 @@ def _rung(rung: Rung, before: tuple[str, ...] | None, largest: float) -> tuple[H
     )
 
 
+def _meaning(effect: str, parameter: str, base: str) -> str:
+    meaning = get_effect(effect).parameters_on(base)[parameter].meaning
+    return f"{parameter}, {meaning}" if meaning else parameter
+
+
 def _errors(entry: Ranked, unit: str) -> tuple[Html, Html]:
     (before, after), _ = quantities(unit, entry.rms_before, entry.rms_after, digits=3)
     return cell(before, css="number"), cell(after, css="number")
 
 
-def _parameters(explanation: Explanation, entry: Ranked) -> Html:
+def _tried(explanation: Explanation, entry: Ranked) -> Html:
     known = get_effect(entry.effect).parameters_on(explanation.base.model.base)
-    units: Mapping[str, str] = {name: parameter.unit for name, parameter in known.items()}
     short = {name.removeprefix(f"{entry.effect}."): triple for name, triple in entry.parameters.items()}
-    return cell("", *(f"{name} = {Interval(*triple, units.get(name, ''))}" for name, triple in short.items()))
+    values = (f"{name} = {Interval(*triple, known[name].unit)}" for name, triple in short.items() if name in known)
+    return cell(words.name(entry.effect), entry.effect, *values)
 
 
 def _p(value: float) -> str:
     if value < SMALLEST_P:
         return "< 10⁻¹²"
-    return number(value, 3) if value >= 1e-3 else number(value, 1 - math.floor(math.log10(value)))
+    return number(value, max(2, 1 - math.floor(math.log10(value))))
 
 
 def _shape(shape: Curve) -> Html:

@@ -7,7 +7,7 @@ from html import escape
 import numpy as np
 
 from lostmotion.lab import verdict, words
-from lostmotion.lab.quantity import Interval
+from lostmotion.lab.quantity import Interval, number
 from lostmotion.lab.report.plots import heat_map
 from lostmotion.lab.report.tags import Html, Section, cell, note, table
 from lostmotion.lab.results import Estimate, Fit
@@ -23,21 +23,20 @@ STRONG = 0.95
 def model(built: Model) -> Section:
     """The base and the active effects with their equations."""
     base = BASES[built.base]
-    rows = [(cell("base", built.base), _equation(base.equation), cell(base.summary))]
+    rows = [(cell("base", built.base), _equation(base.equation, base.summary))]
     for name in built.effects:
         effect = get_effect(name)
-        rows.append((cell(words.name(name), name), _equation(effect.equation), cell(effect.summary, words.look(name))))
+        rows.append((cell(words.name(name), name), _equation(effect.equation, effect.summary)))
     heading = "The model and its effects" if built.effects else "The model, without effects"
-    return Section("model", heading, table(("", "equation", "what it is"), rows))
+    return Section("model", heading, table(("", "equation"), rows))
 
 
 def parameters(fit: Fit) -> Section | None:
     """The estimates with their intervals; None where nothing was free."""
     if not fit.estimates:
         return None
-    body = table(
-        ("parameter", "value>", "95 % interval>", "unit", ""), [_row(fit.model, estimate) for estimate in fit.estimates]
-    )
+    rows = [_row(fit.model, estimate) for estimate in fit.estimates]
+    body = table(("parameter", "value>", "95 % interval>"), rows)
     hidden = [e.name for e in fit.estimates if not e.told]
     text = f"These recordings cannot tell {verdict.joined(hidden)}; take the values as assumed." if hidden else ""
     return Section("parameters", "Parameters", Html(body + (note(text) if text else "")))
@@ -49,7 +48,7 @@ def correlations(fit: Fit) -> Section | None:
     matrix = np.atleast_2d(fit.correlation)
     if len(names) < 2 or matrix.shape != (len(names), len(names)):
         return None
-    pairs = [f"{names[i]} with {names[j]} ({matrix[i, j]:.2f})"
+    pairs = [f"{names[i]} with {names[j]} ({number(float(matrix[i, j]), 2)})"
              for i in range(len(names)) for j in range(i) if abs(matrix[i, j]) >= STRONG]  # fmt: skip
     text = "Two parameters of a strong colour are told only together: an error in one is made up for by the other."
     if pairs:
@@ -60,13 +59,12 @@ def correlations(fit: Fit) -> Section | None:
 def _row(built: Model, estimate: Estimate) -> tuple[Html, ...]:
     meaning = built.parameters[estimate.name].meaning if estimate.name in built.parameters else ""
     interval = Interval(estimate.value, estimate.low, estimate.high, estimate.unit)
-    (value, low, high), unit = interval.texts()
+    (_, low, high), _ = interval.texts()
     span = f"{low} … {high}" if estimate.told and interval.known else "–"
-    flags = [text for text, is_set in (("cannot be told", not estimate.told), ("at its bound", estimate.at_bound))
-             if is_set]  # fmt: skip
-    flag = Html(f'<td class="flag">{escape(", ".join(flags))}</td>')
-    return (cell(estimate.name, meaning), cell(value, css="number"), cell(span, css="number"), cell(unit), flag)
+    flags = (("cannot be told", not estimate.told), ("at its bound", estimate.at_bound))
+    raised = [Html(f'<span class="flag">{text}</span>') for text, is_set in flags if is_set]
+    return (cell(estimate.name, meaning), cell(interval.alone, css="number"), cell(span, *raised, css="number"))
 
 
-def _equation(text: str) -> Html:
-    return cell(Html(f"<code>{escape(text)}</code>"))
+def _equation(text: str, summary: str) -> Html:
+    return cell(Html(f"<code>{escape(text)}</code>"), summary)

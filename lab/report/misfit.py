@@ -20,4 +20,4 @@ def in_frequency(overlays: Sequence[Overlay]) -> Section | None:
     pictures = [figure(spectrum(one), f"{one.overlay.what}, {PurePath(one.overlay.recording).name}") for one in found]
     names = key(("measured", "measured"), ("modelled", "modelled"), ("residual", "residual"), ("noise", "noise floor"))
     text = "Where the residual stands above the noise floor, the model fails at that frequency."
-    return Section("spectra", "Spectra", Html(f'{note(text)}{names}<div class="plots wide">{"".join(pictures)}</div>'))
+    return Section("spectra", "Spectra", Html(f'{note(text)}{names}<div class="plots">{"".join(pictures)}</div>'))

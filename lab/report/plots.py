@@ -15,7 +15,7 @@ from lostmotion.model.motion import FloatArray
 
 __all__ = ["curve", "heat_map", "spectrum"]
 
-CELL = 26
+CELL = 30
 SHOWN = 0.3
 """Correlations are written into their cell from this size on."""
 
@@ -32,7 +32,7 @@ def spectrum(spectra: Spectra) -> str:
     lowest = max(min(usual, default=largest / 1e6), largest / 1e7, 1e-300)
     y = Axis(f"{overlay.what} ({shown.unit}/√Hz)", lowest, 1.5 * largest, log=True)
     x = Axis("frequency (Hz)", float(spectra.frequency[0]), float(spectra.frequency[-1]), log=True)
-    frame = Frame(x, y, 640, 300, f"Spectra of {overlay.what}, {overlay.recording}")
+    frame = Frame(x, y, title=f"Spectra of {overlay.what}, {overlay.recording}")
     noise = frame.level(floor, "noise") if floor > 0 else ""
     return frame.svg(noise, *(frame.line(spectra.frequency, values, name) for name, values in lines.items()))
 
@@ -61,12 +61,18 @@ def heat_map(names: Sequence[str], matrix: FloatArray) -> str:
         cells.append(f'<text x="{margin - 6}" y="{middle + 4:g}" text-anchor="end">{name}</text>')
         cells.append(f'<text transform="translate({margin + middle + 4:g} {size + 8}) rotate(-90)" '
                      f'text-anchor="end">{name}</text>')  # fmt: skip
-        cells += [_cell(margin + CELL * j, CELL * i, float(value)) for j, value in enumerate(row[: i + 1])]
+        cells += [_cell(margin + CELL * j, CELL * i, float(value)) for j, value in enumerate(row[:i])]
+        cells.append(_own_cell(margin + CELL * i, CELL * i))
     label = "Correlations of the estimated parameters"
     return (
         f'<svg class="plot heat" viewBox="0 0 {margin + size + 4} {size + margin}" style="max-width:'
         f'{margin + size + 4}px" role="img" aria-label="{label}"><title>{label}</title>{"".join(cells)}</svg>'
     )
+
+
+def _own_cell(x: float, y: float) -> str:
+    """A parameter with itself says nothing: only the place."""
+    return f'<rect class="own" x="{x:g}" y="{y:g}" width="{CELL - 1}" height="{CELL - 1}"/>'
 
 
 def _cell(x: float, y: float, value: float) -> str:
@@ -76,7 +82,7 @@ def _cell(x: float, y: float, value: float) -> str:
             f'fill-opacity="{0.04 + 0.9 * strength**2:.2f}"/>')  # fmt: skip
     if strength < SHOWN:
         return rect
-    text = number(value, 1).replace("0.", ".") if strength < 0.95 else number(value, 2).replace("0.", ".")
+    text = number(value, 1 if strength < 0.95 else 2).replace("0.", ".")
     dark = ' class="strong"' if strength > 0.7 else ""
     return rect + (f'<text{dark} x="{x + CELL / 2 - 0.5:g}" y="{y + CELL / 2 + 3.5:g}" font-size="9.5" '
                    f'text-anchor="middle">{text}</text>')  # fmt: skip

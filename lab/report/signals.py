@@ -62,11 +62,14 @@ def _place(number: int, overlay: Overlay) -> str:
 
 def _packed(number: int, overlay: Overlay) -> dict[str, Any]:
     shown = scale(overlay.unit, float(np.max(np.abs(overlay.measured))))
+    left = scale(overlay.unit, float(np.max(np.abs(overlay.residual))))
     noise = overlay.noise * shown.factor
     return {
         "id": _id(number),
         "what": overlay.what,
         "unit": shown.unit,
+        "residual_unit": left.unit,
+        "residual_factor": left.factor / shown.factor,
         "noise": noise if np.isfinite(noise) else None,
         **_times(overlay.time),
         "measured": _base64(overlay.measured * shown.factor, "<f4"),

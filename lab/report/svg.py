@@ -53,15 +53,21 @@ class Axis:
         return np.asarray((array - self.low) / (self.high - self.low))
 
     def ticks(self) -> list[tuple[float, str]]:
-        """Values and their texts: 1, 2 or 5 times a power of ten apart; decades where it is logarithmic."""
-        if self.log and self.high / self.low > 30:
-            decades = range(math.ceil(math.log10(self.low)), math.floor(math.log10(self.high)) + 1)
-            every = max(1, math.ceil(len(decades) / MOST_TICKS))
-            return [(10.0**d, _decade(d)) for d in decades if d % every == 0]
+        """Values and their texts: 1, 2 or 5 times a power of ten apart."""
+        if self.log:
+            return self._log_ticks()
         step = _step((self.high - self.low) / MOST_TICKS)
         first, last = math.ceil(self.low / step), math.floor(self.high / step)
         decimals = max(0, -math.floor(math.log10(step)))
         return [(i * step, number(i * step, decimals)) for i in range(first, last + 1)]
+
+    def _log_ticks(self) -> list[tuple[float, str]]:
+        """1, 2 and 5 in each decade where there are few decades, else every, or every so many, decades."""
+        first, last = math.floor(math.log10(self.low)), math.ceil(math.log10(self.high))
+        every = max(1, math.ceil((last - first) / MOST_TICKS))
+        within = (1, 2, 5) if math.log10(self.high / self.low) < MOST_TICKS / 2 else (1,)
+        found = [(m * 10.0**d, _power(m, d)) for d in range(first, last + 1) if d % every == 0 for m in within]
+        return [(value, text) for value, text in found if self.low <= value <= self.high]
 
 
 @dataclass(frozen=True)
@@ -143,5 +149,7 @@ def _step(rough: float) -> float:
     return next(m * power for m in (1, 2, 5, 10) if m * power >= rough * (1 - 1e-9))
 
 
-def _decade(exponent: int) -> str:
-    return f"{10.0**exponent:g}" if -3 <= exponent <= 3 else f"10{str(exponent).translate(_RAISED)}"
+def _power(digit: int, exponent: int) -> str:
+    if -3 <= exponent <= 3:
+        return f"{digit * 10.0**exponent:g}"
+    return f"{'' if digit == 1 else f'{digit} × '}10{str(exponent).translate(_RAISED)}"

@@ -16,7 +16,7 @@ from lostmotion.model import Model, Sensor, build_model, by_name, catalogue
 
 TAU_C = 1.2e-4
 NOISE = 0.4
-NAME = "arm </script><b>&.csv"
+NAME = "arm <script><b>&.csv"
 FREE = ("d", "alpha", "l", "b", "k", "bias")
 RUBBING = {"alpha": 8000.0, "coulomb_friction.tau_c": TAU_C}
 
@@ -30,7 +30,8 @@ def recordings(count: int = 3, duration: float = 4.0, rate_hz: float = 800.0) ->
     for seed in range(count):
         trajectory = truth.simulate(by_name(f"hand-waved:{seed}"), times)
         accel = Sensor(noise=NOISE).apply(trajectory["accel"], np.random.default_rng(seed))
-        position = np.where(np.arange(times.size) % 4 == 0, trajectory["position"], np.nan)
+        position = Sensor(noise=2e-4).apply(trajectory["position"], np.random.default_rng(seed))
+        position[np.arange(times.size) % 4 != 0] = np.nan
         columns = {"command": trajectory["command"], "accel": accel, "position": position}
         found.append(Recording(times, columns, name=f"/data/{seed} {NAME}"))
     return tuple(found)
@@ -54,7 +55,7 @@ def explanation() -> Explanation:
     others = [effect.id for effect in catalogue() if "play" in effect.bases and effect.id != "coulomb_friction"]
     ranking = (
         Ranked("coulomb_friction", 4.1, 0.41, 1e-30, {"tau_c": (TAU_C, 1.12e-4, 1.28e-4)}),
-        *(Ranked(name, 4.1, 1.0 + 0.15 * i, 1e-5 * 3**i) for i, name in enumerate(others)),
+        *(Ranked(name, 4.1, 1.0 + 0.15 * i, 1e-5 * 1.7**i) for i, name in enumerate(others)),
     )
     return Explanation(
         "missing", ("coulomb_friction",), (("coulomb_friction", "stribeck_friction"),), ranking,

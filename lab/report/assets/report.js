@@ -12,24 +12,24 @@
   function unpack(signal) {
     const measured = new Float32Array(bytes(signal.measured));
     const modelled = new Float32Array(bytes(signal.modelled));
-    const time = times(signal);
+    const time = times(signal), factor = signal.residual_factor;
     return { time, overlay: [time, Array.from(measured), Array.from(modelled)],
-             residual: [time, Array.from(measured, (v, i) => v - modelled[i])] };
+             residual: [time, Array.from(measured, (v, i) => (v - modelled[i]) * factor)] };
   }
 
   const digits = (v) => v == null ? "–" : v.toPrecision(4).replace("-", "−");
   const axis = (label, size) => ({
     label, size, stroke: colour("text"), font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif",
-    labelSize: 20, grid: { stroke: colour("grid"), width: 1 }, ticks: { stroke: colour("grid"), width: 1, size: 5 },
+    labelSize: 20, values: (_, splits) => splits.map((v) => String(+v.toPrecision(6)).replace("-", "−")), grid: { stroke: colour("grid"), width: 1 }, ticks: { stroke: colour("grid"), width: 1, size: 5 },
   });
   const line = (label, name) => ({ label, stroke: colour(name), width: 1.4, points: { show: false },
                                    value: (_, v) => digits(v) });
 
-  function options(signal, width, height, series, label, extra) {
+  function options(signal, width, height, time, series, label, extra) {
     return {
-      width, height, series: [{ label: "time (s)", value: (_, v) => digits(v) }, ...series],
+      width, height, series: [time, ...series],
       scales: { x: { time: false } },
-      axes: [axis("time (s)", 46), axis(label, 56)],
+      axes: [axis("time (s)", 28), axis(label, (u, texts) => 16 + 7 * Math.max(3, ...(texts || []).map((t) => t.length)))],
       cursor: { drag: { x: true, y: false, setScale: true }, sync: { key: signal.id } },
       ...extra,
     };
@@ -61,16 +61,18 @@
 
     get width() { return Math.max(this.root.querySelector(".chart").clientWidth, 240); }
 
-    build(width = this.width) {
+    build(width = this.width, scale = 1) {
       this.plots.forEach((p) => p.destroy());
       const { signal: s, data } = this;
-      const tall = width < 500 ? 220 : 280;
+      const tall = scale * (width < 500 ? 220 : 280), low = scale * 180;
       const follow = { setScale: [(u, key) => key === "x" && this.show(u.scales.x.min, u.scales.x.max)] };
       const [above, below] = this.root.querySelectorAll(".chart");
-      const overlay = options(s, width, tall, [line("measured", "measured"), line("modelled", "modelled")],
+      const time = { label: "time (s)", value: (_, v) => digits(v) };
+      const overlay = options(s, width, tall, time, [line("measured", "measured"), line("modelled", "modelled")],
                               `${s.what} (${s.unit})`, { hooks: follow });
-      const residual = options(s, width, 190, [line("measured − modelled", "residual")], `residual (${s.unit})`,
-                               { hooks: { ...follow, drawClear: [floor(s.noise)] } });
+      const residual = options(s, width, low, {}, [line("measured − modelled", "residual")],
+                               `residual (${s.residual_unit})`,
+                               { hooks: { ...follow, drawClear: [floor(s.noise * s.residual_factor)] } });
       this.plots = [new uPlot(overlay, data.overlay, above), new uPlot(residual, data.residual, below)];
       this.plots.forEach((p) => this.gestures(p));
       this.apply();
@@ -149,7 +151,7 @@
     }
   }
 
-  const rebuild = (width) => charts.forEach((c) => c.build(width));
+  const rebuild = (...size) => charts.forEach((c) => c.build(...size));
   const draw = (signal) => charts.push(new Chart(signal));
   const visible = new IntersectionObserver((entries) => entries.filter((e) => e.isIntersecting).forEach((e) => {
     visible.unobserve(e.target);
@@ -161,7 +163,7 @@
   addEventListener("beforeprint", () => {
     figures.filter((f) => !charts.some((c) => c.signal === f)).forEach(draw);
     document.documentElement.classList.add("paper");
-    rebuild(640);
+    rebuild(640, 0.75);  // two recordings on a sheet of A4
   });
   addEventListener("afterprint", () => {
     document.documentElement.classList.remove("paper");
