@@ -22,6 +22,8 @@ LOOK_BACK_S, LOOK_BACK_POLLS = 2.0, 10
 """a reversal is certain only some time after it; the acceleration is kept for so many seconds and polls longer"""
 GIVE_UP_S = 1.0
 """how long after its end a window waits for late acceleration [s]"""
+TOGETHER_S = 0.008
+"""windows that end within so long of each other are scored together [s]: each wake-up costs as much as a score"""
 SERVO_SILENT_S = 5.0
 """a joint that says nothing for so long no longer holds back the release of acceleration [s]"""
 
@@ -98,6 +100,9 @@ class Pipeline:
     def __init__(self, plans: Iterable[JointPlan], rings: Mapping[str, Ring], virtual: bool = False) -> None:
         self._joints = {plan.joint: _Joint(plan) for plan in plans}
         self._rings = rings
+        self._behind = {
+            name: [joint for joint in self._joints.values() if joint.plan.accelerometer == name] for name in rings
+        }
         self._virtual = virtual
         self._closed = False
 
@@ -140,9 +145,12 @@ class Pipeline:
         """The windows whose acceleration is there, or for which it is no longer waited at robot time ``now`` [s]."""
         done = [scored for joint in self._joints.values() for scored in self._finish(joint, now)]
         for name, ring in self._rings.items():
-            mine = [joint for joint in self._joints.values() if joint.plan.accelerometer == name]
-            ring.release(min((self._needed(joint, ring) for joint in mine), default=math.inf))
-            ring.awaited = min((joint.pending[0].end for joint in mine if joint.pending), default=math.inf)
+            joints = self._behind[name]
+            if self._virtual or ring.crowded:
+                ring.release(min((self._needed(joint, ring) for joint in joints), default=math.inf))
+            ends = [joint.pending[0].end for joint in joints if joint.pending]
+            first = min(ends, default=math.inf)
+            ring.awaited = max((end for end in ends if end <= first + TOGETHER_S), default=math.inf)
             if ring.newest >= ring.awaited:
                 ring.awaited = -math.inf  # it came in between: look again at once
         return done

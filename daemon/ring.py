@@ -50,6 +50,11 @@ class Ring:
         """Time of the newest sample [s]; -inf when there is none, +inf when none will follow."""
         return math.inf if self.ended else self._last
 
+    @property
+    def crowded(self) -> bool:
+        """Whether more than half of it waits to be released."""
+        return self._written - self._released > self.capacity // 2
+
     def push(self, block: AccelBlock, wait: threading.Event | None = None) -> None:
         """Writes a block.
 

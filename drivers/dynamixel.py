@@ -34,6 +34,8 @@ from lostmotion.drivers.errors import DriverError
 __all__ = ["DRIVER", "DynamixelOptions"]
 
 LONGEST_WAIT_S = 0.3
+GATHER_S = 0.025
+"""the answers of so many seconds are looked at together: right after a wait, with cold caches, that costs far more"""
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.1, 2.0
 """a silent servo costs 34 ms each time it is asked, so the pause before the next time doubles from one to the other"""
 EAVESDROP_S = 1.2
@@ -62,6 +64,10 @@ class _Servo:
     period: float
     due: float = 0.0
     pause: float = 0.0
+
+
+_State = tuple[_Servo, float, bytes]
+"""a servo's state block and the robot time [s] of its request"""
 
 
 class DynamixelBus:
@@ -112,21 +118,21 @@ class DynamixelBus:
         )
 
     def read(self) -> ServoReading:
-        """Waits for the next poll, at most 0.3 s, and asks the servos whose turn it is.  Raises PortError."""
-        start = min(servo.due for servo in self._servos)
-        wait = start - self._clock.now()
-        if wait > 0:
-            time.sleep(min(wait, LONGEST_WAIT_S))
-            if wait > LONGEST_WAIT_S:
-                return ServoReading(silent=self._silent())
-        now = self._clock.now()
-        asked = [servo for servo in self._servos if servo.due <= now]
-        lone = [servo for servo in asked if servo.model.protocol == 2 and servo.pause]
-        samples = self._read_group([servo for servo in asked if servo.model.protocol == 2 and not servo.pause])
-        for servo in lone:
-            self._read_one(servo, samples)
-        self._read_in_turn([servo for servo in asked if servo.model.protocol == 1], samples)
-        return ServoReading(tuple(samples), self._silent(), self._schedule(asked))
+        """Waits for the next poll, at most 0.3 s; what the servos said in this poll and in those of the next 25 ms.
+
+        Raises PortError.
+        """
+        turn = self._turn()
+        if turn - self._clock.now() > LONGEST_WAIT_S:
+            time.sleep(LONGEST_WAIT_S)
+            return ServoReading(silent=self._silent())
+        states: list[_State] = []
+        lost, end = 0, turn + GATHER_S
+        while turn < end:
+            time.sleep(max(0.0, turn - self._clock.now()))
+            lost += self._poll(states)
+            turn = self._turn()
+        return ServoReading(tuple(_sample(*state) for state in states), self._silent(), lost)
 
     def close(self) -> None:
         """Gives the port back."""
@@ -146,13 +152,24 @@ class DynamixelBus:
                 return number, protocol
         return None, own
 
-    def _read_in_turn(self, servos: list[_Servo], samples: list[ServoSample]) -> None:
+    def _poll(self, states: list[_State]) -> int:
+        """Asks the servos whose turn it is; how many polls went by meanwhile."""
+        now = self._clock.now()
+        asked = [servo for servo in self._servos if servo.due <= now]
+        lone = [servo for servo in asked if servo.model.protocol == 2 and servo.pause]
+        self._read_group([servo for servo in asked if servo.model.protocol == 2 and not servo.pause], states)
+        for servo in lone:
+            self._read_one(servo, states)
+        self._read_in_turn([servo for servo in asked if servo.model.protocol == 1], states)
+        return self._schedule(asked)
+
+    def _read_in_turn(self, servos: list[_Servo], states: list[_State]) -> None:
         """Asks servos of protocol 1.0 one after the other; looks at the answers when all have come."""
         while servos:
             answers = self._port.ask([self._questions[servo.id] for servo in servos], self._clock.now)
             for servo, (asked, answer) in zip(servos, answers, strict=False):
                 data = self._questions[servo.id].parameters(answer) or self._search(servo, answer)
-                self._take(servo, asked, data, samples)
+                self._take(servo, asked, data, states)
             servos = servos[len(answers) :]
 
     def _search(self, servo: _Servo, answer: bytes) -> Sequence[int]:
@@ -164,16 +181,15 @@ class DynamixelBus:
         data, _, _ = self._handlers[1].readRx(self._port, servo.id, servo.model.block_size)
         return data
 
-    def _read_one(self, servo: _Servo, samples: list[ServoSample]) -> None:
+    def _read_one(self, servo: _Servo, states: list[_State]) -> None:
         now = self._clock.now()
         data, _, _ = self._handlers[2].readTxRx(self._port, servo.id, ADDRESS[2], servo.model.block_size)
-        self._take(servo, now, data, samples)
+        self._take(servo, now, data, states)
 
-    def _read_group(self, servos: list[_Servo]) -> list[ServoSample]:
+    def _read_group(self, servos: list[_Servo], states: list[_State]) -> None:
         """One sync read.  The SDK's group reader is no use: with one silent servo it gives 0 for all, without error."""
-        samples: list[ServoSample] = []
         if not servos:
-            return samples
+            return
         missing = {servo.id: servo for servo in servos}
         handler, now, size = self._handlers[2], self._clock.now(), servos[0].model.block_size
         handler.syncReadTx(self._port, ADDRESS[2], size, list(missing), len(missing), False)
@@ -182,20 +198,21 @@ class DynamixelBus:
             if result == COMM_RX_TIMEOUT:
                 break
             if result == COMM_SUCCESS and (servo := missing.pop(packet[PACKET_ID], None)):
-                self._take(servo, now, packet[PACKET_DATA : PACKET_DATA + size], samples)
+                self._take(servo, now, packet[PACKET_DATA : PACKET_DATA + size], states)
         for servo in missing.values():
-            self._read_one(servo, samples)
-        return samples
+            self._read_one(servo, states)
 
-    def _take(self, servo: _Servo, now: float, data: Sequence[int], samples: list[ServoSample]) -> None:
-        """Makes a sample of a state block; one that is missing or of another size makes the servo a silent one."""
-        if len(data) != servo.model.block_size:
+    def _take(self, servo: _Servo, now: float, data: Sequence[int], states: list[_State]) -> None:
+        """Keeps a state block; one that is missing or of another size makes the servo a silent one."""
+        if len(data) == servo.model.block_size:
+            servo.pause = 0.0
+            states.append((servo, now, bytes(data)))
+        else:
             servo.pause = min(2 * servo.pause, LONGEST_PAUSE_S) or FIRST_PAUSE_S
-            return
-        servo.pause = 0.0
-        command, position, velocity, voltage, temperature, current = decode_state(servo.model, bytes(data))
-        nan = math.nan
-        samples.append(ServoSample(servo.joint, now, command, position, velocity, nan, current, voltage, temperature))
+
+    def _turn(self) -> float:
+        """When the next servo is to be asked [s]."""
+        return min(servo.due for servo in self._servos)
 
     def _schedule(self, asked: list[_Servo]) -> int:
         """Sets the next turns, on the grid of each servo's period; how many polls went by meanwhile."""
@@ -210,6 +227,11 @@ class DynamixelBus:
 
     def _silent(self) -> tuple[str, ...]:
         return tuple(servo.joint for servo in self._servos if servo.pause)
+
+
+def _sample(servo: _Servo, time: float, block: bytes) -> ServoSample:
+    command, position, velocity, voltage, temperature, current = decode_state(servo.model, block)
+    return ServoSample(servo.joint, time, command, position, velocity, math.nan, current, voltage, temperature)
 
 
 def _check(joints: Sequence[DynamixelOptions]) -> None:

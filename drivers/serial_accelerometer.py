@@ -105,8 +105,7 @@ class SerialAccelerometer:
         return (Identity(self._name, found, expected, ok),)
 
     def read(self) -> AccelBlock:
-        """The samples since the last call and the next burst; waits up to 0.25 s for it.  Raises PortError when the port
-        is gone."""
+        """The samples since the last call and those that come next; waits for these up to 0.25 s.  Raises PortError."""
         if self._fresh:  # what waited since nobody read would look as if it came late
             self._port.discard_input()
             self._form.reset()

@@ -136,13 +136,13 @@ def test_reversals_before_the_sensor_speaks_open_no_window() -> None:
 
 
 def test_acceleration_is_released_behind_the_oldest_need() -> None:
-    """Half a minute of motion keeps no more than the last seconds in the ring."""
+    """Half a minute of motion passes through a ring of 20 s, half of which is enough, and nothing is overwritten."""
     world = World()
     for second in range(30):
         world.feel(second, second + 1)
         world.move(second, second + 1)
         world.pipeline.step(second + 1.0)
-    assert len(world.ring.slice(-1.0, 1e9)[0]) < 4 * RATE_HZ
+    assert len(world.ring.slice(-1.0, 1e9)[0]) <= 11 * RATE_HZ
     assert world.ring.overwritten == 0
 
 

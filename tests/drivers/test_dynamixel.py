@@ -110,7 +110,7 @@ def test_an_error_byte_does_not_hide_the_data() -> None:
         bus = servo_bus(emulator.paths[0], [1])
         bus.open()
         assert bus.identify()[0].ok
-        assert len(bus.read().samples) == 1
+        assert bus.read().samples
         bus.close()
 
 
