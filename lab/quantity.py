@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-__all__ = ["Interval", "Scale", "number", "quantities", "quantity", "readable", "scale"]
+__all__ = ["Interval", "Scale", "number", "quantities", "quantity", "readable", "scale", "with_unit"]
 
 SMALLEST = 0.1
 """The largest unit is taken in which the largest value is at least this; thousands (kN) are taken from 1 on."""
@@ -92,7 +92,7 @@ def quantities(unit: str, *values: float, digits: int = 2) -> tuple[tuple[str, .
 def quantity(value: float, unit: str, digits: int = 3) -> str:
     """A value with its unit: "0.120 mN m"."""
     (text,), name = quantities(unit, value, digits=digits)
-    return _with_unit(text, name)
+    return with_unit(text, name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +139,7 @@ class Interval:
     def alone(self) -> str:
         """The value and unit without the interval, rounded by it."""
         (value, *_), unit = self.texts()
-        return _with_unit(value, unit)
+        return with_unit(value, unit)
 
     def texts(self) -> tuple[tuple[str, str, str], str]:
         """value, low, high as numbers in one unit, and that unit; what is not known is a dash."""
@@ -159,7 +159,7 @@ class Interval:
         if not self.known:
             return self.alone
         (value, low, high), unit = self.texts()
-        return f"{_with_unit(value, unit)}, between {low} and {high} (95 %)"
+        return f"{with_unit(value, unit)}, between {low} and {high} (95 %)"
 
 
 def _decimals(value: float, digits: int) -> int:
@@ -169,7 +169,8 @@ def _decimals(value: float, digits: int) -> int:
     return digits - 1 - math.floor(math.log10(float(f"{abs(value):.{digits - 1}e}")))
 
 
-def _with_unit(text: str, unit: str) -> str:
+def with_unit(text: str, unit: str) -> str:
+    """A number before its unit, with the space that belongs there."""
     if unit in ("", "°", "′", "″"):
         return text + unit
     return f"{text} {unit}"

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from lostmotion.lab import words
-from lostmotion.lab.quantity import quantities
+from lostmotion.lab.quantity import quantities, with_unit
 from lostmotion.lab.results import Errors, Explanation, Finding, Fit, Ladder
 
 __all__ = ["added", "detectable", "joined", "of_explanation", "of_finding", "of_fit", "of_ladder"]
@@ -46,7 +46,7 @@ def of_fit(fit: Fit) -> tuple[str, ...]:
     for column, rms in fit.rms.items():
         what, si = words.column(column)
         (error, noise), unit = quantities(si, rms, fit.noise.get(column, math.nan))
-        sentences.append(f"The error in {what} is {error} {unit}; the noise is {noise}.")
+        sentences.append(f"The error in {what} is {with_unit(error, unit)}; the noise is {noise}.")
     hidden = [e.name for e in fit.estimates if not e.told]
     if hidden:
         sentences.append(f"These recordings cannot tell {joined(hidden)}.")
@@ -91,12 +91,12 @@ def _falls(error: Errors, count: int) -> str:
         return f"The error is {_against(error)} of noise."
     (before, after, noise), unit = quantities(error.unit, error.before, error.after, error.noise)
     them = "it" if count == 1 else "them"
-    return f"Adding {them} brings the error from {before} to {after} {unit}; the sensor's noise is {noise}."
+    return f"Adding {them} brings the error from {before} to {with_unit(after, unit)}; the sensor's noise is {noise}."
 
 
 def _against(error: Errors) -> str:
     (after, noise), unit = quantities(error.unit, error.after, error.noise)
-    return f"{after} {unit} against {noise}"
+    return f"{with_unit(after, unit)} against {noise}"
 
 
 def _apart(group: Sequence[str]) -> str:

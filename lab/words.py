@@ -159,6 +159,7 @@ _READ_AS: Mapping[tuple[str, str], Callable[[Interval], Interval]] = {
 _VARIABLES = {
     "time": ("time", "s"),
     "command": ("the commanded angle", "rad"),
+    "command_rate": ("the commanded speed", "rad/s"),
     "theta": ("the joint's angle", "rad"),
     "theta_1": ("the commanded angle", "rad"),
     "theta_2": ("the joint's angle", "rad"),
@@ -173,6 +174,9 @@ _VARIABLES = {
     "temperature": ("the temperature", "degC"),
     "torque": ("the torque", "N m"),
     "gap": ("the gap between the teeth", "m"),
+    "force": ("the force", "N"),
+    "accel": ("the measured acceleration", "m/s^2"),
+    "displacement": ("the displacement", "m"),
 }
 _COLUMNS = {
     "accel": ("acceleration", "m/s^2"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from lostmotion.lab import verdict, words
-from lostmotion.lab.quantity import Interval, number, quantities, scale
+from lostmotion.lab.quantity import Interval, number, quantities, scale, with_unit
 from lostmotion.lab.report.plots import curve
 from lostmotion.lab.report.tags import Html, Section, bar, cell, figure, note, paragraphs, table
 from lostmotion.lab.results import Curve, Explanation, Finding, Ladder, Ranked, Rung
@@ -14,6 +14,8 @@ from lostmotion.model.effects import get_effect
 __all__ = ["advice", "detectable", "ladder", "left", "ranking", "remedies"]
 
 SMALLEST_P = 1e-12
+ACTING = {"joint": "N m", "oscillator": "N", "command": "rad", "contact": "m"}
+"""Units of what acts there."""
 
 
 def remedies(effects: tuple[str, ...]) -> Html:
@@ -67,13 +69,13 @@ def detectable(explanation: Explanation) -> Section | None:
                    Html(note(text) + table(("effect", "seen from"), rows)))  # fmt: skip
 
 
-def left(finding: Finding) -> Section:
-    """The structure that no effect explains: words, shape, formula."""
+def left(finding: Finding, unit: str) -> Section:
+    """The structure that no effect explains: words, shape, formula; unit: of an error of the sensor."""
     body = paragraphs(verdict.of_finding(finding))
     if finding.formula:
         body = Html(body + paragraphs([f"A short formula that fits: {finding.formula}"]))
     if finding.curve is not None:
-        body = Html(body + _shape(finding.curve))
+        body = Html(body + _shape(finding.curve, ACTING.get(finding.acts_on, unit)))
     return Section("left", "What no effect of the catalogue explains", body)
 
 
@@ -91,8 +93,8 @@ def _rung(rung: Rung, before: tuple[str, ...] | None, largest: float) -> tuple[H
     return (
         cell(what, ", ".join(rung.effects) or "no effects"),
         bar(rung.rms / largest, rung.noise / largest),
-        cell(f"{rms} {unit}", css="number"),
-        cell(f"{noise} {unit}", css="number"),
+        cell(with_unit(rms, unit), css="number"),
+        cell(with_unit(noise, unit), css="number"),
     )
 
 
@@ -119,8 +121,8 @@ def _p(value: float) -> str:
     return number(value, max(2, 1 - math.floor(math.log10(value))))
 
 
-def _shape(shape: Curve) -> Html:
-    what, across = words.variable(shape.variable)
+def _shape(shape: Curve, unit: str) -> Html:
+    what, _ = words.variable(shape.variable)
     title = f"What is left, against {what}."
-    picture = curve(title, shape.x, shape.mean, shape.low, shape.high, (what, "what is left"), (across, shape.unit))
+    picture = curve(title, shape.x, shape.mean, shape.low, shape.high, (what, "what is left"), (shape.unit, unit))
     return figure(picture, title, "Mean with its 95 % band.")

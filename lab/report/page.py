@@ -57,7 +57,7 @@ def _sections(
         findings.ladder(ladder) if ladder else None,
         findings.advice(found) if found else None,
         signals(drawn) if drawn else None,
-        findings.left(found.residual) if found and found.residual else None,
+        findings.left(found.residual, found.error.unit) if found and found.residual else None,
         misfit.in_frequency(drawn),
         findings.ranking(found) if found else None,
         findings.detectable(found) if found else None,

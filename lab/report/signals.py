@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from lostmotion.lab.quantity import quantities, scale
+from lostmotion.lab.quantity import quantities, scale, with_unit
 from lostmotion.lab.report.tags import Html, Section, note
 from lostmotion.lab.report.views import Overlay
 from lostmotion.model.motion import FloatArray
@@ -48,14 +48,14 @@ def packed(overlays: Sequence[Overlay]) -> str:
 def _place(number: int, overlay: Overlay) -> str:
     rms = float(np.sqrt(np.mean(overlay.residual**2)))
     (error, noise), unit = quantities(overlay.unit, rms, overlay.noise)
-    floor = f"; noise {noise} {unit}" if np.isfinite(overlay.noise) else ""
+    floor = f"; noise {with_unit(noise, unit)}" if np.isfinite(overlay.noise) else ""
     title = f"{overlay.what}, {PurePath(overlay.recording).name}"
     tools = "".join(f'<button type="button" data-do="{do}" aria-label="{label}" title="{label}">{text}</button>'
                     for do, text, label in TOOLS)  # fmt: skip
     return (
         f'<div class="signal" id="{_id(number)}" tabindex="0" role="group" aria-label="{escape(title)}">'
         f"<h3>{escape(title[0].upper() + title[1:])}</h3>"
-        f'<p class="note">error {error} {escape(unit)} (root mean square){escape(floor)}</p>'
+        f'<p class="note">error {escape(with_unit(error, unit))} (root mean square){escape(floor)}</p>'
         f'<div class="tools">{tools}</div><div class="chart"></div><div class="chart"></div></div>\n'
     )
 
