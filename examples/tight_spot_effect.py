@@ -8,9 +8,9 @@ from lostmotion.lab import Parameter, effect
 @effect(
     acts_on="joint",
     parameters={
-        "tau_t": Parameter(2e-4, "N m", 0.0, 1e-2, meaning="friction in the tight spot"),
+        "tau_t": Parameter(0.1, "N m", 0.0, 5.0, meaning="friction in the tight spot"),
         "where": Parameter(0.0, "rad", -1.0, 1.0, meaning="its middle"),
-        "width": Parameter(0.05, "rad", 0.01, 0.5, meaning="half its width"),
+        "width": Parameter(0.1, "rad", 0.01, 0.5, meaning="half its width"),
     },
 )
 def tight_spot(omega, theta, tau_t, where, width):

@@ -6,6 +6,7 @@ A kernel gets tables of numbers; the code generated here hands the function its 
 from __future__ import annotations
 
 import dis
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -19,6 +20,7 @@ from lostmotion.model.signals import TIME
 
 __all__ = ["Arguments", "Built", "build"]
 
+Lines = tuple[str, ...]
 SHIFT_S = 1e-5
 """Half the time over which a rate is taken as a difference [s]."""
 
@@ -58,49 +60,54 @@ class Built:
 
 def build(name: str, function: Callable[..., Any], arguments: Arguments, entry: Entry) -> Built:
     """The kernels for a function.  Raises EffectFileError where the compiler sees that it returns no number."""
-    sources = {entry.target: _value_source(arguments)}
+    bodies = {entry.target: _value_lines(arguments)}
     if entry.rate is not None:
-        sources[entry.rate] = _rate_source(arguments)
+        bodies[entry.rate] = _rate_lines(arguments)
     if any(step.opname == "RAISE_VARARGS" for step in dis.get_instructions(function)):
-        return _in_python(function, sources, "it may raise an error, which compiled code cannot tell")
+        return _in_python(function, bodies, "it may raise an error, which compiled code cannot tell")
     try:
         compiled = njit(**OPTIONS)(function)
         compiled.compile((types.float64,) * len(arguments.names))
     except Exception as error:  # noqa: BLE001 - numba refuses code in many ways, and Python runs it all the same
-        return _in_python(function, sources, _reason(error))
+        return _in_python(function, bodies, _reason(error))
     _check_returned(name, compiled.nopython_signatures[0].return_type, len(arguments.states))
-    kernels = tuple((target, Kernel(_kernel(source, compiled))) for target, source in sources.items())
+    kernels = tuple((target, Kernel(_kernel(_guarded(lines), compiled))) for target, lines in bodies.items())
     return Built(compiled, kernels, None)
 
 
-def _in_python(function: Callable[..., Any], sources: Mapping[int, str], note: str) -> Built:
-    kernels = tuple((target, python_kernel(_kernel(source, function))) for target, source in sources.items())
+def _in_python(function: Callable[..., Any], bodies: Mapping[int, Lines], note: str) -> Built:
+    kernels = tuple((target, python_kernel(_kernel(lines, function))) for target, lines in bodies.items())
     return Built(function, kernels, note)
 
 
-def _kernel(source: str, function: Callable[..., Any]) -> Callable[..., float]:
+def _kernel(lines: Lines, function: Callable[..., Any]) -> Callable[..., float]:
     """The generated function; all that goes into its text are names that were checked and numbers of slots."""
-    namespace: dict[str, Any] = {"function": function}
-    exec(source, namespace)
+    namespace: dict[str, Any] = {"function": function, "nan": math.nan}
+    exec("\n    ".join(("def kernel(s, x, dx, p):", *lines)), namespace)
     made: Callable[..., float] = namespace["kernel"]
     return made
 
 
-def _value_source(arguments: Arguments) -> str:
+def _value_lines(arguments: Arguments) -> Lines:
     """function(…) → the contribution; the states' derivatives go to dx."""
     call = f"function({', '.join(_slot(key, arguments) for key in arguments.names)})"
     if not arguments.states:
-        return f"def kernel(s, x, dx, p):\n    return {call}\n"
-    derivatives = "".join(f"    dx[{i}] = found[{i + 1}]\n" for i in range(len(arguments.states)))
-    return f"def kernel(s, x, dx, p):\n    found = {call}\n{derivatives}    return found[0]\n"
+        return (f"return {call}",)
+    derivatives = (f"dx[{i}] = found[{i + 1}]" for i in range(len(arguments.states)))
+    return (f"found = {call}", *derivatives, "return found[0]")
 
 
-def _rate_source(arguments: Arguments) -> str:
+def _rate_lines(arguments: Arguments) -> Lines:
     """The contribution's rate: the difference over a short time in which angles, lengths and time go on as they do."""
     later, earlier = (
         f"function({', '.join(_moved(key, arguments, sign) for key in arguments.names)})" for sign in "+-"
     )
-    return f"def kernel(s, x, dx, p):\n    return ({later} - {earlier}) / {2 * SHIFT_S!r}\n"
+    return (f"return ({later} - {earlier}) / {2 * SHIFT_S!r}",)
+
+
+def _guarded(lines: Lines) -> Lines:
+    """What compiled code raises would be lost in the solver; NaN is not."""
+    return ("try:", *(f"    {line}" for line in lines), "except Exception:", "    return nan")
 
 
 def _slot(key: str, arguments: Arguments) -> str:

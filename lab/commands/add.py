@@ -31,7 +31,7 @@ def add(model: str, effect: str, output: Path, as_json: bool) -> None:
     else:
         click.echo(_told(added, output))
     if added.note:
-        click.echo(f"{added.effect.id} runs in plain Python, about ten times as slowly: {added.note}", err=True)
+        click.echo(f"{added.effect.id} runs in plain Python, ten to twenty times as slowly: {added.note}", err=True)
 
 
 def _told(added: Added, output: Path) -> str:

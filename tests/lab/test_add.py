@@ -60,12 +60,12 @@ def test_effect_of_the_catalogue(folder: Path) -> None:
 def test_own_effect(folder: Path) -> None:
     """The model file names the effect's file relative to itself, and moves as the model with the effect does."""
     (folder / "models").mkdir()
-    run("play", "own.py:tight_spot", "-o", "models/m.toml")
+    run("servo", "own.py:tight_spot", "-o", "models/m.toml")
     assert 'effects = ["../own.py:tight_spot"]' in (folder / "models" / "m.toml").read_text()
     moved = load("models/m.toml").build()
-    expected = build_model("play", ["tight_spot"]).simulate(Sine(), TIMES)["accel"]
-    np.testing.assert_array_equal(moved.simulate(Sine(), TIMES)["accel"], expected)
-    assert np.ptp(build_model("play").simulate(Sine(), TIMES)["accel"] - expected) > 1
+    expected = build_model("servo", ["tight_spot"]).simulate(Sine(), TIMES)["position"]
+    np.testing.assert_array_equal(moved.simulate(Sine(), TIMES)["position"], expected)
+    assert np.ptp(build_model("servo").simulate(Sine(), TIMES)["position"] - expected) > 1e-3
 
 
 def test_own_effect_stays_when_the_model_is_written_elsewhere(folder: Path) -> None:

@@ -127,6 +127,15 @@ def test_what_a_function_raises_on_the_way_is_told(tmp_path: Path) -> None:
     assert np.all(np.isfinite(model.simulate(MOTION, TIMES[:50])["accel"]))
 
 
+def test_what_compiled_code_raises_is_no_number(tmp_path: Path) -> None:
+    """A table that is read beyond its end within the motion ends the simulation, instead of counting as 0."""
+    body = "return -tau * [1.0, 2.0][int(20 * time)]"
+    effect = loaded(tmp_path, f"@effect('joint', parameters=TAU)\ndef mine(time, tau):\n    {body}\n")
+    assert effect.note is None
+    with pytest.raises(ModelError, match="exceeds all numbers"):
+        motion("mine")
+
+
 def test_ctrl_c_in_a_python_effect_ends_the_simulation(tmp_path: Path) -> None:
     """The signal arrives inside the solver's machine code, and is not lost there."""
     body = "armed and signal.raise_signal(signal.SIGINT)\n    return -tau * omega"
