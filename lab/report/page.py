@@ -38,10 +38,18 @@ def write_report(
     """
     explanation = explanation or (ladder.last if ladder else None)
     fit = fit or (explanation.best if explanation else None)
-    drawn = tuple(overlays(fit)) if fit else ()
+    drawn = tuple(overlays(fit, _before(fit, explanation))) if fit else ()
     text = _page(title, _sections(drawn, fit, explanation, ladder, tap), drawn, fit)
     with replacing(path) as file:
         file.write(text)
+
+
+def _before(fit: Fit, explanation: Explanation | None) -> Fit | None:
+    """The model without what was found, where it was fitted to the same recordings."""
+    if explanation is None or explanation.base.model.effects == fit.model.effects:
+        return None
+    same = [one.name for one in explanation.base.experiments] == [one.name for one in fit.experiments]
+    return explanation.base if same else None
 
 
 def _sections(

@@ -35,6 +35,8 @@ def signals(overlays: Sequence[Overlay]) -> Section:
         "Drag across a stretch to zoom, double-click for the whole; on a phone one finger moves, two zoom. Keys: "
         "arrows, +, −, 0. The grey band holds 95 % of the sensor's noise."
     )
+    if any(overlay.before is not None for overlay in overlays):
+        text += " Tap “without what was found” to see the model that lacks it."
     places = [_place(number, overlay) for number, overlay in enumerate(overlays)]
     return Section("signals", "Measured and modelled", Html(note(text) + "".join(places)))
 
@@ -64,7 +66,7 @@ def _packed(number: int, overlay: Overlay) -> dict[str, Any]:
     shown = scale(overlay.unit, float(np.max(np.abs(overlay.measured))))
     left = scale(overlay.unit, float(np.max(np.abs(overlay.residual))))
     noise = overlay.noise * shown.factor
-    return {
+    packed = {
         "id": _id(number),
         "what": overlay.what,
         "unit": shown.unit,
@@ -75,6 +77,9 @@ def _packed(number: int, overlay: Overlay) -> dict[str, Any]:
         "measured": _base64(overlay.measured * shown.factor, "<f4"),
         "modelled": _base64(overlay.modelled * shown.factor, "<f4"),
     }
+    if overlay.before is not None:
+        packed["before"] = _base64(overlay.before * shown.factor, "<f4")
+    return packed
 
 
 def _times(time: FloatArray) -> dict[str, Any]:

@@ -14,6 +14,7 @@ import numpy as np
 from lostmotion.lab import words
 from lostmotion.lab.predict import predict
 from lostmotion.lab.results import Fit
+from lostmotion.model import Trajectory
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["Overlay", "Spectra", "overlays", "spectra"]
@@ -25,7 +26,10 @@ SEGMENTS = 8
 
 @dataclass(frozen=True, eq=False)
 class Overlay:
-    """One column of one recording: times [s], measured and modelled, (N,) each without gaps; the noise's rms or NaN."""
+    """One column of one recording: times [s], measured and modelled, (N,) each without gaps; the noise's rms or NaN.
+
+    before: (N,) of the model without the effects that were found; None where there is no such model.
+    """
 
     recording: str
     column: str
@@ -33,6 +37,7 @@ class Overlay:
     measured: FloatArray
     modelled: FloatArray
     noise: float
+    before: FloatArray | None = None
 
     @property
     def what(self) -> str:
@@ -62,15 +67,21 @@ class Spectra:
     noise: float
 
 
-def overlays(fit: Fit) -> Iterator[Overlay]:
-    """Each column of each experiment against the fitted model."""
-    for experiment, start in zip(fit.experiments, fit.starts, strict=True):
-        prediction = predict(fit.model, experiment, start, substep_s=fit.substep_s)
+def overlays(fit: Fit, before: Fit | None = None) -> Iterator[Overlay]:
+    """Each column of each experiment against the fitted model, and against the one before it was improved."""
+    earlier = tuple(_trajectories(before)) if before else (None,) * len(fit.experiments)
+    for experiment, now, then in zip(fit.experiments, _trajectories(fit), earlier, strict=True):
         for column, measured in experiment.measured.items():
             there = ~np.isnan(measured)
-            modelled = prediction.trajectory[column][there]
-            yield Overlay(experiment.name, column, experiment.time[there], measured[there], modelled,
-                          fit.noise.get(column, math.nan))  # fmt: skip
+            yield Overlay(
+                experiment.name, column, experiment.time[there], measured[there], now[column][there],
+                fit.noise.get(column, math.nan), then[column][there] if then else None,
+            )  # fmt: skip
+
+
+def _trajectories(fit: Fit) -> Iterator[Trajectory]:
+    for experiment, start in zip(fit.experiments, fit.starts, strict=True):
+        yield predict(fit.model, experiment, start, substep_s=fit.substep_s).trajectory
 
 
 def spectra(overlay: Overlay) -> Spectra | None:

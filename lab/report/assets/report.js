@@ -10,11 +10,11 @@
     : Array.from({ length: s.count }, (_, i) => s.start + i * s.spacing);
 
   function unpack(signal) {
-    const measured = new Float32Array(bytes(signal.measured));
-    const modelled = new Float32Array(bytes(signal.modelled));
-    const time = times(signal), factor = signal.residual_factor;
-    return { time, overlay: [time, Array.from(measured), Array.from(modelled)],
-             residual: [time, Array.from(measured, (v, i) => (v - modelled[i]) * factor)] };
+    const column = (name) => Array.from(new Float32Array(bytes(signal[name])));
+    const time = times(signal), measured = column("measured");
+    const models = ["modelled", "before"].filter((name) => signal[name]).map(column);
+    const left = (model) => measured.map((v, i) => (v - model[i]) * signal.residual_factor);
+    return { time, overlay: [time, measured, ...models], residual: [time, ...models.map(left)] };
   }
 
   const digits = (v) => v == null ? "–" : v.toPrecision(4).replace("-", "−");
@@ -22,7 +22,7 @@
     label, size, stroke: colour("text"), font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif",
     labelSize: 20, values: (_, splits) => splits.map((v) => String(+v.toPrecision(6)).replace("-", "−")), grid: { stroke: colour("grid"), width: 1 }, ticks: { stroke: colour("grid"), width: 1, size: 5 },
   });
-  const line = (label, name) => ({ label, stroke: colour(name), width: 1.4, points: { show: false },
+  const line = (label, name, width = 1.3) => ({ label, stroke: colour(name), width, points: { show: false },
                                    value: (_, v) => digits(v) });
 
   function options(signal, width, height, time, series, label, extra) {
@@ -68,9 +68,11 @@
       const follow = { setScale: [(u, key) => key === "x" && this.show(u.scales.x.min, u.scales.x.max)] };
       const [above, below] = this.root.querySelectorAll(".chart");
       const time = { label: "time (s)", value: (_, v) => digits(v) };
-      const overlay = options(s, width, tall, time, [line("measured", "measured"), line("modelled", "modelled")],
+      const before = s.before ? [{ ...line("without what was found", "noise"), show: false }] : [];
+      const overlay = options(s, width, tall, time,
+                              [line("measured", "measured", 2.4), line("modelled", "modelled"), ...before],
                               `${s.what} (${s.unit})`, { hooks: follow });
-      const residual = options(s, width, low, {}, [line("measured − modelled", "residual")],
+      const residual = options(s, width, low, {}, [line("measured − modelled", "residual"), ...before],
                                `residual (${s.residual_unit})`,
                                { hooks: { ...follow, drawClear: [floor(s.noise * s.residual_factor)] } });
       this.plots = [new uPlot(overlay, data.overlay, above), new uPlot(residual, data.residual, below)];
