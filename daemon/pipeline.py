@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
@@ -78,12 +78,15 @@ class _Joint:
         self.temperature = math.nan
         self.counts = Counts()
 
-    def take(self, times: list[float], commands: list[float], resolution_rad: float, since: float) -> None:
-        """Opens a window for every reversal in these commands that is not before ``since``."""
+    def take(self, samples: list[ServoSample], resolution_rad: float, since: float) -> None:
+        """Opens a window for every reversal in the commands of these samples that is not before ``since``."""
         if self.trigger is None:
             self.trigger = Trigger(self.plan.settings, self.plan.poll_hz, resolution_rad)
-        self.heard = max(self.heard, times[-1])
-        for reversal in self.trigger.push(times, commands):
+        last = samples[-1]
+        self.heard = max(self.heard, last.time)
+        if math.isfinite(last.temperature):
+            self.temperature = last.temperature
+        for reversal in self.trigger.push([s.time for s in samples], [s.command for s in samples]):
             if reversal.time < since:
                 continue
             self.counts.triggered += 1
@@ -120,18 +123,14 @@ class Pipeline:
         """Takes the samples of one bus, whose commands have steps of ``resolution_rad``."""
         if self._closed:
             return
-        columns: dict[str, tuple[list[float], list[float]]] = {}
+        spoken: dict[str, list[ServoSample]] = defaultdict(list)
         for sample in samples:
-            times, commands = columns.setdefault(sample.joint, ([], []))
-            times.append(sample.time)
-            commands.append(sample.command)
-            if math.isfinite(sample.temperature):
-                self._joints[sample.joint].temperature = sample.temperature
-        for name, (times, commands) in columns.items():
+            spoken[sample.joint].append(sample)
+        for name, said in spoken.items():
             joint = self._joints[name]
             # Hardware that has not begun to measure cannot lose a window; a virtual sensor may just be behind.
             since = -math.inf if self._virtual else self._rings[joint.plan.accelerometer].oldest
-            joint.take(times, commands, resolution_rad, since)
+            joint.take(said, resolution_rad, since)
 
     def servo_ended(self, joint: str) -> None:
         """This joint will say nothing more."""

@@ -168,12 +168,13 @@ class BusPoller(Poller):
         account, now = self.account, time.monotonic()
         account.lost += reading.lost
         account.silent += len(reading.silent)
-        samples = tuple(sample for sample in reading.samples if sample.joint not in account.faults)
+        samples = reading.samples
+        if account.faults:
+            samples = tuple(sample for sample in samples if sample.joint not in account.faults)
         if not samples:
             return
         account.samples += len(samples)
-        for sample in samples:
-            account.heard[sample.joint] = now
+        account.heard.update((sample.joint, now) for sample in samples)
         self._inbox.servo.append((self._bus.resolution_rad, samples))
         while self._waits and len(self._inbox.servo) > INBOX_READINGS and not self._stop.is_set():
             self._inbox.bell.set()

@@ -60,7 +60,7 @@ class Ring:
 
         wait: the writer may be held up until there is room, or until this event is set; None: it may not.
         """
-        fresh = int(np.searchsorted(block.time, self._last, side="right"))
+        fresh = int(block.time.searchsorted(self._last, side="right"))
         for first in range(fresh, len(block.time), self.capacity):
             piece = slice(first, first + self.capacity)
             self._write(block.time[piece], block.accel[piece], wait)
@@ -92,8 +92,9 @@ class Ring:
         """Writes at the present place and one capacity further, around the end of the first half if need be."""
         begin = self._written % self.capacity
         fits = min(len(time), self.capacity - begin)
-        for source, at in ((slice(0, fits), begin), (slice(fits, len(time)), 0)):
-            length = len(time[source])
+        pieces = [(slice(0, fits), begin), (slice(fits, len(time)), 0)]
+        for source, at in pieces if fits < len(time) else pieces[:1]:
+            length = source.stop - source.start
             for first in (at, at + self.capacity):
                 self._time[first : first + length] = time[source]
                 self._accel[first : first + length] = accel[source]
@@ -102,14 +103,14 @@ class Ring:
         """Times [s] and accelerations [m/s²] with start <= time < end, as far as they are still there; copies."""
         with self._changed:
             low, high = self._bounds()
-            first, last = low + np.searchsorted(self._time[low:high], (start, end))
+            first, last = low + self._time[low:high].searchsorted((start, end))
             return self._time[first:last].copy(), self._accel[first:last].copy()
 
     def release(self, before: float) -> None:
         """Tells that samples before this time [s] are no longer needed."""
         with self._changed:
             low, high = self._bounds()
-            self._released += int(np.searchsorted(self._time[low:high], before))
+            self._released += int(self._time[low:high].searchsorted(before))
             self._changed.notify_all()
 
     def _bounds(self) -> tuple[int, int]:

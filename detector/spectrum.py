@@ -95,7 +95,7 @@ def normalised_spectrum(accel: FloatArray, rate_hz: float, settings: DetectorSet
     chosen = bands(accel.shape[-1], rate_hz, settings)
     with np.errstate(over="ignore", invalid="ignore"):
         spectrum = amplitude_spectrum(accel)
-        floor = spectrum[..., chosen.norm].mean(axis=-1, keepdims=True)
+        floor = spectrum[..., chosen.norm].sum(axis=-1, keepdims=True) / chosen.norm.size
         # A window of one value leaves rounding dust behind the cubic: that is no floor to divide by.
         dust = 1e-13 * np.abs(accel).max(axis=-1, keepdims=True)
         return np.asarray(spectrum / np.where((floor > dust) & (floor < np.inf), floor, np.nan))

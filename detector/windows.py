@@ -53,14 +53,14 @@ def cut(
     NaN.  The grid starts within half a sample of ``start``.
     """
     length = round(duration * rate_hz)
-    first, last = np.searchsorted(times, (start - 1 / rate_hz, start + duration + 1 / rate_hz))
+    first, last = times.searchsorted((start - 1 / rate_hz, start + duration + 1 / rate_hz))
     place = (times[first:last] - start) * rate_hz
     # The stream's phase against the grid, averaged on the circle: one late sample must not shift all others.
     turn = 2 * np.pi * place
     phase = math.atan2(np.sin(turn).sum(), np.cos(turn).sum()) / (2 * np.pi)
     slot = np.rint(place - phase).astype(np.intp)
-    inside = (slot >= 0) & (slot < length)
+    begin, end = slot.searchsorted((0, length))
     grid = np.full(length, np.nan)
-    grid[slot[inside]] = accel[first:last][inside]
+    grid[slot[begin:end]] = accel[first + begin : first + end]
     time = start + (np.arange(length, dtype=np.float64) + phase) / rate_hz
     return Window(joint, start, duration, time, grid, rate_hz, excitation, temperature)

@@ -164,9 +164,10 @@ class DynamixelBus:
         return self._schedule(asked)
 
     def _read_in_turn(self, servos: list[_Servo], states: list[_State]) -> None:
-        """Asks servos of protocol 1.0 one after the other; looks at the answers when all have come."""
+        """Asks servos of protocol 1.0 one after the other; looks at the answers, all of one length, when all came."""
         while servos:
-            answers = self._port.ask([self._questions[servo.id] for servo in servos], self._clock.now)
+            requests = [self._questions[servo.id].request for servo in servos]
+            answers = self._port.ask(requests, self._questions[servos[0].id].length, self._clock.now)
             for servo, (asked, answer) in zip(servos, answers, strict=False):
                 data = self._questions[servo.id].parameters(answer) or self._search(servo, answer)
                 self._take(servo, asked, data, states)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 
-from lostmotion.drivers.codec.dynamixel import Question
 from lostmotion.drivers.serial_port import SerialPort
 
 __all__ = ["BusPort"]
@@ -51,22 +50,20 @@ class BusPort:
             heard = self._port.read(left)
         return heard
 
-    def ask(self, questions: Sequence[Question], now: Callable[[], float]) -> list[tuple[float, bytes]]:
+    def ask(self, requests: Sequence[bytes], length: int, now: Callable[[], float]) -> list[tuple[float, bytes]]:
         """Asks one servo after the other: the time ``now`` of each request, and what came in.
 
-        The first answer of another length than expected is the last one; ``readPort`` has it, too, and what may follow.
+        The first answer that is not ``length`` bytes long is the last one; ``readPort`` has it, too, and what follows.
         What came in before is forgotten only after an exchange that went another way: that costs a system call.
         """
         if not self._quiet:
             self.clearPort()
-        longest = max(question.length for question in questions)
-        turns = [(question.request, question.length) for question in questions]
-        heard = self._port.converse(turns, self._patience(longest), now)
+        heard = self._port.converse(requests, length, self._patience(length), now)
         answer = heard[-1][1]
-        self._quiet = len(answer) == questions[len(heard) - 1].length
+        self._quiet = len(answer) == length
         if not self._quiet:
             self._received = answer
-            self.setPacketTimeout(longest)
+            self.setPacketTimeout(length)
         return heard
 
     def clearPort(self) -> None:  # noqa: N802 - the SDK's name, as those below

@@ -64,20 +64,20 @@ class SerialPort:
             return self._receive(self._fd(), max(0.0, timeout_s * 1000))
 
     def converse(
-        self, turns: Sequence[tuple[bytes, int]], timeout_s: float, now: Callable[[], float]
+        self, requests: Sequence[bytes], length: int, timeout_s: float, now: Callable[[], float]
     ) -> list[tuple[float, bytes]]:
         """Sends a request, waits for its answer, sends the next one: the time ``now`` of each, and what came in.
 
-        A turn is a request and the length of its answer [bytes].  The first answer of another length ends it; that is
-        b"" where none came within ``timeout_s``.  Raises PortError when the port is closed or gone.
+        The first answer that is not ``length`` bytes long ends it; that is b"" where none came within ``timeout_s``.
+        Raises PortError when the port is closed or gone.
 
-        All turns in one call, with nothing else between them: what Python does right after a wait costs several times
-        as much as at other times, because the caches are cold.
+        All requests in one call, with nothing else between them: what Python does right after a wait costs several
+        times as much as at other times, because the caches are cold.
         """
         heard: list[tuple[float, bytes]] = []
         with self._busy:
             fd, timeout_ms = self._fd(), timeout_s * 1000
-            for request, length in turns:
+            for request in requests:
                 asked = now()
                 self._send(fd, request)
                 answer = self._receive(fd, timeout_ms)
