@@ -7,7 +7,7 @@ from dynamixel_sdk import Protocol2PacketHandler
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from lostmotion.drivers.codec.dynamixel import READ, STATUS, SYNC_READ, Packet, crc16, decoder, encode
+from lostmotion.drivers.codec.dynamixel import READ, STATUS, SYNC_READ, Packet, Question, crc16, decoder, encode
 
 PACKETS = st.builds(Packet, st.integers(0, 252), st.integers(0, 127), st.binary(max_size=60))
 SEVEN_BIT = st.lists(st.integers(0, 127), min_size=4, max_size=20).map(bytes)
@@ -62,6 +62,30 @@ def test_a_truncated_frame_loses_only_itself(packets: list[Packet], protocol: in
     found = decode.feed(stream)
     assert [p for p in found if p is not None] == packets[1:]
     assert decode.broken >= 1
+
+
+@given(st.integers(0, 252), st.integers(0, 127), st.binary(min_size=14, max_size=14))
+def test_a_question_knows_its_plain_answer(id: int, error: int, data: bytes) -> None:
+    """The request is the READ instruction; of the servo's status packet it gives the data, whatever the error byte."""
+    question = Question(id, 30, 14)
+    assert decoder(1).feed(question.request) == [Packet(id, READ, bytes((30, 14)))]
+    answer = encode(Packet(id, error, data), 1)
+    assert len(answer) == question.length
+    assert question.parameters(answer) == data
+
+
+@given(st.binary(min_size=14, max_size=14), st.data())
+def test_a_question_takes_no_other_answer(data: bytes, draw: st.DataObject) -> None:
+    """One flipped bit, another servo's answer, one of another size, one cut short and noise before it give nothing."""
+    question = Question(7, 30, 14)
+    answer = bytearray(encode(Packet(7, 0, data), 1))
+    assert not question.parameters(b"\x00" + answer)
+    assert not question.parameters(bytes(answer[:-1]))
+    assert not question.parameters(b"")
+    assert not question.parameters(encode(Packet(8, 0, data), 1))
+    assert not question.parameters(encode(Packet(7, 0, data[:2]), 1))
+    answer[draw.draw(st.integers(0, len(answer) - 1))] ^= 1 << draw.draw(st.integers(0, 7))
+    assert not question.parameters(bytes(answer))
 
 
 def test_published_examples() -> None:

@@ -102,6 +102,46 @@ def test_corrupted_and_noisy_answers(model: str) -> None:
         bus.close()
 
 
+def test_an_answer_in_pieces_is_put_together() -> None:
+    """An adapter may hand over an answer in two; every poll still gives its sample, and nobody is silent."""
+
+    class Halves(ServoLine):
+        def emit(self, now: float) -> bytes:
+            data = super().emit(now)
+            if len(data) > 10:
+                self._outbox.insert(0, (now + 0.0005, data[10:]))
+            return data[:10]
+
+    with Emulator(Halves.of("AX-12A", [1, 2], MOTION)) as emulator:
+        bus = servo_bus(emulator.paths[0], [1, 2])
+        bus.open()
+        found = readings(bus, 0.5)
+        bus.close()
+    assert all(r.silent == () for r in found)
+    for sample in [s for r in found for s in r.samples]:
+        goal = MOTION.goal(sample.time + (1.7 if sample.joint == "1" else 0.0))
+        assert sample.command == pytest.approx(goal, abs=AX_STEP / 2 + 5 * 0.005)
+
+
+def test_an_answer_that_comes_too_late_is_nobody_elses() -> None:
+    """What a slow servo says after its time is not taken for an answer to a later question, and reading goes on."""
+    line = ServoLine.of("AX-12A", [1, 2], MOTION)
+    with Emulator(line) as emulator:
+        bus = servo_bus(emulator.paths[0], [1, 2])
+        bus.open()
+        line.delay_s = 0.045
+        found = readings(bus, 0.3)
+        line.delay_s = 0.0
+        until(lambda: bus.read().silent == ())
+        found += readings(bus, 0.3)
+        bus.close()
+    samples = [s for r in found for s in r.samples]
+    assert {s.joint for s in samples} == {"1", "2"}
+    for sample in samples:
+        goal = MOTION.goal(sample.time + (1.7 if sample.joint == "1" else 0.0))
+        assert sample.command == pytest.approx(goal, abs=AX_STEP / 2 + 5 * 0.005)
+
+
 def test_an_error_byte_does_not_hide_the_data() -> None:
     """A servo that reports overheating (error 4) is still read."""
     line = ServoLine.of("AX-12A", [1], MOTION)
