@@ -7,10 +7,9 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from lostmotion.lab.effectfile import is_reference, load_effect
 from lostmotion.lab.errors import ModelFileError
 from lostmotion.lab.modelfile import ModelFile, load, save
-from lostmotion.lab.own_effect import OwnEffect
+from lostmotion.lab.own import OwnEffect, is_reference, load_effect
 from lostmotion.model import ModelError, Parameter, catalogue
 from lostmotion.model.effects import Effect, get_effect
 

@@ -24,9 +24,8 @@ import msgspec
 
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.recording import replacing, toml_value
-from lostmotion.lab.effectfile import is_reference, load_effect, reference
 from lostmotion.lab.errors import EffectFileError, ModelFileError
-from lostmotion.lab.own_effect import OwnEffect
+from lostmotion.lab.own import OwnEffect, is_reference, load_effect, reference
 from lostmotion.model import BASES, Model, ModelError, Parameter, build_model
 from lostmotion.model.effects.registry import find
 

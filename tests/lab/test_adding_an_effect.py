@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from lostmotion.daemon.cli import cli
-from lostmotion.lab.effectfile import load_effect
 from lostmotion.lab.modelfile import load
-from lostmotion.lab.readable import ENTRIES, READABLE
+from lostmotion.lab.own import load_effect
+from lostmotion.lab.own.readable import ENTRIES, READABLE
 from lostmotion.model.effects import unregister
 from tests.conftest import ROOT
 from tests.test_readme import commands, in_folder
@@ -47,7 +47,7 @@ def test_own_states_and_notebook(tmp_path: Path) -> None:
     try:
         effect = load_effect("own.py:winding", tmp_path)
         assert effect.note is None
-        assert effect.function.__globals__["trajectory"].states.shape == (500, 3)
+        assert effect.declared.function.__globals__["trajectory"].states.shape == (500, 3)
     finally:
         unregister("winding")
 

@@ -10,9 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lostmotion.lab.effectfile import load_effect
 from lostmotion.lab.errors import EffectFileError
-from lostmotion.lab.own_effect import OwnEffect
+from lostmotion.lab.own import OwnEffect, load_effect
 from lostmotion.model import HandWaved, ModelError, Trajectory, build_model
 from lostmotion.model.effects import registry, unregister
 
@@ -142,7 +141,7 @@ def test_ctrl_c_in_a_python_effect_ends_the_simulation(tmp_path: Path) -> None:
     effect = loaded(
         tmp_path, f"import signal\narmed = []\n@effect('joint', parameters=TAU)\ndef mine(omega, tau):\n    {body}\n"
     )
-    effect.function.__globals__["armed"].append(True)
+    effect.declared.function.__globals__["armed"].append(True)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         with pytest.raises(KeyboardInterrupt):

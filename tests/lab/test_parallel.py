@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from lostmotion.drivers.recording import Recording
-from lostmotion.lab.effectfile import load_effect
 from lostmotion.lab.errors import ExecutorError
 from lostmotion.lab.experiment import Experiment, experiments
+from lostmotion.lab.own import load_effect
 from lostmotion.lab.parallel import cores, gather, open_executor
 from lostmotion.lab.predict import predict
 from lostmotion.model import HandWaved, Model, build_model

@@ -14,39 +14,16 @@ from typing import Any
 from numba import njit, types
 
 from lostmotion.lab.errors import EffectFileError
-from lostmotion.lab.readable import READABLE, Entry
+from lostmotion.lab.own.arguments import Arguments
+from lostmotion.lab.own.readable import READABLE, Entry
 from lostmotion.model.kernel import OPTIONS, Kernel, python_kernel
 from lostmotion.model.signals import TIME
 
-__all__ = ["Arguments", "Built", "build"]
+__all__ = ["Built", "build"]
 
 Lines = tuple[str, ...]
 SHIFT_S = 1e-5
 """Half the time over which a rate is taken as a difference [s]."""
-
-
-@dataclass(frozen=True, slots=True)
-class Arguments:
-    """A function's arguments in their order, and which of them are parameters and states of its own."""
-
-    names: tuple[str, ...]
-    own: tuple[str, ...]
-    states: tuple[str, ...]
-
-    @property
-    def signals(self) -> tuple[str, ...]:
-        """Those that are signals."""
-        return tuple(key for key in self.names if key in READABLE and key not in self.states)
-
-    @property
-    def of_base(self) -> tuple[str, ...]:
-        """Those that are parameters of the base."""
-        return tuple(key for key in self.names if key not in {*self.own, *self.states, *READABLE})
-
-    @property
-    def values(self) -> tuple[str, ...]:
-        """Those that do not change during a motion: what a kernel gets as p."""
-        return (*self.own, *self.of_base)
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from lostmotion.lab.errors import EffectFileError
-from lostmotion.lab.own_kernel import Arguments
-from lostmotion.lab.readable import READABLE
+from lostmotion.lab.own.arguments import Arguments
+from lostmotion.lab.own.readable import READABLE
 from lostmotion.model import Parameter
 from lostmotion.model.base import Operating
 from lostmotion.model.effects import ActsOn

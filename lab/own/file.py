@@ -15,7 +15,7 @@ from typing import Any
 
 from lostmotion.drivers.errors import LostmotionError
 from lostmotion.lab.errors import EffectFileError
-from lostmotion.lab.own_effect import ORIGIN, Origin, OwnEffect
+from lostmotion.lab.own.decorator import ORIGIN, Origin, OwnEffect
 from lostmotion.model import ModelError
 from lostmotion.model.effects.registry import find
 
@@ -33,7 +33,8 @@ def load_effect(text: str, folder: Path = Path()) -> OwnEffect:
     path = folder / (file or name)
     origin = Origin(path.resolve(), _text(path))
     if not file:
-        raise EffectFileError(f"{text}: names no function, expected {text}:FUNCTION with one of {_defined(origin)}")
+        one_of = _effects(_run(origin))
+        raise EffectFileError(f"{text}: names no function, expected {text}:FUNCTION with one of {one_of}")
     return restored(origin, name)
 
 
@@ -50,8 +51,7 @@ def restored(origin: Origin, name: str) -> OwnEffect:
     if isinstance(known, OwnEffect) and known.origin == origin:
         return known
     functions = _run(origin)
-    effect = find(name)
-    if isinstance(effect, OwnEffect) and functions.get(name) is effect.function:
+    if effect := _effect(functions, name):
         return effect
     if callable(functions.get(name)):
         raise EffectFileError(f"{origin.path.name}: {name} is a plain function, expected @effect(…) above it")
@@ -66,14 +66,15 @@ def _text(path: Path) -> str:
         raise EffectFileError(f"{path}: cannot be read: {reason}; expected a Python file with an effect") from error
 
 
-def _defined(origin: Origin) -> str:
-    return _effects(_run(origin))
+def _effect(functions: dict[str, Any], name: str) -> OwnEffect | None:
+    """The effect that a file's function has become, if it has."""
+    effect = find(name)
+    return effect if isinstance(effect, OwnEffect) and functions.get(name) is effect.declared.function else None
 
 
 def _effects(functions: dict[str, Any]) -> str:
     """The names of the effects that a file defines."""
-    known = ((name, find(name)) for name in functions)
-    names = [name for name, effect in known if isinstance(effect, OwnEffect) and functions[name] is effect.function]
+    names = [name for name in functions if _effect(functions, name)]
     return ", ".join(names) or "none: nothing in this file stands under @effect(…)"
 
 
