@@ -55,7 +55,8 @@ class Declared:
                 raise EffectFileError(
                     f"{self.name}: {key} is declared but is no argument of the function; is it misspelt?"
                 )
-        found = Arguments(tuple(signature), tuple(self.parameters), self.states)
+        units = tuple(parameter.unit for parameter in self.parameters.values())
+        found = Arguments(tuple(signature), tuple(self.parameters), units, self.states)
         self._check_known(found)
         self._check_causal(found)
         return found
@@ -113,10 +114,11 @@ class Declared:
 
 @dataclass(frozen=True, slots=True)
 class Arguments:
-    """A function's arguments in their order, and which of them are parameters and states of its own."""
+    """A function's arguments in their order; which are its own parameters, with their units, and its own states."""
 
     names: tuple[str, ...]
     own: tuple[str, ...]
+    units: tuple[str, ...]
     states: tuple[str, ...]
 
     @property

@@ -20,7 +20,8 @@ from typing import Any, TypeVar
 from lostmotion.lab.errors import EffectFileError
 from lostmotion.lab.own.arguments import Arguments, Declared
 from lostmotion.lab.own.build import Built, build
-from lostmotion.lab.own.trial import fastest_rate, try_out
+from lostmotion.lab.own.steepness import fastest_rate
+from lostmotion.lab.own.trial import try_out
 from lostmotion.model import BASES, Parameter
 from lostmotion.model.base import Term
 from lostmotion.model.effects import ActsOn, Effect, register, unregister

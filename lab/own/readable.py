@@ -35,7 +35,7 @@ class Entry:
     rate: int | None = None
 
 
-_ANGLE = Readable(signals.THETA2, "rad", 0.5, signals.OMEGA2)
+_ANGLE = Readable(signals.THETA2, "rad", 1.5, signals.OMEGA2)
 _SPEED = Readable(signals.OMEGA2, "rad/s", 3.0)
 READABLE: Mapping[str, Readable] = {
     "time": Readable(signals.TIME, "s", 10.0),

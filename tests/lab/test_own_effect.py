@@ -12,7 +12,7 @@ import pytest
 
 from lostmotion.lab.errors import EffectFileError
 from lostmotion.lab.own import OwnEffect, load_effect
-from lostmotion.model import HandWaved, ModelError, Trajectory, build_model
+from lostmotion.model import HandWaved, ModelError, Sine, Trajectory, build_model
 from lostmotion.model.effects import registry, unregister
 
 EXAMPLE = Path(__file__).parent.parent.parent / "examples" / "tight_spot_effect.py"
@@ -128,7 +128,7 @@ def test_what_a_function_raises_on_the_way_is_told(tmp_path: Path) -> None:
 
 def test_what_compiled_code_raises_is_no_number(tmp_path: Path) -> None:
     """A table that is read beyond its end within the motion ends the simulation, instead of counting as 0."""
-    body = "return -tau * [1.0, 2.0][int(20 * time)]"
+    body = "return -tau * [1.0, 2.0][int(20 * time) if 0 < time < 1 else 0]"
     effect = loaded(tmp_path, f"@effect('joint', parameters=TAU)\ndef mine(time, tau):\n    {body}\n")
     assert effect.note is None
     with pytest.raises(ModelError, match="exceeds all numbers"):
@@ -150,10 +150,12 @@ def test_ctrl_c_in_a_python_effect_ends_the_simulation(tmp_path: Path) -> None:
         signal.signal(signal.SIGINT, before)
 
 
-def test_step_follows_the_function(tmp_path: Path) -> None:
-    """A steep friction shortens the step by itself: the motion is that of a step sixteen times as fine."""
+@pytest.mark.parametrize("where", [0.0, 0.5])
+def test_step_follows_the_function(tmp_path: Path, where: float) -> None:
+    """A steep friction shortens the step by itself, wherever it is: the motion is that of a step 16 times as fine."""
     load_effect(str(EXAMPLE) + ":tight_spot")
-    model = build_model("joint", ["tight_spot"], {"tight_spot.tau_t": 5e-3, "tight_spot.width": 0.3})
+    given = {"tau_t": 5e-3, "width": 0.3, "where": where}
+    model = build_model("joint", ["tight_spot"], {f"tight_spot.{name}": value for name, value in given.items()})
     start = model.initial_state(None, omega_2=3.0)
     found = model.simulate(None, TIMES, start)
     assert found.substep_s < build_model("joint").simulate(None, TIMES, start[:2]).substep_s / 8
@@ -264,3 +266,14 @@ def test_missing_file_and_function(tmp_path: Path) -> None:
         load_effect("binary.py:mine", tmp_path)
     with pytest.raises(EffectFileError, match=r"names no function, expected .*:FUNCTION with one of tight_spot"):
         load_effect(str(EXAMPLE))
+
+
+def test_step_follows_the_load(tmp_path: Path) -> None:
+    """Friction that grows with the load needs a finer step the harder the joint is pushed, as the catalogue's does."""
+    text = MINE.format(where="joint", parameters='"mu": Parameter(0.2, "", 0, 1)', arguments="load, omega, mu",
+                       body="return -mu * abs(load) * math.tanh(omega / 2e-3)", more="")  # fmt: skip
+    loaded(tmp_path, text)
+    gentle, hard = (
+        build_model("joint", ["mine"]).simulate(Sine(3.0, torque), TIMES).substep_s for torque in (1e-3, 0.1)
+    )
+    assert hard <= gentle / 32
