@@ -16,14 +16,15 @@ from rich.console import Console
 
 from bench.hidden_effects.answers import ask_all
 from bench.hidden_effects.cases import KINDS, draw_case, write_case
+from bench.hidden_effects.mujoco_joint import available
 from bench.hidden_effects.scoring import Score, score
 from bench.hidden_effects.totals import document, print_tables
 
 __all__ = ["main"]
 
-COUNTS = {"strong": 20, "moderate": 20, "nothing": 10, "pair": 8, "outside": 7, "bounces": 4}
+COUNTS = {"strong": 20, "moderate": 20, "nothing": 10, "pair": 8, "outside": 7, "bounces": 4, "joint": 4}
 LIMIT_S = 600.0
-GENERATOR = ("cases", "catalogue", "motion", "physics", "sizing")
+GENERATOR = ("cases", "catalogue", "motion", "mujoco_joint", "physics", "sizing")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -74,6 +75,9 @@ def _written(folder: Path, kinds: Sequence[str], count: int | None, seed: int) -
     unknown = set(kinds) - set(KINDS)
     if unknown:
         sys.exit(f"found the kinds {', '.join(sorted(unknown))}, expected some of {', '.join(KINDS)}")
+    if "joint" in kinds and not available():
+        print("left out the kind joint: mujoco is not installed (pip install mujoco)", file=sys.stderr)
+        kinds = [kind for kind in kinds if kind != "joint"]
     cases = [
         draw_case(kind, number, seed) for kind in kinds for number in range(COUNTS[kind] if count is None else count)
     ]

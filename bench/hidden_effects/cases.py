@@ -16,21 +16,25 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from bench.hidden_effects import mujoco_joint
 from bench.hidden_effects.catalogue import ACTS_ON, INSIDE, OUTSIDE, Random, Values, draw, rough, true_base
 from bench.hidden_effects.motion import hand_waved
 from bench.hidden_effects.physics import Command, follow, simulate
 from bench.hidden_effects.sizing import Stretch, left_by_base
 
-__all__ = ["KINDS", "Case", "write_case"]
+__all__ = ["DURATION", "KINDS", "LEAD", "RATE_HZ", "Case", "draw_case", "read_sensor", "write_case"]
 
 FloatArray = NDArray[np.float64]
-KINDS = ("strong", "moderate", "nothing", "pair", "outside", "bounces")
+KINDS = ("strong", "moderate", "nothing", "pair", "outside", "bounces", "joint")
+"""All on the base play but for joint, which is MuJoCo's."""
 RATE_HZ, DURATION, LEAD, RECORDINGS = 800.0, 4.0, 0.5, 3
 """The recording begins LEAD s after the motion: its initial state is nobody's knowledge."""
 RATIO = {"strong": (10.0, 20.0), "moderate": (3.0, 6.0)}
 NOISE = (0.05, 0.4)
 COUNTS = (16 * 9.80665 / 32768, 0.0118)
 RANGE = 16 * 9.80665
+TOUCH = 1e-8
+"""An angle [rad] that nothing told before could tell."""
 STRETCH, STRETCHES = 0.45, (0.8, 1.8)
 LAGGING = {"actuator_lag.T", "finite_actuator.J1"}
 START, SMALLEST_LARGEST, TRIES = {"strong": 3.0, "moderate": 1.0}, (0.3, 5.0), 4
@@ -72,6 +76,8 @@ def draw_case(kind: str, number: int, seed: int) -> Case:
         first = str(rng.choice(INSIDE))
         others = [name for name in INSIDE if ACTS_ON[name] != ACTS_ON[first]]
         effects = (first, str(rng.choice(others)))
+    elif kind == "joint":
+        effects = tuple(name for name in (mujoco_joint.HIDDEN[number % len(mujoco_joint.HIDDEN)],) if name != "nothing")
     elif kind == "bounces" and number % 2:
         effects = (str(rng.choice(INSIDE)),)
     colour = ("white", "ar1", "pink")[number % 2 * int(rng.integers(1, 3))]
@@ -80,6 +86,9 @@ def draw_case(kind: str, number: int, seed: int) -> Case:
 
 def write_case(case: Case, folder: Path) -> None:
     """Simulates the case and writes its files into the folder."""
+    if case.kind == "joint":
+        mujoco_joint.write_joint((*case.effects, "nothing")[0], case.seed, folder)
+        return
     rng = np.random.default_rng(case.seed)
     alpha = (800.0, 1500.0) if case.kind == "bounces" else (3000.0, 6000.0)
     commands = tuple(hand_waved(rng, LEAD + DURATION) for _ in range(RECORDINGS))
@@ -96,6 +105,7 @@ def write_case(case: Case, folder: Path) -> None:
     truth = {
         "kind": case.kind, "size": case.size, "effects": list(case.effects), "parameters": values, "noise": rms,
         "colour": case.colour, "count": count, "ratio": ratios, "seed": case.seed,
+        "predictable_s": [_predictable(values, command, noise) for command in commands],
     }  # fmt: skip
     (folder / "truth.json").write_text(json.dumps(truth, indent=1))
 
@@ -108,7 +118,7 @@ def _sized(case: Case, base: _Joint, rng: Random) -> tuple[Values, float, list[f
     quietest, loudest = NOISE[0] * rng.uniform(1, 2), NOISE[1] * rng.uniform(0.5, 1)
     noise = float(np.exp(rng.uniform(math.log(quietest), math.log(loudest))))
     hidden: Values = {}
-    ratios: list[float] = []
+    lefts: list[float] = []
     low, high = RATIO[case.size]
     for effect in case.effects:
         wanted, seed, strength = rng.uniform(low, high), int(rng.integers(2**31)), START[case.size]
@@ -122,15 +132,16 @@ def _sized(case: Case, base: _Joint, rng: Random) -> tuple[Values, float, list[f
             strength *= float(np.clip((wanted * noise / max(left, 1e-6)) ** 0.8, 0.4, 2.5))
             strength = float(np.clip(strength, *SMALLEST_LARGEST))
         hidden |= found
-        ratios.append(left / noise)
-    return hidden, noise, ratios
+        lefts.append(left)
+    noise = max(min([noise, *(left / low for left in lefts)]), quietest)  # the weaker of a pair shall show too
+    return hidden, noise, [left / noise for left in lefts]
 
 
 def _peak_share(values: Values, base: _Joint) -> Values:
     """A saturation that is given as a share of the peak becomes an acceleration."""
     if "sensor_saturation.share" not in values:
         return values
-    peak = max(np.max(np.abs(_clean(base.values, command, _times()))) for command in base.commands)
+    peak = max(np.max(np.abs(read_sensor(base.values, command, _times()))) for command in base.commands)
     return {"sensor_saturation.a_max": round(values["sensor_saturation.share"] * float(peak), 3)}
 
 
@@ -141,7 +152,9 @@ def _left(base: _Joint, effect: Values) -> float:
     """
     times, values = _times(), {**base.values, **effect}
     if next(iter(effect)).split(".")[0] in GROWING:
-        changes = [_clean(values, command, times) - _clean(base.values, command, times) for command in base.commands]
+        changes = [
+            read_sensor(values, command, times) - read_sensor(base.values, command, times) for command in base.commands
+        ]
         return float(np.sqrt(np.mean([np.var(change) for change in changes])))
     stretches = [stretch for command in base.commands[:2] for stretch in _stretches(values, command)]
     return left_by_base(base.values, stretches, 1 / RATE_HZ)
@@ -166,7 +179,7 @@ def _times() -> FloatArray:
     return LEAD + np.arange(round(DURATION * RATE_HZ)) / RATE_HZ
 
 
-def _clean(values: Values, command: Command, times: FloatArray) -> FloatArray:
+def read_sensor(values: Values, command: Command, times: FloatArray) -> FloatArray:
     """What the sensor would tell at its stamps `times` without noise or counts; the motion starts at 0."""
     own = times - times[0]
     felt_at = times[0] + own / (1 + values.get("clock_skew.s", 0.0))
@@ -181,6 +194,16 @@ def _read(values: Values, accel: FloatArray, own: FloatArray) -> FloatArray:
     accel = accel + values.get("hum.a", 0.0) * hum + values["bias"] + values.get("bias_drift.c", 0.0) * own
     limit = values.get("sensor_saturation.a_max", math.inf)
     return np.asarray(np.clip(accel, -limit, limit))
+
+
+def _predictable(values: Values, command: Command, noise: float) -> float:
+    """When a change of TOUCH at the start of the recording shows above the noise [s]; DURATION when it does not."""
+    times = _times()
+    state = simulate(values, command, np.array([0.0, LEAD]), follow(values, command, 0.0))[1][-1]
+    same = simulate(values, command, times, state)[0]
+    state[0] += TOUCH
+    apart = np.abs(simulate(values, command, times, state)[0] - same) > noise
+    return float(np.argmax(apart) / RATE_HZ) if apart.any() else DURATION
 
 
 def _noise(rng: Random, colour: str, rms: float) -> FloatArray:
@@ -202,7 +225,7 @@ def _noise(rng: Random, colour: str, rms: float) -> FloatArray:
 def _write_recording(path: Path, values: Values, command: Command, noise: FloatArray, count: float) -> float:
     """Writes the recording; the rms of all that its sensor adds to the clean signal."""
     times = _times()
-    clean = _clean(values, command, times)
+    clean = read_sensor(values, command, times)
     limit = min(values.get("sensor_saturation.a_max", math.inf), RANGE)
     reading = np.clip(np.round((clean + noise) / count) * count, -limit, limit)
     rows = zip(times - LEAD, command.at(times), reading, strict=True)

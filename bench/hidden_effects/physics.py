@@ -7,8 +7,9 @@ all.  The contact force is flat in the gap (X^11), where a free step would grow 
 from __future__ import annotations
 
 import math
+from collections import namedtuple
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -58,7 +59,8 @@ NEUTRAL: dict[str, float] = {
 }  # fmt: skip
 """Every value that the equations know, SI units, each effect absent; those behind `tight_spot` are in no catalogue."""
 
-Layout = NamedTuple("Layout", [(name.replace(".", "__"), float) for name in NEUTRAL])  # type: ignore[misc]
+Layout: Any = namedtuple("Layout", " ".join(NEUTRAL).replace(".", "__"))  # type: ignore[misc]
+"""The same as compiled functions take them."""
 STATES = ("theta_2", "omega_2", "q", "q'", "theta_1", "omega_1", "near", "near'", "q2", "q2'", "filtered", "z")
 
 
@@ -181,7 +183,7 @@ def _felt(states, times, v, start, step, coefficients):  # type: ignore[no-untyp
     return felt
 
 
-def layout(values: Values) -> Layout:
+def layout(values: Values) -> Any:
     """The values in the order of the compiled functions, neutral where none is given.  Raises KeyError."""
     unknown = set(values) - set(NEUTRAL)
     if unknown:
@@ -207,8 +209,9 @@ def simulate(
     Offset, drift, range and noise of the sensor are not in it.  Raises ArithmeticError when LSODA fails.
     """
     v, where = layout(values), command.where
+    solve: Any = odeint  # its stubs know no compiled functions
     absolute = rtol * np.array([1e-2, 1, 1e-4, 1e-1, 1e-2, 1, 1e-2, 1, 1e-5, 1e-2, 1, 1e-2])
-    states, told = odeint(
+    states, told = solve(
         _rhs, state, times, (v, *where), rtol=rtol, atol=absolute, hmax=LONGEST_STEP, mxstep=1_000_000, full_output=True
     )
     if told["message"] != "Integration successful.":

@@ -10,6 +10,8 @@ from typing import Any
 __all__ = ["Score", "score"]
 
 ERROR_LIMIT = 1.15
+LONG = 4.0
+"""A recording that is predictable this long [s] is so to its end."""
 UNTOLD = ("omega_0", "N")
 """Fixed by convention, or a whole number."""
 FLIPPED = {"gear_eccentricity": "e", "gravity_leakage": "c", "torque_ripple": "tau_r"}
@@ -84,7 +86,10 @@ def _error_ok(error: Mapping[str, Any], truth: Mapping[str, Any]) -> bool:
 def _error_text(document: Mapping[str, Any], truth: Mapping[str, Any]) -> str:
     figures = [document["error"][name] for name in ("before", "after", "noise")]
     before, after, noise = ("-" if value is None else f"{value:.3g}" for value in figures)
-    return f"error {before} -> {after}, noise {noise} (true {max(truth['noise']):.3g})"
+    chaos = min(truth.get("predictable_s", [LONG]))
+    return f"error {before} -> {after}, noise {noise} (true {max(truth['noise']):.3g})" + (
+        f", chaotic from {chaos:.1f} s" if chaos < LONG else ""
+    )
 
 
 def _covered(

@@ -49,13 +49,20 @@ def rates(scores: Sequence[Score]) -> list[Rate]:
     def of_kind(*kinds: str) -> list[Score]:
         return [s for s in scores if s.kind in kinds]
 
-    strong, moderate, pairs, outside, bounces = map(of_kind, ("strong", "moderate", "pair", "outside", "bounces"))
-    nothing = [s for s in of_kind("nothing") if s.told]
-    bare = [s for s in bounces if s.truth == (NOTHING,)]
-    with_effect = [s for s in bounces if s.truth != (NOTHING,)]
+    def bare(chosen: list[Score]) -> list[Score]:
+        return [s for s in chosen if s.truth == (NOTHING,) and s.told]
+
+    def hiding(chosen: list[Score]) -> list[Score]:
+        return [s for s in chosen if s.truth != (NOTHING,)]
+
+    strong, moderate, pairs, outside = map(of_kind, ("strong", "moderate", "pair", "outside"))
+    nothing, bounces, joint = map(of_kind, ("nothing", "bounces", "joint"))
     errors = [s.error_ok for s in scores if s.error_ok is not None]
     effect_inside = [held for s in scores for name, held in s.inside.items() if "." in name]
     base_inside = [held for s in scores for name, held in s.inside.items() if "." not in name]
+
+    def alarms(what: str, chosen: list[Score], goal: str = "") -> Rate:
+        return Rate(what, sum(not s.strict for s in chosen), len(chosen), goal, lambda p: not goal or p <= 0.05)
 
     def named(what: str, chosen: list[Score], least: float) -> list[Rate]:
         goal = f">= {100 * least:.0f} %" if least else ""
@@ -67,16 +74,17 @@ def rates(scores: Sequence[Score]) -> list[Rate]:
     return [
         *named("right effect first, strong", strong, 0.95),
         *named("right effect first, moderate", moderate, 0.85),
-        Rate("false alarm, nothing missing", sum(not s.strict for s in nothing), len(nothing), "<= 5 %",
-             lambda p: p <= 0.05),
+        alarms("false alarm, nothing missing", bare(nothing), "<= 5 %"),
         Rate("outside_catalogue recognised", sum(s.strict for s in outside), len(outside), ">= 80 %",
              lambda p: p >= 0.8),
         *named("both of a pair named", pairs, 0.75),
         Rate("error after <= 1.15 noise, right answers", sum(errors), len(errors), ">= 90 %", lambda p: p >= 0.9),
         Rate("95 % intervals that hold, effect", sum(effect_inside), len(effect_inside), "90-98 %", _covering),
         Rate("95 % intervals that hold, base", sum(base_inside), len(base_inside), "90-98 %", _covering),
-        *named("many bounces, right effect first", with_effect, 0.0),
-        Rate("many bounces, false alarm", sum(not s.strict for s in bare), len(bare), "", _any),
+        *named("many bounces, right effect first", hiding(bounces), 0.0),
+        alarms("many bounces, false alarm", bare(bounces)),
+        *named("MuJoCo's joint, right effect first", hiding(joint), 0.0),
+        alarms("MuJoCo's joint, false alarm", bare(joint)),
         Rate("no answer", sum(not s.told for s in scores), len(scores), "", _any),
     ]  # fmt: skip
 
@@ -128,7 +136,9 @@ def _by_effect(scores: Sequence[Score]) -> Table:
     table = _table("hidden", "right", "confusable", "error ok", "intervals hold", "told instead")
     groups: dict[str, list[Score]] = defaultdict(list)
     for s in scores:
-        groups[f"{s.kind}: {' + '.join(s.truth)}" if s.kind in ("outside", "bounces") else s.truth[0]].append(s)
+        groups[f"{s.kind}: {' + '.join(s.truth)}" if s.kind in ("outside", "bounces", "joint") else s.truth[0]].append(
+            s
+        )
         if len(s.truth) > 1:
             groups[s.truth[1]].append(s)
     for name, group in sorted(groups.items()):

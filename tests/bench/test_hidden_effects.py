@@ -14,12 +14,14 @@ import numpy as np
 import pytest
 from bench.hidden_effects import physics
 from bench.hidden_effects.__main__ import main
-from bench.hidden_effects.cases import DURATION, RATE_HZ, draw_case, write_case
+from bench.hidden_effects.cases import DURATION, LEAD, RATE_HZ, draw_case, read_sensor, write_case
 from bench.hidden_effects.catalogue import INSIDE
 from bench.hidden_effects.motion import hand_waved
+from bench.hidden_effects.mujoco_joint import available, write_joint
 from bench.hidden_effects.physics import Command, follow, simulate
 from bench.hidden_effects.scoring import score
 from bench.hidden_effects.totals import Rate
+from scipy.optimize import least_squares
 
 from lostmotion.model import Sampled, build_model, catalogue
 
@@ -81,6 +83,24 @@ def test_agrees_with_the_model(command: Command, effect: str) -> None:
     assert np.sqrt(np.mean((ours - other) ** 2)) < LEAST_NOISE / 10
     if effect:
         assert np.sqrt(np.mean((accel(BASE, command, 0.5) - other) ** 2)) > LEAST_NOISE
+
+
+@pytest.mark.parametrize(
+    ("effect", "values"),
+    [("sensor_saturation", {"a_max": 10.0}), ("clock_skew", {"s": 2e-3}), ("bias_drift", {"c": 0.3})],
+)
+def test_sensor_agrees_with_the_model(effect: str, values: dict[str, float]) -> None:
+    """What the sensor does to a recording that starts in motion is what the model says, counted from its start."""
+    motion = hand_waved(np.random.default_rng(5), 1.5)
+    hidden = BASE | {f"{effect}.{name}": value for name, value in values.items()}
+    times = np.arange(800) / RATE_HZ
+    _, states = simulate(hidden, motion, np.array([0.0, LEAD]), follow(hidden, motion, 0.0))
+    knots = motion.start + motion.step * np.arange(len(motion.coefficients))
+    drive = Sampled(knots - LEAD, motion.at(knots))
+    ours = build_model("play", (effect,), hidden).simulate(drive, times, states[-1, :4], substep_s=2e-5)["accel"]
+    other = read_sensor(hidden, motion, LEAD + times)
+    assert np.sqrt(np.mean((ours - other) ** 2)) < LEAST_NOISE / 10
+    assert np.sqrt(np.mean((read_sensor(BASE, motion, LEAD + times) - other) ** 2)) > LEAST_NOISE
 
 
 def test_every_effect_of_the_catalogue_on_play_is_hidden_somewhere() -> None:
@@ -210,3 +230,20 @@ def test_run_as_a_whole(tmp_path: Path, capsys: pytest.CaptureFixture[str], monk
     answer = json.loads(capsys.readouterr().out)
     assert answer["cases"][0]["remark"] == "exit status 1: the answer is not at home"
     assert next(rate for rate in answer["rates"] if rate["what"] == "no answer")["hits"] == 1
+
+
+@pytest.mark.skipif(not available(), reason="mujoco is not installed")
+def test_mujoco_moves_the_same_joint(tmp_path: Path) -> None:
+    """The base joint with the truth's values, its start fitted, meets MuJoCo's angle to within the noise."""
+    write_joint("gravity_torque", 3, tmp_path)
+    true = json.loads((tmp_path / "truth.json").read_text())
+    table = np.genfromtxt(tmp_path / "rec1.csv", delimiter=",", names=True)
+    model = build_model("joint", true["effects"], true["parameters"])
+    torque = Sampled(table["time"], table["torque"])
+
+    def residual(start: np.ndarray) -> np.ndarray:
+        return model.simulate(torque, table["time"], start)["position"] - table["position"]
+
+    speed, angle = np.polyfit(table["time"][:40], table["position"][:40], 1)
+    fit = least_squares(residual, [angle, speed])
+    assert np.sqrt(np.mean(fit.fun**2)) < 1.05 * true["noise"][0]
