@@ -5,15 +5,14 @@ from __future__ import annotations
 import math
 
 from lostmotion.lab import verdict, words
-from lostmotion.lab.quantity import Interval, number, quantities, scale, with_unit
+from lostmotion.lab.quantity import Interval, quantities, scale, with_unit
 from lostmotion.lab.report.plots import curve
-from lostmotion.lab.report.tags import Html, Section, bar, cell, figure, note, paragraphs, table
+from lostmotion.lab.report.tags import Html, Section, bar, cell, figure, note, p_value, paragraphs, table
 from lostmotion.lab.results import Curve, Explanation, Finding, Ladder, Ranked, Rung
 from lostmotion.model.effects import get_effect
 
 __all__ = ["advice", "detectable", "ladder", "left", "ranking", "remedies"]
 
-SMALLEST_P = 1e-12
 ACTING = {"joint": "N m", "oscillator": "N", "command": "rad", "contact": "m"}
 """Units of what acts there."""
 
@@ -42,7 +41,7 @@ def ranking(explanation: Explanation) -> Section | None:
     largest = max((v for r in tried for v in (r.rms_before, r.rms_after) if math.isfinite(v)), default=1.0) or 1.0
     rows = [
         (_tried(explanation, entry), bar(entry.rms_after / largest, noise / largest),
-         *_errors(entry, unit), cell(_p(entry.p_value), css="number"))
+         *_errors(entry, unit), cell(p_value(entry.p_value), css="number"))
         for entry in tried
     ]  # fmt: skip
     shown = scale(unit, largest).unit
@@ -113,12 +112,6 @@ def _tried(explanation: Explanation, entry: Ranked) -> Html:
     short = {name.removeprefix(f"{entry.effect}."): triple for name, triple in entry.parameters.items()}
     values = (f"{name} = {Interval(*triple, known[name].unit)}" for name, triple in short.items() if name in known)
     return cell(words.name(entry.effect), entry.effect, *values)
-
-
-def _p(value: float) -> str:
-    if value < SMALLEST_P:
-        return "< 10⁻¹²"
-    return number(value, max(2, 1 - math.floor(math.log10(value))))
 
 
 def _shape(shape: Curve, unit: str) -> Html:

@@ -13,7 +13,7 @@ from lostmotion.lab.report.svg import Axis, Frame
 from lostmotion.lab.report.views import Spectra
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["curve", "heat_map", "spectrum"]
+__all__ = ["curve", "heat_map", "spectrum", "stems"]
 
 CELL = 30
 SHOWN = 0.3
@@ -27,9 +27,9 @@ def spectrum(spectra: Spectra) -> str:
     lines = {"measured": spectra.measured, "modelled": spectra.modelled, "residual": spectra.residual}
     lines = {name: values * shown.factor for name, values in lines.items()}
     floor = spectra.noise * shown.factor
-    largest = max(float(np.max(values)) for values in lines.values())
-    usual = [v for v in (floor / 3, float(np.quantile(lines["residual"], 0.05)) / 2) if v > 0]
-    lowest = max(min(usual, default=largest / 1e6), largest / 1e7, 1e-300)
+    largest = max(float(np.max(values)) for values in lines.values()) or 1.0
+    quietest = [v for v in (floor / 3, float(np.quantile(lines["residual"], 0.05)) / 2) if v > 0]
+    lowest = min(max(min(quietest, default=0.0), largest / 1e7), largest / 10)
     y = Axis(f"{overlay.what} ({shown.unit}/√Hz)", lowest, 1.5 * largest, log=True)
     x = Axis("frequency (Hz)", float(spectra.frequency[0]), float(spectra.frequency[-1]), log=True)
     frame = Frame(x, y, title=f"Spectra of {overlay.what}, {overlay.recording}")
@@ -41,13 +41,24 @@ def curve(
     title: str, x: FloatArray, mean: FloatArray, low: FloatArray, high: FloatArray, labels: tuple[str, str],
     units: tuple[str, str],
 ) -> str:  # fmt: skip
-    """A mean over a variable with its 95 % band, each (K,); labels and SI units of the variable and of the mean."""
+    """A mean over a variable with a 95 % band, each (K,); labels and SI units of the variable and of the mean."""
     across = scale(units[0], *x)
-    up = scale(units[1], *low, *high)
+    up = scale(units[1], *mean, *low, *high)
     x, mean, low, high = x * across.factor, mean * up.factor, low * up.factor, high * up.factor
-    axes = Axis.around(_label(labels[0], across.unit), x), Axis.around(_label(labels[1], up.unit), low, high, [0.0])
-    frame = Frame(*axes, title=title)
-    return frame.svg(frame.level(0.0, "zero"), frame.band(x, low, high, "residual"), frame.line(x, mean, "residual"))
+    ordinate = Axis.around(_label(labels[1], up.unit), mean, low, high, [0.0])
+    frame = Frame(Axis.around(_label(labels[0], across.unit), x), ordinate, title=title)
+    pieces = (frame.band(x, low, high, "residual"), frame.line(x, mean, "residual"), frame.dots(x, mean, "residual"))
+    return frame.svg(frame.level(0.0, "zero"), *pieces)
+
+
+def stems(title: str, lags: FloatArray, values: FloatArray, bound: float) -> str:
+    """Correlations (K,) at lags (K,) [samples], and the band that noise stays in."""
+    lags = np.asarray(lags, dtype=float)
+    ordinate = Axis.around("correlation", values, [-1.2 * bound, 1.2 * bound])
+    frame = Frame(Axis.around("lag (samples)", lags), ordinate, title=title)
+    ends = [frame.x.low, frame.x.high]
+    lines = [frame.line([lag, lag], [0.0, value], "residual") for lag, value in zip(lags, values, strict=True)]
+    return frame.svg(frame.band(ends, [-bound] * 2, [bound] * 2, "residual"), frame.level(0.0, "zero"), *lines)
 
 
 def heat_map(names: Sequence[str], matrix: FloatArray) -> str:

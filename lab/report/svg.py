@@ -96,6 +96,10 @@ class Frame:
         """A line through the points."""
         return f'<path class="line {css}" d="M{_path(self.points(x, y))}"/>'
 
+    def dots(self, x: ArrayLike, y: ArrayLike, css: str) -> str:
+        """A dot at each point."""
+        return "".join(f'<circle class="dot {css}" cx="{a:.1f}" cy="{b:.1f}" r="2.2"/>' for a, b in self.points(x, y))
+
     def band(self, x: ArrayLike, low: ArrayLike, high: ArrayLike, css: str) -> str:
         """The area between two lines."""
         outline = np.concatenate([self.points(x, low), self.points(x, high)[::-1]])

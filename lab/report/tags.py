@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
 
-__all__ = ["Html", "Section", "bar", "cell", "figure", "key", "note", "paragraphs", "table"]
+from lostmotion.lab.quantity import number
 
+__all__ = ["Html", "Section", "bar", "cell", "figure", "key", "more", "note", "p_value", "paragraphs", "table"]
+
+SMALLEST_P = 1e-12
 CHOSEN = '<tr class="chosen">'
 
 
@@ -76,3 +80,17 @@ def paragraphs(texts: Iterable[str], css: str = "") -> Html:
 def note(text: str) -> Html:
     """A paragraph of explanation, in a softer colour."""
     return paragraphs([text], "note")
+
+
+def more(summary: str, body: str) -> Html:
+    """A part that is opened by a tap."""
+    return Html(f"<details><summary>{escape(summary)}</summary>{body}</details>")
+
+
+def p_value(value: float) -> str:
+    """A probability to two digits; very small ones only as a bound."""
+    if not math.isfinite(value):
+        return "p unknown"
+    if value < SMALLEST_P:
+        return "p < 10⁻¹²"
+    return f"p = {number(value, max(2, 1 - math.floor(math.log10(value))))}"
