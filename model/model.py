@@ -187,8 +187,10 @@ class Model:
         length = float(pieces.knots[-1])
         step = substep_s or substep.pick(self._base, self._in_order, self._values, before, None, length)
         for _ in range(4):
+            self._kernel_errors()  # of runs before
             peak = integrate(plan, pieces.knots, pieces.coefficients, step, x0, grid, records, out, states, origin)
-            self._raise_kernel_errors()
+            for error in self._kernel_errors():
+                raise error
             finite = math.isfinite(peak) and bool(np.all(np.isfinite(states[-1])))
             if substep_s is not None:
                 break
@@ -205,13 +207,17 @@ class Model:
             )
         return out, states, step
 
-    def _raise_kernel_errors(self) -> None:
-        terms = ((effect.id, term) for effect in self._in_order for term in effect.terms.get(self.base, ()))
-        errors = [(name, error) for name, term in terms if (error := term.kernel.take_error()) is not None]
-        for name, error in errors:
-            if not isinstance(error, Exception):  # Ctrl-C
-                raise error
-            raise ModelError(f"effect {name}: its function raised {error!r}") from error
+    def _kernel_errors(self) -> list[ModelError]:
+        """What functions in plain Python raised in this thread since the last time; a Ctrl-C is raised again."""
+        found = []
+        for effect in own(self.effects):
+            for term in effect.terms.get(self.base, ()):
+                error = term.kernel.take_error()
+                if not isinstance(error, Exception | None):
+                    raise error
+                if error is not None:
+                    found.append(ModelError(f"effect {effect.id}: its function raised {error!r}"))
+        return found
 
 
 def _remade(
