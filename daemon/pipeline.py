@@ -149,9 +149,7 @@ class Pipeline:
                 ring.release(min((self._needed(joint, ring) for joint in joints), default=math.inf))
             ends = [joint.pending[0].end for joint in joints if joint.pending]
             first = min(ends, default=math.inf)
-            ring.awaited = max((end for end in ends if end <= first + TOGETHER_S), default=math.inf)
-            if ring.newest >= ring.awaited:
-                ring.awaited = -math.inf  # it came in between: look again at once
+            ring.expect(max((end for end in ends if end <= first + TOGETHER_S), default=math.inf))
         return done
 
     def _finish(self, joint: _Joint, now: float) -> Iterable[Scored]:

@@ -29,6 +29,8 @@ WRONG_RETRY_S = 30.0
 GATHER_S = 0.05
 """how long the samples of an accelerometer gather while no window ends [s]: fifty cost little more than one"""
 
+SCORING_S = 0.004
+"""how long the main thread, when a window has ended, may take to say which one it awaits next [s]"""
 INBOX_READINGS = 1000
 """a virtual bus waits while more readings than this are unread"""
 
@@ -209,6 +211,8 @@ class AccelPoller(Poller):
 
     def _gather(self) -> None:
         """Leaves hardware alone until a window ends: a wake-up costs more than the samples it brings."""
+        if self._ring.newest >= self._ring.awaited:
+            time.sleep(SCORING_S)
         pause = min(self._ring.awaited - time.monotonic(), GATHER_S)
         if pause > 0:
             time.sleep(pause)

@@ -24,7 +24,7 @@ class Ring:
 
     Everything is written twice, ``capacity`` apart, so that any stretch lies in one piece and a slice costs one copy.
     ``overwritten`` counts samples lost because nobody had released them; ``unordered`` those that came with a time not
-    after the last one's and were left out.  ``awaited`` is the robot time [s] for which the reader waits: when it has
+    after the last one's and were left out.  ``awaited`` is the robot time [s] that the reader expects: when it has
     come, or a writer needs room, ``bell`` is set.  ``range_ms2`` is the sensor's.
     """
 
@@ -66,6 +66,12 @@ class Ring:
             self._write(block.time[piece], block.accel[piece], wait)
         self.unordered += fresh
         if self._last >= self.awaited:
+            self._bell.set()
+
+    def expect(self, time: float) -> None:
+        """The reader waits for this robot time [s], which may have come already; inf: for none."""
+        self.awaited = time
+        if self.newest >= time < math.inf:
             self._bell.set()
 
     def end(self) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 
 import numpy as np
@@ -62,10 +63,22 @@ def test_the_bell_rings_when_the_awaited_time_has_come() -> None:
     """Not before: the reader sleeps until a window is complete."""
     bell = threading.Event()
     buffer = Ring(100, bell)
-    buffer.awaited = 6.0
+    buffer.expect(6.0)
     buffer.push(block(0, 6))
     assert not bell.is_set()
     buffer.push(block(6, 1))
+    assert bell.is_set()
+
+
+def test_the_bell_rings_at_once_for_a_time_that_has_come() -> None:
+    """What came in while the reader was at work is not slept through; expecting nothing rings no bell."""
+    bell = threading.Event()
+    buffer = Ring(100, bell)
+    buffer.push(block(0, 7))
+    buffer.expect(math.inf)
+    buffer.expect(6.5)
+    assert not bell.is_set()
+    buffer.expect(6.0)
     assert bell.is_set()
 
 
