@@ -29,11 +29,13 @@ def draw_confusion(scores: Sequence[Score], path: Path) -> None:
             counts[rows.index(name), columns.index(told)] += 1
     figure, axis = plt.subplots(figsize=(2.5 + 0.42 * len(columns), 3.2 + 0.34 * len(rows)))
     share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
-    axis.imshow(share, cmap="Blues", vmin=0, vmax=1, aspect="auto")
+    right = np.array([[row == c or (row in OUTSIDE and c == OUTSIDE_CATALOGUE) for c in columns] for row in rows])
+    colours = np.where(right[..., None], mpl.colormaps["Blues"](share), mpl.colormaps["Reds"](share))
+    colours[counts == 0] = 1.0
+    axis.imshow(colours, aspect="auto")
     for (i, j), count in np.ndenumerate(counts):
         if count:
-            right = rows[i] == columns[j] or (rows[i] in OUTSIDE and columns[j] == OUTSIDE_CATALOGUE)
-            colour = ("white" if share[i, j] > 0.5 else "black") if right else "#b2182b"
+            colour = "white" if share[i, j] > 0.6 else "black"
             axis.text(j, i, str(count), ha="center", va="center", color=colour, fontsize=9, weight="bold")
     axis.set_xticks(range(len(columns)), [name.replace("_", " ") for name in columns], rotation=60, ha="right")
     axis.set_yticks(range(len(rows)), [name.replace("_", " ") for name in rows])
