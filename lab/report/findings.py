@@ -26,7 +26,13 @@ def ladder(climbed: Ladder) -> Section:
     """How the error fell, effect by effect, to the noise floor."""
     largest = max(rung.rms for rung in climbed.rungs)
     befores: list[tuple[str, ...] | None] = [None, *(rung.effects for rung in climbed.rungs[:-1])]
-    rows = [_rung(rung, before, largest) for rung, before in zip(climbed.rungs, befores, strict=True)]
+    errors, unit = quantities(climbed.rungs[0].unit, *(rung.rms for rung in climbed.rungs))
+    noises, _ = quantities(climbed.rungs[0].unit, largest, *(rung.noise for rung in climbed.rungs))
+    rows = [
+        (_rung(rung, before), bar(rung.rms / largest, rung.noise / largest),
+         cell(with_unit(error, unit), css="number"), cell(with_unit(noise, unit), css="number"))
+        for rung, before, error, noise in zip(climbed.rungs, befores, errors, noises[1:], strict=True)
+    ]  # fmt: skip
     text = "Root mean square of measured minus modelled, on data that the fit has not seen. Dashed: the noise floor."
     return Section("ladder", "How the error fell",
                    Html(note(text) + table(("", "error", "error>", "noise>"), rows)))  # fmt: skip
@@ -85,16 +91,10 @@ def advice(explanation: Explanation) -> Section | None:
     return Section("advice", "What to record next", paragraphs([explanation.advice]))
 
 
-def _rung(rung: Rung, before: tuple[str, ...] | None, largest: float) -> tuple[Html, ...]:
+def _rung(rung: Rung, before: tuple[str, ...] | None) -> Html:
     new = [words.name(effect) for effect in rung.effects if effect not in (before or ())]
     what = "the model as given" if before is None else f"with {verdict.joined(new)}"
-    (rms, noise), unit = quantities(rung.unit, rung.rms, rung.noise)
-    return (
-        cell(what, ", ".join(rung.effects) or "no effects"),
-        bar(rung.rms / largest, rung.noise / largest),
-        cell(with_unit(rms, unit), css="number"),
-        cell(with_unit(noise, unit), css="number"),
-    )
+    return cell(what, ", ".join(rung.effects) or "no effects")
 
 
 def _meaning(effect: str, parameter: str, base: str) -> str:

@@ -49,7 +49,7 @@ def packed(overlays: Sequence[Overlay]) -> str:
 
 def _place(number: int, overlay: Overlay) -> str:
     rms = float(np.sqrt(np.mean(overlay.residual**2)))
-    (error, noise), unit = quantities(overlay.unit, rms, overlay.noise)
+    (error, noise, _), unit = quantities(overlay.unit, rms, overlay.noise, float(np.max(np.abs(overlay.residual))))
     floor = f"; noise {with_unit(noise, unit)}" if np.isfinite(overlay.noise) else ""
     title = f"{overlay.what}, {PurePath(overlay.recording).name}"
     tools = "".join(f'<button type="button" data-do="{do}" aria-label="{label}" title="{label}">{text}</button>'

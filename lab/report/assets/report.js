@@ -29,7 +29,7 @@
     return {
       width, height, series: [time, ...series],
       scales: { x: { time: false } },
-      axes: [axis("time (s)", 28), axis(label, (u, texts) => 16 + 7 * Math.max(3, ...(texts || []).map((t) => t.length)))],
+      axes: [axis("time (s)", 28), axis(label, 54)],
       cursor: { drag: { x: true, y: false, setScale: true }, sync: { key: signal.id } },
       ...extra,
     };
