@@ -6,11 +6,13 @@ import math
 from collections.abc import Sequence
 
 from lostmotion.lab import words
-from lostmotion.lab.quantity import quantities, with_unit
+from lostmotion.lab.compare import Comparison
+from lostmotion.lab.quantity import number, quantities, with_unit
 from lostmotion.lab.results import Errors, Explanation, Finding, Fit, Ladder
 
-__all__ = ["added", "detectable", "joined", "of_explanation", "of_finding", "of_fit", "of_ladder"]
+__all__ = ["added", "detectable", "joined", "of_comparison", "of_explanation", "of_finding", "of_fit", "of_ladder"]
 
+MOST_VARIABLES = 3
 PLACES = {"joint": "the joint", "oscillator": "the bar", "sensor": "the sensor", "command": "the command",
           "contact": "the teeth"}  # fmt: skip
 
@@ -50,6 +52,27 @@ def of_fit(fit: Fit) -> tuple[str, ...]:
     hidden = [e.name for e in fit.estimates if not e.told]
     if hidden:
         sentences.append(f"These recordings cannot tell {joined(hidden)}.")
+    return tuple(sentences)
+
+
+def of_comparison(comparison: Comparison) -> tuple[str, ...]:
+    """How far the model is off in the column that counts most, and where the error comes from."""
+    column = comparison.column
+    (what, si), overlays = words.column(column), comparison.of(column)
+    (error, noise), unit = quantities(si, comparison.rms(column), comparison.noise[column].rms)
+    fit = f"{number(comparison.fit_percent(column), 1)} %"
+    sentences = [f"The error in {what} is {with_unit(error, unit)}, a fit of {fit}; the noise is {noise}."]
+    if comparison.is_noise:
+        return (*sentences, "What is left is no more than noise.")
+    worst = comparison.phases[column][0]
+    sentences.append(f"{number(100 * worst.error, 0)} % of the squared error arises {worst.phase}.")
+    telling = [one for one in comparison.maps[column] if one.significant]
+    if telling:
+        depends = joined([words.variable(one.variable)[0] for one in telling[:MOST_VARIABLES]])
+        sentences.append(f"What is left depends on {depends}.")
+    horizon = min(one.horizon_s for one in overlays)
+    if math.isfinite(horizon):
+        sentences.append(f"The motion can be predicted for {horizon:.1f} s only; later, samples hold as statistics.")
     return tuple(sentences)
 
 

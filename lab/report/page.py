@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
 from pathlib import Path, PurePath
@@ -12,10 +12,11 @@ import lostmotion
 from lostmotion.detector.oscillator_id import Oscillator
 from lostmotion.drivers.recording import replacing
 from lostmotion.lab import verdict
+from lostmotion.lab.compare import Comparison
 from lostmotion.lab.report import findings, fitted, misfit
 from lostmotion.lab.report.signals import packed, signals
 from lostmotion.lab.report.tags import Html, Section, paragraphs
-from lostmotion.lab.report.views import Overlay, overlays
+from lostmotion.lab.report.views import Trace, traces
 from lostmotion.lab.results import Explanation, Fit, Ladder
 
 __all__ = ["write_report"]
@@ -27,6 +28,7 @@ def write_report(
     path: str | Path,
     *,
     title: str = "Model against measurement",
+    comparison: Comparison | None = None,
     fit: Fit | None = None,
     explanation: Explanation | None = None,
     ladder: Ladder | None = None,
@@ -38,38 +40,43 @@ def write_report(
     """
     explanation = explanation or (ladder.last if ladder else None)
     fit = fit or (explanation.best if explanation else None)
-    drawn = tuple(overlays(fit, _before(fit, explanation))) if fit else ()
-    text = _page(title, _sections(drawn, fit, explanation, ladder, tap), drawn, fit)
+    drawn = tuple(traces(fit, comparison, _before(fit, explanation)))
+    sections = _sections(drawn, comparison, fit, explanation, ladder, tap)
+    text = _page(title, _subtitle(comparison or fit), sections, drawn)
     with replacing(path) as file:
         file.write(text)
 
 
-def _before(fit: Fit, explanation: Explanation | None) -> Fit | None:
-    """The model without what was found, where it was fitted to the same recordings."""
-    if explanation is None or explanation.base.model.effects == fit.model.effects:
+def _before(fit: Fit | None, explanation: Explanation | None) -> Fit | None:
+    """The model without what was found, where something was."""
+    if fit is None or explanation is None or explanation.base.model.effects == fit.model.effects:
         return None
-    same = [one.name for one in explanation.base.experiments] == [one.name for one in fit.experiments]
-    return explanation.base if same else None
+    return explanation.base
 
 
 def _sections(
-    drawn: Sequence[Overlay],
+    drawn: Sequence[Trace],
+    comparison: Comparison | None,
     fit: Fit | None,
     explanation: Explanation | None,
     ladder: Ladder | None,
     tap: Oscillator | None,
 ) -> tuple[Section, ...]:
-    found = explanation
+    found, source = explanation, fit or comparison
     possible = (
-        _headline(fit, explanation, ladder),
+        _headline(comparison, fit, explanation, ladder),
         findings.ladder(ladder) if ladder else None,
         findings.advice(found) if found else None,
         signals(drawn) if drawn else None,
         findings.left(found.residual, found.error.unit) if found and found.residual else None,
-        misfit.in_frequency(drawn),
+        misfit.errors(comparison) if comparison else None,
+        misfit.over_time(comparison) if comparison else None,
+        misfit.over_states(comparison) if comparison else None,
+        misfit.in_frequency(drawn, comparison),
+        misfit.over_lags(comparison) if comparison else None,
         findings.ranking(found) if found else None,
         findings.detectable(found) if found else None,
-        fitted.model(fit.model) if fit else None,
+        fitted.model(source.model) if source else None,
         fitted.parameters(fit) if fit else None,
         fitted.correlations(fit) if fit else None,
         _tap(tap) if tap else None,
@@ -77,7 +84,9 @@ def _sections(
     return tuple(section for section in possible if section is not None)
 
 
-def _headline(fit: Fit | None, explanation: Explanation | None, ladder: Ladder | None) -> Section | None:
+def _headline(
+    comparison: Comparison | None, fit: Fit | None, explanation: Explanation | None, ladder: Ladder | None
+) -> Section | None:
     """The verdict in plain words, and what to look at."""
     if ladder:
         sentences, effects = verdict.of_ladder(ladder), (*verdict.added(ladder), *ladder.last.missing)
@@ -85,6 +94,8 @@ def _headline(fit: Fit | None, explanation: Explanation | None, ladder: Ladder |
         sentences, effects = verdict.of_explanation(explanation), explanation.missing
     elif fit:
         sentences, effects = verdict.of_fit(fit), ()
+    elif comparison:
+        sentences, effects = verdict.of_comparison(comparison), ()
     else:
         return None
     tone = explanation.verdict if explanation else ""
@@ -97,13 +108,12 @@ def _tap(tap: Oscillator) -> Section:
     return Section("tap", "The bar, from a tap", paragraphs([text]))
 
 
-def _page(title: str, sections: Iterable[Section], drawn: Sequence[Overlay], fit: Fit | None) -> str:
-    sections = tuple(sections)
+def _page(title: str, subtitle: str, sections: Sequence[Section], drawn: Sequence[Trace]) -> str:
     script = "\n".join((_comment(_asset("uPlot.LICENSE.txt")), _asset("uPlot.iife.min.js"), _asset("report.js")))
     return Template(_asset("page.html")).substitute(
         title=escape(title),
         version=escape(lostmotion.__version__),
-        subtitle=_subtitle(fit) if fit else "",
+        subtitle=subtitle,
         style=_asset("uPlot.min.css") + "\n" + _asset("report.css"),
         contents="".join(f'<a href="#{section.id}">{escape(section.heading)}</a>' for section in sections),
         sections="\n".join(section.html() for section in sections),
@@ -112,10 +122,12 @@ def _page(title: str, sections: Iterable[Section], drawn: Sequence[Overlay], fit
     )
 
 
-def _subtitle(fit: Fit) -> Html:
-    names = ", ".join(PurePath(experiment.name).name for experiment in fit.experiments)
-    active = ", ".join(fit.model.effects) or "none"
-    return paragraphs([f"base {fit.model.base}; active effects: {active}; recordings: {names}"])
+def _subtitle(source: Comparison | Fit | None) -> Html:
+    if source is None:
+        return Html()
+    names = ", ".join(PurePath(experiment.name).name for experiment in source.experiments)
+    active = ", ".join(source.model.effects) or "none"
+    return paragraphs([f"base {source.model.base}; active effects: {active}; recordings: {names}"])
 
 
 def _asset(name: str) -> str:

@@ -1,4 +1,4 @@
-"""The report's still pictures: spectra, residual curves with a band, the heat map of correlations."""
+"""The report's still pictures: spectra, curves with a band, errors over time, correlations."""
 
 from __future__ import annotations
 
@@ -10,31 +10,38 @@ import numpy as np
 
 from lostmotion.lab.quantity import number, scale
 from lostmotion.lab.report.svg import Axis, Frame
-from lostmotion.lab.report.views import Spectra
+from lostmotion.lab.report.views import Amplitudes
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["curve", "heat_map", "spectrum", "stems"]
+__all__ = ["curve", "heat_map", "history", "spectrum", "stems"]
 
 CELL = 30
 SHOWN = 0.3
 """Correlations are written into their cell from this size on."""
 
 
-def spectrum(spectra: Spectra) -> str:
+def spectrum(found: Amplitudes) -> str:
     """Measured, modelled, residual and noise over frequency, both axes logarithmic."""
-    overlay = spectra.overlay
-    shown = scale(overlay.unit, float(np.max(spectra.measured)))
-    lines = {"measured": spectra.measured, "modelled": spectra.modelled, "residual": spectra.residual}
+    trace = found.trace
+    shown = scale(trace.unit, float(np.max(found.measured)))
+    lines = {"measured": found.measured, "modelled": found.modelled, "residual": found.residual, "noise": found.noise}
     lines = {name: values * shown.factor for name, values in lines.items()}
-    floor = spectra.noise * shown.factor
-    largest = max(float(np.max(values)) for values in lines.values()) or 1.0
-    quietest = [v for v in (floor / 3, float(np.quantile(lines["residual"], 0.05)) / 2) if v > 0]
+    largest = float(np.nanmax(list(lines.values()))) or 1.0
+    quietest = [v for v in (np.min(lines["noise"]) / 3, np.quantile(lines["residual"], 0.05) / 2) if v > 0]
     lowest = min(max(min(quietest, default=0.0), largest / 1e7), largest / 10)
-    y = Axis(f"{overlay.what} ({shown.unit}/√Hz)", lowest, 1.5 * largest, log=True)
-    x = Axis("frequency (Hz)", float(spectra.frequency[0]), float(spectra.frequency[-1]), log=True)
-    frame = Frame(x, y, title=f"Spectra of {overlay.what}, {overlay.recording}")
-    noise = frame.level(floor, "noise") if floor > 0 else ""
-    return frame.svg(noise, *(frame.line(spectra.frequency, values, name) for name, values in lines.items()))
+    y = Axis(f"{trace.what} ({shown.unit}/√Hz)", float(lowest), 1.5 * largest, log=True)
+    x = Axis("frequency (Hz)", float(found.frequency[0]), float(found.frequency[-1]), log=True)
+    frame = Frame(x, y, title=f"Spectra of {trace.title}")
+    return frame.svg(*(frame.line(found.frequency, values, name) for name, values in lines.items()))
+
+
+def history(title: str, label: str, unit: str, start: FloatArray, rms: FloatArray, noise: float) -> str:
+    """Root mean squares (K,) of stretches that begin at start (K,) [s], against the noise."""
+    shown = scale(unit, *rms)
+    ordinate = Axis.around(_label(label, shown.unit), rms * shown.factor, [0.0, noise * shown.factor])
+    frame = Frame(Axis.around("time (s)", start), ordinate, title=title)
+    pieces = frame.line(start, rms * shown.factor, "residual"), frame.dots(start, rms * shown.factor, "residual")
+    return frame.svg(frame.level(noise * shown.factor, "noise"), *pieces)
 
 
 def curve(

@@ -6,14 +6,13 @@ import base64
 import json
 from collections.abc import Sequence
 from html import escape
-from pathlib import PurePath
 from typing import Any
 
 import numpy as np
 
 from lostmotion.lab.quantity import quantities, scale, with_unit
 from lostmotion.lab.report.tags import Html, Section, note
-from lostmotion.lab.report.views import Overlay
+from lostmotion.lab.report.views import Trace
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["packed", "signals"]
@@ -29,56 +28,55 @@ TOOLS = (
 )
 
 
-def signals(overlays: Sequence[Overlay]) -> Section:
+def signals(traces: Sequence[Trace]) -> Section:
     """The places where the script draws, one for each column of each recording."""
     text = (
         "Drag across a stretch to zoom, double-click for the whole; on a phone one finger moves, two zoom. Keys: "
         "arrows, +, −, 0. The grey band holds 95 % of the sensor's noise."
     )
-    if any(overlay.before is not None for overlay in overlays):
+    if any(trace.before is not None for trace in traces):
         text += " Tap “without what was found” to see the model that lacks it."
-    places = [_place(number, overlay) for number, overlay in enumerate(overlays)]
+    places = [_place(number, trace) for number, trace in enumerate(traces)]
     return Section("signals", "Measured and modelled", Html(note(text) + "".join(places)))
 
 
-def packed(overlays: Sequence[Overlay]) -> str:
+def packed(traces: Sequence[Trace]) -> str:
     """The data of those places as JSON that is safe inside a script element."""
-    text = json.dumps([_packed(number, overlay) for number, overlay in enumerate(overlays)], ensure_ascii=False)
+    text = json.dumps([_packed(number, trace) for number, trace in enumerate(traces)], ensure_ascii=False)
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
 
-def _place(number: int, overlay: Overlay) -> str:
-    rms = float(np.sqrt(np.mean(overlay.residual**2)))
-    (error, noise, _), unit = quantities(overlay.unit, rms, overlay.noise, float(np.max(np.abs(overlay.residual))))
-    floor = f"; noise {with_unit(noise, unit)}" if np.isfinite(overlay.noise) else ""
-    title = f"{overlay.what}, {PurePath(overlay.recording).name}"
+def _place(number: int, trace: Trace) -> str:
+    rms = float(np.sqrt(np.mean(trace.residual**2)))
+    (error, noise, _), unit = quantities(trace.unit, rms, trace.noise, float(np.max(np.abs(trace.residual))))
+    floor = f"; noise {with_unit(noise, unit)}" if np.isfinite(trace.noise) else ""
     tools = "".join(f'<button type="button" data-do="{do}" aria-label="{label}" title="{label}">{text}</button>'
                     for do, text, label in TOOLS)  # fmt: skip
     return (
-        f'<div class="signal" id="{_id(number)}" tabindex="0" role="group" aria-label="{escape(title)}">'
-        f"<h3>{escape(title[0].upper() + title[1:])}</h3>"
+        f'<div class="signal" id="{_id(number)}" tabindex="0" role="group" aria-label="{escape(trace.title)}">'
+        f"<h3>{escape(trace.title[0].upper() + trace.title[1:])}</h3>"
         f'<p class="note">error {escape(with_unit(error, unit))} (root mean square){escape(floor)}</p>'
         f'<div class="tools">{tools}</div><div class="chart"></div><div class="chart"></div></div>\n'
     )
 
 
-def _packed(number: int, overlay: Overlay) -> dict[str, Any]:
-    shown = scale(overlay.unit, float(np.max(np.abs(overlay.measured))))
-    left = scale(overlay.unit, float(np.max(np.abs(overlay.residual))))
-    noise = overlay.noise * shown.factor
+def _packed(number: int, trace: Trace) -> dict[str, Any]:
+    shown = scale(trace.unit, float(np.max(np.abs(trace.measured))))
+    left = scale(trace.unit, float(np.max(np.abs(trace.residual))))
+    noise = trace.noise * shown.factor
     packed = {
         "id": _id(number),
-        "what": overlay.what,
+        "what": trace.what,
         "unit": shown.unit,
         "residual_unit": left.unit,
         "residual_factor": left.factor / shown.factor,
         "noise": noise if np.isfinite(noise) else None,
-        **_times(overlay.time),
-        "measured": _base64(overlay.measured * shown.factor, "<f4"),
-        "modelled": _base64(overlay.modelled * shown.factor, "<f4"),
+        **_times(trace.time),
+        "measured": _base64(trace.measured * shown.factor, "<f4"),
+        "modelled": _base64(trace.modelled * shown.factor, "<f4"),
     }
-    if overlay.before is not None:
-        packed["before"] = _base64(overlay.before * shown.factor, "<f4")
+    if trace.before is not None:
+        packed["before"] = _base64(trace.before * shown.factor, "<f4")
     return packed
 
 

@@ -93,8 +93,9 @@ class Frame:
         return np.asarray(np.array([LEFT, TOP + self._inside[1]]) + both * [self._inside[0], -self._inside[1]])
 
     def line(self, x: ArrayLike, y: ArrayLike, css: str) -> str:
-        """A line through the points."""
-        return f'<path class="line {css}" d="M{_path(self.points(x, y))}"/>'
+        """A line through the points; nothing where there are none."""
+        points = self.points(x, y)
+        return f'<path class="line {css}" d="M{_path(points)}"/>' if points.size else ""
 
     def dots(self, x: ArrayLike, y: ArrayLike, css: str) -> str:
         """A dot at each point."""
@@ -103,7 +104,7 @@ class Frame:
     def band(self, x: ArrayLike, low: ArrayLike, high: ArrayLike, css: str) -> str:
         """The area between two lines."""
         outline = np.concatenate([self.points(x, low), self.points(x, high)[::-1]])
-        return f'<path class="band {css}" d="M{_path(outline)}Z"/>'
+        return f'<path class="band {css}" d="M{_path(outline)}Z"/>' if outline.size else ""
 
     def level(self, y: float, css: str) -> str:
         """A horizontal line from side to side."""

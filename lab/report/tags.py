@@ -92,5 +92,5 @@ def p_value(value: float) -> str:
     if not math.isfinite(value):
         return "p unknown"
     if value < SMALLEST_P:
-        return "p < 10⁻¹²"
-    return f"p = {number(value, max(2, 1 - math.floor(math.log10(value))))}"
+        return "p\u00a0<\u00a010⁻¹²"
+    return f"p\u00a0=\u00a0{number(value, max(2, 1 - math.floor(math.log10(value))))}"

@@ -1,23 +1,26 @@
-"""What the report draws, whatever it was computed by: one recorded column against the model, its spectra, its maps.
+"""What the report draws over time and frequency: one recorded column against the model, and its spectra.
 
-Only rearranged here: results of the lab come in, arrays in SI units that belong together come out.
+A trace comes from a comparison or, where there is none, from running a fit; both look the same from here on.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import PurePath
 
 import numpy as np
 
 from lostmotion.lab import words
+from lostmotion.lab.compare import Comparison
+from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.predict import predict
 from lostmotion.lab.results import Fit
 from lostmotion.model import Trajectory
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Overlay", "Spectra", "overlays", "spectra"]
+__all__ = ["Amplitudes", "Trace", "amplitudes", "traces"]
 
 LEAST_SAMPLES = 16
 SEGMENTS = 8
@@ -25,7 +28,7 @@ SEGMENTS = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Overlay:
+class Trace:
     """One column of one recording: times [s], measured and modelled, (N,) each without gaps; the noise's rms or NaN.
 
     before: (N,) of the model without the effects that were found; None where there is no such model.
@@ -50,54 +53,79 @@ class Overlay:
         return words.column(self.column)[1]
 
     @property
+    def title(self) -> str:
+        """Column and recording, by its file's name."""
+        return f"{self.what}, {PurePath(self.recording).name}"
+
+    @property
     def residual(self) -> FloatArray:
         """Measured minus modelled (N,)."""
         return self.measured - self.modelled
 
 
 @dataclass(frozen=True, eq=False)
-class Spectra:
-    """Amplitude densities [unit/√Hz] of one column over frequency [Hz], (K,) each; noise is white."""
+class Amplitudes:
+    """Amplitude densities [unit/√Hz] of a trace over frequency [Hz], (K,) each; noise is NaN where it is not known."""
 
-    overlay: Overlay
+    trace: Trace
     frequency: FloatArray
     measured: FloatArray
     modelled: FloatArray
     residual: FloatArray
-    noise: float
+    noise: FloatArray
 
 
-def overlays(fit: Fit, before: Fit | None = None) -> Iterator[Overlay]:
-    """Each column of each experiment against the fitted model, and against the one before it was improved."""
-    earlier = tuple(_trajectories(before)) if before else (None,) * len(fit.experiments)
-    for experiment, now, then in zip(fit.experiments, _trajectories(fit), earlier, strict=True):
+def traces(fit: Fit | None, comparison: Comparison | None = None, before: Fit | None = None) -> Iterator[Trace]:
+    """Each column of each recording against the model, and against the one before it was improved."""
+    now: list[Mapping[str, FloatArray]]
+    if comparison:
+        experiments, noise = comparison.experiments, {name: one.rms for name, one in comparison.noise.items()}
+        in_order = iter(comparison.overlays)
+        now = [{column: next(in_order).modelled for column in one.measured} for one in experiments]
+    elif fit:
+        experiments, noise, now = fit.experiments, dict(fit.noise), [one.signals for one in _run(fit)]
+    else:
+        return
+    then = [one.signals for one in _run(before)] if before and _same(before.experiments, experiments) else None
+    for i, experiment in enumerate(experiments):
         for column, measured in experiment.measured.items():
             there = ~np.isnan(measured)
-            yield Overlay(
-                experiment.name, column, experiment.time[there], measured[there], now[column][there],
-                fit.noise.get(column, math.nan), then[column][there] if then else None,
+            yield Trace(
+                experiment.name, column, experiment.time[there], measured[there], now[i][column][there],
+                noise.get(column, math.nan), then[i][column][there] if then else None,
             )  # fmt: skip
 
 
-def _trajectories(fit: Fit) -> Iterator[Trajectory]:
+def amplitudes(trace: Trace, comparison: Comparison | None = None) -> Amplitudes | None:
+    """Averaged over stretches with half overlap (Welch, Hann window); None for a few samples.
+
+    Samples that are not evenly spaced are interpolated onto the median spacing first.  The noise is that of the
+    comparison, or else white.
+    """
+    from scipy.signal import welch
+
+    if trace.time.size < LEAST_SAMPLES:
+        return None
+    spacing = float(np.median(np.diff(trace.time)))
+    even = np.arange(trace.time[0], trace.time[-1] + spacing / 2, spacing)
+    length = max(min(even.size, 2 * even.size // (SEGMENTS + 1)), LEAST_SAMPLES)
+    signals = [np.interp(even, trace.time, v) for v in (trace.measured, trace.modelled, trace.residual)]
+    frequency, density = welch(np.array(signals), fs=1 / spacing, nperseg=length, detrend="constant")
+    frequency, (measured, modelled, residual) = frequency[1:], np.sqrt(density[:, 1:])
+    noise = np.full(frequency.size, trace.noise * math.sqrt(2 * spacing))
+    if comparison:
+        known = comparison.spectra[trace.column]
+        noise = np.sqrt(np.interp(frequency, known.frequency_hz, known.noise))
+    return Amplitudes(trace, frequency, measured, modelled, residual, noise)
+
+
+def _run(fit: Fit) -> Iterator[Trajectory]:
     for experiment, start in zip(fit.experiments, fit.starts, strict=True):
         yield predict(fit.model, experiment, start, substep_s=fit.substep_s).trajectory
 
 
-def spectra(overlay: Overlay) -> Spectra | None:
-    """Averaged over stretches with half overlap (Welch, Hann window); None for a few samples.
-
-    Samples that are not evenly spaced are interpolated onto the median spacing first.
-    """
-    from scipy.signal import welch
-
-    if overlay.time.size < LEAST_SAMPLES:
-        return None
-    spacing = float(np.median(np.diff(overlay.time)))
-    even = np.arange(overlay.time[0], overlay.time[-1] + spacing / 2, spacing)
-    length = max(min(even.size, 2 * even.size // (SEGMENTS + 1)), LEAST_SAMPLES)
-    signals = [np.interp(even, overlay.time, v) for v in (overlay.measured, overlay.modelled, overlay.residual)]
-    frequency, density = welch(np.array(signals), fs=1 / spacing, nperseg=length, detrend="constant")
-    measured, modelled, residual = np.sqrt(density[:, 1:])
-    floor = overlay.noise * math.sqrt(2 * spacing)
-    return Spectra(overlay, frequency[1:], measured, modelled, residual, floor)
+def _same(some: tuple[Experiment, ...], others: tuple[Experiment, ...]) -> bool:
+    """Whether they are the same stretches of the same recordings."""
+    return [(one.name, one.time.size, one.time[0]) for one in some] == [
+        (one.name, one.time.size, one.time[0]) for one in others
+    ]

@@ -5,11 +5,13 @@ The motions are simulated; what a search would have found in them is made up her
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
 from lostmotion.drivers.recording import Recording
+from lostmotion.lab.compare import Comparison, compare
 from lostmotion.lab.experiment import experiments
 from lostmotion.lab.results import Curve, Errors, Estimate, Explanation, Finding, Fit, Ladder, Ranked, Rung
 from lostmotion.model import Model, Sensor, build_model, by_name, catalogue
@@ -48,6 +50,14 @@ def fit(*effects: str, **values: float) -> Fit:
     correlation[0, 1] = correlation[1, 0] = -0.97
     correlation[2, 4] = correlation[4, 2] = 0.62
     return Fit(model, tried, starts, estimates, correlation, {"accel": NOISE}, {"accel": 0.41}, 1e-4)
+
+
+@cache
+def comparison(*effects: str) -> Comparison:
+    """The accelerations against a model without or with the friction."""
+    given = fit(*effects, **({"coulomb_friction.tau_c": TAU_C} if effects else {}))
+    felt = [replace(one, measured={"accel": one.measured["accel"]}) for one in given.experiments]
+    return compare(given.model, felt, given.starts)
 
 
 def explanation() -> Explanation:

@@ -85,6 +85,14 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The report of the rubbing joint against a model without friction."""
+    path = tmp_path_factory.mktemp("report") / "compared.html"
+    write_report(path, comparison=report_example.comparison())
+    return path
+
+
 def read(path: Path) -> Page:
     """A report, parsed."""
     return Page(path.read_text(encoding="utf-8"))
@@ -104,6 +112,26 @@ def test_sections_are_those_of_what_was_given(found: Path, tmp_path: Path) -> No
     for results, sections in given:
         write_report(tmp_path / "one.html", **results)
         assert read(tmp_path / "one.html").sections == sections
+
+
+def test_a_comparison_tells_where_the_model_fails(compared: Path, tmp_path: Path) -> None:
+    """When, in which states and at which frequencies; the states that matter in sight, the others behind a tap."""
+    page, comparison = read(compared), report_example.comparison()
+    where = ["errors", "time", "maps", "spectra", "lags"]
+    assert page.sections == ["verdict", "signals", *where, "model"]
+    telling = sum(one.significant for one in comparison.maps["accel"])
+    assert 0 < telling < len(comparison.maps["accel"])
+    assert f"{len(comparison.maps['accel']) - telling} that show nothing beyond chance" in page.text
+    assert f"the noise is {comparison.noise['accel'].rms:.2f}." in page.text
+    worst = comparison.phases["accel"][0]
+    assert f"{100 * worst.error:.0f} % of the squared error arises {worst.phase}." in page.text
+    assert page.count["svg"] == 2 * (3 + len(comparison.maps["accel"]) + 3 + 3)  # each with an inner one
+    residual = np.frombuffer(base64.b64decode(page.signals[0]["modelled"]), "<f4")
+    assert np.array_equal(residual, comparison.overlays[0].modelled.astype("f4"))
+    write_report(tmp_path / "all.html", comparison=report_example.comparison("coulomb_friction"),
+                 explanation=report_example.explanation())  # fmt: skip
+    both = ["verdict", "advice", "signals", *where, "ranking", "model", "parameters", "correlations"]
+    assert read(tmp_path / "all.html").sections == both
 
 
 def test_it_loads_nothing(found: Path) -> None:
@@ -135,7 +163,7 @@ def test_headline_and_tables_tell_the_results(found: Path) -> None:
         "Turn the joint by hand without power",
         "a sine of 0.5 Hz, 5°.",
         "hardening_spring",
-        "< 10⁻¹²",
+        "p\u00a0<\u00a010⁻¹²",
         "-tau_c sign(omega)",
         "74 … 86",
         "These recordings cannot tell alpha; take the values as assumed.",
