@@ -56,7 +56,7 @@ def over_states(comparison: Comparison) -> Section | None:
         "What is left, averaged over each state of the motion, with the band in which 95 % of mere noise would lie. "
         "A curve that leaves the band tells on what the missing effect depends."
     )
-    body = note(text) + _grid(seen)
+    body = note(text) + (_grid(seen) if seen else note("Nothing stands out here."))
     if quiet:
         body += more(f"{len(quiet)} that show nothing beyond chance", _grid(quiet))
     return Section("maps", "Where it fails", Html(body))
