@@ -21,6 +21,9 @@ GRID = 1 << 14
 LARGEST_ROOT = 0.998
 HUBER = 2.5
 REWEIGHTINGS = 4
+EDGE = 4.0
+OUTLIER, FEW = 8.0, 0.03
+"""Deviations beyond which samples are left out, if they are no more than this share."""
 MAD = 1.4826
 
 
@@ -119,35 +122,51 @@ def fit_autoregression(series: Sequence[FloatArray], most: int = 8) -> NoiseMode
 
     Raises ValueError where less than 4 samples follow each other.
     """
-    stretches = [x[run] for x in series for run in runs(x)]
+    stretches = [x[run] for x in map(_without_outliers, series) for run in runs(x)]
     longest = max((x.size for x in stretches), default=0)
     if longest < 4:
         raise ValueError("no four samples in a row: nothing can be told of the noise")
     most = min(most, longest // 4)
-    windows = np.concatenate([sliding_window_view(x, most + 1) for x in stretches if x.size > most])
-    now, before = windows[:, -1], windows[:, -2::-1] if most else windows[:, :0]
-    if not np.any(now):
+    windows = np.concatenate([sliding_window_view(x, most + 1)[:, ::-1] for x in stretches if x.size > most])
+    if not np.any(windows):
         return NoiseModel.white(0.0)
-    fits = [_robust(before[:, :order], now) for order in range(most + 1)]
-    rows = now.size
-    scores = [2 * rows * np.log(max(scale, 1e-300)) + order * np.log(rows) for order, (_, scale) in enumerate(fits)]
-    coefficients, scale = fits[int(np.argmin(scores))]
-    return NoiseModel(_stable(coefficients), scale)
+    gram, count = _weighted(windows)
+    orders = [_solved(gram, order) for order in range(most + 1)]
+    scores = [count * np.log(error) + order * np.log(count) for order, (_, error) in enumerate(orders)]
+    coefficients, _ = orders[int(np.argmin(scores))]
+    errors = windows[:, 0] - windows[:, 1 : 1 + coefficients.size] @ coefficients
+    return NoiseModel(_stable(coefficients), _scale(errors))
 
 
-def _robust(before: FloatArray, now: FloatArray) -> tuple[FloatArray, float]:
-    """Huber regression: coefficients, and the root mean square of the errors with far ones cut down."""
-    weights = np.ones(now.size)
-    coefficients = np.zeros(before.shape[1])
+def _without_outliers(x: FloatArray) -> FloatArray:
+    """x with the samples that are far out, if they are few, as gaps: each would spoil all windows that it stands in."""
+    far = np.abs(x) > OUTLIER * MAD * np.nanmedian(np.abs(x))
+    return np.where(far, np.nan, x) if 0 < np.count_nonzero(far) < FEW * x.size else x
+
+
+def _weighted(windows: FloatArray) -> tuple[FloatArray, float]:
+    """Products (p + 1, p + 1) of the columns now, one before, …, with Huber's weights, and the sum of the weights."""
+    weights = np.ones(len(windows))
     for _ in range(REWEIGHTINGS):
-        weighted = before * weights[:, None]
-        if before.shape[1]:
-            coefficients = np.asarray(np.linalg.lstsq(weighted.T @ before, weighted.T @ now, rcond=None)[0])
-        errors = np.abs(now - before @ coefficients)
-        spread = max(MAD * float(np.median(errors)), 1e-12 * float(errors.max()), 1e-300)
+        gram = np.asarray((windows * weights[:, None]).T @ windows)
+        coefficients, _ = _solved(gram, len(gram) - 1)
+        errors = np.abs(windows[:, 0] - windows[:, 1:] @ coefficients)
+        spread = max(MAD * float(np.median(errors)), 1e-12 * float(errors.max()))
         weights = np.minimum(1.0, HUBER * spread / np.maximum(errors, 1e-300))
-    clipped = np.minimum(errors, 2 * HUBER * spread)
-    return coefficients, float(np.sqrt(np.mean(clipped**2)))
+    return gram, float(weights.sum())
+
+
+def _solved(gram: FloatArray, order: int) -> tuple[FloatArray, float]:
+    """Coefficients (order,) and the mean square error, up to a factor."""
+    across = gram[1 : order + 1, 0]
+    coefficients = np.asarray(np.linalg.lstsq(gram[1 : order + 1, 1 : order + 1], across, rcond=None)[0])
+    return coefficients, max(float(gram[0, 0] - across @ coefficients), 1e-300)
+
+
+def _scale(errors: FloatArray) -> float:
+    """Root mean square; errors far out count as if they stood at the edge of what is usual."""
+    usual = MAD * float(np.median(np.abs(errors)))
+    return float(np.sqrt(np.mean(np.minimum(errors**2, (EDGE * usual) ** 2)))) if usual else float(np.std(errors))
 
 
 def _stable(coefficients: FloatArray) -> FloatArray:

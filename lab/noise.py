@@ -138,7 +138,7 @@ def _restricted(rest: FloatArray, free: FloatArray) -> tuple[float, float]:
     for correlation in CORRELATIONS:
         factor = np.linalg.cholesky(_covariance(free, correlation))
         white = np.linalg.solve(factor, rest.T)
-        variance = float(np.mean(white**2))
+        variance = max(float(np.mean(white**2)), 1e-300)
         size = white.size
         scores.append(-rest.shape[0] * np.sum(np.log(np.diag(factor))) - size / 2 * np.log(variance))
         deviations.append(np.sqrt(variance))
