@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from lostmotion.lab.autoregression import NoiseModel, fit_autoregression
@@ -49,49 +50,55 @@ def residual_maps(
     """A map for each variable, the one that explains most first.
 
     residuals: one (N_r,) for each recording, NaN where not sampled; variables: by name, one (N_r,) for each recording,
-    NaN allowed.  noise: of the residuals, from their own autocorrelation when left out.
+    NaN allowed.  noise: of the residuals; when left out, the autocorrelation of what each map leaves of them.
     """
-    noise = noise or fit_autoregression(residuals)
-    length = 1 << int(2 * max(x.size for x in residuals) - 1).bit_length()
-    gamma = noise.autocovariance(min(length // 2 - 1, 4096))
-    found = [_map(name, residuals, series, gamma, length) for name, series in variables.items()]
+    found = [_map(name, residuals, series, noise) for name, series in variables.items()]
     return _discovered([one for one in found if one is not None])
 
 
 def _map(
-    name: str, residuals: Sequence[FloatArray], series: Sequence[FloatArray], gamma: FloatArray, length: int
+    name: str, residuals: Sequence[FloatArray], series: Sequence[FloatArray], noise: NoiseModel | None
 ) -> ResidualMap | None:
     """None for a variable that does not vary."""
     there = [np.isfinite(r) & np.isfinite(x) for r, x in zip(residuals, series, strict=True)]
-    pooled = np.concatenate([x[ok] for x, ok in zip(series, there, strict=True)])
-    if pooled.size < 4 * LEAST_IN_BIN or np.ptp(pooled) <= 1e-12 * np.max(np.abs(pooled)):
+    x = np.concatenate([x[ok] for x, ok in zip(series, there, strict=True)])
+    r = np.concatenate([r[ok] for r, ok in zip(residuals, there, strict=True)])
+    if x.size < 4 * LEAST_IN_BIN or np.ptp(x) <= 1e-12 * np.max(np.abs(x)):
         return None
-    edges = np.unique(np.quantile(pooled, np.linspace(0, 1, min(BINS, pooled.size // LEAST_IN_BIN) + 1)))
+    edges = np.unique(np.quantile(x, np.linspace(0, 1, min(BINS, x.size // LEAST_IN_BIN) + 1)))
     if edges.size < 3:
         return None
     count = edges.size - 1
-    sums, counts, centres, spread, power = (np.zeros(count), np.zeros(count), np.zeros(count),
-                                            np.zeros((count, count)), 0.0)  # fmt: skip
-    for r, x, ok in zip(residuals, series, there, strict=True):
-        bins = np.clip(np.searchsorted(edges, x, "right") - 1, 0, count - 1)
-        inside = (bins == np.arange(count)[:, None]) & ok
-        values = np.where(ok, r, 0.0)
-        sums += inside @ values
-        counts += inside.sum(axis=1)
-        centres += inside @ np.where(ok, x, 0.0)
-        power += float(values @ values)
-        spread += _spread(inside.astype(float), gamma, length)
-    covariance = spread / np.outer(counts, counts)
-    mean = sums / counts
-    statistic = float(mean @ np.linalg.lstsq(covariance, mean, rcond=1e-9)[0])
+    inside = [_inside(x, ok, edges) for x, ok in zip(series, there, strict=True)]
+    pooled = _inside(x, np.ones(x.size, dtype=bool), edges)
+    counts = pooled.sum(axis=1)
+    mean = pooled @ r / counts
+    left = [np.where(ok, r - mean @ of, np.nan) for r, ok, of in zip(residuals, there, inside, strict=True)]
+    covariance, samples = _covariance(inside, noise or fit_autoregression(left), counts)
+    if noise is None:  # the map has taken its share of the noise with it
+        covariance = covariance * (1 + count / max(samples - count, count))
     by_chance = float(counts @ np.diag(covariance))
-    one = np.ones(count) @ spread @ np.ones(count) / counts.sum() ** 2  # variance of the mean of all
+    statistic = float(mean @ np.linalg.lstsq(covariance, mean, rcond=1e-9)[0])
     return ResidualMap(
-        name, centres / counts, mean, BAND * np.sqrt(np.diag(covariance)),
-        explained=max(float(counts @ mean**2) - by_chance, 0.0) / max(power, 1e-300),
-        p_value=float(chdtrc(count, max(statistic, 0.0))),
-        samples=float(gamma[0] / max(one, 1e-300)),
+        name, pooled @ x / counts, mean, BAND * np.sqrt(np.diag(covariance)),
+        explained=max(float(counts @ mean**2) - by_chance, 0.0) / max(float(r @ r), 1e-300),
+        p_value=float(chdtrc(count, max(statistic, 0.0))), samples=samples,
     )  # fmt: skip
+
+
+def _inside(x: FloatArray, there: NDArray[np.bool_], edges: FloatArray) -> FloatArray:
+    """Which samples are in which bin, (K, N) of 0 and 1."""
+    bins = np.clip(np.searchsorted(edges, x, "right") - 1, 0, edges.size - 2)
+    return np.asarray((bins == np.arange(edges.size - 1)[:, None]) & there, dtype=float)
+
+
+def _covariance(inside: Sequence[FloatArray], noise: NoiseModel, counts: FloatArray) -> tuple[FloatArray, float]:
+    """Of the bins' means (K, K) under this noise, and how many independent samples the recordings are worth."""
+    length = 1 << int(2 * max(of.shape[1] for of in inside) - 1).bit_length()
+    gamma = noise.autocovariance(min(length // 2 - 1, 4096))
+    spread = sum((_spread(of, gamma, length) for of in inside), start=np.zeros((counts.size, counts.size)))
+    variance = float(spread.sum()) / float(counts.sum()) ** 2  # of the mean of all
+    return spread / np.outer(counts, counts), float(gamma[0]) / max(variance, 1e-300)
 
 
 def _spread(inside: FloatArray, gamma: FloatArray, length: int) -> FloatArray:

@@ -23,6 +23,7 @@ QUIETEST = 0.25
 SURE = 1.0
 """Standard deviations of a window's variance above which it is not noise alone."""
 CORRELATIONS = np.arange(-4, 10) / 10
+PREDICTED_FROM, POOR = 20, 0.7
 PREFERS_WHITE = 10.0
 """What the log-likelihood must gain before noise counts as coloured."""
 
@@ -42,7 +43,8 @@ def quiet_noise(values: FloatArray, rate_hz: float) -> NoiseModel:
     """The noise as a first-order autoregression x_t = a x_(t-1) + e_t, at least that of the signal's resolution.
 
     Windows are projected off cubics and slowly changing lines at the two strongest frequencies; the quietest quarter,
-    and all that are as quiet, give variance and correlation by restricted maximum likelihood.
+    and all that are as quiet, give variance and correlation by restricted maximum likelihood.  A signal that is driven
+    at many frequencies defies such windows; what its own 20 samples before do not predict is then the better bound.
     """
     least = NoiseModel.white(resolution(values) / np.sqrt(12))
     windows = _windows(values)
@@ -59,6 +61,9 @@ def quiet_noise(values: FloatArray, rate_hz: float) -> NoiseModel:
         correlation, deviation = _restricted(quiet, free)
     found = NoiseModel(np.array([correlation]) if correlation else np.zeros(0),
                        deviation * np.sqrt(1 - correlation**2))  # fmt: skip
+    predicted = fit_autoregression([values], PREDICTED_FROM).innovation
+    if predicted < POOR * found.innovation:
+        found = NoiseModel.white(predicted)
     return found if found.rms > least.rms else least
 
 

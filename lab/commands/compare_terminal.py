@@ -1,0 +1,82 @@
+"""A comparison in the terminal: a table of the recordings, measured and modelled over each other, plain words."""
+
+from __future__ import annotations
+
+import math
+import os
+import shutil
+import sys
+from pathlib import PurePath
+
+import click
+import numpy as np
+
+from lostmotion.lab import words
+from lostmotion.lab.compare import Comparison, Overlay
+from lostmotion.lab.quantity import quantities, scale
+from lostmotion.lab.summary import summary
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["show"]
+
+HEIGHT = 16
+WIDE = 160
+SHOWN_S = 0.5
+"""Length of the stretch that the plot shows: a few impacts with their ringing."""
+
+
+def show(comparison: Comparison) -> None:
+    """Prints it."""
+    effects = ", ".join(comparison.model.effects) or "none"
+    click.echo(f"base {comparison.model.base}, active effects: {effects}")
+    _print_table(comparison)
+    click.echo(_plot(comparison.of(comparison.column)[0]))
+    click.echo("\n".join(summary(comparison)))
+
+
+def _print_table(comparison: Comparison) -> None:
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for name in ("recording", "column", "fit %", "error", "noise", "unit", "predictable"):
+        table.add_column(name, justify="left" if name in ("recording", "column", "unit") else "right", overflow="fold")
+    for one in comparison.overlays:
+        (error, noise), unit = quantities(one.unit, one.rms, one.noise)
+        horizon = f"{one.horizon_s:.1f} s" if math.isfinite(one.horizon_s) else "to the end"
+        cells = (PurePath(one.recording).name, one.column, f"{one.fit_percent:.1f}", error, noise, unit, horizon)
+        table.add_row(*map(Text, cells))
+    Console(width=None if sys.stdout.isatty() else WIDE).print(table)
+
+
+def _plot(overlay: Overlay) -> str:
+    """Where the error is of the usual size, coloured only for a terminal that wants colours."""
+    import plotext
+
+    width = min(shutil.get_terminal_size((100, HEIGHT)).columns, 120)
+    plain = not sys.stdout.isatty() or bool(os.environ.get("NO_COLOR"))
+    figure = plotext.figure
+    figure.clear()
+    figure.plot_size(width, HEIGHT)
+    figure.theme("colorless" if plain else "simple")
+    figure.canvas("default")
+    inside = _stretch(overlay)
+    time = overlay.time[inside].tolist()
+    shown = scale(overlay.unit, float(np.max(np.abs(overlay.measured[inside]))))
+    figure.title(f"{words.column(overlay.column)[0]} [{shown.unit}] over time [s], {PurePath(overlay.recording).name}")
+    modelled, measured = (values[inside] * shown.factor for values in (overlay.modelled, overlay.measured))
+    figure.draw(figure.signal(time, modelled.tolist(), marker="braille").lines().label("modelled"))
+    figure.draw(figure.signal(time, measured.tolist(), marker="•").label("measured"))
+    return str(figure.build().string(colorless=plain)).strip("\n")
+
+
+def _stretch(overlay: Overlay) -> FloatArray:
+    """Samples of a window of half a second, the one whose error is the middle one of all windows."""
+    seen = np.flatnonzero(np.isfinite(overlay.residual))
+    time = overlay.time[seen]
+    length = max(SHOWN_S, 60 * float(np.median(np.diff(time))))
+    window = ((time - time[0]) // length).astype(int)
+    power = np.bincount(window, overlay.residual[seen] ** 2)[: max(int(window[-1]), 1)]
+    return np.asarray(seen[window == np.argsort(power)[power.size // 2]])

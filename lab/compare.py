@@ -1,0 +1,364 @@
+"""The model held against measurements: how far it is off, where, and in which equation.  Nothing is fitted or printed.
+
+The model runs freely from a start state to the end of each recording.  What is left is held against the noise, in time,
+over phases of the motion, in frequency and over every state (maps.py); blame.py says on which equation it acts.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from lostmotion.drivers.recording import Recording
+from lostmotion.lab import words
+from lostmotion.lab.bands import Spectra, spectra
+from lostmotion.lab.blame import Blame, blame
+from lostmotion.lab.experiment import Experiment
+from lostmotion.lab.maps import ResidualMap, residual_maps
+from lostmotion.lab.noise import NoiseModel, innovation_noise, quiet_noise
+from lostmotion.lab.phases import phases
+from lostmotion.lab.predict import Prediction, predict
+from lostmotion.lab.start import find_start, polished, stretch_of
+from lostmotion.lab.whiteness import Correlation, autocorrelation, cross_correlation, fit_percent
+from lostmotion.model import Model, predictability_horizon
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["Block", "Comparison", "Overlay", "PhaseError", "compare"]
+
+BLOCKS = 20
+BLAMED = 900
+START_S = 0.5
+"""Of gears, which forget where they began; other motions show their start to the end."""
+LOST, POLISHING = 12.0, 4
+"""Times the noise at which the start is good enough for a model that is wrong; steps of the fit."""
+GOOD = 1.15
+"""Times the noise up to which an error is the noise's own."""
+MOTION = {"position": "theta_2", "velocity": "omega_2", "acceleration": "acceleration", "torque": "torque",
+          "displacement": "q", "gap": "gap", "command": "command"}  # fmt: skip
+"""Signals of the model that the residual is held against, and what they are called there; force has two meanings."""
+
+
+@dataclass(frozen=True, eq=False)
+class Overlay:
+    """One column of one recording: measured, modelled and what is left, (N,) each, NaN where not sampled."""
+
+    recording: str
+    column: str
+    unit: str
+    time: FloatArray
+    measured: FloatArray
+    modelled: FloatArray
+    noise: float
+    horizon_s: float
+
+    @property
+    def residual(self) -> FloatArray:
+        """Measured minus modelled (N,)."""
+        return self.measured - self.modelled
+
+    @property
+    def rms(self) -> float:
+        """Of the residual."""
+        return _rms(self.residual)
+
+    @property
+    def fit_percent(self) -> float:
+        """100 (1 - |residual|/|measured - its mean|) [%]."""
+        return fit_percent(self.measured, self.modelled)
+
+
+@dataclass(frozen=True)
+class PhaseError:
+    """Root mean square of the residual in one phase of the motion, its share of samples and of the squared error."""
+
+    phase: str
+    rms: float
+    samples: float
+    error: float
+
+
+@dataclass(frozen=True)
+class Block:
+    """Root mean square of the residual in a stretch of time [s]."""
+
+    recording: str
+    start: float
+    stop: float
+    rms: float
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """What the comparison found; of phases, blocks, spectra, maps and tests there is one for each column compared.
+
+    noise: by column; tests: by name, of the residuals; starts: (n,) for each experiment; blame: the equation in which
+    the first column's misfit arises, None where all is noise or no equation explains it.
+    """
+
+    model: Model
+    experiments: tuple[Experiment, ...]
+    starts: tuple[FloatArray, ...]
+    overlays: tuple[Overlay, ...]
+    noise: Mapping[str, NoiseModel]
+    tests: Mapping[str, Mapping[str, Correlation]]
+    phases: Mapping[str, tuple[PhaseError, ...]]
+    blocks: Mapping[str, tuple[Block, ...]]
+    spectra: Mapping[str, Spectra]
+    maps: Mapping[str, tuple[ResidualMap, ...]]
+    blame: Blame | None
+
+    @property
+    def column(self) -> str:
+        """The column that counts most: the first that its base is compared with."""
+        return next(iter(self.experiments[0].measured))
+
+    def of(self, column: str) -> tuple[Overlay, ...]:
+        """That column in all recordings."""
+        return tuple(one for one in self.overlays if one.column == column)
+
+    def rms(self, column: str) -> float:
+        """Of all residuals of that column."""
+        return _rms(np.concatenate([one.residual for one in self.of(column)]))
+
+    def fit_percent(self, column: str) -> float:
+        """Of that column over all recordings [%]."""
+        pairs = [(one.measured - np.nanmean(one.measured), one.residual) for one in self.of(column)]
+        spread, error = (_rms(np.concatenate(part)) for part in zip(*pairs, strict=True))
+        return 100 * (1 - error / max(spread, 1e-300))
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether all that is left can be noise: as large, and no map or band that stands out."""
+        column = self.column
+        small = self.rms(column) <= GOOD * self.noise[column].rms
+        return small and not any(one.significant for one in self.maps[column])
+
+    def document(self) -> dict[str, Any]:
+        """The keys of ``lab compare --json``."""
+        column = self.column
+        error = {"before": self.rms(column), "after": self.rms(column), "noise": self.noise[column].rms,
+                 "unit": words.column(column)[1]}  # fmt: skip
+        return {
+            "base": self.model.base,
+            "effects": list(self.model.effects),
+            "error": error,
+            "is_noise": self.is_noise,
+            "columns": {name: self._column(name) for name in self.maps},
+            "residual": self.blame.document() if self.blame else None,
+            "recordings": [_row(one) for one in self.overlays],
+        }
+
+    def _column(self, name: str) -> dict[str, Any]:
+        return {
+            "unit": words.column(name)[1],
+            "rms": self.rms(name),
+            "noise": self.noise[name].rms,
+            "fit_percent": self.fit_percent(name),
+            "tests": {test: {"p_value": one.p_value, "significant": one.significant}
+                      for test, one in self.tests[name].items()},
+            "phases": [vars(one) for one in self.phases[name]],
+            "blocks": [vars(one) for one in self.blocks[name]],
+            "bands": [vars(one) for one in self.spectra[name].bands],
+            "maps": [_map(one) for one in self.maps[name]],
+        }  # fmt: skip
+
+
+def compare(
+    model: Model,
+    experiments: Sequence[Experiment],
+    starts: Sequence[FloatArray] | None = None,
+    *,
+    recordings: Sequence[Recording] = (),
+    samples: int = BLAMED,
+) -> Comparison:
+    """Simulates every experiment and looks at what is left.
+
+    starts: the state (n,) at each experiment's first sample, searched for when left out; recordings: those that the
+    experiments came from, for the temperature; samples: of all
+    experiments together on which the equations are tried, 0 for none.  Raises ModelError where the model cannot be run.
+    """
+    columns = list(dict.fromkeys(name for one in experiments for name in one.measured))
+    floor = {name: _floor(name, experiments) for name in columns}
+    if starts is None:
+        starts = [_start(model, one, floor) for one in experiments]
+    predictions = [predict(model, one, start) for one, start in zip(experiments, starts, strict=True)]
+    horizons = [_horizon(model, one, start) for one, start in zip(predictions, starts, strict=True)]
+    noise = {name: _noise(name, predictions, floor[name]) for name in columns}
+    overlays = tuple(_overlays(predictions, horizons, noise))
+    temperatures = [_temperature(one, recordings) for one in experiments]
+    found = {name: _Column(model.base, name, predictions, temperatures, noise[name]) for name in columns}
+    found_all = Comparison(
+        model, tuple(experiments), tuple(starts), overlays, noise,
+        {name: one.tests() for name, one in found.items()},
+        {name: one.phases() for name, one in found.items()},
+        {name: one.blocks() for name, one in found.items()},
+        {name: one.spectra() for name, one in found.items()},
+        {name: one.maps() for name, one in found.items()}, None,
+    )  # fmt: skip
+    if found_all.is_noise or not samples:
+        return found_all
+    return replace(found_all, blame=blame(model, experiments, starts, floor, samples))
+
+
+class _Column:
+    """What is left of one column in all recordings that have it."""
+
+    def __init__(
+        self,
+        base: str,
+        name: str,
+        predictions: Sequence[Prediction],
+        temperatures: Sequence[FloatArray | None],
+        noise: NoiseModel,
+    ) -> None:
+        pairs = [(one, t) for one, t in zip(predictions, temperatures, strict=True) if name in one.experiment.measured]
+        self.base, self.name, self.noise = base, name, noise
+        self.predictions = [one for one, _ in pairs]
+        self.temperatures = [t for _, t in pairs]
+        self.residuals = [one.residual(name) for one in self.predictions]
+        self.own = innovation_noise(*self.residuals)
+
+    def tests(self) -> dict[str, Correlation]:
+        """Of the longest recording: the residual with itself, with the input and with the input's rate."""
+        longest = int(np.argmax([r.size for r in self.residuals]))
+        residual, experiment = self.residuals[longest], self.predictions[longest].experiment
+        tests = {"residual with itself": autocorrelation(residual)}
+        if experiment.drive is not None:
+            for name, series in (("input", experiment.drive.position), ("input's rate", experiment.drive.velocity)):
+                source = np.asarray(series(experiment.time))
+                if np.ptp(source) > 0:
+                    tests[f"residual with the {name}"] = cross_correlation(residual, source, noise=self.own)
+        return tests
+
+    def phases(self) -> tuple[PhaseError, ...]:
+        """The phase with the largest share of the error first."""
+        squares: dict[str, list[FloatArray]] = {}
+        for prediction, residual in zip(self.predictions, self.residuals, strict=True):
+            for phase, mask in phases(self.base, prediction.trajectory).items():
+                inside = residual[mask & np.isfinite(residual)] ** 2
+                squares.setdefault(phase, []).append(inside)
+        all_of_it = np.concatenate([part for parts in squares.values() for part in parts])
+        found = [_phase(name, np.concatenate(parts), all_of_it) for name, parts in squares.items()]
+        return tuple(sorted((one for one in found if one.samples > 0), key=lambda one: -one.error))
+
+    def blocks(self) -> tuple[Block, ...]:
+        """Twenty for each recording."""
+        found = []
+        for prediction, residual in zip(self.predictions, self.residuals, strict=True):
+            time = prediction.experiment.time
+            edges = np.linspace(time[0], time[-1], BLOCKS + 1)
+            for start, stop in itertools.pairwise(edges):
+                inside = residual[(time >= start) & (time <= stop)]
+                if np.any(np.isfinite(inside)):
+                    found.append(Block(prediction.experiment.name, float(start), float(stop), _rms(inside)))
+        return tuple(found)
+
+    def spectra(self) -> Spectra:
+        """Over all recordings, against the noise."""
+        measured = [one.experiment.measured[self.name] for one in self.predictions]
+        return spectra(measured, self.residuals, self.predictions[0].experiment.rate_hz, self.noise)
+
+    def maps(self) -> tuple[ResidualMap, ...]:
+        """Over every state of the motion."""
+        given = [_variables(one, t) for one, t in zip(self.predictions, self.temperatures, strict=True)]
+        common = [name for name in given[0] if all(name in other for other in given)]
+        return residual_maps(self.residuals, {name: [one[name] for one in given] for name in common})
+
+
+def _variables(prediction: Prediction, temperature: FloatArray | None) -> dict[str, FloatArray]:
+    """What the residual may depend on, (N,) each."""
+    trajectory = prediction.trajectory
+    found = {MOTION[name]: values for name, values in trajectory.signals.items() if name in MOTION}
+    if "force" in trajectory.signals:
+        found["load" if "gap" in trajectory.signals else "force"] = trajectory["force"]
+    if "displacement" in trajectory.signals:
+        found["q'"] = np.gradient(trajectory["displacement"], trajectory.time)
+    found["time"] = trajectory.time
+    if temperature is not None:
+        found["temperature"] = temperature
+    return found
+
+
+def _overlays(
+    predictions: Sequence[Prediction], horizons: Sequence[float], noise: Mapping[str, NoiseModel]
+) -> Iterator[Overlay]:
+    for prediction, horizon in zip(predictions, horizons, strict=True):
+        experiment = prediction.experiment
+        for name, measured in experiment.measured.items():
+            yield Overlay(experiment.name, name, words.column(name)[1], experiment.time, measured,
+                          prediction.trajectory[name], noise[name].rms, horizon)  # fmt: skip
+
+
+def _floor(name: str, experiments: Sequence[Experiment]) -> NoiseModel:
+    """The middle one of what the recordings show."""
+    found = [quiet_noise(one.measured[name], one.rate_hz) for one in experiments if name in one.measured]
+    return sorted(found, key=lambda noise: noise.rms)[(len(found) - 1) // 2]
+
+
+def _noise(name: str, predictions: Sequence[Prediction], floor: NoiseModel) -> NoiseModel:
+    """The floor, or the residual itself where that is smaller still."""
+    left = innovation_noise(*(one.residual(name) for one in predictions if name in one.experiment.measured))
+    return left if left.rms < floor.rms else floor
+
+
+def _start(model: Model, experiment: Experiment, floor: Mapping[str, NoiseModel]) -> FloatArray:
+    """The start state: searched for in the first half second, then polished on twice the length again and again, as
+    long as the model keeps up."""
+    own = experiment.model(model)
+    noise = {name: one.rms for name, one in floor.items()}
+    begin, length = float(experiment.time[0]), START_S if model.base == "play" else math.inf
+    state: FloatArray | None = None
+    while True:
+        stretch = stretch_of(model, experiment.between(begin, begin + length), noise)
+        if state is None:
+            step = own.simulate(experiment.drive, stretch.experiment.time).substep_s
+            state = find_start(model, stretch, step).start
+        if _rms(stretch.residual(own, state, step)) > LOST:
+            return state
+        state = np.asarray(polished(own, stretch, state[None], step, POLISHING)[0])
+        if begin + length > experiment.time[-1]:
+            return state
+        length *= 2
+
+
+def _horizon(model: Model, prediction: Prediction, start: FloatArray) -> float:
+    experiment = prediction.experiment
+    step = prediction.trajectory.substep_s
+    return predictability_horizon(
+        experiment.model(model), experiment.drive, experiment.time, start, substep_s=step
+    )  # fmt: skip
+
+
+def _temperature(experiment: Experiment, recordings: Sequence[Recording]) -> FloatArray | None:
+    for one in recordings:
+        if one.name == experiment.name and np.isfinite(one.columns.get("temperature", np.nan)).any():
+            time, values = one.signal("temperature")
+            return np.interp(experiment.time, time, values)
+    return None
+
+
+def _phase(name: str, squares: FloatArray, all_of_it: FloatArray) -> PhaseError:
+    share = float(squares.sum() / max(all_of_it.sum(), 1e-300))
+    rms = float(np.sqrt(squares.mean())) if squares.size else 0.0
+    return PhaseError(name, rms, squares.size / all_of_it.size, share)
+
+
+def _map(one: ResidualMap) -> dict[str, Any]:
+    arrays = {"x": one.x.tolist(), "mean": one.mean.tolist(), "half_width": one.half_width.tolist()}
+    return {"variable": one.variable, "unit": words.variable(one.variable)[1], "explained": one.explained,
+            "p_value": one.p_value, "significant": one.significant, **arrays}  # fmt: skip
+
+
+def _row(one: Overlay) -> dict[str, Any]:
+    horizon = one.horizon_s if math.isfinite(one.horizon_s) else None
+    return {"recording": one.recording, "column": one.column, "fit_percent": one.fit_percent, "rms": one.rms,
+            "noise": one.noise, "unit": one.unit, "horizon_s": horizon}  # fmt: skip
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.nanmean(values**2)))
