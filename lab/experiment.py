@@ -47,6 +47,8 @@ class Experiment:
     time: FloatArray
     measured: Mapping[str, FloatArray]
     given: Mapping[str, float] = field(default_factory=dict)
+    clock_zero: float = 0.0
+    """When the clocks of sensor and host showed the same time [s]: the first row of the recording."""
 
     @property
     def duration(self) -> float:
@@ -90,7 +92,9 @@ def _experiment(model: Model, recording: Recording) -> Experiment:
     measured = {name: recording.columns[name][rows] for name in outputs}
     for name, values in measured.items():
         _check_output(recording.name, name, values)
-    return Experiment(recording.name, drive, recording.time[rows], measured, _given(model, recording))
+    return Experiment(
+        recording.name, drive, recording.time[rows], measured, _given(model, recording), float(recording.time[0])
+    )
 
 
 def _sampled(recording: Recording, column: str) -> bool:

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.levenberg import Problem, Solution, minimise
@@ -20,24 +21,38 @@ from lostmotion.lab.unknowns import Unknowns
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Level", "first_level", "fitted", "grow", "huber_of", "level_of", "merged", "residuals", "tiles"]
+__all__ = [
+    "Level",
+    "errors",
+    "first_level",
+    "fitted",
+    "huber_of",
+    "level_of",
+    "merged",
+    "missing",
+    "residuals",
+    "tiles",
+]
 
-FIRST_S = 0.5
+FIRST_S = 0.25
 OUTSIDE = 2.0  # medians of |r|: further out a residual counts by its magnitude
 LEAST_HUBER = 3.0
-LOST = 2.0
-"""A level that ends with this many times the error of the one before has lost the motion: chaos, or a wrong model."""
+MISSED = 3.0
 
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """A fit with stretches of one length: the model, where they start, the root mean square of r (units of noise)."""
+    """A fit with stretches of one length: the model, where they start, how large r is (units of noise).
+
+    rms: root mean square over all; typical: 1.48 medians of |r|, which a few missed stretches do not change.
+    """
 
     model: Model
     unknowns: Unknowns
     z: FloatArray
     stretches: tuple[Stretch, ...]
     rms: float
+    typical: float
 
     @property
     def horizon_s(self) -> float:
@@ -74,15 +89,16 @@ def level_of(problem: Problem, solution: Solution) -> Level:
     """A solution with its error."""
     model = problem.unknowns.put(problem.model, solution.z)
     r = np.concatenate(residuals(model, solution.stretches, problem.substep_s))
-    return Level(model, problem.unknowns, solution.z, solution.stretches, float(np.sqrt(np.mean(r**2))))
+    rms, typical = float(np.sqrt(np.mean(r**2))), 1.4826 * float(np.median(np.abs(r)))
+    return Level(model, problem.unknowns, solution.z, solution.stretches, rms, typical)
 
 
-def residuals(model: Model, stretches: Sequence[Stretch], substep_s: float | None) -> list[FloatArray]:
+def residuals(model: Model, stretches: Sequence[Stretch], substep_s: float) -> list[FloatArray]:
     """r of each stretch, in units of the noise."""
     return [s.residual(s.experiment.model(model), s.start, substep_s) for s in stretches]
 
 
-def huber_of(model: Model, stretches: Sequence[Stretch], substep_s: float | None) -> float:
+def huber_of(model: Model, stretches: Sequence[Stretch], substep_s: float) -> float:
     """The bound beyond which residuals count as outside, from where they stand now."""
     r = np.concatenate(residuals(model, stretches, substep_s))
     middle = float(np.median(np.abs(r[np.isfinite(r)]))) if np.any(np.isfinite(r)) else LEAST_HUBER
@@ -93,27 +109,31 @@ def fitted(
     model: Model,
     unknowns: Unknowns,
     stretches: Sequence[Stretch],
-    substep_s: float | None,
+    substep_s: float,
     *,
     iterations: int = 15,
-    states: bool = True,
     quadratic: bool = False,
 ) -> Level:
-    """One level: minimises from the model's values and the stretches' start states."""
-    huber = math.inf if quadratic else huber_of(model, stretches, substep_s)
+    """One level: minimises from the model's values and the stretches' start states.
+
+    Stretches that the model misses, because they began wrongly, have no say in the parameters.
+    """
     z = unknowns.z(model)
+    missed = missing(errors(model, stretches, substep_s))
+    good = [stretch for stretch, out in zip(stretches, missed, strict=True) if not out]
+    huber = math.inf if quadratic else huber_of(model, good, substep_s)
     problem = Problem(model, unknowns, z, substep_s, huber)
-    return level_of(problem, minimise(problem, z, stretches, iterations=iterations, states=states))
+    solution = minimise(problem, z, good, iterations=iterations)
+    better = iter(solution.stretches)
+    every = tuple(stretch if out else next(better) for stretch, out in zip(stretches, missed, strict=True))
+    return level_of(problem, Solution(solution.z, every, solution.cost))
 
 
-def grow(
-    level: Level, experiments: Sequence[Experiment], halvings: int, substep_s: float | None, *, down_to: int = 0
-) -> Level:
-    """From stretches of 2^-halvings of the records to 2^-down_to, or the longest at which the motion is not lost."""
-    for shorter in range(halvings - 1, down_to - 1, -1):
-        stretches = merged(level.stretches, experiments, shorter)
-        longer = fitted(level.model, level.unknowns, stretches, substep_s)
-        if not longer.rms < LOST * max(level.rms, 1.0):
-            break
-        level = longer
-    return level
+def errors(model: Model, stretches: Sequence[Stretch], substep_s: float) -> FloatArray:
+    """Root mean square of r of each stretch."""
+    return np.array([np.sqrt(np.mean(r**2)) for r in residuals(model, stretches, substep_s)])
+
+
+def missing(error: FloatArray) -> NDArray[np.bool_]:
+    """Which stretches are missed: their error is several times that of the better ones, or infinite."""
+    return np.asarray(error > MISSED * max(float(np.quantile(error, 0.3, method="lower")), 1.0))

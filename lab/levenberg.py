@@ -44,7 +44,7 @@ class Problem:
     unknowns: Unknowns
     centre: FloatArray
     """(P,) where the priors stand."""
-    substep_s: float | None
+    substep_s: float
     huber: float = math.inf
     whiten: Filter | None = None
 

@@ -8,26 +8,45 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lostmotion.lab.experiment import Experiment
-from lostmotion.lab.levenberg import Problem, minimise
-from lostmotion.lab.stretch import Stretch, state_scales
-from lostmotion.lab.unknowns import Unknowns
+from lostmotion.lab.grow import errors, missing
+from lostmotion.lab.stretch import STEP, Stretch, state_scales
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["find_start", "repaired", "ringing_hz", "stretch_of"]
 
-SCAN_S = 0.2
-GAPS = np.array([-0.95, -0.6, -0.25, 0.0, 0.25, 0.6, 0.95])
-SPEEDS = np.array([-2.0, -1.0, -0.4, 0.0, 0.4, 1.0, 2.0])
-REPAIR_S = 0.35
-MISSED = 2.0
-BEST = 3
-NOBODY = Unknowns((), np.empty(0))
+SCAN_S = 0.1
+LAST = 2
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How thoroughly a start is looked for: the grid of gap (in half plays) and speed (in crossing speeds), how many
+    of its states go on, and the growing horizon after it: length [s], states kept, steps of the fit."""
+
+    gaps: FloatArray
+    speeds: FloatArray
+    scanned: int
+    stages: tuple[tuple[float, int, int], ...]
+
+
+QUICK = Effort(
+    np.array([-0.95, -0.6, -0.25, 0.0, 0.25, 0.6, 0.95]),
+    np.array([-2.0, -1.0, -0.4, 0.0, 0.4, 1.0, 2.0]),
+    5,
+    ((0.1, 3, 3), (0.2, 2, 2)),
+)
+FINE = Effort(
+    np.array([-1.0, -0.95, -0.85, -0.7, -0.45, -0.2, 0.0, 0.2, 0.45, 0.7, 0.85, 0.95, 1.0]),
+    np.array([-3.0, -2.2, -1.6, -1.1, -0.7, -0.35, 0.0, 0.35, 0.7, 1.1, 1.6, 2.2, 3.0]),
+    16,
+    ((0.1, 10, 3), (0.15, 6, 3), (0.25, 4, 3), (0.5, 3, 3), (1.0, 2, 4)),
+)
 
 
 def stretch_of(model: Model, experiment: Experiment, noise: dict[str, float]) -> Stretch:
@@ -37,61 +56,89 @@ def stretch_of(model: Model, experiment: Experiment, noise: dict[str, float]) ->
     return Stretch(experiment, noise, state_scales(model, experiment), rest)
 
 
-def find_start(model: Model, stretch: Stretch, substep_s: float | None, polish: int = 6) -> Stretch:
-    """The stretch with the start state from which the model comes closest to its beginning."""
+def find_start(
+    model: Model, stretch: Stretch, substep_s: float, also: Sequence[FloatArray] = (), effort: Effort | None = None
+) -> Stretch:
+    """The stretch with the start state from which the model comes closest to it, the parameters held.
+
+    also: states to try beside those of the scan.
+    """
     own = stretch.experiment.model(model)
     if model.base != "play":
-        return _polished(model, stretch, [_measured_state(own, stretch)], substep_s, polish)
-    short = _first(stretch, SCAN_S)
-    best = _polished(model, short, _scan(own, short, substep_s), substep_s, polish)
-    return stretch.starting(best.start)
+        found = polished(own, stretch, np.array([_measured_state(own, stretch), *also]), substep_s, 6)
+        return stretch.starting(found[0])
+    effort = effort or QUICK
+    states = np.array([*_scan(own, _first(stretch, SCAN_S), substep_s, effort), *also])
+    for length, kept, iterations in effort.stages:
+        if length < stretch.experiment.duration:
+            states = polished(own, _first(stretch, length), states, substep_s, iterations)[:kept]
+    return stretch.starting(polished(own, stretch, states, substep_s, LAST)[0])
 
 
-def repaired(model: Model, stretches: Sequence[Stretch], substep_s: float | None) -> tuple[Stretch, ...]:
-    """The stretches, those that the model misses begun anew: where the one before ended, or where a new scan says.
+def polished(model: Model, stretch: Stretch, states: FloatArray, substep_s: float, iterations: int) -> FloatArray:
+    """Start states (K, n) after some Levenberg-Marquardt steps of each at once, best first; robust as the fit is."""
+    K, n = states.shape
+    states = states.copy()
+    steps = STEP * np.diag(stretch.scale)
+    r = stretch.residuals(model, states, substep_s)
+    finite = np.isfinite(r[:, 0])
+    if not finite.any():
+        return states
+    huber = max(3.0, 2 * float(np.median(np.abs(r[finite]).min(axis=0))))
+    cost, damping = _robust(r, huber), np.full(K, 1e-2)
+    for _ in range(iterations):
+        moved = (states[:, None] + steps[None]).reshape(K * n, n)
+        slopes = (stretch.residuals(model, moved, substep_s).reshape(K, n, -1) - r[:, None]) / STEP
+        slopes[~np.isfinite(slopes)] = 0.0
+        w = 1 / np.maximum(1.0, np.abs(np.where(np.isfinite(r), r, 1.0)) / huber)
+        weighted = slopes * w[:, None]
+        H = weighted @ slopes.transpose(0, 2, 1)
+        H[:, range(n), range(n)] = H[:, range(n), range(n)] * (1 + damping[:, None]) + 1e-3
+        g = (weighted @ np.where(np.isfinite(r), r, 0.0)[:, :, None])[:, :, 0]
+        trial = states - np.clip(np.linalg.solve(H, g[:, :, None])[:, :, 0], -1.0, 1.0) * stretch.scale
+        there = stretch.residuals(model, trial, substep_s)
+        new = _robust(there, huber)
+        better = new < cost
+        states[better], r[better], cost[better] = trial[better], there[better], new[better]
+        damping = np.where(better, damping / 10, damping * 10)
+    return np.asarray(states[np.argsort(cost)])
 
-    A stretch is missed when its error is twice that of the better ones.  For gears; other motions forget their start.
+
+def _robust(r: FloatArray, huber: float) -> FloatArray:
+    """Huber's cost of each row of r (K, M)."""
+    size = np.abs(r)
+    return np.asarray(
+        np.sum(np.where(size <= huber, 0.5 * np.minimum(size, huber) ** 2, huber * (size - huber / 2)), axis=1)
+    )
+
+
+def repaired(model: Model, stretches: Sequence[Stretch], substep_s: float) -> tuple[Stretch, ...]:
+    """The stretches, those that the model misses begun anew: where the one before ended, or where a finer scan says.
+
+    For gears; other motions forget their start.
     """
-    errors = [_error(model, stretch, substep_s) for stretch in stretches]
-    limit = MISSED * max(float(np.quantile(errors, 0.25)), 1.0)
+    missed = missing(errors(model, stretches, substep_s))
     done: list[Stretch] = []
-    for stretch, error in zip(stretches, errors, strict=True):
-        done.append(_begun_anew(model, stretch, done, substep_s) if error > limit else stretch)
+    for stretch, out in zip(stretches, missed, strict=True):
+        done.append(_begun_anew(model, stretch, done, substep_s) if out else stretch)
     return tuple(done)
 
 
-def _begun_anew(model: Model, stretch: Stretch, before: Sequence[Stretch], substep_s: float | None) -> Stretch:
+def _begun_anew(model: Model, stretch: Stretch, before: Sequence[Stretch], substep_s: float) -> Stretch:
     own = stretch.experiment.model(model)
-    short = _first(stretch, REPAIR_S)
-    states = [stretch.start, *_scan(own, short, substep_s, finer=True)]
-    begin = float(stretch.experiment.time[0])
+    also = [stretch.start]
     if before and before[-1].experiment.name == stretch.experiment.name:
         last = before[-1]
-        times = np.append(last.experiment.time, begin)
-        states.append(own.simulate(last.experiment.drive, times, last.start, substep_s=substep_s).state)
-    found = [_polished(model, short, [state], substep_s, 8) for state in states]
-    whole = [_polished(model, stretch, [s.start], substep_s, 3) for s in found]
-    return min(whole, key=lambda s: _error(model, s, substep_s))
+        times = np.append(last.experiment.time, stretch.experiment.time[0])
+        also.append(own.simulate(last.experiment.drive, times, last.start, substep_s=substep_s).state)
+    anew = find_start(model, stretch, substep_s, also, FINE)
+    error = errors(model, [anew, stretch], substep_s)
+    return anew if error[0] < error[1] else stretch
 
 
 def _first(stretch: Stretch, length: float) -> Stretch:
     begin = stretch.experiment.time[0]
     return replace(stretch, experiment=stretch.experiment.between(begin, begin + length))
-
-
-def _polished(
-    model: Model, stretch: Stretch, states: Sequence[FloatArray], substep_s: float | None, iterations: int
-) -> Stretch:
-    """The best of these start states after some steps of the fit, the parameters held."""
-    own = stretch.experiment.model(model)
-    problem = Problem(model, NOBODY, np.empty(0), substep_s, huber=_huber(stretch, own, states[0], substep_s))
-    found = [minimise(problem, np.empty(0), [stretch.starting(state)], iterations=iterations) for state in states]
-    return min(found, key=lambda solution: solution.cost).stretches[0]
-
-
-def _error(model: Model, stretch: Stretch, substep_s: float | None) -> float:
-    r = stretch.residual(stretch.experiment.model(model), stretch.start, substep_s)
-    return float(np.sqrt(np.mean(r**2)))
 
 
 def ringing_hz(experiment: Experiment, low: float, high: float) -> float:
@@ -113,37 +160,44 @@ def ringing_hz(experiment: Experiment, low: float, high: float) -> float:
     return float(hz[inside][np.argmax(smooth[inside])]) if inside.any() else math.sqrt(low * high)
 
 
-def _scan(model: Model, stretch: Stretch, substep_s: float | None, finer: bool = False) -> list[FloatArray]:
+def _scan(model: Model, stretch: Stretch, substep_s: float, effort: Effort) -> list[FloatArray]:
     """The best start states on a grid of gap and speed, the bar's two states by linear least squares at each."""
+    rest, slopes = _by_base_state(model, stretch)
+    grid = np.stack(np.meshgrid(effort.gaps, effort.speeds, indexing="ij"), axis=-1).reshape(-1, 2)
+    begins = rest + grid @ slopes[:2]
+    every = stretch.residuals(model, np.vstack([rest, rest + slopes[2:], begins]), substep_s)
+    if not np.isfinite(every[:3]).all():
+        return [rest]
+    bar, r = (every[1:3] - every[0]).T, every[3:]
+    usable = np.isfinite(r[:, 0])
+    if not usable.any():
+        return [rest]
+    share = -r[usable] @ np.linalg.pinv(bar).T
+    cost = np.sum(np.abs(r[usable] + share @ bar.T), axis=1)
+    order = np.argsort(cost)[: effort.scanned]
+    found: FloatArray = begins[usable][order] + share[order] @ slopes[2:]
+    return list(found)
+
+
+def _by_base_state(model: Model, stretch: Stretch) -> tuple[FloatArray, FloatArray]:
+    """The state that moves along with the input (n,), and how it changes with each scale of the base's four (4, n).
+
+    The effects' own states follow those of the base, which they begin at.
+    """
     drive, begin = stretch.experiment.drive, float(stretch.experiment.time[0])
-    turn, speed, bend, swing = stretch.scale[:4]
-    rest = model.initial_state(drive, begin)
+    at_rest = model.initial_state(drive, begin)
+    own = at_rest.size > 4
 
-    def state(gap: float, rate: float, q: float = 0.0, dq: float = 0.0) -> FloatArray:
-        given = {"theta_2": rest[0] + gap * turn, "omega_2": rest[1] + rate * speed, "q": q, "q'": dq}
-        return model.initial_state(drive, begin, **given)
+    def moved(i: int) -> FloatArray:
+        if not own:
+            return np.eye(4)[i] * stretch.scale[i]
+        given = {name: float(x) for name, x in zip(model.state_names[:4], at_rest, strict=False)}
+        given[model.state_names[i]] += float(stretch.scale[i])
+        return model.initial_state(drive, begin, **given) - at_rest
 
-    r0 = stretch.residual(model, state(0, 0), substep_s)
-    bar = np.stack([stretch.residual(model, state(0, 0, bend, 0), substep_s) - r0,
-                    stretch.residual(model, state(0, 0, 0, swing), substep_s) - r0], axis=1)  # fmt: skip
-    inverse = np.linalg.pinv(bar) if np.all(np.isfinite(bar)) else np.zeros((2, r0.size))
-    tried = []
-    gaps, speeds = (_between(GAPS), _between(SPEEDS)) if finer else (GAPS, SPEEDS)
-    for gap in gaps:
-        for rate in speeds:
-            r = stretch.residual(model, state(gap, rate), substep_s)
-            if not np.all(np.isfinite(r)):
-                continue
-            share = -inverse @ r
-            tried.append((float(np.sum(np.abs(r + bar @ share))), gap, rate, share))
-    tried.sort(key=lambda entry: entry[0])
-    best = [state(gap, rate, share[0] * bend, share[1] * swing) for _, gap, rate, share in tried[:BEST]]
-    return best or [rest]
-
-
-def _between(grid: FloatArray) -> FloatArray:
-    """The grid with the middles of its intervals."""
-    return np.sort(np.concatenate((grid, (grid[1:] + grid[:-1]) / 2)))
+    slopes = np.array([moved(i) for i in range(4)])
+    rest: FloatArray = at_rest - at_rest[2] / stretch.scale[2] * slopes[2] - at_rest[3] / stretch.scale[3] * slopes[3]
+    return rest, slopes
 
 
 def _measured_state(model: Model, stretch: Stretch) -> FloatArray:
@@ -158,8 +212,3 @@ def _measured_state(model: Model, stretch: Stretch) -> FloatArray:
     value, rate = np.polynomial.polynomial.polyfit(time, values, 1)
     names = ("q", "q'") if model.base == "oscillator" else ("theta_2", "omega_2")
     return model.initial_state(experiment.drive, begin, **dict(zip(names, (float(value), float(rate)), strict=True)))
-
-
-def _huber(stretch: Stretch, model: Model, state: FloatArray, substep_s: float | None) -> float:
-    r = stretch.residual(model, state, substep_s)
-    return max(3.0, 2 * float(np.median(np.abs(r)))) if np.all(np.isfinite(r)) else math.inf

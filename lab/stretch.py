@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.unknowns import Unknowns
@@ -19,7 +20,7 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray
 from lostmotion.model.signals import OMEGA1, OMEGA2, THETA1, THETA2
 
-__all__ = ["Linearised", "Stretch", "scales", "state_scales"]
+__all__ = ["STEP", "Linearised", "Stretch", "scales", "state_scales"]
 
 STEP = 1e-5
 """Finite difference, in numbers of order one: fixed integration steps make it good to about 1e-5 of the derivative."""
@@ -48,41 +49,51 @@ class Stretch:
         """The same with another start state."""
         return replace(self, start=state)
 
-    @cached_property
-    def seen(self) -> dict[str, FloatArray]:
-        """Which samples of each column there are, (N,) booleans."""
-        return {name: ~np.isnan(values) for name, values in self.experiment.measured.items()}
-
     def simulate(self, model: Model, start: FloatArray, substep_s: float | None) -> Trajectory:
         """The model's motion over the stretch.  ``model`` already holds what the recording states."""
         return model.simulate(self.experiment.drive, self.experiment.time, start, substep_s=substep_s)
 
-    def residual(self, model: Model, start: FloatArray, substep_s: float | None) -> FloatArray:
+    def residual(self, model: Model, start: FloatArray, substep_s: float) -> FloatArray:
         """(measured - modelled) / noise of all columns one after the other (M,); infinite where it cannot be run."""
-        try:
-            trajectory = self.simulate(model, start, substep_s)
-        except ModelError:
-            return np.full(sum(int(np.sum(seen)) for seen in self.seen.values()), np.inf)
-        measured = self.experiment.measured
-        return np.concatenate(
-            [(measured[name] - trajectory[name])[seen] / self.noise[name] for name, seen in self.seen.items()]
-        )
+        return np.asarray(self.residuals(model, start[None], substep_s)[0])
 
-    def linearised(self, model: Model, unknowns: Unknowns, z: FloatArray, substep_s: float | None) -> Linearised:
+    def residuals(self, model: Model, starts: FloatArray, substep_s: float) -> FloatArray:
+        """The same from several start states (K, n): (K, M)."""
+        values, weights, seen = self._targets
+        try:
+            e = self.experiment
+            run = model.prepare(e.drive, e.time, tuple(e.measured), e.clock_zero)
+        except ModelError:
+            return np.full((len(starts), values.size), np.inf)
+        modelled = run(starts, substep_s).reshape(len(starts), -1)
+        with np.errstate(over="ignore", invalid="ignore"):
+            r = (values - (modelled if seen is None else modelled[:, seen])) * weights
+        r[~np.isfinite(r).all(axis=1)] = np.inf
+        return r
+
+    @cached_property
+    def _targets(self) -> tuple[FloatArray, FloatArray, NDArray[np.bool_] | None]:
+        """All measured values in a row, one over the noise of each, and which samples they are (None: all)."""
+        columns = self.experiment.measured
+        values = np.concatenate(list(columns.values()))
+        weights = np.repeat([1 / self.noise[name] for name in columns], self.experiment.time.size)
+        seen = ~np.isnan(values)
+        return (values, weights, None) if seen.all() else (values[seen], weights[seen], seen)
+
+    def linearised(self, model: Model, unknowns: Unknowns, z: FloatArray, substep_s: float) -> Linearised:
         """Residual and derivatives by finite differences, at the parameters z and this start state."""
         own = self.experiment.model
         here = own(unknowns.put(model, z))
-        r = self.residual(here, self.start, substep_s)
-        A, B = np.empty((r.size, z.size)), np.empty((r.size, self.start.size))
+        moved = self.start + np.vstack([np.zeros(self.start.size), np.diag(STEP * self.scale)])
+        r, *by_state = self.residuals(here, moved, substep_s)
+        by_parameter = []
         for i in range(z.size):
-            moved = z.copy()
-            moved[i] += STEP
-            A[:, i] = (self.residual(own(unknowns.put(model, moved)), self.start, substep_s) - r) / STEP
-        for i in range(self.start.size):
-            start = self.start.copy()
-            start[i] += STEP * self.scale[i]
-            B[:, i] = (self.residual(here, start, substep_s) - r) / STEP
-        return Linearised(r, A, B)
+            there = z.copy()
+            there[i] += STEP if there[i] + STEP <= unknowns.bounds[1][i] else -STEP
+            slope = (self.residual(own(unknowns.put(model, there)), self.start, substep_s) - r) / (there[i] - z[i])
+            by_parameter.append(slope)
+        A = np.array(by_parameter).T if by_parameter else np.empty((r.size, 0))
+        return Linearised(r, A, (np.array(by_state) - r).T / STEP)
 
 
 def scales(experiment: Experiment) -> tuple[float, float]:

@@ -7,8 +7,7 @@ vary in units of their scale.  Weak priors (a factor e, or ten scales) keep what
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +17,8 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["Unknown", "Unknowns", "free_names"]
 
 LOG_PRIOR = 1.0
+TRUST = {"l": 1.25, "k": 1.25, "b": 3.0, "d": 1.8, "alpha": 5.0}
+"""By what factor each may move in a search, from what the model's file says."""
 LINEAR_PRIOR = 10.0
 
 
@@ -63,6 +64,11 @@ class Unknown:
         return math.exp(min(z, 700.0)) if self.logarithmic else self.scale
 
 
+def _near(unknown: Unknown, value: float) -> Unknown:
+    factor = TRUST[unknown.name]
+    return replace(unknown, low=max(unknown.low, value / factor), high=min(unknown.high, value * factor))
+
+
 def _size(low: float, high: float) -> float:
     """A scale for a parameter that starts at zero: a twentieth of its finite range, or 1."""
     return (high - low) / 20 if math.isfinite(high - low) and high - low < 1e3 else 1.0
@@ -77,10 +83,17 @@ class Unknowns:
     """(P,) standard deviations of the priors in z."""
 
     @classmethod
-    def of(cls, model: Model, names: Sequence[str] | None = None) -> Unknowns:
-        """Those of a model: the free ones, or the given ones."""
-        chosen = free_names(model) if names is None else tuple(names)
-        items = tuple(Unknown.of(name, model.parameters[name]) for name in chosen)
+    def of(cls, model: Model, around: Model | None = None) -> Unknowns:
+        """The free ones of a model.
+
+        around: a search stays near this model's values.  A model whose impacts come at the wrong time fits best with
+        no amplitude at all (regression dilution); what is roughly known must not give way to that.
+        """
+        items = tuple(Unknown.of(name, model.parameters[name]) for name in free_names(model))
+        if around is not None:
+            items = tuple(
+                _near(item, around.parameters[item.name].value) if item.name in TRUST else item for item in items
+            )
         return cls(items, np.array([LOG_PRIOR if item.logarithmic else LINEAR_PRIOR for item in items]))
 
     @property

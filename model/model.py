@@ -22,6 +22,7 @@ from lostmotion.model.errors import ModelError
 from lostmotion.model.motion import FloatArray, Motion
 from lostmotion.model.parameter import Parameter
 from lostmotion.model.pieces import Pieces, cut
+from lostmotion.model.run import Run
 from lostmotion.model.signals import DRIVEN, READING
 from lostmotion.model.solve import Plan, integrate, start_signals
 from lostmotion.model.trajectory import Trajectory
@@ -129,9 +130,7 @@ class Model:
         Raises ModelError for times, drives and states that cannot be used, and when the motion exceeds all numbers.
         """
         times = _checked_times(times)
-        sensor_clock = math.prod(
-            effect.clock_rate(scope(self._values, effect)) for effect in self._in_order if effect.clock_rate
-        )
+        sensor_clock = self._clock_rate
         local = times - times[0]
         grid = local if sensor_clock == 1 else np.union1d(local, local / sensor_clock)
         pieces = cut(drive, float(times[0]), max(float(grid[-1]), 1e-3), self._delay)
@@ -147,6 +146,29 @@ class Model:
         if drive is not None and self._delay:
             signals["command"] = np.asarray(drive.position(times), dtype=float)  # as sent
         return Trajectory(times, MappingProxyType(signals), states, states[-1].copy(), used)
+
+    def prepare(self, drive: Motion | None, times: FloatArray, outputs: Sequence[str], clock_zero: float) -> Run:
+        """What ``simulate`` would integrate, ready to be run from many start states; times and states unchecked.
+
+        outputs: names of signals.  clock_zero: when sensor and host showed the same time [s]; a start state then
+        belongs to the first time that either of them needs.  Raises ModelError for a motion that is not finite.
+        """
+        signals = [self._base.outputs[name] for name in outputs]
+        rate = self._clock_rate
+        felt = times if rate == 1 else clock_zero + (times - clock_zero) / rate
+        asked = [felt if signal == READING else times for signal in signals]
+        every = asked[0] if all(one is asked[0] for one in asked) else np.union1d(times, felt)
+        picks = None if every is asked[0] else np.array([np.searchsorted(every, one) for one in asked])
+        origin = float(every[0])
+        pieces = cut(drive, origin, max(float(every[-1]) - origin, 1e-3), self._delay)
+        records = np.array(signals, dtype=np.uint64)
+        return Run(self._plans[drive is not None], pieces, every - origin, origin, records, picks)
+
+    @property
+    def _clock_rate(self) -> float:
+        return math.prod(
+            effect.clock_rate(scope(self._values, effect)) for effect in self._in_order if effect.clock_rate
+        )
 
     @property
     def _delay(self) -> float:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from lostmotion.model.kernel import OPTIONS, POINTER, compiled, jitted
 
-__all__ = ["FloatArray", "IntArray", "Plan", "integrate", "start_signals"]
+__all__ = ["FloatArray", "IntArray", "Plan", "integrate", "integrate_many", "start_signals"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.uint64]
@@ -249,5 +249,23 @@ def _integrate(
     return float(peak)
 
 
+def _integrate_many(
+    plan: Plan,
+    knots: FloatArray,
+    coefficients: FloatArray,
+    substep: float,
+    starts: FloatArray,
+    times: FloatArray,
+    records: IntArray,
+    out: FloatArray,
+    origin: float,
+) -> None:
+    """The same from many start states (K, n); out: (K, len(records), N) is filled."""
+    states = np.empty((times.size, starts.shape[1]))
+    for k in range(starts.shape[0]):
+        integrate(plan, knots, coefficients, substep, starts[k], times, records, out[k], states, origin)
+
+
 start_signals = compiled(lambda **options: njit(**OPTIONS, **options)(_start_signals))
 integrate = compiled(lambda **options: njit(nogil=True, **OPTIONS, **options)(_integrate))
+integrate_many = compiled(lambda **options: njit(nogil=True, **OPTIONS, **options)(_integrate_many))

@@ -59,7 +59,7 @@ CENTRIPETAL_CROSSTALK = Effect(
     summary="centripetal acceleration leaks into the tangential axis",
     acts_on=ActsOn.SENSOR,
     bases=("play",),
-    parameters={"c": Parameter(0.05, "", -1.0, 1.0, False, "guess: a sensor turned by 3 deg", "crosstalk")},
+    parameters={"c": Parameter(0.05, "", -20.0, 20.0, False, "guess: a sensor turned by 3 deg", "crosstalk")},
     terms=on(("play",), Term(TIP, centripetal, ("c", "l"))),
 )
 BIAS_DRIFT = Effect(

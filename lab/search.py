@@ -1,0 +1,148 @@
+"""The base of a fit: a first rough fit that lies in the right valley, then the growing horizon.  No verdicts here.
+
+The oscillator's frequency comes from the spectrum, the play from a grid of values: with another play every impact
+comes at another time, and no gradient leads from one to the other.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+
+from lostmotion.lab.experiment import Experiment
+from lostmotion.lab.grow import Level, first_level, fitted, merged, tiles
+from lostmotion.lab.start import find_start, repaired, ringing_hz, stretch_of
+from lostmotion.lab.unknowns import Unknowns, free_names
+from lostmotion.model import Model
+
+__all__ = ["Task", "best_of", "coarse_substep", "first_fit", "grown", "refined", "seeded", "started", "subset"]
+
+PLAY_SHARE = np.geomspace(0.62, 1.5, 11)
+DAMPING_SHARE = (1.0, 0.4)
+FREQUENCY_SHARE = 0.12
+SEARCH_STEPS = 4.0  # times the model's own choice of step, for a search; the result is refined
+SUBSET = 10
+SCANNED = 4
+KEPT = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What is fitted: the model as its file gave it, experiments with the noise of each column, the solver's step."""
+
+    rough: Model
+    experiments: tuple[Experiment, ...]
+    noise: dict[str, float]
+    substep_s: float
+    halvings: int
+
+    @classmethod
+    def of(
+        cls, model: Model, experiments: Sequence[Experiment], noise: dict[str, float], substep_s: float | None = None
+    ) -> Task:
+        """For these experiments, the step chosen for a search unless given."""
+        halvings = max(first_level(model.base, experiment) for experiment in experiments)
+        return cls(model, tuple(experiments), noise, substep_s or coarse_substep(model, experiments), halvings)
+
+
+def coarse_substep(model: Model, experiments: Sequence[Experiment], factor: float = SEARCH_STEPS) -> float:
+    """An integration step for all fits of this model: the model's own choice on each experiment, times ``factor``.
+
+    Gears only; other bases are cheap, and their own choice is kept.
+    """
+    own = [e.model(model).simulate(e.drive, e.between(e.time[0], e.time[0] + 1.0).time).substep_s for e in experiments]
+    return min(own) * (factor if model.base == "play" else 1.0)
+
+
+def seeded(model: Model, experiments: Sequence[Experiment]) -> Model:
+    """The model with its frequency from the spectrum, where a bar is measured and its stiffness is free."""
+    if model.base not in ("play", "oscillator") or "k" not in free_names(model):
+        return model
+    k, m = model.parameters["k"], model.parameters["m"].value
+    rough = math.sqrt(k.value / m) / (2 * math.pi)
+    lines = [ringing_hz(e, rough * (1 - FREQUENCY_SHARE), rough * (1 + FREQUENCY_SHARE)) for e in experiments]
+    stiffness = m * (2 * math.pi * float(np.median(lines))) ** 2
+    return model.replace({"k": min(max(stiffness, k.low), k.high)})
+
+
+def subset(task: Task) -> list[Experiment]:
+    """A few stretches that stand for all, spread over the experiments."""
+    every = [tile for experiment in task.experiments for tile in tiles(experiment, task.halvings)]
+    return [every[i] for i in np.unique(np.linspace(0, len(every) - 1, min(SUBSET, len(every))).astype(int))]
+
+
+def started(model: Model, stretches: Iterable[Experiment], task: Task, known: Level | None = None) -> Level:
+    """The stretches with their start states found, nothing else fitted.
+
+    known: a fit of the same stretches without the last effects, whose start states are tried as well.
+    """
+    also = {(s.experiment.name, float(s.experiment.time[0])): s.start for s in known.stretches} if known else {}
+    found = []
+    for stretch in (stretch_of(model, s, task.noise) for s in stretches):
+        old = also.get((stretch.experiment.name, float(stretch.experiment.time[0])))
+        states = [] if old is None else [np.concatenate((old, stretch.start[old.size :]))]
+        found.append(find_start(model, stretch, task.substep_s, states))
+    return fitted(model, Unknowns.of(model, task.rough), found, task.substep_s, iterations=0)
+
+
+def rough_fit(model: Model, stretches: Sequence[Experiment], task: Task, iterations: int = 3) -> Level:
+    """A few steps from the model's values on some stretches."""
+    level = started(model, stretches, task)
+    return fitted(model, level.unknowns, level.stretches, task.substep_s, iterations=iterations)
+
+
+def first_fit(model: Model, task: Task, pool: Executor) -> Level:
+    """The best fit on the shortest stretches, from a grid of plays and dampings on gears."""
+    grid = _grid(seeded(model, task.experiments))
+    few = subset(task)
+    scanned = best_of(pool.map(started, grid, [few] * len(grid), [task] * len(grid)), SCANNED)
+    rough = best_of(pool.map(refined, scanned, [task] * len(scanned)), KEPT)
+    return best_of(pool.map(full_fit, [level.model for level in rough], [task] * len(rough)), 1)[0]
+
+
+def refined(level: Level, task: Task, iterations: int = 8) -> Level:
+    """A few steps from a level's values."""
+    return fitted(level.model, level.unknowns, level.stretches, task.substep_s, iterations=iterations)
+
+
+def best_of(levels: Iterable[Level], count: int) -> list[Level]:
+    """Those with the smallest typical error, best first."""
+    return sorted(levels, key=lambda level: level.typical)[:count]
+
+
+def full_fit(model: Model, task: Task) -> Level:
+    """A fit on all of the shortest stretches, those that were missed begun anew."""
+    every = [tile for experiment in task.experiments for tile in tiles(experiment, task.halvings)]
+    level = started(model, every, task)
+    level = fitted(model, level.unknowns, level.stretches, task.substep_s)
+    again = repaired(level.model, level.stretches, task.substep_s) if model.base == "play" else level.stretches
+    return fitted(level.model, level.unknowns, again, task.substep_s)
+
+
+def grown(level: Level, task: Task, down_to: int = 0, lost: float = 3.0) -> Level:
+    """The fit on stretches twice as long, and so on, as far as the motion is not lost on the way."""
+    for halvings in range(task.halvings - 1, down_to - 1, -1):
+        stretches = merged(level.stretches, task.experiments, halvings)
+        if level.model.base == "play":
+            stretches = repaired(level.model, stretches, task.substep_s)
+        longer = fitted(level.model, level.unknowns, stretches, task.substep_s)
+        if longer.typical > lost * max(level.typical, 1.0):
+            break
+        level = longer
+    return level
+
+
+def _grid(model: Model) -> list[Model]:
+    if model.base != "play":
+        return [model]
+    free = free_names(model)
+    plays = PLAY_SHARE if "d" in free else (1.0,)
+    dampings = DAMPING_SHARE if "alpha" in free else (1.0,)
+    d, alpha = model.parameters["d"], model.parameters["alpha"]
+    values = {(min(max(d.value * a, d.low), d.high), min(max(alpha.value * b, alpha.low), alpha.high))
+              for a in plays for b in dampings}  # fmt: skip
+    return [model.replace({"d": value, "alpha": damping}) for value, damping in sorted(values)]
