@@ -15,7 +15,7 @@ from lostmotion.model.motion import FloatArray
 
 __all__ = ["Band", "Spectra", "spectra"]
 
-SEGMENT = 512
+SEGMENT = 2048
 LEAST_SEGMENT = 32
 BANDS_PER_OCTAVE = 2
 FALSE_ALARM = 0.01
@@ -74,8 +74,8 @@ def _bands(
     frequency: FloatArray, signal: FloatArray, residual: FloatArray, noise: FloatArray, averages: float
 ) -> tuple[Band, ...]:
     step, top = frequency[1], frequency[-1]
-    octaves = np.log2(top / (2 * step))
-    edges = 2 * step * 2 ** np.linspace(0, octaves, max(round(BANDS_PER_OCTAVE * octaves), 1) + 1)
+    octaves = np.log2(top / step)
+    edges = step * 2 ** np.linspace(0, octaves, max(round(BANDS_PER_OCTAVE * octaves), 1) + 1)
     found = []
     for low, high in itertools.pairwise(edges):
         inside = (frequency >= low) & (frequency < high)

@@ -4,6 +4,11 @@ Each equation in turn is given an unknown input, and the model tracks the measur
 that is missing shifts impacts and shakes the bar through its resonance; a force on the bar is felt at once; an error of
 the sensor leaves the motion alone.  Where the truth lies little is needed to explain all; the likelihood weighs that.
 The input that was found is then held against every state.
+
+How often it is right, with the base's parameters known, on recordings of the hidden-effect bench that were not looked at
+before (3 of 1 s, estimated noise, half of it coloured, strong effects): 14 of 20 of the catalogue (contact counted as
+joint or command), 5 of 7 outside of it.  Near misses: joint and command for what moves impacts, oscillator and sensor
+for what is seen in the ring only.  With parameters that are off, they are what is blamed: fit first.
 """
 
 from __future__ import annotations
@@ -15,8 +20,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lostmotion.lab import words
 from lostmotion.lab.autoregression import NoiseModel
 from lostmotion.lab.experiment import Experiment
+from lostmotion.lab.quantity import quantity
 from lostmotion.lab.results import Curve, Finding
 from lostmotion.lab.shape import Shape, shapes
 from lostmotion.lab.stretch import state_scales
@@ -82,11 +89,11 @@ class Blame:
         """In plain words."""
         what = {"joint": "a torque on the joint", "oscillator": "a force on the oscillator",
                 "command": "an offset of the driving gear", "sensor": "an error of the sensor"}  # fmt: skip
-        text = f"{what[self.acts_on]} of about {self.size:.2g} {self.unit} is missing"
+        text = f"{what[self.acts_on]} of about {quantity(self.size, self.unit, 2)} is missing"
         if not self.depends_on:
             return f"{text}; it follows no single state"
         share = 100 * self.shapes[0].explained
-        return f"{text}; {share:.0f} % of it is a function of {self.depends_on[0]}"
+        return f"{text}; {share:.0f} % of it follows {words.variable(self.depends_on[0])[0]}"
 
 
 def blame(

@@ -278,6 +278,8 @@ def _variables(prediction: Prediction, temperature: FloatArray | None) -> dict[s
         found["load" if "gap" in trajectory.signals else "force"] = trajectory["force"]
     if "displacement" in trajectory.signals:
         found["q'"] = np.gradient(trajectory["displacement"], trajectory.time)
+    if "position" not in trajectory.signals:  # the oscillator alone: no joint, no speed of one
+        found.pop("omega_2", None)
     found["time"] = trajectory.time
     if temperature is not None:
         found["temperature"] = temperature

@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from lostmotion.lab.autoregression import NoiseModel, fit_autoregression
@@ -50,55 +49,76 @@ def residual_maps(
     """A map for each variable, the one that explains most first.
 
     residuals: one (N_r,) for each recording, NaN where not sampled; variables: by name, one (N_r,) for each recording,
-    NaN allowed.  noise: of the residuals; when left out, the autocorrelation of what each map leaves of them.
+    NaN allowed.  noise: of the residuals; when left out, that of what the map with the largest share leaves of them.
     """
-    found = [_map(name, residuals, series, noise) for name, series in variables.items()]
-    return _discovered([one for one in found if one is not None])
+    binned = [one for name, x in variables.items() if (one := _binned(name, residuals, x)) is not None]
+    if not binned:
+        return ()
+    if noise is None:
+        noise = fit_autoregression(max(binned, key=lambda one: one.share).left(residuals))
+    return _discovered([_map(one, noise) for one in binned])
 
 
-def _map(
-    name: str, residuals: Sequence[FloatArray], series: Sequence[FloatArray], noise: NoiseModel | None
-) -> ResidualMap | None:
+@dataclass(frozen=True, eq=False)
+class _Binned:
+    """A residual's mean (K,) over the bins of a variable with centres x (K,).
+
+    inside: which samples of each recording are in which bin, (K, N_r) of 0 and 1; power: the sum of squares; share:
+    what the means take of it.
+    """
+
+    variable: str
+    x: FloatArray
+    mean: FloatArray
+    counts: FloatArray
+    inside: tuple[FloatArray, ...]
+    power: float
+
+    @property
+    def share(self) -> float:
+        return float(self.counts @ self.mean**2) / max(self.power, 1e-300)
+
+    def left(self, residuals: Sequence[FloatArray]) -> list[FloatArray]:
+        """The residuals without the map; NaN where they do not count."""
+        pairs = zip(residuals, self.inside, strict=True)
+        return [np.where(inside.any(axis=0), r - self.mean @ inside, np.nan) for r, inside in pairs]
+
+
+def _binned(name: str, residuals: Sequence[FloatArray], series: Sequence[FloatArray]) -> _Binned | None:
     """None for a variable that does not vary."""
     there = [np.isfinite(r) & np.isfinite(x) for r, x in zip(residuals, series, strict=True)]
-    x = np.concatenate([x[ok] for x, ok in zip(series, there, strict=True)])
-    r = np.concatenate([r[ok] for r, ok in zip(residuals, there, strict=True)])
-    if x.size < 4 * LEAST_IN_BIN or np.ptp(x) <= 1e-12 * np.max(np.abs(x)):
+    pooled = np.concatenate([x[ok] for x, ok in zip(series, there, strict=True)])
+    if pooled.size < 4 * LEAST_IN_BIN or np.ptp(pooled) <= 1e-12 * np.max(np.abs(pooled)):
         return None
-    edges = np.unique(np.quantile(x, np.linspace(0, 1, min(BINS, x.size // LEAST_IN_BIN) + 1)))
+    edges = np.unique(np.quantile(pooled, np.linspace(0, 1, min(BINS, pooled.size // LEAST_IN_BIN) + 1)))
     if edges.size < 3:
         return None
     count = edges.size - 1
-    inside = [_inside(x, ok, edges) for x, ok in zip(series, there, strict=True)]
-    pooled = _inside(x, np.ones(x.size, dtype=bool), edges)
-    counts = pooled.sum(axis=1)
-    mean = pooled @ r / counts
-    left = [np.where(ok, r - mean @ of, np.nan) for r, ok, of in zip(residuals, there, inside, strict=True)]
-    covariance, samples = _covariance(inside, noise or fit_autoregression(left), counts)
-    if noise is None:  # the map has taken its share of the noise with it
-        covariance = covariance * (1 + count / max(samples - count, count))
-    by_chance = float(counts @ np.diag(covariance))
-    statistic = float(mean @ np.linalg.lstsq(covariance, mean, rcond=1e-9)[0])
-    return ResidualMap(
-        name, pooled @ x / counts, mean, BAND * np.sqrt(np.diag(covariance)),
-        explained=max(float(counts @ mean**2) - by_chance, 0.0) / max(float(r @ r), 1e-300),
-        p_value=float(chdtrc(count, max(statistic, 0.0))), samples=samples,
-    )  # fmt: skip
+    sums, centres, counts, power = np.zeros(count), np.zeros(count), np.zeros(count), 0.0
+    inside = []
+    for r, x, ok in zip(residuals, series, there, strict=True):
+        bins = np.clip(np.searchsorted(edges, x, "right") - 1, 0, count - 1)
+        sums += np.bincount(bins[ok], r[ok], count)
+        centres += np.bincount(bins[ok], x[ok], count)
+        counts += np.bincount(bins[ok], minlength=count)
+        power += float(r[ok] @ r[ok])
+        inside.append(np.asarray((bins == np.arange(count)[:, None]) & ok, dtype=float))
+    return _Binned(name, centres / counts, sums / counts, counts, tuple(inside), power)
 
 
-def _inside(x: FloatArray, there: NDArray[np.bool_], edges: FloatArray) -> FloatArray:
-    """Which samples are in which bin, (K, N) of 0 and 1."""
-    bins = np.clip(np.searchsorted(edges, x, "right") - 1, 0, edges.size - 2)
-    return np.asarray((bins == np.arange(edges.size - 1)[:, None]) & there, dtype=float)
-
-
-def _covariance(inside: Sequence[FloatArray], noise: NoiseModel, counts: FloatArray) -> tuple[FloatArray, float]:
-    """Of the bins' means (K, K) under this noise, and how many independent samples the recordings are worth."""
-    length = 1 << int(2 * max(of.shape[1] for of in inside) - 1).bit_length()
+def _map(binned: _Binned, noise: NoiseModel) -> ResidualMap:
+    length = 1 << int(2 * max(of.shape[1] for of in binned.inside) - 1).bit_length()
     gamma = noise.autocovariance(min(length // 2 - 1, 4096))
-    spread = sum((_spread(of, gamma, length) for of in inside), start=np.zeros((counts.size, counts.size)))
-    variance = float(spread.sum()) / float(counts.sum()) ** 2  # of the mean of all
-    return spread / np.outer(counts, counts), float(gamma[0]) / max(variance, 1e-300)
+    spread = sum((_spread(of, gamma, length) for of in binned.inside), start=np.zeros((binned.x.size, binned.x.size)))
+    counts, mean, count = binned.counts, binned.mean, binned.x.size
+    samples = float(gamma[0]) * float(counts.sum()) ** 2 / max(float(spread.sum()), 1e-300)
+    # a map takes its share of the noise with it, so that what is left looks smaller than the noise is
+    covariance = spread / np.outer(counts, counts) * (1 + count / max(samples - count, count))
+    statistic = float(mean @ np.linalg.lstsq(covariance, mean, rcond=1e-9)[0])
+    explained = binned.share - float(counts @ np.diag(covariance)) / max(binned.power, 1e-300)
+    p_value = float(chdtrc(count, max(statistic, 0.0)))
+    half_width = BAND * np.sqrt(np.diag(covariance))
+    return ResidualMap(binned.variable, binned.x, mean, half_width, max(explained, 0.0), p_value, samples)
 
 
 def _spread(inside: FloatArray, gamma: FloatArray, length: int) -> FloatArray:

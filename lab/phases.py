@@ -35,7 +35,7 @@ def phases(base: str, trajectory: Trajectory) -> Mapping[str, Mask]:
     if base == "oscillator":
         q = np.abs(trajectory["displacement"])
         large = q > LARGE * np.sqrt(np.mean(q**2))
-        return {"large deflection": large, "small deflection": ~large}
+        return {"at large deflection": large, "at small deflection": ~large}
     speed = np.abs(trajectory["velocity"])
     rest = speed < REST * np.sqrt(np.mean(speed**2))
     if base == "play":

@@ -46,7 +46,7 @@ def _where(comparison: Comparison, column: str) -> list[str]:
     bands = [band for band in comparison.spectra[column].bands if band.stands_out]
     if bands:
         band = max(bands, key=lambda one: one.residual)
-        lines.append(f"In frequency most of it lies between {band.low_hz:.0f} and {band.high_hz:.0f} Hz.")
+        lines.append(f"In frequency most of it lies between {band.low_hz:.2g} and {band.high_hz:.2g} Hz.")
     maps = [one for one in comparison.maps[column] if one.significant and one.explained > MENTIONED]
     if maps:
         named = [f"{words.variable(one.variable)[0]} ({100 * one.explained:.0f} % of it)" for one in maps[:3]]
