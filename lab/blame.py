@@ -7,7 +7,8 @@ The input that was found is then held against every state.
 
 How often it is right, thorough and with the base's parameters known, on recordings of the hidden-effect bench that were
 not looked at before (seed 77, strong, 3 of 1 s, noise estimated, half of it coloured): 14 of 20 of the catalogue
-(contact counted as joint or command), 5 of 7 outside of it.  Near misses: joint and command for what moves impacts, oscillator and sensor
+(contact counted as joint or command), 5 of 7 outside of it.
+Near misses: joint and command for what moves impacts, oscillator and sensor
 for what is seen in the ring only.  With parameters that are off, they are what is blamed: fit first.
 """
 
