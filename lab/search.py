@@ -14,18 +14,28 @@ from dataclasses import dataclass
 import numpy as np
 
 from lostmotion.lab.experiment import Experiment
-from lostmotion.lab.grow import Level, first_level, fitted, merged, tiles
+from lostmotion.lab.grow import Level, errors, first_level, fitted, merged, missing, residuals, tiles
+from lostmotion.lab.rough import from_spectra, usual_torque
 from lostmotion.lab.start import find_start, repaired, ringing_hz, stretch_of
 from lostmotion.lab.unknowns import Unknowns, free_names
 from lostmotion.model import Model
+from lostmotion.model.motion import FloatArray
 
 __all__ = ["Task", "best_of", "coarse_substep", "first_fit", "grown", "refined", "seeded", "started", "subset"]
 
 PLAY_SHARE = np.geomspace(0.62, 1.5, 11)
 DAMPING_SHARE = (1.0, 0.4)
 FREQUENCY_SHARE = 0.12
-SEARCH_STEPS = 4.0  # times the model's own choice of step, for a search; the result is refined
+SEARCH_STEPS = {"play": 4.0, "oscillator": 2.0, "joint": 4.0, "servo": 4.0}  # times the model's own choice of step
+FRICTION_SHARE = 0.2
 SUBSET = 10
+LOST = 4.0
+"""Times the error of the shortest stretches, from which longer ones have lost the motion."""
+CONVERGED = 0.3
+"""What half the step may change, in units of the noise."""
+NUDGE = 1e-4
+NUDGED = 4.0
+"""What this share of the start state's scale may change, in units of the noise, before a stretch counts as chaotic."""
 SCANNED = 4
 KEPT = 2
 
@@ -46,22 +56,34 @@ class Task:
     ) -> Task:
         """For these experiments, the step chosen for a search unless given."""
         halvings = max(first_level(model.base, experiment) for experiment in experiments)
-        return cls(model, tuple(experiments), noise, substep_s or coarse_substep(model, experiments), halvings)
+        rough = from_spectra(model, experiments)
+        step = substep_s or coarse_substep(_rubbing(rough, experiments), experiments)
+        return cls(rough, tuple(experiments), noise, step, halvings)
 
 
-def coarse_substep(model: Model, experiments: Sequence[Experiment], factor: float = SEARCH_STEPS) -> float:
-    """An integration step for all fits of this model: the model's own choice on each experiment, times ``factor``.
+def _rubbing(model: Model, experiments: Sequence[Experiment]) -> Model:
+    """A joint or servo with friction: what the search will add is stiffer than what is there."""
+    if model.base not in ("joint", "servo") or "coulomb_friction" in model.effects:
+        return model
+    friction = FRICTION_SHARE * max(usual_torque(model, experiment) for experiment in experiments)
+    return model.with_effect("coulomb_friction").replace({"coulomb_friction.tau_c": friction})
 
-    Gears only; other bases are cheap, and their own choice is kept.
+
+def coarse_substep(model: Model, experiments: Sequence[Experiment], factor: float | None = None) -> float:
+    """An integration step for all fits of this model: its own choice on each experiment, times ``factor``.
+
+    Without a factor, one that is good enough for a search.
     """
     own = [e.model(model).simulate(e.drive, e.between(e.time[0], e.time[0] + 1.0).time).substep_s for e in experiments]
-    return min(own) * (factor if model.base == "play" else 1.0)
+    return min(own) * (factor or SEARCH_STEPS.get(model.base, 1.0))
 
 
 def seeded(model: Model, experiments: Sequence[Experiment]) -> Model:
-    """The model with its frequency from the spectrum, where a bar is measured and its stiffness is free."""
-    if model.base not in ("play", "oscillator") or "k" not in free_names(model):
-        return model
+    """The model with its frequency from the spectrum, where a bar is measured and its stiffness is free; with more
+    from the spectra of input and output, where both were recorded."""
+    known = from_spectra(model, experiments)
+    if known is not model or model.base not in ("play", "oscillator") or "k" not in free_names(model):
+        return known
     k, m = model.parameters["k"], model.parameters["m"].value
     rough = math.sqrt(k.value / m) / (2 * math.pi)
     lines = [ringing_hz(e, rough * (1 - FREQUENCY_SHARE), rough * (1 + FREQUENCY_SHARE)) for e in experiments]
@@ -123,17 +145,43 @@ def full_fit(model: Model, task: Task) -> Level:
     return fitted(level.model, level.unknowns, again, task.substep_s)
 
 
-def grown(level: Level, task: Task, down_to: int = 0, lost: float = 3.0) -> Level:
-    """The fit on stretches twice as long, and so on, as far as the motion is not lost on the way."""
+def grown(level: Level, task: Task, down_to: int = 0) -> Level:
+    """The fit on stretches twice as long, and so on; the longest of these levels that can be trusted.
+
+    Trusted: hardly a stretch is missed, and half the integration step changes nothing.  In a chaotic record neither
+    holds for long stretches.
+    """
+    found = [level]
+    if level.model.base == "joint":  # it drifts away
+        return level
     for halvings in range(task.halvings - 1, down_to - 1, -1):
         stretches = merged(level.stretches, task.experiments, halvings)
         if level.model.base == "play":
             stretches = repaired(level.model, stretches, task.substep_s)
-        longer = fitted(level.model, level.unknowns, stretches, task.substep_s)
-        if longer.typical > lost * max(level.typical, 1.0):
+        level = fitted(level.model, level.unknowns, stretches, task.substep_s)
+        found.append(level)
+        if level.typical > LOST * max(found[0].typical, 1.0):
             break
-        level = longer
-    return level
+    doubts = [_doubt(level, task) for level in found]
+    return min(zip(doubts, found, strict=True), key=lambda pair: (pair[0], -pair[1].horizon_s))[1]
+
+
+def _doubt(level: Level, task: Task) -> float:
+    """Share of the stretches that are missed, not converged or chaotic; up to a tenth of them count as none."""
+    missed = missing(errors(level.model, level.stretches, task.substep_s))
+    fine, finer = (coarse_substep(level.model, task.experiments, factor) for factor in (1.0, 0.5))
+    here = residuals(level.model, level.stretches, fine)
+    halved = residuals(level.model, level.stretches, finer)
+    nudged = [stretch.starting(stretch.start + NUDGE * stretch.scale) for stretch in level.stretches]
+    apart = residuals(level.model, nudged, fine)
+    moved = [_rms(a - b) > CONVERGED for a, b in zip(here, halved, strict=True)]
+    chaotic = [_rms(a - b) > NUDGED for a, b in zip(here, apart, strict=True)]
+    share = float(np.mean(missed | np.array(moved) | np.array(chaotic)))
+    return share if share > 0.1 else 0.0
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def _grid(model: Model) -> list[Model]:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lostmotion.lab.experiment import Experiment
+from lostmotion.lab.rough import usual_torque
 from lostmotion.lab.stretch import Stretch
 from lostmotion.model import Domain, Model, Parameter
 from lostmotion.model.motion import FloatArray
@@ -64,8 +65,10 @@ def sizes(model: Model, stretches: Sequence[Stretch], substep_s: float) -> Sizes
     bend, swing = (float(np.sqrt(np.mean(state[:, i] ** 2))) for i in bar) if bar else (0.0, 0.0)
     measured = np.concatenate([v[~np.isnan(v)] for s in stretches for v in s.experiment.measured.values()])
     experiments: list[Experiment] = [s.experiment for s in stretches]
+    moving = inertia * rms("acceleration")
+    driving = [usual_torque(model, e) for e in experiments] if model.base in ("joint", "servo") else []
     return Sizes(
-        torque=inertia * rms("acceleration"),
+        torque=max([moving, *driving]),
         speed=rms("velocity"),
         span=float(np.ptp(all_of("position"))),
         bend=bend,
