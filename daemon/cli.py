@@ -198,3 +198,4 @@ def score(recording: Path, config: Path | None, joint: str | None, as_json: bool
 
 cli.add_command(LateCommand("simulate", "lostmotion.lab.cli:simulate", "Make a recording from a model."))
 cli.add_command(LateCommand("effects", "lostmotion.lab.cli:effects", "The catalogue of effects, with their equations."))
+cli.add_command(LateCommand("lab", "lostmotion.lab.commands:lab", "Hold a model against measurements."))

@@ -1,24 +1,29 @@
-"""One effect of the catalogue, tried: its grid of sizes, phases and plays, and the best few of it fitted.  No verdicts.
+"""Effects of the catalogue, tried on a model: rough fits with one more, from several beginnings.  No verdicts here.
 
-An effect that moves the gears moves all impacts, and the play that fitted best without it is then the wrong one, so
-effect and play are laid out together.  Effects on bar and sensor leave the gears as they are.
+Near the noise the score test says where an effect would begin and how large it would be.  Far from it, an effect that
+moves the gears moves all impacts, and the play that fitted best without it is the wrong one: effect and play are laid
+out together, on short stretches whose start states are found anew for each.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lostmotion.lab.experiment import Experiment
-from lostmotion.lab.grow import Level
-from lostmotion.lab.search import Task, best_of, refined, started
-from lostmotion.lab.seeds import Sizes, seeds
-from lostmotion.lab.unknowns import free_names
+from lostmotion.lab.grow import Level, fitted
+from lostmotion.lab.scoretest import Direction, start_with
+from lostmotion.lab.search import Task, best_of, full_fit, refined, started, subset
+from lostmotion.lab.seeds import AMPLITUDE, FAINT, Sizes, seeds, sizes
+from lostmotion.lab.stretch import state_scales
+from lostmotion.lab.unknowns import Unknowns, free_names
 from lostmotion.model import Model
+from lostmotion.model.motion import FloatArray
 
-__all__ = ["Trial", "try_effect"]
+__all__ = ["Trial", "far_trials", "near_trials"]
 
 OFF_THE_GEARS = frozenset(
     (
@@ -34,40 +39,78 @@ OFF_THE_GEARS = frozenset(
 )
 PLAY_SHARE = np.geomspace(0.65, 1.45, 8)
 MOST_GRIDDED = 12
-HALVING = (2, 4, 6)
-"""Stretches on which the grid is tried; after each, the better part goes on."""
-KEPT = 3
+FULL = 6
+KEPT = 2
 
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """An effect and the best rough fits with it, best first."""
+    """A fit with one more effect."""
 
     effect: str
-    levels: tuple[Level, ...]
+    level: Level
 
 
-def try_effect(effect: str, base: Level, size: Sizes, few: Sequence[Experiment], task: Task) -> Trial:
-    """Rough fits of the base with one more effect on a few stretches.
+def near_trials(level: Level, directions: Sequence[Direction], task: Task, pool: Executor) -> list[Trial]:
+    """Fits on the same stretches, each beginning with what the score test asks for; best first."""
+    count = len(directions)
+    levels = pool.map(_with_direction, directions, [level] * count, [task] * count)
+    return _ordered([Trial(d.effect, fit) for d, fit in zip(directions, levels, strict=True)])
 
-    base: the fit without the effect, of whose stretches the few are some.
+
+def far_trials(
+    base: Level, directions: Sequence[Direction], effects: Sequence[str], task: Task, pool: Executor
+) -> list[Trial]:
+    """The best few effects, each fitted on all of the shortest stretches; best first.
+
+    base: the fit without them on the shortest stretches; directions: of its score test.
     """
-    models = _grid(effect, base, size, task)
-    order = [few[i] for i in np.argsort(np.arange(len(few)) % 3, kind="stable")]  # spread from the beginning
-    for count in HALVING:
-        levels = [started(model, order[:count], task, base) for model in models]
-        levels = best_of((level for level in levels if np.isfinite(level.typical)), max(KEPT, len(models) // 2))
-        models = [level.model for level in levels]
-    return Trial(effect, tuple(best_of([refined(level, task) for level in levels[:KEPT]], KEPT)))
+    size = sizes(base.model, base.stretches, task.substep_s)
+    near = near_trials(base, directions, task, pool)
+    gridded = [e for e in effects if base.model.base == "play" and e not in OFF_THE_GEARS]
+    few, coarse = subset(task, longer=1)[::2], [task] * len(gridded)
+    far = list(pool.map(_gridded, gridded, [base] * len(gridded), [size] * len(gridded), [few] * len(gridded), coarse))
+    begun = [(trial.effect, trial.level.model) for trial in near[:FULL]]
+    begun += [(trial.effect, trial.level.model) for trial in _ordered([t for ts in far for t in ts])[:FULL]]
+    levels = pool.map(full_fit, [model for _, model in begun], [task] * len(begun))
+    fits = [Trial(effect, fit) for (effect, _), fit in zip(begun, levels, strict=True)]
+    best: dict[str, Trial] = {}
+    for trial in _ordered([*near, *fits]):
+        best.setdefault(trial.effect, trial)
+    return list(best.values())
 
 
-def _grid(effect: str, base: Level, size: Sizes, task: Task) -> list[Model]:
-    """Models to begin from; those with an effect on the gears around what the file says, not around a wrong fit."""
-    model = base.model.with_effect(effect)
-    found = seeds(model, effect, size)
-    if "d" not in free_names(task.rough) or effect in OFF_THE_GEARS or len(found) > MOST_GRIDDED:
-        return [model.replace(values) for values in found]
-    d = task.rough.parameters["d"]
+def _ordered(trials: Sequence[Trial]) -> list[Trial]:
+    return sorted((t for t in trials if np.isfinite(t.level.typical)), key=lambda trial: trial.level.typical)
+
+
+def _with_direction(direction: Direction, level: Level, task: Task) -> Level:
+    """The level's fit with one more effect, of the amplitude that the score test asks for, within what it may be."""
+    model, values = direction.model, {}
+    for name in AMPLITUDE.get(direction.effect, ()):
+        parameter = model.parameters[full := f"{direction.effect}.{name}"]
+        faint = parameter.value
+        wanted = faint * direction.amplitude / FAINT if faint else direction.amplitude
+        values[full] = min(max(wanted, parameter.low, faint if parameter.low >= 0 else parameter.low), parameter.high)
+    model = model.replace(values)
+    stretches = [
+        replace(s, start=start_with(s.experiment.model(model), s), scale=_scale(model, s.scale, s.experiment))
+        for s in level.stretches
+    ]
+    return fitted(model, Unknowns.of(model, task.rough), stretches, task.substep_s)
+
+
+def _scale(model: Model, known: FloatArray, experiment: Experiment) -> FloatArray:
+    return np.concatenate((known, state_scales(model, experiment)[known.size :]))
+
+
+def _gridded(effect: str, base: Level, size: Sizes, few: Sequence[Experiment], task: Task) -> list[Trial]:
+    """Rough fits with an effect on the gears: sizes and plays around what the file says, not around a wrong fit."""
+    found = seeds(base.model.with_effect(effect), effect, size)
+    if len(found) > MOST_GRIDDED or "d" not in free_names(task.rough):
+        return []
+    d, model = task.rough.parameters["d"], task.rough.with_effect(effect)
     plays = [float(np.clip(d.value * share, d.low, d.high)) for share in PLAY_SHARE]
-    model = task.rough.with_effect(effect)
-    return [model.replace({**values, "d": play}) for values in found for play in plays]
+    levels = [started(model.replace({**values, "d": play}), few, task) for values in found for play in plays]
+    usable = best_of((level for level in levels if np.isfinite(level.typical)), KEPT)
+    return [Trial(effect, refined(level, task)) for level in usable]

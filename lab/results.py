@@ -108,7 +108,10 @@ class Errors:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """The shape of what no effect explains: its mean over a variable with a 95 % band, each (K,)."""
+    """The shape of what no effect explains: its mean over a variable with a 95 % band, each (K,).
+
+    unit: the variable's.
+    """
 
     variable: str
     unit: str
@@ -157,6 +160,8 @@ class Explanation:
     detectable: Mapping[str, tuple[str, float]]
     base: Fit
     best: Fit
+    descent: tuple[float, ...] = ()
+    """Errors on unseen data without, and with one, two, … of what is missing."""
 
     def document(self) -> dict[str, Any]:
         """The keys of ``lab explain --json``."""

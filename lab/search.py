@@ -91,9 +91,10 @@ def seeded(model: Model, experiments: Sequence[Experiment]) -> Model:
     return model.replace({"k": min(max(stiffness, k.low), k.high)})
 
 
-def subset(task: Task) -> list[Experiment]:
-    """A few stretches that stand for all, spread over the experiments."""
-    every = [tile for experiment in task.experiments for tile in tiles(experiment, task.halvings)]
+def subset(task: Task, longer: int = 0) -> list[Experiment]:
+    """A few stretches that stand for all, spread over the experiments; doubled in length ``longer`` times."""
+    halvings = max(task.halvings - longer, 0)
+    every = [tile for experiment in task.experiments for tile in tiles(experiment, halvings)]
     return [every[i] for i in np.unique(np.linspace(0, len(every) - 1, min(SUBSET, len(every))).astype(int))]
 
 

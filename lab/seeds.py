@@ -20,7 +20,7 @@ from lostmotion.lab.stretch import Stretch
 from lostmotion.model import Domain, Model, Parameter
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Sizes", "seeds", "sizes"]
+__all__ = ["AMPLITUDE", "FAINT", "Sizes", "faint", "seeds", "sizes"]
 
 Values = dict[str, float]
 
@@ -90,6 +90,26 @@ def seeds(model: Model, effect: str, size: Sizes) -> list[Values]:
     return [_within(model, {_full(effect, name, model): value for name, value in each.items()}) for each in found]
 
 
+def faint(model: Model, effect: str, size: Sizes) -> list[tuple[Model, float]]:
+    """Models with hardly any of an effect, one for each shape that it may have, and what part of its seed that is.
+
+    An effect without an amplitude (a spring, a filter, a limit) is made so stiff, fast or wide that it hardly acts.
+    """
+    own = model.with_effect(effect)
+    if effect in _HARDLY:
+        return [(own.replace(_within(own, {f"{effect}.{k}": v for k, v in each.items()})), 1.0)
+                for each in _HARDLY[effect](size)]  # fmt: skip
+    amplitudes = [f"{effect}.{name}" for name in AMPLITUDE.get(effect, ()) if f"{effect}.{name}" in own.parameters]
+    if not amplitudes:
+        return [(own.replace(values), 1.0) for values in seeds(own, effect, size)]
+    shapes: dict[tuple[tuple[str, float], ...], Values] = {}
+    for values in seeds(own, effect, size):
+        shape = {name: value for name, value in values.items() if name.startswith(effect) and name not in amplitudes}
+        shapes.setdefault(tuple(sorted(shape.items())), {n: v for n, v in values.items() if n.startswith(effect)})
+    return [(own.replace({**values, **{name: FAINT * values[name] for name in amplitudes}}), FAINT)
+            for values in shapes.values()]  # fmt: skip
+
+
 def _full(effect: str, name: str, model: Model) -> str:
     return f"{effect}.{name}" if f"{effect}.{name}" in model.parameters else name
 
@@ -108,6 +128,27 @@ def _grid(**values: Sequence[float]) -> list[Values]:
     return [dict(zip(values, each, strict=True)) for each in itertools.product(*values.values())]
 
 
+FAINT = 0.01
+AMPLITUDE = {
+    "viscous_friction": ("b_v",),
+    "coulomb_friction": ("tau_c",),
+    "stribeck_friction": ("tau_c", "tau_s"),
+    "load_dependent_friction": ("mu",),
+    "gravity_torque": ("tau_g",),
+    "gear_eccentricity": ("e",),
+    "torque_ripple": ("tau_r",),
+    "actuator_lag": ("T",),
+    "command_delay": ("T",),
+    "sensor_lag": ("T",),
+    "hardening_spring": ("k3",),
+    "quadratic_damping": ("b2",),
+    "second_mode": ("participation",),
+    "gravity_leakage": ("c",),
+    "centripetal_crosstalk": ("c",),
+    "clock_skew": ("s",),
+    "bias_drift": ("c",),
+}
+"""Parameters that make an effect vanish when they are zero."""
 PHASES = (0.0, math.pi / 2, math.pi, -math.pi / 2)
 
 
@@ -167,3 +208,15 @@ def _turns(size: Sizes) -> list[float]:
     """Numbers of teeth that differ over this span of angle by less than a third of a turn of the phase."""
     step = min(max(2.0 / max(size.span, 1e-3), 1.0), 12.0)
     return [float(n) for n in np.unique(np.round(np.arange(1.0, 60.5, step)))]
+
+
+_HARDLY: dict[str, Callable[[Sizes], list[Values]]] = {
+    "shaft_compliance": lambda size: [
+        {"share": share, "k_s": k, "c_s": 0.05 * math.sqrt(k * size.inertia)}
+        for share in (0.3, 0.7)
+        for k in [size.inertia * share * (1 - share) * (2 * math.pi * 200.0) ** 2]
+    ],
+    "finite_actuator": lambda size: [{"f1": 40.0, "zeta1": 0.7, "J1": 5 * size.inertia}],
+    "contact_asymmetry": lambda size: [{"ratio": 1.02}],
+    "sensor_saturation": lambda size: [{"a_max": 0.98 * size.peak}],
+}

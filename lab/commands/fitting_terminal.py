@@ -1,0 +1,87 @@
+"""Fits, explanations and ladders as a person reads them in a terminal.  Nothing is computed here."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from lostmotion.lab import verdict
+from lostmotion.lab.results import Explanation, Fit, Ladder
+
+__all__ = ["show_explanation", "show_fit", "show_ladder"]
+
+WIDE = 120
+MOST_RANKED = 8
+
+
+def show_fit(fit: Fit, output: Path) -> None:
+    """Estimates with intervals, errors by column, what could not be told."""
+    console = _console()
+    _say(console, *verdict.of_fit(fit))
+    console.print(_estimates(fit))
+    for column, rms in fit.rms.items():
+        _say(console, f"{column}: error {rms:.3g}, noise about {fit.noise[column]:.3g}")
+    if not fit.complete:
+        _say(console, "stopped early: the best so far")
+    _say(console, f"written to {output}; active effects: {', '.join(fit.model.effects) or 'none'}")
+
+
+def show_explanation(explanation: Explanation) -> None:
+    """The verdict in words, the ranking, what to record next."""
+    console = _console()
+    _say(console, *verdict.of_explanation(explanation))
+    console.print(_ranking(explanation))
+    for group in explanation.confusable:
+        _say(console, f"these recordings hardly tell apart: {', '.join(group)}")
+    if explanation.advice:
+        _say(console, explanation.advice)
+
+
+def show_ladder(ladder: Ladder, output: Path) -> None:
+    """The error falling, rung by rung."""
+    console = _console()
+    table = _table("effects", "error on unseen data", "noise")
+    for rung in ladder.rungs:
+        table.add_row(", ".join(rung.effects) or "none", f"{rung.rms:.3g} {rung.unit}", f"{rung.noise:.3g}")
+    console.print(table)
+    _say(console, *verdict.of_ladder(ladder))
+    effects = ", ".join(ladder.last.best.model.effects) or "none"
+    _say(console, f"written to {output}; active effects: {effects}")
+
+
+def _console() -> Console:
+    return Console(width=None if sys.stdout.isatty() else WIDE, highlight=False)
+
+
+def _say(console: Console, *lines: str) -> None:
+    for line in lines:
+        console.print(Text(line))
+
+
+def _table(*columns: str) -> Table:
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for column in columns:
+        table.add_column(column, overflow="fold")
+    return table
+
+
+def _estimates(fit: Fit) -> Table:
+    table = _table("parameter", "value", "95 % interval", "unit", "")
+    for e in fit.estimates:
+        remark = "at its bound" if e.at_bound else "" if e.told else "these recordings cannot tell it"
+        table.add_row(e.name, f"{e.value:.5g}", f"{e.low:.5g} to {e.high:.5g}", e.unit, remark)
+    return table
+
+
+def _ranking(explanation: Explanation) -> Table:
+    unit = explanation.error.unit
+    table = _table("effect", f"error before [{unit}]", f"after [{unit}]", "p")
+    for entry in explanation.ranking[:MOST_RANKED]:
+        p = "< 0.003" if entry.p_value < 0.003 else f"{entry.p_value:.2g}"
+        table.add_row(entry.effect, f"{entry.rms_before:.3g}", f"{entry.rms_after:.3g}", p)
+    return table

@@ -1,0 +1,234 @@
+"""Which physical effect is missing: search, judge on what the fit has not seen, say how sure.  The heart of the lab.
+
+1. The base is fitted to all experiments but the last, on a horizon that can be trusted.
+2. The score test asks each effect of the catalogue whether the residual holds anything of it; at 5 % for the whole
+   search, whatever the colour of the noise.
+3. Effects are fitted jointly with the base; the simplest of those that explain the data equally well is taken (BIC),
+   when it also lowers the error on the experiment that the fit has not seen.
+4. Again, with that effect in the model, until nothing is significant.  What is then left above the noise is outside of
+   the catalogue, and described.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lostmotion.lab.advice import advice
+from lostmotion.lab.blame import blame
+from lostmotion.lab.candidates import Trial, far_trials, near_trials
+from lostmotion.lab.experiment import Experiment
+from lostmotion.lab.fit import fit_of, noise_of, refined_level
+from lostmotion.lab.grow import Level, errors, missing, residuals
+from lostmotion.lab.heldout import Judged, judge
+from lostmotion.lab.noise import innovation_noise
+from lostmotion.lab.results import Errors, Explanation, Finding, Fit, Ranked, Verdict
+from lostmotion.lab.scoretest import Scores, score_test
+from lostmotion.lab.search import Task, first_fit, grown
+from lostmotion.lab.seeds import AMPLITUDE, FAINT
+from lostmotion.model import Model, catalogue
+
+__all__ = ["explain"]
+
+MOST_MISSING = 3
+FAR = 1.6
+"""Times the noise; below, the model is linear enough in what is missing for the score test alone to lead the search."""
+NEAR_TRIALS = 6
+GROWN_TRIALS = 4
+SIGNIFICANT = 0.05
+EXPLAINED = 1.25
+"""Times the noise floor, up to which nothing is left to explain: the floor itself is only known to some 20 %."""
+LEAST_GAIN = 0.01
+"""An effect must lower the error on unseen data by this share."""
+UNITS = {"accel": "m/s^2", "position": "rad", "displacement": "m", "force": "N"}
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """A fit without, and the trials with, one more effect; scores of the fit without; the winner, if there is one."""
+
+    scores: Scores
+    trials: tuple[Trial, ...]
+    judged: tuple[Judged, ...]
+    winner: int | None
+
+
+def explain(
+    model: Model,
+    experiments: Sequence[Experiment],
+    pool: Executor,
+    progress: Progress = lambda what, part: None,
+    seed: int = 0,
+) -> Explanation:
+    """What these experiments say is missing from the model.
+
+    The last experiment is kept for judging (the last third of a single one).  seed: of the bootstrap.  Raises
+    ModelError where the model cannot be run on the experiments at all.
+    """
+    train, unseen = _split(experiments)
+    task = Task.of(model, train, noise_of(experiments))
+    rng = np.random.default_rng(seed)
+    progress("fitting what is there", 0.0)
+    short = first_fit(model, task, pool)
+    level = grown(short, task)
+    base, steps = level, []
+    descent = [judge(level, unseen, task, pool)]
+    for round_ in range(MOST_MISSING):
+        progress("looking for what is missing" if not round_ else "looking for more", 0.15 + 0.25 * round_)
+        step = _step(level, short, descent[-1], unseen, task, pool, rng)
+        steps.append(step)
+        if step.winner is None:
+            break
+        level = short = step.trials[step.winner].level
+        descent.append(step.judged[step.winner])
+    progress("refining", 0.9)
+    found = _explanation(base, level, descent, steps, task)
+    progress("done", 1.0)
+    return found
+
+
+def _split(experiments: Sequence[Experiment]) -> tuple[list[Experiment], Experiment]:
+    if len(experiments) > 1:
+        return list(experiments[:-1]), experiments[-1]
+    (only,) = experiments
+    cut = float(only.time[0] + 2 * only.duration / 3)
+    return [only.between(only.time[0], cut)], only.between(cut, only.time[-1] + 1.0)
+
+
+def _step(
+    level: Level, short: Level, now: Judged, unseen: Experiment, task: Task, pool: Executor, rng: np.random.Generator
+) -> _Step:
+    """One more effect, if there is evidence for one."""
+    effects = [e.id for e in catalogue() if level.model.base in e.bases and e.id not in level.model.effects]
+    scores = score_test(level, effects, task.substep_s, pool, rng)
+    if scores.directions[0].statistic <= scores.limit and now.error < FAR:
+        return _Step(scores, (), (), None)
+    trials = near_trials(level, scores.directions[:NEAR_TRIALS], task, pool)
+    if now.error >= FAR and not any(trial.level.typical < EXPLAINED for trial in trials):
+        first = score_test(short, effects, task.substep_s, pool, rng) if short is not level else scores
+        far = far_trials(short, first.directions, effects, task, pool)[:GROWN_TRIALS]
+        levels = pool.map(grown, [trial.level for trial in far], [task] * len(far))
+        trials += [Trial(trial.effect, longer) for trial, longer in zip(far, levels, strict=True)]
+    judged = [judge(trial.level, unseen, task, pool) for trial in trials]
+    order = sorted(range(len(trials)), key=lambda i: _criterion(judged[i], trials[i]))
+    best: dict[str, int] = {}
+    for i in order:
+        best.setdefault(trials[i].effect, i)
+    kept = list(best.values())
+    trials, judged = [trials[i] for i in kept], [judged[i] for i in kept]
+    better = judged[0].error < (1 - LEAST_GAIN) * now.error and judged[0].likelihood_gain_over(now) > _penalty(
+        judged[0]
+    )
+    return _Step(scores, tuple(trials), tuple(judged), 0 if better else None)
+
+
+def _criterion(judged: Judged, trial: Trial) -> float:
+    """Schwarz's criterion on unseen data, errors within 3 % of each other counting as equal: then fewer parameters."""
+    return round(math.log(max(judged.error, 1.0)) / 0.03) + 0.01 * len(trial.level.unknowns.names) * math.log(
+        judged.count
+    )
+
+
+def _penalty(judged: Judged) -> float:
+    return 0.5 * math.log(judged.count)
+
+
+def _explanation(
+    base: Level,
+    best: Level,
+    descent: Sequence[Judged],
+    steps: Sequence[_Step],
+    task: Task,
+) -> Explanation:
+    before, after = descent[0], descent[-1]
+    column = next(iter(task.noise))
+    unit = task.noise[column]
+    named = tuple(effect for effect in best.model.effects if effect not in base.model.effects)
+    best_fit = fit_of(refined_level(best, task), task)
+    floor = min(max(after.floor, 0.5), after.error) * unit
+    left = after.error > EXPLAINED * max(after.floor, 1.0)
+    verdict: Verdict = "outside_catalogue" if left else "missing" if named else "nothing_missing"
+    return Explanation(
+        verdict=verdict,
+        missing=() if left and not named else named,
+        confusable=_confusable(named, steps),
+        ranking=_with_intervals(_ranking(steps, before, unit), best_fit),
+        error=Errors(before.error * unit, after.error * unit, floor, UNITS[column]),
+        residual=_finding(best, task) if left else None,
+        advice=advice(named, steps[-1].scores, best.model),
+        detectable=_detectable(steps[-1].scores) if verdict == "nothing_missing" else {},
+        base=fit_of(base, task),
+        best=best_fit,
+        descent=tuple(judged.error * unit for judged in descent),
+    )
+
+
+def _ranking(steps: Sequence[_Step], before: Judged, unit: float) -> tuple[Ranked, ...]:
+    """The effects of the first search, best first; those that were not fitted by their score."""
+    if not steps:
+        return ()
+    step = steps[0]
+    ranked = [
+        Ranked(t.effect, before.error * unit, j.error * unit, step.scores.p_values.get(t.effect, 1.0), _values(t))
+        for t, j in zip(step.trials, step.judged, strict=True)
+    ]
+    tried = {entry.effect for entry in ranked}
+    rest = [d for d in step.scores.directions if d.effect not in tried]
+    error = before.error * unit
+    return (*ranked, *(Ranked(d.effect, error, error, step.scores.p_values[d.effect]) for d in rest))
+
+
+def _with_intervals(ranking: Sequence[Ranked], fit: Fit) -> tuple[Ranked, ...]:
+    """Effects that are in the fit get its estimates."""
+    known: dict[str, dict[str, tuple[float, float, float]]] = {}
+    for e in fit.estimates:
+        effect, _, name = e.name.rpartition(".")
+        known.setdefault(effect, {})[name] = (e.value, e.low, e.high)
+    return tuple(replace(r, parameters={**r.parameters, **known.get(r.effect, {})}) for r in ranking)
+
+
+def _values(trial: Trial) -> dict[str, tuple[float, float, float]]:
+    prefix = trial.effect + "."
+    own = {n.removeprefix(prefix): p.value for n, p in trial.level.model.parameters.items() if n.startswith(prefix)}
+    return {name: (value, value, value) for name, value in own.items()}
+
+
+def _confusable(named: Sequence[str], steps: Sequence[_Step]) -> tuple[tuple[str, ...], ...]:
+    groups = []
+    for effect, step in zip(named, steps, strict=False):
+        equal = [
+            t.effect for t, j in zip(step.trials, step.judged, strict=True)
+            if t.effect != effect and j.error < 1.02 * step.judged[0].error
+        ]  # fmt: skip
+        if equal:
+            groups.append((effect, *equal))
+    return tuple(groups)
+
+
+def _detectable(scores: Scores) -> dict[str, tuple[str, float]]:
+    """The amplitude at which each effect's statistic would have passed the limit with an even chance."""
+    sizes = {}
+    for d in scores.directions:
+        names = AMPLITUDE.get(d.effect)
+        if not names or d.statistic <= 0:
+            continue
+        name = names[0]
+        value = d.model.parameters[f"{d.effect}.{name}"].value
+        per_sigma = abs(d.amplitude) / math.sqrt(d.statistic)
+        sizes[d.effect] = (name, abs(value) / FAINT * per_sigma * math.sqrt(scores.limit))
+    return sizes
+
+
+def _finding(level: Level, task: Task) -> Finding | None:
+    """What is left, as the blame says it."""
+    out = missing(errors(level.model, level.stretches, task.substep_s))
+    good = [s for s, missed in zip(level.stretches, out, strict=True) if not missed] or list(level.stretches)
+    noise = {name: innovation_noise(np.asarray(r * task.noise[name])) for name in task.noise
+             for r in [np.concatenate(residuals(level.model, good, task.substep_s))]}  # fmt: skip
+    found = blame(level.model, [s.experiment for s in good], [s.start for s in good], noise, thorough=True)
+    return found.finding() if found else None

@@ -1,0 +1,136 @@
+"""The score test: would an effect, were it added faintly, explain part of a residual?  No refits, no verdicts.
+
+Near the noise the model is linear in what is small: r = A dz + B dx + c a + noise, with the derivatives A by the fitted
+parameters, B by the start states, and c by the amplitude of an effect at zero.  Projected off A and B, what c explains
+is T = (c'r)²/c'Gamma c.  The p-value is that of the largest T of the whole catalogue among residuals that are noise of
+the same colour (a bootstrap of the search, not of one effect), so that looking at twenty effects is paid for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+
+from lostmotion.lab.grow import Level, errors, missing
+from lostmotion.lab.noise import NoiseModel, innovation_noise
+from lostmotion.lab.seeds import faint, sizes
+from lostmotion.lab.stretch import Linearised, Stretch
+from lostmotion.model import Model
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["Direction", "Scores", "score_test", "start_with"]
+
+DRAWS = 400
+ALIKE = 0.98
+
+
+@dataclass(frozen=True, eq=False)
+class Direction:
+    """A way in which an effect may be missing: the model with a faint effect, what fraction of the seed that is, and
+    after the test its statistic T (chi-squared with one degree in white noise) and the amplitude it asks for."""
+
+    effect: str
+    model: Model
+    statistic: float
+    amplitude: float
+    column: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """directions: the best of each effect, largest statistic first; limit: what the largest statistic of a search
+    exceeds in 5 % of cases although nothing is missing; p_values: by effect, of the whole search."""
+
+    directions: tuple[Direction, ...]
+    limit: float
+    p_values: dict[str, float]
+    noise: NoiseModel
+
+    def alike(self, effect: str) -> tuple[str, ...]:
+        """Effects that act so nearly as this one does that these recordings hardly tell them apart (|cos| > 0.98)."""
+        by_name = {direction.effect: direction.column for direction in self.directions}
+        own = by_name[effect]
+        return tuple(
+            name for name, column in by_name.items()
+            if name != effect and abs(own @ column) > ALIKE * np.linalg.norm(own) * np.linalg.norm(column)
+        )  # fmt: skip
+
+
+def score_test(
+    level: Level, effects: Sequence[str], substep_s: float, pool: Executor, rng: np.random.Generator
+) -> Scores:
+    """Tests effects on a fit, whose stretches that are missed are left out."""
+    out = missing(errors(level.model, level.stretches, substep_s))
+    stretches = [stretch for stretch, missed in zip(level.stretches, out, strict=True) if not missed]
+    count = len(stretches)
+    blocks = list(pool.map(_linearised, stretches, [level] * count, [substep_s] * count))
+    project = _Projection(blocks)
+    noise = innovation_noise(*(block.r for block in blocks))
+    r = project([block.r for block in blocks])
+    size = sizes(level.model, stretches, substep_s)
+    models = [(effect, model, part) for effect in effects for model, part in faint(level.model, effect, size)]
+    columns = pool.map(_columns, [m for _, m, _ in models], [stretches] * len(models),
+                       [[b.r for b in blocks]] * len(models), [substep_s] * len(models))  # fmt: skip
+    usable = [(e, m, part, project(c)) for (e, m, part), c in zip(models, columns, strict=True) if c is not None]
+    usable = [entry for entry in usable if entry[3] @ entry[3] > 1e-12]
+    C = np.array([column / np.linalg.norm(column) for *_, column in usable])
+    draws = np.array([project([noise.simulate(rng, b.r.size) for b in blocks]) for _ in range(DRAWS)])
+    null = draws @ C.T
+    spread = np.maximum(null.std(axis=0), 1e-9)
+    largest = np.sort(np.max((null / spread) ** 2, axis=1))
+    statistic = (C @ r / spread) ** 2
+    found: dict[str, Direction] = {}
+    for (effect, model, part, column), T in zip(usable, statistic, strict=True):
+        if effect not in found or found[effect].statistic < T:
+            amplitude = -float(column @ r) / float(column @ column) * part
+            found[effect] = Direction(effect, model, float(T), amplitude, column)
+    ordered = tuple(sorted(found.values(), key=lambda direction: -direction.statistic))
+    p = {d.effect: float((1 + np.sum(largest >= d.statistic)) / (1 + DRAWS)) for d in ordered}
+    return Scores(ordered, float(np.quantile(largest, 0.95)), p, noise)
+
+
+def _linearised(stretch: Stretch, level: Level, substep_s: float) -> Linearised:
+    return stretch.linearised(level.model, level.unknowns, level.z, substep_s)
+
+
+def _columns(
+    model: Model, stretches: Sequence[Stretch], before: Sequence[FloatArray], substep_s: float
+) -> list[FloatArray] | None:
+    """How a faint effect changes the residual of each stretch; None where it cannot be run."""
+    changes = []
+    for stretch, r in zip(stretches, before, strict=True):
+        own = stretch.experiment.model(model)
+        there = stretch.residual(own, start_with(own, stretch), substep_s)
+        if not np.all(np.isfinite(there)):
+            return None
+        changes.append(there - r)
+    return changes
+
+
+def start_with(model: Model, stretch: Stretch) -> FloatArray:
+    """The stretch's start state for a model with one more effect, whose own states begin where they belong."""
+    names = model.state_names
+    known = [name for name in names if "." not in name]
+    given = {name: float(value) for name, value in zip(known, stretch.start, strict=False)}
+    return model.initial_state(stretch.experiment.drive, float(stretch.experiment.time[0]), **given)
+
+
+class _Projection:
+    """Takes what parameters (shared) and start states (of each stretch) explain out of a residual."""
+
+    def __init__(self, blocks: Sequence[Linearised]) -> None:
+        self._starts = [np.linalg.qr(block.B)[0] for block in blocks]
+        A = np.concatenate([self._off(q, b.A) for q, b in zip(self._starts, blocks, strict=True)])
+        self._parameters = np.linalg.qr(A)[0]
+
+    def __call__(self, parts: Sequence[FloatArray]) -> FloatArray:
+        """The residuals of all stretches (M_i,) as one, projected (M,)."""
+        whole = np.concatenate([self._off(q, part) for q, part in zip(self._starts, parts, strict=True)])
+        return np.asarray(whole - self._parameters @ (self._parameters.T @ whole))
+
+    @staticmethod
+    def _off(q: FloatArray, part: FloatArray) -> FloatArray:
+        return np.asarray(part - q @ (q.T @ part))
