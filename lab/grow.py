@@ -34,7 +34,10 @@ __all__ = [
     "tiles",
 ]
 
-FIRST_S = 0.25
+FIRST_S = {"play": 0.25, "joint": 1.0, "servo": 0.75}
+"""Length of the first stretches [s] where the motion is chaotic, drifts, or may stick at the wrong place."""
+FIRST_SAMPLES = 1024
+"""The same for other motions: short enough that a part can stand for all."""
 OUTSIDE = 2.0  # medians of |r|: further out a residual counts by its magnitude
 LEAST_HUBER = 3.0
 MISSED = 3.0
@@ -60,11 +63,10 @@ class Level:
         return max(stretch.experiment.duration for stretch in self.stretches)
 
 
-def first_level(base: str, experiment: Experiment, longest_s: float = math.inf) -> int:
-    """How often to halve the record for the first stretches: half a second on gears; a motion that is not chaotic
-    starts whole, or with stretches of ``longest_s``."""
-    first = FIRST_S if base == "play" else longest_s
-    return max(0, math.ceil(math.log2(max(experiment.duration / first, 1.0)) - 0.2)) if math.isfinite(first) else 0
+def first_level(base: str, experiment: Experiment) -> int:
+    """How often to halve the record for the first stretches."""
+    first = FIRST_S.get(base, FIRST_SAMPLES / experiment.rate_hz)
+    return max(0, math.ceil(math.log2(max(experiment.duration / first, 1.0)) - 0.2))
 
 
 def tiles(experiment: Experiment, halvings: int) -> list[Experiment]:

@@ -7,6 +7,7 @@ vary in units of their scale.  Weak priors (a factor e, or ten scales) keep what
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,8 +18,12 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["Unknown", "Unknowns", "free_names"]
 
 LOG_PRIOR = 1.0
-TRUST = {"l": 1.25, "k": 1.25, "b": 3.0, "d": 1.8, "alpha": 5.0}
-"""By what factor each may move in a search, from what the model's file says."""
+TRUST: Mapping[str, Mapping[str, float]] = {
+    "play": {"l": 1.25, "k": 1.25, "b": 3.0, "d": 1.8, "alpha": 5.0},
+    "joint": {"J": 1.5},
+    "servo": {"J": 3.0, "kt": 3.0},
+}
+"""By base, by what factor each may move in a search, from what the file or the spectra say."""
 LINEAR_PRIOR = 10.0
 
 
@@ -64,8 +69,7 @@ class Unknown:
         return math.exp(min(z, 700.0)) if self.logarithmic else self.scale
 
 
-def _near(unknown: Unknown, value: float) -> Unknown:
-    factor = TRUST[unknown.name]
+def _near(unknown: Unknown, value: float, factor: float) -> Unknown:
     return replace(unknown, low=max(unknown.low, value / factor), high=min(unknown.high, value * factor))
 
 
@@ -91,8 +95,10 @@ class Unknowns:
         """
         items = tuple(Unknown.of(name, model.parameters[name]) for name in free_names(model))
         if around is not None:
+            trust = TRUST.get(model.base, {})
             items = tuple(
-                _near(item, around.parameters[item.name].value) if item.name in TRUST else item for item in items
+                _near(item, around.parameters[item.name].value, trust[item.name]) if item.name in trust else item
+                for item in items
             )
         return cls(items, np.array([LOG_PRIOR if item.logarithmic else LINEAR_PRIOR for item in items]))
 

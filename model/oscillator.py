@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 from lostmotion.model.base import Base, Fusion, Operating, State, Term
 from lostmotion.model.kernel import Slots, kernel
@@ -114,6 +115,7 @@ BASE = Base(
     summary="a damped oscillator, driven by a force or ringing down (eq. 6)",
     parameters={
         **PARAMETERS,
+        "m": replace(PARAMETERS["m"], low=1e-9, fixed=False),
         "bias": Parameter(0.0, "N", -1e3, 1e3, False, "none expected", "constant force, an offset of the input"),
     },
     states=STATES,

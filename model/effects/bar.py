@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from lostmotion.model.base import Operating, Term
-from lostmotion.model.effects.base import ActsOn, Effect, on
+from lostmotion.model.effects.base import JOINT_MOST, ActsOn, Effect, on
 from lostmotion.model.kernel import Slots, kernel
 from lostmotion.model.parameter import Domain, Parameter
 from lostmotion.model.signals import ALPHA2, BAR_FORCE, OMEGA2, Q_RATE, TIP, TORQUE, Q
@@ -73,8 +73,8 @@ QUADRATIC_DAMPING = Effect(
         **on(("joint", "servo"), Term(TORQUE, quadratic_on_joint, ("b2",))),
     },
     defaults={
-        base: {"b2": Parameter(value, "N m s^2/rad^2", 0.0, 10.0, False, "guess", "drag", Domain.NOT_NEGATIVE)}
-        for base, value in (("joint", 1e-5), ("servo", 2e-3))
+        base: {"b2": Parameter(value, "N m s^2/rad^2", 0.0, most, False, "guess", "drag", Domain.NOT_NEGATIVE)}
+        for base, value, most in (("joint", 1e-5, JOINT_MOST), ("servo", 2e-3, 10.0))
     },
 )
 SECOND_MODE = Effect(

@@ -14,8 +14,10 @@ from lostmotion.model.base import Operating, Term
 from lostmotion.model.errors import ModelError
 from lostmotion.model.parameter import Parameter
 
-__all__ = ["ActsOn", "Effect", "EffectInfo", "omega_0", "on", "servo_sized"]
+__all__ = ["ActsOn", "Effect", "EffectInfo", "joint_sized", "omega_0", "on", "servo_sized"]
 
+JOINT_MOST = 1e4
+"""[N m], or that per speed: the base ``joint`` stands for a finger as well as for a crane."""
 SERVO_SIZE = 200.0
 """A servo's torques over those on the bar's small inertia."""
 
@@ -82,3 +84,8 @@ def servo_sized(torque: Parameter) -> Parameter:
     """The default of a torque, or of a torque per speed, and its bounds as they are on the base ``servo``."""
     value, low, high = (number * SERVO_SIZE for number in (torque.value, torque.low, torque.high))
     return replace(torque, value=value, low=low, high=high)
+
+
+def joint_sized(torque: Parameter) -> Parameter:
+    """A torque, or a torque per speed, within the bounds that it has on the base ``joint``."""
+    return replace(torque, low=-JOINT_MOST if torque.low < 0 else torque.low, high=JOINT_MOST)

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 
 from lostmotion.model.base import Operating, Term
-from lostmotion.model.effects.base import ActsOn, Effect, omega_0, on, servo_sized
+from lostmotion.model.effects.base import ActsOn, Effect, joint_sized, omega_0, on, servo_sized
 from lostmotion.model.kernel import Slots, kernel
 from lostmotion.model.parameter import Domain, Parameter
 from lostmotion.model.signals import FORCE, OMEGA2, TORQUE
@@ -82,7 +82,7 @@ VISCOUS = Effect(
     parameters={"b_v": _B_V},
     terms=on(JOINTS, Term(TORQUE, viscous, ("b_v",))),
     rate=_viscous_rate,
-    defaults={"servo": {"b_v": servo_sized(_B_V)}},
+    defaults={"joint": {"b_v": joint_sized(_B_V)}, "servo": {"b_v": servo_sized(_B_V)}},
 )
 COULOMB = Effect(
     id="coulomb_friction",
@@ -93,7 +93,10 @@ COULOMB = Effect(
     parameters={"tau_c": _TAU_C, "omega_0": omega_0(1e-2)},
     terms=on(JOINTS, Term(TORQUE, coulomb, ("tau_c", "omega_0"))),
     rate=_dry_rate,
-    defaults={"joint": _SLOW["joint"], "servo": {"tau_c": servo_sized(_TAU_C), **_SLOW["servo"]}},
+    defaults={
+        "joint": {"tau_c": joint_sized(_TAU_C), **_SLOW["joint"]},
+        "servo": {"tau_c": servo_sized(_TAU_C), **_SLOW["servo"]},
+    },
 )
 STRIBECK = Effect(
     id="stribeck_friction",
@@ -105,7 +108,7 @@ STRIBECK = Effect(
     terms=on(JOINTS, Term(TORQUE, stribeck, ("tau_c", "tau_s", "omega_s", "omega_0"))),
     rate=_dry_rate,
     defaults={
-        "joint": _SLOW["joint"],
+        "joint": {"tau_c": joint_sized(_TAU_C), "tau_s": joint_sized(_TAU_S), **_SLOW["joint"]},
         "servo": {"tau_c": servo_sized(_TAU_C), "tau_s": servo_sized(_TAU_S), **_SLOW["servo"]},
     },
 )

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from lostmotion.model.base import Operating, Term
-from lostmotion.model.effects.base import ActsOn, Effect, on, servo_sized
+from lostmotion.model.effects.base import ActsOn, Effect, joint_sized, on, servo_sized
 from lostmotion.model.kernel import Slots, kernel, whole_power
 from lostmotion.model.parameter import Domain, Parameter
 from lostmotion.model.signals import FORCE, GAP, GAP_RATE, OMEGA1, THETA1, THETA2, TORQUE
@@ -86,5 +86,5 @@ TORQUE_RIPPLE = Effect(
     },
     terms=on(JOINTS, Term(TORQUE, ripple, ("tau_r", "N", "phi"))),
     rate=_ripple_rate,
-    defaults={"servo": {"tau_r": servo_sized(_TAU_R)}},
+    defaults={"joint": {"tau_r": joint_sized(_TAU_R)}, "servo": {"tau_r": servo_sized(_TAU_R)}},
 )

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from lostmotion.model.base import Operating, Term
-from lostmotion.model.effects.base import ActsOn, Effect, on, servo_sized
+from lostmotion.model.effects.base import ActsOn, Effect, joint_sized, on, servo_sized
 from lostmotion.model.kernel import Slots, kernel
 from lostmotion.model.parameter import Domain, Parameter
 from lostmotion.model.signals import THETA2, TORQUE
@@ -40,5 +40,5 @@ GRAVITY_TORQUE = Effect(
     },
     terms=on(JOINTS, Term(TORQUE, gravity_torque, ("tau_g", "phi"))),
     rate=_rate,
-    defaults={"servo": {"tau_g": servo_sized(_TAU_G)}},
+    defaults={"joint": {"tau_g": joint_sized(_TAU_G)}, "servo": {"tau_g": servo_sized(_TAU_G)}},
 )
