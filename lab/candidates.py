@@ -39,7 +39,10 @@ OFF_THE_GEARS = frozenset(
 )
 PLAY_SHARE = np.geomspace(0.65, 1.45, 8)
 MOST_GRIDDED = 12
-FULL = 6
+NEAR = 12
+FULL = 4
+EXPLAINED = 1.25
+"""Times the noise, at which a fit on short stretches leaves nothing to look for."""
 KEPT = 2
 
 
@@ -51,10 +54,12 @@ class Trial:
     level: Level
 
 
-def near_trials(level: Level, directions: Sequence[Direction], task: Task, pool: Executor) -> list[Trial]:
+def near_trials(
+    level: Level, directions: Sequence[Direction], task: Task, pool: Executor, iterations: int = 15
+) -> list[Trial]:
     """Fits on the same stretches, each beginning with what the score test asks for; best first."""
     count = len(directions)
-    levels = pool.map(_with_direction, directions, [level] * count, [task] * count)
+    levels = pool.map(_with_direction, directions, [level] * count, [task] * count, [iterations] * count)
     return _ordered([Trial(d.effect, fit) for d, fit in zip(directions, levels, strict=True)])
 
 
@@ -65,17 +70,25 @@ def far_trials(
 
     base: the fit without them on the shortest stretches; directions: of its score test.
     """
-    size = sizes(base.model, base.stretches, task.substep_s)
-    near = near_trials(base, directions, task, pool)
-    gridded = [e for e in effects if base.model.base == "play" and e not in OFF_THE_GEARS]
-    few, coarse = subset(task, longer=1)[::2], [task] * len(gridded)
-    far = list(pool.map(_gridded, gridded, [base] * len(gridded), [size] * len(gridded), [few] * len(gridded), coarse))
-    begun = [(trial.effect, trial.level.model) for trial in near[:FULL]]
-    begun += [(trial.effect, trial.level.model) for trial in _ordered([t for ts in far for t in ts])[:FULL]]
-    levels = pool.map(full_fit, [model for _, model in begun], [task] * len(begun))
-    fits = [Trial(effect, fit) for (effect, _), fit in zip(begun, levels, strict=True)]
+    near = near_trials(base, directions[:NEAR], task, pool, iterations=6)
+    gridded = [] if near and near[0].level.typical < EXPLAINED else _on_the_gears(effects, base)
+    size, few = sizes(base.model, base.stretches, task.substep_s), subset(task, longer=1)[::2]
+    count = len(gridded)
+    far = pool.map(_gridded, gridded, [base] * count, [size] * count, [few] * count, [task] * count)
+    both = [*_best_of_each(near)[:FULL], *_best_of_each([t for trials in far for t in trials])[:FULL]]
+    levels = pool.map(full_fit, [trial.level.model for trial in both], [task] * len(both))
+    fits = [Trial(trial.effect, fit) for trial, fit in zip(both, levels, strict=True)]
+    return _best_of_each([*near, *fits])
+
+
+def _on_the_gears(effects: Sequence[str], base: Level) -> list[str]:
+    return [e for e in effects if base.model.base == "play" and e not in OFF_THE_GEARS]
+
+
+def _best_of_each(trials: Sequence[Trial]) -> list[Trial]:
+    """The best trial of each effect, best first."""
     best: dict[str, Trial] = {}
-    for trial in _ordered([*near, *fits]):
+    for trial in _ordered(trials):
         best.setdefault(trial.effect, trial)
     return list(best.values())
 
@@ -84,7 +97,7 @@ def _ordered(trials: Sequence[Trial]) -> list[Trial]:
     return sorted((t for t in trials if np.isfinite(t.level.typical)), key=lambda trial: trial.level.typical)
 
 
-def _with_direction(direction: Direction, level: Level, task: Task) -> Level:
+def _with_direction(direction: Direction, level: Level, task: Task, iterations: int) -> Level:
     """The level's fit with one more effect, of the amplitude that the score test asks for, within what it may be."""
     model, values = direction.model, {}
     for name in AMPLITUDE.get(direction.effect, ()):
@@ -97,7 +110,7 @@ def _with_direction(direction: Direction, level: Level, task: Task) -> Level:
         replace(s, start=start_with(s.experiment.model(model), s), scale=_scale(model, s.scale, s.experiment))
         for s in level.stretches
     ]
-    return fitted(model, Unknowns.of(model, task.rough), stretches, task.substep_s)
+    return fitted(model, Unknowns.of(model, task.rough), stretches, task.substep_s, iterations=iterations)
 
 
 def _scale(model: Model, known: FloatArray, experiment: Experiment) -> FloatArray:

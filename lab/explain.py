@@ -30,6 +30,7 @@ from lostmotion.lab.results import Errors, Explanation, Finding, Fit, Ranked, Ve
 from lostmotion.lab.scoretest import Scores, score_test
 from lostmotion.lab.search import Task, first_fit, grown
 from lostmotion.lab.seeds import AMPLITUDE, FAINT
+from lostmotion.lab.structure import is_structured
 from lostmotion.model import Model, catalogue
 
 __all__ = ["explain"]
@@ -38,10 +39,12 @@ MOST_MISSING = 3
 FAR = 1.6
 """Times the noise; below, the model is linear enough in what is missing for the score test alone to lead the search."""
 NEAR_TRIALS = 6
-GROWN_TRIALS = 4
+GROWN_TRIALS = 3
 SIGNIFICANT = 0.05
-EXPLAINED = 1.25
-"""Times the noise floor, up to which nothing is left to explain: the floor itself is only known to some 20 %."""
+NEARLY = 2.0
+BY_FAR = 4.0
+"""An effect that brings the error down by this factor, to within NEARLY of the noise, is missing although structure is
+left behind it."""
 LEAST_GAIN = 0.01
 """An effect must lower the error on unseen data by this share."""
 UNITS = {"accel": "m/s^2", "position": "rad", "displacement": "m", "force": "N"}
@@ -108,12 +111,14 @@ def _step(
     scores = score_test(level, effects, task.substep_s, pool, rng)
     if scores.directions[0].statistic <= scores.limit and now.error < FAR:
         return _Step(scores, (), (), None)
-    trials = near_trials(level, scores.directions[:NEAR_TRIALS], task, pool)
-    if now.error >= FAR and not any(trial.level.typical < EXPLAINED for trial in trials):
+    if now.error < FAR:
+        asked = [d for d in scores.directions[:NEAR_TRIALS] if d.statistic > scores.limit]
+        trials = near_trials(level, asked, task, pool)
+    else:
         first = score_test(short, effects, task.substep_s, pool, rng) if short is not level else scores
         far = far_trials(short, first.directions, effects, task, pool)[:GROWN_TRIALS]
         levels = pool.map(grown, [trial.level for trial in far], [task] * len(far))
-        trials += [Trial(trial.effect, longer) for trial, longer in zip(far, levels, strict=True)]
+        trials = [Trial(trial.effect, longer) for trial, longer in zip(far, levels, strict=True)]
     judged = [judge(trial.level, unseen, task, pool) for trial in trials]
     order = sorted(range(len(trials)), key=lambda i: _criterion(judged[i], trials[i]))
     best: dict[str, int] = {}
@@ -150,12 +155,17 @@ def _explanation(
     unit = task.noise[column]
     named = tuple(effect for effect in best.model.effects if effect not in base.model.effects)
     best_fit = fit_of(refined_level(best, task), task)
-    floor = min(max(after.floor, 0.5), after.error) * unit
-    left = after.error > EXPLAINED * max(after.floor, 1.0)
-    verdict: Verdict = "outside_catalogue" if left else "missing" if named else "nothing_missing"
+    left = is_structured(after.residual)
+    enough = after.error < NEARLY and before.error > BY_FAR * after.error
+    verdict: Verdict = "nothing_missing"
+    if named and (enough or not left):
+        verdict = "missing"
+    elif left:
+        verdict = "outside_catalogue"
+    floor = min(unit, after.error * unit) if left else after.error * unit
     return Explanation(
         verdict=verdict,
-        missing=() if left and not named else named,
+        missing=named if verdict == "missing" else (),
         confusable=_confusable(named, steps),
         ranking=_with_intervals(_ranking(steps, before, unit), best_fit),
         error=Errors(before.error * unit, after.error * unit, floor, UNITS[column]),

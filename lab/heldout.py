@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lostmotion.lab.experiment import Experiment
-from lostmotion.lab.grow import Level, errors, merged, missing, residuals, tiles
+from lostmotion.lab.grow import Level, errors, merged, residuals, tiles
 from lostmotion.lab.noise import innovation_noise
 from lostmotion.lab.search import Task
 from lostmotion.lab.start import find_start, polished, repaired, stretch_of
@@ -20,7 +20,8 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["Judged", "judge"]
 
 LONGEST_S = 1.0
-LOST_SHARE = 0.15
+LOST_SHARE = 0.25
+LOST = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +42,7 @@ class Judged:
 def judge(level: Level, unseen: Experiment, task: Task, pool: Executor) -> Judged:
     """The level's parameters on the unseen experiment, in stretches of up to a second with start states of their own.
 
-    Stretches that are lost (chaos, or a start that was not found) are left out while they are few.
+    Up to a quarter of the stretches are left out, those that stand out as lost: chaos, or a start that was not found.
     """
     pieces = tiles(unseen, task.halvings)
     model, step = level.model, task.substep_s
@@ -52,9 +53,9 @@ def judge(level: Level, unseen: Experiment, task: Task, pool: Executor) -> Judge
         halvings -= 1
         stretches = repaired(model, merged(stretches, [unseen], halvings), step)
         stretches = tuple(pool.map(_polished, [model] * len(stretches), stretches, [step] * len(stretches)))
-    lost = missing(errors(model, stretches, step))
-    if lost.mean() > LOST_SHARE:
-        lost[:] = False
+    error = errors(model, stretches, step)
+    worst = float(np.quantile(error, 1 - LOST_SHARE, method="lower"))
+    lost = error > max(LOST * float(np.median(error)), worst)
     r = [part for part, out in zip(residuals(model, stretches, step), lost, strict=True) if not out]
     whole = np.concatenate(r)
     return Judged(float(np.sqrt(np.mean(whole**2))), innovation_noise(*r).rms, whole.size, tuple(r))
