@@ -19,8 +19,11 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["from_spectra", "usual_torque"]
 
 Spectrum = NDArray[np.complex128]
-ORDER: Mapping[str, Mapping[str, int]] = {"oscillator": {"m": 2, "b": 1, "k": 0}, "joint": {"J": 2}}
-"""By base, the parameters and which derivative of the output each multiplies."""
+ORDER: Mapping[str, Mapping[str, int]] = {
+    "oscillator": {"m": 2, "b": 1, "k": 0},
+    "joint": {"J": 2, "viscous_friction.b_v": 1},
+}
+"""By base, the parameters that a model may have and which derivative of the output each multiplies."""
 OUTPUT = {"oscillator": "displacement", "joint": "position"}
 CLEAR = 300.0
 """Times the power at the highest frequencies, which is noise: bins with more of it count."""
@@ -32,7 +35,7 @@ def from_spectra(model: Model, experiments: Sequence[Experiment]) -> Model:
 
     As it is where input or output was not recorded, or where nothing physical comes out.
     """
-    orders = ORDER.get(model.base, {})
+    orders = {name: order for name, order in ORDER.get(model.base, {}).items() if name in model.parameters}
     usable = [e for e in experiments if e.drive is not None and OUTPUT.get(model.base, "") in e.measured]
     wanted = [name for name in orders if not model.parameters[name].fixed]
     if not usable or not wanted:

@@ -1,0 +1,165 @@
+"""Measurements made by others: the lab finds the effects that are known to be in them, at the error that is known.
+
+The search is driven by hand here, effect by effect; choosing between all of them is test_explain's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lostmotion.drivers.recording import Recording, read_recording
+from lostmotion.lab.experiment import Experiment, experiments
+from lostmotion.lab.fit import noise_of
+from lostmotion.lab.grow import Level, fitted
+from lostmotion.lab.search import Task, coarse_substep, full_fit, seeded
+from lostmotion.lab.seeds import seeds, sizes
+from lostmotion.lab.start import find_start, stretch_of
+from lostmotion.lab.unknowns import Unknowns
+from lostmotion.model import Model, Parameter, build_model
+from lostmotion.model.motion import FloatArray
+
+pytestmark = pytest.mark.slow
+
+
+def loaded(folder: Path, model: Model, *names: str) -> tuple[Experiment, ...]:
+    return experiments(model, [read_recording(folder / f"{name}.csv") for name in names])
+
+
+def part(experiment: Experiment, share: float) -> Experiment:
+    begin = float(experiment.time[0])
+    return experiment.between(begin, begin + share * experiment.duration)
+
+
+def with_each(level: Level, start: Model, effects: Sequence[str], task: Task, most: int = 2) -> dict[str, Level]:
+    """The best fit with one more of these effects, from the first few seeds of each.
+
+    start: the other parameters; a fit without the effect may have bent them too far.
+    """
+    size = sizes(level.model, level.stretches, task.substep_s)
+    found = {}
+    for effect in effects:
+        model = start.with_effect(effect)
+        fits = [full_fit(model.replace(values), task) for values in seeds(model, effect, size)[:most]]
+        found[effect] = min(fits, key=lambda fit: fit.rms)
+    return found
+
+
+def best(levels: Mapping[str, Level]) -> str:
+    return min(levels, key=lambda effect: levels[effect].rms)
+
+
+def unseen(model: Model, experiment: Experiment, task: Task) -> FloatArray:
+    """Measured minus modelled over a whole recording that no fit has seen, its start state alone adapted."""
+    stretch = find_start(model, stretch_of(model, experiment, task.noise), task.substep_s)
+    (column,) = experiment.measured
+    return stretch.residual(experiment.model(model), stretch.start, task.substep_s) * task.noise[column]
+
+
+def rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def test_silverbox_is_a_hardening_spring(real_data: Path) -> None:
+    """From a multisine: the spring hardens, and the arrow's error falls from 15 mV to below 1 mV."""
+    model = build_model("oscillator")
+    train = [part(e, 0.25) for e in loaded(real_data / "silverbox", model, "multisine_1")]
+    (arrow,) = loaded(real_data / "silverbox", model, "arrow_test")
+    task = Task.of(model, train, noise_of(train))
+    linear = full_fit(seeded(model, train), task)
+    fits = with_each(linear, linear.model, ["hardening_spring", "quadratic_damping"], task)
+
+    assert 14e-3 < rms(unseen(linear.model, arrow, task)) < 17e-3
+    assert best(fits) == "hardening_spring"
+    assert fits["hardening_spring"].rms < 0.2 * fits["quadratic_damping"].rms
+    assert rms(unseen(fits["hardening_spring"].model, arrow, task)) < 0.7e-3
+
+
+def restarted(model: Model, experiment: Experiment, every: float = 1.0) -> FloatArray:
+    """Error of the position, the model starting from the measured position and speed each second."""
+    time, position = experiment.time, experiment.measured["position"]
+    errors = []
+    for begin in np.arange(time[0] + 0.005, time[-1] - every, every):
+        i, j = np.searchsorted(time, (begin, begin + every))
+        speed = (position[i + 5] - position[i - 5]) / (time[i + 5] - time[i - 5])
+        run = model.simulate(experiment.drive, time[i:j], [position[i], speed])
+        errors.append(position[i:j] - run["position"])
+    return np.concatenate(errors)
+
+
+def test_emps_rubs_with_coulomb_friction(real_data: Path) -> None:
+    """On a linear axis with viscous friction Coulomb's is missing; restarted every second it is below 2.17 mm."""
+    model = build_model("joint", ["viscous_friction"])
+    train, test = loaded(real_data / "emps", model, "train", "test")
+    task = Task.of(model, [train], noise_of([train]))
+    viscous = full_fit(task.rough, task)
+    fits = with_each(viscous, task.rough, ["coulomb_friction", "load_dependent_friction"], task)
+    found = {name: p.value for name, p in fits["coulomb_friction"].model.parameters.items()}
+
+    assert best(fits) == "coulomb_friction"
+    assert rms(restarted(viscous.model, test)) > 5e-3
+    assert rms(restarted(fits["coulomb_friction"].model, test)) < 2.1e-3
+    assert found["J"] == pytest.approx(95.1, rel=0.03)  # Janot, Gautier and Brunot, from the inverse model
+    assert found["viscous_friction.b_v"] == pytest.approx(203.5, rel=0.1)
+    assert found["coulomb_friction.tau_c"] == pytest.approx(20.4, rel=0.15)
+
+
+def test_servo_pendulum_hangs_rubs_and_rubs_more_under_load(real_data: Path) -> None:
+    """From gains 8, 16 and 32: gravity, friction, friction that grows with the load; gain 12 within 8 mrad."""
+    model, name = build_model("servo"), "m0535_l150_kp{}_up_and_down"
+    folder = real_data / "servo_pendulum_sts3215"
+    train = loaded(folder, model, *(name.format(kp) for kp in ("08", "16", "32")))
+    (test,) = loaded(folder, model, name.format("12"))
+    task = Task.of(model, train, noise_of(train))
+    level, ladder = full_fit(model, task), []
+    chosen = []
+    for rivals in (["gravity_torque", "coulomb_friction"], ["viscous_friction", "coulomb_friction"],
+                   ["viscous_friction", "load_dependent_friction"]):  # fmt: skip
+        ladder.append(float(np.mean(np.abs(unseen(level.model, test, task)))))
+        fits = with_each(level, level.model, rivals, task)
+        chosen.append(best(fits))
+        level = fits[chosen[-1]]
+    ladder.append(float(np.mean(np.abs(unseen(level.model, test, task)))))
+
+    assert test.given == {"kp": 12.0, "error_gain": pytest.approx(0.16489)}
+    assert chosen == ["gravity_torque", "coulomb_friction", "load_dependent_friction"]
+    assert ladder[0] > 25e-3
+    assert ladder[3] < 8e-3
+
+
+def damper(folder: Path, name: str) -> Recording:
+    """Every eighth sample; the force as the gear's contact counts it, positive when the driven side is ahead."""
+    recording = read_recording(folder / f"{name}.csv")
+    columns = {key: (-values if key == "force" else values)[::8] for key, values in recording.columns.items()}
+    return replace(recording, time=recording.time[::8], columns=columns)
+
+
+def test_friction_damper_has_a_gap(real_data: Path) -> None:
+    """A damper driven through a gap, 1 m of radius so that rad are m: from two wrong gaps the same one is found, and a
+    recording at half the speed is met better than by a spring without a gap."""
+    folder = real_data / "friction_backlash_30lb"
+    fixed = {"R1": 1.0, "R2": 1.0, "J2": 300.0, "beta": 1e4, "l": 0.1, "k": 2656.0, "b": 0.17, "bias": 0.0}
+    held = {key: Parameter(value, fixed=True) for key, value in fixed.items()}
+    held["coulomb_friction.omega_0"] = Parameter(5e-3, fixed=True)
+    free = {"alpha": Parameter(2e4, high=1e7), "coulomb_friction.tau_c": Parameter(1e4, high=1e5)}
+    error = {}
+    gaps = []
+    for n, d in ((3, 5e-3), (3, 12e-3), (1, 5e-3)):
+        values = {**held, **free, "n": Parameter(n, fixed=True), "d": Parameter(d, high=0.05)}
+        model = build_model("play", ["coulomb_friction"], values)
+        (train,) = experiments(model, [damper(folder, "1Hz_30lb_1in")])
+        (test,) = experiments(model, [damper(folder, "0p5Hz_30lb_1in")])
+        task = Task(model, (train,), {"force": 500.0}, coarse_substep(model, [train]), 0)
+        level = fitted(model, Unknowns.of(model), [stretch_of(model, train, task.noise)], task.substep_s)
+        whole = stretch_of(level.model, test, task.noise)
+        error[n, d] = 500 * rms(whole.residual(level.model, whole.start, task.substep_s))
+        gaps.append(level.model.parameters["d"].value)
+
+    assert gaps[0] == pytest.approx(8.5e-3, rel=0.1)
+    assert gaps[1] == pytest.approx(gaps[0], rel=0.02)
+    assert error[3, 5e-3] < 0.30 * 4448.2
+    assert error[1, 5e-3] > 1.08 * error[3, 5e-3]
