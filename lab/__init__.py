@@ -1,6 +1,33 @@
-"""The lab: a model against measurements.  What a notebook, or a file with an effect of one's own, needs is here."""
+"""The lab: a model against measurements.  What a notebook, or a file with an effect of one's own, needs is here.
 
+>>> model = build_model("servo", ["viscous_friction"])
+>>> with open_executor() as pool:
+...     found = explain(model, experiments(model, [read_recording(path) for path in paths]), pool)
+
+``compare``, ``explain`` and ``fit`` are the functions; the modules of these names are imported by their full names.
+"""
+
+from lostmotion.drivers.recording import read_recording
+from lostmotion.lab.compare import compare
+from lostmotion.lab.experiment import experiments
+from lostmotion.lab.explain import explain
+from lostmotion.lab.fit import fit
+from lostmotion.lab.ladder import ladder_of
 from lostmotion.lab.own import effect
-from lostmotion.model import Parameter
+from lostmotion.lab.parallel import open_executor
+from lostmotion.lab.report import write_report
+from lostmotion.model import Parameter, build_model
 
-__all__ = ["Parameter", "effect"]
+__all__ = [
+    "Parameter",
+    "build_model",
+    "compare",
+    "effect",
+    "experiments",
+    "explain",
+    "fit",
+    "ladder_of",
+    "open_executor",
+    "read_recording",
+    "write_report",
+]
