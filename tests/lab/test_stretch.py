@@ -1,0 +1,139 @@
+"""The residual of one stretch and its derivatives, against central differences with steps a hundred times larger."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bench.hidden_effects.motion import hand_waved
+from bench.hidden_effects.physics import follow, simulate
+
+from lostmotion.drivers.recording import Recording
+from lostmotion.lab.experiment import Experiment, experiments
+from lostmotion.lab.start import stretch_of
+from lostmotion.lab.stretch import STEP, Stretch, state_scales
+from lostmotion.lab.unknowns import Unknowns
+from lostmotion.model import Model, build_model
+from lostmotion.model.motion import FloatArray
+
+VALUES = {"d": 8e-5, "alpha": 4000.0, "b": 0.18, "k": 2600.0}
+NOISE = {"accel": 0.2}
+SUBSTEP = 2e-5
+TIMES = np.arange(161) / 800
+
+
+def gears(effects: tuple[str, ...] = ()) -> Model:
+    """The base play with some effects, each small."""
+    return build_model("play", effects, VALUES)
+
+
+def measured(accel: FloatArray | None = None) -> Experiment:
+    """A fifth of a second of gears, from the bench's own simulator, without noise; or other readings."""
+    command = hand_waved(np.random.default_rng(4), 1.0)
+    if accel is None:
+        accel = simulate(VALUES, command, TIMES, follow(VALUES, command, 0.0))[0]
+    (experiment,) = experiments(gears(), [Recording(TIMES, {"command": command.at(TIMES), "accel": accel})])
+    return experiment
+
+
+def test_true_model_leaves_little() -> None:
+    """Two simulators written apart agree within a tenth of the noise."""
+    stretch = stretch_of(gears(), measured(), NOISE)
+    assert np.max(np.abs(stretch.residual(gears(), stretch.start, SUBSTEP))) < 0.1
+
+
+@pytest.mark.parametrize("effects", [(), ("coulomb_friction", "sensor_lag"), ("hardening_spring", "gravity_leakage")])
+def test_derivatives(effects: tuple[str, ...]) -> None:
+    """By every parameter and every state, within 1 % of their size: the small step does not drown in rounding."""
+    model = gears(effects)
+    stretch = stretch_of(model, measured(), NOISE)
+    unknowns = Unknowns.of(model)
+    z, step = unknowns.z(model), 100 * STEP
+    found = stretch.linearised(model, unknowns, z, SUBSTEP)
+    np.testing.assert_allclose(found.r, stretch.residual(model, stretch.start, SUBSTEP), atol=1e-9)
+
+    def at(dz: FloatArray, ds: FloatArray) -> FloatArray:
+        return stretch.residual(unknowns.put(model, z + dz), stretch.start + stretch.scale * ds, SUBSTEP)
+
+    P, n = z.size, stretch.start.size
+    for i, slope in enumerate(found.A.T):
+        dz = step * np.eye(P)[i]
+        central = (at(dz, np.zeros(n)) - at(-dz, np.zeros(n))) / (2 * step)
+        assert np.linalg.norm(slope - central) < 0.01 * np.linalg.norm(central) + 1e-3, unknowns.names[i]
+    for i, slope in enumerate(found.B.T):
+        ds = step * np.eye(n)[i]
+        central = (at(np.zeros(P), ds) - at(np.zeros(P), -ds)) / (2 * step)
+        assert np.linalg.norm(slope - central) < 0.01 * np.linalg.norm(central) + 1e-3, model.state_names[i]
+
+
+def test_derivative_at_an_upper_bound() -> None:
+    """A parameter at its bound is moved inwards, not held: its slope is that of the other side."""
+    model = gears()
+    stretch = stretch_of(model, measured(), NOISE)
+    d = model.parameters["d"]
+    at_bound = model.replace({"d": type(d)(d.value, d.unit, d.low, d.value)})
+    i = Unknowns.of(model).names.index("d")
+    inside, edge = (
+        stretch.linearised(m, Unknowns.of(m), Unknowns.of(m).z(m), SUBSTEP).A[:, i] for m in (model, at_bound)
+    )
+    assert np.linalg.norm(edge - inside) < 0.01 * np.linalg.norm(inside)
+
+
+def test_empty_cells_are_left_out() -> None:
+    """Residual and derivatives of a signal with gaps are those of the whole signal without these rows."""
+    readings = measured().measured["accel"] + 0.3
+    seen = np.arange(TIMES.size) % 3 != 1
+    full = stretch_of(gears(), measured(readings), NOISE)
+    holed = Experiment("holed", full.experiment.drive, TIMES, {"accel": np.where(seen, readings, np.nan)})
+    unknowns = Unknowns.of(gears())
+    z = unknowns.z(gears())
+    every, some = (
+        s.linearised(gears(), unknowns, z, SUBSTEP) for s in (full, Stretch(holed, NOISE, full.scale, full.start))
+    )
+    assert some.r.size == np.sum(seen)
+    np.testing.assert_allclose(some.r, every.r[seen], atol=1e-9)
+    np.testing.assert_allclose(some.A, every.A[seen], atol=1e-6)
+    np.testing.assert_allclose(some.B, every.B[seen], atol=1e-6)
+
+
+def test_two_columns_count_in_their_own_noise() -> None:
+    """Residuals stand one column after the other, each over its noise."""
+    plain = measured()
+    both = Experiment(
+        "two", plain.drive, plain.time,
+        {"accel": plain.measured["accel"] + 0.4, "position": np.where(TIMES < 0.1, np.nan, 0.5)},
+    )  # fmt: skip
+    noise = {"accel": 0.2, "position": 0.01}
+    stretch = Stretch(both, noise, state_scales(gears(), both), stretch_of(gears(), plain, NOISE).start)
+    r = stretch.residual(gears(), stretch.start, SUBSTEP)
+    run = stretch.simulate(gears(), stretch.start, SUBSTEP)
+    assert r.size == TIMES.size + np.sum(TIMES >= 0.1)
+    np.testing.assert_allclose(r[: TIMES.size], 2.0, atol=0.1)
+    np.testing.assert_allclose(r[TIMES.size :], (0.5 - run["position"][TIMES >= 0.1]) / 0.01, rtol=1e-6)
+
+
+def test_many_start_states_at_once() -> None:
+    """Each row is the residual of its own state; one that cannot be run is infinite, and spoils no other."""
+    stretch = stretch_of(gears(), measured(), NOISE)
+    starts = stretch.start + np.array([[0.0], [1.0], [-1.0]]) * stretch.scale
+    starts[1] = np.nan
+    rows = stretch.residuals(gears(), starts, SUBSTEP)
+    assert np.all(np.isinf(rows[1]))
+    for i in (0, 2):
+        np.testing.assert_allclose(rows[i], stretch.residual(gears(), starts[i], SUBSTEP), rtol=1e-12)
+
+
+def test_recording_states_its_own_values() -> None:
+    """What a recording says of a fixed parameter counts in its derivatives too: twice the force, twice the slope."""
+    model = build_model("servo")
+    command = hand_waved(np.random.default_rng(4), 1.0).at(TIMES)
+    columns = {"command": command, "position": command}
+    unknowns = Unknowns.of(model)
+    slopes = []
+    for kp in (model.parameters["kp"].value, 1.5 * model.parameters["kp"].value):
+        (experiment,) = experiments(model, [Recording(TIMES, columns, {"kp": kp})])
+        stretch = stretch_of(model, experiment, {"position": 1e-3})
+        own = model.replace({"kp": kp})
+        found = stretch.linearised(model, unknowns, unknowns.z(model), SUBSTEP)
+        np.testing.assert_allclose(found.r, stretch.residual(own, stretch.start, SUBSTEP), atol=1e-9)
+        slopes.append(np.linalg.norm(found.A))
+    assert slopes[0] != pytest.approx(slopes[1], rel=0.05)
