@@ -118,10 +118,10 @@ def fitted(
 ) -> Level:
     """One level: minimises from the model's values and the stretches' start states.
 
-    Stretches that the model misses, because they began wrongly, have no say in the parameters.
+    Stretches of gears that the model misses, because they began wrongly, have no say in the parameters.
     """
     z = unknowns.z(model)
-    missed = missing(errors(model, stretches, substep_s))
+    missed = missing(errors(model, stretches, substep_s)) & (model.base == "play")
     good = [stretch for stretch, out in zip(stretches, missed, strict=True) if not out]
     huber = math.inf if quadratic else huber_of(model, good, substep_s)
     problem = Problem(model, unknowns, z, substep_s, huber)
