@@ -111,7 +111,7 @@ def test_emps_rubs_with_coulomb_friction(real_data: Path) -> None:
 def test_servo_pendulum_hangs_rubs_and_rubs_more_under_load(real_data: Path) -> None:
     """From gains 8, 16 and 32: gravity, friction, friction that grows with the load; gain 12 within 5 mrad.
 
-    One of the eight pendulums; each effect is chosen by its error at gain 12, of which the parameters have seen nothing.
+    One of the eight pendulums; effects are chosen by their error at gain 12, which the parameters have not seen.
     """
     model, name = build_model("servo"), "m0535_l150_kp{}_up_and_down"
     folder = real_data / "servo_pendulum_sts3215"
