@@ -25,7 +25,7 @@ from lostmotion.lab.unknowns import Unknowns
 from lostmotion.model import Chirp, HandWaved, Model, ModelError, Motion, Sampled, Sine
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["advice", "what_to_record"]
+__all__ = ["what_to_record"]
 
 LENGTH_S = 4.0
 BETTER = 1.5
@@ -44,11 +44,6 @@ class _Proposal:
     motion: Motion
 
 
-def advice(named: Sequence[str], scores: Scores, model: Model) -> str:
-    """Nothing; ``what_to_record`` needs the competing models."""
-    return ""
-
-
 def what_to_record(models: Sequence[Model], task: Task, pool: Executor) -> str:
     """Which motion to record so that models which explain the recordings equally well can be told apart.
 
@@ -64,7 +59,8 @@ def what_to_record(models: Sequence[Model], task: Task, pool: Executor) -> str:
     names = " and ".join(words.name(_own(model, models)) for model in models)
     samples = LENGTH_S * task.experiments[0].rate_hz
     if apart[best] * math.sqrt(samples) < SEEN or apart[best] < BETTER * here:
-        return f"No motion that was tried tells {names} apart better: at these sizes they act alike."
+        known = f"{here:.2g} times the noise"
+        return f"No motion that was tried tells {names} further apart than these recordings do: {known}."
     return (
         f"Record {proposals[best].text}: there {names} differ by {apart[best]:.2g} times the noise, "
         f"in these recordings by {here:.2g}."
@@ -146,15 +142,17 @@ def _stretches(motion: Motion, model: Model, task: Task) -> list[Stretch]:
 
 
 def _apart(model: Model, stretches: Sequence[Stretch], blocks: Sequence[Linearised], substep_s: float) -> float:
-    """Root mean square of what this model predicts otherwise and the linearised one cannot imitate."""
+    """Root mean square of what this model predicts otherwise and the linearised one cannot imitate; 0 if it fails."""
     differences, slopes = [], []
     for stretch, block in zip(stretches, blocks, strict=True):
         own = stretch.experiment.model(model)
         r = stretch.residual(own, start_with(own, stretch), substep_s) - block.r
+        if not np.all(np.isfinite(r)):
+            return 0.0
         differences.append(_without(block.B, r))
         slopes.append(_without(block.B, block.A))
     left = _without(np.concatenate(slopes), np.concatenate(differences))
-    return float(np.sqrt(np.mean(left**2))) if np.all(np.isfinite(left)) else 0.0
+    return float(np.sqrt(np.mean(left**2)))
 
 
 def _without(columns: FloatArray, values: FloatArray) -> FloatArray:
