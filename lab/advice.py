@@ -18,7 +18,7 @@ from lostmotion.lab import words
 from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.grow import first_level, tiles
 from lostmotion.lab.quantity import quantity
-from lostmotion.lab.scoretest import Scores, start_with
+from lostmotion.lab.scoretest import start_with
 from lostmotion.lab.search import Task
 from lostmotion.lab.stretch import Linearised, Stretch, state_scales
 from lostmotion.lab.unknowns import Unknowns
@@ -130,7 +130,7 @@ def _stretches(motion: Motion, model: Model, task: Task) -> list[Stretch]:
     """The model's motion as if it had been measured, each short stretch beginning in the state that it has there."""
     like = task.experiments[0]
     own = like.model(model)
-    start = float(like.time[0]) if motion is like.drive else 0.0
+    start = float(motion.time[0]) if isinstance(motion, Sampled) else 0.0
     time = start + np.arange(0.0, min(LENGTH_S, like.duration), 1 / like.rate_hz)
     run = own.simulate(motion, time, substep_s=task.substep_s)
     measured = {name: run[name] for name in like.measured}

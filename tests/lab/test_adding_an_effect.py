@@ -7,31 +7,20 @@ from pathlib import Path
 
 import pytest
 
-from lostmotion.daemon.cli import cli
 from lostmotion.lab.modelfile import load
 from lostmotion.lab.own import load_effect
 from lostmotion.lab.own.readable import ENTRIES, READABLE
 from lostmotion.model.effects import unregister
 from tests.conftest import ROOT
+from tests.lab.shown import missing_lines, shown_files, shown_output
 from tests.test_readme import commands, in_folder
 
 PAGE = (ROOT / "docs" / "adding-an-effect.md").read_text()
 
 
-def files() -> dict[str, str]:
-    """The files that the page shows, by name."""
-    return dict(re.findall(r"^`(\S+)`:\n\n```\w+\n(.*?)```", PAGE, flags=re.DOTALL | re.MULTILINE))
-
-
-def shown_output() -> str:
-    """What the page says that commands print."""
-    blocks = re.findall(r"```console\n(.*?)```", PAGE, flags=re.DOTALL)
-    return "\n".join(line for block in blocks for line in block.splitlines() if not line.startswith("$ "))
-
-
 def test_effect_of_the_page_is_the_example() -> None:
     """The page and examples/ show the same file."""
-    assert files()["tight_spot.py"] == (ROOT / "examples" / "tight_spot_effect.py").read_text()
+    assert shown_files(PAGE)["tight_spot.py"] == (ROOT / "examples" / "tight_spot_effect.py").read_text()
 
 
 def test_page_names_all_that_can_be_read() -> None:
@@ -53,18 +42,16 @@ def test_own_states_and_notebook(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif("lab" not in cli.commands, reason="the command line has no lab yet")
 def test_commands_of_the_page_find_the_spot(tmp_path: Path) -> None:
     """Every command succeeds and prints what is shown; the fit finds the spot's three numbers."""
-    for name, text in files().items():
+    for name, text in shown_files(PAGE).items():
         (tmp_path / name).write_text(text)
     printed = ""
     for command in commands(PAGE):
         done = in_folder(command, tmp_path)
         assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
         printed += done.stdout
-    for line in shown_output().splitlines():
-        assert line in printed
+    assert missing_lines(shown_output(PAGE), printed) == []
     try:
         found = load(tmp_path / "found.toml").build().parameters
     finally:

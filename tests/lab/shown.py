@@ -1,0 +1,31 @@
+"""Pages of docs/ that show files, commands and what these print: their parts, and whether a run prints the like."""
+
+from __future__ import annotations
+
+import re
+
+__all__ = ["missing_lines", "shown_files", "shown_output"]
+
+NUMBER = re.compile(r"[-−]?\d+(\.\d+)?(e[-+]?\d+)?")
+SPACE = re.compile(r"[\s─]+")
+
+
+def shown_files(page: str) -> dict[str, str]:
+    """The files that the page shows, by name."""
+    return dict(re.findall(r"^`(\S+)`:\n\n```\w+\n(.*?)```", page, flags=re.DOTALL | re.MULTILINE))
+
+
+def shown_output(page: str) -> str:
+    """What the page says that commands print."""
+    blocks = re.findall(r"```console\n(.*?)```", page, flags=re.DOTALL)
+    return "\n".join(line for block in blocks for line in block.splitlines() if not line.startswith("$ "))
+
+
+def missing_lines(shown: str, printed: str) -> list[str]:
+    """Shown lines that were not printed, numbers and the widths of columns apart; "…" stands for what was left out."""
+    there = {_shape(line) for line in printed.splitlines()}
+    return [line for line in shown.splitlines() if line != "…" and _shape(line) not in there]
+
+
+def _shape(line: str) -> str:
+    return SPACE.sub(" ", NUMBER.sub("#", line)).strip()

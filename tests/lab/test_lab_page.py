@@ -1,0 +1,46 @@
+"""docs/lab.md: its files, commands and Python, as a reader would use them, and what it promises of the outcome."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from lostmotion.lab.modelfile import load
+from tests.conftest import ROOT
+from tests.lab.shown import missing_lines, shown_files, shown_output
+from tests.test_readme import commands, in_folder
+
+PAGE = (ROOT / "docs" / "lab.md").read_text()
+
+pytestmark = pytest.mark.slow
+
+
+def test_tutorial_finds_the_friction(tmp_path: Path) -> None:
+    """Every command prints lines as shown; the friction of 0.15 N m is found, and the Python lines find it as well."""
+    for name, text in shown_files(PAGE).items():
+        (tmp_path / name).write_text(text)
+    printed = ""
+    for command in commands(PAGE):
+        done = in_folder(command, tmp_path)
+        assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
+        printed += done.stdout
+    assert missing_lines(shown_output(PAGE), printed) == []
+    assert load(tmp_path / "better.toml").build().parameters["coulomb_friction.tau_c"].value == pytest.approx(
+        0.15, rel=0.02
+    )
+    assert "<html" in (tmp_path / "rubbing.html").read_text()
+    (script,) = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
+    (tmp_path / "notebook.py").write_text(script)
+    done = in_folder(f"{sys.executable} notebook.py", tmp_path)
+    assert done.stdout.startswith("missing ('coulomb_friction',)"), done.stderr
+
+
+def test_example_script_runs(tmp_path: Path) -> None:
+    """examples/lab.py names the hidden friction and writes its report."""
+    done = in_folder(f"{sys.executable} {ROOT / 'examples' / 'lab.py'}", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "coulomb_friction" in done.stdout
+    assert (tmp_path / "lab.html").stat().st_size > 10_000
