@@ -18,12 +18,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lostmotion.lab.advice import advice
+from lostmotion.lab.advice import what_to_record
 from lostmotion.lab.blame import blame
 from lostmotion.lab.candidates import Trial, far_trials, near_trials
 from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.fit import fit_of, noise_of, refined_level
-from lostmotion.lab.grow import Level, errors, missing, residuals
+from lostmotion.lab.grow import Level, missing, residuals
 from lostmotion.lab.heldout import Judged, judge
 from lostmotion.lab.noise import innovation_noise
 from lostmotion.lab.results import Errors, Explanation, Finding, Fit, Ranked, Verdict
@@ -41,10 +41,9 @@ FAR = 1.6
 NEAR_TRIALS = 6
 GROWN_TRIALS = 3
 SIGNIFICANT = 0.05
-NEARLY = 2.0
 BY_FAR = 4.0
-"""An effect that brings the error down by this factor, to within NEARLY of the noise, is missing although structure is
-left behind it."""
+"""Effects that bring the error down by this factor are missing, although structure is left behind them."""
+ALIKE = 0.02
 LEAST_GAIN = 0.01
 """An effect must lower the error on unseen data by this share."""
 UNITS = {"accel": "m/s^2", "position": "rad", "displacement": "m", "force": "N"}
@@ -90,7 +89,7 @@ def explain(
         level = short = step.trials[step.winner].level
         descent.append(step.judged[step.winner])
     progress("refining", 0.9)
-    found = _explanation(base, level, descent, steps, task)
+    found = _explanation(base, level, descent, steps, task, pool)
     progress("done", 1.0)
     return found
 
@@ -109,7 +108,8 @@ def _step(
     """One more effect, if there is evidence for one."""
     effects = [e.id for e in catalogue() if level.model.base in e.bases and e.id not in level.model.effects]
     scores = score_test(level, effects, task.substep_s, pool, rng)
-    if scores.directions[0].statistic <= scores.limit and now.error < FAR:
+    seen = any(direction.statistic > scores.limit for direction in scores.directions)
+    if not scores.directions or (not seen and now.error < FAR):
         return _Step(scores, (), (), None)
     if now.error < FAR:
         asked = [d for d in scores.directions[:NEAR_TRIALS] if d.statistic > scores.limit]
@@ -119,6 +119,8 @@ def _step(
         far = far_trials(short, first.directions, effects, task, pool)[:GROWN_TRIALS]
         levels = pool.map(grown, [trial.level for trial in far], [task] * len(far))
         trials = [Trial(trial.effect, longer) for trial, longer in zip(far, levels, strict=True)]
+    if not trials:
+        return _Step(scores, (), (), None)
     judged = [judge(trial.level, unseen, task, pool) for trial in trials]
     order = sorted(range(len(trials)), key=lambda i: _criterion(judged[i], trials[i]))
     best: dict[str, int] = {}
@@ -134,7 +136,7 @@ def _step(
 
 def _criterion(judged: Judged, trial: Trial) -> float:
     """Schwarz's criterion on unseen data, errors within 3 % of each other counting as equal: then fewer parameters."""
-    return round(math.log(max(judged.error, 1.0)) / 0.03) + 0.01 * len(trial.level.unknowns.names) * math.log(
+    return round(math.log(max(judged.error, 1e-9)) / 0.03) + 0.01 * len(trial.level.unknowns.names) * math.log(
         judged.count
     )
 
@@ -149,6 +151,7 @@ def _explanation(
     descent: Sequence[Judged],
     steps: Sequence[_Step],
     task: Task,
+    pool: Executor,
 ) -> Explanation:
     before, after = descent[0], descent[-1]
     column = next(iter(task.noise))
@@ -156,7 +159,7 @@ def _explanation(
     named = tuple(effect for effect in best.model.effects if effect not in base.model.effects)
     best_fit = fit_of(refined_level(best, task), task)
     left = is_structured(after.residual)
-    enough = after.error < NEARLY and before.error > BY_FAR * after.error
+    enough = before.error > BY_FAR * after.error
     verdict: Verdict = "nothing_missing"
     if named and (enough or not left):
         verdict = "missing"
@@ -170,7 +173,7 @@ def _explanation(
         ranking=_with_intervals(_ranking(steps, before, unit), best_fit),
         error=Errors(before.error * unit, after.error * unit, floor, UNITS[column]),
         residual=_finding(best, task) if left else None,
-        advice=advice(named, steps[-1].scores, best.model),
+        advice=_advice(named, steps, task, pool),
         detectable=_detectable(steps[-1].scores) if verdict == "nothing_missing" else {},
         base=fit_of(base, task),
         best=best_fit,
@@ -209,15 +212,22 @@ def _values(trial: Trial) -> dict[str, tuple[float, float, float]]:
 
 
 def _confusable(named: Sequence[str], steps: Sequence[_Step]) -> tuple[tuple[str, ...], ...]:
-    groups = []
-    for effect, step in zip(named, steps, strict=False):
-        equal = [
-            t.effect for t, j in zip(step.trials, step.judged, strict=True)
-            if t.effect != effect and j.error < 1.02 * step.judged[0].error
-        ]  # fmt: skip
-        if equal:
-            groups.append((effect, *equal))
-    return tuple(groups)
+    groups = [tuple(trial.effect for trial in _equals(step)) for _, step in zip(named, steps, strict=False)]
+    return tuple(group for group in groups if len(group) > 1)
+
+
+def _equals(step: _Step) -> list[Trial]:
+    """The winner, and what explains unseen data as well within ALIKE."""
+    best = step.judged[0].error
+    return [t for t, judged in zip(step.trials, step.judged, strict=True) if judged.error < (1 + ALIKE) * best]
+
+
+def _advice(named: Sequence[str], steps: Sequence[_Step], task: Task, pool: Executor) -> str:
+    """What to record to tell apart the first effects that these recordings confuse."""
+    for _, step in zip(named, steps, strict=False):
+        if len(alike := _equals(step)) > 1:
+            return what_to_record([trial.level.model for trial in alike], task, pool)
+    return ""
 
 
 def _detectable(scores: Scores) -> dict[str, tuple[str, float]]:
@@ -236,7 +246,7 @@ def _detectable(scores: Scores) -> dict[str, tuple[str, float]]:
 
 def _finding(level: Level, task: Task) -> Finding | None:
     """What is left, as the blame says it."""
-    out = missing(errors(level.model, level.stretches, task.substep_s))
+    out = missing(level.model, level.stretches, task.substep_s)
     good = [s for s, missed in zip(level.stretches, out, strict=True) if not missed] or list(level.stretches)
     noise = {name: innovation_noise(np.asarray(r * task.noise[name])) for name in task.noise
              for r in [np.concatenate(residuals(level.model, good, task.substep_s))]}  # fmt: skip

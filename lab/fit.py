@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from lostmotion.lab.experiment import Experiment
-from lostmotion.lab.grow import Level, errors, fitted, missing
+from lostmotion.lab.grow import Level, fitted, missing
 from lostmotion.lab.noise import noise_floor
 from lostmotion.lab.results import Estimate, Fit
 from lostmotion.lab.search import Task, coarse_substep, first_fit, grown
@@ -128,7 +128,7 @@ def _unbounded(item: Unknown, z: float) -> float:
 
 def _covariance(level: Level, substep_s: float) -> FloatArray:
     """Of z (P, P), the start states eliminated; stretches that the model misses have no say."""
-    out = missing(errors(level.model, level.stretches, substep_s))
+    out = missing(level.model, level.stretches, substep_s)
     good = [stretch for stretch, missed in zip(level.stretches, out, strict=True) if not missed]
     H, G = np.diag(1 / level.unknowns.prior**2), np.zeros((level.z.size, level.z.size))
     blocks = [stretch.linearised(level.model, level.unknowns, level.z, substep_s) for stretch in good]

@@ -121,7 +121,7 @@ def fitted(
     Stretches of gears that the model misses, because they began wrongly, have no say in the parameters.
     """
     z = unknowns.z(model)
-    missed = missing(errors(model, stretches, substep_s)) & (model.base == "play")
+    missed = missing(model, stretches, substep_s)
     good = [stretch for stretch, out in zip(stretches, missed, strict=True) if not out]
     huber = math.inf if quadratic else huber_of(model, good, substep_s)
     problem = Problem(model, unknowns, z, substep_s, huber)
@@ -136,6 +136,11 @@ def errors(model: Model, stretches: Sequence[Stretch], substep_s: float) -> Floa
     return np.array([np.sqrt(np.mean(r**2)) for r in residuals(model, stretches, substep_s)])
 
 
-def missing(error: FloatArray) -> NDArray[np.bool_]:
-    """Which stretches are missed: their error is several times that of the better ones, or infinite."""
-    return np.asarray(error > MISSED * max(float(np.quantile(error, 0.3, method="lower")), 1.0))
+def missing(model: Model, stretches: Sequence[Stretch], substep_s: float) -> NDArray[np.bool_]:
+    """Which stretches of gears are missed: their error is several times that of the better ones, or infinite.
+
+    Other motions forget where they began: what is off there is off because of the model.
+    """
+    error = errors(model, stretches, substep_s)
+    least = max(float(np.quantile(error, 0.3, method="lower")), 1.0)
+    return np.asarray((error > MISSED * least) & (model.base == "play"))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -160,8 +160,3 @@ def _robust(r: FloatArray, huber: float) -> float:
         return 0.5 * float(r @ r)
     size = np.abs(r)
     return float(np.sum(np.where(size <= huber, 0.5 * size**2, huber * (size - huber / 2))))
-
-
-def with_huber(problem: Problem, huber: float) -> Problem:
-    """The same problem with another bound."""
-    return replace(problem, huber=huber)

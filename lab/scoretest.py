@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lostmotion.lab.grow import Level, errors, missing
+from lostmotion.lab.grow import Level, missing
 from lostmotion.lab.noise import NoiseModel, innovation_noise
 from lostmotion.lab.seeds import faint, sizes
 from lostmotion.lab.stretch import Linearised, Stretch
@@ -63,7 +63,7 @@ def score_test(
     level: Level, effects: Sequence[str], substep_s: float, pool: Executor, rng: np.random.Generator
 ) -> Scores:
     """Tests effects on a fit, whose stretches that are missed are left out."""
-    out = missing(errors(level.model, level.stretches, substep_s))
+    out = missing(level.model, level.stretches, substep_s)
     stretches = [stretch for stretch, missed in zip(level.stretches, out, strict=True) if not missed]
     count = len(stretches)
     blocks = list(pool.map(_linearised, stretches, [level] * count, [substep_s] * count))
@@ -76,6 +76,8 @@ def score_test(
                        [[b.r for b in blocks]] * len(models), [substep_s] * len(models))  # fmt: skip
     usable = [(e, m, part, project(c)) for (e, m, part), c in zip(models, columns, strict=True) if c is not None]
     usable = [entry for entry in usable if entry[3] @ entry[3] > 1e-12]
+    if not usable:
+        return Scores((), 0.0, {}, noise)
     C = np.array([column / np.linalg.norm(column) for *_, column in usable])
     draws = np.array([project([noise.simulate(rng, b.r.size) for b in blocks]) for _ in range(DRAWS)])
     null = draws @ C.T

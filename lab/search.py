@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lostmotion.lab.experiment import Experiment
-from lostmotion.lab.grow import Level, errors, first_level, fitted, merged, missing, residuals, tiles
+from lostmotion.lab.grow import Level, first_level, fitted, merged, missing, residuals, tiles
 from lostmotion.lab.rough import from_spectra, usual_torque
 from lostmotion.lab.start import find_start, repaired, ringing_hz, stretch_of
 from lostmotion.lab.unknowns import Unknowns, free_names
@@ -112,12 +112,6 @@ def started(model: Model, stretches: Iterable[Experiment], task: Task, known: Le
     return fitted(model, Unknowns.of(model, task.rough), found, task.substep_s, iterations=0)
 
 
-def rough_fit(model: Model, stretches: Sequence[Experiment], task: Task, iterations: int = 3) -> Level:
-    """A few steps from the model's values on some stretches."""
-    level = started(model, stretches, task)
-    return fitted(model, level.unknowns, level.stretches, task.substep_s, iterations=iterations)
-
-
 def first_fit(model: Model, task: Task, pool: Executor) -> Level:
     """The best fit on the shortest stretches, from a grid of plays and dampings on gears."""
     grid = _grid(seeded(model, task.experiments))
@@ -169,7 +163,7 @@ def grown(level: Level, task: Task, down_to: int = 0) -> Level:
 
 def _doubt(level: Level, task: Task) -> float:
     """Share of the stretches that are missed, not converged or chaotic; up to a tenth of them count as none."""
-    missed = missing(errors(level.model, level.stretches, task.substep_s))
+    missed = missing(level.model, level.stretches, task.substep_s)
     fine, finer = (coarse_substep(level.model, task.experiments, factor) for factor in (1.0, 0.5))
     here = residuals(level.model, level.stretches, fine)
     halved = residuals(level.model, level.stretches, finer)

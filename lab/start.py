@@ -45,7 +45,7 @@ FINE = Effort(
     np.array([-1.0, -0.95, -0.85, -0.7, -0.45, -0.2, 0.0, 0.2, 0.45, 0.7, 0.85, 0.95, 1.0]),
     np.array([-3.0, -2.2, -1.6, -1.1, -0.7, -0.35, 0.0, 0.35, 0.7, 1.1, 1.6, 2.2, 3.0]),
     16,
-    ((0.1, 10, 3), (0.15, 6, 3), (0.25, 4, 3), (0.5, 3, 3), (1.0, 2, 4)),
+    ((0.1, 10, 3), (0.15, 6, 3), (0.25, 4, 3), (0.35, 3, 3), *((0.5 * 1.2**i, 2, 3) for i in range(20))),
 )
 
 
@@ -117,7 +117,7 @@ def repaired(model: Model, stretches: Sequence[Stretch], substep_s: float) -> tu
 
     For gears; other motions forget their start.
     """
-    missed = missing(errors(model, stretches, substep_s))
+    missed = missing(model, stretches, substep_s)
     done: list[Stretch] = []
     for stretch, out in zip(stretches, missed, strict=True):
         done.append(_begun_anew(model, stretch, done, substep_s) if out else stretch)
@@ -190,14 +190,14 @@ def _by_base_state(model: Model, stretch: Stretch) -> tuple[FloatArray, FloatArr
 
     def moved(i: int) -> FloatArray:
         if not own:
-            return np.eye(4)[i] * stretch.scale[i]
+            return np.asarray(np.eye(4)[i] * stretch.scale[i])
         given = {name: float(x) for name, x in zip(model.state_names[:4], at_rest, strict=False)}
         given[model.state_names[i]] += float(stretch.scale[i])
         return model.initial_state(drive, begin, **given) - at_rest
 
     slopes = np.array([moved(i) for i in range(4)])
-    rest: FloatArray = at_rest - at_rest[2] / stretch.scale[2] * slopes[2] - at_rest[3] / stretch.scale[3] * slopes[3]
-    return rest, slopes
+    rest = at_rest - at_rest[2] / stretch.scale[2] * slopes[2] - at_rest[3] / stretch.scale[3] * slopes[3]
+    return np.asarray(rest), slopes
 
 
 def _measured_state(model: Model, stretch: Stretch) -> FloatArray:
