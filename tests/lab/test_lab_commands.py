@@ -1,0 +1,139 @@
+"""Whole runs of the lab through the command line, on recordings of the bench's own simulator: what is hidden is named.
+
+Everything that a user would see: files in, JSON or a table out, a model file that the next command reads.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from bench.hidden_effects.cases import read_sensor
+from bench.hidden_effects.motion import hand_waved
+from click.testing import CliRunner, Result
+
+from lostmotion.daemon.cli import cli
+from lostmotion.drivers.recording import Recording, write_recording
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
+
+BASE = {"d": 8e-5, "alpha": 5000.0, "l": 0.1, "b": 0.18, "k": 2600.0, "bias": 0.05}
+ROUGH = 'base = "play"\n[parameters]\nd = 6.4e-5\nalpha = 4000.0\nb = 0.22\nk = 2500.0\nl = 0.097\n'
+"""What a user would know: the play 20 % off, the frequency 2 %."""
+NEAR = 'base = "play"\n[parameters]\nd = 7e-5\nalpha = 4500.0\nb = 0.2\nk = 2550.0\nl = 0.099\n'
+LEAD, RATE_HZ, RECORDINGS = 0.5, 800, 3
+COUNT = 16 * 9.80665 / 32768
+HARDENING = {"hardening_spring.k3": 0.03 * 2600.0 / 0.25e-3**2}
+FRICTION = {"coulomb_friction.tau_c": 1.5e-4, "coulomb_friction.omega_0": 1e-2}
+
+
+def case(
+    folder: Path, hidden: dict[str, float], noise: float, length: float, seed: int = 0, model: str = ROUGH
+) -> Path:
+    """Three recordings of gears in motion, with white noise and counts, and a rough model, in a folder."""
+    rng = np.random.default_rng(seed)
+    times = LEAD + np.arange(round(length * RATE_HZ)) / RATE_HZ
+    for number in range(1, RECORDINGS + 1):
+        command = hand_waved(rng, LEAD + length)
+        accel = read_sensor({**BASE, **hidden}, command, times) + rng.normal(0, noise, times.size)
+        columns = {"command": command.at(times), "accel": np.round(accel / COUNT) * COUNT}
+        write_recording(Recording(times - LEAD, columns), folder / f"rec{number}.csv")
+    (folder / "model.toml").write_text(model)
+    return folder
+
+
+def run(command: str, folder: Path, *options: object) -> Result:
+    """`lostmotion lab COMMAND model.toml rec1.csv rec2.csv rec3.csv` in a folder; it must succeed."""
+    files = [folder / "model.toml", *sorted(folder.glob("rec*.csv"))]
+    result = CliRunner().invoke(cli, ["lab", command, *map(str, files), *map(str, options)])
+    assert result.exit_code == 0, result.stderr
+    return result
+
+
+def explained(folder: Path) -> dict[str, Any]:
+    """What `lab explain --json` says; one document, nothing else on stdout."""
+    return dict(json.loads(run("explain", folder, "--json").stdout))
+
+
+def test_hidden_friction(tmp_path: Path) -> None:
+    """Coulomb friction that spoils the model thirtyfold is named, with its size; the error falls to the noise."""
+    found = explained(case(tmp_path, FRICTION, 0.2, 2.0, seed=3, model=NEAR))
+    assert found["verdict"] == "missing"
+    assert found["missing"] == ["coulomb_friction"]
+    assert found["error"]["before"] > 10 * found["error"]["after"]
+    assert found["error"]["after"] == pytest.approx(0.2, rel=0.15)
+    assert found["ranking"][0]["effect"] == "coulomb_friction"
+    assert found["parameters"]["coulomb_friction.tau_c"][0] == pytest.approx(1.5e-4, rel=0.1)
+    assert found["parameters"]["d"][0] == pytest.approx(BASE["d"], rel=0.02)
+
+
+def test_hidden_hardening_spring(tmp_path: Path) -> None:
+    """A spring that hardens so faintly that the error rises by 1 % only is named, beyond doubt."""
+    found = explained(case(tmp_path, HARDENING, 0.3, 1.5))
+    assert found["verdict"] == "missing"
+    assert found["missing"] == ["hardening_spring"]
+    assert found["effects"] == ["hardening_spring"]
+    assert found["ranking"][0]["p_value"] < 0.01
+    assert found["error"]["after"] < found["error"]["before"]
+    assert found["error"]["after"] == pytest.approx(0.3, rel=0.1)
+    value, low, high = found["parameters"]["hardening_spring.k3"]
+    assert value == pytest.approx(HARDENING["hardening_spring.k3"], rel=0.5)
+    assert low < value < high
+
+
+def test_nothing_missing(tmp_path: Path) -> None:
+    """The true base: nothing is added, and the sizes that would have been seen are told, as finite numbers."""
+    found = explained(case(tmp_path, {}, 0.3, 1.5))
+    assert found["verdict"] == "nothing_missing"
+    assert found["missing"] == []
+    assert found["effects"] == []
+    assert found["residual"] is None
+    assert found["error"]["before"] == found["error"]["after"] == pytest.approx(0.3, rel=0.1)
+    assert found["parameters"]["d"][0] == pytest.approx(BASE["d"], rel=0.02)
+    assert 0 < found["detectable"]["coulomb_friction"]["tau_c"] < 1e-4
+    assert 0 < found["detectable"]["hardening_spring"]["k3"] < 1e11
+
+
+def test_outside_of_the_catalogue(tmp_path: Path) -> None:
+    """A sensor whose curve is bent, which no effect describes: nothing is named, what is left is described."""
+    found = explained(case(tmp_path, {"curved_sensor.c": 0.02}, 0.3, 1.5))
+    assert found["verdict"] == "outside_catalogue"
+    assert found["missing"] == []
+    assert found["error"]["after"] > 1.25 * found["error"]["noise"]
+    assert found["residual"]["acts_on"]
+    assert found["residual"]["description"]
+
+
+def test_improve_prints_the_ladder(tmp_path: Path) -> None:
+    """The table's errors fall to the noise, rung by rung, and the file written has the effect and fits the data."""
+    folder = case(tmp_path, HARDENING, 0.3, 1.5)
+    out = tmp_path / "better.toml"
+    result = run("improve", folder, "-o", out)
+    rungs = [line for line in result.stdout.splitlines() if "m/s^2" in line]
+    assert rungs[0].split()[0] == "none"
+    assert rungs[1].split()[0] == "hardening_spring"
+    assert "active effects: hardening_spring" in result.stdout
+    assert 'effects = ["hardening_spring"]' in out.read_text()
+    compared = json.loads(
+        CliRunner().invoke(cli, ["lab", "compare", str(out), str(folder / "rec2.csv"), "--json"]).stdout
+    )
+    assert compared["columns"]["accel"]["rms"] == pytest.approx(0.3, rel=0.1)
+
+
+def test_fit_writes_a_model(tmp_path: Path) -> None:
+    """The fitted file holds the true play, and compare leaves only noise with it; the document tells the intervals."""
+    folder = case(tmp_path, {}, 0.3, 1.5)
+    out = tmp_path / "fitted.toml"
+    document = json.loads(run("fit", folder, "-o", out, "--json").stdout)
+    value, low, high = document["parameters"]["d"]
+    assert value == pytest.approx(BASE["d"], rel=0.01)
+    assert low < value < high
+    assert document["complete"] is True
+    assert document["rms"]["accel"] == pytest.approx(0.3, rel=0.1)
+    result = CliRunner().invoke(cli, ["lab", "compare", str(out), str(folder / "rec2.csv"), "--json"])
+    assert result.exit_code == 0, result.stderr
+    compared = json.loads(result.stdout)
+    assert compared["columns"]["accel"]["rms"] == pytest.approx(0.3, rel=0.1)
