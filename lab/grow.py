@@ -141,6 +141,9 @@ def missing(model: Model, stretches: Sequence[Stretch], substep_s: float) -> NDA
 
     Other motions forget where they began: what is off there is off because of the model.
     """
-    error = errors(model, stretches, substep_s)
-    least = max(float(np.quantile(error, 0.3, method="lower")), 1.0)
-    return np.asarray((error > MISSED * least) & (model.base == "play"))
+    return outliers(errors(model, stretches, substep_s)) & (model.base == "play")
+
+
+def outliers(error: FloatArray) -> NDArray[np.bool_]:
+    """Errors (S,) of three times the better third's and more, none below three times the noise."""
+    return np.asarray(error > MISSED * max(float(np.quantile(error, 0.3, method="lower")), 1.0))

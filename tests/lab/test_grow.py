@@ -7,7 +7,7 @@ import pytest
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.experiment import Experiment, experiments
-from lostmotion.lab.grow import errors, first_level, fitted, level_of, merged, missing, residuals, tiles
+from lostmotion.lab.grow import errors, first_level, fitted, level_of, merged, outliers, residuals, tiles
 from lostmotion.lab.levenberg import Problem, Solution
 from lostmotion.lab.start import stretch_of
 from lostmotion.lab.stretch import Stretch
@@ -88,13 +88,13 @@ def test_error_of_the_true_model_is_the_noise() -> None:
     found = errors(MODEL, stretches, 1e-4)
     np.testing.assert_allclose(found, 1.0, atol=0.2)
     stretches[2] = stretches[2].starting(stretches[2].start + np.array([5e-4, 0]))
-    np.testing.assert_array_equal(missing(errors(MODEL, stretches, 1e-4)), [False, False, True, False])
+    np.testing.assert_array_equal(outliers(errors(MODEL, stretches, 1e-4)), [False, False, True, False])
 
 
 def test_missed_is_told_by_the_better_stretches() -> None:
     """Three times the better third; what cannot be run is missed; below three times the noise nothing is."""
-    np.testing.assert_array_equal(missing(np.array([5.0, 6, 7, 14, 19, np.inf])), [False] * 4 + [True] * 2)
-    assert not missing(np.array([0.1, 0.2, 2.9, 0.1])).any()
+    np.testing.assert_array_equal(outliers(np.array([5.0, 6, 7, 14, 19, np.inf])), [False] * 4 + [True] * 2)
+    assert not outliers(np.array([0.1, 0.2, 2.9, 0.1])).any()
 
 
 def test_level_finds_the_parameters() -> None:
@@ -129,7 +129,7 @@ def test_missed_stretch_of_gears_has_no_say() -> None:
     level = fitted(rough, Unknowns.of(rough), stretches, 1e-4)
     np.testing.assert_array_equal(level.stretches[2].start, wrong)
     assert level.model.parameters["d"].value == pytest.approx(d, rel=5e-3)
-    np.testing.assert_array_equal(missing(errors(level.model, level.stretches, 1e-4)), [False, False, True, False])
+    np.testing.assert_array_equal(outliers(errors(level.model, level.stretches, 1e-4)), [False, False, True, False])
 
 
 def test_level_tells_the_error_of_its_solution() -> None:
