@@ -17,7 +17,7 @@ from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.grow import Level, fitted
 from lostmotion.lab.scoretest import Direction, start_with
 from lostmotion.lab.search import Task, best_of, full_fit, refined, started, subset
-from lostmotion.lab.seeds import AMPLITUDE, FAINT, Sizes, seeds, sizes
+from lostmotion.lab.seeds import AMPLITUDE, Sizes, seeds, sizes
 from lostmotion.lab.stretch import state_scales
 from lostmotion.lab.unknowns import Unknowns, free_names
 from lostmotion.model import Model
@@ -103,7 +103,7 @@ def _with_direction(direction: Direction, level: Level, task: Task, iterations: 
     for name in AMPLITUDE.get(direction.effect, ()):
         parameter = model.parameters[full := f"{direction.effect}.{name}"]
         faint = parameter.value
-        wanted = faint * direction.amplitude / FAINT if faint else direction.amplitude
+        wanted = faint * direction.amplitude
         values[full] = min(max(wanted, parameter.low, faint if parameter.low >= 0 else parameter.low), parameter.high)
     model = model.replace(values)
     stretches = [

@@ -29,7 +29,7 @@ from lostmotion.lab.noise import innovation_noise
 from lostmotion.lab.results import Errors, Explanation, Finding, Fit, Ranked, Verdict
 from lostmotion.lab.scoretest import Scores, score_test
 from lostmotion.lab.search import Task, first_fit, grown
-from lostmotion.lab.seeds import AMPLITUDE, FAINT
+from lostmotion.lab.seeds import AMPLITUDE
 from lostmotion.lab.structure import is_structured
 from lostmotion.model import Model, catalogue
 
@@ -240,7 +240,7 @@ def _detectable(scores: Scores) -> dict[str, tuple[str, float]]:
         name = names[0]
         value = d.model.parameters[f"{d.effect}.{name}"].value
         per_sigma = abs(d.amplitude) / math.sqrt(d.statistic)
-        sizes[d.effect] = (name, abs(value) / FAINT * per_sigma * math.sqrt(scores.limit))
+        sizes[d.effect] = (name, abs(value) * per_sigma * math.sqrt(scores.limit))
     return sizes
 
 

@@ -29,8 +29,8 @@ ALIKE = 0.98
 
 @dataclass(frozen=True, eq=False)
 class Direction:
-    """A way in which an effect may be missing: the model with a faint effect, what fraction of the seed that is, and
-    after the test its statistic T (chi-squared with one degree in white noise) and the amplitude it asks for."""
+    """A way in which an effect may be missing: the model with it faintly, its statistic T (chi-squared with one degree
+    in white noise) and how many times as strong the residual wants it."""
 
     effect: str
     model: Model
@@ -71,11 +71,11 @@ def score_test(
     noise = innovation_noise(*(block.r for block in blocks))
     r = project([block.r for block in blocks])
     size = sizes(level.model, stretches, substep_s)
-    models = [(effect, model, part) for effect in effects for model, part in faint(level.model, effect, size)]
-    columns = pool.map(_columns, [m for _, m, _ in models], [stretches] * len(models),
+    models = [(effect, model) for effect in effects for model in faint(level.model, effect, size)]
+    columns = pool.map(_columns, [model for _, model in models], [stretches] * len(models),
                        [[b.r for b in blocks]] * len(models), [substep_s] * len(models))  # fmt: skip
-    usable = [(e, m, part, project(c)) for (e, m, part), c in zip(models, columns, strict=True) if c is not None]
-    usable = [entry for entry in usable if entry[3] @ entry[3] > 1e-12]
+    usable = [(e, m, project(c)) for (e, m), c in zip(models, columns, strict=True) if c is not None]
+    usable = [entry for entry in usable if entry[2] @ entry[2] > 1e-12]
     if not usable:
         return Scores((), 0.0, {}, noise)
     C = np.array([column / np.linalg.norm(column) for *_, column in usable])
@@ -85,9 +85,9 @@ def score_test(
     largest = np.sort(np.max((null / spread) ** 2, axis=1))
     statistic = (C @ r / spread) ** 2
     found: dict[str, Direction] = {}
-    for (effect, model, part, column), T in zip(usable, statistic, strict=True):
+    for (effect, model, column), T in zip(usable, statistic, strict=True):
         if effect not in found or found[effect].statistic < T:
-            amplitude = -float(column @ r) / float(column @ column) * part
+            amplitude = -float(column @ r) / float(column @ column)
             found[effect] = Direction(effect, model, float(T), amplitude, column)
     ordered = tuple(sorted(found.values(), key=lambda direction: -direction.statistic))
     p = {d.effect: float((1 + np.sum(largest >= d.statistic)) / (1 + DRAWS)) for d in ordered}

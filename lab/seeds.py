@@ -20,7 +20,7 @@ from lostmotion.lab.stretch import Stretch
 from lostmotion.model import Domain, Model, Parameter
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["AMPLITUDE", "FAINT", "Sizes", "faint", "seeds", "sizes"]
+__all__ = ["AMPLITUDE", "Sizes", "faint", "seeds", "sizes"]
 
 Values = dict[str, float]
 
@@ -90,24 +90,23 @@ def seeds(model: Model, effect: str, size: Sizes) -> list[Values]:
     return [_within(model, {_full(effect, name, model): value for name, value in each.items()}) for each in found]
 
 
-def faint(model: Model, effect: str, size: Sizes) -> list[tuple[Model, float]]:
-    """Models with hardly any of an effect, one for each shape that it may have, and what part of its seed that is.
+def faint(model: Model, effect: str, size: Sizes) -> list[Model]:
+    """Models with hardly any of an effect, one for each shape that it may have.
 
     An effect without an amplitude (a spring, a filter, a limit) is made so stiff, fast or wide that it hardly acts.
     """
     own = model.with_effect(effect)
     if effect in _HARDLY:
-        return [(own.replace(_within(own, {f"{effect}.{k}": v for k, v in each.items()})), 1.0)
-                for each in _HARDLY[effect](size)]  # fmt: skip
+        named = [{f"{effect}.{name}": value for name, value in each.items()} for each in _HARDLY[effect](size)]
+        return [own.replace(_within(own, values)) for values in named]
     amplitudes = [f"{effect}.{name}" for name in AMPLITUDE.get(effect, ()) if f"{effect}.{name}" in own.parameters]
     if not amplitudes:
-        return [(own.replace(values), 1.0) for values in seeds(own, effect, size)]
+        return [own.replace(values) for values in seeds(own, effect, size)]
     shapes: dict[tuple[tuple[str, float], ...], Values] = {}
     for values in seeds(own, effect, size):
         shape = {name: value for name, value in values.items() if name.startswith(effect) and name not in amplitudes}
         shapes.setdefault(tuple(sorted(shape.items())), {n: v for n, v in values.items() if n.startswith(effect)})
-    return [(own.replace({**values, **{name: FAINT * values[name] for name in amplitudes}}), FAINT)
-            for values in shapes.values()]  # fmt: skip
+    return [own.replace({**v, **{name: FAINT * v[name] for name in amplitudes}}) for v in shapes.values()]
 
 
 def _full(effect: str, name: str, model: Model) -> str:
@@ -211,6 +210,9 @@ def _turns(size: Sizes) -> list[float]:
 
 
 _HARDLY: dict[str, Callable[[Sizes], list[Values]]] = {
+    # A lag faster than the solver's step would not run; a millisecond acts nearly linearly.
+    "actuator_lag": lambda size: [{"T": 1e-3}],
+    "sensor_lag": lambda size: [{"T": 1e-3}],
     "shaft_compliance": lambda size: [
         {"share": share, "k_s": k, "c_s": 0.05 * math.sqrt(k * size.inertia)}
         for share in (0.3, 0.7)

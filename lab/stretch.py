@@ -18,7 +18,7 @@ from lostmotion.lab.unknowns import Unknowns
 from lostmotion.model import Model, ModelError, Trajectory
 from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray
-from lostmotion.model.signals import OMEGA1, OMEGA2, THETA1, THETA2
+from lostmotion.model.signals import COMMAND, COMMAND_RATE, OMEGA1, OMEGA2, THETA1, THETA2
 
 __all__ = ["STEP", "Linearised", "Stretch", "scales", "state_scales"]
 
@@ -125,7 +125,11 @@ def state_scales(model: Model, experiment: Experiment) -> FloatArray:
     else:
         turn, speed = position, position * 2 * math.pi
         base = [turn, speed]
-    like = {THETA1: turn, THETA2: turn, OMEGA1: speed, OMEGA2: speed, None: base[-2] if len(base) > 2 else turn}
+    like: dict[int | None, float] = {
+        **dict.fromkeys((COMMAND, THETA1, THETA2), turn),
+        **dict.fromkeys((COMMAND_RATE, OMEGA1, OMEGA2), speed),
+        None: base[-2] if len(base) > 2 else turn,
+    }
     own = [like.get(signal, accel or turn) for name in _ordered(model) for signal in get_effect(name).states]
     return np.array([*base, *own])
 

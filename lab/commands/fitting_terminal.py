@@ -60,7 +60,7 @@ def _console() -> Console:
 
 def _say(console: Console, *lines: str) -> None:
     for line in lines:
-        console.print(Text(line))
+        console.print(Text(line), soft_wrap=True)  # a terminal wraps by itself; a file keeps its lines
 
 
 def _table(*columns: str) -> Table:

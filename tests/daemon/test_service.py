@@ -214,7 +214,7 @@ def test_a_robot_is_unplugged_and_plugged_in_again(tmp_path: Path, start: Start)
         emulator.plug(0)
         wait_until(lambda: count(tmp_path / "history.db") > before + 2)
         wait_until(lambda: health(tmp_path, "elbow") is not Health.ERROR)
-    assert service.stop(signal.SIGTERM) == 0
+        assert service.stop(signal.SIGTERM) == 0  # before the robot goes away again
     with open_readonly(tmp_path / "history.db") as reader:
         states = [(alarm.cause.value, alarm.state) for alarm in reader.alarms("elbow") if alarm.cause.value == "device"]
     assert states == [("device", "cleared")] * 2

@@ -117,7 +117,7 @@ def test_amplitude_is_of_the_right_size() -> None:
     """The sensor's leak is linear: the test asks for about as much as was hidden, from its faint beginning."""
     level = level_of(1, 0.0, FAINT["gravity_leakage"])
     best = scored(level).directions[0]
-    c = best.model.parameters["gravity_leakage.c"].value / 0.01 * best.amplitude
+    c = best.model.parameters["gravity_leakage.c"].value * best.amplitude
     assert abs(c) == pytest.approx(0.05, rel=0.5)
 
 
