@@ -12,18 +12,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lostmotion.lab import words
 from lostmotion.lab.advice import what_to_record
 from lostmotion.lab.blame import blame
 from lostmotion.lab.candidates import Trial, far_trials, near_trials
 from lostmotion.lab.experiment import Experiment
-from lostmotion.lab.fit import fit_of, noise_of, refined_level
-from lostmotion.lab.grow import Level, missing, residuals
+from lostmotion.lab.fit import Progress, fit_of, noise_of, refined_level
+from lostmotion.lab.grow import Level, followed, residuals
 from lostmotion.lab.heldout import Judged, judge
 from lostmotion.lab.noise import innovation_noise
 from lostmotion.lab.results import Errors, Explanation, Finding, Fit, Ranked, Verdict
@@ -40,14 +41,11 @@ FAR = 1.6
 """Times the noise; below, the model is linear enough in what is missing for the score test alone to lead the search."""
 NEAR_TRIALS = 6
 GROWN_TRIALS = 3
-SIGNIFICANT = 0.05
 BY_FAR = 4.0
 """Effects that bring the error down by this factor are missing, although structure is left behind them."""
 ALIKE = 0.02
 LEAST_GAIN = 0.01
 """An effect must lower the error on unseen data by this share."""
-UNITS = {"accel": "m/s^2", "position": "rad", "displacement": "m", "force": "N"}
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,11 +121,7 @@ def _step(
         return _Step(scores, (), (), None)
     judged = [judge(trial.level, unseen, task, pool) for trial in trials]
     order = sorted(range(len(trials)), key=lambda i: _criterion(judged[i], trials[i]))
-    best: dict[str, int] = {}
-    for i in order:
-        best.setdefault(trials[i].effect, i)
-    kept = list(best.values())
-    trials, judged = [trials[i] for i in kept], [judged[i] for i in kept]
+    trials, judged = [trials[i] for i in order], [judged[i] for i in order]
     better = judged[0].error < (1 - LEAST_GAIN) * now.error and judged[0].likelihood_gain_over(now) > _penalty(
         judged[0]
     )
@@ -171,7 +165,7 @@ def _explanation(
         missing=named if verdict == "missing" else (),
         confusable=_confusable(named, steps),
         ranking=_with_intervals(_ranking(steps, before, unit), best_fit),
-        error=Errors(before.error * unit, after.error * unit, floor, UNITS[column]),
+        error=Errors(before.error * unit, after.error * unit, floor, words.column(column)[1]),
         residual=_finding(best, task) if left else None,
         advice=_advice(named, steps, task, pool),
         detectable=_detectable(steps[-1].scores) if verdict == "nothing_missing" else {},
@@ -246,9 +240,8 @@ def _detectable(scores: Scores) -> dict[str, tuple[str, float]]:
 
 def _finding(level: Level, task: Task) -> Finding | None:
     """What is left, as the blame says it."""
-    out = missing(level.model, level.stretches, task.substep_s)
-    good = [s for s, missed in zip(level.stretches, out, strict=True) if not missed] or list(level.stretches)
-    noise = {name: innovation_noise(np.asarray(r * task.noise[name])) for name in task.noise
-             for r in [np.concatenate(residuals(level.model, good, task.substep_s))]}  # fmt: skip
+    good = followed(level, task.substep_s) or level.stretches
+    r = np.concatenate(residuals(level.model, good, task.substep_s))
+    noise = {name: innovation_noise(np.asarray(r * size)) for name, size in task.noise.items()}
     found = blame(level.model, [s.experiment for s in good], [s.start for s in good], noise, thorough=True)
     return found.finding() if found else None

@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from lostmotion.lab.experiment import Experiment
-from lostmotion.lab.grow import Level, fitted, missing
+from lostmotion.lab.grow import Level, fitted, followed
 from lostmotion.lab.noise import noise_floor
 from lostmotion.lab.results import Estimate, Fit
 from lostmotion.lab.search import Task, coarse_substep, first_fit, grown
@@ -25,7 +25,7 @@ from lostmotion.lab.unknowns import Unknown, Unknowns
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["fit", "fit_of", "noise_of", "refined_level"]
+__all__ = ["Progress", "fit", "fit_of", "noise_of", "refined_level"]
 
 SURE = 1.959964
 """Standard deviations to either side of a 95 % interval."""
@@ -128,8 +128,7 @@ def _unbounded(item: Unknown, z: float) -> float:
 
 def _covariance(level: Level, substep_s: float) -> FloatArray:
     """Of z (P, P), the start states eliminated; stretches that the model misses have no say."""
-    out = missing(level.model, level.stretches, substep_s)
-    good = [stretch for stretch, missed in zip(level.stretches, out, strict=True) if not missed]
+    good = followed(level, substep_s)
     H, G = np.diag(1 / level.unknowns.prior**2), np.zeros((level.z.size, level.z.size))
     blocks = [stretch.linearised(level.model, level.unknowns, level.z, substep_s) for stretch in good]
     correlated = _autocovariance([block.r for block in blocks], _lags(good[0]))

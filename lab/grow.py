@@ -26,6 +26,7 @@ __all__ = [
     "errors",
     "first_level",
     "fitted",
+    "followed",
     "huber_of",
     "level_of",
     "merged",
@@ -142,6 +143,12 @@ def missing(model: Model, stretches: Sequence[Stretch], substep_s: float) -> NDA
     Other motions forget where they began: what is off there is off because of the model.
     """
     return outliers(errors(model, stretches, substep_s)) & (model.base == "play")
+
+
+def followed(level: Level, substep_s: float) -> list[Stretch]:
+    """The stretches of a level that are not missed."""
+    missed = missing(level.model, level.stretches, substep_s)
+    return [stretch for stretch, out in zip(level.stretches, missed, strict=True) if not out]
 
 
 def outliers(error: FloatArray) -> NDArray[np.bool_]:

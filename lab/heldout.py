@@ -10,7 +10,6 @@ import numpy as np
 
 from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.grow import Level, errors, merged, residuals, tiles
-from lostmotion.lab.noise import innovation_noise
 from lostmotion.lab.search import Task
 from lostmotion.lab.start import find_start, polished, repaired, stretch_of
 from lostmotion.lab.stretch import Stretch
@@ -26,17 +25,16 @@ LOST = 1.5
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """error: root mean square of r on unseen data, in units of the noise as it was estimated; floor: of the noise
-    that this residual shows itself; count: samples; residual: r of each stretch that is not lost."""
+    """error: root mean square of r on unseen data, in units of the noise as it was estimated; count: samples;
+    residual: r of each stretch that is not lost."""
 
     error: float
-    floor: float
     count: int
     residual: tuple[FloatArray, ...]
 
     def likelihood_gain_over(self, other: Judged) -> float:
-        """Gain of the log-likelihood, both residuals whitened by the noise of the better one."""
-        return 0.5 * self.count * 2 * math.log(max(other.error, 1e-9) / max(self.error, 1e-9))
+        """Gain of the log-likelihood, each residual taken as white noise of its own size."""
+        return self.count * math.log(max(other.error, 1e-9) / max(self.error, 1e-9))
 
 
 def judge(level: Level, unseen: Experiment, task: Task, pool: Executor) -> Judged:
@@ -58,7 +56,7 @@ def judge(level: Level, unseen: Experiment, task: Task, pool: Executor) -> Judge
     lost = error > max(LOST * float(np.median(error)), worst)
     r = [part for part, out in zip(residuals(model, stretches, step), lost, strict=True) if not out]
     whole = np.concatenate(r)
-    return Judged(float(np.sqrt(np.mean(whole**2))), innovation_noise(*r).rms, whole.size, tuple(r))
+    return Judged(float(np.sqrt(np.mean(whole**2))), whole.size, tuple(r))
 
 
 def _begun(model: Model, piece: Experiment, task: Task) -> Stretch:

@@ -18,7 +18,7 @@ from lostmotion.lab.unknowns import Unknowns
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Solution", "minimise"]
+__all__ = ["Solution", "minimise", "robust"]
 
 START_PRIOR = 20.0
 """Standard deviation of the prior on a start state, in its scale, around where this minimisation began."""
@@ -57,7 +57,7 @@ class Problem:
         total = 0.5 * float(np.sum(((z - self.centre) / self.unknowns.prior) ** 2))
         for stretch in stretches:
             r = self._filtered(stretch.residual(stretch.experiment.model(model), stretch.start, self.substep_s))
-            total += _robust(r, self.huber)
+            total += float(robust(r, self.huber))
             if not math.isfinite(total):
                 return math.inf
         return total
@@ -154,9 +154,9 @@ def _weights(r: FloatArray, huber: float) -> FloatArray:
     return np.ones_like(r) if math.isinf(huber) else 1 / np.maximum(1.0, np.abs(r) / huber)
 
 
-def _robust(r: FloatArray, huber: float) -> float:
-    """Huber's cost, half the sum of squares within the bound."""
-    if math.isinf(huber):
-        return 0.5 * float(r @ r)
+def robust(r: FloatArray, huber: float) -> FloatArray:
+    """Huber's cost of residuals (…, M): half the sum of squares within the bound."""
     size = np.abs(r)
-    return float(np.sum(np.where(size <= huber, 0.5 * size**2, huber * (size - huber / 2))))
+    inside = 0.5 * np.minimum(size, huber) ** 2
+    cost = inside if math.isinf(huber) else np.where(size <= huber, inside, huber * (size - huber / 2))
+    return np.asarray(np.sum(cost, axis=-1))

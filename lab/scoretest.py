@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lostmotion.lab.grow import Level, missing
+from lostmotion.lab.grow import Level, followed
 from lostmotion.lab.noise import NoiseModel, innovation_noise
 from lostmotion.lab.seeds import faint, sizes
 from lostmotion.lab.stretch import Linearised, Stretch
@@ -63,8 +63,7 @@ def score_test(
     level: Level, effects: Sequence[str], substep_s: float, pool: Executor, rng: np.random.Generator
 ) -> Scores:
     """Tests effects on a fit, whose stretches that are missed are left out."""
-    out = missing(level.model, level.stretches, substep_s)
-    stretches = [stretch for stretch, missed in zip(level.stretches, out, strict=True) if not missed]
+    stretches = followed(level, substep_s)
     count = len(stretches)
     blocks = list(pool.map(_linearised, stretches, [level] * count, [substep_s] * count))
     project = _Projection(blocks)

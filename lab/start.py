@@ -14,6 +14,7 @@ import numpy as np
 
 from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.grow import errors, missing
+from lostmotion.lab.levenberg import robust
 from lostmotion.lab.stretch import STEP, Stretch, state_scales
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
@@ -85,7 +86,7 @@ def polished(model: Model, stretch: Stretch, states: FloatArray, substep_s: floa
     if not finite.any():
         return states
     huber = max(3.0, 2 * float(np.median(np.abs(r[finite]).min(axis=0))))
-    cost, damping = _robust(r, huber), np.full(K, 1e-2)
+    cost, damping = robust(r, huber), np.full(K, 1e-2)
     for _ in range(iterations):
         moved = (states[:, None] + steps[None]).reshape(K * n, n)
         slopes = (stretch.residuals(model, moved, substep_s).reshape(K, n, -1) - r[:, None]) / STEP
@@ -97,19 +98,11 @@ def polished(model: Model, stretch: Stretch, states: FloatArray, substep_s: floa
         g = (weighted @ np.where(np.isfinite(r), r, 0.0)[:, :, None])[:, :, 0]
         trial = states - np.clip(np.linalg.solve(H, g[:, :, None])[:, :, 0], -1.0, 1.0) * stretch.scale
         there = stretch.residuals(model, trial, substep_s)
-        new = _robust(there, huber)
+        new = robust(there, huber)
         better = new < cost
         states[better], r[better], cost[better] = trial[better], there[better], new[better]
         damping = np.where(better, damping / 10, damping * 10)
     return np.asarray(states[np.argsort(cost)])
-
-
-def _robust(r: FloatArray, huber: float) -> FloatArray:
-    """Huber's cost of each row of r (K, M)."""
-    size = np.abs(r)
-    return np.asarray(
-        np.sum(np.where(size <= huber, 0.5 * np.minimum(size, huber) ** 2, huber * (size - huber / 2)), axis=1)
-    )
 
 
 def repaired(model: Model, stretches: Sequence[Stretch], substep_s: float) -> tuple[Stretch, ...]:
