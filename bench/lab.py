@@ -39,9 +39,10 @@ from lostmotion.lab import modelfile
 from lostmotion.lab.experiment import experiments
 from lostmotion.lab.grow import fitted, tiles
 from lostmotion.lab.noise import noise_floor
-from lostmotion.lab.search import Task, first_fit
+from lostmotion.lab.search import first_fit
 from lostmotion.lab.start import find_start, stretch_of
 from lostmotion.lab.stretch import Stretch
+from lostmotion.lab.task import Task
 from lostmotion.lab.unknowns import Unknowns
 from lostmotion.model import Model
 

@@ -19,8 +19,8 @@ from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.grow import first_level, tiles
 from lostmotion.lab.quantity import quantity
 from lostmotion.lab.scoretest import start_with
-from lostmotion.lab.search import Task
 from lostmotion.lab.stretch import Linearised, Stretch, state_scales
+from lostmotion.lab.task import Task
 from lostmotion.lab.unknowns import Unknowns
 from lostmotion.model import Chirp, HandWaved, Model, ModelError, Motion, Sampled, Sine
 from lostmotion.model.motion import FloatArray

@@ -14,36 +14,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lostmotion.lab.experiment import Experiment
+from lostmotion.lab.follow import can_follow
 from lostmotion.lab.grow import Level, fitted
+from lostmotion.lab.nudge import shortlist
 from lostmotion.lab.scoretest import Direction, start_with
-from lostmotion.lab.search import Task, best_of, full_fit, refined, started, subset
-from lostmotion.lab.seeds import AMPLITUDE, Sizes, seeds, sizes
+from lostmotion.lab.search import doubled, full_fit
+from lostmotion.lab.seeds import AMPLITUDE
 from lostmotion.lab.stretch import state_scales
-from lostmotion.lab.unknowns import Unknowns, free_names
+from lostmotion.lab.task import Task
+from lostmotion.lab.unknowns import Unknowns
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["Trial", "far_trials", "near_trials"]
 
-OFF_THE_GEARS = frozenset(
-    (
-        "hardening_spring",
-        "quadratic_damping",
-        "second_mode",
-        "gravity_leakage",
-        "centripetal_crosstalk",
-        "sensor_saturation",
-        "clock_skew",
-        "bias_drift",
-    )
-)
-PLAY_SHARE = np.geomspace(0.65, 1.45, 8)
-MOST_GRIDDED = 12
 NEAR = 12
-FULL = 4
-EXPLAINED = 1.25
-"""Times the noise, at which a fit on short stretches leaves nothing to look for."""
-KEPT = 2
+FULL, FOLLOWED = 3, 4
+LONGER = 1.2
+BEHIND, MOST_RACED = 3.0, 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,25 +52,32 @@ def near_trials(
 
 
 def far_trials(
-    base: Level, directions: Sequence[Direction], effects: Sequence[str], task: Task, pool: Executor
+    base: Level, directions: Sequence[Direction], effects: Sequence[str], task: Task, horizon_s: float, pool: Executor
 ) -> list[Trial]:
-    """The best few effects, each fitted on all of the shortest stretches; best first.
+    """The best few effects, each fitted on stretches of about this length; best first.
 
-    base: the fit without them on the shortest stretches; directions: of its score test.
+    base: the fit without them on the shortest stretches; directions: of its score test.  Where the bar was measured,
+    nudged runs say what else is worth a fit.
     """
     near = near_trials(base, directions[:NEAR], task, pool, iterations=6)
-    gridded = [] if near and near[0].level.typical < EXPLAINED else _on_the_gears(effects, base)
-    size, few = sizes(base.model, base.stretches, task.substep_s), subset(task, longer=1)[::2]
-    count = len(gridded)
-    far = pool.map(_gridded, gridded, [base] * count, [size] * count, [few] * count, [task] * count)
-    both = [*_best_of_each(near)[:FULL], *_best_of_each([t for trials in far for t in trials])[:FULL]]
-    levels = pool.map(full_fit, [trial.level.model for trial in both], [task] * len(both))
-    fits = [Trial(trial.effect, fit) for trial, fit in zip(both, levels, strict=True)]
-    return _best_of_each([*near, *fits])
+    begin = [(trial.effect, trial.level.model) for trial in near[:FULL]]
+    if all(can_follow(task.rough, experiment) for experiment in task.experiments):
+        begin += [(found.effect, found.model) for found in shortlist(base, effects, task, pool)[:FOLLOWED]]
+    levels = pool.map(full_fit, [model for _, model in begin], [task] * len(begin))
+    full = [Trial(effect, level) for (effect, _), level in zip(begin, levels, strict=True)]
+    return _best_of_each(_raced(_ordered(full), task, horizon_s, pool))
 
 
-def _on_the_gears(effects: Sequence[str], base: Level) -> list[str]:
-    return [e for e in effects if base.model.base == "play" and e not in OFF_THE_GEARS]
+def _raced(trials: list[Trial], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
+    """The trials on longer and longer stretches, those that fall far behind the best left out."""
+    while trials and trials[0].level.horizon_s * LONGER < horizon_s:
+        levels = pool.map(doubled, [trial.level for trial in trials], [task] * len(trials))
+        longer = [Trial(t.effect, level) for t, level in zip(trials, levels, strict=True) if level is not None]
+        if not longer:
+            break
+        trials = _ordered(longer)
+        trials = [t for t in trials if t.level.typical < BEHIND * max(trials[0].level.typical, 1.0)][:MOST_RACED]
+    return trials
 
 
 def _best_of_each(trials: Sequence[Trial]) -> list[Trial]:
@@ -115,15 +110,3 @@ def _with_direction(direction: Direction, level: Level, task: Task, iterations: 
 
 def _scale(model: Model, known: FloatArray, experiment: Experiment) -> FloatArray:
     return np.concatenate((known, state_scales(model, experiment)[known.size :]))
-
-
-def _gridded(effect: str, base: Level, size: Sizes, few: Sequence[Experiment], task: Task) -> list[Trial]:
-    """Rough fits with an effect on the gears: sizes and plays around what the file says, not around a wrong fit."""
-    found = seeds(base.model.with_effect(effect), effect, size)
-    if len(found) > MOST_GRIDDED or "d" not in free_names(task.rough):
-        return []
-    d, model = task.rough.parameters["d"], task.rough.with_effect(effect)
-    plays = [float(np.clip(d.value * share, d.low, d.high)) for share in PLAY_SHARE]
-    levels = [started(model.replace({**values, "d": play}), few, task) for values in found for play in plays]
-    usable = best_of((level for level in levels if np.isfinite(level.typical)), KEPT)
-    return [Trial(effect, refined(level, task)) for level in usable]

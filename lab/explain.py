@@ -29,9 +29,10 @@ from lostmotion.lab.heldout import Judged, judge
 from lostmotion.lab.noise import innovation_noise
 from lostmotion.lab.results import Errors, Explanation, Finding, Fit, Ranked, Verdict
 from lostmotion.lab.scoretest import Scores, score_test
-from lostmotion.lab.search import Task, first_fit, grown
+from lostmotion.lab.search import first_fit, grown, predictable
 from lostmotion.lab.seeds import AMPLITUDE
 from lostmotion.lab.structure import is_structured
+from lostmotion.lab.task import Task
 from lostmotion.model import Model, catalogue
 
 __all__ = ["explain"]
@@ -40,7 +41,6 @@ MOST_MISSING = 3
 FAR = 1.6
 """Times the noise; below, the model is linear enough in what is missing for the score test alone to lead the search."""
 NEAR_TRIALS = 6
-GROWN_TRIALS = 3
 BY_FAR = 4.0
 """Effects that bring the error down by this factor are missing, although structure is left behind them."""
 ALIKE = 0.02
@@ -76,15 +76,17 @@ def explain(
     progress("fitting what is there", 0.0)
     short = first_fit(model, task, pool)
     level = grown(short, task)
+    horizon = predictable(short, task)
     base, steps = level, []
-    descent = [judge(level, unseen, task, pool)]
+    descent = [judge(level.model, unseen, task, horizon, pool)]
     for round_ in range(MOST_MISSING):
         progress("looking for what is missing" if not round_ else "looking for more", 0.15 + 0.25 * round_)
-        step = _step(level, short, descent[-1], unseen, task, pool, rng)
+        step = _step(level, short, descent[-1], unseen, task, horizon, pool, rng)
         steps.append(step)
         if step.winner is None:
             break
-        level = short = step.trials[step.winner].level
+        short = step.trials[step.winner].level
+        level = grown(short, task)
         descent.append(step.judged[step.winner])
     progress("refining", 0.9)
     found = _explanation(base, level, descent, steps, task, pool)
@@ -101,7 +103,14 @@ def _split(experiments: Sequence[Experiment]) -> tuple[list[Experiment], Experim
 
 
 def _step(
-    level: Level, short: Level, now: Judged, unseen: Experiment, task: Task, pool: Executor, rng: np.random.Generator
+    level: Level,
+    short: Level,
+    now: Judged,
+    unseen: Experiment,
+    task: Task,
+    horizon_s: float,
+    pool: Executor,
+    rng: np.random.Generator,
 ) -> _Step:
     """One more effect, if there is evidence for one."""
     effects = [e.id for e in catalogue() if level.model.base in e.bases and e.id not in level.model.effects]
@@ -114,12 +123,10 @@ def _step(
         trials = near_trials(level, asked, task, pool)
     else:
         first = score_test(short, effects, task.substep_s, pool, rng) if short is not level else scores
-        far = far_trials(short, first.directions, effects, task, pool)[:GROWN_TRIALS]
-        levels = pool.map(grown, [trial.level for trial in far], [task] * len(far))
-        trials = [Trial(trial.effect, longer) for trial, longer in zip(far, levels, strict=True)]
+        trials = far_trials(short, first.directions, effects, task, horizon_s, pool)
     if not trials:
         return _Step(scores, (), (), None)
-    judged = [judge(trial.level, unseen, task, pool) for trial in trials]
+    judged = [judge(trial.level.model, unseen, task, horizon_s, pool) for trial in trials]
     order = sorted(range(len(trials)), key=lambda i: _criterion(judged[i], trials[i]))
     trials, judged = [trials[i] for i in order], [judged[i] for i in order]
     better = judged[0].error < (1 - LEAST_GAIN) * now.error and judged[0].likelihood_gain_over(now) > _penalty(

@@ -19,8 +19,9 @@ from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.grow import Level, fitted, followed
 from lostmotion.lab.noise import noise_floor
 from lostmotion.lab.results import Estimate, Fit
-from lostmotion.lab.search import Task, coarse_substep, first_fit, grown
+from lostmotion.lab.search import first_fit, grown
 from lostmotion.lab.stretch import Linearised, Stretch
+from lostmotion.lab.task import Task, coarse_substep
 from lostmotion.lab.unknowns import Unknown, Unknowns
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray

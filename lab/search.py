@@ -9,25 +9,39 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lostmotion.lab.experiment import Experiment
-from lostmotion.lab.grow import Level, first_level, fitted, merged, missing, residuals, tiles
-from lostmotion.lab.rough import from_spectra, usual_torque
-from lostmotion.lab.start import find_start, repaired, ringing_hz, stretch_of
+from lostmotion.lab.follow import can_follow, states_at
+from lostmotion.lab.grow import Level, fitted, merged, missing, residuals, tiles
+from lostmotion.lab.nudge import nearest
+from lostmotion.lab.rough import from_spectra
+from lostmotion.lab.start import find_start, polished, repaired, ringing_hz, stretch_of
+from lostmotion.lab.stretch import Stretch
+from lostmotion.lab.task import Task, coarse_substep
 from lostmotion.lab.unknowns import Unknowns, free_names
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Task", "best_of", "coarse_substep", "first_fit", "grown", "refined", "seeded", "started", "subset"]
+__all__ = [
+    "begun",
+    "best_of",
+    "doubled",
+    "first_fit",
+    "full_fit",
+    "grown",
+    "predictable",
+    "refined",
+    "seeded",
+    "started",
+    "subset",
+]
 
 PLAY_SHARE = np.geomspace(0.62, 1.5, 11)
 DAMPING_SHARE = (1.0, 0.4)
 FREQUENCY_SHARE = 0.12
-SEARCH_STEPS = {"play": 4.0, "oscillator": 2.0, "joint": 4.0, "servo": 2.0}  # times the model's own choice of step
-FRICTION_SHARE = 0.2
 SUBSET = 10
 LOST = 4.0
 """Times the error of the shortest stretches, from which longer ones have lost the motion."""
@@ -36,46 +50,11 @@ CONVERGED = 0.3
 NUDGE = 1e-4
 NUDGED = 4.0
 """What this share of the start state's scale may change, in units of the noise, before a stretch counts as chaotic."""
+LONGEST_S = 1.01
+DOUBTED_SHARE = 0.3
 SCANNED = 4
 KEPT = 2
-
-
-@dataclass(frozen=True, eq=False)
-class Task:
-    """What is fitted: the model as its file gave it, experiments with the noise of each column, the solver's step."""
-
-    rough: Model
-    experiments: tuple[Experiment, ...]
-    noise: dict[str, float]
-    substep_s: float
-    halvings: int
-
-    @classmethod
-    def of(
-        cls, model: Model, experiments: Sequence[Experiment], noise: dict[str, float], substep_s: float | None = None
-    ) -> Task:
-        """For these experiments, the step chosen for a search unless given."""
-        halvings = max(first_level(model.base, experiment) for experiment in experiments)
-        rough = from_spectra(model, experiments)
-        step = substep_s or coarse_substep(_rubbing(rough, experiments), experiments)
-        return cls(rough, tuple(experiments), noise, step, halvings)
-
-
-def _rubbing(model: Model, experiments: Sequence[Experiment]) -> Model:
-    """A joint or servo with friction: what the search will add is stiffer than what is there."""
-    if model.base not in ("joint", "servo") or "coulomb_friction" in model.effects:
-        return model
-    friction = FRICTION_SHARE * max(usual_torque(model, experiment) for experiment in experiments)
-    return model.with_effect("coulomb_friction").replace({"coulomb_friction.tau_c": friction})
-
-
-def coarse_substep(model: Model, experiments: Sequence[Experiment], factor: float | None = None) -> float:
-    """An integration step for all fits of this model: its own choice on each experiment, times ``factor``.
-
-    Without a factor, one that is good enough for a search.
-    """
-    own = [e.model(model).simulate(e.drive, e.between(e.time[0], e.time[0] + 1.0).time).substep_s for e in experiments]
-    return min(own) * (factor or SEARCH_STEPS.get(model.base, 1.0))
+POLISHED = 5
 
 
 def seeded(model: Model, experiments: Sequence[Experiment]) -> Model:
@@ -98,23 +77,44 @@ def subset(task: Task, longer: int = 0) -> list[Experiment]:
     return [every[i] for i in np.unique(np.linspace(0, len(every) - 1, min(SUBSET, len(every))).astype(int))]
 
 
-def started(model: Model, stretches: Iterable[Experiment], task: Task, known: Level | None = None) -> Level:
-    """The stretches with their start states found, nothing else fitted.
-
-    known: a fit of the same stretches without the last effects, whose start states are tried as well.
-    """
-    also = {(s.experiment.name, float(s.experiment.time[0])): s.start for s in known.stretches} if known else {}
-    found = []
-    for stretch in (stretch_of(model, s, task.noise) for s in stretches):
-        old = also.get((stretch.experiment.name, float(stretch.experiment.time[0])))
-        states = [] if old is None else [np.concatenate((old, stretch.start[old.size :]))]
-        found.append(find_start(model, stretch, task.substep_s, states))
+def started(model: Model, stretches: Iterable[Experiment], task: Task) -> Level:
+    """The stretches with their start states found, nothing else fitted."""
+    found = begun(model, list(stretches), task.experiments, task)
     return fitted(model, Unknowns.of(model, task.rough), found, task.substep_s, iterations=0)
 
 
+def begun(
+    model: Model, pieces: Sequence[Experiment], experiments: Sequence[Experiment], task: Task
+) -> tuple[Stretch, ...]:
+    """Stretches of these experiments with their start states: as a nudged run passes there, where it comes near; else
+    as a scan says."""
+    likely: dict[tuple[str, float], FloatArray] = {}
+    for experiment in experiments:
+        if can_follow(model, experiment):
+            times = np.array([float(p.time[0]) for p in pieces if p.name == experiment.name])
+            passed = states_at(model, experiment, times, task.substep_s)
+            likely |= {(experiment.name, time): states for time, states in passed.items()}
+    stretches = [stretch_of(model, piece, task.noise) for piece in pieces]
+    found = [_near(model, s, likely.get((s.experiment.name, float(s.experiment.time[0]))), task) for s in stretches]
+    missed = missing(model, found, task.substep_s) if likely else np.zeros(len(found), dtype=bool)
+    return tuple(find_start(model, s, task.substep_s, [s.start]) if out else s
+                 for s, out in zip(found, missed, strict=True))  # fmt: skip
+
+
+def _near(model: Model, stretch: Stretch, likely: FloatArray | None, task: Task) -> Stretch:
+    if likely is None:
+        return find_start(model, stretch, task.substep_s)
+    own = stretch.experiment.model(model)
+    return stretch.starting(polished(own, stretch, likely, task.substep_s, POLISHED)[0])
+
+
 def first_fit(model: Model, task: Task, pool: Executor) -> Level:
-    """The best fit on the shortest stretches, from a grid of plays and dampings on gears."""
-    grid = _grid(seeded(model, task.experiments))
+    """The best fit on the shortest stretches; on gears from where nudged runs come nearest, or from a grid of plays and
+    dampings."""
+    model = seeded(model, task.experiments)
+    if all(can_follow(model, experiment) for experiment in task.experiments):
+        return full_fit(nearest(model, task), task)
+    grid = _grid(model)
     few = subset(task)
     scanned = best_of(pool.map(started, grid, [few] * len(grid), [task] * len(grid)), SCANNED)
     rough = best_of(pool.map(refined, scanned, [task] * len(scanned)), KEPT)
@@ -140,39 +140,63 @@ def full_fit(model: Model, task: Task) -> Level:
     return fitted(level.model, level.unknowns, again, task.substep_s)
 
 
-def grown(level: Level, task: Task, down_to: int = 0) -> Level:
+def grown(level: Level, task: Task) -> Level:
     """The fit on stretches twice as long, and so on; the longest of these levels that can be trusted.
 
     Trusted: hardly a stretch is missed, and half the integration step changes nothing.  In a chaotic record neither
     holds for long stretches.
     """
     found = [level]
-    if level.model.base == "joint":  # it drifts away
-        return level
-    for halvings in range(task.halvings - 1, down_to - 1, -1):
-        stretches = merged(level.stretches, task.experiments, halvings)
-        if level.model.base == "play":
-            stretches = repaired(level.model, stretches, task.substep_s)
-        level = fitted(level.model, level.unknowns, stretches, task.substep_s)
-        found.append(level)
-        if level.typical > LOST * max(found[0].typical, 1.0):
+    while (longer := doubled(found[-1], task)) is not None:
+        found.append(longer)
+        if longer.typical > LOST * max(level.typical, 1.0):
             break
     doubts = [_doubt(level, task) for level in found]
     return min(zip(doubts, found, strict=True), key=lambda pair: (pair[0], -pair[1].horizon_s))[1]
 
 
+def doubled(level: Level, task: Task) -> Level | None:
+    """The fit on stretches twice as long, from where this one ended; None where there are none, or the motion drifts
+    away."""
+    stretches = _doubled(level.stretches, task)
+    if not stretches or level.model.base == "joint":
+        return None
+    if level.model.base == "play":
+        stretches = repaired(level.model, stretches, task.substep_s)
+    return fitted(level.model, level.unknowns, stretches, task.substep_s)
+
+
+def _doubled(stretches: Sequence[Stretch], task: Task) -> tuple[Stretch, ...]:
+    halvings = round(math.log2(len(stretches) / len(task.experiments)))
+    return merged(stretches, task.experiments, halvings - 1) if halvings else ()
+
+
+def predictable(level: Level, task: Task) -> float:
+    """Longest stretches, up to a second, over which the motion is not chaotic [s]: there models can be told apart."""
+    stretches, horizon = level.stretches, level.horizon_s
+    while level.model.base != "joint" and (stretches := _doubled(stretches, task)):
+        longer = max(stretch.experiment.duration for stretch in stretches)
+        if longer > LONGEST_S or np.mean(_unpredictable(level.model, stretches, task)) > DOUBTED_SHARE:
+            break
+        horizon = longer
+    return horizon
+
+
 def _doubt(level: Level, task: Task) -> float:
     """Share of the stretches that are missed, not converged or chaotic; up to a tenth of them count as none."""
     missed = missing(level.model, level.stretches, task.substep_s)
-    fine, finer = (coarse_substep(level.model, task.experiments, factor) for factor in (1.0, 0.5))
-    here = residuals(level.model, level.stretches, fine)
-    halved = residuals(level.model, level.stretches, finer)
-    nudged = [stretch.starting(stretch.start + NUDGE * stretch.scale) for stretch in level.stretches]
-    apart = residuals(level.model, nudged, fine)
+    share = float(np.mean(missed | _unpredictable(level.model, level.stretches, task)))
+    return share if share > 0.1 else 0.0
+
+
+def _unpredictable(model: Model, stretches: Sequence[Stretch], task: Task) -> NDArray[np.bool_]:
+    """Which stretches are changed by half the integration step or by a nudge to their start (S,)."""
+    fine, finer = (coarse_substep(model, task.experiments, factor) for factor in (1.0, 0.5))
+    here, halved = residuals(model, stretches, fine), residuals(model, stretches, finer)
+    apart = residuals(model, [stretch.starting(stretch.start + NUDGE * stretch.scale) for stretch in stretches], fine)
     moved = [_rms(a - b) > CONVERGED for a, b in zip(here, halved, strict=True)]
     chaotic = [_rms(a - b) > NUDGED for a, b in zip(here, apart, strict=True)]
-    share = float(np.mean(missed | np.array(moved) | np.array(chaotic)))
-    return share if share > 0.1 else 0.0
+    return np.asarray(np.array(moved) | np.array(chaotic))
 
 
 def _rms(values: FloatArray) -> float:

@@ -89,7 +89,8 @@ def polished(model: Model, stretch: Stretch, states: FloatArray, substep_s: floa
     cost, damping = robust(r, huber), np.full(K, 1e-2)
     for _ in range(iterations):
         moved = (states[:, None] + steps[None]).reshape(K * n, n)
-        slopes = (stretch.residuals(model, moved, substep_s).reshape(K, n, -1) - r[:, None]) / STEP
+        with np.errstate(invalid="ignore"):  # what cannot be run is infinite
+            slopes = (stretch.residuals(model, moved, substep_s).reshape(K, n, -1) - r[:, None]) / STEP
         slopes[~np.isfinite(slopes)] = 0.0
         w = 1 / np.maximum(1.0, np.abs(np.where(np.isfinite(r), r, 1.0)) / huber)
         weighted = slopes * w[:, None]

@@ -26,8 +26,9 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import ActsOn, Effect
 from lostmotion.model.kernel import Slots, compiled, kernel
 from lostmotion.model.motion import FloatArray
+from lostmotion.model.nudged import at_samples
 from lostmotion.model.parameter import Parameter
-from lostmotion.model.pieces import Pieces, cut
+from lostmotion.model.pieces import cut
 from lostmotion.model.signals import (
     ALPHA2,
     BAR_FORCE,
@@ -143,7 +144,7 @@ class Tracker:
         self._times = experiment.time - experiment.time[0]
         self._origin = float(experiment.time[0])
         whole = cut(experiment.drive, self._origin, float(self._times[-1]), delay)
-        self._knots, self._coefficients = _at_samples(whole, self._times)
+        self._knots, self._coefficients = at_samples(whole, self._times)
         trial = own.simulate(experiment.drive, experiment.time, start)
         self._substep = trial.substep_s
 
@@ -212,21 +213,6 @@ def _injection(base: str, equation: str, target: int) -> Effect:
         id=f"injected_{equation}", equation="+ u", summary="an unknown input", acts_on=ActsOn.JOINT,
         parameters={"u": ANY}, bases=(base,), terms={base: (Term(target, injected, ("u",)),)},
     )  # fmt: skip
-
-
-def _at_samples(pieces: Pieces, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The input's polynomials cut so that every sample is a knot: knots (K + 1,), coefficients (K + 1, 6)."""
-    knots = np.union1d(pieces.knots, times)
-    apart = np.concatenate(([True], np.diff(knots) > 1e-9))  # a knot that is a sample up to rounding
-    knots = knots[apart]
-    piece = np.clip(np.searchsorted(pieces.knots, knots + 1e-9, "right") - 1, 0, len(pieces.coefficients) - 1)
-    shift, c = knots - pieces.knots[piece], pieces.coefficients[piece]
-    moved = np.zeros_like(c)
-    binomials = [[1], [1, 1], [1, 2, 1], [1, 3, 3, 1], [1, 4, 6, 4, 1], [1, 5, 10, 10, 5, 1]]
-    for power, row in enumerate(binomials):
-        for order, factor in enumerate(row):
-            moved[:, order] += c[:, power] * factor * shift ** (power - order)
-    return knots, moved
 
 
 def _run_filter(

@@ -21,7 +21,19 @@ from numpy.typing import NDArray
 
 from lostmotion.model.kernel import OPTIONS, POINTER, compiled, jitted
 
-__all__ = ["FloatArray", "IntArray", "Plan", "integrate", "integrate_many", "start_signals"]
+__all__ = [
+    "FloatArray",
+    "IntArray",
+    "Plan",
+    "integrate",
+    "integrate_many",
+    "load",
+    "polynomial",
+    "rates",
+    "record",
+    "rk4",
+    "start_signals",
+]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.uint64]
@@ -86,7 +98,7 @@ def _at(context: Any, array: Any, index: Any) -> Any:
 
 
 @jitted
-def _input(c: FloatArray, tau: float) -> tuple[float, float]:
+def polynomial(c: FloatArray, tau: float) -> tuple[float, float]:
     """The polynomial c (6,), lowest order first, and its derivative at tau."""
     value, rate = c[5], 0.0
     for i in range(4, -1, -1):
@@ -96,7 +108,7 @@ def _input(c: FloatArray, tau: float) -> tuple[float, float]:
 
 
 @jitted
-def _load(
+def load(
     plan: Plan, s: FloatArray, time: float, value: float, rate: float, x: FloatArray, dx: FloatArray, h: float
 ) -> None:
     """Sets what the terms start from: time, input, presets, and the states x + h dx."""
@@ -121,7 +133,7 @@ def _run(plan: Plan, s: FloatArray, dx: FloatArray, first: int, last: int) -> No
 
 
 @jitted
-def _rates(plan: Plan, s: FloatArray, dx: FloatArray) -> None:
+def rates(plan: Plan, s: FloatArray, dx: FloatArray) -> None:
     """dx = f(loaded s)."""
     _run(plan, s, dx, 0, plan.live)
     for i in range(plan.rate_signals.size):
@@ -129,7 +141,7 @@ def _rates(plan: Plan, s: FloatArray, dx: FloatArray) -> None:
 
 
 @jitted
-def _record(plan: Plan, s: FloatArray, scratch: FloatArray, records: IntArray, out: FloatArray, o: int) -> None:
+def record(plan: Plan, s: FloatArray, scratch: FloatArray, records: IntArray, out: FloatArray, o: int) -> None:
     """Evaluates the terms that only outputs need and writes column o."""
     _run(plan, s, scratch, plan.live, plan.targets.size)
     for r in range(records.size):
@@ -149,7 +161,7 @@ def _hermite(
 
 
 @jitted
-def _rk4(
+def rk4(
     plan: Plan,
     s: FloatArray,
     c: FloatArray,
@@ -167,25 +179,25 @@ def _rk4(
 
     It begins ``since`` [s] after the knot at the time ``knot`` [s] from which the input's polynomial c counts.
     """
-    value, rate = _input(c, since + h / 2)
-    _load(plan, s, knot + since + h / 2, value, rate, x, k1, h / 2)
-    _rates(plan, s, k2)
-    _load(plan, s, knot + since + h / 2, value, rate, x, k2, h / 2)
-    _rates(plan, s, k3)
-    value, rate = _input(c, since + h)
-    _load(plan, s, knot + since + h, value, rate, x, k3, h)
-    _rates(plan, s, k4)
+    value, rate = polynomial(c, since + h / 2)
+    load(plan, s, knot + since + h / 2, value, rate, x, k1, h / 2)
+    rates(plan, s, k2)
+    load(plan, s, knot + since + h / 2, value, rate, x, k2, h / 2)
+    rates(plan, s, k3)
+    value, rate = polynomial(c, since + h)
+    load(plan, s, knot + since + h, value, rate, x, k3, h)
+    rates(plan, s, k4)
     for i in range(x.size):
         y[i] = x[i] + h / 6 * (k1[i] + 2 * (k2[i] + k3[i]) + k4[i])
-    _load(plan, s, knot + since + h, value, rate, y, k4, 0.0)
-    _rates(plan, s, k4)  # the next step's first slope
+    load(plan, s, knot + since + h, value, rate, y, k4, 0.0)
+    rates(plan, s, k4)  # the next step's first slope
 
 
 def _start_signals(plan: Plan, x: FloatArray, time: float, value: float, rate: float) -> FloatArray:
     """All signals at one instant, shape (signals + effects' states,), for states x (n,) and an input with its rate."""
     s = plan.start.copy()
     dx = np.zeros(x.size + 1)
-    _load(plan, s, time, value, rate, x, dx, 0.0)
+    load(plan, s, time, value, rate, x, dx, 0.0)
     _run(plan, s, dx, 0, plan.targets.size)
     return s
 
@@ -213,12 +225,12 @@ def _integrate(
     s = plan.start.copy()
     x, y, z = x0.copy(), np.empty(n), np.empty(n)
     k1, k2, k3, k4, scratch = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
-    value, rate = _input(coefficients[0], 0.0)
-    _load(plan, s, origin + knots[0], value, rate, x, k1, 0.0)
-    _rates(plan, s, k1)
+    value, rate = polynomial(coefficients[0], 0.0)
+    load(plan, s, origin + knots[0], value, rate, x, k1, 0.0)
+    rates(plan, s, k1)
     peak, o = abs(s[plan.watch]), 0
     while o < times.size and times[o] <= knots[0]:
-        _record(plan, s, scratch, records, out, o)
+        record(plan, s, scratch, records, out, o)
         states[o] = x
         o += 1
     for interval in range(knots.size - 1):
@@ -227,7 +239,7 @@ def _integrate(
         h = (knots[interval + 1] - left) / steps
         for step in range(steps):
             begin, end = left + step * h, left + (step + 1) * h
-            _rk4(plan, s, c, origin + left, step * h, h, x, k1, k2, k3, k4, y)
+            rk4(plan, s, c, origin + left, step * h, h, x, k1, k2, k3, k4, y)
             if not abs(s[plan.watch]) <= peak:
                 peak = abs(s[plan.watch])
             between = False  # from then on s no longer shows the end of the step
@@ -236,13 +248,13 @@ def _integrate(
                 between = between or part < 1 - 1e-6
                 if between:
                     _hermite(x, k1, y, k4, h, part, z)
-                    value, rate = _input(c, times[o] - left)
-                    _load(plan, s, origin + times[o], value, rate, z, k4, 0.0)
+                    value, rate = polynomial(c, times[o] - left)
+                    load(plan, s, origin + times[o], value, rate, z, k4, 0.0)
                     _run(plan, s, scratch, 0, plan.live)
                     states[o] = z
                 else:
                     states[o] = y
-                _record(plan, s, scratch, records, out, o)
+                record(plan, s, scratch, records, out, o)
                 o += 1
             x, y = y, x
             k1, k4 = k4, k1

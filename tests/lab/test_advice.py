@@ -11,7 +11,7 @@ import numpy as np
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.advice import what_to_record
 from lostmotion.lab.experiment import experiments
-from lostmotion.lab.search import Task
+from lostmotion.lab.task import Task
 from lostmotion.model import Model, build_model, by_name
 
 NOISE = 5e-4

@@ -16,9 +16,10 @@ from lostmotion.drivers.recording import Recording, read_recording
 from lostmotion.lab.experiment import Experiment, experiments
 from lostmotion.lab.fit import noise_of
 from lostmotion.lab.grow import Level, fitted
-from lostmotion.lab.search import Task, coarse_substep, full_fit, grown, seeded
+from lostmotion.lab.search import full_fit, grown, seeded
 from lostmotion.lab.seeds import seeds, sizes
 from lostmotion.lab.start import find_start, stretch_of
+from lostmotion.lab.task import Task, coarse_substep
 from lostmotion.lab.unknowns import Unknowns
 from lostmotion.model import Model, Parameter, build_model
 from lostmotion.model.motion import FloatArray

@@ -1,0 +1,76 @@
+"""Runs of gears that are nudged by the measurement: how far off the next sample is, in which states it is followed.
+
+What the bar rings more than the model says, the joint's speed must have jumped: the gain is the constant Kalman gain of
+the bar for jumps of omega_2 at every sample, which act on q' and, by -1/l, on omega_2 itself.  No fitting here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from lostmotion.lab.experiment import Experiment
+from lostmotion.model import Model, ModelError
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["COLUMN", "SETTLED_S", "STRONG", "WEAK", "Nudge", "can_follow", "states_at"]
+
+COLUMN = "accel"
+STRONG, WEAK = 0.3, 0.1
+"""Rings that may begin at every sample, in units of the noise."""
+SETTLED_S = 0.2
+"""A run has then forgotten that nobody knew where to begin."""
+
+
+@dataclass(frozen=True, eq=False)
+class Nudge:
+    """gain: (2,) on q and q'; expected: what an error is expected to be, in units of the noise."""
+
+    gain: FloatArray
+    expected: float
+
+    @classmethod
+    def of(cls, model: Model, spacing_s: float, coupling: float) -> Nudge:
+        """From the bar's Riccati equation; each sample q' may jump by coupling/w."""
+        from scipy.linalg import expm, solve_discrete_are
+
+        k, b, m = (model.parameters[name].value for name in "kbm")
+        w = math.sqrt(k / m)
+        F, C = expm(np.array([[0.0, 1.0], [-(w**2), -b / m]]) * spacing_s), np.array([-(w**2), -b / m])
+        P = solve_discrete_are(F.T, C[:, None], np.diag([0.0, (coupling / w) ** 2]), np.eye(1))
+        s = float(C @ P @ C) + 1.0
+        return cls(np.asarray(P @ C / s), math.sqrt(s))
+
+    def run(self, model: Model, experiment: Experiment, substep_s: float) -> tuple[FloatArray, FloatArray]:
+        """Errors (N,) and states (N, n) along an experiment, all of whose samples of accel are there.
+
+        model: with what the experiment states of it.  Raises ModelError for a motion that is not finite.
+        """
+        value, measured = model.parameters, experiment.measured[COLUMN]
+        start = model.initial_state(experiment.drive, float(experiment.time[0]))
+        start[2] = -value["m"].value / value["k"].value * measured[0]
+        gain = np.zeros(start.size)
+        gain[1:4] = -self.gain[1] / value["l"].value, *self.gain
+        run = model.nudged(experiment.drive, experiment.time, COLUMN, experiment.clock_zero)
+        return run(start, gain, measured, substep_s)
+
+
+def can_follow(model: Model, experiment: Experiment) -> bool:
+    """Whether the bar's acceleration was measured at every time, on gears."""
+    return model.base == "play" and not np.isnan(experiment.measured.get(COLUMN, np.full(1, np.nan))).any()
+
+
+def states_at(model: Model, experiment: Experiment, times: FloatArray, substep_s: float) -> Mapping[float, FloatArray]:
+    """Likely states (2, n) at those of the times [s] at which a run has settled, followed more and less closely."""
+    own = experiment.model(model)
+    settled = [float(t) for t in times if t >= experiment.time[0] + SETTLED_S]
+    try:
+        runs = [Nudge.of(own, 1 / experiment.rate_hz, coupling).run(own, experiment, substep_s)[1]
+                for coupling in (STRONG, WEAK)]  # fmt: skip
+    except ModelError:
+        return {}
+    found = {t: np.array([run[np.searchsorted(experiment.time, t - 1e-9)] for run in runs]) for t in settled}
+    return {t: states for t, states in found.items() if np.isfinite(states).all()}

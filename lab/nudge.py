@@ -1,0 +1,197 @@
+"""Gears that are nudged to follow the measurement: which parameters, which effects come near it.  No verdicts here.
+
+A free run of gears has a valley for every way in which impacts may be confused; a run that is corrected at every sample
+has hardly any.  How far it is off at the next sample is a smooth function of play, damping and effects, searched by
+differential evolution (Storn and Price 1997), first with strong nudging and then with less.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lostmotion.lab.experiment import Experiment
+from lostmotion.lab.follow import COLUMN, SETTLED_S, STRONG, WEAK, Nudge
+from lostmotion.lab.grow import Level
+from lostmotion.lab.seeds import Sizes, seeds, sizes
+from lostmotion.lab.task import Task
+from lostmotion.lab.unknowns import Unknowns
+from lostmotion.model import Model, ModelError
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["Near", "nearest", "shortlist"]
+
+LENGTH_S, EXPERIMENTS = 2.0, 2
+LEAST_HZ, PERIOD_SAMPLES = 800.0, 8.0
+"""More samples a second, or a period of the bar, are not looked at."""
+OUTSIDE, FAR = 3.0, 1e6
+FIRST, POPULATION = 72, 20
+BASE_GENERATIONS, EFFECT_GENERATIONS, FINAL_GENERATIONS = 8, 5, 8
+KEPT = 8
+WIDTH = {"d": 0.22, "alpha": 0.3, "k": 0.01, "b": 0.25, "l": 0.03}
+"""Standard deviations of a first population, in logarithms."""
+BIAS_WIDTH = 0.05  # m/s²
+EFFECT_WIDTH = 0.4
+LARGER = 4.0
+LEAP, CROSSED = 0.6, 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class Follower:
+    """Stretches that runs shall follow; noise [m/s²]; nudges: by coupling."""
+
+    rough: Model
+    stretches: tuple[Experiment, ...]
+    noise: float
+    substep_s: float
+    nudges: dict[float, Nudge]
+
+    @classmethod
+    def of(cls, task: Task, rough: Model) -> Follower:
+        """The liveliest parts of the first experiments."""
+        value = {name: p.value for name, p in rough.parameters.items()}
+        hz = max(LEAST_HZ, PERIOD_SAMPLES * math.sqrt(value["k"] / value["m"]) / (2 * math.pi))
+        stretches = tuple(_liveliest(e, hz) for e in task.experiments[:EXPERIMENTS])
+        nudges = {coupling: Nudge.of(rough, 1 / stretches[0].rate_hz, coupling) for coupling in (STRONG, WEAK)}
+        return cls(rough, stretches, task.noise[COLUMN], task.substep_s, nudges)
+
+    def cost(self, model: Model, coupling: float) -> float:
+        """Mean of log(1 + (e/c)²) over the samples after the first 0.2 s: one that is missed by far counts little more
+        than one that is missed."""
+        nudge = self.nudges[coupling]
+        try:
+            e = [nudge.run(s.model(model), s, self.substep_s)[0][_settled(s)] for s in self.stretches]
+        except ModelError:
+            return math.inf
+        return float(np.mean(np.log1p(np.minimum((np.concatenate(e) / self._missed(nudge)) ** 2, FAR))))
+
+    def _missed(self, nudge: Nudge) -> float:
+        return nudge.expected * self.noise * OUTSIDE
+
+
+@dataclass(frozen=True, eq=False)
+class Near:
+    """A model that comes near the measurement; its cost with little nudging, and what it has more than the base."""
+
+    model: Model
+    cost: float
+    effect: str = ""
+
+
+def nearest(model: Model, task: Task, seed: int = 0) -> Model:
+    """The model with the free parameters that bring nudged runs nearest to the measurement."""
+    model = _with_bias(model, task)
+    follower = Follower.of(task, model)
+    found = _Population(follower, [model], seed)
+    found.evolve(BASE_GENERATIONS)
+    found.loosen()
+    return found.near("").model
+
+
+def shortlist(base: Level, effects: Sequence[str], task: Task, pool: Executor, seed: int = 0) -> list[Near]:
+    """The effects that bring nudged runs nearest to the measurement, best first.
+
+    base: the fit without them; seeds of an effect's parameters are tried with its values and with the file's.
+    """
+    given = {name: p.value for name, p in task.rough.parameters.items()}
+    follower = Follower.of(task, _with_bias(base.model.replace(given), task))
+    size, count = sizes(base.model, base.stretches, task.substep_s), len(effects)
+    first = pool.map(_begun, effects, [base.model] * count, [follower] * count, [size] * count, [seed] * count)
+    best = sorted(zip(first, effects, strict=True), key=lambda pair: pair[0].costs.min())[:KEPT]
+    found = pool.map(_finished, *zip(*best, strict=True))
+    return sorted(found, key=lambda near: near.cost)
+
+
+def _with_bias(model: Model, task: Task) -> Model:
+    """The sensor's offset as the mean of what it reads, where it is free."""
+    bias = model.parameters["bias"]
+    if bias.fixed:
+        return model
+    mean = float(np.mean([np.nanmean(e.measured[COLUMN]) for e in task.experiments]))
+    return model.replace({"bias": min(max(mean, bias.low), bias.high)})
+
+
+def _liveliest(experiment: Experiment, hz: float) -> Experiment:
+    """The two seconds in which the sensor moves most, at no more than about ``hz`` samples a second."""
+    sampled = ~np.isnan(experiment.measured[COLUMN])
+    step = max(1, int(experiment.rate_hz * np.mean(sampled) / hz))
+    rows = np.flatnonzero(sampled)[::step]
+    time, values = experiment.time[rows], experiment.measured[COLUMN][rows]
+    power = np.concatenate(([0.0], np.cumsum((values - values.mean()) ** 2)))
+    last = np.searchsorted(time, time + LENGTH_S)
+    first = int(np.argmax(np.where(time + LENGTH_S <= time[-1] + 1e-9, power[last] - power[:-1], -1.0)))
+    return replace(experiment, time=time[first : last[first]], measured={COLUMN: values[first : last[first]]})
+
+
+def _settled(stretch: Experiment) -> slice:
+    return slice(int(np.searchsorted(stretch.time, stretch.time[0] + SETTLED_S)), None)
+
+
+class _Population:
+    """Models with costs, evolving: each tries to leap towards one of the better ones.
+
+    Whole numbers do not evolve: who leaps takes them from whom it leaps to.
+    """
+
+    def __init__(self, follower: Follower, models: Sequence[Model], seed: int) -> None:
+        self._follower, self._coupling, self._random = follower, STRONG, np.random.default_rng(seed)
+        self._unknowns = Unknowns.of(models[0], follower.rough)
+        many = max(FIRST, min(2 * FIRST, 2 * len(models)))
+        kept = [models[i % len(models)] for i in range(many)]
+        spread = self._spread()
+        z = np.clip([self._unknowns.z(m) + spread * self._random.standard_normal(spread.size) for m in kept],
+                    *self._unknowns.bounds)  # fmt: skip
+        costs = np.array([self._cost(model, one) for model, one in zip(kept, z, strict=True)])
+        order = np.argsort(costs)[:POPULATION]
+        self._models, self._z, self.costs = [kept[i] for i in order], z[order], costs[order]
+
+    def near(self, effect: str) -> Near:
+        """The best of all."""
+        best = int(np.argmin(self.costs))
+        return Near(self._unknowns.put(self._models[best], self._z[best]), float(self.costs[best]), effect)
+
+    def loosen(self) -> None:
+        """Some more generations with little nudging."""
+        self._coupling = WEAK
+        self.costs = np.array([self._cost(model, one) for model, one in zip(self._models, self._z, strict=True)])
+        self.evolve(FINAL_GENERATIONS)
+
+    def evolve(self, generations: int) -> None:
+        """Differential evolution, current to p-best."""
+        random, z, size = self._random, self._z, len(self._z)
+        for _ in range(generations):
+            top = np.argsort(self.costs)[: max(3, size // 5)]
+            for i in range(size):
+                (a, b), lead = random.choice(size, 2, replace=False), int(random.choice(top))
+                leap = LEAP * (z[lead] - z[i]) + random.uniform(0.3, 0.9) * (z[a] - z[b])
+                trial = np.clip(z[i] + np.where(random.random(leap.size) < CROSSED, leap, 0.0), *self._unknowns.bounds)
+                cost = self._cost(self._models[lead], trial)
+                if cost < self.costs[i]:
+                    self._models[i], z[i], self.costs[i] = self._models[lead], trial, cost
+
+    def _cost(self, model: Model, z: FloatArray) -> float:
+        return self._follower.cost(self._unknowns.put(model, z), self._coupling)
+
+    def _spread(self) -> FloatArray:
+        """Standard deviations in z (P,): what is known of the base, half an effect's size."""
+        items = self._unknowns.items
+        return np.array([BIAS_WIDTH / i.scale if i.name == "bias" else WIDTH.get(i.name, EFFECT_WIDTH) for i in items])
+
+
+def _begun(effect: str, base: Model, follower: Follower, size: Sizes, seed: int) -> _Population:
+    models = [base.with_effect(effect), follower.rough.with_effect(effect)]
+    wide = (size, replace(size, torque=LARGER * size.torque))
+    every = [model.replace(v) for one in wide for v in seeds(models[0], effect, one) for model in models]
+    population = _Population(follower, every, seed)
+    population.evolve(EFFECT_GENERATIONS)
+    return population
+
+
+def _finished(population: _Population, effect: str) -> Near:
+    population.evolve(FINAL_GENERATIONS)
+    population.loosen()
+    return population.near(effect)

@@ -1,0 +1,112 @@
+"""A run that is corrected at every sample, so that it follows a measurement.  No choice of gain or step here.
+
+A free run of gears soon has its impacts at other times than the measurement; a corrected one does not, and how far it
+is off at the next sample is a smooth function of the parameters (a Luenberger observer; Abarbanel, Creveling, Jeanne
+2008, "Estimation of parameters in nonlinear systems using balanced synchronization").
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from lostmotion.model.kernel import OPTIONS, compiled
+from lostmotion.model.motion import FloatArray, Motion
+from lostmotion.model.pieces import Pieces, cut
+from lostmotion.model.solve import IntArray, Plan, load, polynomial, rates, record, rk4
+
+__all__ = ["NudgedRun", "at_samples", "nudged_input"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NudgedRun:
+    """Calling it with a start state (n,), gains (n,), the measured signal (N,) and a sub-step [s] gives what the run
+    did not expect at each sample, e = measured - modelled (N,), and the states after gain e was added to them (N, n).
+
+    Infinite from where the motion exceeds all numbers.  knots: (K + 1,) [s] from origin, with every sample among them;
+    at: (N,) which of them the samples are; reading: the signal that is measured.
+    """
+
+    plan: Plan
+    knots: FloatArray
+    coefficients: FloatArray
+    at: IntArray
+    origin: float
+    reading: IntArray
+
+    def __call__(
+        self, start: FloatArray, gain: FloatArray, measured: FloatArray, substep_s: float
+    ) -> tuple[FloatArray, FloatArray]:
+        e, states = np.full(self.at.size, np.inf), np.full((self.at.size, start.size), np.inf)
+        _follow(self.plan, self.knots, self.coefficients, self.at, substep_s, start, gain, self.reading, measured,
+                self.origin, e, states)  # fmt: skip
+        return e, states
+
+
+@lru_cache(maxsize=128)
+def nudged_input(
+    drive: Motion | None, origin: float, times: tuple[float, ...], delay: float
+) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Knots, coefficients and which knots the samples are; times: (N,) from origin [s], the first of them 0."""
+    grid = np.array(times)
+    knots, coefficients = at_samples(cut(drive, origin, max(float(grid[-1]), 1e-3), delay), grid)
+    return knots, coefficients, np.searchsorted(knots, grid - 1e-9).astype(np.uint64)
+
+
+def at_samples(pieces: Pieces, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The input's polynomials cut so that every sample is a knot: knots (K + 1,), coefficients (K + 1, 6)."""
+    knots = np.union1d(pieces.knots, times)
+    apart = np.concatenate(([True], np.diff(knots) > 1e-9))  # a knot that is a sample up to rounding
+    knots = knots[apart]
+    piece = np.clip(np.searchsorted(pieces.knots, knots + 1e-9, "right") - 1, 0, len(pieces.coefficients) - 1)
+    shift, c = knots - pieces.knots[piece], pieces.coefficients[piece]
+    moved = np.zeros_like(c)
+    binomials = [[1], [1, 1], [1, 2, 1], [1, 3, 3, 1], [1, 4, 6, 4, 1], [1, 5, 10, 10, 5, 1]]
+    for power, row in enumerate(binomials):
+        for order, factor in enumerate(row):
+            moved[:, order] += c[:, power] * factor * shift ** (power - order)
+    return knots, moved
+
+
+def _nudge(
+    plan: Any, knots: FloatArray, coefficients: FloatArray, at: IntArray, substep: float, start: FloatArray,
+    gain: FloatArray, reading: IntArray, measured: FloatArray, origin: float, e: FloatArray, states: FloatArray,
+) -> None:  # fmt: skip
+    n = start.size
+    s = plan.start.copy()
+    x, y = start.copy(), np.empty(n)
+    k1, k2, k3, k4, scratch = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
+    out = np.empty((1, 1))
+    o = 0
+    for interval in range(knots.size):
+        c, left = coefficients[interval], knots[interval]
+        if o < at.size and at[o] == interval:
+            value, rate = polynomial(c, 0.0)
+            load(plan, s, origin + left, value, rate, x, k1, 0.0)
+            rates(plan, s, k1)
+            record(plan, s, scratch, reading, out, 0)
+            error = measured[o] - out[0, 0]
+            if not abs(error) < 1e9:
+                return
+            e[o] = error
+            for i in range(n):
+                x[i] += gain[i] * error
+                states[o, i] = x[i]
+            o += 1
+            load(plan, s, origin + left, value, rate, x, k1, 0.0)
+            rates(plan, s, k1)
+        if o == at.size:
+            return
+        steps = max(1, int(np.ceil((knots[interval + 1] - left) / substep - 1e-9)))
+        h = (knots[interval + 1] - left) / steps
+        for step in range(steps):
+            rk4(plan, s, c, origin + left, step * h, h, x, k1, k2, k3, k4, y)
+            x, y = y, x
+            k1, k4 = k4, k1
+
+
+_follow = compiled(lambda **options: njit(nogil=True, **OPTIONS, **options)(_nudge))
