@@ -28,8 +28,10 @@ from lostmotion.model.motion import FloatArray
 
 __all__ = ["Trial", "far_trials", "near_trials"]
 
-NEAR = 12
-FULL, FOLLOWED = 3, 4
+NEAR, NEAR_ITERATIONS = 6, 6
+FULL, FOLLOWED = 2, 4
+HOPELESS = 0.45
+"""Share of missed stretches, from which on an effect is not worth finding their starts."""
 LONGER = 1.2
 BEHIND, MOST_RACED = 3.0, 5
 
@@ -59,11 +61,11 @@ def far_trials(
     base: the fit without them on the shortest stretches; directions: of its score test.  Where the bar was measured,
     nudged runs say what else is worth a fit.
     """
-    near = near_trials(base, directions[:NEAR], task, pool, iterations=6)
+    near = near_trials(base, directions[:NEAR], task, pool, NEAR_ITERATIONS)
     begin = [(trial.effect, trial.level.model) for trial in near[:FULL]]
     if all(can_follow(task.rough, experiment) for experiment in task.experiments):
         begin += [(found.effect, found.model) for found in shortlist(base, effects, task, pool)[:FOLLOWED]]
-    levels = pool.map(full_fit, [model for _, model in begin], [task] * len(begin))
+    levels = pool.map(full_fit, [model for _, model in begin], [task] * len(begin), [HOPELESS] * len(begin))
     full = [Trial(effect, level) for (effect, _), level in zip(begin, levels, strict=True)]
     return _best_of_each(_raced(_ordered(full), task, horizon_s, pool))
 
@@ -71,7 +73,7 @@ def far_trials(
 def _raced(trials: list[Trial], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
     """The trials on longer and longer stretches, those that fall far behind the best left out."""
     while trials and trials[0].level.horizon_s * LONGER < horizon_s:
-        levels = pool.map(doubled, [trial.level for trial in trials], [task] * len(trials))
+        levels = pool.map(doubled, [t.level for t in trials], [task] * len(trials), [HOPELESS] * len(trials))
         longer = [Trial(t.effect, level) for t, level in zip(trials, levels, strict=True) if level is not None]
         if not longer:
             break

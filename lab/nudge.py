@@ -28,16 +28,21 @@ __all__ = ["Near", "nearest", "shortlist"]
 LENGTH_S, EXPERIMENTS = 2.0, 2
 LEAST_HZ, PERIOD_SAMPLES = 800.0, 8.0
 """More samples a second, or a period of the bar, are not looked at."""
+SHORTEST_STEP_S = 2.5e-4
+"""What a longer step misses, the next sample corrects."""
 OUTSIDE, FAR = 3.0, 1e6
-FIRST, POPULATION = 72, 20
+FIRST, MOST_FIRST, POPULATION = 72, 480, 20
 BASE_GENERATIONS, EFFECT_GENERATIONS, FINAL_GENERATIONS = 8, 5, 8
 KEPT = 8
 WIDTH = {"d": 0.22, "alpha": 0.3, "k": 0.01, "b": 0.25, "l": 0.03}
 """Standard deviations of a first population, in logarithms."""
 BIAS_WIDTH = 0.05  # m/s²
 EFFECT_WIDTH = 0.4
+SURE = 0.2
+"""The share of these widths around values that a fit has found."""
 LARGER = 4.0
 LEAP, CROSSED = 0.6, 0.9
+MUTATED, FARTHEST = 0.5, 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +62,7 @@ class Follower:
         hz = max(LEAST_HZ, PERIOD_SAMPLES * math.sqrt(value["k"] / value["m"]) / (2 * math.pi))
         stretches = tuple(_liveliest(e, hz) for e in task.experiments[:EXPERIMENTS])
         nudges = {coupling: Nudge.of(rough, 1 / stretches[0].rate_hz, coupling) for coupling in (STRONG, WEAK)}
-        return cls(rough, stretches, task.noise[COLUMN], task.substep_s, nudges)
+        return cls(rough, stretches, task.noise[COLUMN], max(task.substep_s, SHORTEST_STEP_S), nudges)
 
     def cost(self, model: Model, coupling: float) -> float:
         """Mean of log(1 + (e/c)²) over the samples after the first 0.2 s: one that is missed by far counts little more
@@ -134,17 +139,18 @@ def _settled(stretch: Experiment) -> slice:
 class _Population:
     """Models with costs, evolving: each tries to leap towards one of the better ones.
 
-    Whole numbers do not evolve: who leaps takes them from whom it leaps to.
+    Who leaps takes whole numbers from whom it leaps to, or others near them.
     """
 
-    def __init__(self, follower: Follower, models: Sequence[Model], seed: int) -> None:
+    def __init__(self, follower: Follower, models: Sequence[Model], seed: int, sure: Sequence[bool] = ()) -> None:
         self._follower, self._coupling, self._random = follower, STRONG, np.random.default_rng(seed)
         self._unknowns = Unknowns.of(models[0], follower.rough)
-        many = max(FIRST, min(2 * FIRST, 2 * len(models)))
+        self._whole = [name for name, p in models[0].parameters.items() if p.domain.is_whole and "." in name]
+        many = min(max(FIRST, len(models)), MOST_FIRST)
         kept = [models[i % len(models)] for i in range(many)]
-        spread = self._spread()
-        z = np.clip([self._unknowns.z(m) + spread * self._random.standard_normal(spread.size) for m in kept],
-                    *self._unknowns.bounds)  # fmt: skip
+        z, spread = np.array([self._unknowns.z(model) for model in kept]), self._spread() * np.ones((many, 1))
+        spread[: len(sure)] *= np.where(sure[:many], SURE, 1.0)[:, None]
+        z = np.clip(z + spread * self._random.standard_normal(z.shape), *self._unknowns.bounds)
         costs = np.array([self._cost(model, one) for model, one in zip(kept, z, strict=True)])
         order = np.argsort(costs)[:POPULATION]
         self._models, self._z, self.costs = [kept[i] for i in order], z[order], costs[order]
@@ -169,9 +175,19 @@ class _Population:
                 (a, b), lead = random.choice(size, 2, replace=False), int(random.choice(top))
                 leap = LEAP * (z[lead] - z[i]) + random.uniform(0.3, 0.9) * (z[a] - z[b])
                 trial = np.clip(z[i] + np.where(random.random(leap.size) < CROSSED, leap, 0.0), *self._unknowns.bounds)
-                cost = self._cost(self._models[lead], trial)
+                model = self._mutated(self._models[lead])
+                cost = self._cost(model, trial)
                 if cost < self.costs[i]:
-                    self._models[i], z[i], self.costs[i] = self._models[lead], trial, cost
+                    self._models[i], z[i], self.costs[i] = model, trial, cost
+
+    def _mutated(self, model: Model) -> Model:
+        """The model, or one whose whole numbers differ a little."""
+        if not self._whole or self._random.random() > MUTATED:
+            return model
+        values = {name: model.parameters[name] for name in self._whole}
+        steps = self._random.integers(-FARTHEST, FARTHEST + 1, len(values))
+        return model.replace({name: min(max(p.value + step, p.low), p.high)
+                              for (name, p), step in zip(values.items(), steps, strict=True)})  # fmt: skip
 
     def _cost(self, model: Model, z: FloatArray) -> float:
         return self._follower.cost(self._unknowns.put(model, z), self._coupling)
@@ -185,10 +201,20 @@ class _Population:
 def _begun(effect: str, base: Model, follower: Follower, size: Sizes, seed: int) -> _Population:
     models = [base.with_effect(effect), follower.rough.with_effect(effect)]
     wide = (size, replace(size, torque=LARGER * size.torque))
-    every = [model.replace(v) for one in wide for v in seeds(models[0], effect, one) for model in models]
-    population = _Population(follower, every, seed)
+    found: list[dict[str, float]] = []
+    for one in wide:
+        found += [values for values in seeds(models[0], effect, one) if values not in found]
+    found += [{**v, **opposite} for v in found if (opposite := _opposite(models[0], v))]
+    every = [model.replace(values) for values in found for model in models]
+    population = _Population(follower, every, seed, [True, False] * len(found))
     population.evolve(EFFECT_GENERATIONS)
     return population
+
+
+def _opposite(model: Model, values: dict[str, float]) -> dict[str, float]:
+    """Those whose sign may be the other one; angles and whole numbers keep theirs."""
+    may = {name for name in values if -values[name] >= model.parameters[name].low and values[name] > 0}
+    return {name: -values[name] for name in may if "." in name and not name.endswith(".phi")}
 
 
 def _finished(population: _Population, effect: str) -> Near:

@@ -131,12 +131,14 @@ def best_of(levels: Iterable[Level], count: int) -> list[Level]:
     return sorted(levels, key=lambda level: level.typical)[:count]
 
 
-def full_fit(model: Model, task: Task) -> Level:
+def full_fit(model: Model, task: Task, hopeless: float = 1.0) -> Level:
     """A fit on all of the shortest stretches, those that were missed begun anew."""
     every = [tile for experiment in task.experiments for tile in tiles(experiment, task.halvings)]
     level = started(model, every, task)
     level = fitted(model, level.unknowns, level.stretches, task.substep_s)
-    again = repaired(level.model, level.stretches, task.substep_s) if model.base == "play" else level.stretches
+    again = level.stretches
+    if model.base == "play":
+        again = repaired(level.model, again, task.substep_s, hopeless)
     return fitted(level.model, level.unknowns, again, task.substep_s)
 
 
@@ -155,14 +157,14 @@ def grown(level: Level, task: Task) -> Level:
     return min(zip(doubts, found, strict=True), key=lambda pair: (pair[0], -pair[1].horizon_s))[1]
 
 
-def doubled(level: Level, task: Task) -> Level | None:
+def doubled(level: Level, task: Task, hopeless: float = 1.0) -> Level | None:
     """The fit on stretches twice as long, from where this one ended; None where there are none, or the motion drifts
     away."""
     stretches = _doubled(level.stretches, task)
     if not stretches or level.model.base == "joint":
         return None
     if level.model.base == "play":
-        stretches = repaired(level.model, stretches, task.substep_s)
+        stretches = repaired(level.model, stretches, task.substep_s, hopeless)
     return fitted(level.model, level.unknowns, stretches, task.substep_s)
 
 

@@ -171,7 +171,7 @@ _TABLE: dict[str, Callable[[Sizes, Mapping[str, Parameter]], list[Values]]] = {
     ],
     "load_dependent_friction": lambda size, _: _grid(mu=(0.01, 0.05, 0.15)),
     "gravity_torque": lambda size, _: _grid(tau_g=[size.torque * share for share in (0.02, 0.1)], phi=PHASES),
-    "gear_eccentricity": lambda size, _: _grid(e=[0.1 * size.d], N=_turns(size), phi=PHASES[:2]),
+    "gear_eccentricity": lambda size, _: _grid(e=[0.1 * size.d, 0.03 * size.d], N=_turns(size), phi=PHASES[:2]),
     "shaft_compliance": lambda size, _: [
         {"share": 0.5, "k_s": k, "c_s": 0.02 * math.sqrt(k * size.inertia / 2)}
         for f in (35.0, 60.0, 100.0, 160.0)

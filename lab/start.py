@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +17,7 @@ from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.grow import errors, missing
 from lostmotion.lab.levenberg import robust
 from lostmotion.lab.stretch import STEP, Stretch, state_scales
-from lostmotion.model import Model
+from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["find_start", "repaired", "ringing_hz", "stretch_of"]
@@ -106,12 +107,16 @@ def polished(model: Model, stretch: Stretch, states: FloatArray, substep_s: floa
     return np.asarray(states[np.argsort(cost)])
 
 
-def repaired(model: Model, stretches: Sequence[Stretch], substep_s: float) -> tuple[Stretch, ...]:
+def repaired(
+    model: Model, stretches: Sequence[Stretch], substep_s: float, hopeless: float = 1.0
+) -> tuple[Stretch, ...]:
     """The stretches, those that the model misses begun anew: where the one before ended, or where a finer scan says.
 
-    For gears; other motions forget their start.
+    For gears; other motions forget their start.  A model that misses more than this share begins hopelessly.
     """
     missed = missing(model, stretches, substep_s)
+    if np.mean(missed) > hopeless:
+        return tuple(stretches)
     done: list[Stretch] = []
     for stretch, out in zip(stretches, missed, strict=True):
         done.append(_begun_anew(model, stretch, done, substep_s) if out else stretch)
@@ -124,7 +129,8 @@ def _begun_anew(model: Model, stretch: Stretch, before: Sequence[Stretch], subst
     if before and before[-1].experiment.name == stretch.experiment.name:
         last = before[-1]
         times = np.append(last.experiment.time, stretch.experiment.time[0])
-        also.append(own.simulate(last.experiment.drive, times, last.start, substep_s=substep_s).state)
+        with suppress(ModelError):  # the one before runs away
+            also.append(own.simulate(last.experiment.drive, times, last.start, substep_s=substep_s).state)
     anew = find_start(model, stretch, substep_s, also, FINE)
     error = errors(model, [anew, stretch], substep_s)
     return anew if error[0] < error[1] else stretch

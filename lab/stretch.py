@@ -24,6 +24,8 @@ __all__ = ["STEP", "Linearised", "Stretch", "scales", "state_scales"]
 
 STEP = 1e-5
 """Finite difference, in numbers of order one: fixed integration steps make it good to about 1e-5 of the derivative."""
+OWN_SHARE = 0.1
+"""An effect's own states (a lag's, a shaft's) are known better than the joint's: they follow the input or forget."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +132,9 @@ def state_scales(model: Model, experiment: Experiment) -> FloatArray:
         **dict.fromkeys((COMMAND_RATE, OMEGA1, OMEGA2), speed),
         None: base[-2] if len(base) > 2 else turn,
     }
-    own = [like.get(signal, accel or turn) for name in _ordered(model) for signal in get_effect(name).states]
+    own = [
+        OWN_SHARE * like.get(signal, accel or turn) for name in _ordered(model) for signal in get_effect(name).states
+    ]
     return np.array([*base, *own])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,7 +13,8 @@ from lostmotion.model import Model
 
 __all__ = ["Task", "coarse_substep"]
 
-SEARCH_STEPS = {"play": 4.0, "oscillator": 2.0, "joint": 4.0, "servo": 2.0}  # times the model's own choice of step
+SEARCH_STEPS = {"play": 8.0, "oscillator": 2.0, "joint": 4.0, "servo": 2.0}  # times the model's own choice of step
+LONGEST_STEP_S = {"play": 5e-4}
 FRICTION_SHARE = 0.2
 
 
@@ -51,4 +53,6 @@ def coarse_substep(model: Model, experiments: Sequence[Experiment], factor: floa
     Without a factor, one that is good enough for a search.
     """
     own = [e.model(model).simulate(e.drive, e.between(e.time[0], e.time[0] + 1.0).time).substep_s for e in experiments]
-    return min(own) * (factor or SEARCH_STEPS.get(model.base, 1.0))
+    if factor:
+        return min(own) * factor
+    return min(min(own) * SEARCH_STEPS.get(model.base, 1.0), LONGEST_STEP_S.get(model.base, math.inf))

@@ -74,10 +74,11 @@ def on(bases: tuple[str, ...], *terms: Term) -> dict[str, tuple[Term, ...]]:
     return dict.fromkeys(bases, terms)
 
 
-def omega_0(value: float) -> Parameter:
+def omega_0(value: float, low: float = 1e-5, high: float = 1.0, fixed: bool = True) -> Parameter:
     """The speed within which a dry friction is smoothed: sign(omega) ~ tanh(omega/omega_0)."""
     source = "convention: small against the speeds of the motion, large enough for the step"
-    return Parameter(value, "rad/s", 1e-5, 1.0, True, source, "speed within which sign(omega) is smoothed")
+    about = "speed within which sign(omega) is smoothed"
+    return Parameter(value, "rad/s", low, high, fixed, source, about)
 
 
 def servo_sized(torque: Parameter) -> Parameter:

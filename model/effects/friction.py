@@ -1,7 +1,7 @@
 """Friction in the joint: viscous, Coulomb, Stribeck, and growing with the load.
 
 sign(omega) is smoothed to tanh(omega/omega_0): a fixed-step solver cannot resolve a jump, and below omega_0 the joint
-creeps instead of sticking.  omega_0 is a parameter, fixed unless it is freed.
+creeps instead of sticking.  omega_0 is a parameter, fixed where an accelerometer does not feel it.
 """
 
 from __future__ import annotations
@@ -71,6 +71,7 @@ _B_V = Parameter(4e-4, "N m s/rad", 0.0, 1e-1, False, GUESS, "viscous friction",
 _TAU_C = Parameter(3e-4, "N m", 0.0, 1e-1, False, GUESS, "Coulomb friction", Domain.NOT_NEGATIVE)
 _TAU_S = Parameter(5e-4, "N m", 0.0, 1e-1, False, GUESS, "static friction", Domain.NOT_NEGATIVE)
 _OMEGA_S = Parameter(0.1, "rad/s", 1e-3, 10.0, False, "guess", "Stribeck speed", Domain.POSITIVE)
+_FELT = omega_0(5e-3, 1e-3, 5e-2, fixed=False)  # gears that pass through rest show in the bar's ring how smoothly
 _SLOW = {base: {"omega_0": omega_0(2e-3)} for base in ("joint", "servo")}
 
 VISCOUS = Effect(
@@ -90,7 +91,7 @@ COULOMB = Effect(
     summary="dry friction of constant size",
     acts_on=ActsOn.JOINT,
     bases=JOINTS,
-    parameters={"tau_c": _TAU_C, "omega_0": omega_0(1e-2)},
+    parameters={"tau_c": _TAU_C, "omega_0": _FELT},
     terms=on(JOINTS, Term(TORQUE, coulomb, ("tau_c", "omega_0"))),
     rate=_dry_rate,
     defaults={
@@ -104,7 +105,7 @@ STRIBECK = Effect(
     summary="dry friction that is larger near rest: the whole law, Coulomb included",
     acts_on=ActsOn.JOINT,
     bases=JOINTS,
-    parameters={"tau_c": _TAU_C, "tau_s": _TAU_S, "omega_s": _OMEGA_S, "omega_0": omega_0(1e-2)},
+    parameters={"tau_c": _TAU_C, "tau_s": _TAU_S, "omega_s": _OMEGA_S, "omega_0": _FELT},
     terms=on(JOINTS, Term(TORQUE, stribeck, ("tau_c", "tau_s", "omega_s", "omega_0"))),
     rate=_dry_rate,
     defaults={
@@ -122,7 +123,7 @@ LOAD_DEPENDENT = Effect(
         "mu": Parameter(
             0.05, "", 0.0, 1.0, False, "guess: lubricated gears", "friction coefficient", Domain.NOT_NEGATIVE
         ),
-        "omega_0": omega_0(1e-2),
+        "omega_0": _FELT,
     },
     terms={
         "play": (Term(TORQUE, load_dependent, ("mu", "omega_0", "R2")),),
