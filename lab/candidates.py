@@ -18,7 +18,7 @@ from lostmotion.lab.follow import can_follow
 from lostmotion.lab.grow import Level, fitted
 from lostmotion.lab.nudge import shortlist
 from lostmotion.lab.scoretest import Direction, start_with
-from lostmotion.lab.search import doubled, full_fit
+from lostmotion.lab.search import doubled, full_fit, refined
 from lostmotion.lab.seeds import AMPLITUDE
 from lostmotion.lab.stretch import state_scales
 from lostmotion.lab.task import Task
@@ -67,7 +67,8 @@ def far_trials(
         begin += [(found.effect, found.model) for found in shortlist(base, effects, task, pool)[:FOLLOWED]]
     levels = pool.map(full_fit, [model for _, model in begin], [task] * len(begin), [HOPELESS] * len(begin))
     full = [Trial(effect, level) for (effect, _), level in zip(begin, levels, strict=True)]
-    return _best_of_each(_raced(_ordered(full), task, horizon_s, pool))
+    raced = _best_of_each(_raced(_ordered(full), task, horizon_s, pool))
+    return _ordered([_recounted(trial, task, pool) for trial in raced])
 
 
 def _raced(trials: list[Trial], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
@@ -80,6 +81,24 @@ def _raced(trials: list[Trial], task: Task, horizon_s: float, pool: Executor) ->
         trials = _ordered(longer)
         trials = [t for t in trials if t.level.typical < BEHIND * max(trials[0].level.typical, 1.0)][:MOST_RACED]
     return trials
+
+
+def _recounted(trial: Trial, task: Task, pool: Executor) -> Trial:
+    """The trial with whole numbers (of teeth) nearby tried as well, until none is better."""
+    prefix = trial.effect + "."
+    whole = [name for name, p in trial.level.model.parameters.items() if name.startswith(prefix) and p.domain.is_whole]
+    best = trial.level
+    for name in whole:
+        while True:
+            p = best.model.parameters[name]
+            counts = [p.value + step for step in (-2, -1, 1, 2) if p.low <= p.value + step <= p.high]
+            models = [best.model.replace({name: count}) for count in counts]
+            others = [replace(best, model=model) for model in models]
+            level = min(pool.map(refined, others, [task] * len(others)), key=lambda level: level.rms)
+            if not level.rms < best.rms:
+                break
+            best = level
+    return Trial(trial.effect, best)
 
 
 def _best_of_each(trials: Sequence[Trial]) -> list[Trial]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
 
 from lostmotion.lab.experiment import Experiment
+from lostmotion.lab.follow import can_follow, states_at
 from lostmotion.lab.grow import errors, merged, residuals, tiles
 from lostmotion.lab.search import begun
 from lostmotion.lab.start import polished, repaired
@@ -20,14 +22,15 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["Judged", "judge"]
 
 LONGER = 1.2
-LOST_SHARE = 0.25
-LOST = 1.5
+POLISHED = 6
+LOST_SHARE = 0.4
+LOST = 1.3
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
     """error: root mean square of r on unseen data, in units of the noise as it was estimated; count: samples;
-    residual: r of each stretch that is not lost."""
+    residual: r of each stretch that is not lost, best first."""
 
     error: float
     count: int
@@ -41,23 +44,29 @@ class Judged:
 def judge(model: Model, unseen: Experiment, task: Task, horizon_s: float, pool: Executor) -> Judged:
     """The model on the unseen experiment, in stretches of about this length with start states of their own.
 
-    Up to a quarter of the stretches are left out, those that stand out as lost: chaos, or a start that was not found.
+    Up to two fifths of the stretches are left out, those that stand out as lost: chaos, or a start that was not found.
     """
     step, halvings = task.substep_s, task.halvings
-    stretches = begun(model, tiles(unseen, halvings), [unseen], task)
+    pieces = tiles(unseen, halvings)
+    likely: Mapping[float, FloatArray] = {}
+    if can_follow(model, unseen):
+        likely = states_at(model, unseen, np.array([piece.time[0] for piece in pieces]), step)
+    stretches = begun(model, pieces, [unseen], task)
     stretches = repaired(model, stretches, step) if model.base == "play" else stretches
     while halvings > 0 and unseen.duration / 2 ** (halvings - 1) <= horizon_s * LONGER:
         halvings -= 1
         stretches = repaired(model, merged(stretches, [unseen], halvings), step)
-        stretches = tuple(pool.map(_polished, [model] * len(stretches), stretches, [step] * len(stretches)))
+        also = [likely.get(float(stretch.experiment.time[0])) for stretch in stretches]
+        stretches = tuple(pool.map(_polished, [model] * len(stretches), stretches, also, [step] * len(stretches)))
     error = errors(model, stretches, step)
-    worst = float(np.quantile(error, 1 - LOST_SHARE, method="lower"))
-    lost = error > max(LOST * float(np.median(error)), worst)
-    r = [part for part, out in zip(residuals(model, stretches, step), lost, strict=True) if not out]
+    usual = float(np.quantile(error, 1 - LOST_SHARE, method="lower"))
+    parts = residuals(model, stretches, step)
+    r = [parts[i] for i in np.argsort(error) if error[i] <= LOST * usual]
     whole = np.concatenate(r)
     return Judged(float(np.sqrt(np.mean(whole**2))), whole.size, tuple(r))
 
 
-def _polished(model: Model, stretch: Stretch, substep_s: float) -> Stretch:
+def _polished(model: Model, stretch: Stretch, also: FloatArray | None, substep_s: float) -> Stretch:
     own = stretch.experiment.model(model)
-    return stretch.starting(polished(own, stretch, stretch.start[None], substep_s, 5)[0])
+    states = stretch.start[None] if also is None else np.vstack([stretch.start, also])
+    return stretch.starting(polished(own, stretch, states, substep_s, POLISHED)[0])

@@ -7,6 +7,7 @@ differential evolution (Storn and Price 1997), first with strong nudging and the
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
@@ -43,6 +44,7 @@ SURE = 0.2
 LARGER = 4.0
 LEAP, CROSSED = 0.6, 0.9
 MUTATED, FARTHEST = 0.5, 3
+NICHES = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,10 +207,22 @@ def _begun(effect: str, base: Model, follower: Follower, size: Sizes, seed: int)
     for one in wide:
         found += [values for values in seeds(models[0], effect, one) if values not in found]
     found += [{**v, **opposite} for v in found if (opposite := _opposite(models[0], v))]
-    every = [model.replace(values) for values in found for model in models]
-    population = _Population(follower, every, seed, [True, False] * len(found))
-    population.evolve(EFFECT_GENERATIONS)
-    return population
+    populations = []
+    for part in _niches(models[0], found):
+        every = [model.replace(values) for values in part for model in models]
+        populations.append(_Population(follower, every, seed, [True, False] * len(part)))
+        populations[-1].evolve(EFFECT_GENERATIONS)
+    return min(populations, key=lambda population: float(population.costs.min()))
+
+
+def _niches(model: Model, found: list[dict[str, float]]) -> list[list[dict[str, float]]]:
+    """The values in parts that evolve apart: where they hold a whole number, by its size."""
+    whole = [name for name in found[0] if model.parameters[name].domain.is_whole]
+    if not whole:
+        return [found]
+    ordered = sorted(found, key=lambda values: values[whole[0]])
+    edges = np.linspace(0, len(ordered), NICHES + 1).astype(int)
+    return [ordered[a:b] for a, b in itertools.pairwise(edges) if b > a]
 
 
 def _opposite(model: Model, values: dict[str, float]) -> dict[str, float]:

@@ -177,7 +177,9 @@ _TABLE: dict[str, Callable[[Sizes, Mapping[str, Parameter]], list[Values]]] = {
         for f in (35.0, 60.0, 100.0, 160.0)
         for k in [size.inertia / 4 * (2 * math.pi * f) ** 2]
     ],
-    "finite_actuator": lambda size, _: _grid(f1=(10.0, 18.0, 30.0), zeta1=(0.7,), J1=(2 * size.inertia,)),
+    "finite_actuator": lambda size, _: _grid(
+        f1=(10.0, 18.0, 28.0, 40.0), zeta1=(0.7,), J1=(2 * size.inertia, 6 * size.inertia)
+    ),
     "actuator_lag": lambda size, _: _grid(T=(1.5e-3, 4e-3, 8e-3)),
     "command_delay": lambda size, _: _grid(T=(1.5e-3, 4e-3, 8e-3)),
     "contact_asymmetry": lambda size, _: _grid(ratio=(0.4, 2.5, 6.0)),

@@ -24,8 +24,8 @@ __all__ = ["STEP", "Linearised", "Stretch", "scales", "state_scales"]
 
 STEP = 1e-5
 """Finite difference, in numbers of order one: fixed integration steps make it good to about 1e-5 of the derivative."""
-OWN_SHARE = 0.1
-"""An effect's own states (a lag's, a shaft's) are known better than the joint's: they follow the input or forget."""
+LAG_SHARE, OWN_SHARE = 0.003, 0.1
+"""Of such a scale: an effect's own states are known better than the joint's; that of a lag follows from the input."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +133,9 @@ def state_scales(model: Model, experiment: Experiment) -> FloatArray:
         None: base[-2] if len(base) > 2 else turn,
     }
     own = [
-        OWN_SHARE * like.get(signal, accel or turn) for name in _ordered(model) for signal in get_effect(name).states
+        (LAG_SHARE if len(states) == 1 else OWN_SHARE) * like.get(signal, accel or turn)
+        for states in (get_effect(name).states for name in _ordered(model))
+        for signal in states
     ]
     return np.array([*base, *own])
 

@@ -7,9 +7,10 @@ is off at the next sample is a smooth function of the parameters (a Luenberger o
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numba import njit
@@ -47,11 +48,17 @@ class NudgedRun:
         return e, states
 
 
-@lru_cache(maxsize=128)
 def nudged_input(
     drive: Motion | None, origin: float, times: tuple[float, ...], delay: float
 ) -> tuple[FloatArray, FloatArray, IntArray]:
     """Knots, coefficients and which knots the samples are; times: (N,) from origin [s], the first of them 0."""
+    return _cut_at(cast(Hashable, drive), origin, times, delay)
+
+
+@lru_cache(maxsize=128)  # a search asks for the same stretches thousands of times
+def _cut_at(
+    drive: Any, origin: float, times: tuple[float, ...], delay: float
+) -> tuple[FloatArray, FloatArray, IntArray]:
     grid = np.array(times)
     knots, coefficients = at_samples(cut(drive, origin, max(float(grid[-1]), 1e-3), delay), grid)
     return knots, coefficients, np.searchsorted(knots, grid - 1e-9).astype(np.uint64)
