@@ -121,7 +121,7 @@ def _separation(motion: Motion, models: Sequence[Model], task: Task) -> float:
         unknowns = Unknowns.of(first, task.rough)
         z = unknowns.z(first)
         blocks = [stretch.linearised(first, unknowns, z, task.substep_s) for stretch in stretches]
-        return min(_apart(model, stretches, blocks, task.substep_s) for model in models[1:])
+        return min(_apart(model, first, stretches, blocks, task.substep_s) for model in models[1:])
     except ModelError:
         return 0.0
 
@@ -141,12 +141,14 @@ def _stretches(motion: Motion, model: Model, task: Task) -> list[Stretch]:
     return [Stretch(piece, task.noise, scale, state) for piece, state in zip(pieces, states, strict=True)]
 
 
-def _apart(model: Model, stretches: Sequence[Stretch], blocks: Sequence[Linearised], substep_s: float) -> float:
+def _apart(
+    model: Model, before: Model, stretches: Sequence[Stretch], blocks: Sequence[Linearised], substep_s: float
+) -> float:
     """Root mean square of what this model predicts otherwise and the linearised one cannot imitate; 0 if it fails."""
     differences, slopes = [], []
     for stretch, block in zip(stretches, blocks, strict=True):
         own = stretch.experiment.model(model)
-        r = stretch.residual(own, start_with(own, stretch), substep_s) - block.r
+        r = stretch.residual(own, start_with(own, stretch, before), substep_s) - block.r
         if not np.all(np.isfinite(r)):
             return 0.0
         differences.append(_without(block.B, r))

@@ -1,8 +1,9 @@
 """Effects of the catalogue, tried on a model: rough fits with one more, from several beginnings.  No verdicts here.
 
 Near the noise the score test says where an effect would begin and how large it would be.  Far from it, an effect that
-moves the gears moves all impacts, and the play that fitted best without it is the wrong one: effect and play are laid
-out together, on short stretches whose start states are found anew for each.
+moves the gears moves all impacts, and the play that fitted best without it is the wrong one: there nudged runs, in
+which effect and play are searched together, say which effects are worth a fit.  These race on longer and longer
+stretches, on which only the right one stays.
 """
 
 from __future__ import annotations
@@ -13,7 +14,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.follow import can_follow
 from lostmotion.lab.grow import Level, fitted
 from lostmotion.lab.nudge import shortlist
@@ -23,13 +23,11 @@ from lostmotion.lab.seeds import AMPLITUDE
 from lostmotion.lab.stretch import state_scales
 from lostmotion.lab.task import Task
 from lostmotion.lab.unknowns import Unknowns
-from lostmotion.model import Model
-from lostmotion.model.motion import FloatArray
 
 __all__ = ["Trial", "far_trials", "near_trials"]
 
-NEAR, NEAR_ITERATIONS = 6, 6
-FULL, FOLLOWED = 2, 4
+NEAR, NEAR_ITERATIONS, FULL = 12, 6, 4
+FEW_NEAR, FEW_FULL, FOLLOWED = 6, 2, 4
 HOPELESS = 0.45
 """Share of missed stretches, from which on an effect is not worth finding their starts."""
 LONGER = 1.2
@@ -61,9 +59,10 @@ def far_trials(
     base: the fit without them on the shortest stretches; directions: of its score test.  Where the bar was measured,
     nudged runs say what else is worth a fit.
     """
-    near = near_trials(base, directions[:NEAR], task, pool, NEAR_ITERATIONS)
-    begin = [(trial.effect, trial.level.model) for trial in near[:FULL]]
-    if all(can_follow(task.rough, experiment) for experiment in task.experiments):
+    nudged = all(can_follow(task.rough, experiment) for experiment in task.experiments)
+    near = near_trials(base, directions[: FEW_NEAR if nudged else NEAR], task, pool, NEAR_ITERATIONS)
+    begin = [(trial.effect, trial.level.model) for trial in near[: FEW_FULL if nudged else FULL]]
+    if nudged:
         begin += [(found.effect, found.model) for found in shortlist(base, effects, task, pool)[:FOLLOWED]]
     levels = pool.map(full_fit, [model for _, model in begin], [task] * len(begin), [HOPELESS] * len(begin))
     full = [Trial(effect, level) for (effect, _), level in zip(begin, levels, strict=True)]
@@ -123,11 +122,7 @@ def _with_direction(direction: Direction, level: Level, task: Task, iterations: 
         values[full] = min(max(wanted, parameter.low, faint if parameter.low >= 0 else parameter.low), parameter.high)
     model = model.replace(values)
     stretches = [
-        replace(s, start=start_with(s.experiment.model(model), s), scale=_scale(model, s.scale, s.experiment))
+        replace(s, start=start_with(s.experiment.model(model), s, level.model), scale=state_scales(model, s.experiment))
         for s in level.stretches
     ]
     return fitted(model, Unknowns.of(model, task.rough), stretches, task.substep_s, iterations=iterations)
-
-
-def _scale(model: Model, known: FloatArray, experiment: Experiment) -> FloatArray:
-    return np.concatenate((known, state_scales(model, experiment)[known.size :]))

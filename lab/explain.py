@@ -48,6 +48,8 @@ SURE_SHARE = 0.75
 ALIKE = 0.02
 LEAST_GAIN = 0.01
 """An effect must lower the error on unseen data by this share."""
+FAR_GAIN = 0.6
+"""Where it stays far above the noise, to this part: what bends itself a little to something else is no effect."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,10 +136,7 @@ def _step(
         return _Step(scores, (), (), None)
     order = sorted(finite, key=lambda i: _criterion(judged[i], trials[i]))
     trials, judged = [trials[i] for i in order], [judged[i] for i in order]
-    better = judged[0].error < (1 - LEAST_GAIN) * now.error and judged[0].likelihood_gain_over(now) > _penalty(
-        judged[0]
-    )
-    return _Step(scores, tuple(trials), tuple(judged), 0 if better else None)
+    return _Step(scores, tuple(trials), tuple(judged), 0 if _better(judged[0], now) else None)
 
 
 def _criterion(judged: Judged, trial: Trial) -> float:
@@ -147,8 +146,12 @@ def _criterion(judged: Judged, trial: Trial) -> float:
     )
 
 
-def _penalty(judged: Judged) -> float:
-    return 0.5 * math.log(judged.count)
+def _better(judged: Judged, now: Judged) -> bool:
+    """Whether an effect explains enough: near the noise what Schwarz's criterion asks, far from it a good part."""
+    if judged.error >= FAR:
+        return judged.error < FAR_GAIN * now.error
+    gained = judged.likelihood_gain_over(now) > 0.5 * math.log(judged.count)
+    return gained and judged.error < (1 - LEAST_GAIN) * now.error
 
 
 def _explanation(

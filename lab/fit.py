@@ -132,6 +132,9 @@ def _covariance(level: Level, substep_s: float) -> FloatArray:
     good = followed(level, substep_s)
     H, G = np.diag(1 / level.unknowns.prior**2), np.zeros((level.z.size, level.z.size))
     blocks = [stretch.linearised(level.model, level.unknowns, level.z, substep_s) for stretch in good]
+    blocks = [block for block in blocks if block.finite]
+    if not blocks:
+        return np.diag(level.unknowns.prior**2)
     correlated = _autocovariance([block.r for block in blocks], _lags(good[0]))
     for block in blocks:
         J = _without_start(block)

@@ -94,7 +94,7 @@ def minimise(
         if not math.isfinite(cost):
             break
         blocks = [problem.linearised(z, stretch) for stretch in stretches]
-        if not all(np.all(np.isfinite(b.A)) and np.all(np.isfinite(b.B)) for b in blocks):
+        if not all(block.finite for block in blocks):
             break
         pull = [(s.start - h) / s.scale / START_PRIOR**2 for s, h in zip(stretches, home, strict=True)]
         before = cost

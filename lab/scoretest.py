@@ -65,14 +65,19 @@ def score_test(
     """Tests effects on a fit, whose stretches that are missed are left out."""
     stretches = followed(level, substep_s)
     count = len(stretches)
-    blocks = list(pool.map(_linearised, stretches, [level] * count, [substep_s] * count))
+    every = list(pool.map(_linearised, stretches, [level] * count, [substep_s] * count))
+    stretches = [stretch for stretch, block in zip(stretches, every, strict=True) if block.finite]
+    blocks = [block for block in every if block.finite]
+    if not blocks:
+        return Scores((), 0.0, {}, NoiseModel.white(1.0))
     project = _Projection(blocks)
     noise = innovation_noise(*(block.r for block in blocks))
     r = project([block.r for block in blocks])
     size = sizes(level.model, stretches, substep_s)
     models = [(effect, model) for effect in effects for model in faint(level.model, effect, size)]
-    columns = pool.map(_columns, [model for _, model in models], [stretches] * len(models),
-                       [[b.r for b in blocks]] * len(models), [substep_s] * len(models))  # fmt: skip
+    count, r_before = len(models), [block.r for block in blocks]
+    columns = pool.map(_columns, [model for _, model in models], [level.model] * count, [stretches] * count,
+                       [r_before] * count, [substep_s] * count)  # fmt: skip
     usable = [(e, m, project(c)) for (e, m), c in zip(models, columns, strict=True) if c is not None]
     usable = [entry for entry in usable if entry[2] @ entry[2] > 1e-12]
     if not usable:
@@ -98,24 +103,24 @@ def _linearised(stretch: Stretch, level: Level, substep_s: float) -> Linearised:
 
 
 def _columns(
-    model: Model, stretches: Sequence[Stretch], before: Sequence[FloatArray], substep_s: float
+    model: Model, before: Model, stretches: Sequence[Stretch], residuals: Sequence[FloatArray], substep_s: float
 ) -> list[FloatArray] | None:
     """How a faint effect changes the residual of each stretch; None where it cannot be run."""
     changes = []
-    for stretch, r in zip(stretches, before, strict=True):
+    for stretch, r in zip(stretches, residuals, strict=True):
         own = stretch.experiment.model(model)
-        there = stretch.residual(own, start_with(own, stretch), substep_s)
+        there = stretch.residual(own, start_with(own, stretch, before), substep_s)
         if not np.all(np.isfinite(there)):
             return None
         changes.append(there - r)
     return changes
 
 
-def start_with(model: Model, stretch: Stretch) -> FloatArray:
-    """The stretch's start state for a model with one more effect, whose own states begin where they belong."""
-    names = model.state_names
-    known = [name for name in names if "." not in name]
-    given = {name: float(value) for name, value in zip(known, stretch.start, strict=False)}
+def start_with(model: Model, stretch: Stretch, before: Model) -> FloatArray:
+    """The start state of a stretch of ``before`` for a model with other effects, whose own states begin where they
+    belong."""
+    names = set(model.state_names)
+    given = {name: float(x) for name, x in zip(before.state_names, stretch.start, strict=True) if name in names}
     return model.initial_state(stretch.experiment.drive, float(stretch.experiment.time[0]), **given)
 
 

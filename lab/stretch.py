@@ -36,6 +36,11 @@ class Linearised:
     A: FloatArray
     B: FloatArray
 
+    @property
+    def finite(self) -> bool:
+        """Whether the motion could be run with all of the changes."""
+        return bool(np.isfinite(self.r).all() and np.isfinite(self.A).all() and np.isfinite(self.B).all())
+
 
 @dataclass(frozen=True, eq=False)
 class Stretch:

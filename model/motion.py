@@ -69,7 +69,8 @@ class HandWaved:
     lines: int = 12
 
     def __post_init__(self) -> None:
-        _require(self, low_hz=self.low_hz > 0, high_hz=self.high_hz > self.low_hz, lines=self.lines >= 1)
+        sound = {"low_hz": self.low_hz > 0, "high_hz": self.high_hz > self.low_hz}
+        _require(self, **sound, seed=self.seed >= 0, lines=self.lines >= 1)
 
     @cached_property
     def _lines(self) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -50,10 +50,10 @@ MINE = '@effect("{where}", parameters={{{parameters}}}{more})\ndef mine({argumen
 @pytest.mark.parametrize(
     ("where", "parameters", "arguments", "body", "twin"),
     [
-        ("joint", '"tau_c": Parameter(3e-4, "N m", 0, 1)', "omega, tau_c", "return -tau_c * math.tanh(omega / 1e-2)",
+        ("joint", '"tau_c": Parameter(3e-4, "N m", 0, 1)', "omega, tau_c", "return -tau_c * math.tanh(omega / 5e-3)",
          "coulomb_friction"),
         ("joint", '"mu": Parameter(0.05, "", 0, 1)', "load, omega, mu, R2",
-         "return -mu * abs(load) * R2 * math.tanh(omega / 1e-2)", "load_dependent_friction"),
+         "return -mu * abs(load) * R2 * math.tanh(omega / 5e-3)", "load_dependent_friction"),
         ("oscillator", '"k3": Parameter(2e9, "N/m^3", 0, 1e12)', "q, k3", "return -k3 * q**3", "hardening_spring"),
         ("sensor", '"c": Parameter(1.0, "m/s^3", -9, 9)', "time, c", "return 0.01 * c * time", "bias_drift"),
         ("contact", '"e": Parameter(1e-5, "m", 0, 1e-3)', "theta_1, e", "return e * math.sin(12 * theta_1)",
@@ -106,7 +106,7 @@ def test_own_state(tmp_path: Path) -> None:
 
 def test_plain_python_gives_the_same(tmp_path: Path) -> None:
     """A function that numba cannot compile runs as it is, with a note that says why, and gives the same motion."""
-    body = "return -tau * {0: math.tanh}[0](omega / 1e-2)"
+    body = "return -tau * {0: math.tanh}[0](omega / 5e-3)"
     effect = loaded(tmp_path, f"@effect('joint', parameters=TAU)\ndef mine(omega, tau):\n    {body}\n")
     assert effect.note is not None
     assert "numba cannot compile it" in effect.note

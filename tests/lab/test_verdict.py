@@ -61,7 +61,7 @@ def test_verdict_of_a_fit() -> None:
 def test_verdict_of_a_comparison() -> None:
     """Without the friction: the error, the phase and the states it comes from; with it: no more than noise."""
     first, *rest = verdict.of_comparison(report_example.comparison())
-    assert first.startswith("The error in acceleration is 8.9 m/s², a fit of −6.4 %; the noise is 0.")
+    assert first.startswith("The error in acceleration is 8.9 m/s², a fit of −6.7 %; the noise is 0.")
     assert any(said.startswith("What is left depends on the bar's deflection") for said in rest)
     assert verdict.of_comparison(report_example.comparison("coulomb_friction"))[1:] == (
         "What is left is no more than noise.",
