@@ -1,0 +1,113 @@
+"""Runs nudged by a measurement, on recordings of the bench's own simulator: what they follow, play and effect found."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from bench.hidden_effects.motion import hand_waved
+from bench.hidden_effects.physics import follow, simulate
+
+from lostmotion.drivers.recording import Recording
+from lostmotion.lab.experiment import Experiment, experiments
+from lostmotion.lab.follow import STRONG, WEAK, Nudge, can_follow, states_at
+from lostmotion.lab.nudge import nearest, shortlist
+from lostmotion.lab.search import full_fit, seeded
+from lostmotion.lab.task import Task
+from lostmotion.model import Model, build_model
+from lostmotion.model.motion import FloatArray
+
+GEARS = {"d": 8e-5, "alpha": 4000.0, "b": 0.18, "k": 2600.0}
+NOISE = 0.2
+SUBSTEP = 2.5e-4
+LEAD, LENGTH, RATE_HZ = 0.5, 2.0, 800.0
+
+
+def recorded(seed: int, hidden: dict[str, float] | None = None) -> tuple[Experiment, FloatArray]:
+    """Two seconds of gears that were in motion before, and the states (N, 4)."""
+    rng = np.random.default_rng(seed)
+    command, values = hand_waved(rng, LEAD + LENGTH), {**GEARS, **(hidden or {})}
+    times = LEAD + np.arange(round(LENGTH * RATE_HZ)) / RATE_HZ
+    accel, states = simulate(values, command, np.concatenate(([0.0], times)), follow(values, command, 0.0))
+    columns = {"command": command.at(times), "accel": accel[1:] + rng.normal(0, NOISE, times.size)}
+    (experiment,) = experiments(build_model("play"), [Recording(times - LEAD, columns, name=f"run {seed}")])
+    return experiment, states[1:, :4]
+
+
+def rough(d: float) -> Model:
+    """The gears as a user knows them."""
+    return build_model("play", values={"d": d, "k": 2600.0 * 0.95, "alpha": 3000.0, "b": 0.25})
+
+
+def test_without_a_gain_it_is_a_simulation() -> None:
+    """Nothing is corrected: errors are those of the model's own run from the same state."""
+    experiment, _ = recorded(1)
+    model = build_model("play", values=GEARS)
+    start = model.initial_state(experiment.drive, float(experiment.time[0]))
+    run = model.nudged(experiment.drive, experiment.time, "accel", experiment.clock_zero)
+    e, states = run(start, np.zeros(4), experiment.measured["accel"], 1e-4)
+    free = model.simulate(experiment.drive, experiment.time, start, substep_s=1e-4)
+    early = slice(0, 200)  # later, chaos makes much of a knot more or less
+    assert e[early] == pytest.approx(experiment.measured["accel"][early] - free["accel"][early], abs=1e-5)
+    assert states[early] == pytest.approx(free.states[early], abs=1e-7)
+
+
+def test_a_run_finds_into_the_motion() -> None:
+    """From a state that is only a guess it comes to the true one: the place in the gap, the speed, the bar."""
+    experiment, true = recorded(2)
+    model = build_model("play", values=GEARS)
+    times = experiment.time[[40, 400, 800, 1200, 1500]]
+    found = states_at(model, experiment, times, SUBSTEP)
+    assert sorted(found) == pytest.approx(times[1:])  # the first is too early to know
+    for time, states in found.items():
+        off = states[1] - true[np.searchsorted(experiment.time, time - 1e-9)]
+        assert abs(off[0]) < 0.25 * GEARS["d"] / 2 / 0.01
+        assert abs(off[1]) < 0.05
+        assert abs(off[2]) < 2e-5
+
+
+def test_errors_are_as_large_as_expected() -> None:
+    """A true model with the weak gain misses the next sample by hardly more than the noise; half the play by far more."""
+    experiment, _ = recorded(3)
+    nudge = Nudge.of(build_model("play", values=GEARS), 1 / RATE_HZ, WEAK)
+    assert 1.0 < nudge.expected < Nudge.of(build_model("play", values=GEARS), 1 / RATE_HZ, STRONG).expected < 2.0
+
+    def typical(d: float) -> float:
+        e, _ = nudge.run(build_model("play", values={**GEARS, "d": d}), experiment, SUBSTEP)
+        return float(np.median(np.abs(e[200:]))) * 1.4826 / NOISE / nudge.expected
+
+    assert typical(8e-5) < 2.0
+    assert typical(4e-5) > 2 * typical(8e-5)
+
+
+def test_gaps_and_other_bases_are_not_followed() -> None:
+    """What was not sampled everywhere, or has no bar, is left to other ways."""
+    experiment, _ = recorded(4)
+    assert can_follow(build_model("play"), experiment)
+    assert not can_follow(build_model("joint"), experiment)
+    experiment.measured["accel"][7] = np.nan
+    assert not can_follow(build_model("play"), experiment)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("d", [5.7e-5, 10.3e-5])
+def test_the_play_is_found_from_afar(d: float) -> None:
+    """A play that is off by 28 % either way, and a damping by a third, come out within 3 and 20 %."""
+    task = Task.of(rough(d), [recorded(5)[0], recorded(6)[0]], {"accel": NOISE})
+    found = nearest(seeded(rough(d), task.experiments), task).parameters
+    assert found["d"].value == pytest.approx(8e-5, rel=0.03)
+    assert found["alpha"].value == pytest.approx(4000.0, rel=0.2)
+
+
+@pytest.mark.slow
+def test_the_hidden_effect_is_first_of_the_shortlist() -> None:
+    """A viscous friction that moves every impact is named before dry friction and a delay, and its size is found."""
+    hidden = {"viscous_friction.b_v": 6e-4}
+    task = Task.of(rough(7e-5), [recorded(7, hidden)[0], recorded(8, hidden)[0]], {"accel": NOISE})
+    base = full_fit(nearest(seeded(task.rough, task.experiments), task), task)
+    with ThreadPoolExecutor(2) as pool:
+        found = shortlist(base, ["coulomb_friction", "command_delay", "viscous_friction"], task, pool)
+    assert found[0].effect == "viscous_friction"
+    assert found[0].cost < 0.8 * found[1].cost
+    assert found[0].model.parameters["viscous_friction.b_v"].value == pytest.approx(6e-4, rel=0.1)
