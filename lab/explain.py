@@ -136,7 +136,7 @@ def _step(
         return _Step(scores, (), (), None)
     order = sorted(finite, key=lambda i: _criterion(judged[i], trials[i]))
     trials, judged = [trials[i] for i in order], [judged[i] for i in order]
-    return _Step(scores, tuple(trials), tuple(judged), 0 if _better(judged[0], now) else None)
+    return _Step(scores, tuple(trials), tuple(judged), 0 if _better(judged[0], now, level.model.base) else None)
 
 
 def _criterion(judged: Judged, trial: Trial) -> float:
@@ -146,9 +146,10 @@ def _criterion(judged: Judged, trial: Trial) -> float:
     )
 
 
-def _better(judged: Judged, now: Judged) -> bool:
-    """Whether an effect explains enough: near the noise what Schwarz's criterion asks, far from it a good part."""
-    if judged.error >= FAR:
+def _better(judged: Judged, now: Judged, base: str) -> bool:
+    """Whether an effect explains enough: near the noise what Schwarz's criterion asks, on gears far from it a good
+    part, as almost any effect moves impacts to where some fit better."""
+    if base == "play" and judged.error >= FAR:
         return judged.error < FAR_GAIN * now.error
     gained = judged.likelihood_gain_over(now) > 0.5 * math.log(judged.count)
     return gained and judged.error < (1 - LEAST_GAIN) * now.error
