@@ -68,7 +68,7 @@ def test_a_run_finds_into_the_motion() -> None:
 
 
 def test_errors_are_as_large_as_expected() -> None:
-    """A true model with the weak gain misses the next sample by little more than the noise; half the play by far more."""
+    """A true model misses the next sample by little more than the noise, one with half the play by far more."""
     experiment, _ = recorded(3)
     nudge = Nudge.of(build_model("play", values=GEARS), 1 / RATE_HZ, WEAK)
     assert 1.0 < nudge.expected < Nudge.of(build_model("play", values=GEARS), 1 / RATE_HZ, STRONG).expected < 2.0
