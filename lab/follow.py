@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from lostmotion.lab.experiment import Experiment
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["COLUMN", "SETTLED_S", "STRONG", "WEAK", "Nudge", "can_follow", "states_at"]
+__all__ = ["COLUMN", "SETTLED_S", "STRONG", "WEAK", "Nudge", "can_follow", "sampled", "states_at"]
 
 COLUMN = "accel"
 STRONG, WEAK = 0.3, 0.1
@@ -59,18 +59,39 @@ class Nudge:
 
 
 def can_follow(model: Model, experiment: Experiment) -> bool:
-    """Whether the bar's acceleration was measured at every time, on gears."""
-    return model.base == "play" and not np.isnan(experiment.measured.get(COLUMN, np.full(1, np.nan))).any()
+    """Whether the bar's acceleration was measured, on gears."""
+    return model.base == "play" and COLUMN in experiment.measured
+
+
+def sampled(experiment: Experiment) -> Experiment:
+    """The instants at which the bar was sampled; a servo is read at others."""
+    values = experiment.measured[COLUMN]
+    rows = ~np.isnan(values)
+    return replace(experiment, time=experiment.time[rows], measured={COLUMN: values[rows]})
 
 
 def states_at(model: Model, experiment: Experiment, times: FloatArray, substep_s: float) -> Mapping[float, FloatArray]:
     """Likely states (2, n) at those of the times [s] at which a run has settled, followed more and less closely."""
-    own = experiment.model(model)
-    settled = [float(t) for t in times if t >= experiment.time[0] + SETTLED_S]
+    own, bar = experiment.model(model), sampled(experiment)
     try:
-        runs = [Nudge.of(own, 1 / experiment.rate_hz, coupling).run(own, experiment, substep_s)[1]
-                for coupling in (STRONG, WEAK)]  # fmt: skip
+        runs = [Nudge.of(own, 1 / bar.rate_hz, coupling).run(own, bar, substep_s)[1] for coupling in (STRONG, WEAK)]
     except ModelError:
         return {}
-    found = {t: np.array([run[np.searchsorted(experiment.time, t - 1e-9)] for run in runs]) for t in settled}
-    return {t: states for t, states in found.items() if np.isfinite(states).all()}
+    found = {}
+    for time in times[times >= bar.time[0] + SETTLED_S]:
+        last = int(np.searchsorted(bar.time, time + 1e-9)) - 1
+        states = np.array([_moved_on(own, bar, last, run[last], float(time)) for run in runs])
+        if np.isfinite(states).all():
+            found[float(time)] = states
+    return found
+
+
+def _moved_on(model: Model, bar: Experiment, last: int, state: FloatArray, time: float) -> FloatArray:
+    """The state at a time between two samples of the bar, from that at the last one."""
+    since = float(bar.time[last])
+    if time - since < 1e-9 or not np.isfinite(state).all():
+        return state
+    try:
+        return model.simulate(bar.drive, [since, time], state).state
+    except ModelError:
+        return np.full_like(state, np.inf)

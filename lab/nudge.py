@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lostmotion.lab.experiment import Experiment
-from lostmotion.lab.follow import COLUMN, SETTLED_S, STRONG, WEAK, Nudge
+from lostmotion.lab.follow import COLUMN, SETTLED_S, STRONG, WEAK, Nudge, sampled
 from lostmotion.lab.grow import Level
 from lostmotion.lab.seeds import Sizes, seeds, sizes
 from lostmotion.lab.task import Task
@@ -124,10 +124,9 @@ def _with_bias(model: Model, task: Task) -> Model:
 
 def _liveliest(experiment: Experiment, hz: float) -> Experiment:
     """The two seconds in which the sensor moves most, at no more than about ``hz`` samples a second."""
-    sampled = ~np.isnan(experiment.measured[COLUMN])
-    step = max(1, int(experiment.rate_hz * np.mean(sampled) / hz))
-    rows = np.flatnonzero(sampled)[::step]
-    time, values = experiment.time[rows], experiment.measured[COLUMN][rows]
+    bar = sampled(experiment)
+    step = max(1, int(bar.rate_hz / hz))
+    time, values = bar.time[::step], bar.measured[COLUMN][::step]
     power = np.concatenate(([0.0], np.cumsum((values - values.mean()) ** 2)))
     last = np.searchsorted(time, time + LENGTH_S)
     first = int(np.argmax(np.where(time + LENGTH_S <= time[-1] + 1e-9, power[last] - power[:-1], -1.0)))
