@@ -80,8 +80,9 @@ def test_doctor_on_healthy_hardware(arm: Arm) -> None:
     assert "AX-12A" in found["elbow", "identity"]["value"]
     assert found["elbow", "poll rate"]["value"] == pytest.approx(100, rel=0.1)
     assert found["tip", "sample rate"]["value"] == pytest.approx(200, rel=0.05)
-    devices = [check for (subject, _), check in found.items() if subject in ("elbow", "tip")]
-    assert all(check["ok"] for check in devices), devices
+    devices = [check for (subject, what), check in found.items() if subject in ("elbow", "tip") and "rate" not in what]
+    assert len(devices) > 4
+    assert all(check["ok"] for check in devices), devices  # a rate suffers from what else this machine does
 
 
 @pytest.mark.slow
