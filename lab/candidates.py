@@ -59,7 +59,7 @@ def far_trials(
     base: the fit without them on the shortest stretches; directions: of its score test.  Where the bar was measured,
     nudged runs say what else is worth a fit.
     """
-    nudged = all(can_follow(task.rough, experiment) for experiment in task.experiments)
+    nudged = can_follow(task.rough, *task.experiments)
     near = near_trials(base, directions[: FEW_NEAR if nudged else NEAR], task, pool, NEAR_ITERATIONS)
     begin = [(trial.effect, trial.level.model) for trial in near[: FEW_FULL if nudged else FULL]]
     if nudged:

@@ -58,9 +58,9 @@ class Nudge:
         return run(start, gain, measured, substep_s)
 
 
-def can_follow(model: Model, experiment: Experiment) -> bool:
-    """Whether the bar's acceleration was measured, on gears."""
-    return model.base == "play" and COLUMN in experiment.measured
+def can_follow(model: Model, *experiments: Experiment) -> bool:
+    """Whether the bar's acceleration was measured in all of these, on gears."""
+    return model.base == "play" and all(COLUMN in experiment.measured for experiment in experiments)
 
 
 def sampled(experiment: Experiment) -> Experiment:

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
 
 from lostmotion.lab.experiment import Experiment
-from lostmotion.lab.follow import can_follow, states_at
-from lostmotion.lab.grow import errors, merged, residuals, tiles
-from lostmotion.lab.search import begun
+from lostmotion.lab.grow import merged, residuals, tiles
+from lostmotion.lab.search import begun, passed
 from lostmotion.lab.start import polished, repaired
 from lostmotion.lab.stretch import Stretch
 from lostmotion.lab.task import Task
@@ -48,19 +46,16 @@ def judge(model: Model, unseen: Experiment, task: Task, horizon_s: float, pool: 
     """
     step, halvings = task.substep_s, task.halvings
     pieces = tiles(unseen, halvings)
-    likely: Mapping[float, FloatArray] = {}
-    if can_follow(model, unseen):
-        likely = states_at(model, unseen, np.array([piece.time[0] for piece in pieces]), step)
-    stretches = begun(model, pieces, [unseen], task)
-    stretches = repaired(model, stretches, step) if model.base == "play" else stretches
+    likely = passed(model, pieces, [unseen], task)
+    stretches = repaired(model, begun(model, pieces, likely, task), step)
     while halvings > 0 and unseen.duration / 2 ** (halvings - 1) <= horizon_s * LONGER:
         halvings -= 1
         stretches = repaired(model, merged(stretches, [unseen], halvings), step)
-        also = [likely.get(float(stretch.experiment.time[0])) for stretch in stretches]
+        also = [likely.get((unseen.name, float(stretch.experiment.time[0]))) for stretch in stretches]
         stretches = tuple(pool.map(_polished, [model] * len(stretches), stretches, also, [step] * len(stretches)))
-    error = errors(model, stretches, step)
-    usual = float(np.quantile(error, 1 - LOST_SHARE, method="lower"))
     parts = residuals(model, stretches, step)
+    error = np.array([np.sqrt(np.mean(part**2)) for part in parts])
+    usual = float(np.quantile(error, 1 - LOST_SHARE, method="lower"))
     r = [parts[i] for i in np.argsort(error) if error[i] <= LOST * usual]
     whole = np.concatenate(r)
     return Judged(float(np.sqrt(np.mean(whole**2))), whole.size, tuple(r))

@@ -70,14 +70,12 @@ class Follower:
         """Mean of log(1 + (e/c)²) over the samples after the first 0.2 s: one that is missed by far counts little more
         than one that is missed."""
         nudge = self.nudges[coupling]
+        far = nudge.expected * self.noise * OUTSIDE
         try:
             e = [nudge.run(s.model(model), s, self.substep_s)[0][_settled(s)] for s in self.stretches]
         except ModelError:
             return math.inf
-        return float(np.mean(np.log1p(np.minimum((np.concatenate(e) / self._missed(nudge)) ** 2, FAR))))
-
-    def _missed(self, nudge: Nudge) -> float:
-        return nudge.expected * self.noise * OUTSIDE
+        return float(np.mean(np.log1p(np.minimum((np.concatenate(e) / far) ** 2, FAR))))
 
 
 @dataclass(frozen=True, eq=False)

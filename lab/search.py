@@ -1,13 +1,13 @@
 """The base of a fit: a first rough fit that lies in the right valley, then the growing horizon.  No verdicts here.
 
-The oscillator's frequency comes from the spectrum, the play from a grid of values: with another play every impact
-comes at another time, and no gradient leads from one to the other.
+The oscillator's frequency comes from the spectrum, the play from nudged runs, or from a grid of values where no bar was
+measured: with another play every impact comes at another time, and no gradient leads from one to the other.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 
 import numpy as np
@@ -32,6 +32,7 @@ __all__ = [
     "first_fit",
     "full_fit",
     "grown",
+    "passed",
     "predictable",
     "refined",
     "seeded",
@@ -70,30 +71,35 @@ def seeded(model: Model, experiments: Sequence[Experiment]) -> Model:
     return model.replace({"k": min(max(stiffness, k.low), k.high)})
 
 
-def subset(task: Task, longer: int = 0) -> list[Experiment]:
-    """A few stretches that stand for all, spread over the experiments; doubled in length ``longer`` times."""
-    halvings = max(task.halvings - longer, 0)
-    every = [tile for experiment in task.experiments for tile in tiles(experiment, halvings)]
+def subset(task: Task) -> list[Experiment]:
+    """A few of the shortest stretches that stand for all, spread over the experiments."""
+    every = [tile for experiment in task.experiments for tile in tiles(experiment, task.halvings)]
     return [every[i] for i in np.unique(np.linspace(0, len(every) - 1, min(SUBSET, len(every))).astype(int))]
 
 
-def started(model: Model, stretches: Iterable[Experiment], task: Task) -> Level:
+def started(model: Model, stretches: Sequence[Experiment], task: Task) -> Level:
     """The stretches with their start states found, nothing else fitted."""
-    found = begun(model, list(stretches), task.experiments, task)
+    found = begun(model, stretches, passed(model, stretches, task.experiments, task), task)
     return fitted(model, Unknowns.of(model, task.rough), found, task.substep_s, iterations=0)
 
 
-def begun(
-    model: Model, pieces: Sequence[Experiment], experiments: Sequence[Experiment], task: Task
-) -> tuple[Stretch, ...]:
-    """Stretches of these experiments with their start states: as a nudged run passes there, where it comes near; else
-    as a scan says."""
+Likely = Mapping[tuple[str, float], FloatArray]
+"""Likely start states (K, n), by the experiment's name and the time [s]."""
+
+
+def passed(model: Model, pieces: Sequence[Experiment], experiments: Sequence[Experiment], task: Task) -> Likely:
+    """The states in which nudged runs along these experiments pass the starts of the pieces; none without a bar."""
     likely: dict[tuple[str, float], FloatArray] = {}
     for experiment in experiments:
         if can_follow(model, experiment):
             times = np.array([float(p.time[0]) for p in pieces if p.name == experiment.name])
-            passed = states_at(model, experiment, times, task.substep_s)
-            likely |= {(experiment.name, time): states for time, states in passed.items()}
+            states = states_at(model, experiment, times, task.substep_s)
+            likely |= {(experiment.name, time): found for time, found in states.items()}
+    return likely
+
+
+def begun(model: Model, pieces: Sequence[Experiment], likely: Likely, task: Task) -> tuple[Stretch, ...]:
+    """Stretches with their start states: a likely one, where it comes near; else as a scan says."""
     stretches = [stretch_of(model, piece, task.noise) for piece in pieces]
     found = [_near(model, s, likely.get((s.experiment.name, float(s.experiment.time[0]))), task) for s in stretches]
     missed = missing(model, found, task.substep_s) if likely else np.zeros(len(found), dtype=bool)
@@ -112,7 +118,7 @@ def first_fit(model: Model, task: Task, pool: Executor) -> Level:
     """The best fit on the shortest stretches; on gears from where nudged runs come nearest, or from a grid of plays and
     dampings."""
     model = seeded(model, task.experiments)
-    if all(can_follow(model, experiment) for experiment in task.experiments):
+    if can_follow(model, *task.experiments):
         return full_fit(nearest(model, task), task)
     grid = _grid(model)
     few = subset(task)
@@ -136,9 +142,7 @@ def full_fit(model: Model, task: Task, hopeless: float = 1.0) -> Level:
     every = [tile for experiment in task.experiments for tile in tiles(experiment, task.halvings)]
     level = started(model, every, task)
     level = fitted(model, level.unknowns, level.stretches, task.substep_s)
-    again = level.stretches
-    if model.base == "play":
-        again = repaired(level.model, again, task.substep_s, hopeless)
+    again = repaired(level.model, level.stretches, task.substep_s, hopeless)
     return fitted(level.model, level.unknowns, again, task.substep_s)
 
 
@@ -163,9 +167,8 @@ def doubled(level: Level, task: Task, hopeless: float = 1.0) -> Level | None:
     stretches = _doubled(level.stretches, task)
     if not stretches or level.model.base == "joint":
         return None
-    if level.model.base == "play":
-        stretches = repaired(level.model, stretches, task.substep_s, hopeless)
-    return fitted(level.model, level.unknowns, stretches, task.substep_s)
+    again = repaired(level.model, stretches, task.substep_s, hopeless)
+    return fitted(level.model, level.unknowns, again, task.substep_s)
 
 
 def _doubled(stretches: Sequence[Stretch], task: Task) -> tuple[Stretch, ...]:
@@ -193,8 +196,8 @@ def _doubt(level: Level, task: Task) -> float:
 
 def _unpredictable(model: Model, stretches: Sequence[Stretch], task: Task) -> NDArray[np.bool_]:
     """Which stretches are changed by half the integration step or by a nudge to their start (S,)."""
-    fine, finer = (coarse_substep(model, task.experiments, factor) for factor in (1.0, 0.5))
-    here, halved = residuals(model, stretches, fine), residuals(model, stretches, finer)
+    fine = coarse_substep(model, task.experiments, 1.0)
+    here, halved = residuals(model, stretches, fine), residuals(model, stretches, fine / 2)
     apart = residuals(model, [stretch.starting(stretch.start + NUDGE * stretch.scale) for stretch in stretches], fine)
     moved = [_rms(a - b) > CONVERGED for a, b in zip(here, halved, strict=True)]
     chaotic = [_rms(a - b) > NUDGED for a, b in zip(here, apart, strict=True)]

@@ -112,8 +112,10 @@ def repaired(
 ) -> tuple[Stretch, ...]:
     """The stretches, those that the model misses begun anew: where the one before ended, or where a finer scan says.
 
-    For gears; other motions forget their start.  A model that misses more than this share begins hopelessly.
+    Gears only; other motions forget their start.  A model that misses more than this share begins hopelessly.
     """
+    if model.base != "play":
+        return tuple(stretches)
     missed = missing(model, stretches, substep_s)
     if np.mean(missed) > hopeless:
         return tuple(stretches)

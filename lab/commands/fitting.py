@@ -46,12 +46,7 @@ def fit(
     with _prepared(model, recordings, executor) as (built, experiments, pool, progress):
         found = fitted(built, experiments, pool, progress)
     _save(found.model, output)
-    if report is not None:
-        from lostmotion.lab.report import write_report
-
-        write_report(report, fit=found)
-    if as_json:
-        _print_json(found.document())
+    if _told(found, report, as_json, "fit"):
         return
     from lostmotion.lab.commands.fitting_terminal import show_fit
 
@@ -70,12 +65,7 @@ def explain(model: str, recordings: tuple[Path, ...], executor: str | None, repo
 
     with _prepared(model, recordings, executor) as (built, experiments, pool, progress):
         found = explained(built, experiments, pool, progress)
-    if report is not None:
-        from lostmotion.lab.report import write_report
-
-        write_report(report, explanation=found)
-    if as_json:
-        _print_json(found.document())
+    if _told(found, report, as_json, "explanation"):
         return
     from lostmotion.lab.commands.fitting_terminal import show_explanation
 
@@ -99,12 +89,7 @@ def improve(
     with _prepared(model, recordings, executor) as (built, experiments, pool, progress):
         found = ladder_of(explained(built, experiments, pool, progress))
     _save(found.last.best.model, output)
-    if report is not None:
-        from lostmotion.lab.report import write_report
-
-        write_report(report, ladder=found)
-    if as_json:
-        _print_json(found.document())
+    if _told(found, report, as_json, "ladder"):
         return
     from lostmotion.lab.commands.fitting_terminal import show_ladder
 
@@ -152,5 +137,12 @@ def _save(model: Any, output: Path) -> None:
     modelfile.save(modelfile.ModelFile(model.base, model.effects, model.parameters), output)
 
 
-def _print_json(document: dict[str, Any]) -> None:
-    click.echo(json.dumps(document, ensure_ascii=False, allow_nan=False))
+def _told(found: Any, report: Path | None, as_json: bool, kind: str) -> bool:
+    """Writes the report and the JSON document that were asked for; whether that is all, as a program reads it."""
+    if report is not None:
+        from lostmotion.lab.report import write_report
+
+        write_report(report, **{kind: found})
+    if as_json:
+        click.echo(json.dumps(found.document(), ensure_ascii=False, allow_nan=False))
+    return as_json

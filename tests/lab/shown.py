@@ -3,11 +3,26 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
-__all__ = ["missing_lines", "shown_files", "shown_output"]
+from tests.test_readme import commands, in_folder
+
+__all__ = ["check_page", "missing_lines", "shown_files", "shown_output"]
 
 NUMBER = re.compile(r"[-−]?\d+(\.\d+)?(e[-+]?\d+)?")
 SPACE = re.compile(r"[\s─]+")
+
+
+def check_page(page: str, folder: Path) -> None:
+    """Writes the page's files into the folder and runs its commands there; each succeeds and prints what is shown."""
+    for name, text in shown_files(page).items():
+        (folder / name).write_text(text)
+    printed = ""
+    for command in commands(page):
+        done = in_folder(command, folder)
+        assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
+        printed += done.stdout
+    assert missing_lines(shown_output(page), printed) == []
 
 
 def shown_files(page: str) -> dict[str, str]:

@@ -12,8 +12,7 @@ from lostmotion.lab.own import load_effect
 from lostmotion.lab.own.readable import ENTRIES, READABLE
 from lostmotion.model.effects import unregister
 from tests.conftest import ROOT
-from tests.lab.shown import missing_lines, shown_files, shown_output
-from tests.test_readme import commands, in_folder
+from tests.lab.shown import check_page, shown_files
 
 PAGE = (ROOT / "docs" / "adding-an-effect.md").read_text()
 
@@ -44,14 +43,7 @@ def test_own_states_and_notebook(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_commands_of_the_page_find_the_spot(tmp_path: Path) -> None:
     """Every command succeeds and prints what is shown; the fit finds the spot's three numbers."""
-    for name, text in shown_files(PAGE).items():
-        (tmp_path / name).write_text(text)
-    printed = ""
-    for command in commands(PAGE):
-        done = in_folder(command, tmp_path)
-        assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
-        printed += done.stdout
-    assert missing_lines(shown_output(PAGE), printed) == []
+    check_page(PAGE, tmp_path)
     try:
         found = load(tmp_path / "found.toml").build().parameters
     finally:

@@ -10,8 +10,8 @@ import pytest
 
 from lostmotion.lab.modelfile import load
 from tests.conftest import ROOT
-from tests.lab.shown import missing_lines, shown_files, shown_output
-from tests.test_readme import commands, in_folder
+from tests.lab.shown import check_page
+from tests.test_readme import in_folder
 
 PAGE = (ROOT / "docs" / "lab.md").read_text()
 
@@ -20,14 +20,7 @@ pytestmark = pytest.mark.slow
 
 def test_tutorial_finds_the_friction(tmp_path: Path) -> None:
     """Every command prints lines as shown; the friction of 0.15 N m is found, and the Python lines find it as well."""
-    for name, text in shown_files(PAGE).items():
-        (tmp_path / name).write_text(text)
-    printed = ""
-    for command in commands(PAGE):
-        done = in_folder(command, tmp_path)
-        assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
-        printed += done.stdout
-    assert missing_lines(shown_output(PAGE), printed) == []
+    check_page(PAGE, tmp_path)
     assert load(tmp_path / "better.toml").build().parameters["coulomb_friction.tau_c"].value == pytest.approx(
         0.15, rel=0.02
     )
