@@ -196,6 +196,27 @@ def score(recording: Path, config: Path | None, joint: str | None, as_json: bool
     score(recording, config, Asked(joint=joint, **given), as_json)
 
 
+@cli.group()
+def calibrate() -> None:
+    """Find the detector's settings from recordings, as lines for the configuration."""
+
+
+toml_out = click.option("-o", "--output", type=FILE, metavar="FILE", help="Write the lines to a new file as well.")
+recordings = click.argument("recordings", type=FILE, nargs=-1, required=True, metavar="REC...")
+
+
+@calibrate.command("tap")
+@recordings
+@click.option("--column", default="accel", help="The column that rings: accel (default), force, displacement …")
+@toml_out
+@as_json
+def calibrate_tap(recordings: tuple[Path, ...], column: str, output: Path | None, as_json: bool) -> None:
+    """The oscillator's resonance and damping from recordings in which somebody taps the bar, some seconds apart."""
+    from lostmotion.daemon.commands.calibrate_tap import calibrate_tap
+
+    calibrate_tap(recordings, column, output, as_json)
+
+
 cli.add_command(LateCommand("simulate", "lostmotion.lab.cli:simulate", "Make a recording from a model."))
 cli.add_command(LateCommand("effects", "lostmotion.lab.cli:effects", "The catalogue of effects, with their equations."))
 cli.add_command(LateCommand("lab", "lostmotion.lab.commands:lab", "Hold a model against measurements."))

@@ -1,8 +1,9 @@
-"""The oscillator's resonance and damping from a recording of a tap on the bar."""
+"""The oscillator's resonance and damping from one ring-down.  Finding taps in a recording is ``taps``'s."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,15 +27,20 @@ STEPS = 8
 
 @dataclass(frozen=True, slots=True)
 class Oscillator:
-    """Undamped resonance [Hz] and damping ratio [-]; cycles: how many of the ring-down were used."""
+    """Undamped resonance [Hz] and damping ratio [-] with their standard deviations (for white noise); cycles: how many
+    of the ring-down were used."""
 
     f_res_hz: float
     zeta: float
     cycles: float
+    f_res_std: float
+    zeta_std: float
 
 
-def identify(accel: FloatArray, rate_hz: float) -> Oscillator:
+def identify(accel: FloatArray, rate_hz: float, hum_hz: Sequence[float] = ()) -> Oscillator:
     """f_res and zeta of the strongest ring-down in tip acceleration [m/s²], shape (N,), none missing.
+
+    hum_hz: frequencies of steady lines that may be in it, in part taken out already.
 
     From the maximum of the band around the spectral peak down to the noise, Re(A exp(s t)) and a cubic (the arm's own
     motion) are fitted by least squares; s = (-zeta + i sqrt(1 - zeta²)) 2π f_res starts from the envelope's decay
@@ -66,22 +72,30 @@ def identify(accel: FloatArray, rate_hz: float) -> Oscillator:
     ring = np.abs(analytic[first:last])
     time = np.arange(ring.size) / rate_hz
     decay = float(np.polyfit(time, np.log(ring), 1, w=ring)[0])
-    refined = _refine(time, values[first:last], complex(decay, 2 * math.pi * peak))
+    refined, std = _refine(time, values[first:last], complex(decay, 2 * math.pi * peak), hum_hz)
     natural = abs(refined)
     if not (refined.real < 0 and abs(natural / (2 * math.pi * peak) - 1) < HALF_WIDTH):
         raise DetectorError(f"what rings at {peak:.1f} Hz does not decay like a bar that was tapped once; tap again")
-    return Oscillator(natural / (2 * math.pi), -refined.real / natural, cycles)
+    return Oscillator(natural / (2 * math.pi), -refined.real / natural, cycles, std / (2 * math.pi), std / natural)
 
 
-def _refine(time: FloatArray, values: FloatArray, exponent: complex) -> complex:
-    """The exponent s of Re(A exp(s t)) plus a cubic: linear least squares for A and A ds, then s += ds."""
-    slow = np.vander(time / time[-1], 4)
+def _refine(time: FloatArray, values: FloatArray, exponent: complex, hum_hz: Sequence[float]) -> tuple[complex, float]:
+    """The exponent s of Re(A exp(s t)) plus a cubic and steady lines: least squares for A and A ds, then s += ds.
+
+    Also the standard deviation [1/s] of its real part, and as good as that of its imaginary part.
+    """
+    turns = 2 * np.pi * np.outer(time, hum_hz)
+    slow = np.column_stack([np.vander(time / time[-1], 4), np.cos(turns), np.sin(turns)])
     for _ in range(STEPS):
         wave = np.exp(exponent * time)
         columns = np.column_stack([wave.real, -wave.imag, time * wave.real, -time * wave.imag, slow])
         a, b, c, d = np.linalg.lstsq(columns, values, rcond=None)[0][:4]
         exponent += complex(c, d) / complex(a, b)
-    return exponent
+    # At the end c and d are nearly 0, and columns and amplitude those of the solution.
+    inverse = np.linalg.pinv(columns)
+    left = values - columns @ (inverse @ values)
+    variance = float(left @ left) / max(time.size - columns.shape[1], 1)
+    return exponent, math.sqrt(variance * float(inverse[2] @ inverse[2])) / abs(complex(a, b))
 
 
 def _peak(size: FloatArray, frequency: FloatArray, rate_hz: float) -> float:

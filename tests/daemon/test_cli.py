@@ -18,7 +18,20 @@ from lostmotion.daemon.commands.guard import RootGroup
 from tests.daemon.cli_world import HARDWARE, PROGRAM, SIMULATED, call, fill, is_one_line, start
 
 HEAVY = ("numpy", "scipy", "numba", "matplotlib", "rich", "plotext", "serial", "zenoh")
-COMMANDS = ("config", "doctor", "effects", "history", "lab", "record", "run", "score", "simulate", "status", "trend")
+COMMANDS = (
+    "calibrate",
+    "config",
+    "doctor",
+    "effects",
+    "history",
+    "lab",
+    "record",
+    "run",
+    "score",
+    "simulate",
+    "status",
+    "trend",
+)
 
 
 def imported_by(*arguments: str, folder: Path) -> set[str]:

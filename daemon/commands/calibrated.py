@@ -1,0 +1,66 @@
+"""What the ``calibrate`` commands share: how an answer is told, and its lines of TOML.  Nothing is computed here."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from lostmotion.daemon.commands import output
+from lostmotion.drivers.errors import LostmotionError
+
+__all__ = ["CalibrationError", "lines_of", "tell"]
+
+
+class CalibrationError(LostmotionError):
+    """The recordings do not tell what was asked, or the file for the lines cannot be written."""
+
+
+def lines_of(values: Mapping[str, Any], comment: str, inline: str = "") -> list[str]:
+    """The values as lines of TOML under a comment: a line each, or one inline table of that name."""
+    pairs = [f"{key} = {_toml(value)}" for key, value in values.items()]
+    return [f"# {comment}", *([f"{inline} = {{ {', '.join(pairs)} }}"] if inline else pairs)]
+
+
+def tell(
+    document: Mapping[str, Any],
+    words: Sequence[str],
+    warnings: Sequence[str],
+    lines: Sequence[str],
+    target: Path | None,
+    as_json: bool,
+) -> None:
+    """Prints the answer, warnings on stderr, and writes the TOML lines to a file that must not exist yet.
+
+    Raises CalibrationError when it does or cannot be written: a configuration is never changed behind its owner's back.
+    """
+    if target:
+        _write_new(target, lines)
+    for warning in warnings:
+        sys.stderr.write(f"warning: {warning}\n")
+    if as_json:
+        output.print_json({**document, "warnings": list(warnings), "toml": "\n".join(lines)})
+    else:
+        output.print_lines([*words, "", *lines])
+
+
+def _write_new(target: Path, lines: Sequence[str]) -> None:
+    try:
+        with target.open("x", encoding="utf-8") as file:
+            file.write("".join(f"{line}\n" for line in lines))
+    except FileExistsError as error:
+        raise CalibrationError(
+            f"{target}: found a file, expected a new one; nothing is merged into a configuration, "
+            "copy the lines into it yourself"
+        ) from error
+    except OSError as error:
+        raise CalibrationError(
+            f"{target}: cannot be written: {error.strerror}; is there a folder, and room?"
+        ) from error
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(_toml(one) for one in value)}]"
+    return f'"{value}"' if isinstance(value, str) else f"{value}"
