@@ -1,124 +1,167 @@
 """The health of a joint and its alarms: what the last windows and the devices say.  No I/O; time comes in.
 
 Two causes are followed side by side: the play that is heard, and the devices that should hear it.  Each has at most one
-active alarm; the joint's health is the worse of both.
+alarm, whose life ``lifecycle.py`` knows; how bad the play is says ``evidence.py``.  A device that fails is an alarm of
+its own and says nothing about the play: the joint's health is then DEGRADED, for nobody watches it, or what it was.
 """
 
 from __future__ import annotations
 
+import math
 from collections import deque
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
-from datetime import datetime
+from collections.abc import Iterable
+from datetime import datetime, timedelta
 from statistics import median
 
+from lostmotion.daemon.evidence import LEAST_WINDOWS, Evidence, grade
+from lostmotion.daemon.lifecycle import happen, is_possible, raised, reminder_due
 from lostmotion.daemon.options import AlarmOptions
-from lostmotion.daemon.records import AlarmRow, Cause, Health, JointRow, ScoreRow, Severity
-
-__all__ = ["Evidence", "JointMonitor"]
-
-HOLD = 0.6
-"""hysteresis: a health is left when the figure that led to it falls below this share of its limit"""
-LEAST_WINDOWS = 5
-"""fewer scored windows than this say nothing"""
-SEVERITY: dict[Health, Severity | None] = {
-    Health.OK: None,
-    Health.DEGRADED: None,
-    Health.WARNING: Severity.WARNING,
-    Health.ERROR: Severity.ERROR,
-}
-RANK = {health: rank for rank, health in enumerate(Health)}
-
-
-@dataclass(frozen=True, slots=True)
-class Evidence:
-    """What the last windows show: share of them above the level, and median of score / level."""
-
-    windows: int
-    share: float
-    ratio: float
-
-    def __str__(self) -> str:
-        share = f"{self.share:.0%} of the last {self.windows} windows above the level"
-        return f"play: {share}, median {self.ratio:.2g} x level"
-
-
-# From worst to best: which figure leads to a health, and which option is its limit.
-GRADES: tuple[tuple[Health, Callable[[Evidence], float], Callable[[AlarmOptions], float]], ...] = (
-    (Health.ERROR, lambda evidence: evidence.ratio, lambda options: options.error),
-    (Health.WARNING, lambda evidence: evidence.share, lambda options: options.warning),
-    (Health.DEGRADED, lambda evidence: evidence.share, lambda options: options.degraded),
+from lostmotion.daemon.records import (
+    AlarmEvent,
+    AlarmRow,
+    AlarmState,
+    Answer,
+    Cause,
+    Health,
+    JointRow,
+    Request,
+    ScoreRow,
+    Severity,
+    Transition,
+    Verb,
 )
+
+__all__ = ["Change", "JointMonitor"]
+
+Change = Transition | JointRow
+RANK: dict[Severity | None, int] = {None: 0, Severity.DEGRADED: 1, Severity.WARNING: 2, Severity.ERROR: 3}
+HEALTH = dict(zip(RANK, Health, strict=True))
+DONE = {Verb.ACK: "acknowledged", Verb.SHELVE: "shelved", Verb.UNSHELVE: "unshelved"}
 
 
 class JointMonitor:
-    """Follows one joint.  ``row`` is its health; every method returns the rows that changed, to be stored and told.
+    """Follows one joint.  ``row`` is its health; every method returns what changed, to be stored and told.
 
-    row, recent (scores, oldest first) and active (alarms) carry on where an earlier run stopped.
+    row, recent (scores, oldest first) and alarms (those that are not normal) carry on where an earlier run stopped.
     """
 
     def __init__(
-        self, row: JointRow, options: AlarmOptions, recent: Iterable[ScoreRow] = (), active: Iterable[AlarmRow] = ()
+        self, row: JointRow, options: AlarmOptions, recent: Iterable[ScoreRow] = (), alarms: Iterable[AlarmRow] = ()
     ) -> None:
         self.row = row
         self._options = options
-        self._ratios: deque[float] = deque(maxlen=options.windows)
-        self._ratios.extend(score.score / score.level for score in recent if score.quality == "ok")
-        self._active = {alarm.cause: alarm for alarm in active}
-        play = self._active.get(Cause.PLAY)
-        self._play = next((health for health in Health if play and SEVERITY[health] is play.severity), Health.OK)
-        self._fault = self._active[Cause.DEVICE].reason if Cause.DEVICE in self._active else ""
+        self._windows = deque((score for score in recent if score.quality == "ok"), maxlen=options.windows)
+        self._days = math.nan
+        self._alarms = {alarm.cause: alarm for alarm in alarms}
+        self._wanted = {cause: self._standing(cause) for cause in Cause}
+        self._reasons = {cause: self._alarms[cause].reason if cause in self._alarms else "" for cause in Cause}
+        self._leaning: dict[Cause, tuple[bool, datetime]] = {}
 
-    def scored(self, score: ScoreRow) -> list[AlarmRow | JointRow]:
+    def scored(self, score: ScoreRow) -> list[Change]:
         """Takes one scored window; what its quality puts in doubt does not count."""
         if score.quality != "ok":
             return []
-        self._ratios.append(score.score / score.level)
-        self._play = self._grade()
+        self._windows.append(score)
+        self._judge()
         return self._update(score.time)
 
-    def device(self, fault: str, time: datetime) -> list[AlarmRow | JointRow]:
-        """Takes what is wrong with the joint's servo or accelerometer; "" when nothing is."""
-        self._fault = fault
+    def trend(self, days: float, time: datetime) -> list[Change]:
+        """Takes in how many days the score will reach its level; NaN for never or unknown."""
+        self._days = days
+        self._judge()
         return self._update(time)
 
-    def _evidence(self) -> Evidence:
-        above = sum(ratio > 1 for ratio in self._ratios)
-        return Evidence(len(self._ratios), above / len(self._ratios), median(self._ratios))
+    def device(self, fault: str, time: datetime) -> list[Change]:
+        """Takes what is wrong with the joint's servo or accelerometer; "" when nothing is."""
+        self._want(Cause.DEVICE, Severity.ERROR if fault else None, fault)
+        return self._update(time)
 
-    def _grade(self) -> Health:
-        if len(self._ratios) < LEAST_WINDOWS:
-            return self._play
-        evidence = self._evidence()
-        for health, figure, limit in GRADES:
-            factor = HOLD if RANK[health] <= RANK[self._play] else 1.0
-            if figure(evidence) >= factor * limit(self._options):
-                return health
-        return Health.OK
+    def tick(self, time: datetime) -> list[Change]:
+        """What the passing of time brings: delays that are over, the end of shelving, reminders."""
+        changes = self._update(time)
+        for alarm in list(self._alarms.values()):
+            due = reminder_due(alarm, self._options.remind)
+            if alarm.shelved_until and time >= alarm.shelved_until:
+                changes.append(self._unshelve(alarm, time))
+            elif due and time >= due:
+                changes.append(self._keep(happen(alarm, AlarmEvent.REMINDED, time, reason=self._reasons[alarm.cause])))
+        return changes
 
-    def _update(self, time: datetime) -> list[AlarmRow | JointRow]:
-        changes: list[AlarmRow | JointRow] = []
-        play = str(self._evidence()) if self._ratios and self._play is not Health.OK else ""
-        changes += self._set(Cause.PLAY, SEVERITY[self._play], play, time)
-        changes += self._set(Cause.DEVICE, Severity.ERROR if self._fault else None, self._fault, time)
-        health = Health.ERROR if self._fault else self._play
-        if health is not self.row.health or (self._fault and self._fault != self.row.reason):
-            self.row = JointRow(self.row.name, health, self._fault or play, time)
+    def request(self, request: Request, time: datetime) -> tuple[list[Change], Answer]:
+        """Does what somebody asks; the changes, and the answer."""
+        changes: list[Change] = []
+        for alarm in [alarm for cause, alarm in self._alarms.items() if request.cause in (None, cause)]:
+            if request.verb is Verb.UNSHELVE and alarm.state is AlarmState.SHELVED:
+                changes.append(self._unshelve(alarm, time, request.by))
+            elif request.verb is Verb.ACK and is_possible(alarm, AlarmEvent.ACKNOWLEDGED):
+                changes.append(self._keep(happen(alarm, AlarmEvent.ACKNOWLEDGED, time, by=request.by)))
+            elif request.verb is Verb.SHELVE:
+                until = time + timedelta(seconds=request.for_s)
+                changes.append(self._keep(happen(alarm, AlarmEvent.SHELVED, time, until=until, by=request.by)))
+        causes = ", ".join(change.alarm.cause.value for change in changes if isinstance(change, Transition))
+        text = f"{self.row.name}: {causes or 'nothing to be'} {DONE[request.verb]}"
+        return changes, Answer(request.id, bool(changes), text)
+
+    def _judge(self) -> None:
+        if len(self._windows) < min(LEAST_WINDOWS, self._options.windows):
+            return
+        ratios = [score.score / score.level for score in self._windows]
+        plays = [score.play for score in self._windows if math.isfinite(score.play)]
+        share = sum(ratio > 1 for ratio in ratios) / len(ratios)
+        evidence = Evidence(len(ratios), share, median(ratios), median(plays) if plays else math.nan, self._days)
+        self._want(Cause.PLAY, grade(evidence, self._options, self._wanted[Cause.PLAY]), str(evidence))
+
+    def _want(self, cause: Cause, severity: Severity | None, reason: str) -> None:
+        self._wanted[cause], self._reasons[cause] = severity, reason
+
+    def _standing(self, cause: Cause) -> Severity | None:
+        """How bad a cause is at present, as it has been told."""
+        alarm = self._alarms.get(cause)
+        return alarm.severity if alarm and alarm.cleared is None else None
+
+    def _update(self, time: datetime) -> list[Change]:
+        changes: list[Change] = [self._keep(change) for cause in Cause if (change := self._follow(cause, time))]
+        play = HEALTH[self._standing(Cause.PLAY)]
+        health = Health.DEGRADED if play is Health.OK and self._standing(Cause.DEVICE) else play
+        reason = "; ".join(self._alarms[cause].reason for cause in reversed(Cause) if self._standing(cause))
+        if (health, reason) != (self.row.health, self.row.reason):
+            self.row = JointRow(self.row.name, health, reason, time)
             changes.append(self.row)
         return changes
 
-    def _set(self, cause: Cause, severity: Severity | None, reason: str, time: datetime) -> list[AlarmRow | JointRow]:
-        """Clears or raises the alarm of a cause when its severity changes; a device that fails otherwise is told."""
-        old = self._active.get(cause)
-        if (old.severity if old else None) is severity:
-            if old is None or cause is Cause.PLAY or old.reason == reason:
-                return []
-            self._active[cause] = replace(old, reason=reason)
-            return [self._active[cause]]
-        changes: list[AlarmRow | JointRow] = []
-        if old:
-            changes.append(replace(self._active.pop(cause), cleared=time))
-        if severity:
-            self._active[cause] = AlarmRow(self.row.name, cause, severity, time, reason)
-            changes.append(self._active[cause])
-        return changes
+    def _follow(self, cause: Cause, time: datetime) -> Transition | None:
+        """The alarm of a cause follows it, once the cause has been worse, or better, for long enough."""
+        wanted, reason, standing = self._wanted[cause], self._reasons[cause], self._standing(cause)
+        alarm = self._alarms.get(cause)
+        if wanted is standing:
+            self._leaning.pop(cause, None)
+            # The figures of the play change with every window; another fault of a device is news.
+            if alarm is None or wanted is None or cause is Cause.PLAY or reason == alarm.reason:
+                return None
+            return happen(alarm, AlarmEvent.CHANGED, time, reason=reason)
+        worse = RANK[wanted] > RANK[standing]
+        was_worse, since = self._leaning.setdefault(cause, (worse, time))
+        if was_worse is not worse:
+            since = time
+            self._leaning[cause] = (worse, time)
+        if time - since < timedelta(seconds=self._options.on_delay_s if worse else self._options.off_delay_s):
+            return None
+        del self._leaning[cause]
+        if wanted is None:
+            assert alarm is not None
+            return happen(alarm, AlarmEvent.CLEARED, time)
+        if alarm is None:
+            return raised(self.row.name, cause, wanted, reason, time)
+        event = AlarmEvent.RAISED if standing is None else AlarmEvent.ESCALATED if worse else AlarmEvent.EASED
+        return happen(alarm, event, time, severity=wanted, reason=reason)
+
+    def _unshelve(self, alarm: AlarmRow, time: datetime, by: str = "") -> Transition:
+        event = AlarmEvent.UNSHELVED if alarm.cleared is None else AlarmEvent.LAPSED
+        return self._keep(happen(alarm, event, time, by=by))
+
+    def _keep(self, change: Transition) -> Transition:
+        """Remembers the alarm as it is now; a normal one is forgotten."""
+        self._alarms[change.alarm.cause] = change.alarm
+        if change.alarm.state is AlarmState.NORMAL:
+            del self._alarms[change.alarm.cause]
+        return change

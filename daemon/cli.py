@@ -217,6 +217,9 @@ def calibrate_tap(recordings: tuple[Path, ...], column: str, output: Path | None
     calibrate_tap(recordings, column, output, as_json)
 
 
+cli.add_command(
+    LateCommand("alarms", "lostmotion.daemon.commands.alarms_cli:alarms", "Alarms: list, watch, ack, shelve.")
+)
 cli.add_command(LateCommand("simulate", "lostmotion.lab.cli:simulate", "Make a recording from a model."))
 cli.add_command(LateCommand("effects", "lostmotion.lab.cli:effects", "The catalogue of effects, with their equations."))
 cli.add_command(LateCommand("lab", "lostmotion.lab.commands:lab", "Hold a model against measurements."))

@@ -40,6 +40,7 @@ def check(config: Config) -> tuple[str, ...]:
     """Raises CrossCheckError at the first contradiction; returns what is allowed and yet worth saying."""
     _names(config)
     _ranges(config)
+    _limits(config)
     _one_time(config)
     _ports(config)
     _drivers_agree(config)
@@ -92,6 +93,15 @@ def _ranges(config: Config) -> None:
 def _within(path: str, value: float, low: float, high: float) -> None:
     if not low <= value <= high:
         raise CrossCheckError(f"{path}: found {value:g}, expected {low:g} to {high:g}")
+
+
+def _limits(config: Config) -> None:
+    """A milder alarm has the smaller limit."""
+    alarm = config.alarm
+    for mild, bad in (("degraded", "warning"), ("play_warning", "play_error")):
+        low, high = getattr(alarm, mild), getattr(alarm, bad)
+        if low is not None and high is not None and low > high:
+            raise CrossCheckError(f"alarm.{mild}: found {low:g}, expected at most {high:g}, the value of {bad}")
 
 
 def _one_time(config: Config) -> None:

@@ -1,7 +1,7 @@
 """The database's schema, as the steps that led to it.  A step that has been released never changes; add one below.
 
 Base tables are compact (whole microseconds, joint numbers, NULL for the usual) and may change; the views ``joints``,
-``scores``, ``alarms``, ``windows`` and ``devices`` are what third parties read and stay.
+``scores``, ``alarms``, ``alarm_events``, ``windows`` and ``devices`` are what third parties read and stay.
 """
 
 from __future__ import annotations
@@ -54,6 +54,37 @@ CREATE VIEW devices AS SELECT name, {_iso("time_us")} AS time, state, reason, sa
     overwritten FROM device;
 """
 
-MIGRATIONS = (FIRST, SECOND)
+# The life of alarms after ISA-18.2: a severity may change within an alarm, every transition is kept, and other
+# processes ask for what only the service may do.
+_ALARM = """
+    joint_id INTEGER NOT NULL REFERENCES joint(id), cause TEXT NOT NULL, severity TEXT NOT NULL, state TEXT NOT NULL,
+    raised_us INTEGER NOT NULL, acknowledged_us INTEGER, cleared_us INTEGER, shelved_until_us INTEGER,
+    told_us INTEGER NOT NULL, reminders INTEGER NOT NULL, reason TEXT NOT NULL"""
+THIRD = f"""
+DROP VIEW alarms;
+ALTER TABLE alarm RENAME TO old_alarm;
+CREATE TABLE alarm (id INTEGER PRIMARY KEY, {_ALARM}, UNIQUE (joint_id, cause, raised_us));
+INSERT OR REPLACE INTO alarm SELECT id, joint_id, cause, severity,
+    iif(cleared_us IS NOT NULL, 'normal', iif(acknowledged_us IS NULL, 'active', 'acknowledged')),
+    raised_us, acknowledged_us, cleared_us, NULL, raised_us, 0, reason FROM old_alarm ORDER BY id;
+DROP TABLE old_alarm;
+CREATE INDEX alarm_that_lives ON alarm (joint_id) WHERE state != 'normal';
+CREATE TABLE alarm_event (
+    id INTEGER PRIMARY KEY, uid TEXT NOT NULL UNIQUE, event TEXT NOT NULL, time_us INTEGER NOT NULL,
+    person TEXT NOT NULL, {_ALARM});
+CREATE INDEX alarm_event_by_joint ON alarm_event (joint_id);
+CREATE TABLE request (
+    id INTEGER PRIMARY KEY, made_us INTEGER NOT NULL, joint TEXT NOT NULL, verb TEXT NOT NULL, cause TEXT,
+    for_s REAL NOT NULL, person TEXT NOT NULL, done INTEGER, answer TEXT);
+CREATE INDEX request_that_waits ON request (id) WHERE answer IS NULL;
+CREATE VIEW alarms AS SELECT joint.name AS joint, severity, state, {_iso("raised_us")} AS raised,
+    {_iso("acknowledged_us")} AS acknowledged, {_iso("cleared_us")} AS cleared, alarm.reason AS reason, cause,
+    {_iso("shelved_until_us")} AS shelved_until FROM alarm JOIN joint ON joint.id = alarm.joint_id;
+CREATE VIEW alarm_events AS SELECT uid AS id, {_iso("time_us")} AS time, joint.name AS joint, cause, event, severity,
+    state, {_iso("raised_us")} AS raised, alarm_event.reason AS reason, person
+    FROM alarm_event JOIN joint ON joint.id = alarm_event.joint_id;
+"""
+
+MIGRATIONS = (FIRST, SECOND, THIRD)
 CURRENT = len(MIGRATIONS)
 """the schema version this program writes (PRAGMA user_version)"""

@@ -67,14 +67,25 @@ class CanOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 class AlarmOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """``[alarm]``: the last ``windows`` scored windows of a joint decide on its health (``alarm.py``).
+    """``[alarm]``: the last ``windows`` scored windows of a joint decide on its health (``evidence.py``).
 
-    degraded, warning: share of them above the level; error: median score as a multiple of the level.
+    degraded, warning: share of them above the level; error: median score as a multiple of the level; play_warning,
+    play_error: median size of the play [rad], None where size does not matter; trend_days: a trend that reaches the
+    level sooner is DEGRADED, 0: none is; deadband: share of its limit by which a figure has to fall until a severity is
+    left; on_delay_s, off_delay_s: how long a cause has to stand, or to be gone, before it is told [s]; remind: of an
+    alarm that nobody acknowledges.
     """
 
     windows: Annotated[int, Meta(ge=3, le=10000)] = 20
     degraded: Share = 0.2
     warning: Share = 0.5
     error: Annotated[float, Meta(gt=1)] = 15.0
+    play_warning: Positive | None = None
+    play_error: Positive | None = None
+    trend_days: Annotated[float, Meta(ge=0)] = 30.0
+    deadband: Annotated[float, Meta(ge=0, lt=1)] = 0.4
+    on_delay_s: Annotated[float, Meta(ge=0, le=86400)] = 0.0
+    off_delay_s: Annotated[float, Meta(ge=0, le=86400)] = 10.0
+    remind: Literal["once", "daily", "rarer"] = "daily"
     zenoh: ZenohOptions | None = None
     can: CanOptions | None = None

@@ -13,13 +13,19 @@ from sqlite_utils import Database
 
 from lostmotion.daemon.migrations import CURRENT
 from lostmotion.daemon.records import (
+    AlarmEvent,
     AlarmRow,
+    AlarmState,
+    Answer,
     Cause,
     DeviceRow,
     Health,
     JointRow,
+    Request,
     ScoreRow,
     Severity,
+    Transition,
+    Verb,
     from_micros,
     micros,
 )
@@ -118,30 +124,65 @@ class Reader:
         rows = self.scores(joint, limit=1)
         return rows[0] if rows else None
 
-    def alarms(self, joint: str | None = None, active_only: bool = False) -> list[AlarmRow]:
-        """Alarms of one joint or of all, oldest first."""
+    def alarms(self, joint: str | None = None, *, living: bool = False) -> list[AlarmRow]:
+        """Alarms of one joint or of all, oldest first; living: only those that are not normal again."""
+        if self._version < 3:
+            return []
         rows = self._db.query(
             "SELECT alarm.*, joint.name AS joint FROM alarm JOIN joint ON joint.id = joint_id"
-            " WHERE (:joint IS NULL OR joint.name = :joint) AND (NOT :active_only OR cleared_us IS NULL)"
+            " WHERE (:joint IS NULL OR joint.name = :joint) AND (NOT :living OR state != 'normal')"
             " ORDER BY raised_us, alarm.id",
-            {"joint": joint, "active_only": active_only},
+            {"joint": joint, "living": living},
         )
-        return [
-            AlarmRow(
-                row["joint"],
-                Cause(row["cause"]),
-                Severity(row["severity"]),
-                from_micros(row["raised_us"]),
-                row["reason"],
-                _maybe(row["acknowledged_us"]),
-                _maybe(row["cleared_us"]),
-            )
-            for row in rows
-        ]
+        return [_alarm(row) for row in rows]
 
     def active_alarms(self, joint: str | None = None) -> list[AlarmRow]:
-        """Alarms that have been raised and not cleared, oldest first."""
-        return self.alarms(joint, active_only=True)
+        """Alarms whose cause stands and that are not shelved, oldest first."""
+        return [alarm for alarm in self.alarms(joint, living=True) if alarm.is_active]
+
+    def transitions(
+        self, joint: str | None = None, *, after: int = 0, newest: int = -1
+    ) -> list[tuple[int, Transition]]:
+        """What happened to alarms, oldest first, each with its number in this database.
+
+        after: only those with a larger number; newest: only so many of them.
+        """
+        if self._version < 3:
+            return []
+        rows = self._db.query(
+            "SELECT alarm_event.*, joint.name AS joint FROM alarm_event JOIN joint ON joint.id = joint_id"
+            " WHERE (:joint IS NULL OR joint.name = :joint) AND alarm_event.id > :after"
+            " ORDER BY alarm_event.id DESC LIMIT :newest",
+            {"joint": joint, "after": after, "newest": newest},
+        )
+        return [(row["id"], _transition(row)) for row in reversed(list(rows))]
+
+    def requests(self, after: int = 0) -> list[Request]:
+        """What people have asked and nobody has taken up, oldest first; after: only those with a larger number."""
+        rows = self._db.query("SELECT * FROM request WHERE answer IS NULL AND id > ? ORDER BY id", [after])
+        return [
+            Request(
+                row["id"], row["joint"], Verb(row["verb"]), Cause(row["cause"]) if row["cause"] else None,
+                row["for_s"], row["person"],
+            )
+            for row in rows
+        ]  # fmt: skip
+
+    def answer(self, request: int) -> Answer | None:
+        """What came of a request; None while nobody has taken it up."""
+        rows = self._db.query("SELECT * FROM request WHERE id = ? AND answer IS NOT NULL", [request])
+        return next((Answer(request, bool(row["done"]), row["answer"]) for row in rows), None)
+
+    def sampled(self, joint: str, since: datetime, until: datetime, count: int) -> list[ScoreRow]:
+        """At most ``count`` sound scores, the first of as many equal spans of time, oldest first: quick however many
+        there are."""
+        query = (
+            "SELECT * FROM score WHERE joint_id = (SELECT id FROM joint WHERE name = ?) AND time_us >= ?"
+            " AND time_us < ? AND quality IS NULL AND score IS NOT NULL ORDER BY time_us LIMIT 1"
+        )
+        step = (until - since) / count
+        spans = ((micros(since + k * step), micros(since + (k + 1) * step)) for k in range(count))
+        return [_score(joint, row) for span in spans for row in self._db.query(query, [joint, *span])]
 
     def devices(self) -> list[DeviceRow]:
         """What each servo bus and accelerometer has delivered and lost, as the service last wrote it."""
@@ -153,6 +194,26 @@ class Reader:
 
 def _maybe(count: int | None) -> datetime | None:
     return None if count is None else from_micros(count)
+
+
+def _alarm(row: dict[str, Any]) -> AlarmRow:
+    return AlarmRow(
+        row["joint"],
+        Cause(row["cause"]),
+        Severity(row["severity"]),
+        from_micros(row["raised_us"]),
+        row["reason"],
+        _maybe(row["acknowledged_us"]),
+        _maybe(row["cleared_us"]),
+        AlarmState(row["state"]),
+        _maybe(row["shelved_until_us"]),
+        from_micros(row["told_us"]),
+        row["reminders"],
+    )
+
+
+def _transition(row: dict[str, Any]) -> Transition:
+    return Transition(AlarmEvent(row["event"]), from_micros(row["time_us"]), _alarm(row), row["person"])
 
 
 def _score(joint: str, row: dict[str, Any]) -> ScoreRow:

@@ -16,12 +16,19 @@ from numpy.typing import NDArray
 from lostmotion.detector.window import Score, Window
 
 __all__ = [
+    "AlarmEvent",
     "AlarmRow",
+    "AlarmState",
+    "Answer",
+    "Cause",
     "DeviceRow",
     "Health",
     "JointRow",
+    "Request",
     "ScoreRow",
     "Severity",
+    "Transition",
+    "Verb",
     "WindowRow",
     "from_micros",
     "iso",
@@ -42,8 +49,9 @@ class Health(Enum):
 
 
 class Severity(Enum):
-    """How bad an alarm is."""
+    """How bad an alarm is, from mild to bad."""
 
+    DEGRADED = "degraded"
     WARNING = "warning"
     ERROR = "error"
 
@@ -53,6 +61,31 @@ class Cause(Enum):
 
     PLAY = "play"
     DEVICE = "device"
+
+
+class AlarmState(Enum):
+    """Where an alarm is in its life (ISA-18.2); ``lifecycle.py`` has the ways between."""
+
+    NORMAL = "normal"
+    ACTIVE = "active"  # its cause stands, and nobody has acknowledged it
+    ACKNOWLEDGED = "acknowledged"  # its cause stands, and somebody knows
+    RETURNED = "returned"  # its cause has gone, and nobody has acknowledged it
+    SHELVED = "shelved"  # silent until a time, whatever its cause does
+
+
+class AlarmEvent(Enum):
+    """What happens to an alarm."""
+
+    RAISED = "raised"
+    ESCALATED = "escalated"
+    EASED = "eased"
+    CHANGED = "changed"  # another reason
+    CLEARED = "cleared"
+    ACKNOWLEDGED = "acknowledged"
+    SHELVED = "shelved"
+    UNSHELVED = "unshelved"  # its cause still stands
+    LAPSED = "lapsed"  # unshelved, and its cause has gone meanwhile
+    REMINDED = "reminded"
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +135,11 @@ class WindowRow:
 
 @dataclass(frozen=True, slots=True)
 class AlarmRow:
-    """One alarm from its raising to its clearing; None for what has not happened.  state: active or cleared."""
+    """One alarm from its first raising until it is normal again; None for what has not happened.
+
+    cleared: when its cause went away; told: when it was last raised or reminded of; reminders: how often it was.
+    Joint, cause and raised name it.
+    """
 
     joint: str
     cause: Cause
@@ -111,10 +148,59 @@ class AlarmRow:
     reason: str
     acknowledged: datetime | None = None
     cleared: datetime | None = None
+    state: AlarmState = AlarmState.ACTIVE
+    shelved_until: datetime | None = None
+    told: datetime = EPOCH
+    reminders: int = 0
 
     @property
-    def state(self) -> str:
-        return "active" if self.cleared is None else "cleared"
+    def is_active(self) -> bool:
+        """Whether it counts: its cause stands and it is not shelved."""
+        return self.state in (AlarmState.ACTIVE, AlarmState.ACKNOWLEDGED)
+
+
+@dataclass(frozen=True, slots=True)
+class Transition:
+    """What happened to an alarm, and the alarm after it; by: who did it, "" for the service itself."""
+
+    event: AlarmEvent
+    time: datetime
+    alarm: AlarmRow
+    by: str = ""
+
+    @property
+    def id(self) -> str:
+        """The same for the same transition wherever and however often it is told, and for no other of the robot."""
+        return f"{self.alarm.joint}/{self.alarm.cause.value}/{micros(self.time)}/{self.event.value}"
+
+
+class Verb(Enum):
+    """What people ask of alarms."""
+
+    ACK = "ack"
+    SHELVE = "shelve"
+    UNSHELVE = "unshelve"
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What somebody asks of the alarms of a joint; cause None means all of them; for_s: how long to shelve [s]."""
+
+    id: int
+    joint: str
+    verb: Verb
+    cause: Cause | None = None
+    for_s: float = 0.0
+    by: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """The request with this number has been taken up: what came of it; done: whether anything changed."""
+
+    id: int
+    done: bool
+    text: str
 
 
 @dataclass(frozen=True, slots=True)

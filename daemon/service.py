@@ -11,17 +11,18 @@ import signal
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from datetime import datetime
 from types import FrameType
 from typing import TypeVar
 
-from lostmotion.daemon import logs
-from lostmotion.daemon.alarm import JointMonitor
+from lostmotion.daemon import logs, outlook, requests
+from lostmotion.daemon.alarm import Change, JointMonitor
 from lostmotion.daemon.config import Config
 from lostmotion.daemon.notify import Notifier
 from lostmotion.daemon.poller import Poller
-from lostmotion.daemon.records import AlarmRow, DeviceRow, JointRow, ScoreRow, WindowRow
+from lostmotion.daemon.records import Answer, DeviceRow, JointRow, ScoreRow, Transition, WindowRow
 from lostmotion.daemon.robot import Robot
 from lostmotion.daemon.sinks import Sink
 from lostmotion.daemon.sinks.log import LogSink
@@ -38,6 +39,12 @@ LOOP_S = 0.05
 """the main thread wakes at least so often, and whenever a window is complete [s]"""
 LOOK_S = 1.0
 """how often devices are looked at [s]"""
+TELL_S = 0.02
+"""how long the main thread waits for the disk to take an alarm before it goes on and tells it later [s]"""
+AGAIN = 8
+"""transitions of each joint that the sinks get again at a start: one may have been stored and not told"""
+TREND_S = 3600.0
+"""how often the trends are asked [s]"""
 ACCOUNT_S = 10.0
 """how often the devices' counts go to the database [s]"""
 SUMMARY_S = 300.0
@@ -103,6 +110,9 @@ class Service:
         self._robot = Robot(config)
         self._store = _store(config)
         self._due = {period_s: time.monotonic() + period_s for period_s in (LOOK_S, ACCOUNT_S, SUMMARY_S)}
+        self._due[TREND_S] = 0.0
+        self._trends: list[str] = []
+        self._last_request = 0
         self._watched = (time.monotonic(), 0)
 
     def startup(self) -> None:
@@ -144,9 +154,13 @@ class Service:
         for note in config.notes:
             log.warning("%s", note)
         self._sinks = _sinks(config)
+        self._reader = self._store.reader()
+        self._last_request = 0
         self._monitors = {joint.name: self._monitor(joint.name) for joint in config.joints}
-        for monitor in self._monitors.values():
-            self._publish(monitor.row)
+        for joint, monitor in self._monitors.items():
+            for _, transition in self._reader.transitions(joint, newest=AGAIN):
+                self._tell(transition, again=True)
+            self._store_and_tell([monitor.row])
         self._threads = [
             threading.Thread(target=self._poll, args=(poller, self._robot.stop), name=poller.name, daemon=True)
             for poller in self._robot.pollers
@@ -165,6 +179,8 @@ class Service:
         for thread in self._threads:
             thread.join(1.0)
         self._account()
+        self._tell_settled(FINISH_S)
+        self._reader.close()
         for sink in self._sinks:
             self._guard(sink.close)
 
@@ -193,11 +209,11 @@ class Service:
 
     def _monitor(self, joint: str) -> JointMonitor:
         """A joint's health where an earlier run left it."""
-        with self._store.reader() as reader:
-            new = JointRow(joint, since=self._robot.clock.utc(self._robot.clock.now()))
-            row = next((row for row in reader.joints() if row.name == joint), new)
-            recent = reader.scores(joint, limit=self._config.alarm.windows)
-            return JointMonitor(row, self._config.alarm, recent, reader.active_alarms(joint))
+        return requests.resume(self._reader, joint, self._config.alarm, self._utc())
+
+    def _utc(self) -> datetime:
+        """The robot's time."""
+        return self._robot.clock.utc(self._robot.clock.now())
 
     # --- the data's way ---------------------------------------------------------------------------------------------
 
@@ -211,31 +227,58 @@ class Service:
             self._store.add(row)
             if self._config.store.keep_windows_mb:
                 self._store.add(WindowRow.of(scored.window, row.impact, utc))
-            for change in self._monitors[row.joint].scored(row):
-                self._publish(change)
+            self._store_and_tell(self._monitors[row.joint].scored(row))
+        self._tell_settled(0.0)
 
-    def _publish(self, row: AlarmRow | JointRow) -> None:
-        self._store.add(row)
-        for sink in self._sinks:
-            if isinstance(row, AlarmRow):
-                self._guard(sink.alarm, row)
-            else:
+    def _store_and_tell(self, rows: Sequence[Change | Answer]) -> None:
+        """An alarm is told once it is stored, so that no kill lets it be told twice under two names."""
+        if rows:
+            self._store.add(*rows)
+            self._tell_settled(TELL_S)
+        for row in rows:
+            for sink in self._sinks if isinstance(row, JointRow) else ():
                 self._guard(sink.health, row)
 
+    def _tell_settled(self, wait_s: float) -> None:
+        for transition in self._store.settled(wait_s):
+            self._tell(transition)
+
+    def _tell(self, transition: Transition, again: bool = False) -> None:
+        for sink in self._sinks:
+            self._guard(sink.alarm, transition, again)
+
     def _look_around(self) -> None:
-        """What need not be done for every window: dead devices, systemd, counts."""
+        """What need not be done for every window: dead devices, alarms' delays, requests, trends, systemd, counts."""
         if self._is_due(LOOK_S):
-            utc = self._robot.clock.utc(self._robot.clock.now())
+            utc = self._utc()
             for joint in self._config.joints:
-                fault = self._robot.fault(joint)
-                for change in self._monitors[joint.name].device(fault, utc) if fault is not None else ():
-                    self._publish(change)
+                monitor, fault = self._monitors[joint.name], self._robot.fault(joint)
+                if fault is not None:
+                    self._store_and_tell(monitor.device(fault, utc))
+                self._store_and_tell(monitor.tick(utc))
+            self._guard(self._take_requests, utc)
+            self._guard(self._ask_trend, utc)
             self._notifier.status(self._status())
         if self._is_due(ACCOUNT_S):
             self._account()
         if self._is_due(SUMMARY_S):
             self._summary()
         self._feed_watchdog()
+
+    def _take_requests(self, utc: datetime) -> None:
+        """What people have asked of the alarms since the last look."""
+        asked = self._reader.requests(self._last_request)
+        for request in asked:
+            self._last_request = request.id
+        self._store_and_tell(requests.take(asked, self._monitors, utc))
+
+    def _ask_trend(self, utc: datetime) -> None:
+        """The trend of one joint a second, of each once an hour: the main thread is never away for long."""
+        if self._is_due(TREND_S):
+            self._trends = list(self._monitors)
+        if self._trends:
+            joint = self._trends.pop()
+            self._store_and_tell(self._monitors[joint].trend(outlook.days_to_level(self._reader, joint, utc), utc))
 
     def _is_due(self, period_s: float) -> bool:
         now = time.monotonic()
@@ -257,7 +300,7 @@ class Service:
 
     def _account(self) -> None:
         """The devices' counts go to the database, for `status` and `doctor`."""
-        utc = self._robot.clock.utc(self._robot.clock.now())
+        utc = self._utc()
         for poller in self._robot.pollers:
             of, ring = poller.account, self._robot.rings.get(poller.name)
             reason = of.reason or "; ".join(of.faults.values())

@@ -13,36 +13,44 @@ import math
 import shutil
 import sqlite3
 import threading
-import time
 from collections import deque
 from collections.abc import Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import IO
 
 from lostmotion.daemon.migrations import CURRENT, MIGRATIONS
 from lostmotion.daemon.reader import Reader, open_readonly
-from lostmotion.daemon.records import AlarmRow, DeviceRow, JointRow, ScoreRow, WindowRow, micros
+from lostmotion.daemon.records import Answer, DeviceRow, JointRow, ScoreRow, Transition, WindowRow, micros
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["Reader", "Store", "StoreError", "open_readonly"]
+__all__ = ["Reader", "Store", "StoreBusyError", "StoreError", "open_readonly"]
 
 log = logging.getLogger(__name__)
 
-Row = ScoreRow | WindowRow | AlarmRow | JointRow | DeviceRow
+Row = ScoreRow | WindowRow | Transition | JointRow | DeviceRow | Answer
 FLUSH_S = 0.1
-"""how long the first row of a batch waits for company [s]"""
+"""how long the first row of a batch waits for company [s]; a transition of an alarm does not wait"""
 RETRY_S = 1.0
 """pause after the disk refused [s]"""
 BATCH = 5000
 """rows in one transaction at most"""
 BACKLOG_ROWS = 200_000
 BACKLOG_WINDOWS = 2_000
+ALARM = (
+    "joint_id, cause, severity, state, raised_us, acknowledged_us, cleared_us, shelved_until_us, told_us, reminders,"
+    " reason"
+)
 BUSY_S = 2.0
 """how long another program's lock is waited for [s]"""
 
 
 class StoreError(LostmotionError):
     """The database cannot be used; the one-line message says why and what to do."""
+
+
+class StoreBusyError(StoreError):
+    """A service holds the database."""
 
 
 class Store:
@@ -64,6 +72,8 @@ class Store:
         self._rows: deque[Row] = deque()
         self._windows: deque[Row] = deque()
         self._in_flight = 0
+        self._untold: deque[Transition] = deque()
+        self._settled: deque[Transition] = deque()
         self._wake = threading.Condition()
         self._closing = False
         self._lock = _lock(path)
@@ -89,13 +99,26 @@ class Store:
         self._keep_bytes = int(keep_windows_mb * 1e6)
         self._robot = robot
 
-    def add(self, row: Row) -> None:
-        """Takes a row; it is committed within about ``FLUSH_S``.  Never blocks on the disk."""
+    def add(self, *rows: Row) -> None:
+        """Takes rows, which are committed together within about ``FLUSH_S``.  Never blocks on the disk."""
         with self._wake:
-            queue = self._windows if isinstance(row, WindowRow) else self._rows
-            queue.append(row)
+            for row in rows:
+                queue = self._windows if isinstance(row, WindowRow) else self._rows
+                queue.append(row)
+                if isinstance(row, Transition):
+                    self._untold.append(row)
             self._trim()
-            self._wake.notify()
+            self._wake.notify_all()
+
+    def settled(self, wait_s: float = 0.0) -> list[Transition]:
+        """The transitions that are on the disk, or that it has refused, in order, each once: now they may be told.
+
+        One that was told before it was stored would be forgotten by a kill, and told again under another name.  Waits
+        at most ``wait_s`` for those that are on their way.
+        """
+        with self._wake:
+            self._wake.wait_for(lambda: not self._untold, wait_s)
+            return [self._settled.popleft() for _ in range(len(self._settled))]
 
     def reader(self) -> Reader:
         """The same database for reading."""
@@ -128,10 +151,10 @@ class Store:
             with self._wake:
                 self._wake.wait_for(lambda: self._rows or self._windows or self._closing)
                 closing = self._closing
+                if not closing:
+                    self._wake.wait_for(lambda: self._closing or self._untold, FLUSH_S)
             if closing and not self.waiting():
                 return
-            if not closing:
-                time.sleep(FLUSH_S)
             if not (self._flush(self._rows) and self._flush(self._windows)):
                 if closing:
                     return
@@ -156,14 +179,22 @@ class Store:
             if problem:
                 queue.extendleft(reversed(batch))
                 self._trim()
+            self._settle(list(self._untold) if problem else batch)
         if problem or batch:
             self._say(problem)
         return not problem
 
+    def _settle(self, rows: Sequence[Row]) -> None:
+        """These may be told, unless they were; the disk's refusal keeps no alarm from people."""
+        for row in rows:
+            if self._untold and self._untold[0] is row:
+                self._settled.append(self._untold.popleft())
+        self._wake.notify_all()
+
     def _trim(self) -> None:
         for queue, limit in ((self._rows, BACKLOG_ROWS), (self._windows, BACKLOG_WINDOWS)):
             while len(queue) > limit:
-                queue.popleft()
+                self._settle([queue.popleft()])
                 self.dropped += 1
 
     def _say(self, problem: str) -> None:
@@ -182,8 +213,12 @@ class Store:
             match row:
                 case WindowRow():
                     self._window(row)
-                case AlarmRow():
-                    self._alarm(row)
+                case Transition():
+                    self._transition(row)
+                case Answer():
+                    self._db.execute(
+                        "UPDATE request SET done = ?, answer = ? WHERE id = ?", [row.done, row.text, row.id]
+                    )
                 case JointRow():
                     self._db.execute(
                         "UPDATE joint SET health = ?, reason = ?, since_us = ? WHERE id = ?",
@@ -207,16 +242,21 @@ class Store:
             *map(_null, numbers), None if row.quality == "ok" else row.quality,
         )  # fmt: skip
 
-    def _alarm(self, row: AlarmRow) -> None:
+    def _transition(self, row: Transition) -> None:
+        """The alarm as it is now, and what happened; what is there already stays (a recording replayed twice)."""
+        alarm = row.alarm
+        values = [
+            self._id(alarm.joint), alarm.cause.value, alarm.severity.value, alarm.state.value,
+            micros(alarm.raised), *map(_micros, (alarm.acknowledged, alarm.cleared, alarm.shelved_until)),
+            micros(alarm.told), alarm.reminders, alarm.reason,
+        ]  # fmt: skip
+        known = [row.id, row.event.value, micros(row.time), row.by]
+        self._db.execute(f"INSERT OR REPLACE INTO alarm ({ALARM}) VALUES ({_marks(values)})", values)
         self._db.execute(
-            "INSERT INTO alarm (joint_id, cause, severity, raised_us, acknowledged_us, cleared_us, reason)"
-            " VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT (joint_id, cause, severity, raised_us) DO UPDATE SET"
-            " acknowledged_us = excluded.acknowledged_us, cleared_us = excluded.cleared_us, reason = excluded.reason",
-            [
-                self._id(row.joint), row.cause.value, row.severity.value, micros(row.raised),
-                row.acknowledged and micros(row.acknowledged), row.cleared and micros(row.cleared), row.reason,
-            ],
-        )  # fmt: skip
+            f"INSERT OR IGNORE INTO alarm_event (uid, event, time_us, person, {ALARM})"
+            f" VALUES ({_marks([*known, *values])})",
+            [*known, *values],
+        )
 
     def _window(self, row: WindowRow) -> None:
         accel = row.accel.astype("<f4").tobytes()
@@ -259,7 +299,7 @@ def _lock(path: Path) -> IO[bytes]:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
         file.close()
-        raise StoreError(
+        raise StoreBusyError(
             f"{path}: another lostmotion service writes it, expected to be the only one; stop that one, or choose "
             "another store.path"
         ) from error
@@ -323,6 +363,14 @@ def _explain(path: Path, error: sqlite3.Error) -> str:
         if name.startswith(code):
             return f"{path}: {cause} ({error})"
     return f"{path}: {error}"
+
+
+def _micros(time: datetime | None) -> int | None:
+    return None if time is None else micros(time)
+
+
+def _marks(values: Sequence[object]) -> str:
+    return ", ".join("?" * len(values))
 
 
 def _null(value: float) -> float | None:

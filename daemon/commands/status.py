@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
+from lostmotion.daemon import documents
 from lostmotion.daemon.commands import output, times
 from lostmotion.daemon.commands.where import open_reader
 from lostmotion.daemon.reader import Reader
-from lostmotion.daemon.records import AlarmRow, DeviceRow, Health, JointRow, ScoreRow, iso
+from lostmotion.daemon.records import AlarmRow, AlarmState, DeviceRow, Health, JointRow, ScoreRow
 
 __all__ = ["status"]
 
@@ -19,11 +19,15 @@ COLOURS = {Health.OK: "green", Health.DEGRADED: "yellow", Health.WARNING: "dark_
 
 @dataclass(frozen=True, slots=True)
 class JointStatus:
-    """One joint as the database has it."""
+    """One joint as the database has it; alarms: all that are not normal."""
 
     joint: JointRow
     last: ScoreRow | None
     alarms: list[AlarmRow]
+
+    @property
+    def active(self) -> list[AlarmRow]:
+        return [alarm for alarm in self.alarms if alarm.is_active]
 
 
 def status(config: Path | None, database: Path | None, fail: bool, as_json: bool) -> int:
@@ -31,40 +35,18 @@ def status(config: Path | None, database: Path | None, fail: bool, as_json: bool
     with open_reader(config, database) as reader:
         robot, joints, devices = reader.robot(), _joints(reader), reader.devices()
     if as_json:
-        output.print_json({"robot": robot, "joints": [_document(joint) for joint in joints]})
+        documented = [documents.joint(joint.joint, joint.last, joint.active) for joint in joints]
+        output.print_json({"robot": robot, "joints": documented})
     else:
         _print(robot, joints, devices, datetime.now(UTC))
-    return int(fail and any(joint.alarms for joint in joints))
+    return int(fail and any(joint.active for joint in joints))
 
 
 def _joints(reader: Reader) -> list[JointStatus]:
     return [
-        JointStatus(joint, reader.last_window(joint.name), reader.active_alarms(joint.name))
+        JointStatus(joint, reader.last_window(joint.name), reader.alarms(joint.name, living=True))
         for joint in reader.joints()
     ]
-
-
-def _document(status: JointStatus) -> dict[str, Any]:
-    last = status.last
-    return {
-        "name": status.joint.name,
-        "health": status.joint.health.value,
-        "score": last and last.score,
-        "level": last and last.level,
-        "play": last and last.play,
-        "last_window": last and iso(last.time),
-        "alarms": [
-            {
-                "cause": alarm.cause.value,
-                "severity": alarm.severity.value,
-                "state": alarm.state,
-                "raised": iso(alarm.raised),
-                "acknowledged": alarm.acknowledged and iso(alarm.acknowledged),
-                "reason": alarm.reason,
-            }
-            for alarm in status.alarms
-        ],
-    }
 
 
 def _print(robot: str, joints: list[JointStatus], devices: list[DeviceRow], now: datetime) -> None:
@@ -76,9 +58,17 @@ def _print(robot: str, joints: list[JointStatus], devices: list[DeviceRow], now:
         rows = [_row(joint, now) for joint in joints]
         output.print_table(columns, rows, right=("score", "level", "play"))
     for alarm in (alarm for joint in joints for alarm in joint.alarms):
-        raised = f"raised {times.local(alarm.raised)} UTC"
-        output.print_lines([f"alarm: {alarm.joint}: {alarm.severity.value}: {alarm.reason} ({raised})"])
+        output.print_lines([_alarm(alarm)])
     output.print_lines([line for device in devices if (line := _complaint(device))])
+
+
+def _alarm(alarm: AlarmRow) -> str:
+    told = [f"raised {times.local(alarm.raised)} UTC"]
+    if alarm.shelved_until:
+        told.append(f"shelved until {times.local(alarm.shelved_until)} UTC")
+    elif alarm.state is not AlarmState.ACTIVE:
+        told.append("returned to normal, not acknowledged" if alarm.cleared else "acknowledged")
+    return f"alarm: {alarm.joint}: {alarm.severity.value}: {alarm.reason} ({', '.join(told)})"
 
 
 def _row(status: JointStatus, now: datetime) -> list[str]:

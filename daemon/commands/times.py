@@ -8,9 +8,10 @@ from datetime import UTC, datetime, timedelta
 from lostmotion.daemon.records import iso
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["TimeError", "ago", "check_order", "local", "parse", "span"]
+__all__ = ["TimeError", "ago", "check_order", "length", "local", "parse", "span"]
 
 UNITS_S = {"s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "w": 7 * 86400.0, "y": 365.25 * 86400.0}
+LENGTH = re.compile(r"(\d+(?:\.\d+)?)\s*([a-z]+)")
 STEPS = (("y", 365.25 * 86400.0), ("months", 30.4375 * 86400.0), ("d", 86400.0), ("h", 3600.0), ("min", 60.0))
 
 
@@ -25,14 +26,22 @@ def parse(text: str, now: datetime) -> datetime:
     """
     text = text.strip()
     try:
-        if found := re.fullmatch(r"(\d+(?:\.\d+)?)\s*([a-z]+)", text):
-            return now - timedelta(seconds=float(found[1]) * UNITS_S[found[2]])
+        if LENGTH.fullmatch(text):
+            return now - timedelta(seconds=length(text))
         stamp = datetime.fromisoformat(text)
         return stamp.replace(tzinfo=UTC) if stamp.tzinfo is None else stamp.astimezone(UTC)
-    except (KeyError, ValueError, OverflowError) as error:
+    except (ValueError, OverflowError) as error:
         raise TimeError(
             f"found the time {text!r}, expected one such as 30d, 12h, 2026-01-31 or {iso(now)[:19]}Z"
         ) from error
+
+
+def length(text: str) -> float:
+    """Seconds of ``8h``, ``30min``, ``2w``.  Raises TimeError."""
+    found = LENGTH.fullmatch(text.strip())
+    if not found or found[2] not in UNITS_S:
+        raise TimeError(f"found the length of time {text!r}, expected one such as 8h, 30min or 2w")
+    return float(found[1]) * UNITS_S[found[2]]
 
 
 def check_order(since: datetime | None, until: datetime | None) -> None:

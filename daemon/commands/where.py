@@ -9,7 +9,7 @@ from lostmotion.daemon.config import Config
 from lostmotion.daemon.reader import Reader, open_readonly
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["ETC", "UnknownJointError", "find_config", "open_joint", "open_reader"]
+__all__ = ["ETC", "UnknownJointError", "find_config", "find_database", "open_joint", "open_reader"]
 
 ETC = Path("/etc/lostmotion/lostmotion.toml")
 
@@ -23,14 +23,17 @@ def find_config(given: Path | None) -> Config:
     return configuration.load(given) if given else configuration.default()
 
 
-def open_reader(config: Path | None, database: Path | None) -> Reader:
-    """The database: the one given, else that of the configuration given, else the service's, else this user's.
+def find_database(config: Path | None, database: Path | None) -> Path:
+    """The database given, else that of the configuration given, else the service's, else this user's.
 
-    Raises ConfigError or ReaderError.
+    Raises ConfigError.
     """
-    if database is None:
-        database = find_config(config or (ETC if ETC.exists() else None)).database
-    return open_readonly(database)
+    return database or find_config(config or (ETC if ETC.exists() else None)).database
+
+
+def open_reader(config: Path | None, database: Path | None) -> Reader:
+    """That database for reading.  Raises ConfigError or ReaderError."""
+    return open_readonly(find_database(config, database))
 
 
 def open_joint(joint: str, config: Path | None, database: Path | None) -> Reader:

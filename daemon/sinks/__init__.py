@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from lostmotion.daemon.records import AlarmRow, JointRow, ScoreRow
+from lostmotion.daemon.records import JointRow, ScoreRow, Transition
 
 __all__ = ["Sink"]
 
@@ -16,8 +16,8 @@ class Sink(Protocol):
         """Every scored window."""
         ...
 
-    def alarm(self, row: AlarmRow) -> None:
-        """Every transition of an alarm."""
+    def alarm(self, transition: Transition, again: bool = False) -> None:
+        """Every transition of an alarm, once it is stored; again: an earlier run may have told it already."""
         ...
 
     def health(self, row: JointRow) -> None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import logging
 
-from lostmotion.daemon.records import AlarmRow, Health, JointRow, ScoreRow, Severity, iso
+from lostmotion.daemon.records import AlarmEvent, Health, JointRow, ScoreRow, Severity, Transition, iso
 
 __all__ = ["LogSink"]
 
 log = logging.getLogger(__name__)
+
+NEWS = (AlarmEvent.RAISED, AlarmEvent.ESCALATED, AlarmEvent.CHANGED, AlarmEvent.UNSHELVED, AlarmEvent.REMINDED)
 
 
 class LogSink:
@@ -21,12 +23,16 @@ class LogSink:
                 *(row.joint, iso(row.time), row.score, row.level, row.impact, row.quality),
             )
 
-    def alarm(self, row: AlarmRow) -> None:
+    def alarm(self, transition: Transition, again: bool = False) -> None:
+        if again:
+            return
+        row = transition.alarm
         bad = logging.ERROR if row.severity is Severity.ERROR else logging.WARNING
         log.log(
-            bad if row.cleared is None else logging.INFO,
-            "alarm joint=%s cause=%s severity=%s state=%s reason=%r",
-            *(row.joint, row.cause.value, row.severity.value, row.state, row.reason),
+            bad if transition.event in NEWS else logging.INFO,
+            "alarm joint=%s cause=%s severity=%s event=%s state=%s reason=%r%s",
+            *(row.joint, row.cause.value, row.severity.value, transition.event.value, row.state.value, row.reason),
+            f" by={transition.by}" if transition.by else "",
         )
 
     def health(self, row: JointRow) -> None:

@@ -19,8 +19,9 @@ import msgspec
 import zenoh
 from zenoh.ext import AdvancedPublisher, CacheConfig, MissDetectionConfig, declare_advanced_publisher
 
+from lostmotion.daemon import documents
 from lostmotion.daemon.options import ZenohOptions
-from lostmotion.daemon.records import AlarmRow, JointRow, ScoreRow, iso
+from lostmotion.daemon.records import JointRow, ScoreRow, Transition, iso
 
 __all__ = ["SCHEMA", "ZenohSink"]
 
@@ -62,11 +63,9 @@ class ZenohSink:
         values = {name: getattr(row, name) for name in ScoreRow.__dataclass_fields__}
         self._put(f"{row.joint}/score", _payload(values))
 
-    def alarm(self, row: AlarmRow) -> None:
-        values: dict[str, object] = {"joint": row.joint, "cause": row.cause.value, "severity": row.severity.value}
-        values |= {"state": row.state, "raised": row.raised, "acknowledged": row.acknowledged}
-        values |= {"cleared": row.cleared, "reason": row.reason}
-        self._keep(f"{row.joint}/alarm", row.cause.value, _payload(values))
+    def alarm(self, transition: Transition, again: bool = False) -> None:
+        row = transition.alarm
+        self._keep(f"{row.joint}/alarm", row.cause.value, _payload(documents.transition(transition)))
 
     def health(self, row: JointRow) -> None:
         values = {"joint": row.name, "health": row.health.value, "since": row.since, "reason": row.reason}

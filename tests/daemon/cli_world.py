@@ -11,7 +11,8 @@ from pathlib import Path
 from click.testing import CliRunner, Result
 
 from lostmotion.daemon.cli import cli
-from lostmotion.daemon.records import AlarmRow, Cause, Health, JointRow, ScoreRow, Severity
+from lostmotion.daemon.lifecycle import raised
+from lostmotion.daemon.records import Cause, Health, JointRow, ScoreRow, Severity
 from lostmotion.daemon.store import Store
 
 START = datetime(2026, 1, 1, tzinfo=UTC)
@@ -92,5 +93,5 @@ def fill(path: Path, count: int = 200, per_year: float = 6.0) -> None:
         store.add(ScoreRow("shoulder", time, 0.25, 1.5 if k < count - 1 else math.nan, 4.0, False, quality="gap"))
     store.add(JointRow("shoulder"))
     store.add(JointRow("elbow", Health.WARNING, "half of the windows", START))
-    store.add(AlarmRow("elbow", Cause.PLAY, Severity.WARNING, START, "half of the windows"))
+    store.add(raised("elbow", Cause.PLAY, Severity.WARNING, "half of the windows", START))
     store.close()

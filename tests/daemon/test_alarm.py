@@ -1,32 +1,57 @@
-"""Health and alarms of a joint, from scores and from devices."""
+"""Health and alarms of a joint, from scores, play, trend and devices."""
 
 from __future__ import annotations
 
+import math
 from datetime import UTC, datetime, timedelta
+from typing import Any
 
+import msgspec
 import pytest
 
-from lostmotion.daemon.alarm import JointMonitor
+from lostmotion.daemon.alarm import Change, JointMonitor
 from lostmotion.daemon.options import AlarmOptions
-from lostmotion.daemon.records import AlarmRow, Cause, Health, JointRow, ScoreRow, Severity
+from lostmotion.daemon.records import (
+    AlarmEvent,
+    AlarmState,
+    Cause,
+    Health,
+    JointRow,
+    Request,
+    ScoreRow,
+    Severity,
+    Transition,
+    Verb,
+)
 
 NOON = datetime(2026, 1, 31, 12, tzinfo=UTC)
-OPTIONS = AlarmOptions(windows=10, degraded=0.2, warning=0.5, error=5.0)
+OPTIONS = AlarmOptions(windows=10, degraded=0.2, warning=0.5, error=5.0, off_delay_s=0.0)
+RAISED, CLEARED = AlarmEvent.RAISED, AlarmEvent.CLEARED
 
 
-def monitor() -> JointMonitor:
+def at(second: float) -> datetime:
+    """So many seconds after noon."""
+    return NOON + timedelta(seconds=second)
+
+
+def monitor(**options: Any) -> JointMonitor:
     """A joint of which nothing is known."""
-    return JointMonitor(JointRow("elbow", since=NOON), OPTIONS)
+    return JointMonitor(JointRow("elbow", since=NOON), msgspec.structs.replace(OPTIONS, **options))
 
 
-def score(ratio: float, second: int = 0, quality: str = "ok") -> ScoreRow:
+def score(ratio: float, second: float = 0, quality: str = "ok", play: float = math.nan) -> ScoreRow:
     """A score of ``ratio`` times its level."""
-    return ScoreRow("elbow", NOON + timedelta(seconds=second), 0.25, 8.0 * ratio, 8.0, ratio > 1, quality=quality)
+    return ScoreRow("elbow", at(second), 0.25, 8.0 * ratio, 8.0, ratio > 1, play, quality=quality)
 
 
-def feed(joint: JointMonitor, *ratios: float) -> list[AlarmRow | JointRow]:
+def feed(joint: JointMonitor, *ratios: float, start: float = 0) -> list[Change]:
     """All changes that these scores, a second apart, bring."""
-    return [change for second, ratio in enumerate(ratios) for change in joint.scored(score(ratio, second))]
+    return [change for second, ratio in enumerate(ratios) for change in joint.scored(score(ratio, start + second))]
+
+
+def events(changes: list[Change]) -> list[tuple[AlarmEvent, Severity]]:
+    """What happened to alarms, and how bad they were then."""
+    return [(change.event, change.alarm.severity) for change in changes if isinstance(change, Transition)]
 
 
 @pytest.mark.parametrize(
@@ -49,38 +74,61 @@ def test_the_last_windows_decide(above: int, ratio: float, health: Health) -> No
 
 
 def test_a_few_windows_say_nothing() -> None:
-    """Four loud windows after a start change nothing yet, the fifth does."""
+    """Four loud windows after a start change nothing yet, the fifth does; three do where three are all that count."""
     joint = monitor()
     assert feed(joint, 9, 9, 9, 9) == []
     assert feed(joint, 9) != []
+    few = monitor(windows=3)
+    assert feed(few, 9, 9) == []
+    assert feed(few, 9) != []
+
+
+@pytest.mark.parametrize(("size", "health"), [(0.9e-3, Health.OK), (1.1e-3, Health.WARNING), (5.1e-3, Health.ERROR)])
+def test_the_size_of_the_play_counts_where_it_has_limits(size: float, health: Health) -> None:
+    """Quiet windows that measure a play beyond play_warning or play_error; without limits or a size nothing happens."""
+    limited, free = monitor(play_warning=1e-3, play_error=5e-3), monitor()
+    for joint in (limited, free):
+        for second in range(10):
+            joint.scored(score(0.5, second, play=size))
+    assert (limited.row.health, free.row.health) == (health, Health.OK)
+
+
+def test_a_trend_that_nears_the_level_degrades() -> None:
+    """20 days left of 30 degrade a quiet joint, its deadband holds until 50 days, and NaN is no trend."""
+    joint = monitor(trend_days=30.0)
+    feed(joint, *[0.5] * 10)
+    assert events(joint.trend(20.0, at(20))) == [(RAISED, Severity.DEGRADED)]
+    assert joint.row.reason.endswith("at its level in 20 days as its trend goes")
+    assert joint.trend(45.0, at(21)) == []
+    assert events(joint.trend(math.nan, at(22))) == [(CLEARED, Severity.DEGRADED)]
+    off = monitor(trend_days=0.0)
+    feed(off, *[0.5] * 10)
+    assert off.trend(0.0, at(20)) == []
 
 
 def test_health_does_not_flap() -> None:
-    """A warning raised at half of the windows stays at 30 % and goes at 20 %: one alarm, not many."""
+    """A warning raised at half of the windows stays at 40 % and eases at 20 %: the deadband is 40 % of the limit."""
     joint = monitor()
     feed(joint, *[0.5, 2.0] * 5)
     assert joint.row.health is Health.WARNING
-    assert feed(joint, *[0.5] * 4) == []
-    changes = feed(joint, 0.5, 0.5)
+    assert feed(joint, *[0.5] * 4, start=10) == []
+    changes = feed(joint, 0.5, 0.5, start=14)
     assert joint.row.health is Health.DEGRADED
-    assert [type(change) for change in changes] == [AlarmRow, JointRow]
-    assert isinstance(changes[0], AlarmRow)
-    assert changes[0].state == "cleared"
+    assert events(changes) == [(AlarmEvent.EASED, Severity.DEGRADED)]
 
 
-def test_a_growing_play_raises_one_alarm_after_the_other() -> None:
-    """Warning first; as it becomes an error the warning is cleared and an error raised, at the window's time."""
+def test_a_growing_play_is_one_alarm_that_escalates() -> None:
+    """Warning first, at the window's time; as it becomes an error the same alarm escalates and is news again."""
     joint = monitor()
-    changes = feed(joint, *[2.0] * 10, *[9.0] * 10)
-    alarms = [change for change in changes if isinstance(change, AlarmRow)]
-    assert [(alarm.severity, alarm.state) for alarm in alarms] == [
-        (Severity.WARNING, "active"),
-        (Severity.WARNING, "cleared"),
-        (Severity.ERROR, "active"),
-    ]
-    assert alarms[0].raised == alarms[1].raised == NOON + timedelta(seconds=4)
-    assert alarms[1].cleared == alarms[2].raised == NOON + timedelta(seconds=14)
-    assert alarms[0].reason == "play: 100% of the last 5 windows above the level, median 2 x level"
+    changes = feed(joint, *[2.0] * 10)
+    joint.request(Request(1, "elbow", Verb.ACK), at(10))
+    changes += feed(joint, *[9.0] * 10, start=11)
+    found = [change for change in changes if isinstance(change, Transition)]
+    assert events(changes) == [(RAISED, Severity.WARNING), (AlarmEvent.ESCALATED, Severity.ERROR)]
+    assert [change.time for change in found] == [at(4), at(15)]
+    assert [change.alarm.raised for change in found] == [at(4)] * 2
+    assert found[1].alarm.state is AlarmState.ACTIVE
+    assert found[0].alarm.reason == "play: 100% of the last 5 windows above the level, median 2 x level"
 
 
 def test_doubtful_windows_do_not_count() -> None:
@@ -90,39 +138,112 @@ def test_doubtful_windows_do_not_count() -> None:
     assert joint.row.health is Health.OK
 
 
-def test_a_dead_device_is_an_error_beside_the_play() -> None:
-    """The device's alarm comes and goes without touching the play's; the health is the worse of both."""
+def test_delays_keep_chatter_away() -> None:
+    """With 5 s on and 10 s off: 4 s of a cause are no alarm, 5 s are; 9 s without it do not end it, 10 s do."""
+    joint = monitor(on_delay_s=5.0, off_delay_s=10.0)
+    assert joint.device("gone", at(0)) == joint.tick(at(4)) == []
+    assert joint.device("", at(4.5)) == []
+    assert joint.device("gone", at(10)) == joint.tick(at(14.9)) == []
+    assert events(joint.tick(at(15))) == [(RAISED, Severity.ERROR)]
+    assert joint.device("", at(20)) == joint.tick(at(29)) == []
+    assert joint.device("gone", at(29)) == joint.device("", at(30)) == joint.tick(at(39)) == []
+    assert events(joint.tick(at(40))) == [(CLEARED, Severity.ERROR)]
+
+
+def test_a_cause_that_grows_during_its_delay_is_raised_once() -> None:
+    """Worse and worse while the on-delay runs: one alarm, of the severity that there is at its end."""
+    joint = monitor(on_delay_s=8.0, windows=5)
+    changes = feed(joint, *[2.0] * 8, *[9.0] * 10)
+    assert events(changes) == [(RAISED, Severity.ERROR)]
+
+
+def test_a_dead_device_is_an_alarm_of_its_own() -> None:
+    """A stale sensor is no ERROR of the joint: its alarm comes and goes beside the play's, the health is DEGRADED
+    unless the play was worse."""
+    calm = monitor()
+    assert events(calm.device("tip: port is gone", NOON)) == [(RAISED, Severity.ERROR)]
+    assert calm.row == JointRow("elbow", Health.DEGRADED, "tip: port is gone", NOON)
+    assert calm.device("tip: port is gone", NOON) == []
     joint = monitor()
     feed(joint, *[2.0] * 10)
-    raised = joint.device("tip: port is gone", NOON)
-    assert joint.row == JointRow("elbow", Health.ERROR, "tip: port is gone", NOON)
-    assert raised[0] == AlarmRow("elbow", Cause.DEVICE, Severity.ERROR, NOON, "tip: port is gone")
-    assert joint.device("tip: port is gone", NOON) == []
-    cleared = joint.device("", NOON + timedelta(seconds=9))
-    assert [change.cause for change in cleared if isinstance(change, AlarmRow)] == [Cause.DEVICE]
+    joint.device("tip: port is gone", at(10))
     assert joint.row.health is Health.WARNING
-
-
-def test_a_restart_changes_nothing() -> None:
-    """A monitor made from the stored rows goes on where the other was: no alarm is raised again, none forgotten."""
-    joint = monitor()
-    rows = [score(2.0, second) for second in range(10)]
-    active = [change for row in rows for change in joint.scored(row) if isinstance(change, AlarmRow)]
-    again = JointMonitor(joint.row, OPTIONS, rows, active)
-    assert again.scored(score(2.0, 11)) == []
-    assert again.device("", NOON) == []
-    quiet = feed(again, *[0.5] * 10)
-    assert [change.state for change in quiet if isinstance(change, AlarmRow)] == ["cleared"]
-    assert again.row.health is Health.OK
+    assert joint.row.reason.startswith("tip: port is gone; play: 100%")
+    cleared = joint.device("", at(19))
+    assert [change.alarm.cause for change in cleared if isinstance(change, Transition)] == [Cause.DEVICE]
+    assert joint.row.health is Health.WARNING
 
 
 def test_a_device_alarm_tells_the_present_fault() -> None:
     """Another fault of the same device changes the reason of the alarm that is active, and of the health."""
     joint = monitor()
     joint.device("port does not exist", NOON)
-    changes = joint.device("another servo answers", NOON)
-    assert [change.reason for change in changes] == ["another servo answers"] * 2
-    alarm = changes[0]
-    assert isinstance(alarm, AlarmRow)
-    assert (alarm.state, alarm.raised) == ("active", NOON)
-    assert joint.device("another servo answers", NOON) == []
+    change, health = joint.device("another servo answers", at(1))
+    assert isinstance(change, Transition)
+    assert (change.event, change.alarm.state, change.alarm.raised) == (AlarmEvent.CHANGED, AlarmState.ACTIVE, NOON)
+    assert change.alarm.reason == "another servo answers"
+    assert isinstance(health, JointRow)
+    assert health.reason == "another servo answers"
+    assert joint.device("another servo answers", at(2)) == []
+
+
+def test_people_acknowledge() -> None:
+    """The joint's alarms are acknowledged with the name of who did it, once; a cause chooses one of them."""
+    joint = monitor()
+    feed(joint, *[2.0] * 10)
+    joint.device("gone", at(10))
+    changes, answer = joint.request(Request(7, "elbow", Verb.ACK, Cause.DEVICE, by="ann"), at(11))
+    assert [(change.by, change.alarm.cause) for change in changes if isinstance(change, Transition)] == [
+        ("ann", Cause.DEVICE)
+    ]
+    assert (answer.id, answer.done, answer.text) == (7, True, "elbow: device acknowledged")
+    changes, answer = joint.request(Request(8, "elbow", Verb.ACK), at(12))
+    assert answer.text == "elbow: play acknowledged"
+    changes, answer = joint.request(Request(9, "elbow", Verb.ACK), at(13))
+    assert (changes, answer.done, answer.text) == ([], False, "elbow: nothing to be acknowledged")
+
+
+def test_shelved_until_a_time() -> None:
+    """A shelved alarm follows its cause in silence and comes back active when its time is over; unshelving ends it."""
+    joint = monitor()
+    joint.device("gone", NOON)
+    changes, answer = joint.request(Request(1, "elbow", Verb.SHELVE, for_s=60.0), at(1))
+    assert isinstance(changes[0], Transition)
+    assert changes[0].alarm.shelved_until == at(61)
+    assert answer.text == "elbow: device shelved"
+    assert joint.tick(at(60)) == []
+    assert events(joint.tick(at(61))) == [(AlarmEvent.UNSHELVED, Severity.ERROR)]
+    joint.request(Request(2, "elbow", Verb.SHELVE, for_s=60.0), at(70))
+    joint.device("", at(80))
+    assert events(joint.request(Request(3, "elbow", Verb.UNSHELVE), at(90))[0]) == [(AlarmEvent.LAPSED, Severity.ERROR)]
+    assert joint.request(Request(4, "elbow", Verb.ACK), at(91))[1].done is False
+
+
+def test_reminders() -> None:
+    """An alarm that nobody acknowledges is told again a day later, with the present reason; others are not."""
+    joint = monitor(remind="daily")
+    feed(joint, *[2.0] * 10)
+    assert joint.tick(at(86400)) == []
+    feed(joint, *[3.0] * 10, start=20)
+    reminded = joint.tick(at(86404))
+    assert events(reminded)[0] == (AlarmEvent.REMINDED, Severity.WARNING)
+    assert joint.row.reason.endswith("median 2 x level")
+    joint.request(Request(1, "elbow", Verb.ACK), at(90000))
+    assert events(joint.tick(at(300_000))) == []
+    assert joint.row.reason.endswith("median 3 x level")
+
+
+@pytest.mark.parametrize("done", [None, Verb.ACK, Verb.SHELVE])
+def test_a_restart_changes_nothing(done: Verb | None) -> None:
+    """A monitor made from the stored rows goes on where the other was: no alarm is raised again, none forgotten."""
+    joint = monitor()
+    rows = [score(2.0, second) for second in range(10)]
+    changes = [change for row in rows for change in joint.scored(row)]
+    if done:
+        changes += joint.request(Request(1, "elbow", done, for_s=1e6), at(10))[0]
+    alarm = [change.alarm for change in changes if isinstance(change, Transition)][-1]
+    again = JointMonitor(joint.row, OPTIONS, rows, [alarm])
+    assert again.scored(score(2.0, 11)) == again.device("", at(11)) == again.tick(at(11)) == []
+    quiet = feed(again, *[0.5] * 10, start=12)
+    assert events(quiet)[-1][0] is CLEARED
+    assert again.row.health is Health.OK

@@ -19,6 +19,7 @@ from tests.daemon.cli_world import HARDWARE, PROGRAM, SIMULATED, call, fill, is_
 
 HEAVY = ("numpy", "scipy", "numba", "matplotlib", "rich", "plotext", "serial", "zenoh")
 COMMANDS = (
+    "alarms",
     "calibrate",
     "config",
     "doctor",

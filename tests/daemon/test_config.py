@@ -108,7 +108,20 @@ def test_a_good_configuration_is_decoded_to_typed_values() -> None:
         (
             "[alarm.zenoh]",
             "[alarm]\nlimit = 3\n[alarm.zenoh]",
-            "alarm.limit: unknown key; there are can, degraded, error, warning, windows, zenoh",
+            "alarm.limit: unknown key; there are can, deadband, degraded, error, off_delay_s, on_delay_s, play_error, ",
+        ),
+        ("[alarm.zenoh]", "[alarm]\nof_delay_s = 3\n[alarm.zenoh]", "did you mean off_delay_s?"),
+        ("[alarm.zenoh]", "[alarm]\ndeadband = 1\n[alarm.zenoh]", "alarm.deadband: found 1; expected `float` < 1"),
+        ("[alarm.zenoh]", '[alarm]\nremind = "often"\n[alarm.zenoh]', "expected 'daily', 'once', 'rarer'"),
+        (
+            "[alarm.zenoh]",
+            "[alarm]\ndegraded = 0.6\n[alarm.zenoh]",
+            "alarm.degraded: found 0.6, expected at most 0.5, the value of warning",
+        ),
+        (
+            "[alarm.zenoh]",
+            "[alarm]\nplay_warning = 2e-3\nplay_error = 1e-3\n[alarm.zenoh]",
+            "alarm.play_warning: found 0.002, expected at most 0.001, the value of play_error",
         ),
         ("[robot]", "[robot", "no valid TOML: "),
         ('[robot]\nname = "arm1"', "", "[robot] is missing"),

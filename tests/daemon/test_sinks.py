@@ -10,22 +10,23 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
-from dataclasses import replace
 from datetime import UTC, datetime
 
 import pytest
 import zenoh
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
+from lostmotion.daemon.lifecycle import happen, raised
 from lostmotion.daemon.options import ZenohOptions
-from lostmotion.daemon.records import AlarmRow, Cause, Health, JointRow, ScoreRow, Severity
+from lostmotion.daemon.records import AlarmEvent, Cause, Health, JointRow, ScoreRow, Severity
 from lostmotion.daemon.sinks.log import LogSink
 from lostmotion.daemon.sinks.zenoh import ZenohSink
 from tests.daemon.conftest import wait_until
 
 NOON = datetime(2026, 1, 31, 12, 0, 0, 123456, tzinfo=UTC)
 SCORE = ScoreRow("elbow", NOON, 0.25, 17.5, 8.0, True, excitation=12.0)
-ALARM = AlarmRow("elbow", Cause.PLAY, Severity.WARNING, NOON, "play: much")
+ALARM = raised("elbow", Cause.PLAY, Severity.WARNING, "play: much", NOON)
+CLEARED = happen(ALARM.alarm, AlarmEvent.CLEARED, NOON)
 HEALTH = JointRow("elbow", Health.WARNING, "play: much", NOON)
 
 
@@ -86,8 +87,10 @@ def test_scores_alarms_and_health_arrive_under_their_keys(endpoint: str) -> None
     assert (score["play"], score["temperature"]) == (None, None)
     assert listener.heard["lostmotion/arm1/elbow/alarm"] == [
         {
-            "schema": 1, "joint": "elbow", "cause": "play", "severity": "warning", "state": "active",
-            "raised": "2026-01-31T12:00:00.123456Z", "acknowledged": None, "cleared": None, "reason": "play: much",
+            "schema": 1, "id": ALARM.id, "event": "raised", "time": "2026-01-31T12:00:00.123456Z", "by": "",
+            "joint": "elbow", "cause": "play", "severity": "warning", "state": "active",
+            "raised": "2026-01-31T12:00:00.123456Z", "acknowledged": None, "cleared": None, "shelved_until": None,
+            "reason": "play: much",
         }
     ]  # fmt: skip
     assert listener.heard["lostmotion/arm1/elbow/health"] == [
@@ -100,9 +103,8 @@ def test_scores_alarms_and_health_arrive_under_their_keys(endpoint: str) -> None
 
 def test_who_joins_late_gets_the_last_alarm_and_health(endpoint: str) -> None:
     """An advanced subscriber and a plain ``get``, both of a program that starts after the transitions, hear of them."""
-    cleared = replace(ALARM, cleared=NOON)
     with closing(ZenohSink("arm1", ZenohOptions(listen=[endpoint]))) as sink:
-        for row in (ALARM, cleared):
+        for row in (ALARM, CLEARED):
             sink.alarm(row)
         sink.health(HEALTH)
         wait_until(lambda: sink.is_open)
@@ -120,7 +122,7 @@ def test_who_joins_late_gets_the_last_alarm_and_health(endpoint: str) -> None:
     told = dict(heard)
     assert set(told) == {"lostmotion/arm1/elbow/alarm", "lostmotion/arm1/elbow/health"}
     assert replies == [told["lostmotion/arm1/elbow/alarm"]]
-    assert (replies[0]["state"], health["health"]) == ("cleared", "WARNING")
+    assert (replies[0]["state"], health["health"]) == ("returned", "WARNING")
 
 
 def test_a_router_that_comes_later_is_found(endpoint: str, caplog: pytest.LogCaptureFixture) -> None:
@@ -174,9 +176,12 @@ def test_the_log_tells_what_matters(caplog: pytest.LogCaptureFixture) -> None:
     sink = LogSink()
     sink.score(ScoreRow("elbow", NOON, 0.25, math.nan, 8.0, False))
     sink.alarm(ALARM)
-    sink.alarm(AlarmRow("elbow", Cause.PLAY, Severity.WARNING, NOON, "play: much", cleared=NOON))
+    sink.alarm(CLEARED)
+    sink.alarm(ALARM, again=True)
     sink.health(HEALTH)
     sink.health(JointRow("elbow"))
     levels = [record.levelname for record in caplog.records]
     assert levels == ["DEBUG", "WARNING", "INFO", "WARNING", "INFO"]
-    assert caplog.messages[1] == "alarm joint=elbow cause=play severity=warning state=active reason='play: much'"
+    assert caplog.messages[1] == (
+        "alarm joint=elbow cause=play severity=warning event=raised state=active reason='play: much'"
+    )

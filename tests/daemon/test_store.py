@@ -18,9 +18,21 @@ import pytest
 import sqlite_utils
 
 from lostmotion.daemon import store as storing
+from lostmotion.daemon.lifecycle import happen, raised
 from lostmotion.daemon.migrations import CURRENT, MIGRATIONS
 from lostmotion.daemon.reader import ReaderError, open_readonly
-from lostmotion.daemon.records import AlarmRow, Cause, DeviceRow, Health, JointRow, ScoreRow, Severity, WindowRow
+from lostmotion.daemon.records import (
+    AlarmEvent,
+    AlarmState,
+    Cause,
+    DeviceRow,
+    Health,
+    JointRow,
+    ScoreRow,
+    Severity,
+    Transition,
+    WindowRow,
+)
 from lostmotion.daemon.store import Store, StoreError
 from tests.daemon.conftest import wait_until
 
@@ -74,7 +86,7 @@ def test_scores_come_back_as_they_went_in(path: Path) -> None:
 
 def test_others_read_iso_times_and_plain_columns(path: Path) -> None:
     """A program that knows nothing of lostmotion reads the documented columns, with UTC text and NULL for unknown."""
-    alarm = AlarmRow("elbow", Cause.PLAY, Severity.WARNING, NOON, "play: much")
+    alarm = raised("elbow", Cause.PLAY, Severity.WARNING, "play: much", NOON)
     database = sqlite_utils.Database(filled(path, FULL, BARE, alarm, raw_window(5, True)))
     rows = list(database.query("SELECT * FROM scores ORDER BY time"))
     assert list(rows[0]) == [
@@ -87,19 +99,75 @@ def test_others_read_iso_times_and_plain_columns(path: Path) -> None:
     assert found["state"] == "active"
     assert found["raised"] == "2026-01-31T12:00:00.123456Z"
     assert (found["acknowledged"], found["cleared"]) == (None, None)
+    event = next(iter(database.query("SELECT * FROM alarm_events")))
+    assert (event["id"], event["event"], event["time"]) == (alarm.id, "raised", found["raised"])
     window = next(iter(database.query("SELECT * FROM windows")))
     assert np.frombuffer(window["accel"], "<f4").tolist() == [1.5] * 250
     assert next(iter(database.query("SELECT name, health FROM joints"))) == {"name": "elbow", "health": "OK"}
 
 
-def test_an_alarm_is_one_row_from_raising_to_clearing(path: Path) -> None:
-    """Clearing updates the raised row; only what is not cleared is active."""
-    alarm = AlarmRow("elbow", Cause.DEVICE, Severity.ERROR, NOON, "no data")
-    cleared = replace(alarm, cleared=NOON + timedelta(minutes=1))
-    other = replace(alarm, joint="wrist")
-    with open_readonly(filled(path, alarm, other, cleared)) as reader:
-        assert reader.alarms("elbow") == [cleared]
-        assert reader.active_alarms() == [other]
+def later(transition: Transition, event: AlarmEvent, minutes: float, **more: object) -> Transition:
+    """What happens next to the same alarm."""
+    return happen(transition.alarm, event, transition.time + timedelta(minutes=minutes), **more)  # type: ignore[arg-type]
+
+
+def test_an_alarm_is_one_row_from_raising_until_it_is_normal(path: Path) -> None:
+    """Each transition updates the raised row and is kept; shelved, returned and normal alarms are not active."""
+    alarm = raised("elbow", Cause.DEVICE, Severity.ERROR, "no data", NOON)
+    shelved = later(alarm, AlarmEvent.SHELVED, 1, until=NOON + timedelta(days=1), by="ann")
+    other = raised("wrist", Cause.DEVICE, Severity.ERROR, "no data", NOON)
+    known = later(other, AlarmEvent.ACKNOWLEDGED, 1)
+    normal = later(known, AlarmEvent.CLEARED, 1)
+    with open_readonly(filled(path, alarm, shelved, other, known)) as reader:
+        assert reader.alarms("elbow") == [shelved.alarm]
+        assert reader.active_alarms() == [known.alarm]
+        assert [row for _, row in reader.transitions("elbow")] == [alarm, shelved]
+    with open_readonly(filled(path, normal)) as reader:
+        assert reader.alarms(living=True) == [shelved.alarm]
+        assert len(reader.alarms()) == 2
+        assert [row for _, row in reader.transitions(newest=2)] == [known, normal]
+
+
+def test_a_transition_told_twice_is_stored_once(path: Path) -> None:
+    """A recording replayed into the same database brings the same transitions: each stays one row."""
+    alarm = raised("elbow", Cause.PLAY, Severity.WARNING, "much", NOON)
+    with open_readonly(filled(path, alarm, alarm)) as reader:
+        assert [row for _, row in reader.transitions()] == [alarm]
+        assert len(reader.alarms()) == 1
+
+
+def test_a_transition_is_settled_once_it_is_stored(path: Path) -> None:
+    """Nothing is settled before it is committed, then each once and in order, also one whose score came just before."""
+    with closing(Store(path, "arm1")) as store, store.reader() as reader:
+        alarms = [raised(f"j{k}", Cause.PLAY, Severity.WARNING, "much", NOON) for k in range(3)]
+        for alarm in alarms:
+            store.add(FULL, alarm)
+            assert store.settled(5.0) == [alarm]
+            assert reader.transitions()[-1][1] == alarm
+        assert store.settled() == []
+
+
+def test_a_full_disk_keeps_no_alarm_from_people(path: Path) -> None:
+    """What the disk refuses is settled all the same, also behind a backlog, and not again when it is stored."""
+    with closing(Store(path, "arm1")) as store:
+        with files_up_to(40_000):
+            store.add(*scores(12_000))
+            wait_until(lambda: store.problem)
+            alarm = raised("elbow", Cause.PLAY, Severity.WARNING, "much", NOON)
+            store.add(alarm)
+            assert store.settled(5.0) == [alarm]
+        wait_until(lambda: not store.waiting())
+        assert store.settled() == []
+    with open_readonly(path) as reader:
+        assert reader.active_alarms() == [alarm.alarm]
+
+
+def test_a_sample_of_many_scores(path: Path) -> None:
+    """One score from each of equal spans: the first; spans without a sound one are left out."""
+    doubtful = replace(FULL, time=NOON + timedelta(seconds=500))
+    with open_readonly(filled(path, *scores(100), doubtful)) as reader:
+        found = reader.sampled("elbow", NOON, NOON + timedelta(seconds=1000), 100)
+    assert [row.score for row in found] == [float(k) for k in range(0, 100, 10)]
 
 
 def test_health_and_devices_are_the_newest_ones(path: Path) -> None:
@@ -163,6 +231,26 @@ def test_a_database_of_version_1_is_brought_up_to_date(path: Path) -> None:
         assert db.execute("PRAGMA user_version").fetchone()[0] == CURRENT
         assert old.execute("PRAGMA user_version").fetchone()[0] == 1
         assert old.execute("SELECT score FROM scores").fetchone()[0] == 3.5
+
+
+def test_alarms_of_an_older_database_are_kept(path: Path) -> None:
+    """Schema 2 knew active and cleared: they become active, acknowledged and normal, with all their times."""
+    with closing(sqlite3.connect(path)) as db:
+        db.executescript("".join(MIGRATIONS[:2]) + "PRAGMA user_version = 2;")
+        db.execute("INSERT INTO joint (id, name) VALUES (1, 'elbow')")
+        times = [(1_000_000, None, None), (2_000_000, 2_500_000, None), (3_000_000, None, 4_000_000)]
+        for moments in times:
+            values = (1, "play", "warning", *moments, "much")
+            db.execute(
+                "INSERT INTO alarm (joint_id, cause, severity, raised_us, acknowledged_us, cleared_us, reason)"
+                " VALUES (?, ?, ?, ?, ?, ?, ?)",
+                values,
+            )
+        db.commit()
+    with open_readonly(filled(path)) as reader:
+        alarms = reader.alarms("elbow")
+    assert [alarm.state for alarm in alarms] == [AlarmState.ACTIVE, AlarmState.ACKNOWLEDGED, AlarmState.NORMAL]
+    assert [alarm.told.timestamp() for alarm in alarms] == [1.0, 2.0, 3.0]
 
 
 def test_a_newer_database_is_refused_and_untouched(path: Path) -> None:

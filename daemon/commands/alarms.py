@@ -1,0 +1,98 @@
+"""``lostmotion alarms``: what alarms there are, what happens to them, and what people do about them."""
+
+from __future__ import annotations
+
+import sys
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+
+import msgspec
+
+from lostmotion.daemon import documents, requests
+from lostmotion.daemon.commands import output, times
+from lostmotion.daemon.commands.where import find_database, open_joint, open_reader
+from lostmotion.daemon.reader import open_readonly
+from lostmotion.daemon.records import AlarmRow, Answer, Request, Severity, Transition
+from lostmotion.daemon.store import StoreBusyError
+
+__all__ = ["change", "show", "watch"]
+
+LOOK_S = 0.2
+ANSWER_S = 10.0
+"""how long the service may take for a request; it looks every second [s]"""
+COLOURS = {Severity.DEGRADED: "yellow", Severity.WARNING: "dark_orange", Severity.ERROR: "red"}
+
+
+def show(config: Path | None, database: Path | None, everything: bool, as_json: bool) -> None:
+    """Prints the alarms that are not normal, or all that ever were."""
+    with open_reader(config, database) as reader:
+        robot, alarms = reader.robot(), reader.alarms(living=not everything)
+    if as_json:
+        output.print_json({"robot": robot, "alarms": [documents.alarm(alarm) for alarm in alarms]})
+    elif not alarms:
+        output.print_lines([f"robot {robot}: no alarm"])
+    else:
+        columns = ("joint", "cause", "severity", "state", "raised (UTC)", "cleared", "shelved until", "reason")
+        output.print_table(columns, [_row(alarm) for alarm in alarms])
+
+
+def watch(config: Path | None, database: Path | None, duration_s: float | None, as_json: bool) -> None:
+    """Prints what happens to alarms as it happens, a line each (JSON: a document each), until Ctrl-C."""
+    with open_reader(config, database) as reader:
+        last = max((number for number, _ in reader.transitions(newest=1)), default=0)
+        end = time.monotonic() + duration_s if duration_s else None
+        while end is None or time.monotonic() < end:
+            for number, transition in reader.transitions(after=last):
+                last = number
+                document = msgspec.json.encode(documents.transition(transition)).decode()
+                sys.stdout.write((document if as_json else _line(transition)) + "\n")
+            sys.stdout.flush()
+            time.sleep(LOOK_S)
+
+
+def change(config: Path | None, database: Path | None, request: Request, as_json: bool) -> int:
+    """Has the service do what is asked, or does it here where none runs; 1 when nothing came of it.
+
+    Raises UnknownJointError, RequestError or StoreError.
+    """
+    open_joint(request.joint, config, database).close()
+    path = find_database(config, database)
+    try:
+        answer = requests.do(path, request, datetime.now(UTC))
+    except StoreBusyError:
+        answer = _ask_service(path, request)
+    if as_json:
+        output.print_json({"joint": request.joint, "done": answer.done, "answer": answer.text})
+    else:
+        output.print_lines([answer.text])
+    return int(not answer.done)
+
+
+def _ask_service(path: Path, request: Request) -> Answer:
+    number = requests.ask(path, request, datetime.now(UTC))
+    end = time.monotonic() + ANSWER_S
+    with open_readonly(path) as reader:
+        while time.monotonic() < end:
+            if answer := reader.answer(number):
+                return answer
+            time.sleep(LOOK_S)
+    text = (
+        f"{request.joint}: the service has not answered within {ANSWER_S:g} s; it will take the request up when it can"
+    )
+    return Answer(number, False, text)
+
+
+def _row(alarm: AlarmRow) -> list[str]:
+    from rich.markup import escape
+
+    colour = COLOURS[alarm.severity]
+    moments = [times.local(moment) if moment else "-" for moment in (alarm.raised, alarm.cleared, alarm.shelved_until)]
+    severity = f"[{colour}]{alarm.severity.value}[/{colour}]"
+    return [escape(alarm.joint), alarm.cause.value, severity, alarm.state.value, *moments, escape(alarm.reason)]
+
+
+def _line(change: Transition) -> str:
+    alarm, who = change.alarm, f" by {change.by}" if change.by else ""
+    what = f"{alarm.joint} {alarm.cause.value}: {change.event.value}{who}"
+    return f"{times.local(change.time)} UTC  {what} ({alarm.severity.value}, {alarm.state.value}): {alarm.reason}"

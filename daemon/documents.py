@@ -1,0 +1,54 @@
+"""The JSON documents that the command line prints and Zenoh answers with: one place for their keys."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Any
+
+from lostmotion.daemon.reader import Reader
+from lostmotion.daemon.records import AlarmRow, JointRow, ScoreRow, Transition, iso
+
+__all__ = ["alarm", "joint", "status", "transition"]
+
+
+def alarm(row: AlarmRow) -> dict[str, Any]:
+    """One alarm."""
+    return {
+        "joint": row.joint,
+        "cause": row.cause.value,
+        "severity": row.severity.value,
+        "state": row.state.value,
+        "raised": iso(row.raised),
+        "acknowledged": _time(row.acknowledged),
+        "cleared": _time(row.cleared),
+        "shelved_until": _time(row.shelved_until),
+        "reason": row.reason,
+    }
+
+
+def transition(row: Transition) -> dict[str, Any]:
+    """What happened to an alarm; ``id`` is the same however often it is told."""
+    return {"id": row.id, "event": row.event.value, "time": iso(row.time), "by": row.by} | alarm(row.alarm)
+
+
+def joint(row: JointRow, last: ScoreRow | None, alarms: list[AlarmRow]) -> dict[str, Any]:
+    """A joint as ``status`` tells it."""
+    return {
+        "name": row.name,
+        "health": row.health.value,
+        "score": last and last.score,
+        "level": last and last.level,
+        "play": last and last.play,
+        "last_window": last and iso(last.time),
+        "alarms": [alarm(one) for one in alarms],
+    }
+
+
+def status(reader: Reader) -> dict[str, Any]:
+    """All joints, their health and their active alarms."""
+    joints = [joint(row, reader.last_window(row.name), reader.active_alarms(row.name)) for row in reader.joints()]
+    return {"robot": reader.robot(), "joints": joints}
+
+
+def _time(time: datetime | None) -> str | None:
+    return None if time is None else iso(time)

@@ -1,0 +1,35 @@
+"""When a joint's score will reach its level, as its trend goes: asked of the database now and then by the service."""
+
+from __future__ import annotations
+
+import math
+from datetime import datetime, timedelta
+
+from lostmotion.daemon.reader import Reader
+from lostmotion.detector.trend import mann_kendall, theil_sen, time_to_limit
+
+__all__ = ["days_to_level"]
+
+LOOK_BACK = timedelta(days=180)
+LEAST_SPAN_S = 7 * 86400.0
+"""a slope over less is weather (a warm gearbox, another job), not wear [s]"""
+SAMPLES = 250
+"""scores that speak for all: their pairs take 5 ms, which the main thread may be away"""
+LEAST_SCORES = 30
+ALPHA = 0.01
+
+
+def days_to_level(reader: Reader, joint: str, now: datetime) -> float:
+    """Days until the median line through the last half year meets the level; NaN when nothing tells that it will.
+
+    The rise has to be significant (Mann-Kendall, 1 %), and the line is not drawn on for longer than it has been seen.
+    """
+    scores = reader.sampled(joint, now - LOOK_BACK, now, SAMPLES)
+    if len(scores) < LEAST_SCORES or (scores[-1].time - scores[0].time).total_seconds() < LEAST_SPAN_S:
+        return math.nan
+    times = [(score.time - scores[0].time).total_seconds() for score in scores]
+    values = [score.score for score in scores]
+    if mann_kendall(values, ALPHA).direction != "rising":
+        return math.nan
+    left = time_to_limit(theil_sen(times, values), times[-1], scores[-1].level)
+    return left.likely / 86400 if left and left.likely <= times[-1] else math.nan

@@ -1,0 +1,80 @@
+"""What people ask of alarms, by way of the database: asked by any process, taken up by the one that writes alarms.
+
+While a service runs it alone changes alarms, and takes requests up every second.  Without one, the asking program
+opens the store itself, which keeps a service out meanwhile (docs/decisions/0005-alarms.md).
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterable, Mapping
+from contextlib import closing
+from datetime import datetime, timedelta
+from pathlib import Path
+
+from lostmotion.daemon.alarm import Change, JointMonitor
+from lostmotion.daemon.migrations import CURRENT
+from lostmotion.daemon.options import AlarmOptions
+from lostmotion.daemon.reader import Reader, open_readonly
+from lostmotion.daemon.records import Answer, JointRow, Request, micros
+from lostmotion.daemon.store import Store
+from lostmotion.drivers.errors import LostmotionError
+
+__all__ = ["RequestError", "ask", "do", "resume", "take"]
+
+BUSY_S = 5.0
+
+
+class RequestError(LostmotionError):
+    """A request could not be left in the database."""
+
+
+def ask(database: Path, request: Request, now: datetime) -> int:
+    """Leaves a request for the service; its number.  Raises RequestError."""
+    cause = request.cause and request.cause.value
+    try:
+        with closing(sqlite3.connect(database, timeout=BUSY_S)) as db, db:
+            version = db.execute("PRAGMA user_version").fetchone()[0]
+            if version != CURRENT:
+                raise RequestError(
+                    f"{database}: found schema version {version}, expected {CURRENT}; the service that writes it is of "
+                    "another version of lostmotion: restart it"
+                )
+            cursor = db.execute(
+                "INSERT INTO request (made_us, joint, verb, cause, for_s, person) VALUES (?, ?, ?, ?, ?, ?)",
+                [micros(now), request.joint, request.verb.value, cause, request.for_s, request.by],
+            )
+    except sqlite3.Error as error:
+        raise RequestError(
+            f"{database}: cannot be written ({error}); the service's user may write it: try sudo"
+        ) from error
+    return int(cursor.lastrowid or 0)
+
+
+def resume(reader: Reader, joint: str, options: AlarmOptions, since: datetime) -> JointMonitor:
+    """A joint's health and alarms where an earlier run left them; a new joint is OK ``since`` now."""
+    row = next((row for row in reader.joints() if row.name == joint), JointRow(joint, since=since))
+    return JointMonitor(row, options, reader.scores(joint, limit=options.windows), reader.alarms(joint, living=True))
+
+
+def take(asked: Iterable[Request], monitors: Mapping[str, JointMonitor], time: datetime) -> list[Change | Answer]:
+    """Takes requests up; what changed by each, followed by its answer."""
+    rows: list[Change | Answer] = []
+    for request in asked:
+        if request.joint in monitors:
+            changes, answer = monitors[request.joint].request(request, time)
+            rows += [*changes, answer]
+        else:
+            rows.append(Answer(request.id, False, f"{request.joint}: the service does not watch it"))
+        time += timedelta(microseconds=1)  # two requests in one second are two transitions
+    return rows
+
+
+def do(database: Path, request: Request, now: datetime) -> Answer:
+    """Does in this process what is asked; the answer.  Raises StoreBusyError while a service runs, or StoreError."""
+    with open_readonly(database) as reader:
+        robot = reader.robot()
+    with closing(Store(database, robot)) as store, store.reader() as reader:
+        changes, answer = resume(reader, request.joint, AlarmOptions(), now).request(request, now)
+        store.add(*changes)
+    return answer
