@@ -185,6 +185,7 @@ def record(config: Path, duration: float, output: Path, joint: str | None, as_js
 @click.option("--f-res-hz", type=float, callback=positive, metavar="X", help="Resonance of the oscillator.")
 @click.option("--zeta", type=float, callback=positive, metavar="X", help="Damping ratio of the oscillator.")
 @click.option("--level", type=float, callback=positive, metavar="X", help="Level of eq. 9.")
+@click.option("--statistic", type=click.Choice(("band", "ringdown")), help="Eq. 8, or what knows the whole ring-down.")
 @as_json
 def score(recording: Path, config: Path | None, joint: str | None, as_json: bool, **given: Any) -> None:
     """The detector over a recording, window by window.

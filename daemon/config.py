@@ -87,7 +87,7 @@ class Config:
         """The detector's settings for a joint: its oscillator, then ``[detector]``, then ``[joint.detector]``."""
         oscillator = self.accelerometer(self.joint(joint).accelerometer).oscillator
         given = self.detector.given() | self.overrides.get(joint, DetectorOptions()).given()
-        return replace(DetectorSettings(f_res_hz=oscillator.f_res_hz, zeta=oscillator.zeta), **cast(Any, given))
+        return DetectorSettings(f_res_hz=oscillator.f_res_hz, zeta=oscillator.zeta, **cast(Any, given))
 
 
 def load(path: Path) -> Config:

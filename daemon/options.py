@@ -10,6 +10,8 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType
 
+from lostmotion.detector.window import Statistic
+
 __all__ = ["AlarmOptions", "CanOptions", "DetectorOptions", "RobotTable", "StoreOptions", "ZenohOptions"]
 
 Positive = Annotated[float, Meta(gt=0)]
@@ -39,8 +41,11 @@ class DetectorOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     f_norm_width_hz: Positive | UnsetType = UNSET
     level: Positive | UnsetType = UNSET
     min_acceleration: Positive | Literal["auto"] | UnsetType = UNSET
+    statistic: Statistic | UnsetType = UNSET
+    noise_ms2: Positive | UnsetType = UNSET
+    noise_colour: tuple[float, ...] | UnsetType = UNSET
 
-    def given(self) -> dict[str, float | None]:
+    def given(self) -> dict[str, object]:
         """The keys that were given, in the names and values of DetectorSettings."""
         return {
             key: None if value == "auto" else value
@@ -59,14 +64,11 @@ class ZenohOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
 
 class CanOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """``[alarm.can]``: the bus, by python-can's names, and the CANopen node; options: what else it takes."""
+    """``[alarm.can]``: a configuration may already hold it; nothing sends on CAN yet."""
 
     interface: str
     channel: str
     node_id: Annotated[int, Meta(ge=1, le=127)]
-    bitrate: Annotated[int, Meta(gt=0)] | None = None
-    heartbeat_s: Annotated[float, Meta(ge=0.01, le=65.5)] = 1.0
-    options: dict[str, str | int | float | bool] = {}
 
 
 class AlarmOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -1,11 +1,13 @@
-"""Eq. 8: how loudly the oscillator rings in a window.  The level it is held against is made in ``level``."""
+"""How loudly the oscillator rings in a window: eq. 8, or the statistic of ``ringdown``.  Levels are ``level``'s."""
 
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 
+from lostmotion.detector import ringdown
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.quality import LEAST_SHARE, describe, mended
 from lostmotion.detector.spectrum import bands, normalised_spectrum
@@ -19,19 +21,21 @@ CHUNK = 4096
 
 
 def score(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> float:
-    """o of eq. 8, the sum over the mask of the normalised spectrum [-], of one window.
+    """The statistic of the settings [-] of one window: o of eq. 8, the sum over the mask of the normalised spectrum, or
+    ``ringdown.scores``.
 
     accel: tip acceleration [m/s²], shape (N,), one sample every 1 / rate_hz, none missing.  NaN when the norm is zero
-    (silence) or a sample is NaN.  White noise scores about the number of bins in the mask.
+    (silence) or a sample is NaN.  White noise scores about the number of bins in the mask, or 0.6.
 
     Raises DetectorError when N samples at this rate do not tell the bands of the settings.
     """
-    mask = bands(len(accel), rate_hz, settings).mask
-    return float(normalised_spectrum(np.asarray(accel), rate_hz, settings)[mask].sum())
+    return float(batch(np.asarray(accel)[None], rate_hz, settings)[0])
 
 
 def batch(accel2d: FloatArray, rate_hz: float, settings: DetectorSettings) -> FloatArray:
     """``score`` of many windows of one length: shape (M, N) to shape (M,)."""
+    if settings.statistic == "ringdown":
+        return ringdown.scores(accel2d, rate_hz, settings)
     mask = bands(accel2d.shape[1], rate_hz, settings).mask
     chunks = [accel2d[i : i + CHUNK] for i in range(0, len(accel2d), CHUNK)]
     parts = [normalised_spectrum(chunk, rate_hz, settings)[:, mask].sum(axis=1) for chunk in chunks]
@@ -45,7 +49,10 @@ def score_window(window: Window, settings: DetectorSettings, range_ms2: float = 
     """
     quality = describe(window, range_ms2)
     enough = window.accel.size and np.count_nonzero(np.isfinite(window.accel)) >= LEAST_SHARE * window.accel.size
-    value = score(mended(window.accel), window.rate_hz, settings) if enough else math.nan
+    mend = (
+        mended if settings.statistic == "band" else partial(ringdown.filled, rate_hz=window.rate_hz, settings=settings)
+    )
+    value = score(mend(window.accel), window.rate_hz, settings) if enough else math.nan
     return Score(
         joint=window.joint,
         time=window.start,
@@ -75,4 +82,8 @@ def validate(settings: DetectorSettings, rate_hz: float) -> None:
         raise DetectorError(
             f"zeta is {settings.zeta:g}; expected a damping ratio between 0 and 1, a bar's is near 0.01"
         )
-    bands(round(window_length(settings, rate_hz) * rate_hz), rate_hz, settings)
+    length = round(window_length(settings, rate_hz) * rate_hz)
+    if settings.statistic == "ringdown":
+        ringdown.validate(length, rate_hz, settings)
+    else:
+        bands(length, rate_hz, settings)

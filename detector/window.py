@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["DetectorSettings", "FloatArray", "Reversal", "Score", "Window"]
+__all__ = ["LEVELS", "ZETA", "DetectorSettings", "FloatArray", "Reversal", "Score", "Statistic", "Window"]
 
 FloatArray = NDArray[np.float64]
+Statistic = Literal["band", "ringdown"]
+ZETA = 0.012
+"""Damping ratio of a usual bar."""
+LEVELS: Mapping[Statistic, float] = MappingProxyType({"band": 8.0, "ringdown": 4.5})
+"""Levels for a robot of which nothing is known yet; docs/decisions/0002-score.md and 0005-ringdown.md say why."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,18 +28,29 @@ class DetectorSettings:
     f_res_hz and zeta are the oscillator's resonance and damping ratio.  A window_s of None means: as long as the
     ring-down is worth hearing (``windows.window_length``).  min_acceleration [rad/s²] is the least commanded
     acceleration on both sides of a reversal that counts; None means: as small as quantisation and noise of the command
-    let be seen.  level belongs to window_s and f_width_hz: silence scores about as much as the mask has bins, which is
-    f_width_hz times the window's length; docs/decisions/0002-score.md says why 8.
+    let be seen.  level: that of the statistic (``LEVELS``) unless given; with "band" it belongs to window_s and
+    f_width_hz: silence scores about as much as the mask has bins, which is f_width_hz times the window's length.
+
+    statistic: "band", eq. 8, or "ringdown" (``ringdown.scores``), which alone looks at the noise: noise_ms2 [m/s²] is
+    the standard deviation of what cannot be foretold of a healthy window's noise, None if unknown; noise_colour its
+    reflection coefficients (``whitening.fit_noise``), () for white.
     """
 
     f_res_hz: float
-    zeta: float = 0.012
+    zeta: float = ZETA
     window_s: float | None = 0.25
     f_width_hz: float = 12.0
     f_norm_hz: float = 100.0
     f_norm_width_hz: float = 40.0
-    level: float = 8.0
+    level: float = math.nan
     min_acceleration: float | None = None
+    statistic: Statistic = "band"
+    noise_ms2: float | None = None
+    noise_colour: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        if math.isnan(self.level):
+            object.__setattr__(self, "level", LEVELS[self.statistic])
 
 
 @dataclass(frozen=True, slots=True)

@@ -65,5 +65,7 @@ def _print(path: Path, config: Config) -> None:
     output.print_lines([f"note: {note}" for note in config.notes])
 
 
-def _shown(value: float | None) -> str:
-    return "auto" if value is None else f"{value:g}"
+def _shown(value: object) -> str:
+    if isinstance(value, tuple):
+        return " ".join(f"{one:.3g}" for one in value) or "white"
+    return f"{value:g}" if isinstance(value, float) else "auto" if value is None else str(value)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from lostmotion.daemon import config as configuration
 from lostmotion.daemon.commands import output
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.series import score_series
-from lostmotion.detector.window import DetectorSettings, Score
+from lostmotion.detector.window import LEVELS, ZETA, DetectorSettings, Score, Statistic
 from lostmotion.drivers.errors import LostmotionError
 from lostmotion.drivers.recording import Recording, read_recording
 from lostmotion.drivers.units import COLUMN_UNITS
@@ -21,6 +21,7 @@ from lostmotion.drivers.units import COLUMN_UNITS
 __all__ = ["Asked", "ScoreError", "score"]
 
 KEYS = ("time", "duration", "score", "impact", "play", "play_low", "play_high", "quality")
+KEYS_OF_SETTINGS = ("f_res_hz", "zeta", "level", "statistic")
 F_RES_HZ = 58.0
 """The resonance when nobody says one: that of the default oscillator, as in the built-in configuration."""
 MILLISECONDS = 0.5
@@ -40,6 +41,7 @@ class Asked:
     f_res_hz: float | None = None
     zeta: float | None = None
     level: float | None = None
+    statistic: Statistic | None = None
 
 
 def score(path: Path, config: Path | None, asked: Asked, as_json: bool) -> None:
@@ -81,9 +83,11 @@ def _settings(recording: Recording, config: Path | None, asked: Asked) -> Detect
     if config:
         settings = _of_config(config, asked.joint or recording.metadata.get("joint"))
     else:
-        settings = DetectorSettings(f_res_hz=recording.number("f_res_hz", F_RES_HZ))
-        settings = replace(settings, zeta=recording.number("zeta", settings.zeta))
-    given = {key: getattr(asked, key) for key in ("f_res_hz", "zeta", "level") if getattr(asked, key) is not None}
+        f_res_hz, zeta = recording.number("f_res_hz", F_RES_HZ), recording.number("zeta", ZETA)
+        settings = DetectorSettings(f_res_hz=f_res_hz, zeta=zeta)
+    given = {key: value for key, value in asdict(asked).items() if key in KEYS_OF_SETTINGS and value is not None}
+    if asked.statistic not in (None, settings.statistic):
+        given.setdefault("level", LEVELS[asked.statistic])
     return replace(settings, **given)
 
 

@@ -1,0 +1,198 @@
+"""How likely it is that something struck the bar during a window: the detector that knows the oscillator.
+
+Beside eq. 8, which only knows its frequency.  docs/decisions/0005-ringdown.md has the measurements.  No level here.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lostmotion.detector.errors import DetectorError
+from lostmotion.detector.whitening import whiten
+from lostmotion.detector.window import DetectorSettings, FloatArray
+
+__all__ = ["Bank", "bank", "filled", "scores", "validate"]
+
+SLOW_HZ, SLOW_SHARE = 16.0, 0.3
+"""Below both, the latter a share of f_res, a window may hold anything: an arm's motion up to 3 Hz to 1e-4."""
+STEPS_PER_TAU, MOST_STARTS, LEAST_STARTS = 30, 26, 10
+"""How finely the moment of an impact is tried."""
+LAST_CYCLES = 1.0
+"""A ring that begins later in the window than so many cycles before its end is not looked for."""
+PENALTY = 1.5
+"""Price of each free amplitude [nats]: ln(1 + S²)/2 for amplitudes of about S = 4 standard deviations."""
+TRUST = 100.0
+"""How many samples the calibrated noise counts for beside the window's own."""
+LEAST_NEW = 0.05
+"""Share of a ring that must be new beside those before it for it to be told from them."""
+LEAST_SAMPLES, LEAST_CYCLES = 16, 3
+FILLS = 8
+"""Rounds in which missing samples are drawn from what the others say."""
+CHUNK = 2048
+DUST = 1e-12
+"""Share of the window's power below which what is left of it is rounding."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bank:
+    """What the windows of one length are compared with; everything lies in the space of whitened samples.
+
+    slow: orthonormal, (N, P), what the arm's motion may be; rings: ring-downs from each start on, without their slow
+    parts, in orthonormal pairs, (N, 2 K); starts: [s] from the window's begin, (K,); mixes: (2 K, C), what makes
+    orthonormal coordinates of each hypothesis, begins: (H,) its first column, prior: (H,) minus its price [nats];
+    raw: orthonormal, (N, R), slow motion and rings before whitening.
+    """
+
+    slow: FloatArray
+    rings: FloatArray
+    starts: FloatArray
+    mixes: FloatArray
+    begins: NDArray[np.intp]
+    prior: FloatArray
+    raw: FloatArray
+
+
+def scores(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -> FloatArray:
+    """How far windows, shape (M, N), stand out of the noise [-], shape (M,): about the ring's amplitude in its own
+    standard deviations, 0.5 to 2 in noise alone; NaN for a window of one value.
+
+    The hypotheses are: a ring from before the window, or one new start of it, or both, or both and a second start; all
+    starts are equally likely, every start has an amplitude and a phase of its own.  With Lambda = sum over all of
+    exp(log-likelihood ratio - 1.5 nats for each amplitude) against "only noise" the score is sqrt(2 ln(1 + Lambda)).
+
+    The log-likelihood ratio of a hypothesis that explains the energy E of the whitened window's total T, with
+    n degrees of freedom, is -(n + v)/2 ln(1 - E / (T + v)), v = 100 where the noise is calibrated, else 0: Student's t
+    for a noise whose variance is known about as well as from v samples.  ``settings.noise_ms2`` is the standard
+    deviation [m/s²] of what cannot be foretold of the noise, ``settings.noise_colour`` tells the rest.
+    """
+    chosen = bank(windows.shape[1], rate_hz, settings)
+    parts = [_scores(windows[i : i + CHUNK], chosen, settings) for i in range(0, len(windows), CHUNK)]
+    return np.concatenate(parts) if parts else np.empty(0)
+
+
+def _scores(windows: FloatArray, chosen: Bank, settings: DetectorSettings) -> FloatArray:
+    white = whiten(windows, settings.noise_colour)
+    before = np.sum(white**2, axis=1)
+    white -= (white @ chosen.slow) @ chosen.slow.T
+    total = np.sum(white**2, axis=1)
+    silent = total <= DUST * before
+    trust = 0.0 if settings.noise_ms2 is None else TRUST
+    whole = np.where(silent, 1.0, total) + trust * (settings.noise_ms2 or 0.0) ** 2
+    freedom = white.shape[1] - chosen.slow.shape[1] + trust
+    explained = np.add.reduceat(((white @ chosen.rings) @ chosen.mixes) ** 2, chosen.begins, axis=1)
+    share = np.minimum(explained / whole[:, None], 1 - DUST)
+    evidence = -freedom / 2 * np.log1p(-share) + chosen.prior
+    top = np.maximum(evidence.max(axis=1), 0.0)
+    # ln(1 + sum exp): the 1 is "only noise".
+    likelihood = top + np.log(np.exp(-top) + np.sum(np.exp(evidence - top[:, None]), axis=1))
+    return np.where(silent, np.nan, np.sqrt(2 * likelihood))
+
+
+def filled(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> FloatArray:
+    """The window, shape (N,), with its missing samples as slow motion and rings, fitted to the others, say."""
+    missing = ~np.isfinite(accel)
+    if not missing.any() or missing.all():
+        return accel
+    raw = bank(accel.size, rate_hz, settings).raw
+    index = np.arange(accel.size)
+    values = np.interp(index, index[~missing], accel[~missing])
+    for _ in range(FILLS):
+        values[missing] = raw[missing] @ (raw.T @ values)
+    return values
+
+
+def validate(length: int, rate_hz: float, settings: DetectorSettings) -> None:
+    """Raises DetectorError when windows of ``length`` samples are too short, or the noise's colour is impossible."""
+    if settings.f_res_hz >= rate_hz / 2:
+        raise DetectorError(
+            f"f_res_hz is {settings.f_res_hz:g}; expected less than half of the rate, {rate_hz / 2:g} Hz: "
+            "take a faster sensor or a slower oscillator"
+        )
+    least = max(
+        LEAST_SAMPLES, 2 * len(settings.noise_colour) + 1, math.ceil(LEAST_CYCLES * rate_hz / settings.f_res_hz)
+    )
+    if length < least:
+        raise DetectorError(
+            f"a window has {length} samples; expected at least {least}, three periods of the oscillator: raise window_s"
+        )
+    if any(abs(reflection) >= 1 for reflection in settings.noise_colour):
+        raise DetectorError(
+            f"noise_colour is {settings.noise_colour}; expected reflection coefficients between -1 and 1, "
+            "as `lostmotion calibrate healthy` prints them"
+        )
+
+
+@lru_cache(maxsize=16)
+def bank(length: int, rate_hz: float, settings: DetectorSettings) -> Bank:
+    """The bank for windows of ``length`` samples, at least 16."""
+    time = np.arange(length) / rate_hz
+    slow_raw = _slow(length, rate_hz, min(SLOW_HZ, SLOW_SHARE * settings.f_res_hz))
+    starts = _starts(length / rate_hz, settings)
+    pairs_raw = [_ring(time - start, settings) for start in starts]
+    slow = _orthonormal(whiten(slow_raw.T, settings.noise_colour).T, 1e-9)
+    pairs = []
+    for pair in pairs_raw:
+        white = whiten(pair.T, settings.noise_colour).T
+        pairs.append(np.linalg.qr(white - slow @ (slow.T @ white))[0])
+    rings = np.hstack(pairs)
+    mixes, begins, prior = _hypotheses(rings.T @ rings)
+    raw = _orthonormal(np.hstack([slow_raw, *pairs_raw]), 1e-3)
+    return Bank(slow, rings, starts, mixes, begins, prior, raw)
+
+
+def _starts(duration: float, settings: DetectorSettings) -> FloatArray:
+    """The window's begin, and moments spread evenly over it [s]."""
+    tau = 1 / (2 * math.pi * settings.zeta * settings.f_res_hz)
+    last = max(duration - LAST_CYCLES / settings.f_res_hz, 0.5 * duration)
+    count = round(min(max(STEPS_PER_TAU * last / tau, LEAST_STARTS), MOST_STARTS))
+    return np.linspace(0.0, last, count)
+
+
+def _ring(after: FloatArray, settings: DetectorSettings) -> FloatArray:
+    """Both phases of eq. 6's free motion from 0 on, shape (N, 2)."""
+    omega = 2 * math.pi * settings.f_res_hz
+    exponent = complex(-settings.zeta, math.sqrt(1 - settings.zeta**2)) * omega
+    wave = np.where(after >= -1e-12, np.exp(exponent * np.maximum(after, 0.0)), 0.0)
+    return np.column_stack([wave.real, wave.imag])
+
+
+def _slow(length: int, rate_hz: float, top_hz: float) -> FloatArray:
+    """Polynomials, the highest with zeros as close as a sine of top_hz has them, at least cubic; shape (N, P)."""
+    degree = max(min(int(2 * top_hz * length / rate_hz), length // 4), 3)
+    return np.asarray(np.polynomial.legendre.legvander(np.linspace(-1, 1, length), degree))
+
+
+def _hypotheses(gram: FloatArray) -> tuple[FloatArray, NDArray[np.intp], FloatArray]:
+    """mixes, begins and prior of a Bank from the products (2 K, 2 K) of its rings."""
+    starts = range(gram.shape[0] // 2)
+    later = [k for k in starts if k > 0]
+    families: list[list[tuple[int, ...]]] = [
+        [(k,) for k in starts],
+        [(0, k) for k in later],
+        [(0, k, n) for k in later for n in later if k < n],
+    ]
+    columns, begins, prior = [], [], []
+    at = 0
+    for family in families:
+        for members in family:
+            chosen = [2 * k + side for k in members for side in (0, 1)]
+            power, directions = np.linalg.eigh(gram[np.ix_(chosen, chosen)])
+            told = power > LEAST_NEW
+            mix = np.zeros((gram.shape[0], int(told.sum())))
+            mix[chosen] = directions[:, told] / np.sqrt(power[told])
+            columns.append(mix)
+            begins.append(at)
+            prior.append(-PENALTY * mix.shape[1] - math.log(len(family)))
+            at += mix.shape[1]
+    return np.hstack(columns), np.array(begins), np.array(prior)
+
+
+def _orthonormal(columns: FloatArray, least: float) -> FloatArray:
+    """A basis of what the columns, scaled alike, span; parts below a share of the largest left out."""
+    basis, size, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)
+    return np.asarray(basis[:, size > least * size[0]])

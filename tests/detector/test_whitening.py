@@ -1,0 +1,47 @@
+"""Autoregressive noise: found, and undone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lostmotion.detector.errors import DetectorError
+from lostmotion.detector.whitening import fit_noise, whiten
+
+
+def coloured(rng: np.random.Generator, count: int, length: int) -> np.ndarray:
+    """Stationary second-order noise, x = 1.2 x1 - 0.8 x2 + e: a spectrum with a peak."""
+    out = rng.normal(size=(count, length + 200))
+    for i in range(2, length + 200):
+        out[:, i] += 1.2 * out[:, i - 1] - 0.8 * out[:, i - 2]
+    return out[:, 200:]
+
+
+def test_coefficients_of_a_known_process() -> None:
+    """x = 1.2 x1 - 0.8 x2 + e has the reflections -1.2/1.8 and 0.8, and no more."""
+    assert fit_noise(coloured(np.random.default_rng(7900), 200, 250)) == pytest.approx((-1.2 / 1.8, 0.8), abs=0.02)
+
+
+def test_white_noise_has_no_colour() -> None:
+    """Nothing is foretold where nothing can be."""
+    assert fit_noise(np.random.default_rng(7901).normal(size=(100, 100))) == ()
+
+
+def test_whitened_noise_is_white_from_the_first_sample_on() -> None:
+    """Unit variance at every place, no correlation at any lag: within five standard errors."""
+    white = whiten(coloured(np.random.default_rng(7902), 4000, 40), (-1.2 / 1.8, 0.8))
+    covariance = white.T @ white / len(white)
+    assert np.abs(covariance - np.eye(40)).max() < 5 * np.sqrt(2 / 4000)
+
+
+def test_no_colour_changes_nothing() -> None:
+    """Without reflections what comes out is what went in."""
+    values = np.random.default_rng(7903).normal(size=(3, 20))
+    assert np.array_equal(whiten(values, ()), values)
+
+
+def test_too_little_is_said() -> None:
+    """Windows of fewer than 16 samples, or with holes, are refused."""
+    for windows in (np.zeros((5, 12)), np.full((5, 200), np.nan)):
+        with pytest.raises(DetectorError, match="at least 16 samples"):
+            fit_noise(windows)
