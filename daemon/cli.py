@@ -221,6 +221,9 @@ def calibrate_tap(recordings: tuple[Path, ...], column: str, output: Path | None
 cli.add_command(
     LateCommand("alarms", "lostmotion.daemon.commands.alarms_cli:alarms", "Alarms: list, watch, ack, shelve.")
 )
+cli.add_command(
+    LateCommand("service", "lostmotion.daemon.commands.service_cli:service", "The systemd service: install, uninstall.")
+)
 cli.add_command(LateCommand("simulate", "lostmotion.lab.cli:simulate", "Make a recording from a model."))
 cli.add_command(LateCommand("effects", "lostmotion.lab.cli:effects", "The catalogue of effects, with their equations."))
 cli.add_command(LateCommand("lab", "lostmotion.lab.commands:lab", "Hold a model against measurements."))

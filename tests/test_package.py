@@ -3,44 +3,20 @@
 from __future__ import annotations
 
 import json
-import shutil
-import subprocess
-import sys
 import sysconfig
 import venv
 from pathlib import Path
 
 import pytest
 
-from tests.conftest import ROOT
+from tests.wheel import build_wheel, run
 
 pytestmark = pytest.mark.slow
 
-NOT_SOURCE = shutil.ignore_patterns(".*", "__pycache__", "*.egg-info", "build", "dist")
-
-
-def run(*command: str | Path, cwd: Path, **environment: str) -> str:
-    """Standard output of a command that must succeed, with nothing of this environment but the given variables."""
-    done = subprocess.run(
-        [str(part) for part in command], cwd=cwd, env=environment, capture_output=True, text=True, timeout=200
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
 
 def installed(folder: Path) -> Path:
-    """An environment that has the wheel installed, with this environment's dependencies in reach.
-
-    It is built from a copy: setuptools writes beside the source, where other tests and other runs are at work.
-    """
-    shutil.copytree(ROOT, folder / "tree", symlinks=True, ignore=NOT_SOURCE)
-    build = ("-m", "build", "--no-isolation", "--outdir", folder)
-    run(sys.executable, *build, "--sdist", folder / "tree", cwd=folder)
-    (sdist,) = folder.glob("*.tar.gz")
-    run("tar", "xzf", sdist, cwd=folder)
-    source = folder / sdist.name.removesuffix(".tar.gz")
-    run(sys.executable, *build, "--wheel", source, cwd=folder)
-    (wheel,) = folder.glob("*.whl")
+    """An environment that has the wheel installed, with this environment's dependencies in reach."""
+    wheel = build_wheel(folder)
     venv.create(folder / "env", with_pip=True)
     run(folder / "env/bin/pip", "install", "--no-deps", "--no-index", wheel, cwd=folder)
     (packages,) = (folder / "env/lib").glob("python*/site-packages")
@@ -63,4 +39,5 @@ def test_wheel_is_whole_and_runs_the_simulated_robot(tmp_path: Path) -> None:
     (package,) = environment.glob("lib/python*/site-packages/lostmotion")
     assert (package / "py.typed").is_file()
     assert (package / "daemon/simulated.toml").is_file()
+    assert (package / "systemd/lostmotion.service").is_file()
     assert list(package.parent.glob("lostmotion-*.dist-info/licenses/LICENSE"))

@@ -1,0 +1,193 @@
+"""``lostmotion service``: puts the unit, the udev rules and a first configuration in place, starts it; and back."""
+
+from __future__ import annotations
+
+import grp
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import lostmotion
+from lostmotion.daemon import config as configuration
+from lostmotion.daemon.commands import output
+from lostmotion.daemon.unit import STATE, UNIT, Layout, ServiceError, check_reachable, template, unit_text
+
+__all__ = ["install", "print_unit", "uninstall"]
+
+BOOTED = Path("/run/systemd/system")
+GROUP = "dialout"
+
+
+class Step(NamedTuple):
+    """What is going to be done, in words, and doing it."""
+
+    text: str
+    do: Callable[[], object]
+
+
+def print_unit() -> None:
+    """The unit on stdout, as ``install`` would write it."""
+    output.print_lines(unit_text(_command(), _version()).splitlines())
+
+
+def install(root: Path | None, dry_run: bool) -> None:
+    """Writes the files and starts the service; with ``root`` only the files, below it.  Raises ServiceError before
+    anything is changed, ConfigError for a configuration that is there and wrong."""
+    layout = Layout(root or Path("/"))
+    if root is None:
+        _check_machine(dry_run)
+    command = _command()
+    check_reachable([command, Path(sys.executable).resolve(), Path(lostmotion.__file__).resolve()])
+    if layout.config.exists():
+        _check_config(layout.config)
+    steps = [*_files(layout, command), *(_live_start() if root is None else _offline_start(root))]
+    _go(steps, dry_run)
+    if root is None and not dry_run:
+        output.print_lines(
+            [f"lostmotion runs; sudo {command} status shows the joints, journalctl -u lostmotion the log"]
+        )
+
+
+def uninstall(purge: bool, dry_run: bool) -> None:
+    """Stops the service and takes its files away; configuration and data stay unless ``purge``.
+
+    Raises ServiceError.
+    """
+    layout = Layout(Path("/"))
+    _check_machine(dry_run)
+    steps = []
+    if layout.unit.exists():
+        steps.append(Step(f"stop and disable {UNIT}", lambda: _systemctl("disable", "--now", UNIT)))
+    steps += [Step(f"remove {path}", path.unlink) for path in (layout.unit, layout.rules) if path.exists()]
+    steps += [Step("systemctl daemon-reload", lambda: _systemctl("daemon-reload")), *_udev()]
+    if purge:
+        steps += [_remove(path) for path in (layout.config.parent, *layout.state) if path.exists() or path.is_symlink()]
+    _go(steps, dry_run)
+    left = [path for path in (layout.config.parent, layout.state[0]) if path.exists() and not purge]
+    if left:
+        output.print_lines([f"kept: {', '.join(map(str, left))}; uninstall --purge removes them"])
+
+
+def _go(steps: list[Step], dry_run: bool) -> None:
+    for step in steps:
+        output.print_lines([f"would {step.text}" if dry_run else step.text])
+        if not dry_run:
+            step.do()
+
+
+# --- what has to be so before anything is changed -------------------------------------------------------------------
+
+
+def _check_machine(dry_run: bool) -> None:
+    if not BOOTED.is_dir():
+        raise ServiceError(
+            f"found no systemd ({BOOTED} is missing), expected a machine that runs it; in a container or on another "
+            "init system start `lostmotion run --config F` your own way, for an image use --root DIR"
+        )
+    if os.geteuid() != 0 and not dry_run:
+        raise ServiceError(f"found an ordinary user, expected root: sudo {_command()} service ...; or try --dry-run")
+    try:
+        grp.getgrnam(GROUP)
+    except KeyError:
+        raise ServiceError(
+            f"found no group {GROUP}, expected one that may use serial ports; make it: groupadd --system {GROUP}"
+        ) from None
+
+
+def _command() -> Path:
+    """The program that is running, as it was called, with its whole path."""
+    called = shutil.which(sys.argv[0])
+    if called is None:
+        raise ServiceError(f"found no program {sys.argv[0]!r}, expected the installed command lostmotion")
+    return Path(called).absolute()
+
+
+def _version() -> int:
+    """systemd's version; 0 where there is none."""
+    try:
+        told = subprocess.run(["systemctl", "--version"], capture_output=True, text=True).stdout
+    except FileNotFoundError:
+        return 0
+    found = re.match(r"systemd (\d+)", told)
+    return int(found[1]) if found else 0
+
+
+def _check_config(path: Path) -> None:
+    database = configuration.load(path).database
+    if not database.is_relative_to(STATE):
+        raise ServiceError(
+            f"{path}: found the database at {database}, expected it below {STATE}, where alone the service may write: "
+            f'[store] path = "{STATE}/history.db"'
+        )
+
+
+# --- the steps ------------------------------------------------------------------------------------------------------
+
+
+def _files(layout: Layout, command: Path) -> Iterator[Step]:
+    yield _write(layout.unit, unit_text(command, _version()))
+    yield _write(layout.rules, template(layout.rules.name))
+    if not layout.config.exists():
+        yield _write(layout.config, template(layout.config.name))
+
+
+def _live_start() -> list[Step]:
+    return [
+        Step("systemctl daemon-reload", lambda: _systemctl("daemon-reload")),
+        *_udev(),
+        Step(f"enable {UNIT}", lambda: _systemctl("enable", UNIT)),
+        Step(f"start {UNIT}", _restart),
+    ]
+
+
+def _offline_start(root: Path) -> list[Step]:
+    return [Step(f"enable {UNIT}", lambda: _systemctl(f"--root={root.absolute()}", "enable", UNIT))]
+
+
+def _udev() -> list[Step]:
+    """The rules are read again and applied to what is plugged in; a container has no udev."""
+    if shutil.which("udevadm") is None:
+        return []
+    calls = (["control", "--reload"], ["trigger", "--subsystem-match=tty", "--subsystem-match=usb-serial"])
+    return [Step(f"udevadm {' '.join(call)}", partial(_run, "udevadm", *call, check=False)) for call in calls]
+
+
+def _write(path: Path, text: str) -> Step:
+    def write() -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+        path.chmod(0o644)
+
+    return Step(f"write {path}", write)
+
+
+def _remove(path: Path) -> Step:
+    return Step(f"remove {path}", path.unlink if path.is_symlink() else lambda: shutil.rmtree(path))
+
+
+def _restart() -> None:
+    """Starts the service, or again with the new files; waits until it says that it is ready."""
+    try:
+        _systemctl("restart", UNIT)
+    except ServiceError as error:
+        last = _run("journalctl", "-u", UNIT, "-n", "1", "-o", "cat", "-t", "lostmotion", check=False)
+        raise ServiceError(f"installed, but it does not start: {last or error}; journalctl -u lostmotion") from error
+
+
+def _systemctl(*arguments: str) -> None:
+    _run("systemctl", *arguments)
+
+
+def _run(*command: str, check: bool = True) -> str:
+    """The last line of what a command prints.  Raises ServiceError when it fails and ``check`` is on."""
+    done = subprocess.run(command, capture_output=True, text=True)
+    last = (done.stderr.strip() or done.stdout.strip()).rpartition("\n")[2]
+    if check and done.returncode:
+        raise ServiceError(f"{' '.join(command)}: {last}")
+    return last

@@ -1,0 +1,42 @@
+"""The arguments of ``lostmotion service``; what the commands do stands in ``service.py``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from lostmotion.daemon.cli import FILE
+from lostmotion.daemon.commands import service as commands
+
+__all__ = ["service"]
+
+dry_run = click.option("--dry-run", is_flag=True, help="Say what would be done, and do nothing.")
+
+
+@click.group()
+def service() -> None:
+    """Install lostmotion as a systemd service on this robot, or remove it."""
+
+
+@service.command("install")
+@click.option("--print", "print_it", is_flag=True, help="Only print the unit.")
+@dry_run
+@click.option("--root", type=FILE, metavar="DIR", help="Write below DIR and start nothing: for the image of a robot.")
+def install(print_it: bool, dry_run: bool, root: Path | None) -> None:
+    """Write the unit, udev rules and a first configuration; enable and start the service.
+
+    Once more after an upgrade: a configuration that is there stays.
+    """
+    if print_it:
+        commands.print_unit()
+    else:
+        commands.install(root, dry_run)
+
+
+@service.command("uninstall")
+@click.option("--purge", is_flag=True, help="Remove the configuration and all data as well.")
+@dry_run
+def uninstall(purge: bool, dry_run: bool) -> None:
+    """Stop the service and remove its unit and udev rules; configuration and data stay."""
+    commands.uninstall(purge, dry_run)

@@ -1,0 +1,97 @@
+"""The unit, the udev rules and the first configuration that ship with lostmotion; who could not start from where."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from lostmotion.daemon import config as configuration
+from lostmotion.daemon.unit import STATE, ServiceError, check_reachable, template, unit_text
+
+COMMAND = Path("/opt/lostmotion/bin/lostmotion")
+
+
+def test_the_unit_runs_the_installed_command() -> None:
+    """ExecStart is the given path, quoted and escaped by systemd's rules where it has to be."""
+    assert f"\nExecStart={COMMAND} run --config /etc/lostmotion/lostmotion.toml\n" in unit_text(COMMAND, 252)
+    assert '\nExecStart="/opt/my 50%% robot$$/lostmotion" run' in unit_text(Path("/opt/my 50% robot$/lostmotion"), 252)
+
+
+@pytest.mark.parametrize(("version", "steps"), [(0, 0), (252, 0), (254, 2), (260, 2)])
+def test_settings_are_those_that_systemd_knows(version: int, steps: int) -> None:
+    """The growing pause between restarts came with systemd 254; an older one would complain about it."""
+    assert len(re.findall(r"^Restart(?:Steps|MaxDelaySec)=", unit_text(COMMAND, version), re.MULTILINE)) == steps
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is missing")
+@pytest.mark.parametrize("version", [252, 254])
+def test_exposure_is_small(tmp_path: Path, version: int) -> None:
+    """systemd's own analysis of the file gives at most 1.5 of 10."""
+    unit = tmp_path / "lostmotion.service"
+    unit.write_text(unit_text(COMMAND, version))
+    analysis = ["systemd-analyze", "security", "--offline=true", "--no-pager", unit]
+    overall = subprocess.run(analysis, capture_output=True, text=True, check=True).stdout.splitlines()[-1]
+    assert float(overall.split(": ")[1].split()[0]) <= 1.5
+
+
+def test_the_first_configuration_is_valid(tmp_path: Path) -> None:
+    """It needs no hardware and keeps its database where the service may write."""
+    config = configuration.loads(template("lostmotion.toml"), "lostmotion.toml")
+    assert [joint.driver for joint in config.joints] == ["simulated"]
+    assert config.database.parent == STATE
+
+
+def test_the_example_in_the_first_configuration_is_valid() -> None:
+    """The tables that are commented out, taken instead of the simulated ones, are a valid configuration too."""
+    text = template("lostmotion.toml")
+    head, example = text[: text.index("[[accelerometer]]")], text[text.index("# [[accelerometer]]") :]
+    hardware = "\n".join(line.removeprefix("# ").removeprefix("#") for line in example.splitlines())
+    config = configuration.loads(head + hardware, "example")
+    assert [joint.driver for joint in config.joints] == ["dynamixel"]
+
+
+@pytest.mark.parametrize("folder", ["/home/me/env", "/root/env", "/run/user/1000/env", "/tmp/env"])
+def test_a_program_that_the_service_cannot_see_is_refused(folder: str) -> None:
+    """ProtectHome and PrivateTmp hide homes and temporary folders; the message says where to install instead."""
+    with pytest.raises(ServiceError, match=r"below .* hidden from the service; expected .* python3 -m venv /opt"):
+        check_reachable([Path(folder) / "bin/lostmotion"])
+
+
+def test_a_program_that_others_may_not_read_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file or folder closed by a strict umask is named, with the command that opens it."""
+    monkeypatch.setattr("lostmotion.daemon.unit.HIDDEN", ())  # the test's own folder may be below /tmp
+    folder = tmp_path / "env"
+    folder.mkdir(0o700)
+    program = folder / "lostmotion"
+    for mode, closed in ((0o750, program), (0o755, folder)):
+        program.touch()
+        program.chmod(mode)
+        with pytest.raises(ServiceError, match=f"^{closed}: found closed .*chmod -R a\\+rX {closed}$"):
+            check_reachable([program])
+
+
+def lostmotion(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """The installed command."""
+    return subprocess.run([Path(sys.executable).parent / "lostmotion", *arguments], capture_output=True, text=True)
+
+
+def test_print_shows_the_unit() -> None:
+    """`service install --print` puts the unit on stdout and changes nothing, for any user, with or without systemd."""
+    done = lostmotion("service", "install", "--print")
+    assert done.stdout.startswith("# Runs lostmotion on a robot.")
+    assert f"\nExecStart={Path(sys.executable).parent}/lostmotion run --config" in done.stdout
+
+
+@pytest.mark.skipif(Path("/run/systemd/system").is_dir(), reason="this machine runs systemd")
+@pytest.mark.parametrize("command", ["install", "uninstall"])
+def test_without_systemd_it_says_so(command: str) -> None:
+    """One line, exit status 2: what was found, what was expected, what to do instead."""
+    done = lostmotion("service", command, "--dry-run")
+    assert done.returncode == 2
+    assert done.stderr.startswith("lostmotion: found no systemd (/run/systemd/system is missing), expected")
+    assert done.stderr.count("\n") == 1

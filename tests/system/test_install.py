@@ -1,0 +1,109 @@
+"""Installing and removing the service on a machine that has never seen it."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from tests.system.conftest import Boot
+from tests.system.machine import Machine
+from tests.system.robot import CONFIG, LOSTMOTION, show
+
+pytestmark = pytest.mark.slow
+
+EXPOSURE = 1.5
+COMPILE_S = 180.0
+
+
+@pytest.fixture(scope="module")
+def machine(boot: Boot) -> Machine:
+    """The service as `service install` leaves it, on the simulated robot."""
+    machine = boot()
+    machine.run(LOSTMOTION, "service", "install")
+    return machine
+
+
+def test_it_runs_now_and_after_the_next_start(machine: Machine) -> None:
+    """The unit is active and enabled; install said what it did."""
+    assert machine.run("systemctl", "is-active", "lostmotion").strip() == "active"
+    assert machine.run("systemctl", "is-enabled", "lostmotion").strip() == "enabled"
+
+
+def test_the_simulated_robot_is_scored_under_all_the_hardening(machine: Machine) -> None:
+    """The first configuration works as it is: scores of the elbow arrive in /var/lib/lostmotion."""
+
+    def health() -> dict[str, object]:
+        (joint,) = json.loads(machine.run(LOSTMOTION, "status", "--json"))["joints"]
+        return joint
+
+    machine.wait_until(lambda: health()["last_window"], COMPILE_S)
+    assert health()["name"] == "elbow"
+    assert machine.run("ls", "/var/lib/lostmotion/history.db").strip()
+
+
+def test_its_user_is_its_own(machine: Machine) -> None:
+    """The process is no root, has no capability, and the data is closed to others."""
+    status = machine.run("cat", f"/proc/{show(machine, 'MainPID')}/status")
+    fields = dict(line.split(":\t", 1) for line in status.splitlines() if ":\t" in line)
+    assert int(fields["Uid"].split()[0]) >= 61184  # systemd's range of dynamic users
+    assert int(fields["CapEff"], 16) == 0
+    assert machine.run("stat", "-c", "%a", "/var/lib/private").strip() == "700"
+
+
+def test_exposure_is_small(machine: Machine) -> None:
+    """systemd's own analysis gives at most 1.5 of 10."""
+    overall = machine.run("systemd-analyze", "security", "lostmotion", "--no-pager").splitlines()[-1]
+    assert float(overall.split(": ")[1].split()[0]) <= EXPOSURE
+
+
+def test_udev_reads_the_rules(machine: Machine) -> None:
+    """udev takes the file without a complaint."""
+    told = machine.run("udevadm", "test", "/sys/class/mem/null", check=False)
+    assert "Reading rules file: /etc/udev/rules.d/70-lostmotion.rules" in told
+    assert not [line for line in told.splitlines() if "70-lostmotion.rules:" in line]
+
+
+def test_once_more_keeps_the_configuration(machine: Machine) -> None:
+    """A second install, as after an upgrade, starts the service anew and leaves the configuration alone."""
+    machine.write(CONFIG, machine.run("cat", CONFIG) + "# mine\n")
+    before = show(machine, "MainPID")
+    machine.run(LOSTMOTION, "service", "install")
+    assert "# mine" in machine.run("cat", CONFIG)
+    assert show(machine, "MainPID") not in (before, "0")
+
+
+def test_a_wrong_configuration_stops_it_before_anything_changes(machine: Machine) -> None:
+    """One line names the key; the service that runs is left alone."""
+    good, before = machine.run("cat", CONFIG), show(machine, "MainPID")
+    machine.write(CONFIG, good.replace("play_m", "plya_m"))
+    told = machine.run(LOSTMOTION, "service", "install", check=False)
+    machine.write(CONFIG, good)
+    assert told.startswith(f"lostmotion: {CONFIG}: joint 'elbow'.plya_m: unknown key; did you mean play_m?")
+    assert told.count("\n") == 1
+    assert show(machine, "MainPID") == before
+
+
+def test_a_program_in_a_home_is_refused(boot: Boot) -> None:
+    """A command below /home, which the service could not see, is told in one line, and nothing is written."""
+    machine = boot()
+    machine.run("sh", "-c", "mkdir -p /home/me/env && mount --bind /opt/lostmotion /home/me/env")
+    told = machine.run("/home/me/env/bin/python", "/home/me/env/bin/lostmotion", "service", "install", check=False)
+    assert "below /home, which is hidden from the service" in told
+    assert told.count("\n") == 1
+    assert "lostmotion" not in machine.run("ls", "/etc/systemd/system")
+
+
+def test_uninstall_keeps_the_data_and_purge_does_not(boot: Boot) -> None:
+    """After uninstall no unit is left but configuration and database are; after --purge nothing is."""
+    machine = boot()
+    machine.run(LOSTMOTION, "service", "install")
+    told = machine.run(LOSTMOTION, "service", "uninstall")
+    assert told.splitlines()[-1] == "kept: /etc/lostmotion, /var/lib/lostmotion; uninstall --purge removes them"
+    assert machine.run("systemctl", "is-active", "lostmotion", check=False).strip() == "inactive"
+    assert not machine.run("sh", "-c", "ls -d /etc/systemd/system/*/lostmotion* /etc/*/*/*lostmotion* 2>&-; true")
+    assert "history.db" in machine.run("ls", "/var/lib/lostmotion/")
+    machine.run(LOSTMOTION, "service", "uninstall", "--purge")
+    assert not machine.run(
+        "sh", "-c", "ls -d /etc/lostmotion /var/lib/lostmotion /var/lib/private/lostmotion 2>&-; true"
+    )
