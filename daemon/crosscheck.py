@@ -28,6 +28,7 @@ __all__ = ["CrossCheckError", "check"]
 
 WINDOW_S = (0.02, 5.0)
 """a window has to hold a ring-down, and to fit four times into the ring of samples (robot.py)"""
+MOST_CAN_JOINTS = 255
 ENDPOINT = re.compile(r"(tcp|udp|tls|quic|ws)/\S+:\d+([?#]\S*)?|(serial|unixsock-stream|unixpipe|vsock)/\S+")
 SAFE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
 
@@ -45,9 +46,8 @@ def check(config: Config) -> tuple[str, ...]:
     _ports(config)
     _drivers_agree(config)
     _addresses(config)
+    _can(config)
     notes = [note for joint in config.joints for note in _bands(config, joint)]
-    if config.alarm.can is not None:
-        notes.append("alarm.can: alarms on CAN are not built yet, nothing will be sent there")
     return tuple(dict.fromkeys(notes))
 
 
@@ -155,6 +155,21 @@ def _addresses(config: Config) -> None:
                     f"alarm.zenoh.{key}: found {endpoint!r}, expected protocol/address:port such as tcp/127.0.0.1:7447 "
                     "(tcp, udp, tls, quic, ws; or serial, unixsock-stream, unixpipe, vsock with their own addresses)"
                 )
+
+
+def _can(config: Config) -> None:
+    """python-can knows the interface; 255 joints have an index."""
+    if config.alarm.can is None:
+        return
+    from can.interfaces import VALID_INTERFACES  # many do without CAN, and without a third of a second
+
+    if config.alarm.can.interface not in VALID_INTERFACES:
+        raise CrossCheckError(
+            f"alarm.can.interface: found {config.alarm.can.interface!r}, expected one that python-can knows: "
+            f"{', '.join(sorted(VALID_INTERFACES))}"
+        )
+    if len(config.joints) > MOST_CAN_JOINTS:
+        raise CrossCheckError(f"alarm.can: found {len(config.joints)} joints, expected at most {MOST_CAN_JOINTS}")
 
 
 def _drivers_agree(config: Config) -> None:

@@ -64,11 +64,14 @@ class ZenohOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
 
 class CanOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """``[alarm.can]``: a configuration may already hold it; nothing sends on CAN yet."""
+    """``[alarm.can]``: the bus, by python-can's names, and the CANopen node; options: what else it takes."""
 
     interface: str
     channel: str
     node_id: Annotated[int, Meta(ge=1, le=127)]
+    bitrate: Annotated[int, Meta(gt=0)] | None = None
+    heartbeat_s: Annotated[float, Meta(ge=0.01, le=65.5)] = 1.0
+    options: dict[str, str | int | float | bool] = {}
 
 
 class AlarmOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

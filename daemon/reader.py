@@ -141,7 +141,7 @@ class Reader:
         return [alarm for alarm in self.alarms(joint, living=True) if alarm.is_active]
 
     def transitions(
-        self, joint: str | None = None, *, after: int = 0, newest: int = -1
+        self, joint: str | None = None, cause: Cause | None = None, *, after: int = 0, newest: int = -1
     ) -> list[tuple[int, Transition]]:
         """What happened to alarms, oldest first, each with its number in this database.
 
@@ -151,9 +151,9 @@ class Reader:
             return []
         rows = self._db.query(
             "SELECT alarm_event.*, joint.name AS joint FROM alarm_event JOIN joint ON joint.id = joint_id"
-            " WHERE (:joint IS NULL OR joint.name = :joint) AND alarm_event.id > :after"
-            " ORDER BY alarm_event.id DESC LIMIT :newest",
-            {"joint": joint, "after": after, "newest": newest},
+            " WHERE (:joint IS NULL OR joint.name = :joint) AND (:cause IS NULL OR cause = :cause)"
+            " AND alarm_event.id > :after ORDER BY alarm_event.id DESC LIMIT :newest",
+            {"joint": joint, "cause": cause and cause.value, "after": after, "newest": newest},
         )
         return [(row["id"], _transition(row)) for row in reversed(list(rows))]
 

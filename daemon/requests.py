@@ -1,7 +1,7 @@
 """What people ask of alarms, by way of the database: asked by any process, taken up by the one that writes alarms.
 
 While a service runs it alone changes alarms, and takes requests up every second.  Without one, the asking program
-opens the store itself, which keeps a service out meanwhile (docs/decisions/0005-alarms.md).
+opens the store itself, which keeps a service out meanwhile (docs/decisions/0006-alarms.md).
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ from lostmotion.daemon.alarm import Change, JointMonitor
 from lostmotion.daemon.config import Config
 from lostmotion.daemon.notify import Notifier
 from lostmotion.daemon.poller import Poller
-from lostmotion.daemon.records import Answer, DeviceRow, JointRow, ScoreRow, Transition, WindowRow
+from lostmotion.daemon.records import Answer, Cause, DeviceRow, JointRow, ScoreRow, Transition, WindowRow
 from lostmotion.daemon.robot import Robot
 from lostmotion.daemon.sinks import Sink
 from lostmotion.daemon.sinks.log import LogSink
@@ -42,7 +42,7 @@ LOOK_S = 1.0
 TELL_S = 0.02
 """how long the main thread waits for the disk to take an alarm before it goes on and tells it later [s]"""
 AGAIN = 8
-"""transitions of each joint that the sinks get again at a start: one may have been stored and not told"""
+"""transitions of each alarm that the sinks get again at a start: one may have been stored and not told"""
 TREND_S = 3600.0
 """how often the trends are asked [s]"""
 ACCOUNT_S = 10.0
@@ -158,8 +158,9 @@ class Service:
         self._last_request = 0
         self._monitors = {joint.name: self._monitor(joint.name) for joint in config.joints}
         for joint, monitor in self._monitors.items():
-            for _, transition in self._reader.transitions(joint, newest=AGAIN):
-                self._tell(transition, again=True)
+            for cause in Cause:
+                for _, transition in self._reader.transitions(joint, cause, newest=AGAIN):
+                    self._tell(transition, again=True)
             self._store_and_tell([monitor.row])
         self._threads = [
             threading.Thread(target=self._poll, args=(poller, self._robot.stop), name=poller.name, daemon=True)
@@ -361,4 +362,8 @@ def _sinks(config: Config) -> list[Sink]:
         from lostmotion.daemon.sinks.zenoh import ZenohSink  # 3 MB that many do not need
 
         sinks.append(ZenohSink(config.robot.name, config.zenoh))
+    if config.alarm.can is not None:
+        from lostmotion.daemon.sinks.can import CanSink
+
+        sinks.append(CanSink([joint.name for joint in config.joints], config.alarm.can))
     return sinks

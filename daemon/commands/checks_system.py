@@ -23,7 +23,7 @@ from lostmotion.daemon.reader import open_readonly
 from lostmotion.drivers.base import AccelerometerOptions, JointOptions
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["ClockPair", "check_adapters", "check_clock", "check_disk", "check_versions"]
+__all__ = ["ClockPair", "check_adapters", "check_can", "check_clock", "check_disk", "check_versions"]
 
 SYSTEM = "system"
 USB_SERIAL = Path("/sys/bus/usb-serial/devices")
@@ -125,6 +125,24 @@ def check_adapters(config: Config, root: Path = USB_SERIAL) -> Iterator[Check]:
         if timer.exists():
             cause = f'its usual setting; a udev rule with ATTR{{latency_timer}}="1", or now: echo 1 > {timer}'
             yield within(port, "FTDI latency timer", float(timer.read_text()), "ms", None, 1, cause)
+
+
+def check_can(config: Config) -> Iterator[Check]:
+    """The CAN adapter, opened as the service would; nothing is sent."""
+    options = config.alarm.can
+    if options is None:
+        return
+    from lostmotion.daemon.sinks.can import FAULTS, open_bus
+
+    value, cause = "opens", ""
+    try:
+        open_bus(options).shutdown()
+    except FAULTS as error:
+        value = "does not open"
+        cause = (
+            f"{error}; is the adapter plugged in, and the interface up (ip link set can0 up type can bitrate 500000)?"
+        )
+    yield Check(f"{options.interface} {options.channel}", "CAN bus", value, "", "opens", not cause, cause)
 
 
 def check_versions() -> Iterator[Check]:

@@ -12,6 +12,7 @@ from lostmotion.daemon.commands.checks_devices import PASS_S, check_devices
 from lostmotion.daemon.commands.checks_system import (
     ClockPair,
     check_adapters,
+    check_can,
     check_clock,
     check_disk,
     check_versions,
@@ -28,7 +29,8 @@ def doctor(given: Path | None, as_json: bool) -> int:
     clocks = ClockPair()
     checks = check_devices(config)
     virtual = any(driver.waits for driver in config.drivers.values())
-    checks += [*check_adapters(config), *check_clock(clocks, virtual), *check_disk(config), *check_versions()]
+    checks += [*check_adapters(config), *check_can(config), *check_clock(clocks, virtual)]
+    checks += [*check_disk(config), *check_versions()]
     bad = [check for check in checks if not check.ok]
     if as_json:
         output.print_json({"ok": not bad, "checks": [asdict(check) for check in checks]})

@@ -158,13 +158,15 @@ def test_a_byte_order_mark_is_taken(tmp_path: Path) -> None:
     assert config.load(tmp_path / "bom.toml").robot.name == "arm1"
 
 
-def test_what_is_not_built_yet_is_checked_and_noted() -> None:
-    """[alarm.can] is validated, and its note says that nothing is sent; a norm band beyond Nyquist is noted too."""
+def test_can_and_a_norm_band_beyond_nyquist() -> None:
+    """[alarm.can] is validated down to the name of the interface; a norm band beyond Nyquist is a note."""
     can = '[alarm.can]\ninterface = "socketcan"\nchannel = "can0"\nnode_id = 0x21\n'
     wide = GOOD.replace("f_norm_width_hz = 20.0", "f_norm_width_hz = 40.0")
-    notes = config.loads(wide + can, "x").notes
-    assert "not built yet" in notes[-1]
-    assert "joint 'elbow': the norm's band reaches beyond 100 Hz" in notes[0]
+    assert "joint 'elbow': the norm's band reaches beyond 100 Hz" in config.loads(wide + can, "x").notes[0]
+    with pytest.raises(
+        ConfigError, match=r"alarm\.can\.interface: found 'socketcam', expected one that python-can knows"
+    ):
+        config.loads(GOOD + can.replace("socketcan", "socketcam"), "x")
     with pytest.raises(ConfigError, match=r"alarm\.can\.node_id: found 200; expected `int` <= 127"):
         config.loads(GOOD + can.replace("0x21", "200"), "x")
 

@@ -1,0 +1,94 @@
+"""CANopen frames of alarms (CiA 301): EMCY objects and NMT heartbeats as bytes.  No I/O, no clock.
+
+EMCY, COB-ID 0x80 + node, 8 bytes, little-endian: error code (u16), error register (u8), then five of the vendor's:
+joint index (u8, in the order of the configuration), score x 10 (u16), play in arc-minutes x 10 (u16); 0xFFFF is
+unknown, 0xFFFE that or more.  Heartbeat, COB-ID 0x700 + node: one byte, the NMT state.  ``lostmotion.dbc`` has it too.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from lostmotion.daemon.records import AlarmEvent, AlarmRow, Cause, ScoreRow, Severity, Transition
+
+__all__ = ["BOOT_UP", "OPERATIONAL", "EmcyNode", "Frame"]
+
+EMCY, HEARTBEAT = 0x080, 0x700
+CLEARED, PLAY_WARNING, PLAY_ERROR, DEVICE_FAULT = 0x0000, 0xFF01, 0xFF02, 0xFF03
+REGISTER = 0x81
+"""object 0x1001 while an error stands: generic (bit 0), manufacturer specific (bit 7)"""
+BOOT_UP, OPERATIONAL = 0x00, 0x05
+LAYOUT = struct.Struct("<HBBHH")
+ALL_JOINTS = 0xFF
+UNKNOWN, MOST = 0xFFFF, 0xFFFE
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A frame with an 11-bit identifier."""
+
+    cob_id: int
+    data: bytes
+
+
+class EmcyNode:
+    """What one node has to say of its joints' alarms.  DEGRADED has no code: it counts as no error here."""
+
+    def __init__(self, node_id: int, joints: Sequence[str]) -> None:
+        self._node = node_id
+        self._index = {joint: index for index, joint in enumerate(joints)}
+        self._scores: dict[str, ScoreRow] = {}
+        self._standing: dict[tuple[str, Cause], int] = {}
+
+    def score(self, row: ScoreRow) -> None:
+        """The figures that the joint's next frame tells."""
+        self._scores[row.joint] = row
+
+    def alarm(self, transition: Transition) -> list[Frame]:
+        """The frames that a transition calls for.
+
+        An error that goes while others stand is "error reset" with the register of those that stand; they are told
+        again, since many a consumer forgets all errors at a reset.
+        """
+        alarm = transition.alarm
+        key, code = (alarm.joint, alarm.cause), _code(alarm)
+        if alarm.joint not in self._index or self._standing.get(key, CLEARED) == code:
+            return [self._emcy(code, alarm.joint)] if transition.event is AlarmEvent.REMINDED and code else []
+        if code:
+            self._standing[key] = code
+            return [self._emcy(code, alarm.joint)]
+        del self._standing[key]
+        return [self._emcy(CLEARED, alarm.joint), *self._errors()]
+
+    def everything(self) -> list[Frame]:
+        """For a bus that has missed something: a reset, then every error that stands."""
+        return [self._emcy(CLEARED, None), *self._errors()]
+
+    def heartbeat(self, state: int = OPERATIONAL) -> Frame:
+        """The heartbeat (error control)."""
+        return Frame(HEARTBEAT + self._node, bytes([state]))
+
+    def _errors(self) -> list[Frame]:
+        return [self._emcy(code, joint) for (joint, _), code in self._standing.items()]
+
+    def _emcy(self, code: int, joint: str | None) -> Frame:
+        last = self._scores.get(joint or "")
+        index = ALL_JOINTS if joint is None else self._index[joint]
+        score, play = (_tenths(last.score), _tenths(math.degrees(last.play) * 60)) if last else (UNKNOWN, UNKNOWN)
+        register = REGISTER if self._standing else 0
+        return Frame(EMCY + self._node, LAYOUT.pack(code, register, index, score, play))
+
+
+def _code(alarm: AlarmRow) -> int:
+    if not alarm.is_active or alarm.severity is Severity.DEGRADED:
+        return CLEARED
+    if alarm.cause is Cause.DEVICE:
+        return DEVICE_FAULT
+    return PLAY_ERROR if alarm.severity is Severity.ERROR else PLAY_WARNING
+
+
+def _tenths(value: float) -> int:
+    return min(max(round(value * 10), 0), MOST) if math.isfinite(value) else UNKNOWN
