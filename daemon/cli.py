@@ -224,6 +224,9 @@ cli.add_command(
 cli.add_command(
     LateCommand("service", "lostmotion.daemon.commands.service_cli:service", "The systemd service: install, uninstall.")
 )
+cli.add_command(
+    LateCommand("fleet", "lostmotion.daemon.commands.fleet_cli:fleet", "Ask every robot on a network at once.")
+)
 cli.add_command(LateCommand("simulate", "lostmotion.lab.cli:simulate", "Make a recording from a model."))
 cli.add_command(LateCommand("effects", "lostmotion.lab.cli:effects", "The catalogue of effects, with their equations."))
 cli.add_command(LateCommand("lab", "lostmotion.lab.commands:lab", "Hold a model against measurements."))

@@ -23,6 +23,7 @@ from lostmotion.drivers.errors import LostmotionError
 
 if TYPE_CHECKING:
     from lostmotion.daemon.config import Config
+    from lostmotion.daemon.options import ZenohOptions
 
 __all__ = ["CrossCheckError", "check"]
 
@@ -148,6 +149,8 @@ def _addresses(config: Config) -> None:
             f"store.path: found a directory, {config.database}; expected a file, such as {config.database}/history.db"
         )
     zenoh = config.zenoh
+    if zenoh and zenoh.config:
+        _zenoh_file(zenoh)
     for key, endpoints in (("connect", zenoh.connect), ("listen", zenoh.listen)) if zenoh else ():
         for endpoint in endpoints:
             if not ENDPOINT.fullmatch(endpoint):
@@ -155,6 +158,18 @@ def _addresses(config: Config) -> None:
                     f"alarm.zenoh.{key}: found {endpoint!r}, expected protocol/address:port such as tcp/127.0.0.1:7447 "
                     "(tcp, udp, tls, quic, ws; or serial, unixsock-stream, unixpipe, vsock with their own addresses)"
                 )
+
+
+def _zenoh_file(options: ZenohOptions) -> None:
+    """Zenoh reads its file."""
+    from zenoh import ZError  # many do without Zenoh
+
+    from lostmotion.daemon.zenoh_session import brief, configuration
+
+    try:
+        configuration(options)
+    except ZError as error:
+        raise CrossCheckError(f"alarm.zenoh.config: {options.config}: {brief(error)}") from error
 
 
 def _can(config: Config) -> None:

@@ -8,7 +8,9 @@ from typing import Any
 from lostmotion.daemon.reader import Reader
 from lostmotion.daemon.records import AlarmRow, JointRow, ScoreRow, Transition, iso
 
-__all__ = ["alarm", "joint", "status", "transition"]
+__all__ = ["SCORE_KEYS", "alarm", "history", "joint", "score", "status", "transition"]
+
+SCORE_KEYS = ("time", "score", "level", "impact", "play", "play_low", "play_high", "quality")
 
 
 def alarm(row: AlarmRow) -> dict[str, Any]:
@@ -48,6 +50,16 @@ def status(reader: Reader) -> dict[str, Any]:
     """All joints, their health and their active alarms."""
     joints = [joint(row, reader.last_window(row.name), reader.active_alarms(row.name)) for row in reader.joints()]
     return {"robot": reader.robot(), "joints": joints}
+
+
+def history(joint: str, scores: list[ScoreRow]) -> dict[str, Any]:
+    """Scores of a joint."""
+    return {"joint": joint, "scores": [score(row) for row in scores]}
+
+
+def score(row: ScoreRow) -> dict[str, Any]:
+    """One score."""
+    return {key: iso(row.time) if key == "time" else getattr(row, key) for key in SCORE_KEYS}
 
 
 def _time(time: datetime | None) -> str | None:

@@ -55,12 +55,17 @@ class DetectorOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
 
 class ZenohOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """``[alarm.zenoh]``: how the session is opened; multicast scouting is off unless asked for."""
+    """``[alarm.zenoh]``: how the session is opened; multicast scouting is off unless asked for.
 
-    mode: Literal["peer", "client", "router"] = "peer"
+    config: a file of Zenoh's own (JSON5), for TLS, access control and whatever else it knows; what is given here counts
+    more than what stands there.  mode None: what the file says, else "peer".
+    """
+
+    mode: Literal["peer", "client", "router"] | None = None
     connect: list[str] = []
     listen: list[str] = []
     multicast_scouting: bool = False
+    config: str = ""
 
 
 class CanOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -361,7 +361,7 @@ def _sinks(config: Config) -> list[Sink]:
     if config.zenoh is not None:
         from lostmotion.daemon.sinks.zenoh import ZenohSink  # 3 MB that many do not need
 
-        sinks.append(ZenohSink(config.robot.name, config.zenoh))
+        sinks.append(ZenohSink(config.robot.name, config.zenoh, config.database))
     if config.alarm.can is not None:
         from lostmotion.daemon.sinks.can import CanSink
 

@@ -9,13 +9,13 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from lostmotion.daemon import documents
 from lostmotion.daemon.commands import output, times
 from lostmotion.daemon.commands.where import open_joint
-from lostmotion.daemon.records import ScoreRow, iso
+from lostmotion.daemon.records import ScoreRow
 
 __all__ = ["history"]
 
-KEYS = ("time", "score", "level", "impact", "play", "play_low", "play_high", "quality")
 Bounds = tuple[datetime | None, datetime | None, int | None]
 
 
@@ -25,23 +25,18 @@ def history(joint: str, config: Path | None, database: Path | None, bounds: Boun
     with open_joint(joint, config, database) as reader:
         scores = reader.scores(joint, *bounds)
     if form == "json":
-        output.print_json({"joint": joint, "scores": [document(score) for score in scores]})
+        output.print_json(documents.history(joint, scores))
     elif form == "csv":
         _print_csv(scores)
     else:
         _print_table(joint, scores)
 
 
-def document(score: ScoreRow) -> dict[str, Any]:
-    """A score as others read it."""
-    return {key: iso(score.time) if key == "time" else getattr(score, key) for key in KEYS}
-
-
 def _print_csv(scores: list[ScoreRow]) -> None:
     writer = csv.writer(sys.stdout, lineterminator="\n")
-    writer.writerow(KEYS)
+    writer.writerow(documents.SCORE_KEYS)
     for score in scores:
-        writer.writerow([_cell(value) for value in document(score).values()])
+        writer.writerow([_cell(value) for value in documents.score(score).values()])
 
 
 def _cell(value: Any) -> Any:

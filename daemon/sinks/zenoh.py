@@ -1,39 +1,39 @@
 """Zenoh as a sink: scores, alarms and health as JSON under ``lostmotion/<robot>/``, and a liveliness token.
 
-The session is opened by a thread of its own, again and again while the router is away; what happens meanwhile is not
-sent later, except the newest health of every joint and its newest alarms.  Who joins late gets these as well: an
-advanced subscriber from the publisher's cache, any other program by a ``get`` on the key.
+No transition of an alarm is lost to an advanced subscriber with recovery and history: the publisher keeps them in its
+cache and tells by heartbeat how many there were.  Who joins late gets them as well, any other program the newest ones
+by a ``get`` on the key.  The session is opened by a thread of its own, again and again while the router is away;
+transitions wait for it, scores do not.  What else can be asked stands in ``answers.py``.
 """
 
 from __future__ import annotations
 
-import json
 import logging
-import re
+import sqlite3
 import threading
-from collections.abc import Callable, Mapping
+from collections import deque
 from contextlib import suppress
-from datetime import datetime
+from pathlib import Path
 
-import msgspec
 import zenoh
 from zenoh.ext import AdvancedPublisher, CacheConfig, MissDetectionConfig, declare_advanced_publisher
 
 from lostmotion.daemon import documents
 from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.records import JointRow, ScoreRow, Transition, iso
+from lostmotion.daemon.sinks.answers import PARAMETERS, Answers, BadQueryError, payload
+from lostmotion.daemon.zenoh_session import JSON, brief, configuration
+from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["SCHEMA", "ZenohSink"]
+__all__ = ["ZenohSink"]
 
 log = logging.getLogger(__name__)
 
-SCHEMA = 1
-"""version of the payloads: grows when a key changes its meaning or goes away"""
 FIRST_RETRY_S = 1.0
 LAST_RETRY_S = 30.0
 CLOSE_S = 2.0
-CACHED = 8
-"""transitions of a joint that an advanced subscriber may ask for"""
+CACHED = 1000
+"""transitions of a joint that an advanced subscriber may ask for, and that wait for a session: days of chatter"""
 HEARTBEAT_S = 1.0
 """how soon a subscriber learns that it has missed a transition [s]"""
 
@@ -41,13 +41,15 @@ HEARTBEAT_S = 1.0
 class ZenohSink:
     """Publishes for one robot.  Returns at once; the session opens in the background."""
 
-    def __init__(self, robot: str, options: ZenohOptions) -> None:
+    def __init__(self, robot: str, options: ZenohOptions, database: Path) -> None:
         self._prefix = f"lostmotion/{robot}"
         self._options = options
         self._session: zenoh.Session | None = None
         self._token: zenoh.LivelinessToken | None = None  # gone from the network when it is gone from here
         self._lock = threading.RLock()  # held over a whole _keep, so that no older value follows a newer one
         self._latest: dict[tuple[str, str], bytes] = {}
+        self._answers = Answers(database, self._latest)
+        self._waiting: deque[tuple[str, bytes]] = deque(maxlen=CACHED)
         self._publishers: dict[str, AdvancedPublisher] = {}
         self._failing = False
         self._closing = threading.Event()
@@ -60,16 +62,25 @@ class ZenohSink:
         return self._session is not None
 
     def score(self, row: ScoreRow) -> None:
-        values = {name: getattr(row, name) for name in ScoreRow.__dataclass_fields__}
-        self._put(f"{row.joint}/score", _payload(values))
+        values = {name: getattr(row, name) for name in ScoreRow.__dataclass_fields__} | {"time": iso(row.time)}
+        with self._lock:
+            if self._session is None:
+                return
+            try:
+                # Express: a window's score is alone and has no batch to wait for.
+                self._session.put(f"{self._prefix}/{row.joint}/score", payload(values), encoding=JSON, express=True)
+            except zenoh.ZError as error:
+                self._say(f"cannot publish: {brief(error)}")
+            else:
+                self._say("")
 
     def alarm(self, transition: Transition, again: bool = False) -> None:
         row = transition.alarm
-        self._keep(f"{row.joint}/alarm", row.cause.value, _payload(documents.transition(transition)))
+        self._keep(f"{row.joint}/alarm", row.cause.value, payload(documents.transition(transition)))
 
     def health(self, row: JointRow) -> None:
-        values = {"joint": row.name, "health": row.health.value, "since": row.since, "reason": row.reason}
-        self._keep(f"{row.name}/health", "", _payload(values))
+        values = {"joint": row.name, "health": row.health.value, "since": iso(row.since), "reason": row.reason}
+        self._keep(f"{row.name}/health", "", payload(values))
 
     def close(self) -> None:
         """Closes the session: an open one would keep the interpreter from ending."""
@@ -81,37 +92,30 @@ class ZenohSink:
             session.close()  # type: ignore[no-untyped-call]
         self._thread.join(CLOSE_S)
 
-    def _keep(self, key: str, kind: str, payload: bytes) -> None:
-        """Publishes what late joiners will ask for."""
+    def _keep(self, key: str, kind: str, content: bytes) -> None:
+        """Publishes what nobody may miss, in order: it waits for a session, and for a publisher that takes it."""
         with self._lock:
-            self._latest[key, kind] = payload
-            self._publish(lambda session: self._publisher(session, key).put(payload))
+            self._latest[key, kind] = content
+            self._waiting.append((key, content))
+            self._publish_waiting()
 
-    def _put(self, key: str, payload: bytes) -> None:
-        # Express: a window's score is alone and has no batch to wait for.
-        self._publish(
-            lambda session: session.put(
-                f"{self._prefix}/{key}", payload, encoding=zenoh.Encoding.APPLICATION_JSON, express=True
-            )
-        )
-
-    def _publish(self, how: Callable[[zenoh.Session], None]) -> None:
-        with self._lock:
-            if self._session is None:
-                return
+    def _publish_waiting(self) -> None:
+        while self._session is not None and self._waiting:
+            key, content = self._waiting[0]
             try:
-                how(self._session)
+                self._publisher(self._session, key).put(content)
             except zenoh.ZError as error:
-                self._say(f"cannot publish: {_brief(error)}")
+                self._say(f"cannot publish: {brief(error)}")
                 return
-        self._say("")
+            self._waiting.popleft()
+            self._say("")
 
     def _publisher(self, session: zenoh.Session, key: str) -> AdvancedPublisher:
         if key not in self._publishers:
             self._publishers[key] = declare_advanced_publisher(
                 session,
                 f"{self._prefix}/{key}",
-                encoding=zenoh.Encoding.APPLICATION_JSON,
+                encoding=JSON,
                 express=True,
                 cache=CacheConfig(max_samples=CACHED),
                 publisher_detection=True,
@@ -121,7 +125,7 @@ class ZenohSink:
         return self._publishers[key]
 
     def _answer(self, queryable: zenoh.Queryable[zenoh.handlers.Handler[zenoh.Query]]) -> None:
-        """Tells the newest alarms and health of the joints that queries name, until the session is closed.
+        """Answers queries until the session is closed.
 
         In a thread that ``close`` can wait for: Zenoh's own threads for Python callbacks outlive the session, and one
         that returns while the interpreter ends aborts it.
@@ -132,20 +136,36 @@ class ZenohSink:
             except zenoh.ZError:
                 return
             with query, suppress(zenoh.ZError):
-                for (name, _), payload in list(self._latest.items()):
-                    key = f"{self._prefix}/{name}"
-                    if query.key_expr.intersects(zenoh.KeyExpr(key)):
-                        query.reply(key, payload, encoding=zenoh.Encoding.APPLICATION_JSON)
+                try:
+                    self._reply(query)
+                except (LostmotionError, sqlite3.Error) as error:
+                    robot = self._prefix.partition("/")[2]
+                    query.reply_err(payload({"robot": robot, "error": str(error)}), encoding=JSON)
+
+    def _reply(self, query: zenoh.Query) -> None:
+        asked = str(query.key_expr)
+        parameters = {key: value for key in PARAMETERS if (value := query.parameters.get(key)) is not None}
+        # History is long: only who asks for it by name gets it, not who asks for all of a joint.
+        by_name = asked.endswith("/history")
+        keys = {
+            name: f"{self._prefix}/{name}" for name in self._answers.names() if by_name is name.endswith("/history")
+        }
+        found = [name for name, key in keys.items() if query.key_expr.intersects(zenoh.KeyExpr(key))]
+        for name in found:
+            for content in self._answers.to(name, parameters):
+                query.reply(keys[name], content, encoding=JSON)
+        if by_name and not found:
+            raise BadQueryError(f"found no joint {asked.split('/')[-2]!r} here")
 
     def _open(self) -> None:
         pause = FIRST_RETRY_S
         while not self._closing.is_set():
             try:
-                session = zenoh.open(_config(self._options))
+                session = zenoh.open(configuration(self._options))
                 self._token = session.liveliness().declare_token(f"{self._prefix}/alive")
-                queryable = session.declare_queryable(f"{self._prefix}/*/*")
+                queryable = session.declare_queryable(f"{self._prefix}/**")
             except zenoh.ZError as error:
-                self._say(f"session not open, trying again: {_brief(error)}")
+                self._say(f"session not open, trying again: {brief(error)}")
                 self._closing.wait(pause)
                 pause = min(2 * pause, LAST_RETRY_S)
                 continue
@@ -159,9 +179,8 @@ class ZenohSink:
                 session.close()  # type: ignore[no-untyped-call]
                 return
             self._session = session
-            for (key, kind), payload in list(self._latest.items()):
-                self._keep(key, kind, payload)
-        log.info("zenoh: session open as %s %s", self._options.mode, session.zid())
+            self._publish_waiting()
+        log.info("zenoh: session open as %s", session.zid())
         if self._options.connect and not (session.info.routers_zid() or session.info.peers_zid()):
             log.warning("zenoh: nobody answers at %s yet; it is tried on", ", ".join(self._options.connect))
 
@@ -172,28 +191,3 @@ class ZenohSink:
         elif self._failing and not problem:
             log.info("zenoh: publishing again")
         self._failing = bool(problem)
-
-
-def _payload(values: Mapping[str, object]) -> bytes:
-    """JSON with the schema's number, UTC as text, and null for what is unknown."""
-    plain = {key: iso(value) if isinstance(value, datetime) else value for key, value in values.items()}
-    return msgspec.json.encode({"schema": SCHEMA} | plain)
-
-
-def _brief(error: zenoh.ZError) -> str:
-    """The error without the places in Zenoh's source that it names."""
-    return re.sub(r"\s*at \S+\.rs:\d+\.?", "", str(error))
-
-
-def _config(options: ZenohOptions) -> zenoh.Config:
-    config = zenoh.Config()
-    settings = {
-        "mode": options.mode,
-        "connect/endpoints": options.connect,
-        "listen/endpoints": options.listen,
-        "scouting/multicast/enabled": options.multicast_scouting,
-        "timestamping/enabled": True,  # the publishers' cache orders by it
-    }
-    for key, value in settings.items():
-        config.insert_json5(key, json.dumps(value))
-    return config

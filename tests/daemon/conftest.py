@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 import subprocess
 import sys
 import time
@@ -20,6 +21,14 @@ ROOT = Path(__file__).parent.parent.parent
 def fake_driver(monkeypatch: pytest.MonkeyPatch) -> None:
     """The fake driver is in the table."""
     monkeypatch.setitem(registry.BUILT_IN, "fake", "tests.daemon.fakes:DRIVER")
+
+
+@pytest.fixture
+def endpoint() -> str:
+    """A TCP port of this host that nobody uses, as Zenoh writes it."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 class Running:

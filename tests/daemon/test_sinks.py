@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import logging
 import math
-import socket
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
-from datetime import UTC, datetime
+from contextlib import closing
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
 
 import pytest
 import zenoh
@@ -21,8 +22,11 @@ from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.records import AlarmEvent, Cause, Health, JointRow, ScoreRow, Severity
 from lostmotion.daemon.sinks.log import LogSink
 from lostmotion.daemon.sinks.zenoh import ZenohSink
+from lostmotion.daemon.store import Store
 from tests.daemon.conftest import wait_until
+from tests.daemon.zenoh_world import session
 
+NOWHERE = Path("none.db")
 NOON = datetime(2026, 1, 31, 12, 0, 0, 123456, tzinfo=UTC)
 SCORE = ScoreRow("elbow", NOON, 0.25, 17.5, 8.0, True, excitation=12.0)
 ALARM = raised("elbow", Cause.PLAY, Severity.WARNING, "play: much", NOON)
@@ -31,26 +35,13 @@ HEALTH = JointRow("elbow", Health.WARNING, "play: much", NOON)
 
 
 @pytest.fixture
-def endpoint() -> str:
-    """A TCP port of this host that nobody uses."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-
-
-@contextmanager
-def session(mode: str, **endpoints: list[str]) -> Iterator[zenoh.Session]:
-    """Another program's session."""
-    config = zenoh.Config()
-    config.insert_json5("mode", json.dumps(mode))
-    config.insert_json5("scouting/multicast/enabled", "false")
-    for key, value in endpoints.items():
-        config.insert_json5(f"{key}/endpoints", json.dumps(value))
-    opened = zenoh.open(config)
-    try:
-        yield opened
-    finally:
-        opened.close()
+def database(tmp_path: Path) -> Path:
+    """Twenty scores of the elbow, a second apart, and its alarm."""
+    with closing(Store(tmp_path / "history.db", "arm1")) as store:
+        for k in range(20):
+            store.add(replace(SCORE, time=NOON + timedelta(seconds=k), score=float(k)))
+        store.add(ALARM)
+    return tmp_path / "history.db"
 
 
 class Listener:
@@ -69,7 +60,7 @@ class Listener:
 def test_scores_alarms_and_health_arrive_under_their_keys(endpoint: str) -> None:
     """JSON with schema 1, UTC with Z, null for unknown, encoding application/json; the token says the service lives."""
     options = ZenohOptions(listen=[endpoint])
-    with closing(ZenohSink("arm1", options)) as sink:
+    with closing(ZenohSink("arm1", options, NOWHERE)) as sink:
         wait_until(lambda: sink.is_open)
         with session("client", connect=[endpoint]) as other:
             listener = Listener(other)
@@ -101,9 +92,9 @@ def test_scores_alarms_and_health_arrive_under_their_keys(endpoint: str) -> None
     ]  # fmt: skip
 
 
-def test_who_joins_late_gets_the_last_alarm_and_health(endpoint: str) -> None:
+def test_who_joins_late_gets_the_last_alarm_and_health(endpoint: str, database: Path) -> None:
     """An advanced subscriber and a plain ``get``, both of a program that starts after the transitions, hear of them."""
-    with closing(ZenohSink("arm1", ZenohOptions(listen=[endpoint]))) as sink:
+    with closing(ZenohSink("arm1", ZenohOptions(listen=[endpoint]), database)) as sink:
         for row in (ALARM, CLEARED):
             sink.alarm(row)
         sink.health(HEALTH)
@@ -125,27 +116,75 @@ def test_who_joins_late_gets_the_last_alarm_and_health(endpoint: str) -> None:
     assert (replies[0]["state"], health["health"]) == ("returned", "WARNING")
 
 
+def test_questions_are_answered_from_the_database(endpoint: str, database: Path) -> None:
+    """`alarms` and `status` as the command line has them; `history` within its bounds, the newest when there are more,
+    and never more than its limit; other keys of the joint bring no history along."""
+    with closing(ZenohSink("arm1", ZenohOptions(listen=[endpoint]), database)) as sink:
+        wait_until(lambda: sink.is_open)
+        with session("client", connect=[endpoint]) as other:
+            (alarms,) = ask(other, "lostmotion/*/alarms")
+            (status,) = ask(other, "lostmotion/arm1/status")
+            (newest,) = ask(other, "lostmotion/arm1/elbow/history?limit=3")
+            bounds = "since=2026-01-31T12:00:05Z;until=2026-01-31T12:00:08Z"
+            (between,) = ask(other, f"lostmotion/*/*/history?{bounds}")
+            (everything,) = ask(other, "lostmotion/arm1/elbow/history?limit=999999999")
+            assert ask(other, "lostmotion/arm1/elbow/*") == []
+            assert ask(other, "lostmotion/arm1/knee/history") == []
+    assert [(alarm["joint"], alarm["state"]) for alarm in alarms["alarms"]] == [("elbow", "active")]
+    assert (status["robot"], status["joints"][0]["score"], status["schema"]) == ("arm1", 19.0, 1)
+    assert ([score["score"] for score in newest["scores"]], newest["complete"]) == ([17.0, 18.0, 19.0], False)
+    assert [score["score"] for score in between["scores"]] == [5.0, 6.0, 7.0]
+    assert (len(everything["scores"]), everything["complete"]) == (20, True)
+
+
+@pytest.mark.parametrize("query", ["limit=0", "limit=many", "since=soon", "since=1d;until=2d"])
+def test_a_query_that_cannot_be_understood_is_told(endpoint: str, database: Path, query: str) -> None:
+    """Wrong parameters bring an error that names what was found, not silence."""
+    with closing(ZenohSink("arm1", ZenohOptions(listen=[endpoint]), database)) as sink:
+        wait_until(lambda: sink.is_open)
+        with session("client", connect=[endpoint]) as other:
+            (reply,) = other.get(f"lostmotion/arm1/elbow/history?{query}")
+    assert reply.err is not None
+    assert json.loads(reply.err.payload.to_bytes())["error"].startswith("elbow/history: ")
+
+
+def test_a_database_that_is_gone_is_told(endpoint: str) -> None:
+    """The robot answers with an error while its database cannot be read."""
+    with closing(ZenohSink("arm1", ZenohOptions(listen=[endpoint]), NOWHERE)) as sink:
+        wait_until(lambda: sink.is_open)
+        with session("client", connect=[endpoint]) as other:
+            (reply,) = other.get("lostmotion/arm1/status")
+    assert reply.err is not None
+    assert "no database there" in reply.err.payload.to_string()
+
+
+def ask(other: zenoh.Session, selector: str) -> list[Any]:
+    """The documents that a query brings."""
+    return [json.loads(reply.ok.payload.to_bytes()) for reply in other.get(selector) if reply.ok]
+
+
 def test_a_router_that_comes_later_is_found(endpoint: str, caplog: pytest.LogCaptureFixture) -> None:
-    """Without its router the sink swallows scores and says so once; when the router comes it publishes, first the
-    newest alarm and health."""
-    with closing(ZenohSink("arm1", ZenohOptions(mode="client", connect=[endpoint]))) as sink:
+    """Without its router the sink swallows scores and says so once; when the router comes it publishes every transition
+    since, and the health."""
+    with closing(ZenohSink("arm1", ZenohOptions(mode="client", connect=[endpoint]), NOWHERE)) as sink:
         for _ in range(100):
             sink.score(SCORE)
         sink.alarm(ALARM)
+        sink.alarm(CLEARED)
         sink.health(HEALTH)
         wait_until(lambda: "trying again" in caplog.text)
         assert not sink.is_open
         with session("router", listen=[endpoint]) as router:
             listener = Listener(router)
-            wait_until(lambda: len(listener.heard) == 2)
-            assert set(listener.heard) == {"lostmotion/arm1/elbow/alarm", "lostmotion/arm1/elbow/health"}
+            wait_until(lambda: "lostmotion/arm1/elbow/health" in listener.heard)
+            assert [told["id"] for told in listener.heard["lostmotion/arm1/elbow/alarm"]] == [ALARM.id, CLEARED.id]
             wait_until(lambda: sink.score(SCORE) or "lostmotion/arm1/elbow/score" in listener.heard)
     assert caplog.text.count("trying again") == 1
 
 
 def test_a_sink_whose_far_end_goes_away_keeps_quiet(endpoint: str) -> None:
     """The router dies and comes again: no error reaches the caller, and scores flow again."""
-    with closing(ZenohSink("arm1", ZenohOptions(mode="client", connect=[endpoint]))) as sink:
+    with closing(ZenohSink("arm1", ZenohOptions(mode="client", connect=[endpoint]), NOWHERE)) as sink:
         for _ in range(2):
             with session("router", listen=[endpoint]) as router:
                 listener = Listener(router)
@@ -159,9 +198,11 @@ def test_the_interpreter_ends_with_a_sink_open_or_opening(endpoint: str) -> None
     code = f"""
 from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.sinks.zenoh import ZenohSink
+from lostmotion.daemon.store import Store
+from pathlib import Path
 import time
-one = ZenohSink("a", ZenohOptions(listen=["{endpoint}"]))
-two = ZenohSink("b", ZenohOptions(mode="client", connect=["tcp/127.0.0.1:1"]))
+one = ZenohSink("a", ZenohOptions(listen=["{endpoint}"]), Path("none.db"))
+two = ZenohSink("b", ZenohOptions(mode="client", connect=["tcp/127.0.0.1:1"]), Path("none.db"))
 while not one.is_open:
     time.sleep(0.01)
 one.close()

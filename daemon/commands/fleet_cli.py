@@ -1,0 +1,74 @@
+"""The arguments of ``lostmotion fleet``; what the commands do stands in ``fleet.py``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import click
+
+from lostmotion.daemon.cli import FILE, as_json, config_file, positive, since, until
+from lostmotion.daemon.commands import times
+from lostmotion.daemon.commands.fleet import Fleet
+from lostmotion.daemon.commands.fleet import history as ask_history
+from lostmotion.daemon.commands.fleet import status as ask_status
+from lostmotion.daemon.records import iso
+
+__all__ = ["fleet"]
+
+
+@click.group()
+def fleet() -> None:
+    """Ask every robot on a Zenoh network at once.
+
+    They are sought where --connect or --zenoh says, else where --config or the service's configuration connects or
+    listens, else at tcp/127.0.0.1:7447.  Exit status 1 when a robot is known and does not answer.
+    """
+
+
+def whom(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The options that say whom to ask."""
+    for option in (
+        click.option("--timeout", type=float, default=2.0, show_default=True, callback=positive, metavar="S"),
+        click.option("--robots", metavar="A,B", help="Robots that must answer, besides those that are alive."),
+        config_file,
+        click.option("--zenoh", type=FILE, metavar="FILE", help="Zenoh's own configuration (JSON5): TLS and the like."),
+        click.option(
+            "--connect", multiple=True, metavar="ENDPOINT", help="A router or robot, such as tcp/10.0.0.1:7447."
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+@fleet.command("status")
+@whom
+@as_json
+def status(as_json: bool, **given: Any) -> int:
+    """Joints, their health and active alarms, of all robots."""
+    return ask_status(_fleet(**given), as_json)
+
+
+@fleet.command("history")
+@click.argument("joint")
+@since
+@until
+@click.option(
+    "--limit", type=click.IntRange(1, 10_000), default=1000, show_default=True, help="The newest of each robot."
+)
+@whom
+@as_json
+def history(joint: str, since: datetime | None, until: datetime | None, limit: int, as_json: bool, **given: Any) -> int:
+    """Scores of one joint, of all robots that have it."""
+    times.check_order(since, until)
+    bounds = {"since": since and iso(since), "until": until and iso(until), "limit": str(limit)}
+    return ask_history(_fleet(**given), joint, {key: value for key, value in bounds.items() if value}, as_json)
+
+
+def _fleet(
+    connect: tuple[str, ...], zenoh: Path | None, config: Path | None, robots: str | None, timeout: float
+) -> Fleet:
+    names = [name.strip() for name in (robots or "").split(",") if name.strip()]
+    return Fleet(connect, str(zenoh or ""), config, names, timeout)

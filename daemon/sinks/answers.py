@@ -1,0 +1,80 @@
+"""What a robot answers on Zenoh: its alarms, status and history from the database, and the newest word on each key.
+
+Keys under ``lostmotion/<robot>/``: ``status``, ``alarms``, ``<joint>/history?since=…;until=…;limit=…``,
+``<joint>/alarm``, ``<joint>/health``.  Payloads only; who asked, and how, is the sink's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import closing
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from lostmotion.daemon import documents
+from lostmotion.daemon.commands import times
+from lostmotion.daemon.reader import Reader, open_readonly
+from lostmotion.daemon.zenoh_session import SCHEMA
+from lostmotion.drivers.errors import LostmotionError
+
+__all__ = ["DEFAULT_ROWS", "MOST_ROWS", "PARAMETERS", "Answers", "BadQueryError", "payload"]
+
+PARAMETERS = ("since", "until", "limit")
+DEFAULT_ROWS, MOST_ROWS = 1000, 10_000
+"""scores in one answer: unless asked for, and at most"""
+
+
+class BadQueryError(LostmotionError):
+    """A query's parameters cannot be understood."""
+
+
+class Answers:
+    """Answers from the database at ``database``; ``latest`` holds the newest payloads by (key, kind)."""
+
+    def __init__(self, database: Path, latest: Mapping[tuple[str, str], bytes]) -> None:
+        self._database = database
+        self._latest = latest
+
+    def names(self) -> list[str]:
+        """The keys of which there is something to say now."""
+        with closing(open_readonly(self._database)) as reader:
+            history = [f"{row.name}/history" for row in reader.joints()]
+        return [*dict.fromkeys(key for key, _ in list(self._latest)), *history, "alarms", "status"]
+
+    def to(self, key: str, parameters: Mapping[str, str]) -> Iterator[bytes]:
+        """The payloads for one of these keys.  Raises BadQueryError or ReaderError."""
+        if key.endswith(("/alarm", "/health")):
+            yield from [content for (name, _), content in list(self._latest.items()) if name == key]
+            return
+        with closing(open_readonly(self._database)) as reader:
+            if key == "alarms":
+                alarms = [documents.alarm(alarm) for alarm in reader.active_alarms()]
+                yield payload({"robot": reader.robot(), "alarms": alarms})
+            elif key == "status":
+                yield payload(documents.status(reader))
+            else:
+                yield payload(_history(reader, key.removesuffix("/history"), parameters))
+
+
+def payload(document: Mapping[str, Any]) -> bytes:
+    """A document as JSON, with the number of its schema; null for what is unknown."""
+    return msgspec.json.encode({"schema": SCHEMA} | dict(document))
+
+
+def _history(reader: Reader, joint: str, parameters: Mapping[str, str]) -> dict[str, Any]:
+    """The newest scores with since <= time < until, oldest first; complete: whether these are all."""
+    now = datetime.now(UTC)
+    try:
+        since, until = (times.parse(parameters[key], now) if key in parameters else None for key in ("since", "until"))
+        times.check_order(since, until)
+        limit = int(parameters.get("limit", DEFAULT_ROWS))
+    except (times.TimeError, ValueError) as error:
+        raise BadQueryError(f"{joint}/history: {error}") from error
+    if limit < 1:
+        raise BadQueryError(f"{joint}/history: found limit={limit}, expected 1 to {MOST_ROWS}")
+    limit = min(limit, MOST_ROWS)
+    scores = reader.scores(joint, since, until, limit + 1)
+    return documents.history(joint, scores[-limit:]) | {"complete": len(scores) <= limit}

@@ -1,0 +1,91 @@
+"""``lostmotion fleet``: several robots on one router, some of which do not answer."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import ExitStack, closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lostmotion.daemon.options import ZenohOptions
+from lostmotion.daemon.sinks.zenoh import ZenohSink
+from tests.daemon.cli_world import SIMULATED, call, fill, is_one_line
+from tests.daemon.conftest import wait_until
+from tests.daemon.zenoh_world import session
+
+
+@pytest.fixture
+def fleet(tmp_path: Path, endpoint: str) -> Iterator[str]:
+    """A router, the robots arm1 and arm2 with a database each, and mute, who lives and never answers."""
+    with ExitStack() as stack:
+        router = stack.enter_context(session("router", listen=[endpoint]))
+        for robot in ("arm1", "arm2"):
+            fill(tmp_path / f"{robot}.db", 20)
+            options = ZenohOptions(mode="client", connect=[endpoint])
+            sink = stack.enter_context(closing(ZenohSink(robot, options, tmp_path / f"{robot}.db")))
+            wait_until(lambda sink=sink: sink.is_open)
+        token = router.liveliness().declare_token("lostmotion/mute/alive")
+        wait_until(lambda: len(list(router.liveliness().get("lostmotion/*/alive"))) == 3)
+        yield endpoint
+        token.undeclare()
+
+
+def document(*arguments: str) -> Any:
+    """The JSON document that a call prints, and nothing else."""
+    return json.loads(call(*arguments, "--json").stdout)
+
+
+def test_status_of_all_robots(fleet: str) -> None:
+    """Each robot's status in its own words; who is alive or expected and does not answer is named: exit status 1."""
+    found = document("fleet", "status", "--connect", fleet, "--timeout", "1", "--robots", "arm1,arm9")
+    assert [robot["joints"][0]["name"] for robot in found["robots"]] == ["elbow", "elbow"]
+    assert [alarm["severity"] for alarm in found["robots"][0]["joints"][0]["alarms"]] == ["warning"]
+    assert (found["silent"], found["errors"]) == (["arm9", "mute"], [])
+    result = call("fleet", "status", "--connect", fleet, "--timeout", "1")
+    assert result.exit_code == 1
+    assert "mute: did not answer" in result.stdout.splitlines()
+    assert "play warning (active)" in result.stdout
+
+
+def test_history_of_a_joint_of_all_robots(fleet: str) -> None:
+    """The newest scores of both robots; a joint that a robot lacks is its error."""
+    found = document("fleet", "history", "elbow", "--connect", fleet, "--timeout", "1", "--limit", "2")
+    assert [(robot["robot"], len(robot["scores"])) for robot in found["robots"]] == [("arm1", 2), ("arm2", 2)]
+    lacking = document("fleet", "history", "knee", "--connect", fleet, "--timeout", "1")
+    assert [error["robot"] for error in lacking["errors"]] == ["arm1", "arm2"]
+    assert "knee" in lacking["errors"][0]["error"]
+    assert lacking["silent"] == ["mute"]
+    text = call("fleet", "history", "elbow", "--connect", fleet, "--timeout", "1", "--until", "2026-06-01").stdout
+    assert "arm2    2026-05-" in text
+
+
+def test_all_answered(tmp_path: Path, endpoint: str) -> None:
+    """When everybody answers the exit status is 0; a robot that listens itself needs no router, and its configuration
+    says where it is."""
+    fill(tmp_path / "arm1.db", 20)
+    config = tmp_path / "robot.toml"
+    config.write_text(SIMULATED + f'[alarm.zenoh]\nlisten = ["{endpoint}"]\n')
+    with closing(ZenohSink("arm1", ZenohOptions(listen=[endpoint]), tmp_path / "arm1.db")) as sink:
+        wait_until(lambda: sink.is_open)
+        result = call("fleet", "status", "--config", config)
+    assert result.exit_code == 0
+    assert "arm1" in result.stdout
+
+
+def test_nobody_there(endpoint: str) -> None:
+    """No router, and a router without robots: one line each."""
+    assert is_one_line(call("fleet", "status", "--connect", endpoint), endpoint, "nobody answers")
+    with session("router", listen=[endpoint]):
+        assert is_one_line(call("fleet", "status", "--connect", endpoint, "--timeout", "0.5"), "no robot there")
+
+
+def test_a_config_file_of_zenoh(fleet: str, tmp_path: Path) -> None:
+    """--zenoh takes mode and endpoints from Zenoh's own file."""
+    file = tmp_path / "operator.json5"
+    file.write_text(f'{{ mode: "client", connect: {{ endpoints: ["{fleet}"] }} }}')
+    assert len(document("fleet", "status", "--zenoh", str(file), "--timeout", "1")["robots"]) == 2
+    file.write_text("{ mode: ")
+    assert is_one_line(call("fleet", "status", "--zenoh", file), "operator.json5: no valid configuration")

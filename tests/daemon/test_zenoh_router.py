@@ -1,0 +1,97 @@
+"""A router that dies again and again: no transition is lost or doubled for a subscriber that recovers."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import closing
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+
+from lostmotion.daemon.lifecycle import happen, raised
+from lostmotion.daemon.options import ZenohOptions
+from lostmotion.daemon.records import AlarmEvent, Cause, Severity, Transition
+from lostmotion.daemon.sinks.zenoh import ZenohSink
+from tests.daemon.conftest import ROOT, wait_until
+from tests.daemon.zenoh_world import Router
+
+NOON = datetime(2026, 1, 31, 12, tzinfo=UTC)
+NOWHERE = Path("none.db")
+
+
+def transitions(count: int, joint: str = "elbow", start: int = 0) -> Iterator[Transition]:
+    """An alarm that comes and goes."""
+    alarm = raised(joint, Cause.PLAY, Severity.WARNING, "much", NOON + timedelta(seconds=start))
+    for k in range(count):
+        yield alarm
+        event = AlarmEvent.CLEARED if k % 2 == 0 else AlarmEvent.RAISED
+        alarm = happen(alarm.alarm, event, alarm.time + timedelta(seconds=1))
+
+
+class Watcher:
+    """examples/zenoh/watch_alarms.py in a process of its own; ``ids`` of what it has printed, in order."""
+
+    def __init__(self, endpoint: str, log: Path) -> None:
+        self._log = log
+        with log.open("w") as sink:
+            command = [sys.executable, "examples/zenoh/watch_alarms.py", "--connect", endpoint]
+            self._process = subprocess.Popen(command, cwd=ROOT, stdout=sink)
+
+    @property
+    def ids(self) -> list[str]:
+        return [json.loads(line)["id"] for line in self._log.read_text().splitlines()]
+
+    def close(self) -> None:
+        self._process.kill()
+        self._process.wait()
+
+
+@pytest.mark.slow
+def test_a_router_killed_under_load(tmp_path: Path, endpoint: str) -> None:
+    """Five kills while two joints have 25 transitions a second each: all arrive, each once, in order."""
+    options = ZenohOptions(mode="client", connect=[endpoint])
+    with (
+        closing(Router(tmp_path, endpoint)) as router,
+        closing(ZenohSink("arm1", options, NOWHERE)) as sink,
+        closing(Watcher(endpoint, tmp_path / "watched")) as watcher,
+    ):
+        told: list[Transition] = []
+        for number, both in enumerate(zip(transitions(250, "elbow"), transitions(250, "wrist"), strict=True)):
+            if number % 50 == 20:
+                router.kill()
+            if number % 50 == 40:
+                router.start()
+            for transition in both:
+                sink.alarm(transition)
+                told.append(transition)
+            time.sleep(0.04)
+        wait_until(lambda: len(watcher.ids) >= len(told), 40, lambda: f"{len(watcher.ids)} of {len(told)}")
+        for joint in ("elbow", "wrist"):
+            heard = [name for name in watcher.ids if name.startswith(joint)]
+            assert heard == [transition.id for transition in told if transition.alarm.joint == joint]
+
+
+def test_a_service_that_tells_again_is_heard_once(tmp_path: Path, endpoint: str) -> None:
+    """Another run of the service tells the newest transitions again: a subscriber that keeps ids prints none of them
+    twice, and one that joins later gets all of them."""
+    options = ZenohOptions(mode="client", connect=[endpoint])
+    first, second = list(transitions(6)), list(transitions(2, start=60))
+    with closing(Router(tmp_path, endpoint)), closing(Watcher(endpoint, tmp_path / "watched")) as watcher:
+        with closing(ZenohSink("arm1", options, NOWHERE)) as sink:
+            for transition in first:
+                sink.alarm(transition)
+            wait_until(lambda: len(watcher.ids) == 6)
+        with closing(ZenohSink("arm1", options, NOWHERE)) as sink:
+            for transition in first:
+                sink.alarm(transition, again=True)
+            for transition in second:
+                sink.alarm(transition)
+            wait_until(lambda: len(watcher.ids) >= 8)
+            with closing(Watcher(endpoint, tmp_path / "late")) as late:
+                wait_until(lambda: len(late.ids) >= 8)
+            assert late.ids == watcher.ids == [transition.id for transition in first + second]
