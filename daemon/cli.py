@@ -45,6 +45,10 @@ database = click.option(
 since = click.option("--since", callback=moment, metavar="TIME", help="From here on: 30d, 12h, 2w, or ISO 8601.")
 until = click.option("--until", callback=moment, metavar="TIME", help="Up to here: as --since.")
 
+statistic = click.option(
+    "--statistic", type=click.Choice(("band", "ringdown")), help="Eq. 8, or what knows the whole ring-down."
+)
+
 
 @click.group(cls=RootGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(__version__, message="%(prog)s %(version)s")
@@ -185,37 +189,17 @@ def record(config: Path, duration: float, output: Path, joint: str | None, as_js
 @click.option("--f-res-hz", type=float, callback=positive, metavar="X", help="Resonance of the oscillator.")
 @click.option("--zeta", type=float, callback=positive, metavar="X", help="Damping ratio of the oscillator.")
 @click.option("--level", type=float, callback=positive, metavar="X", help="Level of eq. 9.")
-@click.option("--statistic", type=click.Choice(("band", "ringdown")), help="Eq. 8, or what knows the whole ring-down.")
+@statistic
 @as_json
 def score(recording: Path, config: Path | None, joint: str | None, as_json: bool, **given: Any) -> None:
     """The detector over a recording, window by window.
 
     Settings: the options here, else --config, else what the recording's head says, else the defaults.
     """
-    from lostmotion.daemon.commands.score import Asked, score
+    from lostmotion.daemon.commands.asked import Asked
+    from lostmotion.daemon.commands.score import score
 
     score(recording, config, Asked(joint=joint, **given), as_json)
-
-
-@cli.group()
-def calibrate() -> None:
-    """Find the detector's settings from recordings, as lines for the configuration."""
-
-
-toml_out = click.option("-o", "--output", type=FILE, metavar="FILE", help="Write the lines to a new file as well.")
-recordings = click.argument("recordings", type=FILE, nargs=-1, required=True, metavar="REC...")
-
-
-@calibrate.command("tap")
-@recordings
-@click.option("--column", default="accel", help="The column that rings: accel (default), force, displacement …")
-@toml_out
-@as_json
-def calibrate_tap(recordings: tuple[Path, ...], column: str, output: Path | None, as_json: bool) -> None:
-    """The oscillator's resonance and damping from recordings in which somebody taps the bar, some seconds apart."""
-    from lostmotion.daemon.commands.calibrate_tap import calibrate_tap
-
-    calibrate_tap(recordings, column, output, as_json)
 
 
 cli.add_command(
@@ -226,6 +210,9 @@ cli.add_command(
 )
 cli.add_command(
     LateCommand("fleet", "lostmotion.daemon.commands.fleet_cli:fleet", "Ask every robot on a network at once.")
+)
+cli.add_command(
+    LateCommand("calibrate", "lostmotion.daemon.commands.calibrate_cli:calibrate", "Find the settings from recordings.")
 )
 cli.add_command(LateCommand("simulate", "lostmotion.lab.cli:simulate", "Make a recording from a model."))
 cli.add_command(LateCommand("effects", "lostmotion.lab.cli:effects", "The catalogue of effects, with their equations."))

@@ -87,7 +87,8 @@ class Config:
         """The detector's settings for a joint: its oscillator, then ``[detector]``, then ``[joint.detector]``."""
         oscillator = self.accelerometer(self.joint(joint).accelerometer).oscillator
         given = self.detector.given() | self.overrides.get(joint, DetectorOptions()).given()
-        return DetectorSettings(f_res_hz=oscillator.f_res_hz, zeta=oscillator.zeta, **cast(Any, given))
+        bar = {"f_res_hz": oscillator.f_res_hz, "zeta": oscillator.zeta, "length_m": oscillator.length_m}
+        return DetectorSettings(**cast(Any, bar | given))
 
 
 def load(path: Path) -> Config:

@@ -15,7 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.window import FloatArray
 
-__all__ = ["Level", "from_healthy", "level", "youden"]
+__all__ = ["Level", "from_healthy", "level", "windows_needed", "youden"]
+
+CONFIDENCE = 0.99
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +78,42 @@ def from_healthy(scores: ArrayLike, false_alarm: float = 0.01) -> Level:
     value = float(values[rank - 1])
     alarms = int(np.sum(values > value))
     return Level(value, false_alarm, 0, values.size - alarms, alarms, 0, separable=False)
+
+
+def windows_needed(false_alarm: float) -> int:
+    """How many healthy windows ``from_healthy`` needs so that its level keeps its promise on fresh windows: with 99 %
+    confidence their rate of false alarms lies between half of ``false_alarm`` and twice of it.
+    """
+    high = math.ceil(1 / false_alarm)
+    while _kept(high, false_alarm) < CONFIDENCE:
+        high *= 2
+    low = high // 2
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if _kept(middle, false_alarm) >= CONFIDENCE else (middle, high)
+    return high
+
+
+def _kept(count: int, false_alarm: float) -> float:
+    """Probability that the rate is within a factor of two of the promised one.
+
+    Of N windows a are at or above the level; whatever their distribution, the rate on fresh ones follows
+    Beta(a, N + 1 - a), whose distribution function at p is the chance of at least a successes in N trials of p.
+    """
+    above = count + 1 - math.ceil((count + 1) * (1 - false_alarm) - 1e-9)
+    return _fewer(above, count, 0.5 * false_alarm) - _fewer(above, count, min(2 * false_alarm, 1.0))
+
+
+def _fewer(above: int, count: int, rate: float) -> float:
+    """Probability of fewer than ``above`` successes in ``count`` trials."""
+    if rate >= 1:
+        return 0.0
+    logs = (
+        math.lgamma(count + 1) - math.lgamma(k + 1) - math.lgamma(count - k + 1)
+        + k * math.log(rate) + (count - k) * math.log1p(-rate)
+        for k in range(above)
+    )  # fmt: skip
+    return sum(math.exp(log) for log in logs)
 
 
 Criterion = Callable[[FloatArray, FloatArray, FloatArray, FloatArray], FloatArray]

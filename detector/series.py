@@ -9,13 +9,34 @@ import numpy as np
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.score import score_window, validate
 from lostmotion.detector.trigger import Trigger
-from lostmotion.detector.window import DetectorSettings, FloatArray, Score
+from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
 from lostmotion.detector.windows import cut, window_length
 
-__all__ = ["rate_of", "score_series"]
+__all__ = ["rate_of", "score_series", "windows_of"]
 
 NONSENSE_MS2 = 1e100
 """No accelerometer tells so much [m/s²], and sums of it may exceed all numbers."""
+
+
+def windows_of(
+    times_servo: FloatArray,
+    commands: FloatArray,
+    times_accel: FloatArray,
+    accel: FloatArray,
+    settings: DetectorSettings,
+    joint: str = "joint",
+    resolution: float = math.nan,
+) -> list[Window]:
+    """One window for each reversal of the commanded acceleration, in time order; arguments and errors as below."""
+    servo_rate, accel_rate = rate_of(times_servo, "commands"), rate_of(times_accel, "accelerations")
+    validate(settings, accel_rate)
+    duration = window_length(settings, accel_rate)
+    accel = np.where(np.abs(accel) < NONSENSE_MS2, accel, np.nan)
+    reversals = Trigger(settings, servo_rate, resolution).push(times_servo, commands)
+    return [
+        cut(joint, times_accel, accel, found.time, duration, accel_rate, excitation=abs(found.swing))
+        for found in reversals
+    ]
 
 
 def score_series(
@@ -36,15 +57,7 @@ def score_series(
 
     Raises DetectorError when there is too little data to tell a rate, or the settings do not fit the rate.
     """
-    servo_rate, accel_rate = rate_of(times_servo, "commands"), rate_of(times_accel, "accelerations")
-    validate(settings, accel_rate)
-    duration = window_length(settings, accel_rate)
-    accel = np.where(np.abs(accel) < NONSENSE_MS2, accel, np.nan)
-    reversals = Trigger(settings, servo_rate, resolution).push(times_servo, commands)
-    windows = (
-        cut(joint, times_accel, accel, found.time, duration, accel_rate, excitation=abs(found.swing))
-        for found in reversals
-    )
+    windows = windows_of(times_servo, commands, times_accel, accel, settings, joint, resolution)
     return [score_window(window, settings, range_ms2) for window in windows]
 
 

@@ -2,43 +2,82 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.window import FloatArray
 
-__all__ = ["fit_noise", "whiten"]
+__all__ = ["Noise", "fit_noise", "whiten"]
 
 LEAST_LENGTH = 16
+ROUNDS = 8
 MOST_ORDER = 32
 """A kilohertz needs as many to tell a bar's own hum from the noise around it."""
 
 
-def fit_noise(windows: FloatArray, most: int | None = None) -> tuple[float, ...]:
-    """Reflection coefficients of an autoregressive model of the windows, shape (M, N), one set for all.
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """deviation: standard deviation of what cannot be foretold of the noise; colour: reflection coefficients."""
 
-    Burg's method (1975), pooled over the windows; the order, at most ``most`` (a third of N, at most 32), has the least
-    Bayesian information criterion.  White noise gives (); every |k| < 1, so the model is stable whatever the windows.
+    deviation: float
+    colour: tuple[float, ...]
+
+
+def fit_noise(windows: FloatArray, slow: FloatArray) -> Noise:
+    """An autoregressive model of the noise in windows, shape (M, N), whose slow motion may be anything.
+
+    slow: orthonormal, shape (N, P), what the motion may be.  The noise's own part in it is not seen: its expectation
+    under the model is put in its place and the model made anew (Dempster, Laird and Rubin 1977), from white noise on.
+    Each model is that of the mean autocovariances (Levinson's recursion); its order, at most a third of N and 32, has
+    the least Bayesian information criterion.  Raises DetectorError for windows that are too short or have holes.
     """
-    count = windows.size
-    if windows.ndim != 2 or windows.shape[1] < LEAST_LENGTH or not np.all(np.isfinite(windows)):
+    length, lost = slow.shape
+    if windows.ndim != 2 or windows.shape[1] != length or length < LEAST_LENGTH or not np.all(np.isfinite(windows)):
         raise DetectorError(f"windows of shape {windows.shape}; expected several of at least {LEAST_LENGTH} samples")
-    most = most or min(windows.shape[1] // 3, MOST_ORDER)
-    forward = backward = windows - windows.mean(axis=1, keepdims=True)
-    power = float(np.mean(forward**2))
-    best, chosen, found = 0.0, 0, list[float]()
-    criterion = 0.0
-    for order in range(1, most + 1):
-        ahead, behind = forward[:, 1:], backward[:, :-1]
-        reflection = -2 * float(np.sum(ahead * behind)) / max(float(np.sum(ahead**2 + behind**2)), 1e-300)
-        found.append(reflection)
-        forward, backward = ahead + reflection * behind, behind + reflection * ahead
-        criterion += count * float(np.log1p(-(reflection**2))) + float(np.log(count))
-        if power and criterion < best:
-            best, chosen = criterion, order
-    return tuple(found[:chosen])
+    seen = np.linalg.qr(slow, mode="complete")[0][:, lost:]
+    told = windows @ seen
+    power = told.T @ told / len(told)
+    most = min(length // 3, MOST_ORDER)
+    covariance = np.full(most + 1, 0.0)
+    covariance[0] = np.trace(power) / (length - lost)
+    noise = Noise(math.sqrt(covariance[0]), ())
+    for _ in range(ROUNDS):
+        model = _covariance(noise, length)
+        gain = np.linalg.solve(seen.T @ model @ seen, seen.T @ model).T
+        whole = gain @ power @ gain.T + model - gain @ (seen.T @ model)
+        covariance = np.array([np.trace(whole, lag) / (length - lag) for lag in range(most + 1)])
+        noise = _levinson(covariance, len(windows) * (length - lost))
+    return noise
+
+
+def _levinson(covariance: FloatArray, count: int) -> Noise:
+    """The model of the order with the least criterion for autocovariances told by ``count`` samples."""
+    error, weights, colour = float(covariance[0]), np.ones(1), list[float]()
+    criterion, best = 0.0, Noise(math.sqrt(error), ())
+    least = 0.0
+    for order in range(1, covariance.size):
+        reflection = -float(weights @ covariance[order:0:-1]) / error
+        if abs(reflection) >= 1:  # means over few products need not be those of any process
+            break
+        padded = np.append(weights, 0.0)
+        weights = padded + reflection * padded[::-1]
+        error *= 1 - reflection**2
+        colour.append(reflection)
+        criterion += count * math.log1p(-(reflection**2)) + math.log(count)
+        if criterion < least:
+            least, best = criterion, Noise(math.sqrt(error), tuple(colour))
+    return best
+
+
+def _covariance(noise: Noise, length: int) -> FloatArray:
+    """Covariance (length, length) of the process: the inverse of what ``whiten`` does, squared."""
+    whitener = whiten(np.eye(length), noise.colour).T
+    root = np.linalg.solve(whitener, np.eye(length)) * noise.deviation
+    return np.asarray(root @ root.T)
 
 
 def whiten(values: FloatArray, reflections: Sequence[float]) -> FloatArray:

@@ -33,7 +33,7 @@ class DetectorSettings:
 
     statistic: "band", eq. 8, or "ringdown" (``ringdown.scores``), which alone looks at the noise: noise_ms2 [m/s²] is
     the standard deviation of what cannot be foretold of a healthy window's noise, None if unknown; noise_colour its
-    reflection coefficients (``whitening.fit_noise``), () for white.
+    reflection coefficients (``whitening.fit_noise``), () for white.  length_m: of the bar [m].
     """
 
     f_res_hz: float
@@ -47,6 +47,7 @@ class DetectorSettings:
     statistic: Statistic = "band"
     noise_ms2: float | None = None
     noise_colour: tuple[float, ...] = ()
+    length_m: float = 0.10
 
     def __post_init__(self) -> None:
         if math.isnan(self.level):

@@ -3,27 +3,22 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from lostmotion.daemon import config as configuration
 from lostmotion.daemon.commands import output
+from lostmotion.daemon.commands.asked import Asked, settings_for
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.series import score_series
-from lostmotion.detector.window import LEVELS, ZETA, DetectorSettings, Score, Statistic
+from lostmotion.detector.window import DetectorSettings, Score
 from lostmotion.drivers.errors import LostmotionError
 from lostmotion.drivers.recording import Recording, read_recording
 from lostmotion.drivers.units import COLUMN_UNITS
 
-__all__ = ["Asked", "ScoreError", "score"]
+__all__ = ["ScoreError", "score"]
 
 KEYS = ("time", "duration", "score", "impact", "play", "play_low", "play_high", "quality")
-KEYS_OF_SETTINGS = ("f_res_hz", "zeta", "level", "statistic")
-F_RES_HZ = 58.0
-"""The resonance when nobody says one: that of the default oscillator, as in the built-in configuration."""
 MILLISECONDS = 0.5
 """No accelerometer is so slow [s]: a usual step of the times beyond this is one in milliseconds."""
 
@@ -32,25 +27,13 @@ class ScoreError(LostmotionError):
     """The recording and what was asked of it do not fit."""
 
 
-@dataclass(frozen=True, slots=True)
-class Asked:
-    """What the command line said; None where it said nothing."""
-
-    joint: str | None = None
-    column: str = "accel"
-    f_res_hz: float | None = None
-    zeta: float | None = None
-    level: float | None = None
-    statistic: Statistic | None = None
-
-
 def score(path: Path, config: Path | None, asked: Asked, as_json: bool) -> None:
     """Prints the score of each window; times are the recording's own [s].  Raises LostmotionError."""
     if asked.column not in COLUMN_UNITS:
         raise ScoreError(f"--column: found {asked.column!r}, expected one of {', '.join(COLUMN_UNITS)}")
     recording = read_recording(path)
     name = asked.joint or str(recording.metadata.get("joint", "joint"))
-    settings = _settings(recording, config, asked)
+    settings = settings_for(recording, config, asked)
     scores = _scores(recording, asked.column, settings, name)
     if as_json:
         windows = [{key: getattr(window, key) for key in KEYS} for window in scores]
@@ -76,29 +59,6 @@ def _scores(recording: Recording, column: str, settings: DetectorSettings, joint
         step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
         cause = f'; the times are {step:g} apart: if they are milliseconds, say # time_unit = "ms" at the top'
         raise ScoreError(f"{recording.name}: {error}{cause if step > MILLISECONDS else ''}") from error
-
-
-def _settings(recording: Recording, config: Path | None, asked: Asked) -> DetectorSettings:
-    """Options before configuration before the recording's head before defaults."""
-    if config:
-        settings = _of_config(config, asked.joint or recording.metadata.get("joint"))
-    else:
-        f_res_hz, zeta = recording.number("f_res_hz", F_RES_HZ), recording.number("zeta", ZETA)
-        settings = DetectorSettings(f_res_hz=f_res_hz, zeta=zeta)
-    given = {key: value for key, value in asdict(asked).items() if key in KEYS_OF_SETTINGS and value is not None}
-    if asked.statistic not in (None, settings.statistic):
-        given.setdefault("level", LEVELS[asked.statistic])
-    return replace(settings, **given)
-
-
-def _of_config(path: Path, joint: Any) -> DetectorSettings:
-    config = configuration.load(path)
-    names = [row.name for row in config.joints]
-    if joint is None and len(names) > 1:
-        raise ScoreError(
-            f"{path}: found {len(names)} joints, expected one; choose with --joint from {', '.join(names)}"
-        )
-    return config.settings(names[0] if joint is None else str(joint))
 
 
 def _print(name: str, settings: DetectorSettings, scores: list[Score]) -> None:

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lostmotion.drivers.recording import Recording, write_recording
-from tests.daemon.cli_world import call, is_one_line
+from lostmotion.drivers.recording import Recording, merge, write_recording
+from tests.daemon.cli_world import SIMULATED, call, is_one_line
+from tests.detector.recordings import moved
 from tests.detector.test_taps import tapped
 
 
@@ -50,3 +51,55 @@ def test_tap_says_what_is_wrong(taps: Path) -> None:
     write_recording(Recording(time, {"accel": np.random.default_rng(1).normal(size=time.size)}), silent)
     assert is_one_line(call("calibrate", "tap", silent), "silent.csv", "was the bar tapped")
     assert is_one_line(call("calibrate", "tap", taps, "--column", "sound"), "--column", "accel")
+
+
+def written(folder: Path, name: str, seconds: float, impact: float, seed: int) -> Path:
+    """A recording of a joint in motion, with rings of that amplitude after its reversals."""
+    servo, command, time, accel = moved(np.random.default_rng(seed), seconds, 200.0, "white", impact)
+    times, columns = merge((servo, {"command": command}), (time, {"accel": accel}))
+    write_recording(Recording(times, columns, {"f_res_hz": 58.0}), folder / name)
+    return folder / name
+
+
+def test_healthy(tmp_path: Path) -> None:
+    """The noise is found, the lines are a valid [detector] table, and a larger play needs a brisker motion."""
+    healthy = written(tmp_path, "healthy.csv", 60, 0.0, 7810)
+    document = json.loads(call("calibrate", "healthy", healthy, "--json").stdout)
+    assert document["windows"] >= 50
+    assert document["settings"]["noise_ms2"] == pytest.approx(0.2, rel=0.03)
+    assert document["found"]["ringdown"] > document["found_before"] == pytest.approx(0.6, abs=0.02)
+    needed = [row["acceleration"] for row in document["needed"]]
+    assert needed[-1] > needed[-2]
+    robot = SIMULATED.replace("level = 5.5", document["toml"])
+    (tmp_path / "robot.toml").write_text(robot)
+    assert call("config", "check", tmp_path / "robot.toml").exit_code == 0
+    words = call("calibrate", "healthy", healthy, "--worn", written(tmp_path, "worn.csv", 20, 1.0, 7811)).stdout
+    assert "worn windows found" in words
+
+
+def test_level_by_promise_and_by_labels(tmp_path: Path) -> None:
+    """A promise of 5 % from healthy windows; eq. 9 with worn ones; too few windows are refused with what is needed."""
+    healthy = written(tmp_path, "healthy.csv", 75, 0.0, 7820)
+    worn = written(tmp_path, "worn.csv", 20, 1.0, 7821)
+    promised = json.loads(
+        call("calibrate", "level", healthy, "--statistic", "ringdown", "--false-alarm", "0.05", "--json").stdout
+    )
+    assert promised["false_positive"] / promised["healthy"] == pytest.approx(0.05, abs=0.01)
+    assert 1.0 < promised["level"] < 2.5
+    labelled = json.loads(
+        call(
+            "calibrate", "level", healthy, "--worn", worn, "--statistic", "ringdown", "--criterion", "youden", "--json"
+        ).stdout
+    )
+    assert labelled["false_negative"] <= 1
+    assert labelled["false_positive"] <= 3
+    refused = call("calibrate", "level", healthy)
+    assert is_one_line(refused, "sound healthy windows, expected at least 1599", "min of this motion", "--false-alarm")
+
+
+def test_windows_say_what_is_wrong(tmp_path: Path) -> None:
+    """A recording at rest has no windows."""
+    time = np.arange(0, 5, 0.01)
+    rest = tmp_path / "rest.csv"
+    write_recording(Recording(time, {"command": 0 * time, "accel": np.sin(time)}), rest)
+    assert is_one_line(call("calibrate", "healthy", rest, "--f-res-hz", "20"), "rest.csv", "no reversal")

@@ -77,7 +77,7 @@ def test_known_colour_lowers_the_misses_on_a_shaken_bar() -> None:
     length = 250
     slow = ringdown.bank(length, 1000.0, SETTINGS).slow
     learnt = scene.healthy(rng, 1000, 1000.0, 0.25)
-    taught = replace(SETTINGS, noise_colour=fit_noise(learnt - (learnt @ slow) @ slow.T))
+    taught = replace(SETTINGS, noise_colour=fit_noise(learnt, slow).colour)
     healthy, worn = scene.healthy(rng, 2000, 1000.0, 0.25), scene.worn(rng, 2000, 1000.0, 0.25)
     with_colour, without = (
         missed(batch(healthy, 1000.0, settings), batch(worn, 1000.0, settings)) for settings in (taught, SETTINGS)

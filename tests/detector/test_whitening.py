@@ -8,6 +8,8 @@ import pytest
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.whitening import fit_noise, whiten
 
+SLOW = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1, 1, 250), 8))[0]
+
 
 def coloured(rng: np.random.Generator, count: int, length: int) -> np.ndarray:
     """Stationary second-order noise, x = 1.2 x1 - 0.8 x2 + e: a spectrum with a peak."""
@@ -18,13 +20,19 @@ def coloured(rng: np.random.Generator, count: int, length: int) -> np.ndarray:
 
 
 def test_coefficients_of_a_known_process() -> None:
-    """x = 1.2 x1 - 0.8 x2 + e has the reflections -1.2/1.8 and 0.8, and no more."""
-    assert fit_noise(coloured(np.random.default_rng(7900), 200, 250)) == pytest.approx((-1.2 / 1.8, 0.8), abs=0.02)
+    """x = 1.2 x1 - 0.8 x2 + e has the reflections -1.2/1.8 and 0.8, and hardly more."""
+    found = fit_noise(coloured(np.random.default_rng(7900), 200, 250), SLOW)
+    assert found.colour[:2] == pytest.approx((-1.2 / 1.8, 0.8), abs=0.02)
+    assert np.abs(found.colour[2:]).max(initial=0.0) < 0.02
+    assert found.deviation == pytest.approx(1.0, rel=0.02)
 
 
 def test_white_noise_has_no_colour() -> None:
-    """Nothing is foretold where nothing can be."""
-    assert fit_noise(np.random.default_rng(7901).normal(size=(100, 100))) == ()
+    """Nothing is foretold where nothing can be, also when a motion a thousand times as large is in the windows."""
+    rng = np.random.default_rng(7901)
+    found = fit_noise(rng.normal(size=(200, 250)) + 1000 * rng.normal(size=(200, 9)) @ SLOW.T, SLOW)
+    assert found.colour == ()
+    assert found.deviation == pytest.approx(1.0, rel=0.01)
 
 
 def test_whitened_noise_is_white_from_the_first_sample_on() -> None:
@@ -44,4 +52,4 @@ def test_too_little_is_said() -> None:
     """Windows of fewer than 16 samples, or with holes, are refused."""
     for windows in (np.zeros((5, 12)), np.full((5, 200), np.nan)):
         with pytest.raises(DetectorError, match="at least 16 samples"):
-            fit_noise(windows)
+            fit_noise(windows, SLOW[: windows.shape[1]])

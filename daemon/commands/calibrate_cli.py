@@ -1,0 +1,112 @@
+"""The arguments of ``lostmotion calibrate``; what the commands do stands in ``calibrate_tap.py`` and its siblings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+from lostmotion.daemon.cli import FILE, as_json, config_file, positive, statistic
+from lostmotion.daemon.commands.asked import Asked
+from lostmotion.daemon.commands.calibrate_healthy import calibrate_healthy as healthy
+from lostmotion.daemon.commands.calibrate_level import CRITERIA
+from lostmotion.daemon.commands.calibrate_level import calibrate_level as level
+from lostmotion.daemon.commands.calibrate_tap import calibrate_tap as tap
+
+__all__ = ["calibrate"]
+
+
+@click.group()
+def calibrate() -> None:
+    """Find the detector's settings from recordings, as lines for the configuration."""
+
+
+toml_out = click.option("-o", "--output", type=FILE, metavar="FILE", help="Write the lines to a new file as well.")
+recordings = click.argument("recordings", type=FILE, nargs=-1, required=True, metavar="REC...")
+
+
+@calibrate.command("tap")
+@recordings
+@click.option("--column", default="accel", help="The column that rings: accel (default), force, displacement …")
+@toml_out
+@as_json
+def calibrate_tap(recordings: tuple[Path, ...], column: str, output: Path | None, as_json: bool) -> None:
+    """The oscillator's resonance and damping from recordings in which somebody taps the bar, some seconds apart."""
+    tap(recordings, column, output, as_json)
+
+
+worn_recordings = click.option(
+    "--worn", type=FILE, multiple=True, metavar="REC", help="Of a joint with play; again for more."
+)
+
+
+def about_settings(command: Callable[..., None]) -> Callable[..., None]:
+    """The options that say which settings are meant."""
+    options = (
+        config_file,
+        click.option("--joint", metavar="NAME", help="The joint whose settings count."),
+        click.option("--f-res-hz", type=float, callback=positive, metavar="X", help="Resonance of the oscillator."),
+        click.option("--zeta", type=float, callback=positive, metavar="X", help="Damping ratio of the oscillator."),
+    )
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+@calibrate.command("healthy")
+@recordings
+@worn_recordings
+@about_settings
+@toml_out
+@as_json
+def calibrate_healthy(
+    recordings: tuple[Path, ...],
+    worn: tuple[Path, ...],
+    config: Path | None,
+    output: Path | None,
+    as_json: bool,
+    **given: Any,
+) -> None:
+    """Window, bands and noise from recordings of a healthy joint in motion; and which motion is brisk enough.
+
+    Without --worn, rings of the bar are put into the healthy windows to see what is found.
+    """
+    healthy(recordings, worn, config, Asked(**given), output, as_json)
+
+
+@calibrate.command("level")
+@recordings
+@worn_recordings
+@about_settings
+@statistic
+@click.option(
+    "--false-alarm",
+    type=click.FloatRange(0, 0.5, min_open=True),
+    default=0.01,
+    show_default=True,
+    metavar="P",
+    help="Promised share of healthy windows above the level; without --worn.",
+)
+@click.option(
+    "--criterion",
+    type=click.Choice(tuple(CRITERIA)),
+    default="eq9",
+    show_default=True,
+    help="What is best, with --worn: eq. 9, or Youden's J.",
+)
+@toml_out
+@as_json
+def calibrate_level(
+    recordings: tuple[Path, ...],
+    worn: tuple[Path, ...],
+    config: Path | None,
+    false_alarm: float,
+    criterion: str,
+    output: Path | None,
+    as_json: bool,
+    **given: Any,
+) -> None:
+    """The level: eq. 9 where there are worn recordings, else the one that keeps a promised rate of false alarms."""
+    level(recordings, worn, config, Asked(**given), false_alarm, criterion, output, as_json)

@@ -1,0 +1,94 @@
+"""``lostmotion calibrate level``: the level of eq. 9, or one that keeps a promise, by detector/level.py."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from lostmotion.daemon.commands.asked import Asked
+from lostmotion.daemon.commands.calibrate_windows import read_all, read_settings
+from lostmotion.daemon.commands.calibrated import CalibrationError, lines_of, tell
+from lostmotion.detector.level import Level, from_healthy, level, windows_needed, youden
+from lostmotion.detector.score import batch
+from lostmotion.detector.window import FloatArray
+
+__all__ = ["CRITERIA", "calibrate_level"]
+
+CRITERIA = {"eq9": level, "youden": youden}
+MANY = 0.05
+"""Share of healthy windows above a level that is worth a warning."""
+
+
+def calibrate_level(
+    paths: tuple[Path, ...],
+    worn: tuple[Path, ...],
+    config: Path | None,
+    asked: Asked,
+    false_alarm: float,
+    criterion: str,
+    target: Path | None,
+    as_json: bool,
+) -> None:
+    """Prints the level: by eq. 9 with worn recordings, without them the one with the promised false-alarm rate.
+
+    Raises LostmotionError, also for fewer healthy windows than the promise needs.
+    """
+    settings = read_settings(paths[0], config, asked)
+    cut = read_all(paths, settings, None)
+    healthy = _finite(batch(cut.accel, cut.rate_hz, settings))
+    if worn:
+        bad = read_all(worn, settings, None)
+        worn_scores = _finite(batch(bad.accel, bad.rate_hz, settings))
+        labels = np.arange(healthy.size + worn_scores.size) >= healthy.size
+        found = CRITERIA[criterion](np.concatenate([healthy, worn_scores]), labels)
+        words = [_counts(found, criterion)]
+    else:
+        _check(healthy.size, false_alarm, cut.duration)
+        found = from_healthy(healthy, false_alarm)
+        words = [
+            f"{healthy.size} healthy windows: a new one exceeds the level with a probability of {false_alarm:.2g}",
+            f"(with 99 % confidence between {false_alarm / 2:.2g} and {2 * false_alarm:.2g}, whatever the noise)",
+        ]
+    value = float(f"{found.value:.4g}")
+    document = {
+        "level": value, "statistic": settings.statistic, "healthy": healthy.size,
+        "worn": worn_scores.size if worn else 0, "refused": cut.refused,
+        "false_alarm": None if worn else false_alarm,
+        "false_positive": found.false_positive, "false_negative": found.false_negative if worn else None,
+        "separable": found.separable if worn else None,
+    }  # fmt: skip
+    lines = lines_of({"level": value}, f"[detector], or detector of the [[joint]]; for statistic {settings.statistic}")
+    tell(document, words, _warnings(found, criterion) if worn else [], lines, target, as_json)
+
+
+def _finite(scores: FloatArray) -> FloatArray:
+    return scores[np.isfinite(scores)]
+
+
+def _check(count: int, false_alarm: float, duration: float) -> None:
+    needed = windows_needed(false_alarm)
+    if count >= needed:
+        return
+    longer = f" (about {math.ceil(duration * needed / count / 60)} min of this motion)" if count else ""
+    raise CalibrationError(
+        f"found {count} sound healthy windows, expected at least {needed}{longer} to promise a false-alarm rate of "
+        f"{false_alarm:g}: record longer, or promise less with --false-alarm"
+    )
+
+
+def _counts(found: Level, criterion: str) -> str:
+    worn, healthy = found.correct_accept + found.false_negative, found.correct_reject + found.false_positive
+    apart = " (separable: the middle of the gap)" if found.separable else ""
+    above = f"{found.correct_accept} of {worn} worn windows above it, {found.false_positive} of {healthy} healthy ones"
+    return f"{criterion}: {above}{apart}"
+
+
+def _warnings(found: Level, criterion: str) -> list[str]:
+    """Eq. 9 likes to have none of one kind of error at the price of many of the other."""
+    alarms = found.false_positive / max(found.false_positive + found.correct_reject, 1)
+    if alarms < MANY:
+        return []
+    other = "; --criterion youden weighs both kinds of error" if criterion == "eq9" else ""
+    return [f"{alarms:.0%} of the healthy windows are above this level{other}"]
