@@ -11,6 +11,7 @@ from typing import Any
 
 from sqlite_utils import Database
 
+from lostmotion.daemon.database import newer
 from lostmotion.daemon.migrations import CURRENT
 from lostmotion.daemon.records import (
     AlarmEvent,
@@ -48,8 +49,10 @@ def open_readonly(path: Path) -> Reader:
         raise ReaderError(f"{path}: cannot be read ({error}); is it a database of lostmotion?") from error
     if not 0 < version <= CURRENT:
         db.close()
-        newer = "a newer lostmotion wrote it" if version > CURRENT else "it is no database of lostmotion"
-        raise ReaderError(f"{path}: found schema version {version}, expected 1 to {CURRENT}; likely {newer}")
+        other = (
+            f"{path}: found schema version {version}, expected 1 to {CURRENT}; likely it is no database of lostmotion"
+        )
+        raise ReaderError(newer(path, version) if version > CURRENT else other)
     return Reader(db)
 
 

@@ -208,6 +208,13 @@ class Service:
             log.info("configuration taken: robot %s, %d joints", config.robot.name, len(config.joints))
         self._notifier.ready()
 
+    def _leave_damaged_store(self) -> None:
+        """Goes on in a new database; the old one is moved aside when it is closed."""
+        self._finish()
+        self._store.close()
+        self._robot, self._store = Robot(self._config), _store(self._config)
+        self._begin()
+
     def _monitor(self, joint: str) -> JointMonitor:
         """A joint's health where an earlier run left it."""
         return requests.resume(self._reader, joint, self._config.alarm, self._utc())
@@ -259,6 +266,8 @@ class Service:
                 self._store_and_tell(monitor.tick(utc))
             self._guard(self._take_requests, utc)
             self._guard(self._ask_trend, utc)
+            if self._store.damage is not None:
+                self._leave_damaged_store()
             self._notifier.status(self._status())
         if self._is_due(ACCOUNT_S):
             self._account()

@@ -1,30 +1,27 @@
-"""The database: one thread that writes it, in batches; and opening it with clear errors.
+"""What is written into the database: one thread does it, in batches.
 
 Callers hand in rows and never wait for the disk.  When the disk refuses (full, locked), rows wait in a bounded backlog
-and the store says so in ``problem``; raw windows are given up first.  Reading is in ``reader.py``, the schema in
-``migrations.py``, the reasons in docs/decisions/0004-store.md.
+and the store says so in ``problem``; raw windows are given up first.  Opening the file is in ``database.py``, reading
+in ``reader.py``, the schema in ``migrations.py``, the reasons in docs/decisions/0004-store.md.
 """
 
 from __future__ import annotations
 
-import fcntl
 import logging
 import math
-import shutil
 import sqlite3
 import threading
 from collections import deque
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import IO
 
-from lostmotion.daemon.migrations import CURRENT, MIGRATIONS
+from lostmotion.daemon import database
+from lostmotion.daemon.database import StoreError
 from lostmotion.daemon.reader import Reader, open_readonly
 from lostmotion.daemon.records import Answer, DeviceRow, JointRow, ScoreRow, Transition, WindowRow, micros
-from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["Reader", "Store", "StoreBusyError", "StoreError", "open_readonly"]
+__all__ = ["Reader", "Store", "open_readonly"]
 
 log = logging.getLogger(__name__)
 
@@ -41,30 +38,21 @@ ALARM = (
     "joint_id, cause, severity, state, raised_us, acknowledged_us, cleared_us, shelved_until_us, told_us, reminders,"
     " reason"
 )
-BUSY_S = 2.0
-"""how long another program's lock is waited for [s]"""
-
-
-class StoreError(LostmotionError):
-    """The database cannot be used; the one-line message says why and what to do."""
-
-
-class StoreBusyError(StoreError):
-    """A service holds the database."""
 
 
 class Store:
     """The database of one robot, open for writing.  Raises StoreError when it cannot be opened.
 
     ``problem`` is "" while rows reach the disk, else what keeps them from it; ``dropped`` counts rows given up because
-    the backlog was full.  While it is open no other process gets a Store of the same path: the scores of two robots
-    would be mixed.
+    the backlog was full; ``damage`` is what is wrong with the file itself: closing moves it aside.  While it is open no
+    other process gets a Store of the same path: the scores of two robots would be mixed.
     """
 
     def __init__(self, path: Path, robot: str, keep_windows_mb: float = 100.0) -> None:
         self.path = path
         self.problem = ""
         self.dropped = 0
+        self.damage: sqlite3.Error | None = None
         self._keep_bytes = self._kept_bytes = 0
         self._robot = self._robot_written = ""
         self.configure(robot, keep_windows_mb)
@@ -76,9 +64,19 @@ class Store:
         self._settled: deque[Transition] = deque()
         self._wake = threading.Condition()
         self._closing = False
-        self._lock = _lock(path)
+        self._lock = database.lock(path)
         try:
-            self._db = _open(path)
+            self._db = database.open_database(path)
+            self._begin(robot)
+        except StoreError:
+            self._lock.close()
+            raise
+        self._thread = threading.Thread(target=self._run, name="store", daemon=True)
+        self._thread.start()
+
+    def _begin(self, robot: str) -> None:
+        """Reads what the writer has to know.  Raises StoreError; a damaged file is moved aside first."""
+        try:
             with self._db:
                 self._write([])
             self._robot_written = robot
@@ -86,13 +84,11 @@ class Store:
             self._kept_bytes = self._db.execute("SELECT coalesce(sum(bytes), 0) FROM window").fetchone()[0]
         except sqlite3.Error as error:
             self._db.close()
-            self._lock.close()
-            raise StoreError(_explain(path, error)) from error
-        except StoreError:
-            self._lock.close()
-            raise
-        self._thread = threading.Thread(target=self._run, name="store", daemon=True)
-        self._thread.start()
+            if not database.is_damage(error):
+                raise StoreError(database.explain(self.path, error)) from error
+            database.move_aside(self.path, error)
+            self._db = database.open_database(self.path)
+            self._begin(robot)
 
     def configure(self, robot: str, keep_windows_mb: float) -> None:
         """Sets what a new configuration may change; ``keep_windows_mb`` of raw windows stay [MB]."""
@@ -140,6 +136,8 @@ class Store:
         self._thread.join(timeout_s)
         if not self._thread.is_alive():
             self._db.close()
+            if self.damage is not None:
+                database.move_aside(self.path, self.damage)
         self._lock.close()
         lost = self.waiting() + self.dropped
         if lost:
@@ -172,7 +170,8 @@ class Store:
                 self._write(batch)
             self._robot_written = self._robot
         except sqlite3.Error as error:
-            problem = _explain(self.path, error)
+            problem = database.explain(self.path, error)
+            self.damage = error if database.is_damage(error) else None
             self._joints, self._kept_bytes = {}, kept_bytes
         with self._wake:
             self._in_flight = 0
@@ -279,90 +278,6 @@ class Store:
             self._kept_bytes -= size
             gone.append((number,))
         self._db.executemany("DELETE FROM window WHERE id = ?", gone)
-
-
-def _lock(path: Path) -> IO[bytes]:
-    """Holds ``path``.lock, in a folder that is made if need be, as long as the file is open."""
-    if path.is_dir():
-        raise StoreError(f"{path}: found a folder, expected a file; add its name to store.path")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StoreError(f"{path}: the folder cannot be made: {error.strerror}; choose another store.path") from error
-    try:
-        file = path.with_name(f"{path.name}.lock").open("ab")
-    except OSError as error:
-        raise StoreError(
-            f"{path}: its folder is found read-only, expected to be writable; check its owner ({error.strerror})"
-        ) from error
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        file.close()
-        raise StoreBusyError(
-            f"{path}: another lostmotion service writes it, expected to be the only one; stop that one, or choose "
-            "another store.path"
-        ) from error
-    return file
-
-
-def _open(path: Path) -> sqlite3.Connection:
-    """Opens the database for writing and brings its schema up to date."""
-    db = None
-    try:
-        db = sqlite3.connect(path, timeout=BUSY_S, check_same_thread=False)
-        db.execute("PRAGMA journal_mode = WAL")
-        db.execute("PRAGMA synchronous = NORMAL")
-        _migrate(db, path)
-    except sqlite3.Error as error:
-        if db is not None:
-            db.close()
-        raise StoreError(_explain(path, error)) from error
-    return db
-
-
-def _migrate(db: sqlite3.Connection, path: Path) -> None:
-    version = db.execute("PRAGMA user_version").fetchone()[0]
-    if version > CURRENT:
-        raise StoreError(
-            f"{path}: found schema version {version}, expected at most {CURRENT}; likely a newer lostmotion wrote it"
-        )
-    if version == 0 and db.execute("SELECT count(*) FROM sqlite_schema").fetchone()[0]:
-        raise StoreError(f"{path}: is the database of another program; choose another store.path")
-    if 0 < version < CURRENT:
-        _backup(db, path, version)
-    for number, script in enumerate(MIGRATIONS[version:], start=version + 1):
-        db.executescript(f"BEGIN IMMEDIATE; {script} PRAGMA user_version = {number}; COMMIT;")
-
-
-def _backup(db: sqlite3.Connection, path: Path, version: int) -> None:
-    copy = path.with_name(f"{path.name}.version{version}")
-    log.warning("%s: schema version %d becomes %d; a copy stays in %s", path, version, CURRENT, copy.name)
-    if shutil.disk_usage(path.parent).free < 2 * path.stat().st_size:
-        raise StoreError(
-            f"{path}: no room for a copy before its schema changes; free {path.stat().st_size / 5e5:.0f} MB"
-        )
-    with sqlite3.connect(copy) as target:
-        db.backup(target)
-    target.close()
-
-
-def _explain(path: Path, error: sqlite3.Error) -> str:
-    """SQLite's error as one line for a person."""
-    causes = {
-        "SQLITE_FULL": "the disk is full; free some space",
-        "SQLITE_BUSY": "another program holds the database locked; close it",
-        "SQLITE_READONLY": "found read-only, expected to be writable; check the owner of the file and its folder",
-        "SQLITE_CANTOPEN": "cannot be opened; check that the path is a file in a folder this user may write",
-        "SQLITE_NOTADB": "is no SQLite database; move it away or choose another store.path",
-        "SQLITE_CORRUPT": "is damaged; move it away, and try sqlite3's .recover on it",
-        "SQLITE_IOERR": "the disk refuses to read or write (full, over quota, or failing)",
-    }
-    name = getattr(error, "sqlite_errorname", "")
-    for code, cause in causes.items():
-        if name.startswith(code):
-            return f"{path}: {cause} ({error})"
-    return f"{path}: {error}"
 
 
 def _micros(time: datetime | None) -> int | None:

@@ -12,9 +12,9 @@ import msgspec
 from lostmotion.daemon import documents, requests
 from lostmotion.daemon.commands import output, times
 from lostmotion.daemon.commands.where import find_database, open_joint, open_reader
+from lostmotion.daemon.database import StoreBusyError
 from lostmotion.daemon.reader import open_readonly
 from lostmotion.daemon.records import AlarmRow, Answer, Request, Severity, Transition
-from lostmotion.daemon.store import StoreBusyError
 
 __all__ = ["change", "show", "watch"]
 

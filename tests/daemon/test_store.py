@@ -17,7 +17,9 @@ import numpy as np
 import pytest
 import sqlite_utils
 
+from lostmotion.daemon import database
 from lostmotion.daemon import store as storing
+from lostmotion.daemon.database import StoreError
 from lostmotion.daemon.lifecycle import happen, raised
 from lostmotion.daemon.migrations import CURRENT, MIGRATIONS
 from lostmotion.daemon.reader import ReaderError, open_readonly
@@ -33,7 +35,7 @@ from lostmotion.daemon.records import (
     Transition,
     WindowRow,
 )
-from lostmotion.daemon.store import Store, StoreError
+from lostmotion.daemon.store import Store
 from tests.daemon.conftest import wait_until
 
 NOON = datetime(2026, 1, 31, 12, 0, 0, 123456, tzinfo=UTC)
@@ -254,37 +256,64 @@ def test_alarms_of_an_older_database_are_kept(path: Path) -> None:
 
 
 def test_a_newer_database_is_refused_and_untouched(path: Path) -> None:
-    """The message says which versions were found and expected."""
+    """The message says which versions were found and expected, and names the copy made before the change, if any."""
     filled(path, FULL)
     with closing(sqlite3.connect(path)) as db:
         db.execute("PRAGMA user_version = 99")
-    for opening in (lambda: Store(path, "arm1"), lambda: open_readonly(path)):
-        with pytest.raises((StoreError, ReaderError), match=r"version 99, expected .*newer lostmotion"):
-            opening()
+    for copies, words in (([], "install that one$"), ([1, 2, 98], r"or go back to history.db.version2 beside it")):
+        for version in copies:
+            path.with_name(f"history.db.version{version}").touch()
+        for opening in (lambda: Store(path, "arm1"), lambda: open_readonly(path)):
+            with pytest.raises((StoreError, ReaderError), match=f"version 99, expected .*newer lostmotion.*{words}"):
+                opening()
 
 
-def test_what_is_no_database_of_ours_is_refused(path: Path) -> None:
-    """A text file, a damaged database and another program's database each get their own words."""
-    path.write_text("time,score\n" * 1000)
-    with pytest.raises(StoreError, match="is no SQLite database"):
-        Store(path, "arm1")
-    with pytest.raises(ReaderError, match="is it a database of lostmotion"):
-        open_readonly(path)
-    path.unlink()
+def test_another_programs_database_is_refused(path: Path) -> None:
+    """A sound database that is not ours is not touched; a reader refuses what is no database at all."""
     with closing(sqlite3.connect(path)) as db:
         db.execute("CREATE TABLE photos (name)")
     with pytest.raises(StoreError, match="database of another program"):
         Store(path, "arm1")
+    path.write_text("time,score\n" * 1000)
+    with pytest.raises(ReaderError, match="is it a database of lostmotion"):
+        open_readonly(path)
 
 
-def test_a_damaged_database_is_told(path: Path) -> None:
-    """Overwritten pages are recognised as damage when the database is opened."""
+@pytest.mark.parametrize(("start", "length"), [(0, 4096), (100, 8092)], ids=["header", "pages"])
+def test_a_damaged_database_is_moved_aside(
+    path: Path, caplog: pytest.LogCaptureFixture, start: int, length: int
+) -> None:
+    """Overwritten bytes: the file stays under another name, an error says so, and the store works in a new one."""
     filled(path, *scores(5000))
     data = bytearray(path.read_bytes())
-    data[100:8192] = b"\xff" * 8092
+    data[start : start + length] = b"\xff" * length
     path.write_bytes(bytes(data))
-    with pytest.raises(StoreError, match="is damaged"):
-        Store(path, "arm1")
+    filled(path, FULL)
+    with open_readonly(path) as reader:
+        assert [row.score for row in reader.scores("elbow")] == [FULL.score]
+    (aside,) = path.parent.glob("history.db.damaged-*")
+    assert aside.read_bytes() == bytes(data)
+    (said,) = (record for record in caplog.records if record.levelno == logging.ERROR)
+    assert f"the history begins anew, the old file is {aside.name}" in said.getMessage()
+
+
+def test_damage_found_while_writing_is_told_and_moved_aside_on_closing(path: Path) -> None:
+    """Pages that go bad under an open store: ``damage`` says so, and the next store begins anew."""
+    filled(path, *scores(5000))
+    store = Store(path, "arm1")
+    with closing(sqlite3.connect(path)) as db:
+        db.execute("PRAGMA writable_schema = ON")
+        root = db.execute("SELECT rootpage FROM sqlite_schema WHERE name = 'score'").fetchone()[0]
+        size = db.execute("PRAGMA page_size").fetchone()[0]
+    with path.open("r+b") as file:
+        file.seek((root - 1) * size)
+        file.write(b"\xff" * size)
+    store.add(*scores(3))
+    wait_until(lambda: store.damage is not None)
+    assert "is damaged" in store.problem
+    assert store.close() == 3
+    assert len([*path.parent.glob("history.db.damaged-*")]) == 1
+    assert not path.exists()
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="needs to give up root's rights to write everywhere")
@@ -368,7 +397,7 @@ def test_the_backlog_is_bounded(path: Path, monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_rows_wait_while_another_program_holds_the_lock(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A locked database is a problem that passes."""
-    monkeypatch.setattr(storing, "BUSY_S", 0.05)
+    monkeypatch.setattr(database, "BUSY_S", 0.05)
     with closing(Store(path, "arm1")) as store, closing(sqlite3.connect(path)) as other:
         other.execute("BEGIN IMMEDIATE")
         store.add(FULL)

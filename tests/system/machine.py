@@ -53,10 +53,7 @@ class Machine:
                 command, stdin=subprocess.DEVNULL, stdout=console, stderr=console,
                 env=os.environ | {"SYSTEMD_NSPAWN_UNIFIED_HIERARCHY": "1"},
             )  # fmt: skip
-        children = Path(f"/proc/{self._process.pid}/task/{self._process.pid}/children")
-        self.wait_until(lambda: self._process_runs() and len(children.read_text().split()) == 1, BOOT_S)
-        self._leader = int(children.read_text())
-        self.wait_until(lambda: self.run("systemctl", "is-system-running", check=False).strip() == "running", BOOT_S)
+        self.wait_until(self._is_up, BOOT_S)
 
     def power_off(self) -> None:
         """Shuts it down in order; its disk stays."""
@@ -122,9 +119,13 @@ class Machine:
         clean = ("env", "-i", "PATH=/usr/sbin:/usr/bin", "LC_ALL=C.UTF-8")
         return ["nsenter", "--target", str(self._leader), "--all", *clean]
 
-    def _process_runs(self) -> bool:
+    def _is_up(self) -> bool:
+        """Whether its systemd has started everything.  Its process is the last child that systemd-nspawn makes."""
         assert self._process is not None
-        return self._process.poll() is None
+        assert self._process.poll() is None, self._state()
+        children = Path(f"/proc/{self._process.pid}/task/{self._process.pid}/children").read_text().split()
+        self._leader = int(children[0]) if len(children) == 1 else 0
+        return bool(self._leader) and self.run("systemctl", "is-system-running", check=False).strip() == "running"
 
     def _state(self) -> str:
         log = self.run("journalctl", "-n", "40", "-o", "short-monotonic", check=False) if self._leader else ""

@@ -1,0 +1,165 @@
+"""The database's file: its lock, its version, the copy before a change, and what becomes of a damaged one.
+
+What is written into it is in ``store.py``, the versions themselves are in ``migrations.py``.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import logging
+import re
+import shutil
+import sqlite3
+from contextlib import closing
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import IO
+
+from lostmotion.daemon.migrations import CURRENT, MIGRATIONS
+from lostmotion.drivers.errors import LostmotionError
+
+__all__ = ["StoreBusyError", "StoreError", "explain", "is_damage", "lock", "move_aside", "newer", "open_database"]
+
+log = logging.getLogger(__name__)
+
+BUSY_S = 2.0
+"""how long another program's lock is waited for [s]"""
+DAMAGE = ("SQLITE_CORRUPT", "SQLITE_NOTADB")
+CAUSES = {
+    "SQLITE_FULL": "the disk is full; free some space",
+    "SQLITE_BUSY": "another program holds the database locked; close it",
+    "SQLITE_READONLY": "found read-only, expected to be writable; check the owner of the file and its folder",
+    "SQLITE_CANTOPEN": "cannot be opened; check that the path is a file in a folder this user may write",
+    "SQLITE_NOTADB": "is damaged, or no SQLite database at all",
+    "SQLITE_CORRUPT": "is damaged",
+    "SQLITE_IOERR": "the disk refuses to read or write (full, over quota, or failing)",
+}
+
+
+class StoreError(LostmotionError):
+    """The database cannot be used; the one-line message says why and what to do."""
+
+
+class StoreBusyError(StoreError):
+    """A service holds the database."""
+
+
+def lock(path: Path) -> IO[bytes]:
+    """Holds ``path``.lock, in a folder that is made if need be, as long as the file is open."""
+    if path.is_dir():
+        raise StoreError(f"{path}: found a folder, expected a file; add its name to store.path")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StoreError(f"{path}: the folder cannot be made: {error.strerror}; choose another store.path") from error
+    try:
+        file = path.with_name(f"{path.name}.lock").open("ab")
+    except OSError as error:
+        raise StoreError(
+            f"{path}: its folder is found read-only, expected to be writable; check its owner ({error.strerror})"
+        ) from error
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        file.close()
+        raise StoreBusyError(
+            f"{path}: another lostmotion service writes it, expected to be the only one; stop that one, or choose "
+            "another store.path"
+        ) from error
+    return file
+
+
+def open_database(path: Path) -> sqlite3.Connection:
+    """Opens the database for writing, brings its schema up to date; a damaged one is moved aside for a new one.
+
+    The caller holds the lock.  Raises StoreError.
+    """
+    try:
+        return _open(path)
+    except sqlite3.Error as error:
+        if not is_damage(error):
+            raise StoreError(explain(path, error)) from error
+        move_aside(path, error)
+    try:
+        return _open(path)
+    except sqlite3.Error as error:
+        raise StoreError(explain(path, error)) from error
+
+
+def is_damage(error: sqlite3.Error) -> bool:
+    """Whether the file itself is bad, so that no waiting helps."""
+    return getattr(error, "sqlite_errorname", "").startswith(DAMAGE)
+
+
+def move_aside(path: Path, error: sqlite3.Error) -> None:
+    """Gives a damaged database another name, with the files beside it that belong to it; says so as an error.
+
+    Raises StoreError where that is not allowed.
+    """
+    aside = path.with_name(f"{path.name}.damaged-{datetime.now(UTC):%Y%m%dT%H%M%S}")
+    try:
+        for ending in ("-wal", "-shm", ""):
+            part = path.with_name(path.name + ending)
+            if part.exists():
+                part.rename(aside.with_name(aside.name + ending))
+    except OSError as refused:
+        raise StoreError(f"{explain(path, error)}; it cannot be moved aside: {refused.strerror}") from refused
+    log.error(
+        "%s; the history begins anew, the old file is %s: sqlite3's .recover may save most of it",
+        *(explain(path, error), aside.name),
+    )
+
+
+def explain(path: Path, error: sqlite3.Error) -> str:
+    """SQLite's error as one line for a person."""
+    name = getattr(error, "sqlite_errorname", "")
+    cause = next((f"{cause} " for code, cause in CAUSES.items() if name.startswith(code)), "")
+    return f"{path}: {cause}({error})" if cause else f"{path}: {error}"
+
+
+def newer(path: Path, version: int) -> str:
+    """What to say of a database that a newer program has changed: with the copy that was made then, if it is there."""
+    copies = {int(found[1]): copy for copy in path.parent.glob(f"{path.name}.version*")
+              if (found := re.fullmatch(r".*\.version(\d+)", copy.name)) and int(found[1]) <= CURRENT}  # fmt: skip
+    back = f", or go back to {copies[max(copies)].name} beside it, made before the change" if copies else ""
+    return (
+        f"{path}: found schema version {version}, expected at most {CURRENT}; a newer lostmotion wrote it: install "
+        f"that one{back}"
+    )
+
+
+def _open(path: Path) -> sqlite3.Connection:
+    db = sqlite3.connect(path, timeout=BUSY_S, check_same_thread=False)
+    try:
+        db.execute("PRAGMA journal_mode = WAL")
+        db.execute("PRAGMA synchronous = NORMAL")
+        _migrate(db, path)
+    except BaseException:
+        db.close()
+        raise
+    return db
+
+
+def _migrate(db: sqlite3.Connection, path: Path) -> None:
+    version = db.execute("PRAGMA user_version").fetchone()[0]
+    if version > CURRENT:
+        raise StoreError(newer(path, version))
+    if version == 0 and db.execute("SELECT count(*) FROM sqlite_schema").fetchone()[0]:
+        raise StoreError(f"{path}: is the database of another program; choose another store.path")
+    if 0 < version < CURRENT:
+        _copy(db, path, version)
+    for number, script in enumerate(MIGRATIONS[version:], start=version + 1):
+        db.executescript(f"BEGIN IMMEDIATE; {script} PRAGMA user_version = {number}; COMMIT;")
+
+
+def _copy(db: sqlite3.Connection, path: Path, version: int) -> None:
+    """The database as it was, under its version's name; that name appears only when the copy is whole."""
+    copy = path.with_name(f"{path.name}.version{version}")
+    size = path.stat().st_size
+    if shutil.disk_usage(path.parent).free < 2 * size:
+        raise StoreError(f"{path}: no room for a copy before its schema changes; free {size / 5e5:.0f} MB")
+    unfinished = copy.with_name(f"{copy.name}.unfinished")
+    with closing(sqlite3.connect(unfinished)) as target:
+        db.backup(target)
+    unfinished.rename(copy)
+    log.warning("%s: schema version %d becomes %d; a copy stays in %s", path, version, CURRENT, copy.name)
