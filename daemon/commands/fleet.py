@@ -19,7 +19,7 @@ from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.zenoh_session import brief, configuration
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["Fleet", "FleetError", "history", "status"]
+__all__ = ["Fleet", "FleetError", "Heard", "ask", "history", "status"]
 
 HERE = "tcp/127.0.0.1:7447"
 """where a robot or a router listens unless told otherwise"""
@@ -55,7 +55,7 @@ class Heard:
 
 def status(fleet: Fleet, as_json: bool) -> int:
     """Prints the health of all joints of all robots; 1 when a robot did not answer.  Raises FleetError."""
-    heard = _ask(fleet, "status")
+    heard = ask(fleet, "status")
     if as_json:
         output.print_json({"robots": list(heard.documents.values())} | _missing(heard))
     else:
@@ -69,7 +69,7 @@ def status(fleet: Fleet, as_json: bool) -> int:
 def history(fleet: Fleet, joint: str, parameters: dict[str, str], as_json: bool) -> int:
     """Prints the scores of one joint of all robots; 1 when a robot did not answer, or has no such joint."""
     selector = f"{joint}/history?" + ";".join(f"{key}={value}" for key, value in parameters.items())
-    heard = _ask(fleet, selector)
+    heard = ask(fleet, selector)
     if as_json:
         robots = [{"robot": robot} | document for robot, document in heard.documents.items()]
         output.print_json({"joint": joint, "robots": robots} | _missing(heard))
@@ -82,8 +82,8 @@ def history(fleet: Fleet, joint: str, parameters: dict[str, str], as_json: bool)
     return int(not heard.is_whole)
 
 
-def _ask(fleet: Fleet, selector: str) -> Heard:
-    """Asks all robots, and at the same time who is alive."""
+def ask(fleet: Fleet, selector: str) -> Heard:
+    """Asks all robots for a key, and at the same time who is alive.  Raises FleetError."""
     heard = Heard()
     with _session(fleet) as session:
         replies = session.get(f"lostmotion/*/{selector}", target=zenoh.QueryTarget.ALL, timeout=fleet.timeout_s)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import signal
 import sqlite3
 import time
 from collections.abc import Callable
@@ -11,10 +12,13 @@ from pathlib import Path
 
 import pytest
 
+from tests.daemon.alarm_world import Watcher, broken_links, restless_config, stored
 from tests.daemon.conftest import Running, wait_until
 from tests.daemon.fakes import fake_config
+from tests.daemon.zenoh_world import session
 
 KILLS = 50
+ALARM_KILLS = 30
 
 
 @pytest.mark.slow
@@ -40,6 +44,37 @@ def test_no_committed_score_is_lost(tmp_path: Path, start: Callable[..., Running
     assert before >= len(seen) > 10 * KILLS
     with closing(sqlite3.connect(database)) as db:
         assert db.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
+
+
+@pytest.mark.slow
+def test_no_transition_of_an_alarm_is_lost_or_repeated(
+    tmp_path: Path, start: Callable[..., Running], endpoint: str
+) -> None:
+    """Thirty kills among alarms that never rest: what was stored stays, each transition follows from the one before,
+    and a subscriber that recovers has heard exactly those that are stored."""
+    database, path, seen = tmp_path / "history.db", tmp_path / "fake.toml", set[str]()
+    path.write_text(restless_config(tmp_path, f'[alarm.zenoh]\nmode = "client"\nconnect = ["{endpoint}"]\n'))
+    moments = random.Random(2)
+    with session("router", listen=[endpoint]), closing(Watcher(endpoint, tmp_path / "watched")) as watcher:
+        for kill in range(ALARM_KILLS):
+            service = start(path)
+            if kill % 5:
+                service.wait_for("started")
+            end = time.monotonic() + moments.uniform(0.0, 2.0)
+            while time.monotonic() < end:
+                seen |= {transition.id for transition in stored(database)}
+                time.sleep(0.01)
+            service.process.kill()
+            service.process.wait()
+            assert seen <= {transition.id for transition in stored(database)}, f"after kill {kill}"
+        service = start(path)
+        service.wait_for("zenoh: session open")
+        assert service.stop(signal.SIGTERM) == 0
+        transitions = stored(database)
+        wait_until(lambda: len(watcher.ids) >= len(transitions))
+        assert sorted(watcher.ids) == sorted(transition.id for transition in transitions)
+    assert broken_links(transitions) == []
+    assert len(transitions) > 3 * ALARM_KILLS
 
 
 def committed(database: Path) -> set[tuple[str, str, float]]:

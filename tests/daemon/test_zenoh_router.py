@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import closing
@@ -17,7 +14,8 @@ from lostmotion.daemon.lifecycle import happen, raised
 from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.records import AlarmEvent, Cause, Severity, Transition
 from lostmotion.daemon.sinks.zenoh import ZenohSink
-from tests.daemon.conftest import ROOT, wait_until
+from tests.daemon.alarm_world import Watcher
+from tests.daemon.conftest import wait_until
 from tests.daemon.zenoh_world import Router
 
 NOON = datetime(2026, 1, 31, 12, tzinfo=UTC)
@@ -31,24 +29,6 @@ def transitions(count: int, joint: str = "elbow", start: int = 0) -> Iterator[Tr
         yield alarm
         event = AlarmEvent.CLEARED if k % 2 == 0 else AlarmEvent.RAISED
         alarm = happen(alarm.alarm, event, alarm.time + timedelta(seconds=1))
-
-
-class Watcher:
-    """examples/zenoh/watch_alarms.py in a process of its own; ``ids`` of what it has printed, in order."""
-
-    def __init__(self, endpoint: str, log: Path) -> None:
-        self._log = log
-        with log.open("w") as sink:
-            command = [sys.executable, "examples/zenoh/watch_alarms.py", "--connect", endpoint]
-            self._process = subprocess.Popen(command, cwd=ROOT, stdout=sink)
-
-    @property
-    def ids(self) -> list[str]:
-        return [json.loads(line)["id"] for line in self._log.read_text().splitlines()]
-
-    def close(self) -> None:
-        self._process.kill()
-        self._process.wait()
 
 
 @pytest.mark.slow
