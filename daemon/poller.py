@@ -26,8 +26,8 @@ FIRST_RETRY_S = 0.5
 LAST_RETRY_S = 10.0
 WRONG_RETRY_S = 30.0
 """how often a device that was not the expected one is asked again [s]"""
-GATHER_S = 0.05
-"""how long the samples of an accelerometer gather while no window ends [s]: fifty cost little more than one"""
+GATHER_S = 0.07
+"""how long the samples of an accelerometer gather while no window ends [s]: seventy cost little more than one"""
 
 SCORING_S = 0.004
 """how long the main thread, when a window has ended, may take to say which one it awaits next [s]"""
@@ -178,8 +178,8 @@ class BusPoller(Poller):
         account.samples += len(samples)
         account.heard.update((sample.joint, now) for sample in samples)
         self._inbox.servo.append((self._bus.resolution_rad, samples))
+        self._inbox.bell.set()
         while self._waits and len(self._inbox.servo) > INBOX_READINGS and not self._stop.is_set():
-            self._inbox.bell.set()
             self._stop.wait(0.002)
 
     def _end(self) -> None:

@@ -18,8 +18,6 @@ __all__ = ["Robot"]
 RING_S = 20.0
 """how much acceleration is kept of hardware [s]"""
 VIRTUAL_RING_S = 60.0
-LISTEN_S = 0.03
-"""servo samples of hardware are taken in bunches this far apart: cheaper, yet soon enough before a window ends [s]"""
 DEAD_S = 3.0
 """a device that reads nothing for so long is dead [s]"""
 BAD = (DeviceState.RETRYING, DeviceState.WRONG)
@@ -39,13 +37,10 @@ class Robot:
         self.pipeline = Pipeline([_plan(config, joint) for joint in config.joints], self.rings, self._virtual)
         self._by_member = {member: poller for poller in self.pollers for member in poller.members}
         self._started = time.monotonic()
-        self._listen_at = self._started
 
     def step(self) -> list[Scored]:
         """Takes what came in since the last call; the windows that are done."""
-        if self._virtual or time.monotonic() >= self._listen_at:
-            self._listen_at = time.monotonic() + LISTEN_S
-            self._listen()
+        self._listen()
         return self.pipeline.step(self.clock.now())
 
     def _listen(self) -> None:

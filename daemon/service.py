@@ -35,8 +35,8 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
-LOOP_S = 0.05
-"""the main thread wakes at least so often, and whenever a window is complete [s]"""
+LOOP_S = 0.2
+"""the main thread wakes at least so often, and whenever servos have spoken or a window is complete [s]"""
 LOOK_S = 1.0
 """how often devices are looked at [s]"""
 TELL_S = 0.02

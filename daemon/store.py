@@ -26,7 +26,7 @@ __all__ = ["Reader", "Store", "open_readonly"]
 log = logging.getLogger(__name__)
 
 Row = ScoreRow | WindowRow | Transition | JointRow | DeviceRow | Answer
-FLUSH_S = 0.1
+FLUSH_S = 0.15
 """how long the first row of a batch waits for company [s]; a transition of an alarm does not wait"""
 RETRY_S = 1.0
 """pause after the disk refused [s]"""
@@ -98,13 +98,15 @@ class Store:
     def add(self, *rows: Row) -> None:
         """Takes rows, which are committed together within about ``FLUSH_S``.  Never blocks on the disk."""
         with self._wake:
+            is_first = not (self._rows or self._windows)
             for row in rows:
                 queue = self._windows if isinstance(row, WindowRow) else self._rows
                 queue.append(row)
                 if isinstance(row, Transition):
                     self._untold.append(row)
             self._trim()
-            self._wake.notify_all()
+            if is_first or self._untold:  # all others wait for FLUSH_S anyway
+                self._wake.notify_all()
 
     def settled(self, wait_s: float = 0.0) -> list[Transition]:
         """The transitions that are on the disk, or that it has refused, in order, each once: now they may be told.
@@ -164,6 +166,8 @@ class Store:
         with self._wake:
             batch = [queue.popleft() for _ in range(min(len(queue), BATCH))]
             self._in_flight = len(batch)
+        if not batch and self._robot == self._robot_written:
+            return True
         kept_bytes, problem = self._kept_bytes, ""
         try:
             with self._db:

@@ -29,6 +29,7 @@ class NoiseLevel:
         self.level = 0.0
         self._sorted: list[float] = []
         self._recent: deque[float] = deque()
+        self._sum = 0.0
         self.interrupt()
 
     def interrupt(self) -> None:
@@ -45,14 +46,17 @@ class NoiseLevel:
         off /= math.sqrt(1 + share * share + (1 - share) * (1 - share))
         insort(self._sorted, off)
         self._recent.append(off)
+        self._sum += off
         if len(self._recent) > MEMORY:
-            del self._sorted[bisect_left(self._sorted, self._recent.popleft())]
+            oldest = self._recent.popleft()
+            del self._sorted[bisect_left(self._sorted, oldest)]
+            self._sum -= oldest
         self.level = self._clipped_mean(2 * step) / MEAN
 
     def _clipped_mean(self, least: float) -> float:
         count = len(self._sorted)
         if self._sorted[-1] <= least:  # nothing to cut down, as nearly always
-            return sum(self._sorted) / count
+            return self._sum / count
         usual = math.ceil(SHARE * count)
         limit = max(least, FAR * sum(self._sorted[:usual]) / (usual * TRIMMED_MEAN))
         below = bisect_left(self._sorted, limit)

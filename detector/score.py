@@ -10,7 +10,7 @@ import numpy as np
 from lostmotion.detector import ringdown
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.quality import LEAST_SHARE, describe, mended
-from lostmotion.detector.spectrum import bands, normalised_spectrum
+from lostmotion.detector.spectrum import bands, normalised_mask
 from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
 from lostmotion.detector.windows import window_length
 
@@ -36,9 +36,8 @@ def batch(accel2d: FloatArray, rate_hz: float, settings: DetectorSettings) -> Fl
     """``score`` of many windows of one length: shape (M, N) to shape (M,)."""
     if settings.statistic == "ringdown":
         return ringdown.scores(accel2d, rate_hz, settings)
-    mask = bands(accel2d.shape[1], rate_hz, settings).mask
     chunks = [accel2d[i : i + CHUNK] for i in range(0, len(accel2d), CHUNK)]
-    parts = [normalised_spectrum(chunk, rate_hz, settings)[:, mask].sum(axis=1) for chunk in chunks]
+    parts = [normalised_mask(chunk, rate_hz, settings).sum(axis=1) for chunk in chunks]
     return np.concatenate(parts) if parts else np.empty(0)
 
 

@@ -1,4 +1,5 @@
-"""From a window of tip acceleration to a normalised spectrum: fft, freq_fft, norm and mask of eqs. 8 and 10.
+"""From a window of tip acceleration to the bins of its normalised spectrum that count: fft, freq_fft, norm and mask of
+eqs. 8 and 10.
 
 Where the paper is silent, docs/decisions/0002-score.md says what was chosen and the measurement that decided.  No
 level and no score here.
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.window import DetectorSettings, FloatArray
 
-__all__ = ["Bands", "amplitude_spectrum", "bands", "freq_fft", "frequencies", "normalised_spectrum"]
+__all__ = ["Bands", "amplitudes", "bands", "freq_fft", "frequencies", "normalised_mask", "transform"]
 
 TREND_ORDER = 3
 """The polynomial taken out of a window: a quarter of a second of arm motion below 3 Hz is no more than a cubic."""
@@ -45,16 +46,27 @@ def frequencies(length: int, rate_hz: float) -> FloatArray:
     return np.arange(length // 2 + 1, dtype=np.float64) * (rate_hz / length)
 
 
-def amplitude_spectrum(accel: FloatArray) -> FloatArray:
-    """Amplitude [m/s²] of each bin, shape (..., N // 2 + 1), of windows of shape (..., N).
+def transform(length: int, bins: NDArray[np.intp]) -> FloatArray:
+    """A matrix that takes a window to some bins of its spectrum: to a real and an imaginary part of each in turn,
+    shape (length, 2 × bins).
 
-    A cubic is taken out by least squares and a Tukey window laid over the rest; a sine of amplitude A in the middle of
-    a bin shows as A there.
+    A cubic is taken out by least squares, a Tukey window of sum 2 laid over the rest, and the Fourier sums are formed.
+    All of that is linear, and of a hundred bins a dozen count: one product with this costs less than an FFT and what
+    goes before it.
     """
-    length = accel.shape[-1]
-    basis, taper = _preparation(length)
-    rest = accel - (accel @ basis) @ basis.T
-    return np.abs(np.fft.rfft(rest * taper))
+    from_edge = np.minimum(np.arange(length) + 0.5, length - 0.5 - np.arange(length)) / length
+    taper = np.where(from_edge < TAPER / 2, 0.5 - 0.5 * np.cos(2 * np.pi * from_edge / TAPER), 1.0)
+    fourier = np.exp(-2j * np.pi / length * np.outer(np.arange(length), bins)) * (taper * (2 / taper.sum()))[:, None]
+    cubics, _ = np.linalg.qr(np.vander(np.linspace(-1, 1, length), min(TREND_ORDER, length - 1) + 1))
+    return np.ascontiguousarray(fourier - cubics @ (cubics.T @ fourier)).view(np.float64)
+
+
+def amplitudes(accel: FloatArray, to_bins: FloatArray) -> FloatArray:
+    """Amplitude [m/s²] of each bin of a ``transform``, shape (..., bins), of windows of shape (..., N).
+
+    A sine of amplitude A in the middle of a bin shows as A there.
+    """
+    return np.abs((accel @ to_bins).view(np.complex128))
 
 
 @lru_cache(maxsize=64)
@@ -86,19 +98,28 @@ def bands(length: int, rate_hz: float, settings: DetectorSettings) -> Bands:
     return Bands(mask, norm)
 
 
-def normalised_spectrum(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> FloatArray:
-    """norm(fft(s)) of eq. 8: each amplitude over the mean amplitude of the norm band; NaN where that mean is 0, or
-    beyond all numbers.
+def normalised_mask(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> FloatArray:
+    """norm(fft(s)) of eq. 8 at the bins of the mask: each amplitude over the mean amplitude of the norm band; NaN where
+    that mean is 0, or beyond all numbers.
 
-    accel: windows [m/s²], shape (..., N); returns shape (..., N // 2 + 1).  Raises DetectorError as ``bands`` does.
+    accel: windows [m/s²], shape (..., N); returns shape (..., bins of the mask).  Raises DetectorError as ``bands``
+    does.
     """
-    chosen = bands(accel.shape[-1], rate_hz, settings)
+    to_bins, inside = _to_bands(accel.shape[-1], rate_hz, settings)
     with np.errstate(over="ignore", invalid="ignore"):
-        spectrum = amplitude_spectrum(accel)
-        floor = spectrum[..., chosen.norm].sum(axis=-1, keepdims=True) / chosen.norm.size
+        spectrum = amplitudes(accel, to_bins)
+        floor = spectrum[..., inside:].sum(axis=-1, keepdims=True) / (spectrum.shape[-1] - inside)
         # A window of one value leaves rounding dust behind the cubic: that is no floor to divide by.
         dust = 1e-13 * np.abs(accel).max(axis=-1, keepdims=True)
-        return np.asarray(spectrum / np.where((floor > dust) & (floor < np.inf), floor, np.nan))
+        return np.asarray(spectrum[..., :inside] / np.where((floor > dust) & (floor < np.inf), floor, np.nan))
+
+
+@lru_cache(maxsize=64)
+def _to_bands(length: int, rate_hz: float, settings: DetectorSettings) -> tuple[FloatArray, int]:
+    """The ``transform`` to the bins of the mask and then to those of the norm; how many are the mask's."""
+    chosen = bands(length, rate_hz, settings)
+    mask = np.arange(chosen.mask.start, chosen.mask.stop)
+    return transform(length, np.concatenate((mask, chosen.norm))), mask.size
 
 
 def _band(centre_hz: float, width_hz: float, length: int, rate_hz: float) -> slice:
@@ -108,14 +129,3 @@ def _band(centre_hz: float, width_hz: float, length: int, rate_hz: float) -> sli
 
 def _range(centre_hz: float, width_hz: float) -> str:
     return f"{centre_hz - width_hz / 2:g}-{centre_hz + width_hz / 2:g} Hz"
-
-
-@lru_cache(maxsize=64)
-def _preparation(length: int) -> tuple[FloatArray, FloatArray]:
-    """An orthonormal basis of the cubics, shape (length, 4), and the Tukey window of sum 2, shape (length,)."""
-    order = min(TREND_ORDER, length - 1)
-    basis, _ = np.linalg.qr(np.vander(np.linspace(-1, 1, length), order + 1))
-    middle = (np.arange(length) + 0.5) / length
-    from_edge = np.minimum(middle, 1 - middle)
-    taper = np.where(from_edge < TAPER / 2, 0.5 - 0.5 * np.cos(2 * np.pi * from_edge / TAPER), 1.0)
-    return np.asarray(basis), np.asarray(taper * (2 / taper.sum()))

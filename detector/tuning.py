@@ -12,7 +12,7 @@ import numpy as np
 from lostmotion.detector import ringdown
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.score import batch, validate
-from lostmotion.detector.spectrum import amplitude_spectrum, bands
+from lostmotion.detector.spectrum import amplitudes, bands, transform
 from lostmotion.detector.whitening import fit_noise
 from lostmotion.detector.window import LEVELS, DetectorSettings, FloatArray, Statistic
 
@@ -183,7 +183,8 @@ def _bands(
     f_res = usual.f_res_hz
     for window_s in LENGTHS_S:
         length = round(window_s * rate_hz)
-        spectra = [amplitude_spectrum(windows[:, :length]) for windows in (healthy, worn)]
+        to_bins = transform(length, np.arange(length // 2 + 1))
+        spectra = [amplitudes(windows[:, :length], to_bins) for windows in (healthy, worn)]
         for width, centre, norm_width in product(WIDTHS, NORM_CENTRES, NORM_WIDTHS):
             tried = replace(
                 usual, window_s=window_s, f_width_hz=round(width * f_res, 1),

@@ -41,9 +41,10 @@ Port = Annotated[str, msgspec.Meta(min_length=1)]
 Baudrate = Annotated[int, msgspec.Meta(gt=0)]
 
 
-@dataclass(frozen=True, slots=True)
-class ServoSample:
+class ServoSample(msgspec.Struct, frozen=True, gc=False):
     """The state of one joint at one instant; what the servo does not tell is NaN.
+
+    No dataclass: hundreds come in a second, and that takes twenty times as long to make.
 
     time: robot time [s]; command: the commanded angle [rad]; position: the measured angle of the output [rad];
     velocity [rad/s]; torque [N m]; current [A]; voltage [V]; temperature [°C].

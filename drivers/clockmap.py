@@ -129,7 +129,7 @@ class ClockMap:
         self._line(x, y)
         if len(points) > ENOUGH:
             above = y - self._level - self._slope * (x - self._centre)
-            kept = above <= 3 * np.median(np.abs(above)) + NOISE_S
+            kept = above <= 3 * np.sort(np.abs(above))[len(points) // 2] + NOISE_S
             self._line(x[kept], y[kept])
 
     def _line(self, x: FloatArray, y: FloatArray) -> None:

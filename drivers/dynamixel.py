@@ -34,8 +34,9 @@ from lostmotion.drivers.errors import DriverError
 __all__ = ["DRIVER", "DynamixelOptions"]
 
 LONGEST_WAIT_S = 0.3
-GATHER_S = 0.025
-"""the answers of so many seconds are looked at together: right after a wait, with cold caches, that costs far more"""
+GATHER_S = 0.075
+"""the answers of so many seconds are looked at together: right after a wait, with cold caches, that costs far more; a
+reversal is usually certain 0.1 s before the end of its window"""
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.1, 2.0
 """a silent servo costs 34 ms each time it is asked, so the pause before the next time doubles from one to the other"""
 EAVESDROP_S = 1.2
@@ -62,6 +63,8 @@ class _Servo:
     id: int
     model: Model
     period: float
+    question: Question | None
+    """the plain question of protocol 1.0"""
     due: float = 0.0
     pause: float = 0.0
 
@@ -83,12 +86,7 @@ class DynamixelBus:
         """Raises DriverError for an unknown model, an id used twice or different baud rates."""
         _check(joints)
         self._clock = clock
-        self._servos = [_Servo(j.name, j.id, MODELS[j.model], 1 / j.poll_hz) for j in joints]
-        self._questions = {
-            servo.id: Question(servo.id, ADDRESS[1], servo.model.block_size)
-            for servo in self._servos
-            if servo.model.protocol == 1
-        }
+        self._servos = [_Servo(j.name, j.id, MODELS[j.model], 1 / j.poll_hz, _question(j)) for j in joints]
         self._port = BusPort(joints[0].port, joints[0].baudrate)
         self._handlers = {1: Protocol1PacketHandler(), 2: Protocol2PacketHandler()}
         self.resolution_rad = max(servo.model.step for servo in self._servos)
@@ -118,7 +116,7 @@ class DynamixelBus:
         )
 
     def read(self) -> ServoReading:
-        """Waits for the next poll, at most 0.3 s; what the servos said in this poll and in those of the next 25 ms.
+        """Waits for the next poll, at most 0.3 s; what the servos said in this poll and in those of the next 75 ms.
 
         Raises PortError.
         """
@@ -132,7 +130,7 @@ class DynamixelBus:
             time.sleep(max(0.0, turn - self._clock.now()))
             lost += self._poll(states)
             turn = self._turn()
-        return ServoReading(tuple(_sample(*state) for state in states), self._silent(), lost)
+        return ServoReading(tuple([_sample(*state) for state in states]), self._silent(), lost)
 
     def close(self) -> None:
         """Gives the port back."""
@@ -156,26 +154,28 @@ class DynamixelBus:
         """Asks the servos whose turn it is; how many polls went by meanwhile."""
         now = self._clock.now()
         asked = [servo for servo in self._servos if servo.due <= now]
-        lone = [servo for servo in asked if servo.model.protocol == 2 and servo.pause]
-        self._read_group([servo for servo in asked if servo.model.protocol == 2 and not servo.pause], states)
-        for servo in lone:
-            self._read_one(servo, states)
-        self._read_in_turn([servo for servo in asked if servo.model.protocol == 1], states)
+        plain = [servo for servo in asked if servo.question]
+        self._read_in_turn(plain, states)
+        if len(plain) < len(asked):
+            self._read_group([servo for servo in asked if not servo.question], states)
         return self._schedule(asked)
 
     def _read_in_turn(self, servos: list[_Servo], states: list[_State]) -> None:
         """Asks servos of protocol 1.0 one after the other; looks at the answers, all of one length, when all came."""
         while servos:
-            requests = [self._questions[servo.id].request for servo in servos]
-            answers = self._port.ask(requests, self._questions[servos[0].id].length, self._clock.now)
-            for servo, (asked, answer) in zip(servos, answers, strict=False):
-                data = self._questions[servo.id].parameters(answer) or self._search(servo, answer)
-                self._take(servo, asked, data, states)
+            questions = [servo.question for servo in servos if servo.question]
+            answers = self._port.ask([question.request for question in questions], questions[0].length, self._clock.now)
+            for servo, question, (asked, answer) in zip(servos, questions, answers, strict=False):
+                if block := question.parameters(answer):
+                    servo.pause = 0.0
+                    states.append((servo, asked, block))
+                else:
+                    self._take(servo, asked, self._search(servo, question, answer), states)
             servos = servos[len(answers) :]
 
-    def _search(self, servo: _Servo, answer: bytes) -> Sequence[int]:
+    def _search(self, servo: _Servo, question: Question, answer: bytes) -> Sequence[int]:
         """A servo's state block where its plain answer did not come: the SDK finds it among noise or in pieces."""
-        if not answer or len(answer) == self._questions[servo.id].length:
+        if not answer or len(answer) == question.length:
             self._port.clearPort()
             return b""
         data: Sequence[int]
@@ -188,10 +188,20 @@ class DynamixelBus:
         self._take(servo, now, data, states)
 
     def _read_group(self, servos: list[_Servo], states: list[_State]) -> None:
-        """One sync read.  The SDK's group reader is no use: with one silent servo it gives 0 for all, without error."""
-        if not servos:
-            return
-        missing = {servo.id: servo for servo in servos}
+        """One sync read of servos of protocol 2.0; those that were silent before, or are now, are asked alone.
+
+        The SDK's group reader is no use: with one silent servo it gives 0 for all, without error.
+        """
+        lone = [servo for servo in servos if servo.pause]
+        missing = {servo.id: servo for servo in servos if not servo.pause}
+        if missing:
+            self._sync_read(missing, states)
+        for servo in (*missing.values(), *lone):
+            self._read_one(servo, states)
+
+    def _sync_read(self, missing: dict[int, _Servo], states: list[_State]) -> None:
+        """Takes those out of ``missing`` that answer."""
+        servos = list(missing.values())
         handler, now, size = self._handlers[2], self._clock.now(), servos[0].model.block_size
         handler.syncReadTx(self._port, ADDRESS[2], size, list(missing), len(missing), False)
         for _ in servos:
@@ -200,8 +210,6 @@ class DynamixelBus:
                 break
             if result == COMM_SUCCESS and (servo := missing.pop(packet[PACKET_ID], None)):
                 self._take(servo, now, packet[PACKET_DATA : PACKET_DATA + size], states)
-        for servo in missing.values():
-            self._read_one(servo, states)
 
     def _take(self, servo: _Servo, now: float, data: Sequence[int], states: list[_State]) -> None:
         """Keeps a state block; one that is missing or of another size makes the servo a silent one."""
@@ -213,21 +221,28 @@ class DynamixelBus:
 
     def _turn(self) -> float:
         """When the next servo is to be asked [s]."""
-        return min(servo.due for servo in self._servos)
+        return min([servo.due for servo in self._servos])
 
     def _schedule(self, asked: list[_Servo]) -> int:
         """Sets the next turns, on the grid of each servo's period; how many polls went by meanwhile."""
         now, lost = self._clock.now(), 0
         for servo in asked:
-            late = max(0, int((now - servo.due) / servo.period))
-            lost += late
-            servo.due += (late + 1) * servo.period
+            servo.due += servo.period
+            if servo.due <= now:
+                late = int((now - servo.due) / servo.period) + 1
+                lost += late
+                servo.due += late * servo.period
             while servo.due < now + servo.pause:
                 servo.due += servo.period
         return lost
 
     def _silent(self) -> tuple[str, ...]:
         return tuple(servo.joint for servo in self._servos if servo.pause)
+
+
+def _question(joint: DynamixelOptions) -> Question | None:
+    model = MODELS[joint.model]
+    return Question(joint.id, ADDRESS[1], model.block_size) if model.protocol == 1 else None
 
 
 def _sample(servo: _Servo, time: float, block: bytes) -> ServoSample:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lostmotion.detector.errors import DetectorError
-from lostmotion.detector.spectrum import amplitude_spectrum, bands, freq_fft, frequencies, normalised_spectrum
+from lostmotion.detector.spectrum import amplitudes, bands, freq_fft, frequencies, normalised_mask, transform
 from lostmotion.detector.window import DetectorSettings
 
 SETTINGS = DetectorSettings(f_res_hz=58.0)
@@ -16,7 +16,7 @@ def test_a_sine_shows_with_its_amplitude() -> None:
     """A sine of 3 m/s² in the middle of bin 15 (60 Hz) shows 3 m/s² there, whatever motion lies under it."""
     time = np.arange(250) / 1000
     accel = 3 * np.sin(2 * np.pi * 60 * time + 0.4) + 9.8 + 20 * time - 300 * time**3
-    spectrum = amplitude_spectrum(accel)
+    spectrum = amplitudes(accel, transform(250, np.arange(126)))
     assert spectrum[15] == pytest.approx(3.0, rel=0.005)
     assert frequencies(250, 1000)[15] == 60.0
     assert spectrum[25:].max() < 0.02
@@ -53,18 +53,21 @@ def test_norm_leaves_the_mask_out() -> None:
 
 
 def test_norm_divides_by_the_mean_of_its_band() -> None:
-    """The mean of the normalised spectrum over the norm band is one."""
+    """The mask's bins of five windows, each over the mean amplitude of its own norm band."""
     accel = np.random.default_rng(1).normal(size=(5, 250))
-    normalised = normalised_spectrum(accel, 1000.0, SETTINGS)
-    assert normalised.shape == (5, 126)
-    assert normalised[:, bands(250, 1000.0, SETTINGS).norm].mean(axis=1) == pytest.approx(np.ones(5))
+    spectrum, chosen = amplitudes(accel, transform(250, np.arange(126))), bands(250, 1000.0, SETTINGS)
+    by_hand = spectrum[:, chosen.mask] / spectrum[:, chosen.norm].mean(axis=1, keepdims=True)
+    assert normalised_mask(accel, 1000.0, SETTINGS) == pytest.approx(by_hand, rel=1e-12)
 
 
 @pytest.mark.filterwarnings("error")
-def test_norm_beyond_all_numbers_is_nan() -> None:
-    """Values near the largest number there is, whose sum exceeds all numbers, give NaN and no warning."""
-    accel = np.random.default_rng(1).choice([-1.7e308, 1.7e308], (5, 250))
-    assert np.isnan(normalised_spectrum(accel, 1000.0, SETTINGS)).all()
+def test_the_largest_numbers_have_a_norm_or_none() -> None:
+    """Values far up give what small ones give, and NaN where the norm exceeds all numbers; without a warning."""
+    accel = np.random.default_rng(1).choice([-1.7, 1.7], (5, 250))
+    largest = normalised_mask(1e306 * accel, 1000.0, SETTINGS)
+    assert largest == pytest.approx(normalised_mask(accel, 1000.0, SETTINGS), rel=1e-9)
+    square = np.sign(np.sin(2 * np.pi * 100 * (np.arange(250) + 0.3) / 1000))
+    assert np.isnan(normalised_mask(1.7e308 * square, 1000.0, SETTINGS)).all()
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -46,8 +45,10 @@ def accelerometer(name: str, port: str, rate_hz: float, **options: Any) -> Accel
 
 def readings(bus: ServoBus, seconds: float) -> list[ServoReading]:
     """All readings of some seconds."""
-    end = time.monotonic() + seconds
-    return list(itertools.takewhile(lambda _: time.monotonic() < end, iter(bus.read, None)))
+    end, found = time.monotonic() + seconds, []
+    while time.monotonic() < end:
+        found.append(bus.read())
+    return found
 
 
 def block(sensor: Accelerometer, seconds: float) -> AccelBlock:
