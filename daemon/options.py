@@ -58,7 +58,8 @@ class ZenohOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     """``[alarm.zenoh]``: how the session is opened; multicast scouting is off unless asked for.
 
     config: a file of Zenoh's own (JSON5), for TLS, access control and whatever else it knows; what is given here counts
-    more than what stands there.  mode None: what the file says, else "peer".
+    more than what stands there.  mode None: what the file says, else "peer".  ros2: whether /diagnostics is sent as
+    well, in ROS's domain ros2_domain.
     """
 
     mode: Literal["peer", "client", "router"] | None = None
@@ -66,6 +67,8 @@ class ZenohOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     listen: list[str] = []
     multicast_scouting: bool = False
     config: str = ""
+    ros2: bool = False
+    ros2_domain: Annotated[int, Meta(ge=0, le=232)] = 0
 
 
 class CanOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -22,6 +22,8 @@ from lostmotion.daemon import documents
 from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.records import JointRow, ScoreRow, Transition, iso
 from lostmotion.daemon.sinks.answers import PARAMETERS, Answers, BadQueryError, payload
+from lostmotion.daemon.sinks.diagnostics import Board
+from lostmotion.daemon.sinks.ros2 import Ros2Publisher
 from lostmotion.daemon.zenoh_session import JSON, brief, configuration
 from lostmotion.drivers.errors import LostmotionError
 
@@ -42,6 +44,7 @@ class ZenohSink:
     """Publishes for one robot.  Returns at once; the session opens in the background."""
 
     def __init__(self, robot: str, options: ZenohOptions, database: Path) -> None:
+        self._robot = robot
         self._prefix = f"lostmotion/{robot}"
         self._options = options
         self._session: zenoh.Session | None = None
@@ -49,6 +52,8 @@ class ZenohSink:
         self._lock = threading.RLock()  # held over a whole _keep, so that no older value follows a newer one
         self._latest: dict[tuple[str, str], bytes] = {}
         self._answers = Answers(database, self._latest)
+        self._board = Board(robot) if options.ros2 else None
+        self._ros2: Ros2Publisher | None = None
         self._waiting: deque[tuple[str, bytes]] = deque(maxlen=CACHED)
         self._publishers: dict[str, AdvancedPublisher] = {}
         self._failing = False
@@ -62,6 +67,8 @@ class ZenohSink:
         return self._session is not None
 
     def score(self, row: ScoreRow) -> None:
+        if self._board:
+            self._board.score(row)
         values = {name: getattr(row, name) for name in ScoreRow.__dataclass_fields__} | {"time": iso(row.time)}
         with self._lock:
             if self._session is None:
@@ -76,9 +83,13 @@ class ZenohSink:
 
     def alarm(self, transition: Transition, again: bool = False) -> None:
         row = transition.alarm
+        if self._board:
+            self._board.alarm(row)
         self._keep(f"{row.joint}/alarm", row.cause.value, payload(documents.transition(transition)))
 
     def health(self, row: JointRow) -> None:
+        if self._board:
+            self._board.health(row)
         values = {"joint": row.name, "health": row.health.value, "since": iso(row.since), "reason": row.reason}
         self._keep(f"{row.name}/health", "", payload(values))
 
@@ -88,6 +99,8 @@ class ZenohSink:
         with self._lock:
             session, self._session = self._session, None
             self._publishers.clear()
+        if self._ros2 is not None:
+            self._ros2.close()
         if session is not None:
             session.close()  # type: ignore[no-untyped-call]
         self._thread.join(CLOSE_S)
@@ -139,8 +152,7 @@ class ZenohSink:
                 try:
                     self._reply(query)
                 except (LostmotionError, sqlite3.Error) as error:
-                    robot = self._prefix.partition("/")[2]
-                    query.reply_err(payload({"robot": robot, "error": str(error)}), encoding=JSON)
+                    query.reply_err(payload({"robot": self._robot, "error": str(error)}), encoding=JSON)
 
     def _reply(self, query: zenoh.Query) -> None:
         asked = str(query.key_expr)
@@ -164,6 +176,9 @@ class ZenohSink:
                 session = zenoh.open(configuration(self._options))
                 self._token = session.liveliness().declare_token(f"{self._prefix}/alive")
                 queryable = session.declare_queryable(f"{self._prefix}/**")
+                if self._board:
+                    domain = self._options.ros2_domain
+                    self._ros2 = Ros2Publisher(session, self._robot, domain, self._board, self._say)
             except zenoh.ZError as error:
                 self._say(f"session not open, trying again: {brief(error)}")
                 self._closing.wait(pause)

@@ -1,0 +1,53 @@
+"""A thread that sends a robot's diagnostics to ROS 2 once a second, over a Zenoh session that is open."""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+import time
+from collections.abc import Callable
+from datetime import UTC, datetime
+
+import zenoh
+
+from lostmotion.daemon.sinks.diagnostics import GID_BYTES, Board, attachment, key, tokens
+
+__all__ = ["Ros2Publisher"]
+
+PERIOD_S = 1.0
+"""the habit of ROS: an aggregator calls what is silent for five seconds stale [s]"""
+CLOSE_S = 2.0
+
+
+class Ros2Publisher:
+    """Shows a node and a publisher to ROS, and sends what the board says; say: told what goes wrong, "" when well."""
+
+    def __init__(
+        self, session: zenoh.Session, robot: str, domain: int, board: Board, say: Callable[[str], None]
+    ) -> None:
+        names = tokens(domain, robot, str(session.zid()))
+        self._tokens = [session.liveliness().declare_token(name) for name in names]
+        self._gid = hashlib.blake2b(names[-1].encode(), digest_size=GID_BYTES).digest()
+        self._publisher = session.declare_publisher(key(domain))
+        self._board = board
+        self._say = say
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="ros2", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Sends no more; before the session is closed."""
+        self._closing.set()
+        self._thread.join(CLOSE_S)
+
+    def _run(self) -> None:
+        sequence = 0
+        while not self._closing.wait(PERIOD_S if sequence else 0.0):
+            sequence += 1
+            told = attachment(sequence, time.time_ns(), self._gid)
+            try:
+                self._publisher.put(self._board.message(datetime.now(UTC)), attachment=told)
+            except zenoh.ZError as error:
+                self._say(f"cannot publish for ROS 2: {error}")
+            else:
+                self._say("")
