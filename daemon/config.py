@@ -19,7 +19,14 @@ import msgspec
 from msgspec import inspect
 
 from lostmotion.daemon import crosscheck
-from lostmotion.daemon.options import AlarmOptions, DetectorOptions, RobotTable, StoreOptions, ZenohOptions
+from lostmotion.daemon.options import (
+    AlarmOptions,
+    DetectorOptions,
+    MetricsOptions,
+    RobotTable,
+    StoreOptions,
+    ZenohOptions,
+)
 from lostmotion.detector.window import DetectorSettings
 from lostmotion.drivers import registry
 from lostmotion.drivers.base import AccelerometerOptions, Driver, JointOptions, RobotOptions
@@ -29,7 +36,7 @@ __all__ = ["Config", "ConfigError", "default", "load", "loads"]
 
 T = TypeVar("T")
 Table = dict[str, Any]
-OWN_TABLES = ("robot", "store", "accelerometer", "joint", "detector", "alarm")
+OWN_TABLES = ("robot", "store", "accelerometer", "joint", "detector", "alarm", "metrics")
 
 
 class ConfigError(LostmotionError):
@@ -53,6 +60,7 @@ class Config:
     alarm: AlarmOptions
     robots: Mapping[str, RobotOptions]
     drivers: Mapping[str, Driver]
+    metrics: MetricsOptions | None = None
     notes: tuple[str, ...] = ()
 
     @property
@@ -147,6 +155,7 @@ def _decode(tables: Table) -> Config:
         detector=_convert(tables.get("detector", {}), DetectorOptions, "detector"),
         overrides=overrides,
         alarm=_convert(tables.get("alarm", {}), AlarmOptions, "alarm"),
+        metrics=_convert(tables["metrics"], MetricsOptions, "metrics") if "metrics" in tables else None,
         robots={name: _convert(tables.get(name, {}), driver.robot_options, name) for name, driver in drivers.items()},
         drivers=drivers,
     )

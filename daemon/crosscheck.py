@@ -31,6 +31,7 @@ WINDOW_S = (0.02, 5.0)
 """a window has to hold a ring-down, and to fit four times into the ring of samples (robot.py)"""
 MOST_CAN_JOINTS = 255
 ENDPOINT = re.compile(r"(tcp|udp|tls|quic|ws)/\S+:\d+([?#]\S*)?|(serial|unixsock-stream|unixpipe|vsock)/\S+")
+LISTEN = re.compile(r"(\d+\.\d+\.\d+\.\d+|\[[0-9a-fA-F:.]+\]):(\d+)")
 SAFE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
 
 
@@ -49,6 +50,10 @@ def check(config: Config) -> tuple[str, ...]:
     _addresses(config)
     _can(config)
     notes = [note for joint in config.joints for note in _bands(config, joint)]
+    if config.metrics and not config.metrics.listen.startswith(("127.", "[::1]")):
+        notes.append(
+            f"metrics.listen: whoever reaches {config.metrics.listen} can read the metrics; there is no password"
+        )
     return tuple(dict.fromkeys(notes))
 
 
@@ -143,10 +148,16 @@ def _ports(config: Config) -> None:
 
 
 def _addresses(config: Config) -> None:
-    """The database is no folder; Zenoh understands its endpoints."""
+    """The database is no folder; metrics are asked for at an address; Zenoh understands its endpoints."""
     if os.path.isdir(config.database):  # noqa: PTH112 - Path.is_dir raises where this user may not look
         raise CrossCheckError(
             f"store.path: found a directory, {config.database}; expected a file, such as {config.database}/history.db"
+        )
+    listen = LISTEN.fullmatch(config.metrics.listen) if config.metrics else None
+    if config.metrics and not (listen and 0 < int(listen[2]) < 65536):
+        raise CrossCheckError(
+            f"metrics.listen: found {config.metrics.listen!r}, expected ADDRESS:PORT such as 127.0.0.1:9464 "
+            "or [::1]:9464"
         )
     zenoh = config.zenoh
     if zenoh and zenoh.config:

@@ -12,7 +12,15 @@ from msgspec import UNSET, Meta, Struct, UnsetType
 
 from lostmotion.detector.window import Statistic
 
-__all__ = ["AlarmOptions", "CanOptions", "DetectorOptions", "RobotTable", "StoreOptions", "ZenohOptions"]
+__all__ = [
+    "AlarmOptions",
+    "CanOptions",
+    "DetectorOptions",
+    "MetricsOptions",
+    "RobotTable",
+    "StoreOptions",
+    "ZenohOptions",
+]
 
 Positive = Annotated[float, Meta(gt=0)]
 Share = Annotated[float, Meta(gt=0, le=1)]
@@ -80,6 +88,12 @@ class CanOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     bitrate: Annotated[int, Meta(gt=0)] | None = None
     heartbeat_s: Annotated[float, Meta(ge=0.01, le=65.5)] = 1.0
     options: dict[str, str | int | float | bool] = {}
+
+
+class MetricsOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """``[metrics]``: where Prometheus may ask; without the table nothing listens."""
+
+    listen: str = "127.0.0.1:9464"
 
 
 class AlarmOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import datetime
 from types import FrameType
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from lostmotion.daemon import logs, outlook, requests
 from lostmotion.daemon.alarm import Change, JointMonitor
@@ -28,6 +28,9 @@ from lostmotion.daemon.sinks import Sink
 from lostmotion.daemon.sinks.log import LogSink
 from lostmotion.daemon.store import Store
 from lostmotion.drivers.errors import LostmotionError
+
+if TYPE_CHECKING:
+    from lostmotion.daemon.metrics import Exporter
 
 __all__ = ["run"]
 
@@ -106,6 +109,7 @@ class Service:
         self._notifier = Notifier()
         self._threads: list[threading.Thread] = []
         self._sinks: list[Sink] = []
+        self._exporter: Exporter | None = None
         self._monitors: dict[str, JointMonitor] = {}
         self._robot = Robot(config)
         self._store = _store(config)
@@ -154,6 +158,7 @@ class Service:
         for note in config.notes:
             log.warning("%s", note)
         self._sinks = _sinks(config)
+        self._exporter = _exporter(config, self._store, self._robot)
         self._reader = self._store.reader()
         self._last_request = 0
         self._monitors = {joint.name: self._monitor(joint.name) for joint in config.joints}
@@ -182,6 +187,8 @@ class Service:
         self._account()
         self._tell_settled(FINISH_S)
         self._reader.close()
+        if self._exporter is not None:
+            self._guard(self._exporter.close)
         for sink in self._sinks:
             self._guard(sink.close)
 
@@ -363,6 +370,14 @@ class Service:
 
 def _store(config: Config) -> Store:
     return Store(config.database, config.robot.name, config.store.keep_windows_mb)
+
+
+def _exporter(config: Config, store: Store, robot: Robot) -> Exporter | None:
+    if config.metrics is None:
+        return None
+    from lostmotion.daemon.metrics import Exporter  # an HTTP server that many do not need
+
+    return Exporter(config.metrics.listen, store, robot.pipeline.counts)
 
 
 def _sinks(config: Config) -> list[Sink]:
