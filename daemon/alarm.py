@@ -102,6 +102,15 @@ class JointMonitor:
         text = f"{self.row.name}: {causes or 'nothing to be'} {DONE[request.verb]}"
         return changes, Answer(request.id, bool(changes), text)
 
+    def retire(self, time: datetime) -> list[Change]:
+        """The joint is watched no more: what nobody would see go does not stand any longer."""
+        standing = [alarm for alarm in self._alarms.values() if alarm.cleared is None]
+        changes: list[Change] = [self._keep(happen(alarm, AlarmEvent.CLEARED, time)) for alarm in standing]
+        if changes or self.row.health is not Health.OK:
+            self.row = JointRow(self.row.name, Health.OK, "not watched any longer", time)
+            changes.append(self.row)
+        return changes
+
     def _judge(self) -> None:
         if len(self._windows) < min(LEAST_WINDOWS, self._options.windows):
             return

@@ -57,15 +57,18 @@ def resume(reader: Reader, joint: str, options: AlarmOptions, since: datetime) -
     return JointMonitor(row, options, reader.scores(joint, limit=options.windows), reader.alarms(joint, living=True))
 
 
-def take(asked: Iterable[Request], monitors: Mapping[str, JointMonitor], time: datetime) -> list[Change | Answer]:
-    """Takes requests up; what changed by each, followed by its answer."""
+def take(
+    asked: Iterable[Request], monitors: Mapping[str, JointMonitor], reader: Reader, time: datetime
+) -> list[Change | Answer]:
+    """Takes requests up; what changed by each, followed by its answer.
+
+    A joint without a monitor is watched no more, and may still have an alarm that nobody has acknowledged.
+    """
     rows: list[Change | Answer] = []
     for request in asked:
-        if request.joint in monitors:
-            changes, answer = monitors[request.joint].request(request, time)
-            rows += [*changes, answer]
-        else:
-            rows.append(Answer(request.id, False, f"{request.joint}: the service does not watch it"))
+        monitor = monitors.get(request.joint) or resume(reader, request.joint, AlarmOptions(), time)
+        changes, answer = monitor.request(request, time)
+        rows += [*changes, answer]
         time += timedelta(microseconds=1)  # two requests in one second are two transitions
     return rows
 

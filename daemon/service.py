@@ -42,8 +42,8 @@ LOOP_S = 0.2
 """the main thread wakes at least so often, and whenever servos have spoken or a window is complete [s]"""
 LOOK_S = 1.0
 """how often devices are looked at [s]"""
-TELL_S = 0.02
-"""how long the main thread waits for the disk to take an alarm before it goes on and tells it later [s]"""
+TELL_S, SOON_S = 0.02, 0.005
+"""how long the main thread waits for the disk to take an alarm, and how often it looks again after that [s]"""
 AGAIN = 8
 """transitions of each alarm that the sinks get again at a start: one may have been stored and not told"""
 TREND_S = 3600.0
@@ -130,7 +130,7 @@ class Service:
         """Steps until there is a reason to stop."""
         end = math.inf
         while not (self._flags.stop or self._robot.finished or time.monotonic() >= end):
-            self._robot.inbox.bell.wait(LOOP_S)
+            self._robot.inbox.bell.wait(SOON_S if self._store.is_settling else LOOP_S)
             self._robot.inbox.bell.clear()
             self._step()
             self._look_around()
@@ -167,6 +167,8 @@ class Service:
                 for _, transition in self._reader.transitions(joint, cause, newest=AGAIN):
                     self._tell(transition, again=True)
             self._store_and_tell([monitor.row])
+        for gone in {row.name for row in self._reader.joints()} - set(self._monitors):
+            self._store_and_tell(self._monitor(gone).retire(self._utc()))
         self._threads = [
             threading.Thread(target=self._poll, args=(poller, self._robot.stop), name=poller.name, daemon=True)
             for poller in self._robot.pollers
@@ -287,7 +289,7 @@ class Service:
         asked = self._reader.requests(self._last_request)
         for request in asked:
             self._last_request = request.id
-        self._store_and_tell(requests.take(asked, self._monitors, utc))
+        self._store_and_tell(requests.take(asked, self._monitors, self._reader, utc))
 
     def _ask_trend(self, utc: datetime) -> None:
         """The trend of one joint a second, of each once an hour: the main thread is never away for long."""

@@ -118,6 +118,11 @@ class Store:
             self._wake.wait_for(lambda: not self._untold, wait_s)
             return [self._settled.popleft() for _ in range(len(self._settled))]
 
+    @property
+    def is_settling(self) -> bool:
+        """Whether a transition is on its way to the disk, or waits to be told."""
+        return bool(self._untold or self._settled)
+
     def reader(self) -> Reader:
         """The same database for reading."""
         return open_readonly(self.path)

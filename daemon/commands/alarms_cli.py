@@ -16,12 +16,19 @@ from lostmotion.daemon.records import Cause, Request, Verb
 __all__ = ["alarms"]
 
 
+LONGEST_S = 366 * 86400.0
+"""what should be silent for longer should leave the configuration [s]"""
+
+
 def seconds(ctx: click.Context, param: click.Parameter, value: str) -> float:
-    """A length of time."""
+    """A length of time, a year at most."""
     try:
-        return positive(ctx, param, times.length(value)) or 0.0
+        length = positive(ctx, param, times.length(value)) or 0.0
     except times.TimeError as error:
         raise click.BadParameter(str(error), ctx, param) from error
+    if length > LONGEST_S:
+        raise click.BadParameter(f"found {value}, expected a year at most", ctx, param)
+    return length
 
 
 class DefaultList(click.Group):

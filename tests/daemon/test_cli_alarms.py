@@ -89,6 +89,7 @@ def test_wrong_calls_are_one_line(database: Path) -> None:
     assert is_one_line(call("alarms", "ack", "knee", "--database", database), "knee", "elbow, shoulder")
     assert is_one_line(call("alarms", "shelve", "elbow", "--for", "soon", "--database", database), "soon", "8h")
     assert is_one_line(call("alarms", "shelve", "elbow", "--for", "0h", "--database", database), "above 0")
+    assert is_one_line(call("alarms", "shelve", "elbow", "--for", "3y", "--database", database), "a year at most")
     assert is_one_line(call("alarms", "forget", "--database", database), "forget")
     assert is_one_line(call("alarms", "list", "--database", database.parent / "none.db"), "none.db")
 
@@ -124,6 +125,22 @@ def test_people_and_a_running_service(tmp_path: Path, start: Callable[..., Runni
     lines = watching.communicate(timeout=20)[0].splitlines()
     assert [json.loads(line)["event"] for line in lines] == ["acknowledged", "shelved", "unshelved"]
     assert len({json.loads(line)["id"] for line in lines}) == 3
+
+
+def test_a_joint_that_leaves_the_configuration(tmp_path: Path, start: Callable[..., Running]) -> None:
+    """Its alarm does not stand for ever: it has returned, and can still be acknowledged."""
+    path, database = tmp_path / "fake.toml", tmp_path / "history.db"
+    path.write_text(fake_config(tmp_path, joints=["elbow", "impostor"]))
+    service = start(path)
+    service.wait_for("alarm joint=impostor")
+    assert service.stop(signal.SIGTERM) == 0
+    path.write_text(fake_config(tmp_path))
+    service = start(path)
+    service.wait_for("alarm joint=impostor cause=device severity=error event=cleared")
+    wait_until(lambda: states(database) == [AlarmState.RETURNED])
+    assert call("alarms", "ack", "impostor", "--database", database).exit_code == 0
+    assert states(database) == []
+    assert service.stop(signal.SIGTERM) == 0
 
 
 def watch(folder: Path, database: Path) -> Any:
