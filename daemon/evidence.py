@@ -29,7 +29,7 @@ class Evidence:
     def __str__(self) -> str:
         share = f"{self.share:.0%} of the last {self.windows} windows above the level"
         size = f", {math.degrees(self.play) * 60:.1f}' wide" if self.play == self.play else ""
-        trend = f", at its level in {self.days:.0f} days as its trend goes" if self.days == self.days else ""
+        trend = f", reaching it in {self.days:.0f} days as its trend goes" if self.days == self.days else ""
         return f"play: {share}, median {self.ratio:.2g} x level{size}{trend}"
 
 

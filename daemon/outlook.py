@@ -32,4 +32,6 @@ def days_to_level(reader: Reader, joint: str, now: datetime) -> float:
     if mann_kendall(values, ALPHA).direction != "rising":
         return math.nan
     left = time_to_limit(theil_sen(times, values), times[-1], scores[-1].level)
-    return left.likely / 86400 if left and left.likely <= times[-1] else math.nan
+    if left is None or left.likely > times[-1]:
+        return math.nan
+    return max(left.likely - (now - scores[-1].time).total_seconds(), 0.0) / 86400

@@ -11,18 +11,19 @@ import signal
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import datetime
 from types import FrameType
 from typing import TYPE_CHECKING, TypeVar
 
-from lostmotion.daemon import logs, outlook, requests
-from lostmotion.daemon.alarm import Change, JointMonitor
+from lostmotion.daemon import logs
+from lostmotion.daemon.alarm import Change
 from lostmotion.daemon.config import Config
+from lostmotion.daemon.desk import AlarmDesk
 from lostmotion.daemon.notify import Notifier
 from lostmotion.daemon.poller import Poller
-from lostmotion.daemon.records import Answer, Cause, DeviceRow, JointRow, ScoreRow, Transition, WindowRow
+from lostmotion.daemon.records import DeviceRow, JointRow, ScoreRow, WindowRow
 from lostmotion.daemon.robot import Robot
 from lostmotion.daemon.sinks import Sink
 from lostmotion.daemon.sinks.log import LogSink
@@ -40,14 +41,10 @@ T = TypeVar("T")
 
 LOOP_S = 0.2
 """the main thread wakes at least so often, and whenever servos have spoken or a window is complete [s]"""
+SOON_S = 0.005
+"""the same while an alarm is on its way to the disk: it is told when it is there [s]"""
 LOOK_S = 1.0
 """how often devices are looked at [s]"""
-TELL_S, SOON_S = 0.02, 0.005
-"""how long the main thread waits for the disk to take an alarm, and how often it looks again after that [s]"""
-AGAIN = 8
-"""transitions of each alarm that the sinks get again at a start: one may have been stored and not told"""
-TREND_S = 3600.0
-"""how often the trends are asked [s]"""
 ACCOUNT_S = 10.0
 """how often the devices' counts go to the database [s]"""
 SUMMARY_S = 300.0
@@ -110,13 +107,9 @@ class Service:
         self._threads: list[threading.Thread] = []
         self._sinks: list[Sink] = []
         self._exporter: Exporter | None = None
-        self._monitors: dict[str, JointMonitor] = {}
         self._robot = Robot(config)
         self._store = _store(config)
         self._due = {period_s: time.monotonic() + period_s for period_s in (LOOK_S, ACCOUNT_S, SUMMARY_S)}
-        self._due[TREND_S] = 0.0
-        self._trends: list[str] = []
-        self._last_request = 0
         self._watched = (time.monotonic(), 0)
 
     def startup(self) -> None:
@@ -159,16 +152,8 @@ class Service:
             log.warning("%s", note)
         self._sinks = _sinks(config)
         self._exporter = _exporter(config, self._store, self._robot)
-        self._reader = self._store.reader()
-        self._last_request = 0
-        self._monitors = {joint.name: self._monitor(joint.name) for joint in config.joints}
-        for joint, monitor in self._monitors.items():
-            for cause in Cause:
-                for _, transition in self._reader.transitions(joint, cause, newest=AGAIN):
-                    self._tell(transition, again=True)
-            self._store_and_tell([monitor.row])
-        for gone in {row.name for row in self._reader.joints()} - set(self._monitors):
-            self._store_and_tell(self._monitor(gone).retire(self._utc()))
+        joints = [joint.name for joint in config.joints]
+        self._desk = AlarmDesk(joints, config.alarm, self._store, self._tell, self._utc())
         self._threads = [
             threading.Thread(target=self._poll, args=(poller, self._robot.stop), name=poller.name, daemon=True)
             for poller in self._robot.pollers
@@ -187,8 +172,8 @@ class Service:
         for thread in self._threads:
             thread.join(1.0)
         self._account()
-        self._tell_settled(FINISH_S)
-        self._reader.close()
+        self._desk.tell_settled(FINISH_S)
+        self._desk.close()
         if self._exporter is not None:
             self._guard(self._exporter.close)
         for sink in self._sinks:
@@ -224,10 +209,6 @@ class Service:
         self._robot, self._store = Robot(self._config), _store(self._config)
         self._begin()
 
-    def _monitor(self, joint: str) -> JointMonitor:
-        """A joint's health where an earlier run left it."""
-        return requests.resume(self._reader, joint, self._config.alarm, self._utc())
-
     def _utc(self) -> datetime:
         """The robot's time."""
         return self._robot.clock.utc(self._robot.clock.now())
@@ -244,37 +225,24 @@ class Service:
             self._store.add(row)
             if self._config.store.keep_windows_mb:
                 self._store.add(WindowRow.of(scored.window, row.impact, utc))
-            self._store_and_tell(self._monitors[row.joint].scored(row))
-        self._tell_settled(0.0)
+            self._guard(self._desk.scored, row)
+        self._desk.tell_settled()
 
-    def _store_and_tell(self, rows: Sequence[Change | Answer]) -> None:
-        """An alarm is told once it is stored, so that no kill lets it be told twice under two names."""
-        if rows:
-            self._store.add(*rows)
-            self._tell_settled(TELL_S)
-        for row in rows:
-            for sink in self._sinks if isinstance(row, JointRow) else ():
-                self._guard(sink.health, row)
-
-    def _tell_settled(self, wait_s: float) -> None:
-        for transition in self._store.settled(wait_s):
-            self._tell(transition)
-
-    def _tell(self, transition: Transition, again: bool = False) -> None:
+    def _tell(self, change: Change, again: bool = False) -> None:
         for sink in self._sinks:
-            self._guard(sink.alarm, transition, again)
+            if isinstance(change, JointRow):
+                self._guard(sink.health, change)
+            else:
+                self._guard(sink.alarm, change, again)
 
     def _look_around(self) -> None:
         """What need not be done for every window: dead devices, alarms' delays, requests, trends, systemd, counts."""
         if self._is_due(LOOK_S):
             utc = self._utc()
             for joint in self._config.joints:
-                monitor, fault = self._monitors[joint.name], self._robot.fault(joint)
-                if fault is not None:
-                    self._store_and_tell(monitor.device(fault, utc))
-                self._store_and_tell(monitor.tick(utc))
-            self._guard(self._take_requests, utc)
-            self._guard(self._ask_trend, utc)
+                self._desk.look(joint.name, self._robot.fault(joint), utc)
+            self._guard(self._desk.take_requests, utc)
+            self._guard(self._desk.ask_trend, utc)
             if self._store.damage is not None:
                 self._leave_damaged_store()
             self._notifier.status(self._status())
@@ -283,21 +251,6 @@ class Service:
         if self._is_due(SUMMARY_S):
             self._summary()
         self._feed_watchdog()
-
-    def _take_requests(self, utc: datetime) -> None:
-        """What people have asked of the alarms since the last look."""
-        asked = self._reader.requests(self._last_request)
-        for request in asked:
-            self._last_request = request.id
-        self._store_and_tell(requests.take(asked, self._monitors, self._reader, utc))
-
-    def _ask_trend(self, utc: datetime) -> None:
-        """The trend of one joint a second, of each once an hour: the main thread is never away for long."""
-        if self._is_due(TREND_S):
-            self._trends = list(self._monitors)
-        if self._trends:
-            joint = self._trends.pop()
-            self._store_and_tell(self._monitors[joint].trend(outlook.days_to_level(self._reader, joint, utc), utc))
 
     def _is_due(self, period_s: float) -> bool:
         now = time.monotonic()
@@ -329,7 +282,7 @@ class Service:
 
     def _status(self) -> str:
         counts = self._robot.pipeline.counts.values()
-        healths = Counter(monitor.row.health.value for monitor in self._monitors.values())
+        healths = Counter(health.value for health in self._desk.healths)
         text = ", ".join(f"{number} {health}" for health, number in sorted(healths.items()))
         lost = sum((count.lost for count in counts), Counter[str]())
         text += f"; windows: {sum(count.scored for count in counts)} scored, {lost.total()} lost"

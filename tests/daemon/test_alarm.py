@@ -98,7 +98,7 @@ def test_a_trend_that_nears_the_level_degrades() -> None:
     joint = monitor(trend_days=30.0)
     feed(joint, *[0.5] * 10)
     assert events(joint.trend(20.0, at(20))) == [(RAISED, Severity.DEGRADED)]
-    assert joint.row.reason.endswith("at its level in 20 days as its trend goes")
+    assert joint.row.reason.endswith("reaching it in 20 days as its trend goes")
     assert joint.trend(45.0, at(21)) == []
     assert events(joint.trend(math.nan, at(22))) == [(CLEARED, Severity.DEGRADED)]
     off = monitor(trend_days=0.0)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 
 import click
@@ -208,10 +210,11 @@ def test_run_tells_where_the_database_is(tmp_path: Path) -> None:
 
 
 def test_run_that_cannot_start_says_so_in_one_line(tmp_path: Path) -> None:
-    """A database that cannot be opened and a folder in its place: status 2, and one line in all on stderr."""
+    """Another program's database and a folder in its place: status 2, and one line in all on stderr."""
     (tmp_path / "folder").mkdir()
-    (tmp_path / "text").write_text("no database" * 999)
-    for path, words in (("folder", "found a directory, folder"), ("text", "no SQLite database")):
+    with closing(sqlite3.connect(tmp_path / "photos.db")) as photos:
+        photos.execute("CREATE TABLE photo (name)")
+    for path, words in (("folder", "found a directory, folder"), ("photos.db", "database of another program")):
         (tmp_path / "robot.toml").write_text(HARDWARE.replace("history.db", path))
         process = start("run", "--config", "robot.toml", "--duration", "0.2", folder=tmp_path)
         out, err = process.communicate(timeout=30)

@@ -11,7 +11,7 @@ from contextlib import closing
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 import zenoh
@@ -57,9 +57,10 @@ class Listener:
         self.heard.setdefault(str(sample.key_expr), []).append(json.loads(sample.payload.to_bytes()))
 
 
-def test_scores_alarms_and_health_arrive_under_their_keys(endpoint: str) -> None:
+@pytest.mark.parametrize("mode", ["peer", "router"])
+def test_scores_alarms_and_health_arrive_under_their_keys(endpoint: str, mode: Literal["peer", "router"]) -> None:
     """JSON with schema 1, UTC with Z, null for unknown, encoding application/json; the token says the service lives."""
-    options = ZenohOptions(listen=[endpoint])
+    options = ZenohOptions(mode=mode, listen=[endpoint])
     with closing(ZenohSink("arm1", options, NOWHERE)) as sink:
         wait_until(lambda: sink.is_open)
         with session("client", connect=[endpoint]) as other:
@@ -201,7 +202,7 @@ from lostmotion.daemon.sinks.zenoh import ZenohSink
 from lostmotion.daemon.store import Store
 from pathlib import Path
 import time
-one = ZenohSink("a", ZenohOptions(listen=["{endpoint}"]), Path("none.db"))
+one = ZenohSink("a", ZenohOptions(listen=["{endpoint}"], ros2=True), Path("none.db"))
 two = ZenohSink("b", ZenohOptions(mode="client", connect=["tcp/127.0.0.1:1"]), Path("none.db"))
 while not one.is_open:
     time.sleep(0.01)

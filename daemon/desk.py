@@ -1,0 +1,100 @@
+"""Where alarms are handled while a service runs: monitors of all joints, between the store and those who are told.
+
+What is told and how is the service's; what leads to an alarm is ``alarm.py``'s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from datetime import datetime, timedelta
+
+from lostmotion.daemon import outlook, requests
+from lostmotion.daemon.alarm import Change
+from lostmotion.daemon.options import AlarmOptions
+from lostmotion.daemon.records import Answer, Cause, Health, JointRow, ScoreRow
+from lostmotion.daemon.store import Store
+
+__all__ = ["AlarmDesk"]
+
+TELL_S = 0.02
+"""how long the main thread waits for the disk to take an alarm before it goes on and tells it later [s]"""
+AGAIN = 8
+"""transitions of each alarm that are told again at a start: one may have been stored and not told"""
+TREND = timedelta(hours=1)
+"""how often a joint's trend is asked"""
+
+
+class AlarmDesk:
+    """Health and alarms of the joints, from where an earlier run left them.
+
+    tell: gets what changed, and whether an earlier run may have told it already.  An alarm is told once it is stored,
+    so that no kill lets it be told twice under two names.
+    """
+
+    def __init__(
+        self,
+        joints: Iterable[str],
+        options: AlarmOptions,
+        store: Store,
+        tell: Callable[[Change, bool], None],
+        utc: datetime,
+    ) -> None:
+        self._store = store
+        self._tell = tell
+        self._reader = store.reader()
+        self._monitors = {joint: requests.resume(self._reader, joint, options, utc) for joint in joints}
+        self._trend_due = dict.fromkeys(self._monitors, utc)
+        self._last_request = 0
+        for joint, monitor in self._monitors.items():
+            for cause in Cause:
+                for _, transition in self._reader.transitions(joint, cause, newest=AGAIN):
+                    self._tell(transition, True)
+            self._change([monitor.row])
+        for gone in {row.name for row in self._reader.joints()} - set(self._monitors):
+            self._change(requests.resume(self._reader, gone, options, utc).retire(utc))
+
+    @property
+    def healths(self) -> list[Health]:
+        """The present health of each joint."""
+        return [monitor.row.health for monitor in self._monitors.values()]
+
+    def scored(self, row: ScoreRow) -> None:
+        """A window has been scored."""
+        self._change(self._monitors[row.joint].scored(row))
+
+    def look(self, joint: str, fault: str | None, utc: datetime) -> None:
+        """Time has passed; fault: what is wrong with the joint's devices, "" for nothing, None while it is unknown."""
+        if fault is not None:
+            self._change(self._monitors[joint].device(fault, utc))
+        self._change(self._monitors[joint].tick(utc))
+
+    def take_requests(self, utc: datetime) -> None:
+        """What people have asked of the alarms since the last look."""
+        asked = self._reader.requests(self._last_request)
+        for request in asked:
+            self._last_request = request.id
+        self._change(requests.take(asked, self._monitors, self._reader, utc))
+
+    def ask_trend(self, utc: datetime) -> None:
+        """The trend of one joint whose turn it is: the caller is never away for long."""
+        joint = next((joint for joint, due in self._trend_due.items() if due <= utc), None)
+        if joint is not None:
+            self._trend_due[joint] = utc + TREND
+            self._change(self._monitors[joint].trend(outlook.days_to_level(self._reader, joint, utc), utc))
+
+    def tell_settled(self, wait_s: float = 0.0) -> None:
+        """Tells what is on the disk by now, or within ``wait_s``."""
+        for transition in self._store.settled(wait_s):
+            self._tell(transition, False)
+
+    def close(self) -> None:
+        """Reads no more."""
+        self._reader.close()
+
+    def _change(self, rows: Sequence[Change | Answer]) -> None:
+        if rows:
+            self._store.add(*rows)
+            self.tell_settled(TELL_S)
+        for row in rows:
+            if isinstance(row, JointRow):
+                self._tell(row, False)
