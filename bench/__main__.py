@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import sys
 
-NAMES = ("simulation", "detector", "latency", "alarms", "fleet", "service")
+NAMES = ("simulation", "detector", "latency", "alarms", "fleet", "service", "store")
 
 
 def main() -> None:

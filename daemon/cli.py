@@ -122,6 +122,7 @@ def status(config: Path | None, database: Path | None, fail: bool, as_json: bool
 @until
 @click.option("--limit", type=click.IntRange(min=1), metavar="N", help="The newest N of them.")
 @click.option("--csv", "as_csv", is_flag=True, help="CSV on stdout.")
+@click.option("--parquet", type=FILE, metavar="FILE", help="Write an Apache Parquet file (needs lostmotion[parquet]).")
 @as_json
 def history(
     joint: str,
@@ -131,14 +132,16 @@ def history(
     until: datetime | None,
     limit: int | None,
     as_csv: bool,
+    parquet: Path | None,
     as_json: bool,
 ) -> None:
     """Scores of a joint, oldest first."""
     from lostmotion.daemon.commands.history import history
 
-    if as_csv and as_json:
-        raise click.UsageError("found --csv and --json, expected one of them")
-    history(joint, config, database, (since, until, limit), "json" if as_json else "csv" if as_csv else "table")
+    forms = [form for form, asked in (("csv", as_csv), ("json", as_json), (parquet, parquet)) if form and asked]
+    if len(forms) > 1:
+        raise click.UsageError("found more than one of --csv, --json and --parquet, expected one of them")
+    history(joint, config, database, (since, until, limit), forms[0] if forms else "table")
 
 
 @cli.command()

@@ -33,10 +33,12 @@ class RobotTable(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 class StoreOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """``[store]``: the database's path ("" means the user's state folder) and how much raw data is kept [MB]."""
+    """``[store]``: the database's path ("" means the user's state folder), how much raw data is kept [MB], and after
+    how many days only one score an hour is kept (0: never)."""
 
     path: str = ""
     keep_windows_mb: Annotated[float, Meta(ge=0)] = 100.0
+    keep_scores_days: Annotated[float, Meta(ge=0)] = 730.0
 
 
 class DetectorOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

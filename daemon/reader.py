@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 import sqlite3
+from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+import numpy as np
 from sqlite_utils import Database
 
 from lostmotion.daemon.database import newer
@@ -30,9 +32,16 @@ from lostmotion.daemon.records import (
     from_micros,
     micros,
 )
+from lostmotion.daemon.rollup import SERIES, Series
 from lostmotion.drivers.errors import LostmotionError
 
 __all__ = ["Reader", "ReaderError", "open_readonly"]
+
+
+SCORE = "time_us, duration_us, score, level, impact, play, play_low, play_high, excitation, temperature, quality"
+"""the columns of a score, in the order of ScoreRow's fields"""
+BATCH = 50_000
+NAN = math.nan
 
 
 class ReaderError(LostmotionError):
@@ -76,8 +85,14 @@ class Reader:
     """An open database; a context manager."""
 
     SCORES = (
-        "SELECT * FROM score WHERE joint_id = (SELECT id FROM joint WHERE name = :joint)"
+        f"SELECT {SCORE} FROM score WHERE joint_id = (SELECT id FROM joint WHERE name = :joint)"
         " AND time_us >= :since AND time_us < :until ORDER BY time_us DESC LIMIT :limit"
+    )
+
+    NUMBERS = (
+        "SELECT time_us, score, level, impact, quality IS NULL FROM score"
+        " WHERE joint_id = (SELECT id FROM joint WHERE name = :joint) AND time_us >= :since AND time_us < :until"
+        " AND score IS NOT NULL ORDER BY time_us"
     )
 
     def __init__(self, connection: sqlite3.Connection) -> None:
@@ -111,16 +126,23 @@ class Reader:
         self, joint: str, since: datetime | None = None, until: datetime | None = None, limit: int | None = None
     ) -> list[ScoreRow]:
         """Scores of a joint with since <= time < until, oldest first; with a limit, the newest so many of them."""
-        rows = self._db.query(
-            self.SCORES,
-            {
-                "joint": joint,
-                "since": micros(since) if since else 0,
-                "until": micros(until) if until else 2**62,
-                "limit": -1 if limit is None else limit,
-            },
+        rows = self._db.conn.execute(self.SCORES, _bounds(joint, since, until, limit)).fetchall()
+        return [_score(joint, row) for row in reversed(rows)]
+
+    def batches(
+        self, joint: str, since: datetime | None = None, until: datetime | None = None, limit: int | None = None
+    ) -> Iterator[list[tuple[Any, ...]]]:
+        """The same rows as the database has them (SCORE), many at a time."""
+        rows = self._db.conn.execute(
+            f"SELECT * FROM ({self.SCORES}) ORDER BY time_us", _bounds(joint, since, until, limit)
         )
-        return [_score(joint, row) for row in reversed(list(rows))]
+        while batch := rows.fetchmany(BATCH):
+            yield batch
+
+    def series(self, joint: str, since: datetime | None = None, until: datetime | None = None) -> Series:
+        """The scores that are numbers, as columns: years of them in a second."""
+        rows = self._db.conn.execute(self.NUMBERS, _bounds(joint, since, until, None))
+        return np.fromiter(rows, SERIES)
 
     def last_window(self, joint: str) -> ScoreRow | None:
         """The newest scored window of a joint."""
@@ -180,12 +202,12 @@ class Reader:
         """At most ``count`` sound scores, the first of as many equal spans of time, oldest first: quick however many
         there are."""
         query = (
-            "SELECT * FROM score WHERE joint_id = (SELECT id FROM joint WHERE name = ?) AND time_us >= ?"
+            f"SELECT {SCORE} FROM score WHERE joint_id = (SELECT id FROM joint WHERE name = ?) AND time_us >= ?"
             " AND time_us < ? AND quality IS NULL AND score IS NOT NULL ORDER BY time_us LIMIT 1"
         )
         step = (until - since) / count
         spans = ((micros(since + k * step), micros(since + (k + 1) * step)) for k in range(count))
-        return [_score(joint, row) for span in spans for row in self._db.query(query, [joint, *span])]
+        return [_score(joint, row) for span in spans for row in self._db.conn.execute(query, [joint, *span])]
 
     def devices(self) -> list[DeviceRow]:
         """What each servo bus and accelerometer has delivered and lost, as the service last wrote it."""
@@ -219,14 +241,23 @@ def _transition(row: dict[str, Any]) -> Transition:
     return Transition(AlarmEvent(row["event"]), from_micros(row["time_us"]), _alarm(row), row["person"])
 
 
-def _score(joint: str, row: dict[str, Any]) -> ScoreRow:
-    numbers = ("score", "play", "play_low", "play_high", "excitation", "temperature")
+def _bounds(joint: str, since: datetime | None, until: datetime | None, limit: int | None) -> dict[str, Any]:
+    return {
+        "joint": joint,
+        "since": micros(since) if since else 0,
+        "until": micros(until) if until else 2**62,
+        "limit": -1 if limit is None else limit,
+    }
+
+
+def _score(joint: str, row: tuple[Any, ...]) -> ScoreRow:
+    """A row of SCORE's columns, by place: there may be tens of thousands."""
+    time_us, duration_us, score, level, impact, play, low, high, excitation, temperature, quality = row
     return ScoreRow(
-        joint=joint,
-        time=from_micros(row["time_us"]),
-        duration=row["duration_us"] / 1e6,
-        level=row["level"],
-        impact=bool(row["impact"]),
-        quality=row["quality"] or "ok",
-        **{name: math.nan if row[name] is None else row[name] for name in numbers},
-    )
+        joint, from_micros(time_us), duration_us / 1e6, _nan(score), level, bool(impact), _nan(play), _nan(low),
+        _nan(high), _nan(excitation), _nan(temperature), quality or "ok",
+    )  # fmt: skip
+
+
+def _nan(value: float | None) -> float:
+    return NAN if value is None else value

@@ -241,4 +241,4 @@ def micros(time: datetime) -> int:
 
 def from_micros(count: int) -> datetime:
     """The UTC of whole microseconds since 1970."""
-    return EPOCH + timedelta(microseconds=count)
+    return EPOCH + timedelta(0, 0, count)

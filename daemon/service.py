@@ -194,7 +194,7 @@ class Service:
         else:
             self._finish()
             if store is self._store:
-                store.configure(config.robot.name, config.store.keep_windows_mb)
+                store.configure(config.robot.name, config.store.keep_windows_mb, config.store.keep_scores_days)
             else:
                 self._store.close()
             self._config, self._robot, self._store = config, robot, store
@@ -324,7 +324,7 @@ class Service:
 
 
 def _store(config: Config) -> Store:
-    return Store(config.database, config.robot.name, config.store.keep_windows_mb)
+    return Store(config.database, config.robot.name, config.store.keep_windows_mb, config.store.keep_scores_days)
 
 
 def _exporter(config: Config, store: Store, robot: Robot) -> Exporter | None:

@@ -11,6 +11,7 @@ import logging
 import math
 import sqlite3
 import threading
+import time
 from collections import deque
 from collections.abc import Sequence
 from datetime import datetime
@@ -20,6 +21,7 @@ from lostmotion.daemon import database
 from lostmotion.daemon.database import StoreError
 from lostmotion.daemon.reader import Reader, open_readonly
 from lostmotion.daemon.records import Answer, DeviceRow, JointRow, ScoreRow, Transition, WindowRow, micros
+from lostmotion.daemon.rollup import DAY_US, roll_up
 
 __all__ = ["Reader", "Store", "open_readonly"]
 
@@ -32,6 +34,8 @@ RETRY_S = 1.0
 """pause after the disk refused [s]"""
 BATCH = 5000
 """rows in one transaction at most"""
+ROLL_UP_S = 0.005
+"""how long old scores are rolled up after each batch [s]"""
 BACKLOG_ROWS = 200_000
 BACKLOG_WINDOWS = 2_000
 ALARM = (
@@ -48,14 +52,15 @@ class Store:
     other process gets a Store of the same path: the scores of two robots would be mixed.
     """
 
-    def __init__(self, path: Path, robot: str, keep_windows_mb: float = 100.0) -> None:
+    def __init__(self, path: Path, robot: str, keep_windows_mb: float = 100.0, keep_scores_days: float = 0.0) -> None:
         self.path = path
         self.problem = ""
         self.dropped = 0
         self.damage: sqlite3.Error | None = None
-        self._keep_bytes = self._kept_bytes = 0
+        self._keep_us = self._keep_bytes = self._kept_bytes = 0
         self._robot = self._robot_written = ""
-        self.configure(robot, keep_windows_mb)
+        self.configure(robot, keep_windows_mb, keep_scores_days)
+        self._newest: dict[int, int] = {}
         self._joints: dict[str, int] = {}
         self._rows: deque[Row] = deque()
         self._windows: deque[Row] = deque()
@@ -90,8 +95,13 @@ class Store:
             self._db = database.open_database(self.path)
             self._begin(robot)
 
-    def configure(self, robot: str, keep_windows_mb: float) -> None:
-        """Sets what a new configuration may change; ``keep_windows_mb`` of raw windows stay [MB]."""
+    def configure(self, robot: str, keep_windows_mb: float, keep_scores_days: float) -> None:
+        """Sets what a new configuration may change.
+
+        ``keep_windows_mb`` of raw windows stay [MB]; scores that are older than a joint's newest by
+        ``keep_scores_days`` become one an hour, 0: never.
+        """
+        self._keep_us = int(keep_scores_days * DAY_US)
         self._keep_bytes = int(keep_windows_mb * 1e6)
         self._robot = robot
 
@@ -165,6 +175,20 @@ class Store:
                     return
                 with self._wake:
                     self._wake.wait_for(lambda: self._closing, RETRY_S)
+            elif not closing:
+                self._roll_up()
+
+    def _roll_up(self) -> None:
+        """Goes on making old scores fewer, for a few milliseconds: alarms wait for this thread."""
+        end = time.monotonic() + ROLL_UP_S
+        try:
+            with self._db:
+                for joint, newest in self._newest.items() if self._keep_us else ():
+                    while time.monotonic() < end and roll_up(self._db, joint, newest - self._keep_us):
+                        pass
+        except sqlite3.Error as error:
+            # A disk that is full will refuse the next rows too, which are told of and tried again.
+            self.damage = error if database.is_damage(error) else None
 
     def _flush(self, queue: deque[Row]) -> bool:
         """Commits the oldest rows of a queue; on failure they go back to its head."""
@@ -245,8 +269,10 @@ class Store:
 
     def _score(self, row: ScoreRow) -> tuple[object, ...]:
         numbers = (row.play, row.play_low, row.play_high, row.excitation, row.temperature)
+        joint, time_us = self._id(row.joint), micros(row.time)
+        self._newest[joint] = max(time_us, self._newest.get(joint, 0))
         return (
-            self._id(row.joint), micros(row.time), round(row.duration * 1e6), _null(row.score), row.level, row.impact,
+            joint, time_us, round(row.duration * 1e6), _null(row.score), row.level, row.impact,
             *map(_null, numbers), None if row.quality == "ok" else row.quality,
         )  # fmt: skip
 

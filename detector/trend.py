@@ -18,6 +18,7 @@ from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.window import FloatArray
 
 __all__ = [
+    "MOST",
     "Slope",
     "TimeToLimit",
     "Trend",

@@ -19,10 +19,16 @@ __all__ = ["history"]
 Bounds = tuple[datetime | None, datetime | None, int | None]
 
 
-def history(joint: str, config: Path | None, database: Path | None, bounds: Bounds, form: str) -> None:
-    """Prints the scores with since <= time < until, the newest ``limit`` of them; form: table, csv or json."""
+def history(joint: str, config: Path | None, database: Path | None, bounds: Bounds, form: str | Path) -> None:
+    """Prints the scores with since <= time < until, the newest ``limit`` of them; form: table, csv or json, or the
+    Parquet file to write."""
     times.check_order(*bounds[:2])
     with open_joint(joint, config, database) as reader:
+        if isinstance(form, Path):
+            from lostmotion.daemon.commands.history_parquet import write
+
+            write(reader, joint, bounds, form)
+            return
         scores = reader.scores(joint, *bounds)
     if form == "json":
         output.print_json(documents.history(joint, scores))

@@ -11,6 +11,8 @@ import msgspec
 
 __all__ = ["arcmin", "bar", "number", "print_json", "print_lines", "print_markup", "print_table"]
 
+MOST_IN_COLOUR = 500
+"""Rows of a table that a person looks at; more are for paging and searching."""
 WIDE = 160
 """Columns of a table that goes to a file or a pipe: wide enough that nothing is cut off."""
 
@@ -33,6 +35,9 @@ def print_markup(*lines: str) -> None:
 
 def print_table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str] = ()) -> None:
     """A table in the one style of all commands; ``right`` names the columns of numbers.  Cells may hold rich markup."""
+    if len(rows) > MOST_IN_COLOUR:
+        print_lines(_plain(columns, rows, right))
+        return
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
@@ -42,6 +47,23 @@ def print_table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Se
     for row in rows:
         table.add_row(*row)
     _print(table)
+
+
+def _plain(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str]) -> list[str]:
+    """The same table without colours: rich takes a millisecond a row."""
+    from rich.cells import cell_len
+    from rich.markup import render
+
+    cells = [columns, *([render(cell).plain if "[" in cell else cell for cell in row] for row in rows)]
+    widths = [max(map(cell_len, column)) for column in zip(*cells, strict=True)]
+    lines = []
+    for row in cells:
+        gaps = [" " * (width - cell_len(cell)) for cell, width in zip(row, widths, strict=True)]
+        aligned = (
+            gap + cell if name in right else cell + gap for name, cell, gap in zip(columns, row, gaps, strict=True)
+        )
+        lines.append("   ".join(aligned).rstrip())
+    return [lines[0], "─" * (sum(widths) + 3 * (len(widths) - 1)), *lines[1:]]
 
 
 def _print(*items: object) -> None:

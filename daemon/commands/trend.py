@@ -15,9 +15,10 @@ import numpy as np
 
 from lostmotion.daemon.commands import output, times
 from lostmotion.daemon.commands.where import open_joint
-from lostmotion.daemon.records import ScoreRow, iso
+from lostmotion.daemon.records import from_micros, iso
+from lostmotion.daemon.rollup import Series, one_an_hour
 from lostmotion.detector.errors import DetectorError
-from lostmotion.detector.trend import Slope, WearTrend, summarise
+from lostmotion.detector.trend import MOST, Slope, WearTrend, summarise
 from lostmotion.detector.window import FloatArray
 from lostmotion.drivers.errors import LostmotionError
 
@@ -81,7 +82,7 @@ def trend(
     if png and png.suffix.lower() not in PICTURES:
         raise TrendError(f"--png: found the name {str(png)!r}, expected one that ends with {', '.join(PICTURES)}")
     with open_joint(joint, config, database) as reader:
-        history = _history(joint, reader.scores(joint, *bounds), level)
+        history = _history(joint, reader.series(joint, *bounds), level)
     if png:
         from lostmotion.daemon.commands.trend_picture import draw
 
@@ -94,18 +95,18 @@ def trend(
     output.print_lines([*_words(history), "", plot(history), *([f"picture: {png}"] if png else [])])
 
 
-def _history(joint: str, rows: list[ScoreRow], level: float | None) -> History:
-    rows = [row for row in rows if math.isfinite(row.score)]
-    if not rows:
+def _history(joint: str, series: Series, level: float | None) -> History:
+    if not series.size:
         raise TrendError(f"found no scores of {joint!r} in that time, expected at least 3; try an earlier --since")
-    start = rows[0].time
-    time = np.array([(row.time - start).total_seconds() for row in rows])
-    score = np.array([row.score for row in rows])
+    limit = level or float(series["level"][-1])
+    if series.size > MOST:
+        series = one_an_hour(series)  # as old ones are kept: a trend must not change when they are rolled up
+    time, score = (series["time_us"] - series["time_us"][0]) / 1e6, series["score"]
     try:
-        wear = summarise(time, score, level or rows[-1].level)
+        wear = summarise(time, score, limit)
     except DetectorError as error:
         raise TrendError(f"joint {joint!r}: {error}; let it run for longer, or try an earlier --since") from error
-    return History(joint, start, time, score, np.array([row.impact for row in rows]), wear)
+    return History(joint, from_micros(int(series["time_us"][0])), time, score, series["impact"], wear)
 
 
 def _document(history: History) -> dict[str, Any]:

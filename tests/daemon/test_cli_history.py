@@ -5,12 +5,15 @@ from __future__ import annotations
 import csv
 import io
 import json
+import sys
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import pytest
+from pyarrow import parquet
 
+from lostmotion.daemon.commands import output
 from lostmotion.daemon.commands.times import TimeError, ago, parse, span
 from lostmotion.daemon.store import Store
 from tests.daemon.cli_world import SIMULATED, START, call, fill, is_one_line
@@ -94,6 +97,37 @@ def test_history_table(database: Path) -> None:
     """People see a bar, a mark at impacts and the play in arc-minutes."""
     lines = call("history", "elbow", "--database", database, "--limit", "2").stdout.splitlines()
     assert lines[-1].split() == ["2026-12-30", "10:10:12.0", "6.97", "█" * 12, "4.00", "impact", "3.4'", "ok"]
+
+
+def test_a_long_table_looks_the_same(database: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tables with many rows, which are drawn in a quicker way, have the same columns, lines and bars."""
+    drawn = call("history", "elbow", "--database", database).stdout
+    monkeypatch.setattr(output, "MOST_IN_COLOUR", 10)
+    quick = call("history", "elbow", "--database", database).stdout
+    assert quick.splitlines() == [line.rstrip() for line in drawn.splitlines()]
+
+
+def test_history_parquet(database: Path, tmp_path: Path) -> None:
+    """Another program reads the same numbers, with types, UTC times, null for unknown, robot and joint."""
+    file = tmp_path / "elbow.parquet"
+    said = call("history", "elbow", "--database", database, "--limit", "20", "--parquet", file).stdout
+    assert said == f"{file}: 20 scores of elbow\n"
+    scores = document("history", "elbow", "--database", database, "--limit", "20")["scores"]
+    table = parquet.read_table(file)
+    assert table.schema.metadata == {b"robot": b"arm1", b"joint": b"elbow"}
+    assert [f"{time:%Y-%m-%dT%H:%M:%S.%fZ}" for time in table["time"].to_pylist()] == [row["time"] for row in scores]
+    for name in ("score", "level", "impact", "play", "play_high", "quality"):
+        assert table[name].to_pylist() == [row[name] for row in scores]
+    call("history", "shoulder", "--database", database, "--limit", "1", "--parquet", file)
+    assert parquet.read_table(file)["score"].to_pylist() == [None]
+
+
+def test_parquet_without_its_library(database: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One line says what to install; the other forms do not need it."""
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    result = call("history", "elbow", "--database", database, "--parquet", tmp_path / "x.parquet")
+    assert is_one_line(result, "found no pyarrow", "pip install 'lostmotion[parquet]'")
+    assert call("history", "elbow", "--database", database, "--csv", "--limit", "1").exit_code == 0
 
 
 def test_unknown_joint_names_the_known(database: Path) -> None:

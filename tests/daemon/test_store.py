@@ -345,7 +345,7 @@ def test_a_new_configuration_renames_the_robot_in_an_open_database(path: Path) -
     with closing(Store(path, "arm1")) as store:
         with store.reader() as reader:
             assert reader.robot() == "arm1"
-        store.configure("arm2", 1.0)
+        store.configure("arm2", 1.0, 0.0)
         store.add(FULL)
     with open_readonly(path) as reader:
         assert reader.robot() == "arm2"

@@ -1,0 +1,61 @@
+"""The scores of a joint as an Apache Parquet file, for pandas, DuckDB and their kin; in batches.
+
+Needs pyarrow, which comes with ``lostmotion[parquet]`` and is imported only here.
+"""
+
+from __future__ import annotations
+
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lostmotion.daemon.commands import output
+from lostmotion.daemon.reader import Reader
+from lostmotion.drivers.errors import LostmotionError
+
+if TYPE_CHECKING:
+    from pyarrow import Schema
+
+__all__ = ["ParquetError", "write"]
+
+NUMBERS = ("score", "level", "play", "play_low", "play_high", "excitation", "temperature")
+
+
+class ParquetError(LostmotionError):
+    """The library that writes the file is not there."""
+
+
+def write(reader: Reader, joint: str, bounds: tuple[datetime | None, datetime | None, int | None], path: Path) -> None:
+    """Writes a row for each score, oldest first, unknown as null; SI units, times in UTC.  Raises ParquetError."""
+    try:
+        import pyarrow as pa
+        from pyarrow import parquet
+    except ImportError as error:
+        raise ParquetError("--parquet: found no pyarrow, expected it: pip install 'lostmotion[parquet]'") from error
+    schema, count = _schema(reader.robot(), joint), 0
+    with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
+        for rows in reader.batches(joint, *bounds):
+            time_us, duration_us, score, level, impact, *others, quality = zip(*rows, strict=True)
+            numbers = dict(zip(NUMBERS, (score, level, *others), strict=True))
+            columns = {
+                "time": time_us,
+                "duration": [value / 1e6 for value in duration_us],
+                "impact": [bool(value) for value in impact],
+                "quality": [value or "ok" for value in quality],
+            } | numbers
+            writer.write_table(pa.table({name: columns[name] for name in schema.names}, schema=schema))
+            count += len(rows)
+    output.print_lines([f"{path}: {count} scores of {joint}"])
+
+
+def _schema(robot: str, joint: str) -> Schema:
+    import pyarrow as pa
+
+    kinds = {
+        "time": pa.timestamp("us", tz="UTC"),
+        "duration": pa.float64(),
+        **dict.fromkeys(NUMBERS, pa.float64()),
+        "impact": pa.bool_(),
+        "quality": pa.dictionary(pa.int8(), pa.string()),
+    }
+    return pa.schema(list(kinds.items()), metadata={"robot": robot, "joint": joint})
