@@ -78,14 +78,14 @@ class JointMonitor:
 
     def tick(self, time: datetime) -> list[Change]:
         """What the passing of time brings: delays that are over, the end of shelving, reminders."""
-        changes = self._update(time)
-        for alarm in list(self._alarms.values()):
+        changes: list[Change] = []
+        for cause, alarm in list(self._alarms.items()):
             due = reminder_due(alarm, self._options.remind)
             if alarm.shelved_until and time >= alarm.shelved_until:
                 changes.append(self._unshelve(alarm, time))
             elif due and time >= due:
-                changes.append(self._keep(happen(alarm, AlarmEvent.REMINDED, time, reason=self._reasons[alarm.cause])))
-        return changes
+                changes.append(self._keep(happen(alarm, AlarmEvent.REMINDED, time, reason=self._reasons[cause])))
+        return changes + self._update(time)
 
     def request(self, request: Request, time: datetime) -> tuple[list[Change], Answer]:
         """Does what somebody asks; the changes, and the answer."""

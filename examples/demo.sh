@@ -44,6 +44,9 @@ wear_per_year = 4.0                # it grows as exp(4 t): to 110 um in a year
 
 [detector]
 level = 60                         # no gap is heard as 3, a gap of 10 um (3 arc-minutes) as 60
+
+[alarm]
+remind = "once"                    # a day is a tenth of a second here
 END
 
 show() {
@@ -56,6 +59,7 @@ show record --config robot.toml --joint elbow --duration 2 -o new.csv   # compil
 show score new.csv --config robot.toml
 show run --config robot.toml --duration 36
 show status --config robot.toml
+show alarms ack elbow --config robot.toml
 show history shoulder --config robot.toml --limit 5
 show history elbow --config robot.toml --limit 5
 show trend elbow --config robot.toml

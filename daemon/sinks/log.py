@@ -16,6 +16,9 @@ NEWS = (AlarmEvent.RAISED, AlarmEvent.ESCALATED, AlarmEvent.CHANGED, AlarmEvent.
 class LogSink:
     """Writes one line for each event."""
 
+    def __init__(self) -> None:
+        self._healths: dict[str, Health] = {}
+
     def score(self, row: ScoreRow) -> None:
         if log.isEnabledFor(logging.DEBUG):
             log.debug(
@@ -36,6 +39,10 @@ class LogSink:
         )
 
     def health(self, row: JointRow) -> None:
+        """Another reason for the same health is an alarm's affair."""
+        if self._healths.get(row.name) is row.health:
+            return
+        self._healths[row.name] = row.health
         good = row.health in (Health.OK, Health.DEGRADED)
         log.log(
             logging.INFO if good else logging.WARNING,

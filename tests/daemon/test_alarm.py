@@ -226,11 +226,10 @@ def test_reminders() -> None:
     assert joint.tick(at(86400)) == []
     feed(joint, *[3.0] * 10, start=20)
     reminded = joint.tick(at(86404))
-    assert events(reminded)[0] == (AlarmEvent.REMINDED, Severity.WARNING)
-    assert joint.row.reason.endswith("median 2 x level")
-    joint.request(Request(1, "elbow", Verb.ACK), at(90000))
-    assert events(joint.tick(at(300_000))) == []
+    assert events(reminded) == [(AlarmEvent.REMINDED, Severity.WARNING)]
     assert joint.row.reason.endswith("median 3 x level")
+    joint.request(Request(1, "elbow", Verb.ACK), at(90000))
+    assert joint.tick(at(300_000)) == []
 
 
 @pytest.mark.parametrize("done", [None, Verb.ACK, Verb.SHELVE])

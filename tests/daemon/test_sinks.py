@@ -221,6 +221,7 @@ def test_the_log_tells_what_matters(caplog: pytest.LogCaptureFixture) -> None:
     sink.alarm(CLEARED)
     sink.alarm(ALARM, again=True)
     sink.health(HEALTH)
+    sink.health(replace(HEALTH, reason="play: more"))
     sink.health(JointRow("elbow"))
     levels = [record.levelname for record in caplog.records]
     assert levels == ["DEBUG", "WARNING", "INFO", "WARNING", "INFO"]
