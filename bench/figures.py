@@ -139,20 +139,27 @@ def mean_spectrum(values: np.ndarray, rate_hz: float, window_s: float) -> tuple[
     return np.fft.rfftfreq(n, 1 / rate_hz), np.sqrt(np.mean(spectra**2, axis=0))
 
 
-def main() -> None:
-    """Writes fig1.png, fig2.png, fig4.png and fig5.png."""
-    FOLDER.mkdir(parents=True, exist_ok=True)
-    figures = {
-        1: figure_1(),
-        2: figure_2(),
-        4: figure_spectrum(4, WITHOUT_PLAY, "without play"),
-        5: figure_spectrum(5, DEFAULT_PLAY, "with play"),
-    }
+def draw_spectra(folder: Path) -> None:
+    """Writes fig4.png and fig5.png."""
+    write(
+        {4: figure_spectrum(4, WITHOUT_PLAY, "without play"), 5: figure_spectrum(5, DEFAULT_PLAY, "with play")}, folder
+    )
+
+
+def write(figures: dict[int, Figure], folder: Path) -> None:
+    """Each as figN.png."""
+    folder.mkdir(parents=True, exist_ok=True)
     for number, figure in figures.items():
         figure.tight_layout()
-        path = FOLDER / f"fig{number}.png"
+        path = folder / f"fig{number}.png"
         figure.savefig(path, dpi=110)
-        print(f"{path.relative_to(FOLDER.parent.parent)}")
+        print(path)
+
+
+def main() -> None:
+    """Writes fig1.png, fig2.png, fig4.png and fig5.png."""
+    write({1: figure_1(), 2: figure_2()}, FOLDER)
+    draw_spectra(FOLDER)
 
 
 if __name__ == "__main__":

@@ -54,6 +54,8 @@ class DetectorOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     statistic: Statistic | UnsetType = UNSET
     noise_ms2: Positive | UnsetType = UNSET
     noise_colour: tuple[float, ...] | UnsetType = UNSET
+    flank_exponent: Annotated[float, Meta(ge=1)] | UnsetType = UNSET
+    play_size: bool | UnsetType = UNSET
 
     def given(self) -> dict[str, object]:
         """The keys that were given, in the names and values of DetectorSettings."""

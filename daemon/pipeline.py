@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections import Counter, defaultdict
+from collections import Counter, defaultdict, deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from lostmotion.daemon.ring import Ring
 from lostmotion.detector.errors import DetectorError
+from lostmotion.detector.play_size import BEFORE_S, with_play
 from lostmotion.detector.score import score_window
 from lostmotion.detector.trigger import Trigger
 from lostmotion.detector.window import DetectorSettings, Score, Window
@@ -24,6 +25,8 @@ GIVE_UP_S = 1.0
 """how long after its end a window waits for late acceleration [s]"""
 TOGETHER_S = 0.008
 """windows that end within so long of each other are scored together [s]: each wake-up costs as much as a score"""
+COMMANDS_S = 4.0
+"""commands are kept for so long, for the size of the play [s]"""
 SERVO_SILENT_S = 5.0
 """a joint that says nothing for so long no longer holds back the release of acceleration [s]"""
 
@@ -76,6 +79,7 @@ class _Joint:
         self.pending: list[_Pending] = []
         self.heard = -math.inf
         self.temperature = math.nan
+        self.commands: deque[tuple[float, float]] = deque()
         self.counts = Counts()
 
     def take(self, samples: list[ServoSample], resolution_rad: float, since: float) -> None:
@@ -86,6 +90,9 @@ class _Joint:
         self.heard = max(self.heard, last.time)
         if math.isfinite(last.temperature):
             self.temperature = last.temperature
+        self.commands.extend((sample.time, sample.command) for sample in samples)
+        while self.commands[0][0] < self.heard - COMMANDS_S:
+            self.commands.popleft()
         for reversal in self.trigger.push([s.time for s in samples], [s.command for s in samples]):
             if reversal.time < since:
                 continue
@@ -182,7 +189,15 @@ class Pipeline:
             joint.counts.lost[score.quality] += 1
         else:
             joint.counts.scored += 1
-        return Scored(window, score)
+        return Scored(window, self._sized(joint, score, ring) if score.impact else score)
+
+    def _sized(self, joint: _Joint, score: Score, ring: Ring) -> Score:
+        """The score with the size of the play, from before its reversal on."""
+        plan, start, length = joint.plan, score.time - BEFORE_S, score.duration + BEFORE_S
+        times, accel = ring.slice(start - 1 / plan.rate_hz, start + length + 1 / plan.rate_hz)
+        stretch = cut(plan.joint, times, accel, start, length, plan.rate_hz)
+        near = [told for told in joint.commands if start - BEFORE_S <= told[0] <= start + length + BEFORE_S]
+        return with_play(score, stretch, [time for time, _ in near], [angle for _, angle in near], plan.settings)
 
     def _needed(self, joint: _Joint, ring: Ring) -> float:
         """From when on a joint may still need acceleration [s]."""
@@ -190,4 +205,4 @@ class Pipeline:
         if not self._virtual:
             oldest = max(oldest, ring.newest - SERVO_SILENT_S)
         starts = [pending.start for pending in joint.pending]
-        return min([oldest, *starts]) - 1 / joint.plan.rate_hz
+        return min([oldest, *starts]) - BEFORE_S - 1 / joint.plan.rate_hz

@@ -63,7 +63,8 @@ def scores(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -> F
 
     The hypotheses are: a ring from before the window, or one new start of it, or both, or both and a second start; all
     starts are equally likely, every start has an amplitude and a phase of its own.  With Lambda = sum over all of
-    exp(log-likelihood ratio - 1.5 nats for each amplitude) against "only noise" the score is sqrt(2 ln(1 + Lambda)).
+    exp(log-likelihood ratio - 1.5 nats for each amplitude) against "only noise" and L = ln(1 + Lambda) the score is
+    sqrt(n (exp(2 L / n) - 1)): sqrt(2 L) for small ones, and for large ones the root of the energy ratio E / (T - E) n.
 
     The log-likelihood ratio of a hypothesis that explains the energy E of the whitened window's total T, with
     n degrees of freedom, is -(n + v)/2 ln(1 - E / (T + v)), v = 100 where the noise is calibrated, else 0: Student's t
@@ -90,7 +91,7 @@ def _scores(windows: FloatArray, chosen: Bank, settings: DetectorSettings) -> Fl
     top = np.maximum(evidence.max(axis=1), 0.0)
     # ln(1 + sum exp): the 1 is "only noise".
     likelihood = top + np.log(np.exp(-top) + np.sum(np.exp(evidence - top[:, None]), axis=1))
-    return np.where(silent, np.nan, np.sqrt(2 * likelihood))
+    return np.where(silent, np.nan, np.sqrt(freedom * np.expm1(2 * likelihood / freedom)))
 
 
 def filled(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> FloatArray:

@@ -33,7 +33,8 @@ class DetectorSettings:
 
     statistic: "band", eq. 8, or "ringdown" (``ringdown.scores``), which alone looks at the noise: noise_ms2 [m/s²] is
     the standard deviation of what cannot be foretold of a healthy window's noise, None if unknown; noise_colour its
-    reflection coefficients (``whitening.fit_noise``), () for white.  length_m: of the bar [m].
+    reflection coefficients (``whitening.fit_noise``), () for white.  length_m: of the bar [m]; flank_exponent: n of
+    eq. 1 (``play_size``); play_size: whether it is estimated, which needs an accelerometer and a command in rad.
     """
 
     f_res_hz: float
@@ -48,6 +49,8 @@ class DetectorSettings:
     noise_ms2: float | None = None
     noise_colour: tuple[float, ...] = ()
     length_m: float = 0.10
+    flank_exponent: float = 11.0
+    play_size: bool = True
 
     def __post_init__(self) -> None:
         if math.isnan(self.level):
@@ -93,7 +96,8 @@ class Score:
 
     time: start of the window, robot time [s]; score: o of eq. 8 [-], NaN when the window cannot be scored; level: the
     level of eq. 9 it was held against; impact: score > level; play, play_low, play_high: size of the play [rad], NaN
-    where it cannot be estimated; quality: "ok", or what is wrong with the window, comma-separated.
+    where it cannot be estimated, and play_reason says why; quality: "ok", or what is wrong with the window,
+    comma-separated.
     """
 
     joint: str
@@ -108,3 +112,4 @@ class Score:
     excitation: float = float("nan")
     temperature: float = float("nan")
     quality: str = "ok"
+    play_reason: str = ""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +12,7 @@ import numpy as np
 from lostmotion.daemon.commands import output
 from lostmotion.daemon.commands.asked import Asked, settings_for
 from lostmotion.detector.errors import DetectorError
+from lostmotion.detector.play_size import pooled
 from lostmotion.detector.series import score_series
 from lostmotion.detector.window import DetectorSettings, Score
 from lostmotion.drivers.errors import LostmotionError
@@ -45,6 +48,7 @@ def score(path: Path, config: Path | None, asked: Asked, as_json: bool) -> None:
 def _scores(recording: Recording, column: str, settings: DetectorSettings, joint: str) -> list[Score]:
     """Raises RecordingError, ScoreError."""
     times, values = recording.signal(column)
+    settings = replace(settings, play_size=settings.play_size and column == "accel")
     try:
         return score_series(
             *recording.signal("command"),
@@ -68,6 +72,19 @@ def _print(name: str, settings: DetectorSettings, scores: list[Score]) -> None:
     if scores:
         columns = ("time [s]", "duration [s]", "score", "impact", "play", "quality")
         output.print_table(columns, [_row(window) for window in scores], right=columns[:3])
+    if impacts:
+        output.print_lines([_play(scores)])
+
+
+def _play(scores: list[Score]) -> str:
+    """The size of the play over all windows, and why some do not tell it."""
+    size = pooled([window.play for window in scores])
+    unknown = Counter(window.play_reason for window in scores if window.impact and window.play_reason)
+    why = "".join(f"; {count} windows: {reason}" for reason, count in unknown.most_common(2))
+    if size.reason:
+        return f"play: unknown, {size.reason}{why}"
+    degrees = [f"{math.degrees(angle):.3f}" for angle in (size.value, size.low, size.high)]
+    return f"play: {output.arcmin(size.value)}, {degrees[0]}° (95 %: {degrees[1]} to {degrees[2]}){why}"
 
 
 def _row(window: Score) -> list[str]:

@@ -43,7 +43,8 @@ def test_score_is_the_amplitude_over_its_deviation() -> None:
         found = np.median(ringdown.scores(windows, 1000.0, calm))
         # Student's t of n degrees grows like its logarithm: total ring and noise, of which the ring explains snr².
         n = ringdown.TRUST + 250 - ringdown.bank(250, 1000.0, calm).slow.shape[1]
-        told = math.sqrt(2 * (n / 2 * math.log1p(snr**2 / n) - 2 * ringdown.PENALTY - math.log(26)))
+        log_likelihood = n / 2 * math.log1p(snr**2 / n) - 2 * ringdown.PENALTY - math.log(26)
+        told = math.sqrt(n * math.expm1(2 * log_likelihood / n))
         assert found == pytest.approx(told, rel=0.08)
 
 

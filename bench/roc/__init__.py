@@ -1,0 +1,1 @@
+"""How far the detector is from the best possible: `python -m bench.roc`."""

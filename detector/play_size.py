@@ -1,0 +1,256 @@
+"""How large the play is, from one reversal: the bar's ring tells how the joint moved, the command how the gear did.
+
+The accelerometer at the bar's tip knows every kick that the joint gets: eq. 7 turned round.  Between kicks the driven
+gear flies freely, so its angle follows from them by integration, up to a constant speed and angle.  Each kick is a
+contact, on the flank that its sign tells, and there
+
+    theta_2(t_k) + a + b t_k = theta_1(t_k) - sign_k X_k phi / 2,    X = (|theta_2''| / A)^(1/n),
+
+of which a, b and the play phi are found by generalised least squares.  X is eq. 1's: d is the gap at which the force
+reaches beta, and at less force the teeth meet before; n is ``settings.flank_exponent`` (11 as in the model; 1000 and
+more for teeth without give), A = beta R2 / J2 = 1000 rad/s² as in the model.  Nothing here depends on friction,
+restitution or the order of bounces; docs/decisions/0007-play-size.md has the measurements.  No trigger, no trend.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
+
+__all__ = ["BEFORE_S", "PlaySize", "play_size", "pooled", "with_play"]
+
+BEFORE_S = 0.2
+"""The flank that is left is heard so long before the reversal [s]."""
+LEAST_RATE = 8.0
+"""Samples a period of the bar: with fewer, kicks cannot be told from each other."""
+STEP = 0.145
+"""Grid of the kicks in periods of the bar."""
+KICK = 0.1
+"""Usual change of the joint's speed in a step of the grid [rad/s]."""
+LEAST_KICK, SIGNIFICANT = 0.02, 5.0
+"""A contact changes the speed by so much [rad/s] within three steps, and stands out by so many standard deviations."""
+LEAST_CONTACTS = 4
+CONTACT_ACCEL = 1000.0
+"""Acceleration of the joint under the force beta at the teeth [rad/s²]: beta R2 / J2 of the model."""
+FLANK, GRAIN = 0.08, 2e-4
+"""Where on a flank a contact is: standard deviation as a share of half the play, and least [rad]."""
+BIAS, GRAVITY = 0.1, 10.0
+"""What may remain of an offset, and gravity along the sensor's axis [m/s²], standard deviations."""
+COVERED = 0.7
+"""Share of the stretch that commands must cover; what lies behind them is left out."""
+FASTEST_HZ = 3.5
+"""Commands are smoothed by polynomials that follow a motion up to this."""
+ROUNDS = 3
+LEAST_PLAY, MOST_PLAY = 5e-4, 0.05
+"""Play that scales the flanks' error [rad]."""
+Z = 1.959964
+
+
+@dataclass(frozen=True, slots=True)
+class PlaySize:
+    """Lost motion at the joint [rad] with the ends of its 95 % interval; all NaN where reason says why not."""
+
+    value: float
+    low: float
+    high: float
+    reason: str = ""
+
+
+def play_size(
+    stretch: Window, servo_times: Sequence[float] | FloatArray, commands: Sequence[float] | FloatArray,
+    settings: DetectorSettings,
+) -> PlaySize:  # fmt: skip
+    """The play that one stretch of tip acceleration shows, from ``BEFORE_S`` before a reversal to the window's end.
+
+    servo_times [s] and commands [rad], shape (M,): what was commanded during the stretch and somewhat before; stretch:
+    none of its samples missing.  With the settings' noise and bar the median error is near 10 % from 2 mrad up.
+    """
+    rate_hz = stretch.rate_hz
+    if rate_hz < LEAST_RATE * settings.f_res_hz:
+        return _unknown(f"the sensor is too slow: {LEAST_RATE:g} samples a period of the bar are needed")
+    if not np.isfinite(stretch.accel).all():
+        return _unknown("samples are missing")
+    command = _smoothed(np.asarray(servo_times), np.asarray(commands), stretch)
+    if command is None:
+        return _unknown("too few commands during the stretch")
+    local = stretch.time - stretch.time[0]
+    told = local <= command.end
+    offset = float(np.mean(stretch.accel[told] - settings.length_m * command.acceleration(local[told])))
+    undone = _inverse(stretch.accel.size, rate_hz, _noise(stretch.accel, settings), settings)
+    kicks = undone.gain @ (stretch.accel - offset)
+    together = undone.sums @ kicks
+    where = _contacts(together, np.abs(together) / undone.deviation)
+    where = where[undone.times[where] <= command.end]
+    if where.size < LEAST_CONTACTS or np.ptp(np.sign(together[where])) == 0:
+        return _unknown("the teeth did not strike both flanks clearly")
+    return _solve(undone, kicks, together, where, command, settings)
+
+
+def pooled(values: Sequence[float] | FloatArray) -> PlaySize:
+    """The median of many windows' plays [rad], NaN left out, with its 95 % interval (binomial; needs 6 windows)."""
+    known = np.sort([value for value in values if math.isfinite(value)])
+    if known.size < 6:
+        return _unknown(f"{known.size} windows tell a play; expected at least 6")
+    reach = Z * math.sqrt(known.size) / 2
+    low, high = math.floor(known.size / 2 - reach), math.ceil(known.size / 2 + reach) - 1
+    return PlaySize(float(np.median(known)), float(known[max(low, 0)]), float(known[min(high, known.size - 1)]))
+
+
+def with_play(
+    score: Score, stretch: Window, servo_times: Sequence[float] | FloatArray, commands: Sequence[float] | FloatArray,
+    settings: DetectorSettings,
+) -> Score:  # fmt: skip
+    """The score with the play that its stretch shows, or the reason why it cannot be told."""
+    if not settings.play_size or not score.impact or "clipped" in score.quality:
+        reason = "not asked for" if not settings.play_size else "clipped" if score.impact else "no impact"
+        return replace(score, play_reason=reason)
+    size = play_size(stretch, servo_times, commands, settings)
+    return replace(score, play=size.value, play_low=size.low, play_high=size.high, play_reason=size.reason)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Inverse:
+    """Kicks at times (K,) from accelerations (N,): gain (K, N), covariance (K, K), twice (K, K) making angles of kicks,
+    sums (K, K) of three neighbours and the standard deviation (K,) of these."""
+
+    times: FloatArray
+    gain: FloatArray
+    covariance: FloatArray
+    twice: FloatArray
+    sums: FloatArray
+    deviation: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Command:
+    """theta_1 as a polynomial: coefficients and their covariance, over times mapped to -1..1."""
+
+    middle: float
+    half: float
+    coefficients: FloatArray
+    covariance: FloatArray
+
+    @property
+    def end(self) -> float:
+        """Up to here it is known [s]."""
+        return self.middle + self.half
+
+    def basis(self, time: FloatArray) -> FloatArray:
+        """Legendre's polynomials at times [s], shape (N, degree + 1)."""
+        degree = len(self.coefficients) - 1
+        return np.asarray(np.polynomial.legendre.legvander((time - self.middle) / self.half, degree), np.float64)
+
+    def acceleration(self, time: FloatArray) -> FloatArray:
+        """theta_1'' [rad/s²] at times [s]."""
+        curved = np.polynomial.legendre.legder(self.coefficients, 2)
+        return np.asarray(np.polynomial.legendre.legval((time - self.middle) / self.half, curved) / self.half**2)
+
+
+def _unknown(reason: str) -> PlaySize:
+    return PlaySize(math.nan, math.nan, math.nan, reason)
+
+
+def _smoothed(times: FloatArray, commands: FloatArray, stretch: Window) -> _Command | None:
+    """The commands around the stretch as one polynomial, in seconds from its start; None when they do not cover it."""
+    first, last = float(stretch.time[0]), float(stretch.time[-1])
+    near = (times >= first - BEFORE_S) & (times <= last + BEFORE_S / 4)
+    local, angle = times[near] - first, commands[near]
+    length = last - first
+    if local.size == 0 or local[0] > 0.05 * length or local[-1] < COVERED * length:
+        return None
+    middle, half = (local[-1] + local[0]) / 2, (local[-1] - local[0]) / 2
+    degree = math.ceil(4 * FASTEST_HZ * half) + 5
+    if local.size < 2 * degree:
+        return None
+    basis = np.polynomial.legendre.legvander((local - middle) / half, degree)
+    inverse = np.linalg.inv(basis.T @ basis)
+    coefficients = inverse @ (basis.T @ angle)
+    left = angle - basis @ coefficients
+    return _Command(middle, half, coefficients, inverse * float(left @ left) / (local.size - degree - 1))
+
+
+def _noise(accel: FloatArray, settings: DetectorSettings) -> float:
+    """The sensor's noise [m/s²]: calibrated, or from fourth differences, in powers of two so that few are prepared."""
+    if settings.noise_ms2 is not None:
+        return settings.noise_ms2
+    rough = float(np.median(np.abs(np.diff(accel, 4)))) / (0.6745 * math.sqrt(70))
+    return float(2.0 ** round(math.log2(max(rough, 0.02))))
+
+
+@lru_cache(maxsize=16)
+def _inverse(length: int, rate_hz: float, noise: float, settings: DetectorSettings) -> _Inverse:
+    """Bayes' linear inverse of eq. 7 for kicks of usual size KICK, a ring from before, and white noise."""
+    time = np.arange(length) / rate_hz
+    step = STEP / settings.f_res_hz
+    kicks = np.arange(0.0, time[-1] - step / 2, step) + step / 2
+    response = np.hstack([_kicked(time[:, None] - kicks, settings), _free(time, settings)])
+    count = kicks.size
+    trust = np.concatenate([np.full(count, KICK**-2), [1e-4, 1e-4]])
+    covariance = np.linalg.inv(response.T @ response / noise**2 + np.diag(trust))
+    gain = covariance @ response.T / noise**2
+    sums = np.eye(count) + np.eye(count, k=1) + np.eye(count, k=-1)
+    own = covariance[:count, :count]
+    deviation = np.asarray(np.sqrt(np.diag(sums @ own @ sums.T)))
+    return _Inverse(
+        kicks, gain[:count], np.asarray(own, dtype=np.float64), np.maximum(kicks[:, None] - kicks, 0.0), sums, deviation
+    )
+
+
+def _kicked(after: FloatArray, settings: DetectorSettings) -> FloatArray:
+    """Tip acceleration -(b q' + k q)/m after a kick of 1 rad/s, which leaves q = 0, q' = -l (eq. 7)."""
+    omega, zeta = 2 * math.pi * settings.f_res_hz, settings.zeta
+    damped = omega * math.sqrt(1 - zeta**2)
+    since = np.maximum(after, 0.0)
+    decay = np.exp(-zeta * omega * since)
+    sine, cosine = np.sin(damped * since), np.cos(damped * since)
+    bent, rate = sine / damped, cosine - zeta * omega / damped * sine
+    return np.where(after >= 0, settings.length_m * decay * (2 * zeta * omega * rate + omega**2 * bent), 0.0)
+
+
+def _free(time: FloatArray, settings: DetectorSettings) -> FloatArray:
+    omega, zeta = 2 * math.pi * settings.f_res_hz, settings.zeta
+    wave = np.exp(complex(-zeta, math.sqrt(1 - zeta**2)) * omega * time)
+    return np.column_stack([wave.real, wave.imag])
+
+
+def _contacts(kicks: FloatArray, clarity: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    """Where kicks are largest among their neighbours, and clear."""
+    size = np.abs(kicks)
+    peak = (size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:])
+    return np.flatnonzero(peak & (size[1:-1] > LEAST_KICK) & (clarity[1:-1] > SIGNIFICANT)) + 1
+
+
+def _solve(
+    undone: _Inverse, kicks: FloatArray, together: FloatArray, where: np.ndarray[tuple[int], np.dtype[np.intp]],
+    command: _Command, settings: DetectorSettings,
+) -> PlaySize:  # fmt: skip
+    """Generalised least squares for a, b and phi, the flanks' error growing with phi."""
+    time = undone.times[where]
+    basis = command.basis(np.minimum(undone.times, command.end))
+    commanded = basis @ command.coefficients
+    apart = (undone.twice @ kicks - commanded)[where]
+    step = float(undone.times[1] - undone.times[0])
+    curve = (time - time.mean()) ** 2 * (BIAS / settings.length_m / 2)
+    tilt = (undone.twice @ (commanded - commanded.mean()))[where] * step * (GRAVITY / settings.length_m)
+    twice = undone.twice[where]
+    known = twice @ undone.covariance @ twice.T + basis[where] @ command.covariance @ basis[where].T
+    known += np.outer(curve, curve) + np.outer(tilt, tilt) + GRAIN**2 * np.eye(where.size)
+    # Three steps of the grid hold a contact whose force has about the shape of a half sine.
+    closed = np.minimum(np.abs(together[where]) / (2 * step) / CONTACT_ACCEL, 1.0) ** (1 / settings.flank_exponent)
+    design = np.column_stack([np.ones(where.size), time, np.sign(together[where]) * closed / 2])
+    play = LEAST_PLAY
+    for _ in range(ROUNDS):
+        flank = FLANK * min(max(play, LEAST_PLAY), MOST_PLAY) / 2
+        weights = np.linalg.inv(known + flank**2 * np.eye(where.size))
+        covariance = np.linalg.inv(design.T @ weights @ design)
+        play = float(-(covariance @ (design.T @ (weights @ apart)))[2])
+    half = Z * math.sqrt(float(covariance[2, 2]))
+    if play <= half:
+        return _unknown("the play is lost in its own uncertainty")
+    return PlaySize(play, play - half, play + half)
