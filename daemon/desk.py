@@ -27,8 +27,8 @@ TREND = timedelta(hours=1)
 class AlarmDesk:
     """Health and alarms of the joints, from where an earlier run left them.
 
-    tell: gets what changed, and whether an earlier run may have told it already.  An alarm is told once it is stored,
-    so that no kill lets it be told twice under two names.
+    tell: gets what changed, and whether an earlier run may have told it already.  An alarm is told by ``tell_settled``
+    once it is stored, so that no kill lets it be told twice under two names.
     """
 
     def __init__(
@@ -82,8 +82,8 @@ class AlarmDesk:
             self._trend_due[joint] = utc + TREND
             self._change(self._monitors[joint].trend(outlook.days_to_level(self._reader, joint, utc), utc))
 
-    def tell_settled(self, wait_s: float = 0.0) -> None:
-        """Tells what is on the disk by now, or within ``wait_s``."""
+    def tell_settled(self, wait_s: float = TELL_S) -> None:
+        """Tells the alarms that are on the disk, or are there within ``wait_s``: one wait for all of them."""
         for transition in self._store.settled(wait_s):
             self._tell(transition, False)
 
@@ -94,7 +94,6 @@ class AlarmDesk:
     def _change(self, rows: Sequence[Change | Answer]) -> None:
         if rows:
             self._store.add(*rows)
-            self.tell_settled(TELL_S)
         for row in rows:
             if isinstance(row, JointRow):
                 self._tell(row, False)

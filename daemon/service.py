@@ -243,6 +243,7 @@ class Service:
                 self._desk.look(joint.name, self._robot.fault(joint), utc)
             self._guard(self._desk.take_requests, utc)
             self._guard(self._desk.ask_trend, utc)
+            self._desk.tell_settled()
             if self._store.damage is not None:
                 self._leave_damaged_store()
             self._notifier.status(self._status())

@@ -63,8 +63,8 @@ def test_another_run_tells_the_newest_transitions_again(store: Store) -> None:
     """As told before, marked as such, then the joint's health; nothing new happens."""
     first = World(store)
     first.desk.look("elbow", "gone", NOON)
+    assert first.events() == [AlarmEvent.RAISED]
     before = [change for change, _ in first.told if isinstance(change, Transition)]
-    first.events()
     first.desk.close()
     wait_until(lambda: not store.waiting())
     second = World(store)
@@ -101,6 +101,7 @@ def test_the_trend_is_asked_of_the_database(store: Store) -> None:
     wait_until(lambda: not store.waiting())
     world = World(store)
     world.desk.ask_trend(NOON)
+    assert world.events() == [AlarmEvent.RAISED]
     (raised,) = [change for change, _ in world.told if isinstance(change, Transition)]
     assert (raised.event, raised.alarm.severity) == (AlarmEvent.RAISED, Severity.DEGRADED)
     assert "reaching it in 20 days" in raised.alarm.reason
