@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import os
 import random
 import subprocess
 import sys
@@ -61,7 +62,8 @@ def main(arguments: Sequence[str] = ()) -> None:
     parser.add_argument("--restarts", type=int, default=5, help="of the router")
     parser.add_argument("--kills", type=int, default=10, help="of the service")
     given = parser.parse_args(arguments)
-    print(f"from a window's end, 6 AX-12A, csv:1000, {given.duration:g} s")
+    load, cores = os.getloadavg()[0], os.cpu_count()
+    print(f"from a window's end, 6 AX-12A, csv:1000, {given.duration:g} s; load {load:.1f} on {cores} cores before")
     print(f"{'until':<24}{'alarms':>8}{'p50 ms':>9}{'p99 ms':>9}{'max ms':>9}{'goal p99':>10}")
     over_zenoh, over_slcan = latencies(given.duration)
     show("Zenoh received", over_zenoh, GOAL_ZENOH_S)
