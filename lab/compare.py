@@ -23,7 +23,8 @@ from lostmotion.lab.maps import ResidualMap, residual_maps
 from lostmotion.lab.noise import NoiseModel, innovation_noise, quiet_noise
 from lostmotion.lab.phases import phases
 from lostmotion.lab.predict import Prediction, predict
-from lostmotion.lab.start import find_start, polished, stretch_of
+from lostmotion.lab.start import FINE, find_start, polished, stretch_of
+from lostmotion.lab.stretch import Stretch
 from lostmotion.lab.whiteness import Correlation, autocorrelation, cross_correlation, fit_percent
 from lostmotion.model import Model, predictability_horizon
 from lostmotion.model.motion import FloatArray
@@ -34,8 +35,11 @@ BLOCKS = 20
 BLAMED = 900
 START_S = 0.5
 """Of gears, which forget where they began; other motions show their start to the end."""
-LOST, POLISHING = 12.0, 4
-"""Times the noise at which the start is good enough for a model that is wrong; steps of the fit."""
+CLOSE, NEAR, LOST = 1.2, 3.0, 12.0
+"""Times the noise: up to which a start need not be searched for more finely, the next stretch may be much longer; from
+which on the start is good enough for a model that is wrong."""
+LONGER = (2.0, 1.25)
+POLISHING = 4
 GOOD = 1.15
 """Times the noise up to which an error is the noise's own."""
 MOTION = {"position": "theta_2", "velocity": "omega_2", "acceleration": "acceleration", "torque": "torque",
@@ -309,23 +313,29 @@ def _noise(name: str, predictions: Sequence[Prediction], floor: NoiseModel) -> N
 
 
 def _start(model: Model, experiment: Experiment, floor: Mapping[str, NoiseModel]) -> FloatArray:
-    """The start state: searched for in the first half second, then polished on twice the length again and again, as
-    long as the model keeps up."""
-    own = experiment.model(model)
-    noise = {name: one.rms for name, one in floor.items()}
+    """The start state: searched for in the first half second, then polished on longer and longer stretches, as long as
+    the model keeps up."""
+    own, noise = experiment.model(model), {name: one.rms for name, one in floor.items()}
     begin, length = float(experiment.time[0]), START_S if model.base == "play" else math.inf
-    state: FloatArray | None = None
-    while True:
-        stretch = stretch_of(model, experiment.between(begin, begin + length), noise)
-        if state is None:
-            step = own.simulate(experiment.drive, stretch.experiment.time).substep_s
-            state = find_start(model, stretch, step).start
-        if _rms(stretch.residual(own, state, step)) > LOST:
-            return state
-        state = np.asarray(polished(own, stretch, state[None], step, POLISHING)[0])
+    first = stretch_of(model, experiment.between(begin, begin + length), noise)
+    step = own.simulate(experiment.drive, first.experiment.time).substep_s
+    found = find_start(model, first, step)
+    if model.base == "play" and _off(found, model, step) > CLOSE:
+        fine = find_start(model, first, step, [found.start], FINE)
+        found = fine if _off(fine, model, step) < NEAR else found  # a model that is wrong bends the start
+    while _off(found, model, step) < LOST:
+        found = found.starting(polished(own, found, found.start[None], step, POLISHING)[0])
         if begin + length > experiment.time[-1]:
-            return state
-        length *= 2
+            break
+        wide, narrow = (replace(found, experiment=experiment.between(begin, begin + more * length)) for more in LONGER)
+        found = wide if _off(wide, model, step) < NEAR else narrow
+        length *= LONGER[0] if found is wide else LONGER[1]
+    return found.start
+
+
+def _off(stretch: Stretch, model: Model, step: float) -> float:
+    """How far the model is off, in units of the noise."""
+    return _rms(stretch.residual(stretch.experiment.model(model), stretch.start, step))
 
 
 def _horizon(model: Model, prediction: Prediction, start: FloatArray) -> float:

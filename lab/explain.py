@@ -5,8 +5,8 @@
    search, whatever the colour of the noise.
 3. Effects are fitted jointly with the base; the simplest of those that explain the data equally well is taken (BIC),
    when it also lowers the error on the experiment that the fit has not seen.
-4. Again, with that effect in the model, until nothing is significant.  What is then left above the noise is outside of
-   the catalogue, and described.
+4. Again, with that effect in the model, until nothing is significant; what later effects have made superfluous is taken
+   out again.  What is then left above the noise is outside of the catalogue, and described.
 """
 
 from __future__ import annotations
@@ -22,15 +22,17 @@ from lostmotion.lab import words
 from lostmotion.lab.advice import what_to_record
 from lostmotion.lab.blame import blame
 from lostmotion.lab.candidates import Trial, far_trials, near_trials
+from lostmotion.lab.describe import described
 from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.fit import Progress, fit_of, noise_of, refined_level
 from lostmotion.lab.grow import Level, followed, residuals
-from lostmotion.lab.heldout import Judged, judge
+from lostmotion.lab.heldout import FAR, Judged, better, judge, misfits
 from lostmotion.lab.noise import innovation_noise
 from lostmotion.lab.results import Errors, Explanation, Finding, Fit, Ranked, Verdict
 from lostmotion.lab.scoretest import Scores, score_test
-from lostmotion.lab.search import first_fit, grown, predictable
+from lostmotion.lab.search import first_fit, full_fit, grown, predictable
 from lostmotion.lab.seeds import AMPLITUDE
+from lostmotion.lab.simplify import simplified
 from lostmotion.lab.structure import is_structured
 from lostmotion.lab.task import Task
 from lostmotion.model import Model, catalogue
@@ -38,18 +40,12 @@ from lostmotion.model import Model, catalogue
 __all__ = ["explain"]
 
 MOST_MISSING = 3
-FAR = 1.6
-"""Times the noise; below, the model is linear enough in what is missing for the score test alone to lead the search."""
 NEAR_TRIALS = 6
 BY_FAR = 4.0
 """Effects that bring the error down by this factor are missing, although structure is left behind them."""
 SURE_SHARE = 0.75
 """Of the unseen stretches, those that are followed best: in the others a start may be off, which is no structure."""
 ALIKE = 0.02
-LEAST_GAIN = 0.01
-"""An effect must lower the error on unseen data by this share."""
-FAR_GAIN = 0.6
-"""Where it stays far above the noise, to this part: what bends itself a little to something else is no effect."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,8 +88,10 @@ def explain(
         short = step.trials[step.winner].level
         level = grown(short, task)
         descent.append(step.judged[step.winner])
+    level, descent = simplified(base, level, descent, unseen, task, horizon, pool)
+    short = short if short.model.effects == level.model.effects else full_fit(level.model, task)
     progress("refining", 0.9)
-    found = _explanation(base, level, descent, steps, task, pool)
+    found = _explanation(base, level, short, descent, steps, task, pool)
     progress("done", 1.0)
     return found
 
@@ -134,30 +132,21 @@ def _step(
     finite = [i for i in range(len(trials)) if math.isfinite(judged[i].error)]
     if not finite:
         return _Step(scores, (), (), None)
-    order = sorted(finite, key=lambda i: _criterion(judged[i], trials[i]))
+    misfit = dict(zip(finite, misfits([judged[i] for i in finite]), strict=True))
+    order = sorted(finite, key=lambda i: _criterion(misfit[i], judged[i], trials[i]))
     trials, judged = [trials[i] for i in order], [judged[i] for i in order]
-    return _Step(scores, tuple(trials), tuple(judged), 0 if _better(judged[0], now, level.model.base) else None)
+    return _Step(scores, tuple(trials), tuple(judged), 0 if better(judged[0], now, level.model.base) else None)
 
 
-def _criterion(judged: Judged, trial: Trial) -> float:
+def _criterion(misfit: float, judged: Judged, trial: Trial) -> float:
     """Schwarz's criterion on unseen data, errors within 3 % of each other counting as equal: then fewer parameters."""
-    return round(math.log(max(judged.error, 1e-9)) / 0.03) + 0.01 * len(trial.level.unknowns.names) * math.log(
-        judged.count
-    )
-
-
-def _better(judged: Judged, now: Judged, base: str) -> bool:
-    """Whether an effect explains enough: near the noise what Schwarz's criterion asks, on gears far from it a good
-    part, as almost any effect moves impacts to where some fit better."""
-    if base == "play" and judged.error >= FAR:
-        return judged.error < FAR_GAIN * now.error
-    gained = judged.likelihood_gain_over(now) > 0.5 * math.log(judged.count)
-    return gained and judged.error < (1 - LEAST_GAIN) * now.error
+    return round(misfit / 0.03) + 0.01 * len(trial.level.unknowns.names) * math.log(judged.count)
 
 
 def _explanation(
     base: Level,
     best: Level,
+    short: Level,
     descent: Sequence[Judged],
     steps: Sequence[_Step],
     task: Task,
@@ -182,7 +171,7 @@ def _explanation(
         confusable=_confusable(named, steps),
         ranking=_with_intervals(_ranking(steps, before, unit), best_fit),
         error=Errors(before.error * unit, after.error * unit, floor, words.column(column)[1]),
-        residual=_finding(best, task) if left else None,
+        residual=(described(short, task) or _finding(best, task)) if left else None,
         advice=_advice(named, steps, task, pool),
         detectable=_detectable(steps[-1].scores) if verdict == "nothing_missing" else {},
         base=fit_of(base, task),
@@ -222,20 +211,22 @@ def _values(trial: Trial) -> dict[str, tuple[float, float, float]]:
 
 
 def _confusable(named: Sequence[str], steps: Sequence[_Step]) -> tuple[tuple[str, ...], ...]:
-    groups = [tuple(trial.effect for trial in _equals(step)) for _, step in zip(named, steps, strict=False)]
-    return tuple(group for group in groups if len(group) > 1)
+    groups = [tuple(trial.effect for trial in _equals(step)) for step in steps]
+    return tuple(group for group in groups if len(group) > 1 and group[0] in named)
 
 
 def _equals(step: _Step) -> list[Trial]:
     """The winner, and what explains unseen data as well within ALIKE."""
-    best = step.judged[0].error
-    return [t for t, judged in zip(step.trials, step.judged, strict=True) if judged.error < (1 + ALIKE) * best]
+    if step.winner is None:
+        return []
+    misfit = misfits(step.judged)
+    return [trial for trial, one in zip(step.trials, misfit, strict=True) if one < misfit[0] + ALIKE]
 
 
 def _advice(named: Sequence[str], steps: Sequence[_Step], task: Task, pool: Executor) -> str:
     """What to record to tell apart the first effects that these recordings confuse."""
-    for _, step in zip(named, steps, strict=False):
-        if len(alike := _equals(step)) > 1:
+    for step in steps:
+        if len(alike := _equals(step)) > 1 and alike[0].effect in named:
             return what_to_record([trial.level.model for trial in alike], task, pool)
     return ""
 

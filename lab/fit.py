@@ -130,7 +130,8 @@ def _unbounded(item: Unknown, z: float) -> float:
 def _covariance(level: Level, substep_s: float) -> FloatArray:
     """Of z (P, P), the start states eliminated; stretches that the model misses have no say."""
     good = followed(level, substep_s)
-    H, G = np.diag(1 / level.unknowns.prior**2), np.zeros((level.z.size, level.z.size))
+    H = np.diag(1 / level.unknowns.prior**2)
+    G = H.copy()  # what the data does not tell is as unsure as before
     blocks = [stretch.linearised(level.model, level.unknowns, level.z, substep_s) for stretch in good]
     blocks = [block for block in blocks if block.finite]
     if not blocks:

@@ -16,10 +16,10 @@ from lostmotion.lab.experiment import Experiment
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["COLUMN", "SETTLED_S", "STRONG", "WEAK", "Nudge", "can_follow", "sampled", "states_at"]
+__all__ = ["COLUMN", "SETTLED_S", "STRONG", "TIGHT", "WEAK", "Nudge", "can_follow", "sampled", "states_at"]
 
 COLUMN = "accel"
-STRONG, WEAK = 0.3, 0.1
+TIGHT, STRONG, WEAK = 1.0, 0.3, 0.1
 """Rings that may begin at every sample, in units of the noise."""
 SETTLED_S = 0.2
 """A run has then forgotten that nobody knew where to begin."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
@@ -17,26 +18,59 @@ from lostmotion.lab.task import Task
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Judged", "judge"]
+__all__ = ["FAR", "Judged", "better", "judge", "misfits"]
 
+FAR = 1.6
+"""Times the noise; below, the model is linear enough in what is missing for the score test alone to lead the search."""
+LEAST_GAIN = 0.01
+"""An effect must lower the error on unseen data by this share."""
+FAR_GAIN = 0.6
+"""Where it stays far above the noise, to this part: what bends itself a little to something else is no effect."""
 LONGER = 1.2
 POLISHED = 6
 LOST_SHARE = 0.4
-LOST = 1.3
+LOST, MOST = 1.3, 3.0
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """error: root mean square of r on unseen data, in units of the noise as it was estimated; count: samples;
-    residual: r of each stretch that is not lost, best first."""
+    """error: root mean square of r on unseen data, in units of the noise as it was estimated, without lost stretches;
+    errors, counts: (S,) of each stretch, all of them, and its samples; residual: r of those not lost, best first.
+    """
 
     error: float
-    count: int
+    errors: FloatArray
+    counts: FloatArray
     residual: tuple[FloatArray, ...]
 
-    def likelihood_gain_over(self, other: Judged) -> float:
-        """Gain of the log-likelihood, each residual taken as white noise of its own size."""
-        return self.count * math.log(max(other.error, 1e-9) / max(self.error, 1e-9))
+    @property
+    def count(self) -> int:
+        """Samples of all stretches."""
+        return int(self.counts.sum())
+
+
+def misfits(judged: Sequence[Judged]) -> FloatArray:
+    """The mean logarithm of each one's errors (J,): differences times the count are those of log-likelihoods, every
+    stretch with white noise of its own size.
+
+    Lost stretches count too, as one that few models follow tells most; but an error ends at some times the usual error
+    of the best, as chaos makes any number.
+    """
+    end = MOST * min(_usual(one.errors) for one in judged)
+    return np.array([np.average(np.log(np.clip(one.errors, 1e-9, end)), weights=one.counts) for one in judged])
+
+
+def better(judged: Judged, now: Judged, base: str) -> bool:
+    """Whether what was added explains enough: near the noise what Schwarz's criterion asks, on gears far from it a good
+    part, as almost any effect moves impacts to where some fit better."""
+    if base == "play" and judged.error >= FAR:
+        return judged.error < FAR_GAIN * now.error
+    before, after = misfits([now, judged])
+    return bool(before - after > max(0.5 * math.log(judged.count) / judged.count, LEAST_GAIN))
+
+
+def _usual(errors: FloatArray) -> float:
+    return float(np.quantile(errors, 1 - LOST_SHARE, method="lower"))
 
 
 def judge(model: Model, unseen: Experiment, task: Task, horizon_s: float, pool: Executor) -> Judged:
@@ -54,11 +88,10 @@ def judge(model: Model, unseen: Experiment, task: Task, horizon_s: float, pool: 
         also = [likely.get((unseen.name, float(stretch.experiment.time[0]))) for stretch in stretches]
         stretches = tuple(pool.map(_polished, [model] * len(stretches), stretches, also, [step] * len(stretches)))
     parts = residuals(model, stretches, step)
-    error = np.array([np.sqrt(np.mean(part**2)) for part in parts])
-    usual = float(np.quantile(error, 1 - LOST_SHARE, method="lower"))
-    r = [parts[i] for i in np.argsort(error) if error[i] <= LOST * usual]
-    whole = np.concatenate(r)
-    return Judged(float(np.sqrt(np.mean(whole**2))), whole.size, tuple(r))
+    errors = np.array([np.sqrt(np.mean(part**2)) for part in parts])
+    r = [parts[i] for i in np.argsort(errors) if errors[i] <= LOST * _usual(errors)]
+    counts = np.array([float(part.size) for part in parts])
+    return Judged(float(np.sqrt(np.mean(np.concatenate(r) ** 2))), errors, counts, tuple(r))
 
 
 def _polished(model: Model, stretch: Stretch, also: FloatArray | None, substep_s: float) -> Stretch:

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lostmotion.lab.experiment import Experiment
-from lostmotion.lab.follow import COLUMN, SETTLED_S, STRONG, WEAK, Nudge, sampled
+from lostmotion.lab.follow import COLUMN, SETTLED_S, STRONG, TIGHT, WEAK, Nudge, sampled
 from lostmotion.lab.grow import Level
 from lostmotion.lab.seeds import Sizes, seeds, sizes
 from lostmotion.lab.task import Task
@@ -24,7 +24,7 @@ from lostmotion.lab.unknowns import Unknowns
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Near", "nearest", "shortlist"]
+__all__ = ["Follower", "Near", "nearest", "settled", "shortlist"]
 
 LENGTH_S, EXPERIMENTS = 2.0, 2
 LEAST_HZ, PERIOD_SAMPLES = 800.0, 8.0
@@ -63,8 +63,12 @@ class Follower:
         value = {name: p.value for name, p in rough.parameters.items()}
         hz = max(LEAST_HZ, PERIOD_SAMPLES * math.sqrt(value["k"] / value["m"]) / (2 * math.pi))
         stretches = tuple(_liveliest(e, hz) for e in task.experiments[:EXPERIMENTS])
-        nudges = {coupling: Nudge.of(rough, 1 / stretches[0].rate_hz, coupling) for coupling in (STRONG, WEAK)}
+        nudges = {coupling: Nudge.of(rough, 1 / stretches[0].rate_hz, coupling) for coupling in (TIGHT, STRONG, WEAK)}
         return cls(rough, stretches, task.noise[COLUMN], max(task.substep_s, SHORTEST_STEP_S), nudges)
+
+    def alone(self) -> Follower:
+        """The first stretch only."""
+        return replace(self, stretches=self.stretches[:1])
 
     def cost(self, model: Model, coupling: float) -> float:
         """Mean of log(1 + (e/c)²) over the samples after the first 0.2 s: one that is missed by far counts little more
@@ -72,7 +76,7 @@ class Follower:
         nudge = self.nudges[coupling]
         far = nudge.expected * self.noise * OUTSIDE
         try:
-            e = [nudge.run(s.model(model), s, self.substep_s)[0][_settled(s)] for s in self.stretches]
+            e = [nudge.run(s.model(model), s, self.substep_s)[0][settled(s)] for s in self.stretches]
         except ModelError:
             return math.inf
         return float(np.mean(np.log1p(np.minimum((np.concatenate(e) / far) ** 2, FAR))))
@@ -131,7 +135,8 @@ def _liveliest(experiment: Experiment, hz: float) -> Experiment:
     return replace(experiment, time=time[first : last[first]], measured={COLUMN: values[first : last[first]]})
 
 
-def _settled(stretch: Experiment) -> slice:
+def settled(stretch: Experiment) -> slice:
+    """The samples at which a nudged run has forgotten its start."""
     return slice(int(np.searchsorted(stretch.time, stretch.time[0] + SETTLED_S)), None)
 
 

@@ -20,7 +20,7 @@ from lostmotion.lab.stretch import STEP, Stretch, state_scales
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["find_start", "repaired", "ringing_hz", "stretch_of"]
+__all__ = ["FINE", "find_start", "polished", "repaired", "ringing_hz", "stretch_of"]
 
 SCAN_S = 0.1
 LAST = 2

@@ -1,0 +1,74 @@
+"""Effects that were added needlessly are taken out again; how misfits of models are compared."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from bench.hidden_effects.motion import hand_waved
+from bench.hidden_effects.physics import follow, simulate
+
+from lostmotion.drivers.recording import Recording
+from lostmotion.lab.experiment import experiments
+from lostmotion.lab.fit import noise_of
+from lostmotion.lab.heldout import Judged, better, judge, misfits
+from lostmotion.lab.search import full_fit
+from lostmotion.lab.simplify import simplified
+from lostmotion.lab.task import Task
+from lostmotion.model import build_model
+from lostmotion.model.motion import FloatArray
+
+GEARS = {"d": 8e-5, "alpha": 4000.0, "b": 0.18, "k": 2600.0}
+NOISE, LEAD, LENGTH = 0.2, 0.5, 2.0
+
+
+def gears(seed: int, **hidden: float) -> Recording:
+    """The accelerometer of gears with something hidden, begun in motion, with noise."""
+    rng = np.random.default_rng(seed)
+    command, values = hand_waved(rng, LEAD + LENGTH), {**GEARS, **hidden}
+    times = LEAD + np.arange(round(LENGTH * 800)) / 800
+    accel = simulate(values, command, np.concatenate(([0.0], times)), follow(values, command, 0.0))[0][1:]
+    columns = {"command": command.at(times), "accel": accel + rng.normal(0, NOISE, times.size)}
+    return Recording(times - LEAD, columns, name=f"rec{seed}.csv")
+
+
+def judged(*errors: float) -> Judged:
+    """On stretches of 100 samples."""
+    e: FloatArray = np.array(errors)
+    return Judged(float(np.sqrt(np.mean(e**2))), e, np.full(e.size, 100.0), ())
+
+
+def test_a_lost_stretch_counts_but_not_without_end() -> None:
+    """One model loses two of five stretches: it is worse by what they count at most, whatever chaos makes of them."""
+    good, poor, poorer = judged(1, 1, 1, 1, 1), judged(1, 1, 1, 5, 9), judged(1, 1, 1, 500, 1e9)
+    assert misfits([good, poor]) == pytest.approx([0.0, 2 / 5 * np.log(3)])
+    assert misfits([good, poorer]) == pytest.approx(misfits([good, poor]))
+    assert better(good, poor, "play")
+    assert not better(poor, good, "play")
+
+
+def test_what_helps_by_less_than_chance_is_not_better() -> None:
+    """A gain of half a percent, or one below Schwarz's criterion, is none."""
+    assert not better(judged(0.995, 0.995), judged(1, 1), "play")
+    assert better(judged(*[0.98] * 40), judged(*[1.0] * 40), "play")
+    assert not better(judged(0.98), judged(1.0), "play")
+
+
+@pytest.mark.slow
+def test_a_needless_effect_is_taken_out() -> None:
+    """Of viscous friction, which is there, and a drift, which is not, only the friction stays."""
+    hidden = {"viscous_friction.b_v": 1e-3}
+    recordings = [gears(seed, **hidden) for seed in (41, 42, 43)]
+    model = build_model("play", values=GEARS)
+    *train, unseen = measured = experiments(model, recordings)
+    task = Task.of(model, train, noise_of(measured))
+    both = model.with_effect("bias_drift").with_effect("viscous_friction").replace(hidden)
+    with ThreadPoolExecutor(2) as pool:
+        base, level = full_fit(model, task), full_fit(both, task)
+        descent = [judge(fit.model, unseen, task, 0.25, pool) for fit in (base, base, level)]
+        simpler, way = simplified(base, level, descent, unseen, task, 0.25, pool)
+    assert simpler.model.effects == ("viscous_friction",)
+    assert len(way) == 2
+    assert way[-1].error == pytest.approx(1.0, abs=0.15)
+    assert simpler.model.parameters["viscous_friction.b_v"].value == pytest.approx(1e-3, rel=0.05)
