@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lostmotion.detector.changes import change_points
 from lostmotion.detector.errors import DetectorError
+from lostmotion.detector.forecast import Forecast, forecast
 from lostmotion.detector.window import FloatArray
 
 __all__ = [
@@ -33,6 +34,8 @@ MOST = 1000
 """More points than this are first replaced by the medians of as many runs of consecutive points: all pairs of 1000
 take milliseconds, and the medians of a trend are the trend of the medians."""
 LEAST = 3
+REPAIRED = 0.7
+"""A change after which scores are below this share of those before is a repair."""
 LEAST_RECENT = 10
 """Points since the last change that make a slope of their own."""
 
@@ -78,7 +81,8 @@ class WearTrend:
 
     count: scores used; first, last: their times [s]; slope, trend: over all of them; change_points: times [s] at which
     level or slope changed; recent: the slope since the last change; current: its value at ``last``; limit: the level;
-    time_to_limit: by ``recent``, None when it does not get there.
+    time_to_limit: by ``recent``, None when it does not get there; forecast: from the scores since the last repair, no
+    law of wear taken for granted, None for too few of them.
     """
 
     count: int
@@ -91,6 +95,7 @@ class WearTrend:
     current: float
     limit: float
     time_to_limit: TimeToLimit | None
+    forecast: Forecast | None
 
 
 def theil_sen(t: ArrayLike, y: ArrayLike, confidence: float = 0.95, inflation: float = 1.0) -> Slope:
@@ -174,7 +179,19 @@ def summarise(times: ArrayLike, scores: ArrayLike, level: float) -> WearTrend:
     first, last = float(time[0]), float(time[-1])
     left = time_to_limit(recent, last, level)
     at = tuple(float(time[i]) for i in changes)
-    return WearTrend(score.size, first, last, slope, trend, at, recent, recent.at(last), level, left)
+    worn = slice(_repair(score, changes), None)
+    told = forecast(time[worn], score[worn], level)
+    return WearTrend(score.size, first, last, slope, trend, at, recent, recent.at(last), level, left, told)
+
+
+def _repair(score: FloatArray, changes: list[int]) -> int:
+    """Index of the last change at which the scores fell: a repair, from which wear begins anew; 0 without one."""
+    falls = [
+        i
+        for i in changes
+        if np.median(score[i : i + LEAST_RECENT]) < REPAIRED * np.median(score[max(i - LEAST_RECENT, 0) : i])
+    ]
+    return falls[-1] if falls else 0
 
 
 def _clean(t: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArray]:

@@ -18,7 +18,8 @@ from lostmotion.daemon.commands.where import open_joint
 from lostmotion.daemon.records import from_micros, iso
 from lostmotion.daemon.rollup import Series, one_an_hour
 from lostmotion.detector.errors import DetectorError
-from lostmotion.detector.trend import MOST, Slope, WearTrend, summarise
+from lostmotion.detector.forecast import Forecast
+from lostmotion.detector.trend import MOST, Slope, TimeToLimit, WearTrend, summarise
 from lostmotion.detector.window import FloatArray
 from lostmotion.drivers.errors import LostmotionError
 
@@ -110,7 +111,7 @@ def _history(joint: str, series: Series, level: float | None) -> History:
 
 
 def _document(history: History) -> dict[str, Any]:
-    wear, left = history.wear, history.wear.time_to_limit
+    wear = history.wear
     return {
         "joint": history.joint,
         "count": wear.count,
@@ -126,8 +127,13 @@ def _document(history: History) -> dict[str, Any]:
         },
         "change_points": [iso(history.utc(time)) for time in wear.change_points],
         "recent_slope": _per_month(wear.recent),
-        "time_to_limit": left and {"likely_s": left.likely, "earliest_s": left.earliest, "latest_s": left.latest},
+        "time_to_limit": _wait(wear.time_to_limit),
+        "forecast": _wait(wear.forecast),
     }
+
+
+def _wait(left: TimeToLimit | Forecast | None) -> dict[str, float] | None:
+    return {"likely_s": left.likely, "earliest_s": left.earliest, "latest_s": left.latest} if left else None
 
 
 def _per_month(slope: Slope) -> dict[str, float]:
@@ -146,13 +152,29 @@ def _words(history: History) -> list[str]:
     if wear.change_points:
         when = ", ".join(f"{history.utc(time):%Y-%m-%d %H:%M}" for time in wear.change_points)
         lines += [f"changed        {when} UTC", f"since then     {_slope(wear.recent, history.span)}"]
-    return [*lines, f"now            {wear.current:.2f}, level {wear.limit:.2f}", f"limit          {_left(wear)}"]
+    return [
+        *lines,
+        f"now            {wear.current:.2f}, level {wear.limit:.2f}",
+        f"limit          {_left(wear)}",
+        *_foretold(wear),
+    ]
 
 
 def _slope(slope: Slope, span: float) -> str:
     """The slope in the unit that suits the length of the history."""
     name, length = next((unit for unit in UNITS if span >= unit[1] / 2), UNITS[-1])
     return f"{slope.slope * length:+.3g} per {name} (95 %: {slope.low * length:+.3g} to {slope.high * length:+.3g})"
+
+
+def _foretold(wear: WearTrend) -> list[str]:
+    """The forecast, where the limit still lies ahead."""
+    told = wear.forecast
+    if told is None or told.likely == 0 or not math.isfinite(told.earliest):
+        return []
+    likely, earliest, latest = (
+        times.span(t) if math.isfinite(t) else "never" for t in (told.likely, told.earliest, told.latest)
+    )
+    return [f"forecast       reached in {likely} (80 %: {earliest} to {latest}), whatever the law of wear"]
 
 
 def _left(wear: WearTrend) -> str:

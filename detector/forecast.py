@@ -1,0 +1,136 @@
+"""When a slow rise will reach a limit, where nobody knows the law of wear.  Slopes and tests are ``trend``'s.
+
+Wear may slow down, go on evenly or speed up, and months of scores seldom tell which.  So many laws are fitted, each
+counts as much as it explains, and what is told is the middle and the spread of all their answers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lostmotion.detector.window import FloatArray
+
+__all__ = ["CONFIDENCE", "Forecast", "forecast"]
+
+CONFIDENCE = 0.8
+"""Share of wear histories whose day lies within the interval."""
+POWERS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0)
+RATES = (0.5, 1.0, 1.5, 2.2, 3.3)
+"""Laws: a + b x^p and a + b (exp(r x) - 1), with x from 0 at the first score to 1 at the last."""
+MOST, LEAST = 120, 12
+"""Medians of so many runs are fitted; fewer scores than LEAST foretell nothing."""
+DRAWS = 1500
+FLOOR = 0.2
+"""The noise grows with the value, but is at least as large as at this share of the median."""
+CAUTION = 1.25
+"""The correlation of a few dozen residuals is underestimated; found by back-tests (tests/detector/test_forecast.py)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Forecast:
+    """Seconds from the last score until the limit: the median, and the ends of the 80 % interval; inf for never."""
+
+    likely: float
+    earliest: float
+    latest: float
+
+
+def forecast(times: ArrayLike, values: ArrayLike, limit: float) -> Forecast | None:
+    """When the values, shape (N,) at ascending times [s], will reach the limit; None for fewer than 12.
+
+    Each law's line is least squares over medians, weighted by the noise, which is taken to grow with the value; its
+    covariance and likelihood count correlated residuals as the fewer that they are worth (the sum of their
+    autocorrelations up to the first that is not positive).  The same numbers give the same answer: the draws are fixed.
+    """
+    time, value = _medians(np.asarray(times, dtype=float), np.asarray(values, dtype=float))
+    if time.size < LEAST:
+        return None
+    span = float(time[-1] - time[0])
+    x = (time - time[0]) / span
+    smooth = np.vander(x, 3)
+    size = np.maximum(smooth @ np.linalg.lstsq(smooth, value, rcond=None)[0], FLOOR * float(np.median(value)))
+    fits = [_Fit.of(law, x, value, size) for law in _laws()]
+    worth = _inflation(min(fits, key=lambda fit: float(fit.left @ fit.left)).left)
+    logs = np.array([-time.size / 2 / worth * np.log(fit.variance) for fit in fits])
+    weights = np.exp(logs - logs.max())
+    normal = np.random.default_rng(0).normal(size=(DRAWS, 2))
+    crossings = np.concatenate([fit.crossings(limit, worth, normal) for fit in fits])
+    waits = np.maximum(crossings - 1.0, 0.0) * span
+    order = np.argsort(waits)
+    share = np.cumsum(np.repeat(weights / weights.sum() / DRAWS, DRAWS)[order])
+    tail = (1 - CONFIDENCE) / 2
+    ends = np.minimum(np.searchsorted(share, (0.5, tail, 1 - tail)), waits.size - 1)
+    likely, earliest, latest = waits[order][ends]
+    return Forecast(float(likely), float(earliest), float(latest))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Law:
+    """A rising shape f with f(0) = 0, and its inverse."""
+
+    shape: Callable[[FloatArray], FloatArray]
+    inverse: Callable[[FloatArray], FloatArray]
+
+
+def _laws() -> list[_Law]:
+    powers = [_Law(lambda x, p=p: x**p, lambda f, p=p: f ** (1 / p)) for p in POWERS]  # type: ignore[misc]
+    rates = [_Law(lambda x, r=r: np.expm1(r * x), lambda f, r=r: np.log1p(f) / r) for r in RATES]  # type: ignore[misc]
+    return [*powers, *rates]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    """a and b of one law, their covariance for unit variance, and the weighted residuals."""
+
+    law: _Law
+    line: FloatArray
+    covariance: FloatArray
+    left: FloatArray
+
+    @classmethod
+    def of(cls, law: _Law, x: FloatArray, value: FloatArray, size: FloatArray) -> _Fit:
+        """Weighted least squares."""
+        columns = np.column_stack([np.ones(x.size), law.shape(x)]) / size[:, None]
+        inverse = np.asarray(np.linalg.inv(columns.T @ columns), dtype=np.float64)
+        line = inverse @ (columns.T @ (value / size))
+        return cls(law, line, inverse, value / size - columns @ line)
+
+    @property
+    def variance(self) -> float:
+        """Of the weighted residuals; never 0, so that a perfect line is no division by it."""
+        return float(self.left @ self.left) / (self.left.size - 3) + 1e-12
+
+    def crossings(self, limit: float, worth: float, normal: FloatArray) -> FloatArray:
+        """x at which draws of the line reach the limit; 0 when they are above it, inf when they fall."""
+        a, b = (self.line + normal @ np.linalg.cholesky(self.covariance * self.variance * worth).T).T
+        rises = b > 0
+        height = np.maximum(limit - a, 0.0) / np.where(rises, b, 1.0)
+        return np.where(rises, self.law.inverse(height), np.where(limit <= a, 0.0, np.inf))
+
+
+def _medians(time: FloatArray, value: FloatArray) -> tuple[FloatArray, FloatArray]:
+    there = np.isfinite(time) & np.isfinite(value)
+    time, value = time[there], value[there]
+    edges = np.linspace(0, time.size, min(time.size, MOST) + 1).astype(int)[1:-1]
+    if time.size < LEAST or time[-1] <= time[0]:
+        return np.empty(0), np.empty(0)
+    runs = list(zip(np.split(time, edges), np.split(value, edges), strict=True))
+    return np.array([np.median(t) for t, _ in runs]), np.array([np.median(v) for _, v in runs])
+
+
+def _inflation(left: FloatArray) -> float:
+    """How many correlated residuals are worth one independent one, with caution."""
+    power = float(left @ left)
+    if power < 1e-9 * left.size:  # a line without noise
+        return CAUTION
+    total = 1.0
+    for lag in range(1, left.size // 4):
+        correlation = float(left[lag:] @ left[:-lag]) / power
+        if correlation <= 0:
+            break
+        total += 2 * correlation
+    return CAUTION * total

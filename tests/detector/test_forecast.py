@@ -1,0 +1,73 @@
+"""Forecasts against histories of wear whose end is known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from lostmotion.detector.forecast import forecast
+
+DAY = 86400.0
+LAWS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "even": lambda x: x,
+    "speeding up": lambda x: x**1.5,
+    "quadratic": lambda x: x**2,
+    "exponential": lambda x: np.expm1(1.2 * x) / np.expm1(1.2),
+    "slowing down": lambda x: np.sqrt(x),
+}
+
+
+def history(rng: np.random.Generator, law: str, seen: float) -> tuple[np.ndarray, np.ndarray]:
+    """400 scores until a share of the way in time to the limit 1, noise of 12 % and slow ups and downs of 3 %."""
+    x = np.sort(rng.uniform(0, seen, 400))
+    start = rng.uniform(0.2, 0.5)
+    slow = np.convolve(rng.normal(size=440), np.ones(40) / math.sqrt(40), "valid")[:400]
+    value = (start + (1 - start) * LAWS[law](x)) * np.exp(rng.normal(0, 0.12, 400) + 0.03 * slow)
+    return 365 * DAY * x, value
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_intervals_cover_in_back_tests(law: str) -> None:
+    """Nobody tells the forecast the law: the 80 % intervals of 180 histories, seen to 40, 60 and 80 % of their length,
+    hold the day in 68 to 92 %, and the median forecast is within a third of the truth."""
+    rng = np.random.default_rng([8400, list(LAWS).index(law)])
+    hits, ratios = [], []
+    for i in range(180):
+        time, value = history(rng, law, (0.4, 0.6, 0.8)[i % 3])
+        found = forecast(time, value, 1.0)
+        assert found
+        left = 365 * DAY - time[-1]
+        hits.append(found.earliest <= left <= found.latest)
+        ratios.append(found.likely / left)
+    assert 0.68 <= np.mean(hits) <= 0.92
+    assert np.median(ratios) == pytest.approx(1.0, abs=0.33)
+
+
+def test_a_line_without_noise() -> None:
+    """Half of the way in 100 days: the other half in 100 more."""
+    time = np.linspace(0, 100 * DAY, 200)
+    found = forecast(time, 0.005 * time / DAY, 1.0)
+    assert found
+    assert found.likely == pytest.approx(100 * DAY, rel=0.01)
+    assert found.earliest <= found.likely <= found.latest
+
+
+def test_what_does_not_rise_never_arrives() -> None:
+    """A falling series: never, at the earliest in the far future; one above the limit: now."""
+    rng = np.random.default_rng(8401)
+    time = np.linspace(0, 100 * DAY, 200)
+    falling = forecast(time, 0.5 - 0.002 * time / DAY + rng.normal(0, 0.01, 200), 1.0)
+    assert falling
+    assert falling.likely == falling.latest == math.inf
+    above = forecast(time, 1.5 + 0.005 * time / DAY, 1.0)
+    assert above
+    assert above.likely == above.latest == 0.0
+
+
+def test_few_scores_foretell_nothing() -> None:
+    """Eleven scores, or all at one time."""
+    assert forecast(np.arange(11.0), np.arange(11.0), 100.0) is None
+    assert forecast(np.zeros(50), np.arange(50.0), 100.0) is None
