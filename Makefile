@@ -4,9 +4,9 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 
-.PHONY: help demo test check format bench bench-hidden figures clean
+.PHONY: help demo test check format bench bench-detector table1 bench-hidden figures clean
 help:
-	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+	@grep -E '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
 $(READY): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -37,6 +37,15 @@ bench: $(READY)  ## speed and memory as ratios, side by side in one run
 
 bench-hidden: $(READY)  ## recordings with a hidden effect: what lab explain makes of them (table and figure, takes long)
 	$(BIN)/python -m bench.hidden_effects run --seed $(or $(SEED),0) --figures docs/figures
+
+bench-detector: $(READY)  ## the detector against its rivals and the bounds: table, ROC pictures, size of the play
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,bench]'
+	$(BIN)/python -m bench.roc --figures docs/figures
+	$(BIN)/python -m bench.play_size
+	$(BIN)/python -m bench.detector
+
+table1: $(READY)  ## the paper's section 4 again: table 1 with confidence intervals, figures 4 and 5
+	$(BIN)/python -m bench.table1 --figures docs/figures
 
 figures: $(READY)  ## the paper's figures 1, 2, 4 and 5 from the model, into docs/figures
 	$(BIN)/python -m bench.figures

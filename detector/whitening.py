@@ -15,7 +15,7 @@ __all__ = ["Noise", "fit_noise", "whiten"]
 
 LEAST_LENGTH = 16
 ROUNDS = 8
-MOST_ORDER = 32
+MOST_ORDER = 64
 """A kilohertz needs as many to tell a bar's own hum from the noise around it."""
 
 
@@ -32,7 +32,7 @@ def fit_noise(windows: FloatArray, slow: FloatArray) -> Noise:
 
     slow: orthonormal, shape (N, P), what the motion may be.  The noise's own part in it is not seen: its expectation
     under the model is put in its place and the model made anew (Dempster, Laird and Rubin 1977), from white noise on.
-    Each model is that of the mean autocovariances (Levinson's recursion); its order, at most a third of N and 32, has
+    Each model is that of the mean autocovariances (Levinson's recursion); its order, at most a third of N and 64, has
     the least Bayesian information criterion.  Raises DetectorError for windows that are too short or have holes.
     """
     length, lost = slow.shape
