@@ -81,7 +81,9 @@ class Page(HTMLParser):
 def found(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The report of an explanation with all there is."""
     path = tmp_path_factory.mktemp("report") / "elbow.html"
-    write_report(path, title=TITLE, explanation=report_example.explanation(), tap=Oscillator(58.02, 0.0123, 23.0, 0.02, 3e-4))
+    write_report(
+        path, title=TITLE, explanation=report_example.explanation(), tap=Oscillator(58.02, 0.0123, 23.0, 0.02, 3e-4)
+    )
     return path
 
 
