@@ -19,6 +19,7 @@ import random
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Sequence
 from contextlib import closing
@@ -91,7 +92,9 @@ def latencies(duration_s: float) -> tuple[list[float], list[float]]:
     endpoint, adapter, delays = f"tcp/127.0.0.1:{free_port()}", StampingAdapter(), list[float]()
     with tempfile.TemporaryDirectory() as name, Emulator(adapter) as emulator:
         tables = RESTLESS + TABLES.format(endpoint=endpoint, port=emulator.paths[0])
-        with running_service(Path(name), "csv:1000", tables):
+        with running_service(Path(name), "csv:1000", tables) as service:
+            assert service.stderr is not None
+            threading.Thread(target=service.stderr.read, daemon=True).start()  # a full pipe would stop the service
             time.sleep(4.0)
             with session("client", connect=[endpoint]) as other:
                 other.declare_subscriber("lostmotion/bench/*/alarm", lambda sample: delays.append(delay(sample)))

@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from lostmotion.daemon.migrations import CURRENT
 from lostmotion.daemon.reader import open_readonly
 from lostmotion.daemon.records import AlarmState, Request, Verb
 from lostmotion.daemon.requests import RequestError, ask
@@ -98,7 +99,7 @@ def test_a_request_to_a_database_of_another_version(database: Path) -> None:
     """A service of an older version has no table of requests: one line says that it has to be restarted."""
     with closing(sqlite3.connect(database)) as db:
         db.execute("PRAGMA user_version = 2")
-    with pytest.raises(RequestError, match=r"version 2, expected 3; .*restart it"):
+    with pytest.raises(RequestError, match=rf"version 2, expected {CURRENT}; .*restart it"):
         ask(database, Request(0, "elbow", Verb.ACK), START)
 
 
