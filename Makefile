@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 
-.PHONY: help demo test check format bench bench-detector table1 bench-hidden figures clean
+.PHONY: help demo test test-vm check format bench bench-detector table1 bench-hidden figures clean
 help:
 	@grep -E '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
@@ -27,6 +27,9 @@ check: $(READY)  ## the same with the fast tests only, in under two minutes
 	$(BIN)/ruff check .
 	$(BIN)/mypy -p lostmotion
 	$(BIN)/python -m pytest -q -n 2 -m "not slow"
+
+test-vm: $(READY)  ## a real CAN interface, in a virtual machine (qemu; some minutes, root, x86_64)
+	LOSTMOTION_VM=1 $(BIN)/python -m pytest -n 0 tests/system/test_can_bus.py
 
 format: $(READY)  ## puts the source into the one form
 	$(BIN)/ruff format .

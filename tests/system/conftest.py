@@ -20,10 +20,13 @@ def layers(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, ...]:
     """The image, and above it what installing the wheel adds, without a network."""
     if reason := image.missing():
         pytest.skip(reason)
-    base = image.image()
-    folder = tmp_path_factory.mktemp("wheel")
+    return with_wheel(image.image(), tmp_path_factory.mktemp("wheel"))
+
+
+def with_wheel(base: Path, folder: Path) -> tuple[Path, ...]:
+    """An image, and above it what installing the wheel adds."""
     wheel = build_wheel(folder)
-    machine = Machine(folder / "machine", base)
+    machine = Machine(folder / "wheel", base)
     machine.boot()
     target = f"/opt/{wheel.name}"
     machine.copy(wheel, target)

@@ -35,17 +35,17 @@ def missing() -> str:
     return f"{', '.join(gone)} missing; apt-get install systemd-container mmdebstrap" if gone else ""
 
 
-def image() -> Path:
-    """The folder of the image, built if it is not there."""
+def image(kind: str = "container", extra: tuple[str, ...] = ()) -> Path:
+    """The folder of the image of that kind, with extra Debian packages, built if it is not there."""
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     folder = Path(os.environ.get("LOSTMOTION_IMAGES") or cache / "lostmotion" / "images")
     folder.mkdir(parents=True, exist_ok=True)
     with _locked(folder / "lock"):
-        root = folder / f"root-{_fingerprint()}"
+        root = folder / f"{kind}-{_fingerprint(extra)}"
         if not root.exists():
-            for old in folder.glob("root-*"):
+            for old in folder.glob(f"{kind}-*"):
                 shutil.rmtree(old)
-            _build(folder, root)
+            _build(folder, root, extra)
     return root
 
 
@@ -57,9 +57,9 @@ def _locked(path: Path) -> Iterator[None]:
         yield
 
 
-def _fingerprint() -> str:
+def _fingerprint(extra: tuple[str, ...]) -> str:
     """Changes when the image would."""
-    parts = [Path(__file__).read_text(), *_dependencies(), _suite(), platform.machine()]
+    parts = [Path(__file__).read_text(), *extra, *_dependencies(), _suite(), platform.machine()]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:12]
 
 
@@ -71,11 +71,11 @@ def _suite() -> str:
     return platform.freedesktop_os_release()["VERSION_CODENAME"]
 
 
-def _build(folder: Path, root: Path) -> None:
+def _build(folder: Path, root: Path, extra: tuple[str, ...]) -> None:
     """The image appears under its name only when it is whole."""
     new = folder / "new"
     shutil.rmtree(new, ignore_errors=True)
-    include = f"--include={','.join(PACKAGES)}"
+    include = f"--include={','.join(PACKAGES + extra)}"
     _run("mmdebstrap", "--quiet", "--variant=minbase", include, _suite(), new, *_sources())
     version = _run("chroot", new, "python3", "-c", "import sys; print('%d.%d' % sys.version_info[:2])").strip()
     wheels = new / "wheels"

@@ -42,15 +42,13 @@ class Machine:
 
     def boot(self) -> None:
         """Starts it and waits until its systemd has done so."""
-        lower = ":".join(map(str, reversed(self._layers)))
         root = self.folder / "root"
-        options = f"lowerdir={lower},upperdir={self.disk},workdir={self.folder / 'work'}"
         self._cgroup.mkdir()
         script = 'echo $$ >"$1/cgroup.procs"; mount -t overlay overlay -o "$2" "$3"; shift 3; exec "$@"'
-        command = ["unshare", "--mount", "sh", "-ec", script, "sh", self._cgroup, options, root, *NSPAWN, "-D", root]
+        mounted = ["unshare", "--mount", "sh", "-ec", script, "sh", self._cgroup, self._overlay(), root]
         with (self.folder / "console").open("ab") as console:
             self._process = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=console, stderr=console,
+                [*mounted, *NSPAWN, "-D", root], stdin=subprocess.DEVNULL, stdout=console, stderr=console,
                 env=os.environ | {"SYSTEMD_NSPAWN_UNIFIED_HIERARCHY": "1"},
             )  # fmt: skip
         self.wait_until(self._is_up, BOOT_S)
@@ -110,10 +108,21 @@ class Machine:
             assert time.monotonic() < end, f"not within {timeout_s} s; {self._state()}"
             time.sleep(0.1)
 
+    def write_image(self, path: Path, size: str) -> None:
+        """Its whole disk as a file system image (ext4), for a virtual machine.  It must be off."""
+        script = 'mount -t overlay overlay -o "$1" "$2"; mkfs.ext4 -q -F -d "$2" "$3" "$4"'
+        command = ["unshare", "--mount", "sh", "-ec", script, "sh", self._overlay(), self.folder / "root", path, size]
+        subprocess.run(command, check=True)
+
     def destroy(self) -> None:
         """Ends it and removes its disk."""
         self.cut_power()
         shutil.rmtree(self.folder)
+
+    def _overlay(self) -> str:
+        """Options that mount its disk."""
+        lower = ":".join(map(str, reversed(self._layers)))
+        return f"lowerdir={lower},upperdir={self.disk},workdir={self.folder / 'work'}"
 
     def _enter(self) -> list[str]:
         clean = ("env", "-i", "PATH=/usr/sbin:/usr/bin", "LC_ALL=C.UTF-8")
