@@ -7,9 +7,7 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 import time
-import traceback
 from pathlib import Path
 
 import can
@@ -60,18 +58,8 @@ def look() -> dict[str, object]:
     with vcan() as bus:  # one that is opened before hears first of all that the network is down
         again = listen(bus, 1)
     after = run("systemctl", "show", "lostmotion", "--value", "-p", "MainPID")
-    log = run("journalctl", "-u", "lostmotion", "-o", "cat")
-    return {"first": first, "candump": LOG.read_text(), "again": again, "pids": [before, after], "log": log}
+    said = run("journalctl", "-u", "lostmotion", "-o", "cat")
+    return {"first": first, "candump": LOG.read_text(), "again": again, "pids": [before, after], "log": said}
 
 
-def main() -> None:
-    """Tells what it has seen, or what went wrong; then the machine ends."""
-    try:
-        told = json.dumps(look())
-    except BaseException:
-        told = traceback.format_exc()
-    Path(sys.argv[1]).write_text(told + "\n")
-    run("systemctl", "poweroff")
-
-
-main()
+print(json.dumps(look()))

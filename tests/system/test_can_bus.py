@@ -59,7 +59,10 @@ node_id = 0x21
 UNIT = f"""
 [Service]
 Type=idle
-ExecStart={image.VENV}/bin/python /opt/guest_can.py /dev/ttyS1
+ExecStart={image.VENV}/bin/python /opt/guest_can.py
+ExecStopPost=systemctl poweroff
+StandardOutput=file:/dev/ttyS1
+StandardError=inherit
 """
 
 
