@@ -27,6 +27,7 @@ port = "/run/robot.0"
 model = "AX-12A"
 id = 3
 accelerometer = "tip"
+[metrics]
 [detector]
 f_norm_hz = 85.0
 f_norm_width_hz = 30.0

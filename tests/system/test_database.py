@@ -9,7 +9,7 @@ from tests.system.image import VENV
 from tests.system.machine import Machine
 from tests.system.robot import install_with_robot, plug_in, show, wait_for_scores
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]  # the first one may build the image
 
 FOLDER = "/var/lib/private/lostmotion"
 DATABASE = f"{FOLDER}/history.db"

@@ -10,7 +10,7 @@ from tests.system.conftest import Boot
 from tests.system.machine import Machine
 from tests.system.robot import CONFIG, LOSTMOTION, show
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]  # the first one may build the image
 
 EXPOSURE = 1.5
 COMPILE_S = 180.0

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
+from prometheus_client.parser import text_string_to_metric_families
 
 from tests.system.conftest import Boot
+from tests.system.image import VENV
 from tests.system.machine import Machine
-from tests.system.robot import CONFIG, TEXT, install_with_robot, scores, show, wait_for_scores
+from tests.system.robot import CONFIG, LOSTMOTION, TEXT, install_with_robot, scores, show, wait_for_scores
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]  # the first one may build the image
 
 ERROR = "3"
 
@@ -20,6 +24,31 @@ def machine(boot: Boot) -> Machine:
     install_with_robot(machine)
     wait_for_scores(machine)
     return machine
+
+
+def test_metrics_are_there_under_all_the_hardening(machine: Machine) -> None:
+    """Prometheus' question is answered with scores and with what the process itself takes."""
+    script = "from urllib.request import urlopen; print(urlopen('http://127.0.0.1:9464/metrics').read().decode())"
+    text = machine.run(f"{VENV}/bin/python", "-c", script)
+    found = {family.name: family.samples for family in text_string_to_metric_families(text)}
+    assert found["lostmotion_joint_score"][0].value > 0
+    assert found["lostmotion_windows_scored"][0].value > 0
+    assert 20e6 < found["process_resident_memory_bytes"][0].value < 200e6
+    assert found["process_cpu_seconds"][0].value > 0.1
+
+
+def test_root_acknowledges_an_alarm_of_the_service(machine: Machine) -> None:
+    """Another user's command reaches the running service through its database, whose files stay the service's own."""
+
+    def states() -> list[str]:
+        (joint,) = json.loads(machine.run(LOSTMOTION, "status", "--json"))["joints"]
+        return [alarm["state"] for alarm in joint["alarms"]]
+
+    machine.wait_until(lambda: "active" in states())
+    machine.run(LOSTMOTION, "alarms", "ack", "elbow")
+    machine.wait_until(lambda: states() == ["acknowledged"])
+    owners = machine.run("sh", "-c", "stat -c %U /var/lib/lostmotion/history.db*")
+    assert set(owners.split()) == {"lostmotion"}
 
 
 def test_a_hanging_service_is_started_again(machine: Machine) -> None:

@@ -7,7 +7,7 @@ import pytest
 from tests.system.conftest import Boot
 from tests.system.robot import LOSTMOTION, install_with_robot, plug_in, scores, show, wait_for_scores
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]  # the first one may build the image
 
 
 @pytest.mark.parametrize("orderly", [True, False], ids=["shutdown", "power cut"])
