@@ -169,7 +169,7 @@ def _smoothed(times: FloatArray, commands: FloatArray, stretch: Window) -> _Comm
     if local.size < 2 * degree:
         return None
     basis = np.polynomial.legendre.legvander((local - middle) / half, degree)
-    inverse = np.linalg.inv(basis.T @ basis)
+    inverse = np.linalg.pinv(basis.T @ basis)  # commands may come in bunches
     coefficients = inverse @ (basis.T @ angle)
     left = angle - basis @ coefficients
     return _Command(middle, half, coefficients, inverse * float(left @ left) / (local.size - degree - 1))

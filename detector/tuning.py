@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -161,9 +161,8 @@ def _middling(healthy: FloatArray, waves: FloatArray, rate_hz: float, usual: Det
     return _bisected(lambda size: _found(usual, healthy, healthy + size * waves, rate_hz), 1e-3, MIDDLING)
 
 
-def _bisected(share: object, start: float, wanted: float) -> float:
+def _bisected(share: Callable[[float], float], start: float, wanted: float) -> float:
     """The argument from which a rising function reaches ``wanted``, to 1 %."""
-    assert callable(share)
     high = start
     while share(high) < wanted and high < 1e9 * start:
         high *= 2

@@ -28,7 +28,9 @@ DB = np.arange(8.0, 33.0)
 FALSE_ALARM, FOUND = 0.01, 0.9
 MOTION = 10.0
 """Root mean square of the arm's own motion in a window, in standard deviations of the white noise."""
+SHOWN_DB, ENOUGH = 15.0, 0.97
 NORMAL = NormalDist()
+Statistic = Callable[[FloatArray, float], FloatArray]
 ORDER = ("knows all", "knows all but when", "ringdown", "ringdown, own noise", "band (eq. 8)", *CLASSICS, "envelope")
 
 
@@ -89,32 +91,37 @@ def run(condition: Condition) -> Outcome:
     statistics = _statistics(condition, windows(0.0, HEALTHY_FOR_CALIBRATION), root, library @ np.linalg.inv(root).T,
                              motion[which])  # fmt: skip
     quiet = windows(0.0)
-    limits = {name: np.quantile(statistic(quiet, 0.0), 1 - FALSE_ALARM) for name, statistic in statistics.items()}
+    needed = _needed(statistics, windows, quiet)
+    size = 10 ** (SHOWN_DB / 20)
+    loud = windows(size)
+    healthy, worn = ({name: of(told, size) for name, of in statistics.items()} for told in (quiet, loud))
+    healthy["knows all"], worn["knows all"] = rng.normal(size=COUNT), rng.normal(size, 1.0, COUNT)
+    return Outcome(condition, needed, healthy, worn)
+
+
+def _needed(
+    statistics: dict[str, Statistic], windows: Callable[[float], FloatArray], quiet: FloatArray
+) -> dict[str, float]:
+    """SNR [dB] by statistic; the bounds know the size, so their limits depend on it."""
+    limits = {name: np.quantile(of(quiet, 0.0), 1 - FALSE_ALARM) for name, of in statistics.items()}
     found: dict[str, list[float]] = {name: [] for name in statistics}
-    shown: dict[str, FloatArray] = {}
     for db in DB:
         size = 10 ** (db / 20)
         loud = windows(size)
         for name, statistic in statistics.items():
-            if found[name] and found[name][-1] > 0.97:
+            if found[name] and found[name][-1] > ENOUGH:
                 found[name].append(1.0)
                 continue
-            scores = statistic(loud, size)
             limit = np.quantile(statistic(quiet, size), 1 - FALSE_ALARM) if name.startswith("knows") else limits[name]
-            found[name].append(float(np.mean(scores > limit)))
-        if db == 15.0:
-            shown = {name: statistic(loud, size) for name, statistic in statistics.items()}
+            found[name].append(float(np.mean(statistic(loud, size) > limit)))
     needed = {name: _crossing(shares) for name, shares in found.items()}
     needed["knows all"] = 20 * math.log10(NORMAL.inv_cdf(1 - FALSE_ALARM) + NORMAL.inv_cdf(FOUND))
-    size = 10 ** (15 / 20)
-    healthy = {name: statistic(quiet, size) for name, statistic in statistics.items()}
-    healthy["knows all"], shown["knows all"] = rng.normal(size=COUNT), rng.normal(size, 1.0, COUNT)
-    return Outcome(condition, needed, healthy, shown)
+    return needed
 
 
 def _statistics(
     condition: Condition, healthy: FloatArray, root: FloatArray, library: FloatArray, motion: FloatArray
-) -> dict[str, Callable[[FloatArray, float], FloatArray]]:
+) -> dict[str, Statistic]:
     """By name; the second argument is the true size, which only the bound may use."""
     bar = condition.bar
     f_set = bar.f_res_hz * condition.off

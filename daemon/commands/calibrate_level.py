@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -40,27 +41,47 @@ def calibrate_level(
     healthy = _finite(batch(cut.accel, cut.rate_hz, settings))
     if worn:
         bad = read_all(worn, settings, None)
-        worn_scores = _finite(batch(bad.accel, bad.rate_hz, settings))
-        labels = np.arange(healthy.size + worn_scores.size) >= healthy.size
-        found = CRITERIA[criterion](np.concatenate([healthy, worn_scores]), labels)
-        words = [_counts(found, criterion)]
+        found, words, counts = _labelled(healthy, _finite(batch(bad.accel, bad.rate_hz, settings)), criterion)
     else:
-        _check(healthy.size, false_alarm, cut.duration)
-        found = from_healthy(healthy, false_alarm)
-        words = [
-            f"{healthy.size} healthy windows: a new one exceeds the level with a probability of {false_alarm:.2g}",
-            f"(with 99 % confidence between {false_alarm / 2:.2g} and {2 * false_alarm:.2g}, whatever the noise)",
-        ]
+        found, words, counts = _promised(healthy, false_alarm, cut.duration)
     value = float(f"{found.value:.4g}")
     document = {
-        "level": value, "statistic": settings.statistic, "healthy": healthy.size,
-        "worn": worn_scores.size if worn else 0, "refused": cut.refused,
-        "false_alarm": None if worn else false_alarm,
-        "false_positive": found.false_positive, "false_negative": found.false_negative if worn else None,
-        "separable": found.separable if worn else None,
-    }  # fmt: skip
+        "level": value,
+        "statistic": settings.statistic,
+        "healthy": healthy.size,
+        "refused": cut.refused,
+        **counts,
+    }
     lines = lines_of({"level": value}, f"[detector], or detector of the [[joint]]; for statistic {settings.statistic}")
     tell(document, words, _warnings(found, criterion) if worn else [], lines, target, as_json)
+
+
+Told = tuple[Level, list[str], dict[str, Any]]
+"""A level, the words for it, and what of the document depends on how it was found."""
+
+
+def _labelled(healthy: FloatArray, worn: FloatArray, criterion: str) -> Told:
+    labels = np.arange(healthy.size + worn.size) >= healthy.size
+    found = CRITERIA[criterion](np.concatenate([healthy, worn]), labels)
+    counts = {
+        "worn": worn.size, "false_alarm": None, "false_positive": found.false_positive,
+        "false_negative": found.false_negative, "separable": found.separable,
+    }  # fmt: skip
+    return found, [_counts(found, criterion)], counts
+
+
+def _promised(healthy: FloatArray, false_alarm: float, duration: float) -> Told:
+    _check(healthy.size, false_alarm, duration)
+    found = from_healthy(healthy, false_alarm)
+    words = [
+        f"{healthy.size} healthy windows: a new one exceeds the level with a probability of {false_alarm:.2g}",
+        f"(with 99 % confidence between {false_alarm / 2:.2g} and {2 * false_alarm:.2g}, whatever the noise)",
+    ]
+    counts = {
+        "worn": 0, "false_alarm": false_alarm, "false_positive": found.false_positive,
+        "false_negative": None, "separable": None,
+    }  # fmt: skip
+    return found, words, counts
 
 
 def _finite(scores: FloatArray) -> FloatArray:
