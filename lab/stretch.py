@@ -90,15 +90,10 @@ class Stretch:
     def linearised(self, model: Model, unknowns: Unknowns, z: FloatArray, substep_s: float) -> Linearised:
         """Residual and derivatives by finite differences, at the parameters z and this start state."""
         own = self.experiment.model
-        here = own(unknowns.put(model, z))
+        at, around = unknowns.around(model, z, STEP)
         moved = self.start + np.vstack([np.zeros(self.start.size), np.diag(STEP * self.scale)])
-        r, *by_state = self.residuals(here, moved, substep_s)
-        by_parameter = []
-        for i in range(z.size):
-            there = z.copy()
-            there[i] += STEP if there[i] + STEP <= unknowns.bounds[1][i] else -STEP
-            slope = (self.residual(own(unknowns.put(model, there)), self.start, substep_s) - r) / (there[i] - z[i])
-            by_parameter.append(slope)
+        r, *by_state = self.residuals(own(at), moved, substep_s)
+        by_parameter = [(self.residual(own(there), self.start, substep_s) - r) / step for there, step in around]
         A = np.array(by_parameter).T if by_parameter else np.empty((r.size, 0))
         return Linearised(r, A, (np.array(by_state) - r).T / STEP)
 

@@ -7,8 +7,9 @@ vary in units of their scale.  Weak priors (a factor e, or ten scales) keep what
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -122,6 +123,22 @@ class Unknowns:
         """The model with the values of a vector.  Raises ModelError where physics does not allow one."""
         return model.replace({item.name: item.value(float(x)) for item, x in zip(self.items, z, strict=True)})
 
+    def around(self, model: Model, z: FloatArray, step: float) -> tuple[Model, Sequence[tuple[Model, float]]]:
+        """The model at z, and for each unknown one a step away, with that step: downwards at the upper bound."""
+        return _around(self, model, tuple(map(float, z)), step)
+
     def slopes(self, z: FloatArray) -> FloatArray:
         """d value / d z of each, (P,)."""
         return np.array([item.slope(float(x)) for item, x in zip(self.items, z, strict=True)])
+
+
+@lru_cache(maxsize=64)  # all stretches of a fit ask for the same; a model keeps the solver's tables
+def _around(
+    unknowns: Unknowns, model: Model, z: tuple[float, ...], step: float
+) -> tuple[Model, Sequence[tuple[Model, float]]]:
+    at = unknowns.put(model, np.array(z))
+    found = []
+    for item, value, high in zip(unknowns.items, z, unknowns.bounds[1], strict=True):
+        there = value + step if value + step <= high else value - step
+        found.append((at.replace({item.name: item.value(there)}), there - value))
+    return at, found
