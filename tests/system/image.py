@@ -32,7 +32,11 @@ def missing() -> str:
     if os.geteuid() != 0:
         return "root is needed for containers"
     gone = [tool for tool in TOOLS if shutil.which(tool) is None]
-    return f"{', '.join(gone)} missing; apt-get install systemd-container mmdebstrap" if gone else ""
+    if gone:
+        return f"{', '.join(gone)} missing; apt-get install systemd-container mmdebstrap"
+    if subprocess.run(["unshare", "--mount", "true"], capture_output=True).returncode:
+        return "mounts are not allowed here; is this a container without privileges?"
+    return "" if "cgroup2" in Path("/proc/mounts").read_text() else "no cgroup2 is mounted"
 
 
 def image(kind: str = "container", extra: tuple[str, ...] = ()) -> Path:
