@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import sqlite3
 import subprocess
@@ -236,3 +237,13 @@ def test_interrupted_recording_is_valid(tmp_path: Path) -> None:
     assert "Traceback" not in err
     windows = json.loads(call("score", recording, "--json").stdout)["windows"]
     assert len(windows) >= 2
+
+
+def test_one_thread_for_small_matrices() -> None:
+    """The program asks for it before numpy is imported, and leaves alone what the user has set."""
+    script = "import sys, os; from lostmotion.daemon import cli; assert 'numpy' not in sys.modules; "
+    script += "cli.cli.main = lambda: print(os.environ['OPENBLAS_NUM_THREADS'], 'numpy' in sys.modules); cli.main()"
+    for given, used in (({}, "1"), ({"OPENBLAS_NUM_THREADS": "3"}, "3")):
+        own = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"} | given
+        done = subprocess.run([sys.executable, "-c", script], env=own, capture_output=True, text=True, check=True)
+        assert done.stdout.split() == [used, "False"]
