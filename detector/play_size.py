@@ -33,12 +33,12 @@ STEP = 0.145
 """Grid of the kicks in periods of the bar."""
 KICK = 0.1
 """Usual change of the joint's speed in a step of the grid [rad/s]."""
-LEAST_KICK, SIGNIFICANT = 0.02, 5.0
+LEAST_KICK, SIGNIFICANT = 0.02, 6.0
 """A contact changes the speed by so much [rad/s] within three steps, and stands out by so many standard deviations."""
 LEAST_CONTACTS = 4
 CONTACT_ACCEL = 1000.0
 """Acceleration of the joint under the force beta at the teeth [rad/s²]: beta R2 / J2 of the model."""
-FLANK, GRAIN = 0.08, 2e-4
+FLANK, GRAIN = 0.06, 5e-5
 """Where on a flank a contact is: standard deviation as a share of half the play, and least [rad]."""
 BIAS, GRAVITY = 0.1, 10.0
 """What may remain of an offset, and gravity along the sensor's axis [m/s²], standard deviations."""
