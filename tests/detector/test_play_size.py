@@ -32,7 +32,8 @@ def recording(seed: int, play_m: float, seconds: float = 12.0, rate: float = 100
 @pytest.mark.slow
 @pytest.mark.parametrize("play_um", [20, 40, 80, 200])
 def test_error_and_intervals(play_um: int) -> None:
-    """Median error of a window at most 10 %, of all together at most 5 %; intervals cover 90 % and more: radius 10 mm, 0.29° steps of the command, four motions that were never used to choose a constant."""
+    """Median error of a window at most 10 %, of all together at most 5 %; intervals cover 90 % and more: radius 10 mm,
+    0.29° steps of the command, four motions that were never used to choose a constant."""
     truth = play_um * 1e-6 / 0.01
     scores = [score for seed in range(8200, 8204) for score in score_series(*recording(seed, play_um * 1e-6), SETTINGS)]
     told = [score for score in scores if math.isfinite(score.play)]
