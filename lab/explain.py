@@ -4,7 +4,8 @@
 2. The score test asks each effect of the catalogue whether the residual holds anything of it; at 5 % for the whole
    search, whatever the colour of the noise.
 3. Effects are fitted jointly with the base; the simplest of those that explain the data equally well is taken (BIC),
-   when it also lowers the error on the experiment that the fit has not seen.
+   when it also lowers the error on the experiment that the fit has not seen.  Of two that are missing, one alone may
+   explain little: the best is then taken on trust, for one more search.
 4. Again, with that effect in the model, until nothing is significant; what later effects have made superfluous is taken
    out again.  What is then left above the noise is outside of the catalogue, and described.
 """
@@ -40,6 +41,8 @@ from lostmotion.model import Model, catalogue
 __all__ = ["explain"]
 
 MOST_MISSING = 3
+STANDS_OUT = 0.75
+"""An effect whose error is below this part of the next one's is taken on trust."""
 NEAR_TRIALS = 6
 BY_FAR = 4.0
 """Effects that bring the error down by this factor are missing, although structure is left behind them."""
@@ -77,23 +80,65 @@ def explain(
     short = first_fit(model, task, pool)
     level = grown(short, task)
     horizon = predictable(short, task)
-    base, steps = level, []
-    descent = [judge(level.model, unseen, task, horizon, pool)]
-    for round_ in range(MOST_MISSING):
-        progress("looking for what is missing" if not round_ else "looking for more", 0.15 + 0.25 * round_)
-        step = _step(level, short, descent[-1], unseen, task, horizon, pool, rng)
-        steps.append(step)
-        if step.winner is None:
-            break
-        short = step.trials[step.winner].level
-        level = grown(short, task)
-        descent.append(step.judged[step.winner])
+    base, first = level, judge(level.model, unseen, task, horizon, pool)
+    short, level, descent, steps = _descended(short, level, first, unseen, task, horizon, pool, rng, progress)
     level, descent = simplified(base, level, descent, unseen, task, horizon, pool)
     short = short if short.model.effects == level.model.effects else full_fit(level.model, task)
     progress("refining", 0.9)
     found = _explanation(base, level, short, descent, steps, task, pool)
     progress("done", 1.0)
     return found
+
+
+def _descended(
+    short: Level,
+    level: Level,
+    first: Judged,
+    unseen: Experiment,
+    task: Task,
+    horizon: float,
+    pool: Executor,
+    rng: np.random.Generator,
+    progress: Progress,
+) -> tuple[Level, Level, list[Judged], list[_Step]]:
+    """One effect after the other, as long as there is evidence: the last fits on short and on grown stretches, how the
+    error fell, and what was tried.
+
+    A step on trust is taken back when no next one shows that it was right.
+    """
+    descent, steps = [first], list[_Step]()
+    trusted: tuple[Level, Level, int] | None = None
+    for round_ in range(MOST_MISSING):
+        progress("looking for what is missing" if not round_ else "looking for more", 0.15 + 0.25 * round_)
+        step = _step(level, short, descent[-1], unseen, task, horizon, pool, rng)
+        if trusted and step.winner is not None and better(step.judged[0], descent[trusted[2] - 1], level.model.base):
+            trusted = None
+        elif step.winner is None and not trusted and (promising := _promising(step, descent[-1], level.model.base)):
+            trusted, step = (short, level, len(descent)), promising
+        steps.append(step)
+        if step.winner is None:
+            break
+        short = step.trials[step.winner].level
+        level = grown(short, task)
+        descent.append(step.judged[step.winner])
+    if trusted:
+        short, level, count = trusted
+        del descent[count:], steps[count:]
+        steps[-1] = replace(steps[-1], winner=None)
+    return short, level, descent, steps
+
+
+def _promising(step: _Step, now: Judged, base: str) -> _Step | None:
+    """The step with a trial put first that explains too little alone, but more of the training data than all others."""
+    if base != "play" or now.error < FAR or len(step.trials) < 2:
+        return None
+    first, second = np.argsort([trial.level.typical for trial in step.trials])[:2]
+    if not step.trials[first].level.typical < STANDS_OUT * step.trials[second].level.typical:
+        return None
+    order = [first, *(i for i in range(len(step.trials)) if i != first)]
+    return replace(
+        step, trials=tuple(step.trials[i] for i in order), judged=tuple(step.judged[i] for i in order), winner=0
+    )
 
 
 def _split(experiments: Sequence[Experiment]) -> tuple[list[Experiment], Experiment]:
