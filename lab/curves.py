@@ -16,7 +16,7 @@ from itertools import count
 import numpy as np
 from numpy.typing import NDArray
 
-from lostmotion.lab.stretch import Stretch
+from lostmotion.lab.stretch import Stretch, motions
 from lostmotion.model import Domain, Model, Parameter
 from lostmotion.model.base import Term
 from lostmotion.model.effects import register, unregister
@@ -175,7 +175,7 @@ def _free(unit: str, size: float) -> Parameter:
 
 def _motion(model: Model, stretches: Sequence[Stretch], substep_s: float) -> dict[str, FloatArray]:
     """What every variable comes to in these stretches, by name."""
-    runs = [s.simulate(s.experiment.model(model), s.start, substep_s) for s in stretches]
+    runs = motions(model, stretches, substep_s)
     found = {
         name: np.concatenate([run[signal] for run in runs])
         for name, signal in SHOWN.items()

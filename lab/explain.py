@@ -36,7 +36,7 @@ from lostmotion.lab.seeds import AMPLITUDE
 from lostmotion.lab.simplify import simplified
 from lostmotion.lab.structure import is_structured
 from lostmotion.lab.task import Task
-from lostmotion.model import Model, catalogue
+from lostmotion.model import Model, ModelError, catalogue
 
 __all__ = ["explain"]
 
@@ -216,7 +216,7 @@ def _explanation(
         confusable=_confusable(named, steps),
         ranking=_with_intervals(_ranking(steps, before, unit), best_fit),
         error=Errors(before.error * unit, after.error * unit, floor, words.column(column)[1]),
-        residual=(described(short, task) or _finding(best, task)) if left else None,
+        residual=_residual(short, best, task) if left else None,
         advice=_advice(named, steps, task, pool),
         detectable=_detectable(steps[-1].scores) if verdict == "nothing_missing" else {},
         base=fit_of(base, task),
@@ -288,6 +288,14 @@ def _detectable(scores: Scores) -> dict[str, tuple[str, float]]:
         per_sigma = abs(d.amplitude) / math.sqrt(d.statistic)
         sizes[d.effect] = (name, abs(value) * per_sigma * math.sqrt(scores.limit))
     return sizes
+
+
+def _residual(short: Level, best: Level, task: Task) -> Finding | None:
+    """What is left, described by a function, or as the blame says it; None where the model cannot even be run."""
+    try:
+        return described(short, task) or _finding(best, task)
+    except ModelError:
+        return None
 
 
 def _finding(level: Level, task: Task) -> Finding | None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.rough import usual_torque
-from lostmotion.lab.stretch import Stretch
+from lostmotion.lab.stretch import Stretch, motions
 from lostmotion.model import Domain, Model, Parameter
 from lostmotion.model.motion import FloatArray
 
@@ -48,8 +48,8 @@ class Sizes:
 
 
 def sizes(model: Model, stretches: Sequence[Stretch], substep_s: float) -> Sizes:
-    """From the modelled motion of some stretches."""
-    runs = [s.simulate(s.experiment.model(model), s.start, substep_s) for s in stretches]
+    """From the modelled motion of some stretches.  Raises ModelError where none can be run."""
+    runs = motions(model, stretches, substep_s)
     value = {name: parameter.value for name, parameter in model.parameters.items()}
     inertia = value.get("J2", value.get("J", 1.0))
 

@@ -6,7 +6,7 @@ Restarting a chaotic or drifting motion every second or so is what makes its par
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -20,7 +20,7 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray
 from lostmotion.model.signals import COMMAND, COMMAND_RATE, OMEGA1, OMEGA2, THETA1, THETA2
 
-__all__ = ["STEP", "Linearised", "Stretch", "scales", "state_scales"]
+__all__ = ["STEP", "Linearised", "Stretch", "motions", "scales", "state_scales"]
 
 STEP = 1e-5
 """Finite difference, in numbers of order one: fixed integration steps make it good to about 1e-5 of the derivative."""
@@ -96,6 +96,19 @@ class Stretch:
         by_parameter = [(self.residual(own(there), self.start, substep_s) - r) / step for there, step in around]
         A = np.array(by_parameter).T if by_parameter else np.empty((r.size, 0))
         return Linearised(r, A, (np.array(by_state) - r).T / STEP)
+
+
+def motions(model: Model, stretches: Sequence[Stretch], substep_s: float) -> list[Trajectory]:
+    """The model's motions over those stretches that it can be run on.  Raises ModelError when there are none."""
+    found, failed = [], ModelError("there is no stretch to run the model on")
+    for stretch in stretches:
+        try:
+            found.append(stretch.simulate(stretch.experiment.model(model), stretch.start, substep_s))
+        except ModelError as error:  # its start was not found, and is deep in the teeth
+            failed = error
+    if not found:
+        raise failed
+    return found
 
 
 def scales(experiment: Experiment) -> tuple[float, float]:

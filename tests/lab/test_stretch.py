@@ -10,9 +10,9 @@ from bench.hidden_effects.physics import follow, simulate
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.experiment import Experiment, experiments
 from lostmotion.lab.start import stretch_of
-from lostmotion.lab.stretch import STEP, Stretch, state_scales
+from lostmotion.lab.stretch import STEP, Stretch, motions, state_scales
 from lostmotion.lab.unknowns import Unknowns
-from lostmotion.model import Model, build_model
+from lostmotion.model import Model, ModelError, build_model
 from lostmotion.model.motion import FloatArray
 
 VALUES = {"d": 8e-5, "alpha": 4000.0, "b": 0.18, "k": 2600.0}
@@ -137,3 +137,13 @@ def test_recording_states_its_own_values() -> None:
         np.testing.assert_allclose(found.r, stretch.residual(own, stretch.start, SUBSTEP), atol=1e-9)
         slopes.append(np.linalg.norm(found.A))
     assert slopes[0] != pytest.approx(slopes[1], rel=0.05)
+
+
+def test_a_stretch_that_cannot_be_run_is_left_out() -> None:
+    """A start deep in the teeth flies off; the others' motions are there all the same, and none at all is an error."""
+    model = gears()
+    good = stretch_of(model, measured(), NOISE)
+    lost = good.starting(good.start + [1.0, 0.0, 0.0, 0.0])
+    assert len(motions(model, [good, lost, good], SUBSTEP)) == 2
+    with pytest.raises(ModelError, match="exceeds all numbers"):
+        motions(model, [lost], SUBSTEP)
