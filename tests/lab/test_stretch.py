@@ -143,7 +143,7 @@ def test_a_stretch_that_cannot_be_run_is_left_out() -> None:
     """A start deep in the teeth flies off; the others' motions are there all the same, and none at all is an error."""
     model = gears()
     good = stretch_of(model, measured(), NOISE)
-    lost = good.starting(good.start + [1.0, 0.0, 0.0, 0.0])
+    lost = good.starting(good.start + np.eye(4)[0])
     assert len(motions(model, [good, lost, good], SUBSTEP)) == 2
     with pytest.raises(ModelError, match="exceeds all numbers"):
         motions(model, [lost], SUBSTEP)
