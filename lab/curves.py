@@ -38,9 +38,8 @@ SMOOTH = 5e-3  # rad/s, as dry friction changes its sign
 UNITS = {TORQUE: "N m", BAR_FORCE: "N", SENSOR: "m/s^2", GAP: "m"}
 ACTS_ON = {TORQUE: ActsOn.JOINT, BAR_FORCE: ActsOn.OSCILLATOR, SENSOR: ActsOn.SENSOR, GAP: ActsOn.JOINT}
 VARIABLES = {THETA2: "theta_2", OMEGA2: "omega_2", FORCE: "load", Q: "q", Q_RATE: "q'", TIP: "accel", THETA1: "command"}
-SHOWN = {"theta_2": "position", "omega_2": "velocity", "load": "force", "q": "displacement", "accel": "accel",
-         "command": "command"}  # fmt: skip
-"""Under what name a trajectory holds a variable."""
+SHOWN = {"theta_2": "position", "omega_2": "velocity", "load": "force", "accel": "accel", "command": "command"}
+"""Under what name a trajectory holds a variable; q and q' are states."""
 PAIRS: Mapping[str, Sequence[tuple[int, int]]] = {
     "play": ((TORQUE, THETA2), (TORQUE, OMEGA2), (TORQUE, FORCE), (BAR_FORCE, Q), (BAR_FORCE, Q_RATE), (SENSOR, TIP),
              (SENSOR, THETA2), (SENSOR, OMEGA2), (GAP, THETA1)),
@@ -181,9 +180,5 @@ def _motion(model: Model, stretches: Sequence[Stretch], substep_s: float) -> dic
         for name, signal in SHOWN.items()
         if all(signal in run.signals for run in runs)
     }
-    rates = {"play": 3, "oscillator": 1}
-    if model.base in rates:
-        found["q'"] = np.concatenate([run.states[:, rates[model.base]] for run in runs])
-    if model.base == "play":
-        found["q"] = np.concatenate([run.states[:, 2] for run in runs])
-    return found
+    states = np.concatenate([run.states for run in runs])
+    return found | {name: states[:, i] for i, name in enumerate(model.state_names) if name in ("q", "q'")}

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lostmotion.lab.curves import registered, wave_guess
-from lostmotion.lab.follow import COLUMN, STRONG, TIGHT
-from lostmotion.lab.nudge import Follower, settled
+from lostmotion.lab.follow import STRONG, TIGHT
+from lostmotion.lab.nudge import OUTSIDE, Follower, settled
 from lostmotion.lab.unknowns import Unknowns
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
@@ -26,8 +26,6 @@ FAINT = 1e-6
 SLOWEST_HZ, FASTEST_HZ, FASTEST = 1.0, 30.0, 0.45
 """Of waves: slowest, fastest of the torque, fastest of the sensor as a share of its rate."""
 STEPS, TRIALS = 15, 6
-OUTSIDE = 3.0
-"""Standard deviations from which on an error counts by its logarithm."""
 ENOUGH = 3e-4
 
 
@@ -101,12 +99,10 @@ def _sensor_wave(follower: Follower, hz: float) -> FloatArray:
 
 def _errors(model: Model, follower: Follower, coupling: float) -> FloatArray:
     """(N,), infinite where the model cannot be run."""
-    nudge = follower.nudges[coupling]
     try:
-        e = [nudge.run(s.model(model), s, follower.substep_s)[0][settled(s)] for s in follower.stretches]
+        return follower.errors(model, coupling) / (follower.nudges[coupling].expected * follower.noise)
     except ModelError:
-        return np.full(sum(s.measured[COLUMN][settled(s)].size for s in follower.stretches), np.inf)
-    return np.asarray(np.concatenate(e) / (nudge.expected * follower.noise))
+        return np.full(sum(s.time[settled(s)].size for s in follower.stretches), np.inf)
 
 
 def _cost(e: FloatArray) -> float:

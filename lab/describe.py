@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 
@@ -98,20 +99,24 @@ def _direct(guess: Guess, level: Level, task: Task) -> Level:
 def _nearest(model: Model, found: Sequence[Guess], acting: Mapping[int, float], task: Task, pool: Executor) -> _Told:
     """The function that brings nudged runs nearest; a wave, whose phase no two recordings share, in one of them."""
     follower = Follower.of(task, model)
-    tried = _compared(model, found, follower, pool)
+    tried = _compared(model, Descent.of(model, follower, TIGHT), found, follower, pool)
     alone = follower.alone()
-    first = Descent.of(model, alone, TIGHT)
-    waves = [wave_guess(model.base, target, best_wave(first.model, alone, target), acting[target])
+    tight = Descent.of(model, alone, TIGHT)
+    waves = [wave_guess(model.base, target, best_wave(tight.model, alone, target), acting[target])
              for target in (TORQUE, SENSOR)]  # fmt: skip
     with registered(waves):
-        tried += _compared(model, waves, alone, pool)
+        tried += _compared(model, tight, waves, alone, pool)
     return max(tried, key=lambda told: told.gain)
 
 
-def _compared(model: Model, found: Sequence[Guess], follower: Follower, pool: Executor) -> list[_Told]:
-    """The functions, brought near with much nudging and, from there or from the beginning, with less."""
-    base_tight = Descent.of(model, follower, TIGHT)
-    base = min((Descent.of(start, follower) for start in (base_tight.model, model)), key=_cost)
+def _compared(
+    model: Model, base_tight: Descent, found: Sequence[Guess], follower: Follower, pool: Executor
+) -> list[_Told]:
+    """The functions, brought near with much nudging and, from there or from the beginning, with less.
+
+    base_tight: the model without them, much nudged.
+    """
+    base = min((Descent.of(start, follower) for start in (base_tight.model, model)), key=attrgetter("cost"))
     models = [base.model.with_effect(guess.effect.id) for guess in found]
     many = [follower] * len(models)
     tight = list(pool.map(Descent.of, models, many, [TIGHT] * len(models)))
@@ -119,13 +124,9 @@ def _compared(model: Model, found: Sequence[Guess], follower: Follower, pool: Ex
     after = pool.map(Descent.of, [descent.model for descent in tight], many)
     told = []
     for guess, much, *little in zip(found, tight, direct, after, strict=True):
-        less = min(little, key=_cost)
+        less = min(little, key=attrgetter("cost"))
         told.append(_Told(guess, less.model, math.log(base_tight.cost / much.cost) + math.log(base.cost / less.cost)))
     return told
-
-
-def _cost(descent: Descent) -> float:
-    return descent.cost
 
 
 def _heights(level: Level, task: Task) -> Heights:
@@ -147,18 +148,19 @@ def _finding(guess: Guess, heights: Heights | None = None) -> Finding:
     follows = f"its size follows {variable}" if rubs else f"it is a function of {variable}"
     if heights is None:
         return Finding(acts_on, guess.depends_on, f"{what} is missing; {follows}")
-    curve = _curve(guess, heights)
+    degree = IMITATED.get((acts_on, guess.depends_on[0]), -1)
+    curve = _curve(guess, heights, degree)
     size = quantity(float(np.max(np.abs(curve.mean))), guess.unit, 2)
-    formula = None if rubs else _formula(curve, IMITATED.get((acts_on, curve.variable), -1))
+    formula = None if rubs else _formula(curve, degree)
     return Finding(acts_on, guess.depends_on, f"{what} of up to {size} is missing; {follows}", curve, formula)
 
 
-def _curve(guess: Guess, heights: Heights) -> Curve:
-    """The heights where the motion comes, without what the base's own parameters imitate."""
+def _curve(guess: Guess, heights: Heights, degree: int) -> Curve:
+    """The heights where the motion comes, without the polynomial that the base's own parameters imitate."""
     x = guess.x[guess.seen]
     mean, half_width = np.array([heights[n] for n, s in zip(guess.heights, guess.seen, strict=True) if s]).T
     variable = guess.depends_on[0]
-    mean = _beyond(mean, x, half_width, IMITATED.get((str(guess.effect.acts_on), variable), -1))
+    mean = _beyond(mean, x, half_width, degree)
     known = half_width < max(float(np.ptp(mean)), float(np.min(half_width)) * 1.01)
     x, mean, half_width = x[known], mean[known], half_width[known]
     return Curve(variable, words.variable(variable)[1], x, mean, mean - half_width, mean + half_width)

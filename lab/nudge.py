@@ -24,7 +24,7 @@ from lostmotion.lab.unknowns import Unknowns
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Follower", "Near", "nearest", "settled", "shortlist"]
+__all__ = ["OUTSIDE", "Follower", "Near", "nearest", "settled", "shortlist"]
 
 LENGTH_S, EXPERIMENTS = 2.0, 2
 LEAST_HZ, PERIOD_SAMPLES = 800.0, 8.0
@@ -32,6 +32,7 @@ LEAST_HZ, PERIOD_SAMPLES = 800.0, 8.0
 SHORTEST_STEP_S = 2.5e-4
 """What a longer step misses, the next sample corrects."""
 OUTSIDE, FAR = 3.0, 1e6
+"""Times what is expected, from which on an error counts by its logarithm; and where even that ends, squared."""
 FIRST, MOST_FIRST, POPULATION = 72, 480, 20
 BASE_GENERATIONS, EFFECT_GENERATIONS, FINAL_GENERATIONS = 8, 5, 8
 KEPT = 8
@@ -73,13 +74,17 @@ class Follower:
     def cost(self, model: Model, coupling: float) -> float:
         """Mean of log(1 + (e/c)²) over the samples after the first 0.2 s: one that is missed by far counts little more
         than one that is missed."""
-        nudge = self.nudges[coupling]
-        far = nudge.expected * self.noise * OUTSIDE
+        far = self.nudges[coupling].expected * self.noise * OUTSIDE
         try:
-            e = [nudge.run(s.model(model), s, self.substep_s)[0][settled(s)] for s in self.stretches]
+            e = self.errors(model, coupling)
         except ModelError:
             return math.inf
-        return float(np.mean(np.log1p(np.minimum((np.concatenate(e) / far) ** 2, FAR))))
+        return float(np.mean(np.log1p(np.minimum((e / far) ** 2, FAR))))
+
+    def errors(self, model: Model, coupling: float) -> FloatArray:
+        """What runs did not expect at the samples after the first 0.2 s (N,) [m/s²].  Raises ModelError."""
+        nudge = self.nudges[coupling]
+        return np.concatenate([nudge.run(s.model(model), s, self.substep_s)[0][settled(s)] for s in self.stretches])
 
 
 @dataclass(frozen=True, eq=False)
