@@ -184,8 +184,10 @@ def _step(
 
 
 def _criterion(misfit: float, judged: Judged, trial: Trial) -> float:
-    """Schwarz's criterion on unseen data, errors within 3 % of each other counting as equal: then fewer parameters."""
-    return round(misfit / 0.03) + 0.01 * len(trial.level.unknowns.names) * math.log(judged.count)
+    """Schwarz's criterion on unseen data, errors within 3 % of each other counting as equal: then fewer parameters,
+    whole numbers that are searched among them."""
+    parameters = sum(not p.fixed or p.domain.is_whole for p in trial.level.model.parameters.values())
+    return round(misfit / 0.03) + 0.01 * parameters * math.log(judged.count)
 
 
 def _explanation(

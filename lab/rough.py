@@ -7,7 +7,7 @@ in phase with speed, so that least squares in the frequency domain gives them we
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,13 +25,15 @@ ORDER: Mapping[str, Mapping[str, int]] = {
 }
 """By base, the parameters that a model may have and which derivative of the output each multiplies."""
 OUTPUT = {"oscillator": "displacement", "joint": "position"}
+BESIDE: Mapping[str, Sequence[Callable[[FloatArray], FloatArray]]] = {"joint": (np.sin, np.cos)}
+"""By base, forces that the output may set beside these: a weight, even where the model has none, is no inertia."""
 CLEAR = 300.0
 """Times the power at the highest frequencies, which is noise: bins with more of it count."""
-LEAST_BINS = 8
+LEAST_BINS = 6
 
 
 def from_spectra(model: Model, experiments: Sequence[Experiment]) -> Model:
-    """The model with its free linear parameters estimated: m q'' + b q' + k q = F, J theta_2'' = tau.
+    """The model with its free linear parameters estimated: m q'' + b q' + k q = F, J theta_2'' + a weight = tau.
 
     As it is where input or output was not recorded, or where nothing physical comes out.
     """
@@ -40,37 +42,49 @@ def from_spectra(model: Model, experiments: Sequence[Experiment]) -> Model:
     wanted = [name for name in orders if not model.parameters[name].fixed]
     if not usable or not wanted:
         return model
-    rows, targets = [], []
-    for experiment in usable:
-        force, motion, s = _spectra(experiment, OUTPUT[model.base])
-        known = sum(model.parameters[name].value * s ** orders[name] * motion for name in orders if name not in wanted)
-        rows.append(np.stack([s ** orders[name] * motion for name in wanted], axis=1))
-        targets.append(force - known)
-    A, y = np.concatenate(rows), np.concatenate(targets)
+    blocks = [_spectra(e, OUTPUT[model.base], BESIDE.get(model.base, ())) for e in usable]
+    force, *motion = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
+    derivatives, beside = motion[:3], motion[3:]
+    known = sum(
+        model.parameters[name].value * derivatives[order] for name, order in orders.items() if name not in wanted
+    )
+    A, y = np.stack([*(derivatives[orders[name]] for name in wanted), *beside], axis=1), force - known
     if y.size < LEAST_BINS:
         return model
     size = np.linalg.norm(A, axis=0)
     found = np.linalg.lstsq(np.vstack([A.real, A.imag]) / size, np.concatenate([y.real, y.imag]))[0] / size
-    return model.replace({name: float(value) for name, value in zip(wanted, found, strict=True) if value > 0})
+    return model.replace({name: float(value) for name, value in zip(wanted, found, strict=False) if value > 0})
 
 
-def _spectra(experiment: Experiment, column: str) -> tuple[Spectrum, Spectrum, Spectrum]:
-    """Force, motion and s = i omega at the frequencies where the motion stands out from its noise."""
+def _spectra(
+    experiment: Experiment, column: str, functions: Sequence[Callable[[FloatArray], FloatArray]]
+) -> list[Spectrum]:
+    """Of the force, the motion, its first and second derivative, and functions of it, where the motion stands out from
+    its noise.
+
+    All under the same taper w, which like its slope is zero at both ends, so that partial integration is exact:
+    int w e^-st x'' dt = int (w'' - 2 s w' + s^2 w) e^-st x dt.
+    """
+    assert experiment.drive is not None
     values = experiment.measured[column]
     seen = ~np.isnan(values)
     time = np.arange(experiment.time[0], experiment.time[-1], 1 / experiment.rate_hz)
-    motion = _tapered(np.interp(time, experiment.time[seen], values[seen]))
-    assert experiment.drive is not None
-    force = _tapered(experiment.drive.position(time))
-    power = np.abs(motion) ** 2
+    x = np.interp(time, experiment.time[seen], values[seen])
+    force = experiment.drive.position(time)
+    turn = 2 * np.pi / (time[-1] - time[0])
+    angle = turn * (time - time[0])
+    w, slope, bend = 0.5 - 0.5 * np.cos(angle), 0.5 * turn * np.sin(angle), 0.5 * turn**2 * np.cos(angle)
+    s = 2j * np.pi * np.fft.rfftfreq(time.size, 1 / experiment.rate_hz)
+    x = x - x.mean()
+    tapered, sloped, bent = (np.fft.rfft(weight * x) for weight in (w, slope, bend))
+    power = np.abs(tapered) ** 2
     clear = power > CLEAR * float(np.median(power[3 * power.size // 4 :]))
-    clear[:3] = False  # the taper's own
-    s = np.asarray(2j * np.pi * np.fft.rfftfreq(time.size, 1 / experiment.rate_hz), dtype=np.complex128)
-    return force[clear], motion[clear], s[clear]
-
-
-def _tapered(values: FloatArray) -> Spectrum:
-    return np.asarray(np.fft.rfft((values - values.mean()) * np.hanning(values.size)))
+    clear[:2] = False  # the taper's own, where a constant force shows
+    spectra = [
+        np.fft.rfft(w * force), tapered, s * tapered - sloped, s**2 * tapered - 2 * s * sloped + bent,
+        *(np.fft.rfft(w * function(x + values[seen].mean())) for function in functions),
+    ]  # fmt: skip
+    return [spectrum[clear] for spectrum in spectra]
 
 
 def usual_torque(model: Model, experiment: Experiment) -> float:

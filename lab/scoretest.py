@@ -16,7 +16,7 @@ import numpy as np
 
 from lostmotion.lab.grow import Level, followed
 from lostmotion.lab.noise import NoiseModel, innovation_noise
-from lostmotion.lab.seeds import faint, sizes
+from lostmotion.lab.seeds import AMPLITUDE, faint, sizes
 from lostmotion.lab.stretch import Linearised, Stretch
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
@@ -37,6 +37,12 @@ class Direction:
     statistic: float
     amplitude: float
     column: FloatArray
+
+    @property
+    def possible(self) -> bool:
+        """Whether the effect may have the sign that the residual wants; a weight with the opposite phase may."""
+        names = (f"{self.effect}.{name}" for name in AMPLITUDE.get(self.effect, ()))
+        return self.amplitude > 0 or all(self.model.parameters[name].low < 0 for name in names)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,9 +96,9 @@ def score_test(
     statistic = (C @ r / spread) ** 2
     found: dict[str, Direction] = {}
     for (effect, model, column), T in zip(usable, statistic, strict=True):
-        if effect not in found or found[effect].statistic < T:
-            amplitude = -float(column @ r) / float(column @ column)
-            found[effect] = Direction(effect, model, float(T), amplitude, column)
+        amplitude = -float(column @ r) / float(column @ column)
+        direction = Direction(effect, model, float(T), amplitude, column)
+        found[effect] = max(found.get(effect, direction), direction, key=lambda d: (d.possible, d.statistic))
     ordered = tuple(sorted(found.values(), key=lambda direction: -direction.statistic))
     p = {d.effect: float((1 + np.sum(largest >= d.statistic)) / (1 + DRAWS)) for d in ordered}
     return Scores(ordered, float(np.quantile(largest, 0.95)), p, noise)

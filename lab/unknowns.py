@@ -35,13 +35,14 @@ def free_names(model: Model) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Unknown:
-    """One free parameter; value = exp(z) when logarithmic, else scale z."""
+    """One free parameter; value = exp(z) when logarithmic, else scale z; a circle: from high it goes on at low."""
 
     name: str
     low: float
     high: float
     scale: float
     logarithmic: bool
+    circle: bool = False
 
     @classmethod
     def of(cls, name: str, parameter: Parameter) -> Unknown:
@@ -49,6 +50,8 @@ class Unknown:
         low, high = parameter.low, parameter.high
         if parameter.domain is Domain.POSITIVE:
             return cls(name, max(low, 1e-300), high, 1.0, True)
+        if parameter.unit == "rad" and math.isclose(high - low, 2 * math.pi):
+            return cls(name, low, high, 1.0, False, True)
         if parameter.domain is Domain.SHARE:
             low, high = max(low, 0.01), min(high, 0.99)
         if parameter.domain in (Domain.NOT_NEGATIVE, Domain.SHARE):
@@ -62,6 +65,8 @@ class Unknown:
 
     def value(self, z: float) -> float:
         """The value that a number of order one stands for, within the bounds."""
+        if self.circle:
+            return self.low + (z * self.scale - self.low) % (self.high - self.low)
         value = math.exp(min(z, 700.0)) if self.logarithmic else z * self.scale
         return min(max(value, self.low), self.high)
 
@@ -110,9 +115,9 @@ class Unknowns:
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Lowest and highest z, (P,) each."""
-        low = [item.z(item.low) if np.isfinite(item.low) else -np.inf for item in self.items]
-        high = [item.z(item.high) if np.isfinite(item.high) else np.inf for item in self.items]
+        """Lowest and highest z, (P,) each; a circle has no end."""
+        low = [item.z(item.low) if np.isfinite(item.low) and not item.circle else -np.inf for item in self.items]
+        high = [item.z(item.high) if np.isfinite(item.high) and not item.circle else np.inf for item in self.items]
         return np.array(low), np.array(high)
 
     def z(self, model: Model) -> FloatArray:

@@ -49,6 +49,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.action == "generate":
         print(*cases, sep="\n")
         return
+    if not cases:
+        sys.exit("no cases to run")
     scores = _scored(options, cases)
     if options.figures:
         from bench.hidden_effects.figure import draw_confusion

@@ -94,3 +94,15 @@ def test_a_share_keeps_off_its_ends() -> None:
     i = position(unknowns, "shaft_compliance.share")
     item = unknowns.items[i]
     assert 0.01 <= item.value(-1e9) < item.value(1e9) <= 0.99
+
+
+def test_a_phase_goes_round() -> None:
+    """A phase has no end: a step over pi goes on at -pi, and stands for the same angle."""
+    model = MODEL.replace({"gear_eccentricity.phi": 3.0})
+    unknowns = Unknowns.of(model)
+    i = position(unknowns, "gear_eccentricity.phi")
+    z = unknowns.z(model)
+    z[i] += 0.5
+    assert np.isinf(unknowns.bounds[0][i])
+    assert np.isinf(unknowns.bounds[1][i])
+    assert unknowns.put(model, z).parameters["gear_eccentricity.phi"].value == pytest.approx(3.5 - 2 * math.pi)

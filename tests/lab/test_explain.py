@@ -1,0 +1,52 @@
+"""The whole search, through the library, on joints that SciPy moves."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from lostmotion.drivers.recording import Recording
+from lostmotion.lab import explain
+from lostmotion.lab.experiment import experiments
+from lostmotion.model import build_model
+
+J, TAU_G = 4e-4, 2.5e-3
+NOISE, RATE_HZ, LENGTH = 3e-4, 400.0, 2.0
+
+
+def pendulum(seed: int, phi: float) -> Recording:
+    """J theta'' = tau(t) - tau_g sin(theta + phi), the angle measured with noise."""
+    rng = np.random.default_rng(seed)
+    sizes, hz, phases = rng.uniform(2e-3, 6e-3, 3), rng.uniform(0.5, 3, 3), rng.uniform(-math.pi, math.pi, 3)
+    times = np.arange(round(LENGTH * RATE_HZ)) / RATE_HZ
+    torque = sum(size * np.sin(2 * math.pi * f * times + phi) for size, f, phi in zip(sizes, hz, phases, strict=True))
+
+    def moved(t: float, state: np.ndarray) -> list[float]:
+        drive = np.interp(t, times, torque)
+        return [state[1], (drive - TAU_G * math.sin(state[0] + phi)) / J]
+
+    angle = solve_ivp(moved, (0, times[-1]), [0.2, 0.0], t_eval=times, rtol=1e-9, atol=1e-10, max_step=5e-3).y[0]
+    return Recording(
+        times, {"torque": torque, "position": angle + rng.normal(0, NOISE, times.size)}, name=f"{seed}.csv"
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("phi", [0.0, 0.1 - math.pi])
+def test_of_equals_the_simpler_is_named(phi: float) -> None:
+    """A weight, hanging down or standing up, is also a torque ripple of one period a turn: gravity is named, with its
+    size, and the ripple beside it as what these recordings cannot tell from it."""
+    model = build_model("joint", values={"J": 3.4e-4})
+    with ThreadPoolExecutor(2) as pool:
+        found = explain(model, experiments(model, [pendulum(seed, phi) for seed in (1, 2, 3)]), pool)
+    assert found.verdict == "missing"
+    assert found.missing == ("gravity_torque",)
+    assert found.confusable == (("gravity_torque", "torque_ripple"),)
+    estimates = {e.name: e for e in found.best.estimates}
+    for name, true in (("gravity_torque.tau_g", TAU_G), ("gravity_torque.phi", phi), ("J", J)):
+        assert estimates[name].low < true < estimates[name].high
+    assert estimates["gravity_torque.tau_g"].value == pytest.approx(TAU_G, rel=0.02)
