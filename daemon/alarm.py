@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from datetime import datetime, timedelta
 from statistics import median
 
-from lostmotion.daemon.evidence import LEAST_WINDOWS, Evidence, grade
+from lostmotion.daemon.evidence import LEAST_WINDOWS, RANK, Evidence, grade
 from lostmotion.daemon.lifecycle import happen, is_possible, raised, reminder_due
 from lostmotion.daemon.options import AlarmOptions
 from lostmotion.daemon.records import (
@@ -34,7 +34,6 @@ from lostmotion.daemon.records import (
 __all__ = ["Change", "JointMonitor"]
 
 Change = Transition | JointRow
-RANK: dict[Severity | None, int] = {None: 0, Severity.DEGRADED: 1, Severity.WARNING: 2, Severity.ERROR: 3}
 HEALTH = dict(zip(RANK, Health, strict=True))
 DONE = {Verb.ACK: "acknowledged", Verb.SHELVE: "shelved", Verb.UNSHELVE: "unshelved"}
 

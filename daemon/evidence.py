@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from lostmotion.daemon.options import AlarmOptions
 from lostmotion.daemon.records import Severity
 
-__all__ = ["LEAST_WINDOWS", "Evidence", "grade"]
+__all__ = ["LEAST_WINDOWS", "RANK", "Evidence", "grade"]
 
 LEAST_WINDOWS = 5
 """fewer scored windows than this say nothing"""
@@ -44,7 +44,7 @@ GRADES: tuple[tuple[Severity, Callable[[Evidence], float], Callable[[AlarmOption
 )
 SOON = 1e-3
 """fewer days than this are none"""
-RANK = {severity: rank for rank, severity in enumerate(Severity)}
+RANK: dict[Severity | None, int] = {None: 0, Severity.DEGRADED: 1, Severity.WARNING: 2, Severity.ERROR: 3}
 
 
 def grade(evidence: Evidence, options: AlarmOptions, before: Severity | None) -> Severity | None:
@@ -54,7 +54,7 @@ def grade(evidence: Evidence, options: AlarmOptions, before: Severity | None) ->
     its limit.
     """
     for severity, figure, limit in GRADES:
-        held = before is not None and RANK[severity] <= RANK[before]
+        held = RANK[severity] <= RANK[before]
         bound = limit(options)
         if bound is not None and figure(evidence) >= bound * (1 - options.deadband if held else 1.0):
             return severity

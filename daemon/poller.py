@@ -74,7 +74,11 @@ class Inbox:
 
 
 class Poller:
-    """Keeps one device going until ``stop`` is set.  ``members`` are the joints, or the accelerometer, behind it."""
+    """Keeps one device going until ``stop`` is set.
+
+    members: the joints, or the accelerometer, behind it; pulse: host time (monotonic) [s] of the last sign of life of
+    its thread; while that rests, of the end of the rest; inf when it has nothing more to do.
+    """
 
     def __init__(
         self, name: str, members: tuple[str, ...], device: ServoBus | Accelerometer, stop: threading.Event
@@ -82,6 +86,7 @@ class Poller:
         self.name = name
         self.members = members
         self.account = Account()
+        self.pulse = time.monotonic()
         self._device = device
         self._stop = stop
         self._check_again = math.inf
@@ -91,6 +96,7 @@ class Poller:
         pause = FIRST_RETRY_S
         while not self._stop.is_set():
             try:
+                self.pulse = time.monotonic()
                 self._start()
                 pause = FIRST_RETRY_S
                 self._read_on()
@@ -105,13 +111,19 @@ class Poller:
                 self._device.close()
             if self.account.state is DeviceState.ENDED:
                 break
-            self._stop.wait(pause)
+            self.rest(pause)
             pause = min(2 * pause, LAST_RETRY_S)
+        self.pulse = math.inf
         self._end()
 
     def fail(self, reason: str) -> None:
         """Notes that the poller itself broke down."""
         self._now(DeviceState.WRONG, reason)
+
+    def rest(self, seconds: float) -> None:
+        """Waits so long, or until it is to stop."""
+        self.pulse = time.monotonic() + seconds
+        self._stop.wait(seconds)
 
     def _start(self) -> None:
         """Opens the port and asks who is there; one wrong servo of several does not stop the others."""
@@ -134,7 +146,8 @@ class Poller:
     def _read_on(self) -> None:
         while not self._stop.is_set():
             self._read()
-            if time.monotonic() > self._check_again:
+            self.pulse = time.monotonic()
+            if self.pulse > self._check_again:
                 self._note(self._device.identify())
 
     def _read(self) -> None:

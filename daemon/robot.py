@@ -89,10 +89,10 @@ class Robot:
             return f"{member}: no data for more than {DEAD_S:g} s from {poller.name}"
         return None if heard is None else ""
 
-    @property
-    def samples(self) -> int:
-        """How many samples all devices have delivered."""
-        return sum(poller.account.samples for poller in self.pollers)
+    def hung(self, patience_s: float) -> list[str]:
+        """The devices whose poller has shown no sign of life for so long; waiting for a device is life."""
+        now = time.monotonic()
+        return [poller.name for poller in self.pollers if now - poller.pulse > patience_s]
 
     def _ring(self, sensor: AccelerometerOptions) -> Ring:
         seconds = VIRTUAL_RING_S if self._virtual else RING_S

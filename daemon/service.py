@@ -7,24 +7,21 @@ from __future__ import annotations
 
 import logging
 import math
-import signal
 import threading
 import time
-from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from datetime import datetime
-from types import FrameType
 from typing import TYPE_CHECKING, TypeVar
 
-from lostmotion.daemon import logs
+from lostmotion.daemon import accounts, logs
 from lostmotion.daemon.alarm import Change
 from lostmotion.daemon.config import Config
 from lostmotion.daemon.desk import AlarmDesk
 from lostmotion.daemon.notify import Notifier
 from lostmotion.daemon.poller import Poller
-from lostmotion.daemon.records import DeviceRow, JointRow, ScoreRow, WindowRow
+from lostmotion.daemon.records import JointRow, ScoreRow, WindowRow
 from lostmotion.daemon.robot import Robot
+from lostmotion.daemon.signals import Flags
 from lostmotion.daemon.sinks import Sink
 from lostmotion.daemon.sinks.log import LogSink
 from lostmotion.daemon.store import Store
@@ -73,29 +70,6 @@ def run(config: Config, *, duration_s: float | None = None, reload: Callable[[],
     return 1 if lost else 0
 
 
-class Flags:
-    """What signals have asked for; handlers only set these."""
-
-    def __init__(self) -> None:
-        self.stop = False
-        self.reload = False
-
-    @contextmanager
-    def installed(self) -> Iterator[None]:
-        """Listens to the signals, and gives them back afterwards."""
-        numbers = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
-        before = {number: signal.signal(number, self._set) for number in numbers}
-        try:
-            yield
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
-
-    def _set(self, number: int, frame: FrameType | None) -> None:
-        self.reload = self.reload or number == signal.SIGHUP
-        self.stop = self.stop or number != signal.SIGHUP
-
-
 class Service:
     """One run of the service, from ``startup`` to ``shutdown``."""
 
@@ -110,7 +84,7 @@ class Service:
         self._robot = Robot(config)
         self._store = _store(config)
         self._due = {period_s: time.monotonic() + period_s for period_s in (LOOK_S, ACCOUNT_S, SUMMARY_S)}
-        self._watched = (time.monotonic(), 0)
+        self._fed = time.monotonic()
 
     def startup(self) -> None:
         """Everything that has to be there before the first sample."""
@@ -137,7 +111,7 @@ class Service:
         """Finishes what is open, in the order of the data's way; how many rows were lost."""
         self._notifier.stopping()
         self._finish()
-        self._summary()
+        accounts.log_summary(self._robot, self._store)
         lost = self._store.close()
         self._notifier.close()
         log.info("stopped")
@@ -171,7 +145,7 @@ class Service:
         self._robot.stop.set()
         for thread in self._threads:
             thread.join(1.0)
-        self._account()
+        self._store.add(*accounts.device_rows(self._robot, self._utc()))
         self._desk.tell_settled(FINISH_S)
         self._desk.close()
         if self._exporter is not None:
@@ -246,11 +220,11 @@ class Service:
             self._desk.tell_settled()
             if self._store.damage is not None:
                 self._leave_damaged_store()
-            self._notifier.status(self._status())
+            self._notifier.status(accounts.status_line(self._robot, self._store, self._desk.healths))
         if self._is_due(ACCOUNT_S):
-            self._account()
+            self._store.add(*accounts.device_rows(self._robot, self._utc()))
         if self._is_due(SUMMARY_S):
-            self._summary()
+            accounts.log_summary(self._robot, self._store)
         self._feed_watchdog()
 
     def _is_due(self, period_s: float) -> bool:
@@ -261,59 +235,27 @@ class Service:
         return True
 
     def _feed_watchdog(self) -> None:
-        """systemd hears of life only while samples arrive."""
-        now, (last, before) = time.monotonic(), self._watched
-        if self._notifier.watchdog_s and now - last >= self._notifier.watchdog_s / 3:
-            samples = self._robot.samples
-            if samples != before:
+        """systemd hears of life while every poller shows some; to wait for a device that is gone is life, too."""
+        now, period_s = time.monotonic(), self._notifier.watchdog_s
+        if period_s and now - self._fed >= period_s / 3:
+            self._fed = now
+            if hung := self._robot.hung(period_s):
+                log.error("%s: no sign of life for %g s; the watchdog is not fed", ", ".join(hung), period_s)
+            else:
                 self._notifier.watchdog()
-            self._watched = (now, samples)
-
-    # --- accounts ---------------------------------------------------------------------------------------------------
-
-    def _account(self) -> None:
-        """The devices' counts go to the database, for `status` and `doctor`."""
-        utc = self._utc()
-        for poller in self._robot.pollers:
-            of, ring = poller.account, self._robot.rings.get(poller.name)
-            reason = of.reason or "; ".join(of.faults.values())
-            overwritten = ring.overwritten if ring else 0
-            counts = (of.samples, of.lost, of.late, of.broken, of.silent, overwritten)
-            self._store.add(DeviceRow(poller.name, utc, of.state.value, reason, *counts))
-
-    def _status(self) -> str:
-        counts = self._robot.pipeline.counts.values()
-        healths = Counter(health.value for health in self._desk.healths)
-        text = ", ".join(f"{number} {health}" for health, number in sorted(healths.items()))
-        lost = sum((count.lost for count in counts), Counter[str]())
-        text += f"; windows: {sum(count.scored for count in counts)} scored, {lost.total()} lost"
-        return f"{text}; {self._store.problem}" if self._store.problem else text
-
-    def _summary(self) -> None:
-        """The devices' and windows' counts as log lines: what was lost is never hidden."""
-        for poller in self._robot.pollers:
-            of = poller.account
-            log.info(
-                "%s: %s samples=%d lost=%d late=%d broken=%d silent=%d",
-                *(poller.name, of.state.value, of.samples, of.lost, of.late, of.broken, of.silent),
-            )
-        for name, count in self._robot.pipeline.counts.items():
-            lost = ", ".join(f"{number} x {reason}" for reason, number in count.lost.items()) or "none"
-            log.info("%s: windows triggered=%d scored=%d lost: %s", name, count.triggered, count.scored, lost)
 
     # --- guards -----------------------------------------------------------------------------------------------------
 
     def _poll(self, poller: Poller, stop: threading.Event) -> None:
         """A poller's thread: a poller that breaks down is started again."""
-        while True:
+        while not stop.is_set():
             try:
                 poller.run()
                 return
             except Exception as error:
                 log.exception("%s: broke down and is started again", poller.name)
                 poller.fail(f"internal error: {error!r}")
-                if stop.wait(CRASH_PAUSE_S):
-                    return
+                poller.rest(CRASH_PAUSE_S)
 
     def _guard(self, function: Callable[..., T], *arguments: object) -> T | None:
         """Calls a stage; an error in it is logged and the service goes on."""

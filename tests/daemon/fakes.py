@@ -33,18 +33,21 @@ WAVE_HZ = 2.0
 
 
 class FakeOptions(RobotOptions, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """missing: a file whose existence makes the ports go away."""
+    """Files: the existence of ``missing`` makes the ports go away, that of ``hanging`` reading from them never end."""
 
     missing: str = ""
+    hanging: str = ""
 
 
 class Periodic:
     """Robot times of samples since the last call, at a fixed rate."""
 
-    def __init__(self, rate_hz: float, clock: Clock, missing: str) -> None:
+    def __init__(self, rate_hz: float, clock: Clock, robot: RobotOptions) -> None:
+        assert isinstance(robot, FakeOptions)
         self._rate = rate_hz
         self._clock = clock
-        self._missing = missing
+        self._missing = robot.missing
+        self._hanging = robot.hanging
         self._next = 0
 
     def open(self) -> None:
@@ -54,6 +57,8 @@ class Periodic:
 
     def times(self) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
         time.sleep(0.005)
+        while self._hanging and Path(self._hanging).exists():
+            time.sleep(0.01)
         if self._missing and Path(self._missing).exists():
             raise PortError("fake: the port went away")
         first, self._next = self._next, math.floor(self._clock.now() * self._rate) + 1
@@ -69,8 +74,7 @@ class FakeBus(Periodic):
     resolution_rad = 0.0
 
     def __init__(self, joints: Sequence[JointOptions], robot: RobotOptions, clock: Clock) -> None:
-        assert isinstance(robot, FakeOptions)
-        super().__init__(joints[0].poll_hz, clock, robot.missing)
+        super().__init__(joints[0].poll_hz, clock, robot)
         self._names = [joint.name for joint in joints]
 
     def identify(self) -> tuple[Identity, ...]:
@@ -92,8 +96,7 @@ class FakeSensor(Periodic):
     range_ms2 = 100.0
 
     def __init__(self, options: AccelerometerOptions, robot: RobotOptions, clock: Clock) -> None:
-        assert isinstance(robot, FakeOptions)
-        super().__init__(options.rate_hz, clock, robot.missing)
+        super().__init__(options.rate_hz, clock, robot)
         self._name = options.name
         self._noise = np.random.default_rng(1)
 

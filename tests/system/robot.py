@@ -5,7 +5,17 @@ from __future__ import annotations
 from tests.system.image import VENV
 from tests.system.machine import Machine
 
-__all__ = ["CONFIG", "LOSTMOTION", "TEXT", "install_with_robot", "plug_in", "scores", "show", "wait_for_scores"]
+__all__ = [
+    "CONFIG",
+    "LOSTMOTION",
+    "TEXT",
+    "WATCHDOG_S",
+    "install_with_robot",
+    "plug_in",
+    "scores",
+    "show",
+    "wait_for_scores",
+]
 
 LOSTMOTION = f"{VENV}/bin/lostmotion"
 CONFIG = "/etc/lostmotion/lostmotion.toml"
@@ -33,7 +43,8 @@ f_norm_hz = 85.0
 f_norm_width_hz = 30.0
 """
 # A pseudo-terminal stands in for /dev/ttyUSB0; a watchdog that tests can wait for.
-DROP_IN = "[Service]\nDeviceAllow=char-pts rw\nWatchdogSec=8\nRestartSec=100ms\n"
+WATCHDOG_S = 8
+DROP_IN = f"[Service]\nDeviceAllow=char-pts rw\nWatchdogSec={WATCHDOG_S}\nRestartSec=100ms\n"
 
 
 def install_with_robot(machine: Machine) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
@@ -10,7 +11,17 @@ from prometheus_client.parser import text_string_to_metric_families
 from tests.system.conftest import Boot
 from tests.system.image import VENV
 from tests.system.machine import Machine
-from tests.system.robot import CONFIG, LOSTMOTION, TEXT, install_with_robot, scores, show, wait_for_scores
+from tests.system.robot import (
+    CONFIG,
+    LOSTMOTION,
+    TEXT,
+    WATCHDOG_S,
+    install_with_robot,
+    plug_in,
+    scores,
+    show,
+    wait_for_scores,
+)
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]  # the first one may build the image
 
@@ -58,6 +69,19 @@ def test_a_hanging_service_is_started_again(machine: Machine) -> None:
     machine.wait_until(lambda: show(machine, "MainPID") not in (before, "0"))
     assert machine.said("Watchdog timeout")
     assert wait_for_scores(machine) > kept
+
+
+def test_an_unplugged_robot_is_an_alarm_and_no_hang(machine: Machine) -> None:
+    """Twice the watchdog's period without any device: the same process says so as an error, and scores on when they are
+    back."""
+    before, told = show(machine, "MainPID"), len(machine.said("cause=device severity=error event=raised"))
+    machine.run("systemctl", "stop", "emulator")
+    time.sleep(2 * WATCHDOG_S)
+    assert show(machine, "MainPID") == before
+    assert len(machine.said("cause=device severity=error event=raised", "-p", ERROR)) > told
+    plug_in(machine)
+    wait_for_scores(machine)
+    assert show(machine, "MainPID") == before
 
 
 def test_a_killed_service_is_started_again(machine: Machine) -> None:

@@ -1,0 +1,50 @@
+"""What has become of samples and windows, in words and rows: what was lost is never hidden.  Reads no clock."""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from datetime import datetime
+
+from lostmotion.daemon.records import DeviceRow, Health
+from lostmotion.daemon.robot import Robot
+from lostmotion.daemon.store import Store
+
+__all__ = ["device_rows", "log_summary", "status_line"]
+
+log = logging.getLogger(__name__)
+
+
+def device_rows(robot: Robot, utc: datetime) -> Iterator[DeviceRow]:
+    """The devices' counts, for `status` and `doctor`."""
+    for poller in robot.pollers:
+        of, ring = poller.account, robot.rings.get(poller.name)
+        reason = of.reason or "; ".join(of.faults.values())
+        overwritten = ring.overwritten if ring else 0
+        counts = (of.samples, of.lost, of.late, of.broken, of.silent, overwritten)
+        yield DeviceRow(poller.name, utc, of.state.value, reason, *counts)
+
+
+def status_line(robot: Robot, store: Store, healths: Iterable[Health]) -> str:
+    """One line for ``systemctl status``."""
+    counts = robot.pipeline.counts.values()
+    text = ", ".join(f"{number} {health}" for health, number in sorted(Counter(h.value for h in healths).items()))
+    lost = sum((count.lost for count in counts), Counter[str]())
+    text += f"; windows: {sum(count.scored for count in counts)} scored, {lost.total()} lost"
+    return f"{text}; {store.problem}" if store.problem else text
+
+
+def log_summary(robot: Robot, store: Store) -> None:
+    """The counts of devices and windows as log lines, and what waits for the disk."""
+    for poller in robot.pollers:
+        of = poller.account
+        log.info(
+            "%s: %s samples=%d lost=%d late=%d broken=%d silent=%d",
+            *(poller.name, of.state.value, of.samples, of.lost, of.late, of.broken, of.silent),
+        )
+    for name, count in robot.pipeline.counts.items():
+        lost = ", ".join(f"{number} x {reason}" for reason, number in count.lost.items()) or "none"
+        log.info("%s: windows triggered=%d scored=%d lost: %s", name, count.triggered, count.scored, lost)
+    if store.problem:
+        log.error("%s; %d rows wait in memory, %d were given up", store.problem, store.waiting(), store.dropped)
