@@ -9,8 +9,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from lostmotion.daemon.ring import Ring
+from lostmotion.detector.commanded import BEFORE_S
 from lostmotion.detector.errors import DetectorError
-from lostmotion.detector.play_size import BEFORE_S, with_play
+from lostmotion.detector.play_size import with_play
 from lostmotion.detector.score import score_window
 from lostmotion.detector.trigger import Trigger
 from lostmotion.detector.window import DetectorSettings, Score, Window

@@ -17,22 +17,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
+from lostmotion.detector.commanded import Commanded, smoothed
+from lostmotion.detector.kicks import Inverse, inverse, noise_of
 from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
 
-__all__ = ["BEFORE_S", "PlaySize", "play_size", "pooled", "with_play"]
+__all__ = ["PlaySize", "play_size", "pooled", "with_play"]
 
-BEFORE_S = 0.2
-"""The flank that is left is heard so long before the reversal [s]."""
 LEAST_RATE = 8.0
 """Samples a period of the bar: with fewer, kicks cannot be told from each other."""
-STEP = 0.145
-"""Grid of the kicks in periods of the bar."""
-KICK = 0.1
-"""Usual change of the joint's speed in a step of the grid [rad/s]."""
 LEAST_KICK, SIGNIFICANT = 0.02, 6.0
 """A contact changes the speed by so much [rad/s] within three steps, and stands out by so many standard deviations."""
 LEAST_CONTACTS = 4
@@ -42,10 +37,6 @@ FLANK, GRAIN = 0.06, 5e-5
 """Where on a flank a contact is: standard deviation as a share of half the play, and least [rad]."""
 BIAS, GRAVITY = 0.1, 10.0
 """What may remain of an offset, and gravity along the sensor's axis [m/s²], standard deviations."""
-COVERED = 0.7
-"""Share of the stretch that commands must cover; what lies behind them is left out."""
-FASTEST_HZ = 3.5
-"""Commands are smoothed by polynomials that follow a motion up to this."""
 ROUNDS = 3
 LEAST_PLAY, MOST_PLAY = 5e-4, 0.05
 """Play that scales the flanks' error [rad]."""
@@ -76,13 +67,13 @@ def play_size(
         return _unknown(f"the sensor is too slow: {LEAST_RATE:g} samples a period of the bar are needed")
     if not np.isfinite(stretch.accel).all():
         return _unknown("samples are missing")
-    command = _smoothed(np.asarray(servo_times), np.asarray(commands), stretch)
+    command = smoothed(np.asarray(servo_times), np.asarray(commands), stretch)
     if command is None:
         return _unknown("too few commands during the stretch")
     local = stretch.time - stretch.time[0]
     told = local <= command.end
     offset = float(np.mean(stretch.accel[told] - settings.length_m * command.acceleration(local[told])))
-    undone = _inverse(stretch.accel.size, rate_hz, _noise(stretch.accel, settings), settings)
+    undone = inverse(stretch.accel.size, rate_hz, noise_of(stretch.accel, settings), settings)
     kicks = undone.gain @ (stretch.accel - offset)
     together = undone.sums @ kicks
     where = _contacts(together, np.abs(together) / undone.deviation)
@@ -114,109 +105,8 @@ def with_play(
     return replace(score, play=size.value, play_low=size.low, play_high=size.high, play_reason=size.reason)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Inverse:
-    """Kicks at times (K,) from accelerations (N,): gain (K, N), covariance (K, K), twice (K, K) making angles of kicks,
-    sums (K, K) of three neighbours and the standard deviation (K,) of these."""
-
-    times: FloatArray
-    gain: FloatArray
-    covariance: FloatArray
-    twice: FloatArray
-    sums: FloatArray
-    deviation: FloatArray
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Command:
-    """theta_1 as a polynomial: coefficients and their covariance, over times mapped to -1..1."""
-
-    middle: float
-    half: float
-    coefficients: FloatArray
-    covariance: FloatArray
-
-    @property
-    def end(self) -> float:
-        """Up to here it is known [s]."""
-        return self.middle + self.half
-
-    def basis(self, time: FloatArray) -> FloatArray:
-        """Legendre's polynomials at times [s], shape (N, degree + 1)."""
-        degree = len(self.coefficients) - 1
-        return np.asarray(np.polynomial.legendre.legvander((time - self.middle) / self.half, degree), np.float64)
-
-    def acceleration(self, time: FloatArray) -> FloatArray:
-        """theta_1'' [rad/s²] at times [s]."""
-        curved = np.polynomial.legendre.legder(self.coefficients, 2)
-        return np.asarray(np.polynomial.legendre.legval((time - self.middle) / self.half, curved) / self.half**2)
-
-
 def _unknown(reason: str) -> PlaySize:
     return PlaySize(math.nan, math.nan, math.nan, reason)
-
-
-def _smoothed(times: FloatArray, commands: FloatArray, stretch: Window) -> _Command | None:
-    """The commands around the stretch as one polynomial, in seconds from its start; None when they do not cover it."""
-    first, last = float(stretch.time[0]), float(stretch.time[-1])
-    near = (times >= first - BEFORE_S) & (times <= last + BEFORE_S / 4)
-    local, angle = times[near] - first, commands[near]
-    length = last - first
-    if local.size == 0 or local[0] > 0.05 * length or local[-1] < COVERED * length:
-        return None
-    middle, half = (local[-1] + local[0]) / 2, (local[-1] - local[0]) / 2
-    degree = math.ceil(4 * FASTEST_HZ * half) + 5
-    if local.size < 2 * degree:
-        return None
-    basis = np.polynomial.legendre.legvander((local - middle) / half, degree)
-    inverse = np.linalg.pinv(basis.T @ basis)  # commands may come in bunches
-    coefficients = inverse @ (basis.T @ angle)
-    left = angle - basis @ coefficients
-    return _Command(middle, half, coefficients, inverse * float(left @ left) / (local.size - degree - 1))
-
-
-def _noise(accel: FloatArray, settings: DetectorSettings) -> float:
-    """The sensor's noise [m/s²]: calibrated, or from fourth differences, in powers of two so that few are prepared."""
-    if settings.noise_ms2 is not None:
-        return settings.noise_ms2
-    rough = float(np.median(np.abs(np.diff(accel, 4)))) / (0.6745 * math.sqrt(70))
-    return float(2.0 ** round(math.log2(max(rough, 0.02))))
-
-
-@lru_cache(maxsize=16)
-def _inverse(length: int, rate_hz: float, noise: float, settings: DetectorSettings) -> _Inverse:
-    """Bayes' linear inverse of eq. 7 for kicks of usual size KICK, a ring from before, and white noise."""
-    time = np.arange(length) / rate_hz
-    step = STEP / settings.f_res_hz
-    kicks = np.arange(0.0, time[-1] - step / 2, step) + step / 2
-    response = np.hstack([_kicked(time[:, None] - kicks, settings), _free(time, settings)])
-    count = kicks.size
-    trust = np.concatenate([np.full(count, KICK**-2), [1e-4, 1e-4]])
-    covariance = np.linalg.inv(response.T @ response / noise**2 + np.diag(trust))
-    gain = covariance @ response.T / noise**2
-    sums = np.eye(count) + np.eye(count, k=1) + np.eye(count, k=-1)
-    own = covariance[:count, :count]
-    deviation = np.asarray(np.sqrt(np.diag(sums @ own @ sums.T)))
-    return _Inverse(
-        kicks, gain[:count], np.asarray(own, dtype=np.float64), np.maximum(kicks[:, None] - kicks, 0.0), sums, deviation
-    )
-
-
-def _kicked(after: FloatArray, settings: DetectorSettings) -> FloatArray:
-    """Tip acceleration -(b q' + k q)/m after a kick of 1 rad/s, which leaves q = 0, q' = -l (eq. 7)."""
-    omega, zeta = 2 * math.pi * settings.f_res_hz, settings.zeta
-    damped = omega * math.sqrt(1 - zeta**2)
-    since = np.maximum(after, 0.0)
-    decay = np.exp(-zeta * omega * since)
-    sine, cosine = np.sin(damped * since), np.cos(damped * since)
-    bent, rate = sine / damped, cosine - zeta * omega / damped * sine
-    return np.where(after >= 0, settings.length_m * decay * (2 * zeta * omega * rate + omega**2 * bent), 0.0)
-
-
-def _free(time: FloatArray, settings: DetectorSettings) -> FloatArray:
-    omega, zeta = 2 * math.pi * settings.f_res_hz, settings.zeta
-    wave = np.exp(complex(-zeta, math.sqrt(1 - zeta**2)) * omega * time)
-    return np.column_stack([wave.real, wave.imag])
 
 
 def _contacts(kicks: FloatArray, clarity: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
@@ -227,8 +117,8 @@ def _contacts(kicks: FloatArray, clarity: FloatArray) -> np.ndarray[tuple[int], 
 
 
 def _solve(
-    undone: _Inverse, kicks: FloatArray, together: FloatArray, where: np.ndarray[tuple[int], np.dtype[np.intp]],
-    command: _Command, settings: DetectorSettings,
+    undone: Inverse, kicks: FloatArray, together: FloatArray, where: np.ndarray[tuple[int], np.dtype[np.intp]],
+    command: Commanded, settings: DetectorSettings,
 ) -> PlaySize:  # fmt: skip
     """Generalised least squares for a, b and phi, the flanks' error growing with phi."""
     time = undone.times[where]

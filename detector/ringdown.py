@@ -16,7 +16,7 @@ from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.whitening import whiten
 from lostmotion.detector.window import DetectorSettings, FloatArray
 
-__all__ = ["Bank", "bank", "filled", "scores", "validate"]
+__all__ = ["Bank", "bank", "filled", "ring", "scores", "validate"]
 
 SLOW_HZ, SLOW_SHARE = 16.0, 0.3
 """Below both, the latter a share of f_res, a window may hold anything: an arm's motion up to 3 Hz to 1e-4."""
@@ -134,7 +134,7 @@ def bank(length: int, rate_hz: float, settings: DetectorSettings) -> Bank:
     time = np.arange(length) / rate_hz
     slow_raw = _slow(length, rate_hz, min(SLOW_HZ, SLOW_SHARE * settings.f_res_hz))
     starts = _starts(length / rate_hz, settings)
-    pairs_raw = [_ring(time - start, settings) for start in starts]
+    pairs_raw = [ring(time - start, settings) for start in starts]
     slow = _orthonormal(whiten(slow_raw.T, settings.noise_colour).T, 1e-9)
     pairs = []
     for pair in pairs_raw:
@@ -154,7 +154,7 @@ def _starts(duration: float, settings: DetectorSettings) -> FloatArray:
     return np.linspace(0.0, last, count)
 
 
-def _ring(after: FloatArray, settings: DetectorSettings) -> FloatArray:
+def ring(after: FloatArray, settings: DetectorSettings) -> FloatArray:
     """Both phases of eq. 6's free motion from 0 on, shape (N, 2)."""
     omega = 2 * math.pi * settings.f_res_hz
     exponent = complex(-settings.zeta, math.sqrt(1 - settings.zeta**2)) * omega

@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
+from lostmotion.detector.commanded import BEFORE_S
 from lostmotion.detector.errors import DetectorError
-from lostmotion.detector.play_size import BEFORE_S, with_play
+from lostmotion.detector.play_size import with_play
 from lostmotion.detector.score import score_window, validate
 from lostmotion.detector.trigger import Trigger
 from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window

@@ -9,7 +9,8 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from lostmotion.detector.play_size import BEFORE_S, play_size, pooled, with_play
+from lostmotion.detector.commanded import BEFORE_S
+from lostmotion.detector.play_size import play_size, pooled, with_play
 from lostmotion.detector.score import score_window
 from lostmotion.detector.series import score_series
 from lostmotion.detector.window import DetectorSettings, Score, Window

@@ -1,0 +1,70 @@
+"""What struck the joint, from what the accelerometer at the bar's tip tells: eq. 7 turned round.  No commands here."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from lostmotion.detector.ringdown import ring
+from lostmotion.detector.window import DetectorSettings, FloatArray
+
+__all__ = ["Inverse", "inverse", "noise_of"]
+
+STEP = 0.145
+"""Grid of the kicks in periods of the bar."""
+KICK = 0.1
+"""Usual change of the joint's speed in a step of the grid [rad/s]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Inverse:
+    """Kicks at times (K,) from accelerations (N,): gain (K, N), covariance (K, K), twice (K, K) making angles of kicks,
+    sums (K, K) of three neighbours and the standard deviation (K,) of these."""
+
+    times: FloatArray
+    gain: FloatArray
+    covariance: FloatArray
+    twice: FloatArray
+    sums: FloatArray
+    deviation: FloatArray
+
+
+def noise_of(accel: FloatArray, settings: DetectorSettings) -> float:
+    """The sensor's noise [m/s²]: calibrated, or from fourth differences, in powers of two so that few are prepared."""
+    if settings.noise_ms2 is not None:
+        return settings.noise_ms2
+    rough = float(np.median(np.abs(np.diff(accel, 4)))) / (0.6745 * math.sqrt(70))
+    return float(2.0 ** round(math.log2(max(rough, 0.02))))
+
+
+@lru_cache(maxsize=16)
+def inverse(length: int, rate_hz: float, noise: float, settings: DetectorSettings) -> Inverse:
+    """Bayes' linear inverse of eq. 7 for kicks of usual size KICK, a ring from before, and white noise."""
+    time = np.arange(length) / rate_hz
+    step = STEP / settings.f_res_hz
+    kicks = np.arange(0.0, time[-1] - step / 2, step) + step / 2
+    response = np.hstack([_kicked(time[:, None] - kicks, settings), ring(time, settings)])
+    count = kicks.size
+    trust = np.concatenate([np.full(count, KICK**-2), [1e-4, 1e-4]])
+    covariance = np.linalg.inv(response.T @ response / noise**2 + np.diag(trust))
+    gain = covariance @ response.T / noise**2
+    sums = np.eye(count) + np.eye(count, k=1) + np.eye(count, k=-1)
+    own = covariance[:count, :count]
+    deviation = np.asarray(np.sqrt(np.diag(sums @ own @ sums.T)))
+    return Inverse(
+        kicks, gain[:count], np.asarray(own, dtype=np.float64), np.maximum(kicks[:, None] - kicks, 0.0), sums, deviation
+    )
+
+
+def _kicked(after: FloatArray, settings: DetectorSettings) -> FloatArray:
+    """Tip acceleration -(b q' + k q)/m after a kick of 1 rad/s, which leaves q = 0, q' = -l (eq. 7)."""
+    omega, zeta = 2 * math.pi * settings.f_res_hz, settings.zeta
+    damped = omega * math.sqrt(1 - zeta**2)
+    since = np.maximum(after, 0.0)
+    decay = np.exp(-zeta * omega * since)
+    sine, cosine = np.sin(damped * since), np.cos(damped * since)
+    bent, rate = sine / damped, cosine - zeta * omega / damped * sine
+    return np.where(after >= 0, settings.length_m * decay * (2 * zeta * omega * rate + omega**2 * bent), 0.0)
