@@ -18,13 +18,25 @@ from typing import IO
 from lostmotion.daemon.migrations import CURRENT, MIGRATIONS
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["StoreBusyError", "StoreError", "explain", "is_damage", "lock", "move_aside", "newer", "open_database"]
+__all__ = [
+    "StoreBusyError",
+    "StoreError",
+    "StoreRefusedError",
+    "explain",
+    "is_damage",
+    "lock",
+    "move_aside",
+    "newer",
+    "open_database",
+    "refusal",
+]
 
 log = logging.getLogger(__name__)
 
 BUSY_S = 2.0
 """how long another program's lock is waited for [s]"""
 DAMAGE = ("SQLITE_CORRUPT", "SQLITE_NOTADB")
+PASSING = ("SQLITE_FULL", "SQLITE_BUSY", "SQLITE_IOERR")
 CAUSES = {
     "SQLITE_FULL": "the disk is full; free some space",
     "SQLITE_BUSY": "another program holds the database locked; close it",
@@ -42,6 +54,10 @@ class StoreError(LostmotionError):
 
 class StoreBusyError(StoreError):
     """A service holds the database."""
+
+
+class StoreRefusedError(StoreError):
+    """The disk refuses at present (full, locked): worth another try later."""
 
 
 def lock(path: Path) -> IO[bytes]:
@@ -78,12 +94,18 @@ def open_database(path: Path) -> sqlite3.Connection:
         return _open(path)
     except sqlite3.Error as error:
         if not is_damage(error):
-            raise StoreError(explain(path, error)) from error
+            raise refusal(path, error) from error
         move_aside(path, error)
     try:
         return _open(path)
     except sqlite3.Error as error:
-        raise StoreError(explain(path, error)) from error
+        raise refusal(path, error) from error
+
+
+def refusal(path: Path, error: sqlite3.Error) -> StoreError:
+    """SQLite's error as one of ours."""
+    passes = getattr(error, "sqlite_errorname", "").startswith(PASSING)
+    return (StoreRefusedError if passes else StoreError)(explain(path, error))
 
 
 def is_damage(error: sqlite3.Error) -> bool:
@@ -157,7 +179,7 @@ def _copy(db: sqlite3.Connection, path: Path, version: int) -> None:
     copy = path.with_name(f"{path.name}.version{version}")
     size = path.stat().st_size
     if shutil.disk_usage(path.parent).free < 2 * size:
-        raise StoreError(f"{path}: no room for a copy before its schema changes; free {size / 5e5:.0f} MB")
+        raise StoreRefusedError(f"{path}: no room for a copy before its schema changes; free {size / 5e5:.0f} MB")
     unfinished = copy.with_name(f"{copy.name}.unfinished")
     with closing(sqlite3.connect(unfinished)) as target:
         db.backup(target)

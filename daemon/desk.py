@@ -28,7 +28,8 @@ class AlarmDesk:
     """Health and alarms of the joints, from where an earlier run left them.
 
     tell: gets what changed, and whether an earlier run may have told it already.  An alarm is told by ``tell_settled``
-    once it is stored, so that no kill lets it be told twice under two names.
+    once it is stored, so that no kill lets it be told twice under two names.  ``is_provisional``: the disk kept the
+    store from being opened, so what is known of earlier runs may be nothing.
     """
 
     def __init__(
@@ -39,6 +40,7 @@ class AlarmDesk:
         tell: Callable[[Change, bool], None],
         utc: datetime,
     ) -> None:
+        self.is_provisional = not store.is_open
         self._store = store
         self._tell = tell
         self._reader = store.reader()

@@ -20,7 +20,7 @@ from prometheus_client.registry import Collector
 
 from lostmotion import __version__
 from lostmotion.daemon.pipeline import Counts
-from lostmotion.daemon.reader import Reader, ReaderError
+from lostmotion.daemon.reader import Reader, ReaderError, open_readonly
 from lostmotion.daemon.records import Health, ScoreRow
 from lostmotion.daemon.store import Store
 
@@ -74,11 +74,12 @@ class _Collector(Collector):
         """All metrics; those of the database only while it can be read."""
         yield GaugeMetricFamily("lostmotion_store_waiting_rows", "Rows not on the disk yet", self._store.waiting())
         yield CounterMetricFamily("lostmotion_store_dropped_rows", "Rows given up", self._store.dropped)
+        yield GaugeMetricFamily("lostmotion_store_writable", "0 while the disk refuses rows", not self._store.problem)
         yield from _windows(dict(self._counts))
         yield from _process()
         readable = 1.0
         try:
-            with self._store.reader() as reader:
+            with open_readonly(self._store.path) as reader:
                 yield from [_info(reader), *_joints(reader), _alarms(reader), *_devices(reader)]
         except (ReaderError, sqlite3.Error):
             readable = 0.0

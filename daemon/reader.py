@@ -14,7 +14,7 @@ import numpy as np
 from sqlite_utils import Database
 
 from lostmotion.daemon.database import newer
-from lostmotion.daemon.migrations import CURRENT
+from lostmotion.daemon.migrations import CURRENT, MIGRATIONS
 from lostmotion.daemon.records import (
     AlarmEvent,
     AlarmRow,
@@ -35,7 +35,7 @@ from lostmotion.daemon.records import (
 from lostmotion.daemon.rollup import SERIES, Series
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["Reader", "ReaderError", "open_readonly"]
+__all__ = ["Reader", "ReaderError", "empty_reader", "open_readonly"]
 
 
 SCORE = "time_us, duration_us, score, level, impact, play, play_low, play_high, excitation, temperature, quality"
@@ -58,10 +58,19 @@ def open_readonly(path: Path) -> Reader:
         raise ReaderError(f"{path}: cannot be read ({error}); is it a database of lostmotion?") from error
     if not 0 < version <= CURRENT:
         db.close()
+        if not path.stat().st_size:
+            raise ReaderError(f"{path}: is empty; has no service been able to write it (a full disk)?")
         other = (
             f"{path}: found schema version {version}, expected 1 to {CURRENT}; likely it is no database of lostmotion"
         )
         raise ReaderError(newer(path, version) if version > CURRENT else other)
+    return Reader(db)
+
+
+def empty_reader() -> Reader:
+    """A database without any rows, in memory."""
+    db = sqlite3.connect(":memory:")
+    db.executescript(f"{''.join(MIGRATIONS)} PRAGMA user_version = {CURRENT};")
     return Reader(db)
 
 
@@ -73,9 +82,10 @@ def _connect(path: Path, mode: str) -> tuple[sqlite3.Connection, int]:
         db.execute("SELECT count(*) FROM sqlite_schema").fetchone()
     except sqlite3.Error:
         db.close()
-        # Where this user may not write, SQLite cannot make the files that readers share with a writer; none is needed
-        # while nobody writes.
-        if mode == "mode=ro" and not Path(f"{path}-wal").exists():
+        # Where this user may not write, or the disk is full, SQLite cannot make the files that readers share with a
+        # writer; none is needed while nobody writes.
+        wal = Path(f"{path}-wal")
+        if mode == "mode=ro" and not (wal.exists() and wal.stat().st_size):
             return _connect(path, "immutable=1")
         raise
     return db, version
@@ -184,6 +194,8 @@ class Reader:
 
     def requests(self, after: int = 0) -> list[Request]:
         """What people have asked and nobody has taken up, oldest first; after: only those with a larger number."""
+        if self._version < 3:
+            return []
         rows = self._db.query("SELECT * FROM request WHERE answer IS NULL AND id > ? ORDER BY id", [after])
         return [
             Request(

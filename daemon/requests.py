@@ -74,10 +74,19 @@ def take(
 
 
 def do(database: Path, request: Request, now: datetime) -> Answer:
-    """Does in this process what is asked; the answer.  Raises StoreBusyError while a service runs, or StoreError."""
+    """Does in this process what is asked; the answer.
+
+    Raises StoreBusyError while a service runs, StoreError, or RequestError when the disk refuses.
+    """
     with open_readonly(database) as reader:
         robot = reader.robot()
-    with closing(Store(database, robot)) as store, store.reader() as reader:
-        changes, answer = resume(reader, request.joint, AlarmOptions(), now).request(request, now)
+    store = Store(database, robot)
+    try:
+        with store.reader() as reader:
+            changes, answer = resume(reader, request.joint, AlarmOptions(), now).request(request, now)
         store.add(*changes)
+    finally:
+        lost = store.close()
+    if lost:
+        raise RequestError(store.problem)
     return answer

@@ -126,8 +126,7 @@ class Service:
             log.warning("%s", note)
         self._sinks = _sinks(config)
         self._exporter = _exporter(config, self._store, self._robot)
-        joints = [joint.name for joint in config.joints]
-        self._desk = AlarmDesk(joints, config.alarm, self._store, self._tell, self._utc())
+        self._desk = self._open_desk()
         self._threads = [
             threading.Thread(target=self._poll, args=(poller, self._robot.stop), name=poller.name, daemon=True)
             for poller in self._robot.pollers
@@ -183,6 +182,15 @@ class Service:
         self._robot, self._store = Robot(self._config), _store(self._config)
         self._begin()
 
+    def _open_desk(self) -> AlarmDesk:
+        joints = [joint.name for joint in self._config.joints]
+        return AlarmDesk(joints, self._config.alarm, self._store, self._tell, self._utc())
+
+    def _know_history(self) -> None:
+        """The disk, which was full at the start, has let the database be opened, and has taken all that waited."""
+        self._desk.close()
+        self._desk = self._open_desk()
+
     def _utc(self) -> datetime:
         """The robot's time."""
         return self._robot.clock.utc(self._robot.clock.now())
@@ -212,6 +220,8 @@ class Service:
     def _look_around(self) -> None:
         """What need not be done for every window: dead devices, alarms' delays, requests, trends, systemd, counts."""
         if self._is_due(LOOK_S):
+            if self._desk.is_provisional and self._store.is_open and not self._store.waiting():
+                self._know_history()
             utc = self._utc()
             for joint in self._config.joints:
                 self._desk.look(joint.name, self._robot.fault(joint), utc)

@@ -1,33 +1,31 @@
-"""What is written into the database: one thread does it, in batches.
+"""Rows on their way into the database: one thread writes them, in batches.
 
-Callers hand in rows and never wait for the disk.  When the disk refuses (full, locked), rows wait in a bounded backlog
-and the store says so in ``problem``; raw windows are given up first.  Opening the file is in ``database.py``, reading
-in ``reader.py``, the schema in ``migrations.py``, the reasons in docs/decisions/0004-store.md.
+Callers hand in rows and never wait for the disk.  When the disk refuses (full, locked), also to open the file, rows
+wait in a bounded backlog and the store says so in ``problem``; raw windows are given up first.  The SQL is in
+``writer.py``, opening the file in ``database.py``, reading in ``reader.py``, the schema in ``migrations.py``, the
+reasons in docs/decisions/0004-store.md.
 """
 
 from __future__ import annotations
 
 import logging
-import math
 import sqlite3
 import threading
-import time
 from collections import deque
 from collections.abc import Sequence
-from datetime import datetime
 from pathlib import Path
 
 from lostmotion.daemon import database
-from lostmotion.daemon.database import StoreError
-from lostmotion.daemon.reader import Reader, open_readonly
-from lostmotion.daemon.records import Answer, DeviceRow, JointRow, ScoreRow, Transition, WindowRow, micros
-from lostmotion.daemon.rollup import DAY_US, roll_up
+from lostmotion.daemon.database import StoreError, StoreRefusedError
+from lostmotion.daemon.reader import Reader, ReaderError, empty_reader, open_readonly
+from lostmotion.daemon.records import Transition, WindowRow
+from lostmotion.daemon.rollup import DAY_US
+from lostmotion.daemon.writer import Policy, Row, Writer
 
 __all__ = ["Reader", "Store", "open_readonly"]
 
 log = logging.getLogger(__name__)
 
-Row = ScoreRow | WindowRow | Transition | JointRow | DeviceRow | Answer
 FLUSH_S = 0.15
 """how long the first row of a batch waits for company [s]; a transition of an alarm does not wait"""
 RETRY_S = 1.0
@@ -38,14 +36,11 @@ ROLL_UP_S = 0.005
 """how long old scores are rolled up after each batch [s]"""
 BACKLOG_ROWS = 200_000
 BACKLOG_WINDOWS = 2_000
-ALARM = (
-    "joint_id, cause, severity, state, raised_us, acknowledged_us, cleared_us, shelved_until_us, told_us, reminders,"
-    " reason"
-)
 
 
 class Store:
-    """The database of one robot, open for writing.  Raises StoreError when it cannot be opened.
+    """The database of one robot, open for writing.  Raises StoreError when it cannot be opened, unless it is the disk
+    that refuses (full, locked): then it is tried again with every batch of rows.
 
     ``problem`` is "" while rows reach the disk, else what keeps them from it; ``dropped`` counts rows given up because
     the backlog was full; ``damage`` is what is wrong with the file itself: closing moves it aside.  While it is open no
@@ -57,11 +52,7 @@ class Store:
         self.problem = ""
         self.dropped = 0
         self.damage: sqlite3.Error | None = None
-        self._keep_us = self._keep_bytes = self._kept_bytes = 0
-        self._robot = self._robot_written = ""
         self.configure(robot, keep_windows_mb, keep_scores_days)
-        self._newest: dict[int, int] = {}
-        self._joints: dict[str, int] = {}
         self._rows: deque[Row] = deque()
         self._windows: deque[Row] = deque()
         self._in_flight = 0
@@ -69,31 +60,18 @@ class Store:
         self._settled: deque[Transition] = deque()
         self._wake = threading.Condition()
         self._closing = False
+        self._writer: Writer | None = None
         self._lock = database.lock(path)
         try:
-            self._db = database.open_database(path)
-            self._begin(robot)
+            self._writer = Writer(path, self._policy)
+        except StoreRefusedError as error:
+            self._say(str(error))
         except StoreError:
             self._lock.close()
             raise
+        self._written = self._policy
         self._thread = threading.Thread(target=self._run, name="store", daemon=True)
         self._thread.start()
-
-    def _begin(self, robot: str) -> None:
-        """Reads what the writer has to know.  Raises StoreError; a damaged file is moved aside first."""
-        try:
-            with self._db:
-                self._write([])
-            self._robot_written = robot
-            self._joints = dict(self._db.execute("SELECT name, id FROM joint"))
-            self._kept_bytes = self._db.execute("SELECT coalesce(sum(bytes), 0) FROM window").fetchone()[0]
-        except sqlite3.Error as error:
-            self._db.close()
-            if not database.is_damage(error):
-                raise StoreError(database.explain(self.path, error)) from error
-            database.move_aside(self.path, error)
-            self._db = database.open_database(self.path)
-            self._begin(robot)
 
     def configure(self, robot: str, keep_windows_mb: float, keep_scores_days: float) -> None:
         """Sets what a new configuration may change.
@@ -101,9 +79,7 @@ class Store:
         ``keep_windows_mb`` of raw windows stay [MB]; scores that are older than a joint's newest by
         ``keep_scores_days`` become one an hour, 0: never.
         """
-        self._keep_us = int(keep_scores_days * DAY_US)
-        self._keep_bytes = int(keep_windows_mb * 1e6)
-        self._robot = robot
+        self._policy = Policy(robot, int(keep_windows_mb * 1e6), int(keep_scores_days * DAY_US))
 
     def add(self, *rows: Row) -> None:
         """Takes rows, which are committed together within about ``FLUSH_S``.  Never blocks on the disk."""
@@ -133,9 +109,22 @@ class Store:
         """Whether a transition is on its way to the disk, or waits to be told."""
         return bool(self._untold or self._settled)
 
+    @property
+    def is_open(self) -> bool:
+        """Whether the disk has let the database be opened."""
+        return self._writer is not None
+
     def reader(self) -> Reader:
-        """The same database for reading."""
-        return open_readonly(self.path)
+        """The same database for reading; until it ``is_open``, what can be read of it, which may be nothing.
+
+        Raises ReaderError.
+        """
+        try:
+            return open_readonly(self.path)
+        except ReaderError:
+            if self.is_open:
+                raise
+            return empty_reader()
 
     def waiting(self) -> int:
         """How many rows are not on the disk yet."""
@@ -152,7 +141,8 @@ class Store:
             self._wake.notify()
         self._thread.join(timeout_s)
         if not self._thread.is_alive():
-            self._db.close()
+            if self._writer is not None:
+                self._writer.close()
             if self.damage is not None:
                 database.move_aside(self.path, self.damage)
         self._lock.close()
@@ -179,13 +169,10 @@ class Store:
                 self._roll_up()
 
     def _roll_up(self) -> None:
-        """Goes on making old scores fewer, for a few milliseconds: alarms wait for this thread."""
-        end = time.monotonic() + ROLL_UP_S
+        """Makes old scores fewer, for a few milliseconds: alarms wait for this thread."""
         try:
-            with self._db:
-                for joint, newest in self._newest.items() if self._keep_us else ():
-                    while time.monotonic() < end and roll_up(self._db, joint, newest - self._keep_us):
-                        pass
+            if self._writer is not None:
+                self._writer.roll_up(self._policy, ROLL_UP_S)
         except sqlite3.Error as error:
             # A disk that is full will refuse the next rows too, which are told of and tried again.
             self.damage = error if database.is_damage(error) else None
@@ -195,17 +182,9 @@ class Store:
         with self._wake:
             batch = [queue.popleft() for _ in range(min(len(queue), BATCH))]
             self._in_flight = len(batch)
-        if not batch and self._robot == self._robot_written:
+        if not batch and self._policy == self._written:
             return True
-        kept_bytes, problem = self._kept_bytes, ""
-        try:
-            with self._db:
-                self._write(batch)
-            self._robot_written = self._robot
-        except sqlite3.Error as error:
-            problem = database.explain(self.path, error)
-            self.damage = error if database.is_damage(error) else None
-            self._joints, self._kept_bytes = {}, kept_bytes
+        problem = self._commit(batch)
         with self._wake:
             self._in_flight = 0
             if problem:
@@ -215,6 +194,20 @@ class Store:
         if problem or batch:
             self._say(problem)
         return not problem
+
+    def _commit(self, batch: Sequence[Row]) -> str:
+        """Writes a batch; what keeps the disk from taking it, or ""."""
+        policy = self._policy
+        try:
+            self._writer = self._writer or Writer(self.path, policy)
+            self._writer.commit(batch, policy)
+        except StoreError as error:
+            return str(error)
+        except sqlite3.Error as error:
+            self.damage = error if database.is_damage(error) else None
+            return database.explain(self.path, error)
+        self._written = policy
+        return ""
 
     def _settle(self, rows: Sequence[Row]) -> None:
         """These may be told, unless they were; the disk's refusal keeps no alarm from people."""
@@ -235,93 +228,3 @@ class Store:
         elif self.problem and not problem:
             log.warning("%s: written again; %d rows were given up meanwhile", self.path, self.dropped)
         self.problem = problem
-
-    def _write(self, rows: Sequence[Row]) -> None:
-        if self._robot != self._robot_written:
-            self._db.execute("INSERT OR REPLACE INTO meta VALUES ('robot', ?)", [self._robot])
-        scores = [self._score(row) for row in rows if isinstance(row, ScoreRow)]
-        self._db.executemany("INSERT OR REPLACE INTO score VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", scores)
-        for row in rows:
-            match row:
-                case WindowRow():
-                    self._window(row)
-                case Transition():
-                    self._transition(row)
-                case Answer():
-                    self._db.execute(
-                        "UPDATE request SET done = ?, answer = ? WHERE id = ?", [row.done, row.text, row.id]
-                    )
-                case JointRow():
-                    self._db.execute(
-                        "UPDATE joint SET health = ?, reason = ?, since_us = ? WHERE id = ?",
-                        [row.health.value, row.reason, micros(row.since), self._id(row.name)],
-                    )
-                case DeviceRow():
-                    values = [row.name, micros(row.time), row.state, row.reason, row.samples, row.lost, row.late]
-                    values += [row.broken, row.silent, row.overwritten]
-                    self._db.execute("INSERT OR REPLACE INTO device VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", values)
-
-    def _id(self, joint: str) -> int:
-        if joint not in self._joints:
-            self._db.execute("INSERT OR IGNORE INTO joint (name) VALUES (?)", [joint])
-            self._joints[joint] = self._db.execute("SELECT id FROM joint WHERE name = ?", [joint]).fetchone()[0]
-        return self._joints[joint]
-
-    def _score(self, row: ScoreRow) -> tuple[object, ...]:
-        numbers = (row.play, row.play_low, row.play_high, row.excitation, row.temperature)
-        joint, time_us = self._id(row.joint), micros(row.time)
-        self._newest[joint] = max(time_us, self._newest.get(joint, 0))
-        return (
-            joint, time_us, round(row.duration * 1e6), _null(row.score), row.level, row.impact,
-            *map(_null, numbers), None if row.quality == "ok" else row.quality,
-        )  # fmt: skip
-
-    def _transition(self, row: Transition) -> None:
-        """The alarm as it is now, and what happened; what is there already stays (a recording replayed twice)."""
-        alarm = row.alarm
-        values = [
-            self._id(alarm.joint), alarm.cause.value, alarm.severity.value, alarm.state.value,
-            micros(alarm.raised), *map(_micros, (alarm.acknowledged, alarm.cleared, alarm.shelved_until)),
-            micros(alarm.told), alarm.reminders, alarm.reason,
-        ]  # fmt: skip
-        known = [row.id, row.event.value, micros(row.time), row.by]
-        self._db.execute(f"INSERT OR REPLACE INTO alarm ({ALARM}) VALUES ({_marks(values)})", values)
-        self._db.execute(
-            f"INSERT OR IGNORE INTO alarm_event (uid, event, time_us, person, {ALARM})"
-            f" VALUES ({_marks([*known, *values])})",
-            [*known, *values],
-        )
-
-    def _window(self, row: WindowRow) -> None:
-        accel = row.accel.astype("<f4").tobytes()
-        self._db.execute(
-            "INSERT OR REPLACE INTO window (joint_id, time_us, impact, bytes, rate_hz, offset, accel)"
-            " VALUES (?, ?, ?, ?, ?, ?, ?)",
-            [self._id(row.joint), micros(row.time), row.impact, len(accel), row.rate_hz, row.offset, accel],
-        )
-        self._kept_bytes += len(accel)
-        if self._kept_bytes > self._keep_bytes:
-            self._make_room()
-
-    def _make_room(self) -> None:
-        """Drops the oldest windows, those without an impact first, until a twentieth of the limit is free."""
-        goal = 0.95 * self._keep_bytes
-        gone = []
-        for number, size in self._db.execute("SELECT id, bytes FROM window ORDER BY impact, time_us"):
-            if self._kept_bytes <= goal:
-                break
-            self._kept_bytes -= size
-            gone.append((number,))
-        self._db.executemany("DELETE FROM window WHERE id = ?", gone)
-
-
-def _micros(time: datetime | None) -> int | None:
-    return None if time is None else micros(time)
-
-
-def _marks(values: Sequence[object]) -> str:
-    return ", ".join("?" * len(values))
-
-
-def _null(value: float) -> float | None:
-    return value if math.isfinite(value) else None

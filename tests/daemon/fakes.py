@@ -6,9 +6,11 @@
 from __future__ import annotations
 
 import math
+import resource
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -126,6 +128,23 @@ oscillator = {{ f_res_hz = 58.0 }}
 """
     joint = '[[joint]]\nname = "{}"\ndriver = "fake"\naccelerometer = "tip"\n'
     return text + "".join(joint.format(name) for name in joints) + "\n[detector]\nwindow_s = 0.2\n" + extra
+
+
+@contextmanager
+def files_up_to(size: int) -> Iterator[None]:
+    """No file of this process and its children may grow beyond ``size`` bytes: writing fails as on a full disk."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def files_may_grow() -> None:
+    """There is room again, before ``files_up_to`` ends."""
+    _, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (hard, hard))
 
 
 def install() -> None:

@@ -19,7 +19,7 @@ from lostmotion.daemon.reader import open_readonly
 from lostmotion.daemon.records import AlarmEvent, AlarmState, Cause, Health
 from lostmotion.drivers.emulator import CsvStream, Emulator, Motion, ServoLine, TextStream
 from tests.daemon.conftest import Running, wait_until
-from tests.daemon.fakes import fake_config
+from tests.daemon.fakes import fake_config, files_up_to
 
 Start = Callable[..., Running]
 
@@ -173,6 +173,33 @@ def test_a_full_disk_stops_nothing(configuration: Path, start: Start) -> None:
     with open_readonly(database) as reader:
         times = np.array([row.time.timestamp() for row in reader.scores("elbow")])
     assert np.diff(times).max() < 0.3
+
+
+def test_a_disk_that_is_full_at_the_start(tmp_path: Path, start: Start) -> None:
+    """The service starts, says so as an error, scores, and knows the alarm of the run before; once there is room all is
+    in the database, and the alarm still is the one it was."""
+    path = tmp_path / "fake.toml"
+    path.write_text(fake_config(tmp_path, joints=["elbow", "impostor"]))
+    service = start(path)
+    service.wait_for("alarm joint=impostor cause=device severity=error event=raised")
+    assert service.stop(signal.SIGTERM) == 0
+    stood = count(tmp_path / "history.db")
+    with files_up_to(10_000):
+        service = start(path, JOURNAL_STREAM="8:1")
+    log = service.wait_for("scoring goes on, rows wait in memory")
+    assert re.search("^<3>.*the disk refuses", log, re.MULTILINE)
+    service.wait_for("started")
+    time.sleep(1.5)
+    resource.prlimit(service.process.pid, resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+    service.wait_for("written again; 0 rows were given up")
+    wait_until(lambda: count(tmp_path / "history.db") >= stood + 6)
+    time.sleep(1.5)  # the alarms are looked at again
+    assert service.stop(signal.SIGTERM) == 0
+    assert "event=raised" not in service.log.read_text()
+    with open_readonly(tmp_path / "history.db") as reader:
+        assert [alarm.state for alarm in reader.alarms("impostor")] == [AlarmState.ACTIVE]
+        times = np.array([row.time.timestamp() for row in reader.scores("elbow")])
+    assert np.sum(np.diff(times) > 0.3) == 1  # between the two runs
 
 
 def test_rows_that_a_full_disk_refused_to_the_end_are_told(configuration: Path, start: Start) -> None:

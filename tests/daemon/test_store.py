@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import math
 import os
-import resource
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
@@ -37,6 +36,7 @@ from lostmotion.daemon.records import (
 )
 from lostmotion.daemon.store import Store
 from tests.daemon.conftest import wait_until
+from tests.daemon.fakes import files_may_grow, files_up_to
 
 NOON = datetime(2026, 1, 31, 12, 0, 0, 123456, tzinfo=UTC)
 FULL = ScoreRow("elbow", NOON, 0.25, 17.5, 8.0, True, 1e-3, 9e-4, 1.1e-3, 12.0, 41.0, "clipped")
@@ -378,6 +378,37 @@ def test_rows_wait_while_the_disk_is_full(path: Path, caplog: pytest.LogCaptureF
     assert [record.levelno for record in caplog.records] == [logging.ERROR, logging.WARNING]
 
 
+def test_a_disk_that_is_full_at_the_start(path: Path) -> None:
+    """A new database and one that is there: the store takes rows, what can be read is read, and once there is room all
+    is written."""
+    with files_up_to(5000), closing(Store(path, "arm1")) as store:
+        assert not store.is_open
+        assert "disk" in store.problem
+        with store.reader() as reader:
+            assert reader.joints() == []
+        store.add(FULL)
+        files_may_grow()
+        wait_until(lambda: not store.waiting())
+        assert (store.is_open, store.problem) == (True, "")
+    with files_up_to(5000), closing(Store(path, "arm2")) as store:
+        assert not store.is_open
+        with store.reader() as reader:
+            assert (reader.robot(), reader.scores("elbow")) == ("arm1", [FULL])
+        store.add(BARE)
+        files_may_grow()
+        wait_until(lambda: not store.waiting())
+    with open_readonly(path) as reader:
+        assert (reader.robot(), len(reader.scores("elbow"))) == ("arm2", 2)
+
+
+def test_rows_that_never_reached_a_disk_are_counted(path: Path) -> None:
+    """Closing a store that could not even open its file tells how many rows are lost."""
+    with files_up_to(5000):
+        store = Store(path, "arm1")
+        store.add(*scores(3))
+        assert store.close() == 3
+
+
 def test_the_backlog_is_bounded(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Beyond its limit the oldest rows are given up and counted; raw windows have a limit of their own."""
     monkeypatch.setattr(storing, "BACKLOG_ROWS", 100)
@@ -393,6 +424,19 @@ def test_the_backlog_is_bounded(path: Path, monkeypatch: pytest.MonkeyPatch) -> 
         wait_until(lambda: not store.waiting())
     with open_readonly(path) as reader:
         assert [row.score for row in reader.scores("elbow")] == [float(k) for k in range(50, 150)]
+
+
+def test_a_database_that_is_locked_at_the_start(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The store begins all the same, and writes when the other program has let go."""
+    monkeypatch.setattr(database, "BUSY_S", 0.05)
+    filled(path)
+    with closing(sqlite3.connect(path)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        with closing(Store(path, "arm1")) as store:
+            assert "another program holds the database locked" in store.problem
+            store.add(FULL)
+            other.rollback()
+            wait_until(lambda: not store.waiting())
 
 
 def test_rows_wait_while_another_program_holds_the_lock(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -416,14 +460,3 @@ def another_user() -> Iterator[None]:
         yield
     finally:
         os.seteuid(0)
-
-
-@contextmanager
-def files_up_to(size: int) -> Iterator[None]:
-    """No file of this process may grow beyond ``size`` bytes: writing fails as on a full disk."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))

@@ -1,0 +1,172 @@
+"""Rows as SQL: how they get into the tables, and which old ones go.  Queues, threads and retries: ``store.py``."""
+
+from __future__ import annotations
+
+import math
+import sqlite3
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+from lostmotion.daemon import database
+from lostmotion.daemon.records import Answer, DeviceRow, JointRow, ScoreRow, Transition, WindowRow, micros
+from lostmotion.daemon.rollup import roll_up
+
+__all__ = ["Policy", "Row", "Writer"]
+
+Row = ScoreRow | WindowRow | Transition | JointRow | DeviceRow | Answer
+ALARM = (
+    "joint_id, cause, severity, state, raised_us, acknowledged_us, cleared_us, shelved_until_us, told_us, reminders,"
+    " reason"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """What a configuration says of the database: the robot's name, how many bytes of raw windows stay, and after how
+    many microseconds a joint's scores become one an hour, 0: never."""
+
+    robot: str
+    windows_bytes: int
+    scores_us: int
+
+
+class Writer:
+    """A database open for writing, by one thread at a time; a damaged one is moved aside for a new one.
+
+    Raises StoreError when it cannot be opened; its methods raise sqlite3.Error and leave nothing half written.
+    """
+
+    def __init__(self, path: Path, policy: Policy) -> None:
+        self._robot = ""
+        self._newest: dict[int, int] = {}
+        self._joints: dict[str, int] = {}
+        self._kept_bytes = 0
+        self._begin(path, policy)
+
+    def _begin(self, path: Path, policy: Policy) -> None:
+        """Opens the file and shows that it can be written and read."""
+        self._db = database.open_database(path)
+        try:
+            self.commit([], policy)
+            self._kept_bytes = self._db.execute("SELECT coalesce(sum(bytes), 0) FROM window").fetchone()[0]
+        except sqlite3.Error as error:
+            self.close()
+            if not database.is_damage(error):
+                raise database.refusal(path, error) from error
+            database.move_aside(path, error)
+            self._begin(path, policy)
+
+    def close(self) -> None:
+        """Gives the file back."""
+        self._db.close()
+
+    def commit(self, rows: Sequence[Row], policy: Policy) -> None:
+        """Writes rows in one transaction."""
+        kept_bytes = self._kept_bytes
+        try:
+            with self._db:
+                self._write(rows, policy)
+        except sqlite3.Error:
+            self._joints, self._kept_bytes = {}, kept_bytes
+            raise
+        self._robot = policy.robot
+
+    def roll_up(self, policy: Policy, seconds: float) -> None:
+        """Goes on making old scores fewer, for so long."""
+        end = time.monotonic() + seconds
+        with self._db:
+            for joint, newest in self._newest.items() if policy.scores_us else ():
+                while time.monotonic() < end and roll_up(self._db, joint, newest - policy.scores_us):
+                    pass
+
+    def _write(self, rows: Sequence[Row], policy: Policy) -> None:
+        if policy.robot != self._robot:
+            self._db.execute("INSERT OR REPLACE INTO meta VALUES ('robot', ?)", [policy.robot])
+        scores = [self._score(row) for row in rows if isinstance(row, ScoreRow)]
+        self._db.executemany("INSERT OR REPLACE INTO score VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", scores)
+        for row in rows:
+            match row:
+                case WindowRow():
+                    self._window(row, policy.windows_bytes)
+                case Transition():
+                    self._transition(row)
+                case Answer():
+                    self._db.execute(
+                        "UPDATE request SET done = ?, answer = ? WHERE id = ?", [row.done, row.text, row.id]
+                    )
+                case JointRow():
+                    self._db.execute(
+                        "UPDATE joint SET health = ?, reason = ?, since_us = ? WHERE id = ?",
+                        [row.health.value, row.reason, micros(row.since), self._id(row.name)],
+                    )
+                case DeviceRow():
+                    values = [row.name, micros(row.time), row.state, row.reason, row.samples, row.lost, row.late]
+                    values += [row.broken, row.silent, row.overwritten]
+                    self._db.execute("INSERT OR REPLACE INTO device VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", values)
+
+    def _id(self, joint: str) -> int:
+        if joint not in self._joints:
+            self._db.execute("INSERT OR IGNORE INTO joint (name) VALUES (?)", [joint])
+            self._joints[joint] = self._db.execute("SELECT id FROM joint WHERE name = ?", [joint]).fetchone()[0]
+        return self._joints[joint]
+
+    def _score(self, row: ScoreRow) -> tuple[object, ...]:
+        numbers = (row.play, row.play_low, row.play_high, row.excitation, row.temperature)
+        joint, time_us = self._id(row.joint), micros(row.time)
+        self._newest[joint] = max(time_us, self._newest.get(joint, 0))
+        return (
+            joint, time_us, round(row.duration * 1e6), _null(row.score), row.level, row.impact,
+            *map(_null, numbers), None if row.quality == "ok" else row.quality,
+        )  # fmt: skip
+
+    def _transition(self, row: Transition) -> None:
+        """The alarm as it is now, and what happened; what is there already stays (a recording replayed twice)."""
+        alarm = row.alarm
+        values = [
+            self._id(alarm.joint), alarm.cause.value, alarm.severity.value, alarm.state.value,
+            micros(alarm.raised), *map(_micros, (alarm.acknowledged, alarm.cleared, alarm.shelved_until)),
+            micros(alarm.told), alarm.reminders, alarm.reason,
+        ]  # fmt: skip
+        known = [row.id, row.event.value, micros(row.time), row.by]
+        self._db.execute(f"INSERT OR REPLACE INTO alarm ({ALARM}) VALUES ({_marks(values)})", values)
+        self._db.execute(
+            f"INSERT OR IGNORE INTO alarm_event (uid, event, time_us, person, {ALARM})"
+            f" VALUES ({_marks([*known, *values])})",
+            [*known, *values],
+        )
+
+    def _window(self, row: WindowRow, limit: int) -> None:
+        accel = row.accel.astype("<f4").tobytes()
+        self._db.execute(
+            "INSERT OR REPLACE INTO window (joint_id, time_us, impact, bytes, rate_hz, offset, accel)"
+            " VALUES (?, ?, ?, ?, ?, ?, ?)",
+            [self._id(row.joint), micros(row.time), row.impact, len(accel), row.rate_hz, row.offset, accel],
+        )
+        self._kept_bytes += len(accel)
+        if self._kept_bytes > limit:
+            self._make_room(0.95 * limit)
+
+    def _make_room(self, goal: float) -> None:
+        """Drops the oldest windows, those without an impact first, until only so many bytes are left."""
+        gone = []
+        for number, size in self._db.execute("SELECT id, bytes FROM window ORDER BY impact, time_us"):
+            if self._kept_bytes <= goal:
+                break
+            self._kept_bytes -= size
+            gone.append((number,))
+        self._db.executemany("DELETE FROM window WHERE id = ?", gone)
+
+
+def _micros(time: datetime | None) -> int | None:
+    return None if time is None else micros(time)
+
+
+def _marks(values: Sequence[object]) -> str:
+    return ", ".join("?" * len(values))
+
+
+def _null(value: float) -> float | None:
+    return value if math.isfinite(value) else None
