@@ -27,7 +27,7 @@ from lostmotion.lab.describe import described
 from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.fit import Progress, fit_of, noise_of, refined_level
 from lostmotion.lab.grow import Level, followed, residuals
-from lostmotion.lab.heldout import FAR, Judged, better, judge, misfits
+from lostmotion.lab.heldout import FAR, Judged, Unseen, better, misfits, trained
 from lostmotion.lab.noise import innovation_noise
 from lostmotion.lab.results import Errors, Explanation, Finding, Fit, Ranked, Verdict
 from lostmotion.lab.scoretest import Scores, score_test
@@ -49,16 +49,35 @@ BY_FAR = 4.0
 SURE_SHARE = 0.75
 """Of the unseen stretches, those that are followed best: in the others a start may be off, which is no structure."""
 ALIKE = 0.02
+FREE, FULL, FULL_GAIN = 0.01, 3.0, 0.05
+"""An effect of which unseen data are free leaves their errors within this; then it must pass this many times the limit
+and lower the misfit of the data of the fit by this."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Step:
-    """A fit without, and the trials with, one more effect; scores of the fit without; the winner, if there is one."""
+    """A fit without, and the trials with, one more effect, best first by their misfits; scores of the fit without.
+
+    accepted: the first trial's effect is missing; blind: the unseen data are free of it, the training data said so.
+    """
 
     scores: Scores
-    trials: tuple[Trial, ...]
-    judged: tuple[Judged, ...]
-    winner: int | None
+    trials: tuple[Trial, ...] = ()
+    judged: tuple[Judged, ...] = ()
+    misfit: tuple[float, ...] = ()
+    accepted: bool = False
+    blind: bool = False
+
+    def first(self, order: Sequence[int], misfit: Sequence[float], *, blind: bool = False) -> _Step:
+        """The step with its trials in this order and the first of them accepted."""
+        return replace(
+            self,
+            trials=tuple(self.trials[i] for i in order),
+            judged=tuple(self.judged[i] for i in order),
+            misfit=tuple(misfit[i] for i in order),
+            accepted=True,
+            blind=blind,
+        )
 
 
 def explain(
@@ -73,16 +92,16 @@ def explain(
     The last experiment is kept for judging (the last third of a single one).  seed: of the bootstrap.  Raises
     ModelError where the model cannot be run on the experiments at all.
     """
-    train, unseen = _split(experiments)
+    train, last = _split(experiments)
     task = Task.of(model, train, noise_of(experiments))
     rng = np.random.default_rng(seed)
     progress("fitting what is there", 0.0)
     short = first_fit(model, task, pool)
-    level = grown(short, task)
-    horizon = predictable(short, task)
-    base, first = level, judge(level.model, unseen, task, horizon, pool)
-    short, level, descent, steps = _descended(short, level, first, unseen, task, horizon, pool, rng, progress)
-    level, descent = simplified(base, level, descent, unseen, task, horizon, pool)
+    base = grown(short, task)
+    unseen = Unseen(last, task, predictable(short, task), pool)
+    short, level, descent, steps = _descended(short, base, unseen, rng, progress)
+    kept = {step.trials[0].effect for step in steps if step.blind}
+    level, descent = simplified(base, level, descent, unseen, kept)
     short = short if short.model.effects == level.model.effects else full_fit(level.model, task)
     progress("refining", 0.9)
     found = _explanation(base, level, short, descent, steps, task, pool)
@@ -91,40 +110,32 @@ def explain(
 
 
 def _descended(
-    short: Level,
-    level: Level,
-    first: Judged,
-    unseen: Experiment,
-    task: Task,
-    horizon: float,
-    pool: Executor,
-    rng: np.random.Generator,
-    progress: Progress,
+    short: Level, level: Level, unseen: Unseen, rng: np.random.Generator, progress: Progress
 ) -> tuple[Level, Level, list[Judged], list[_Step]]:
     """One effect after the other, as long as there is evidence: the last fits on short and on grown stretches, how the
     error fell, and what was tried.
 
     A step on trust is taken back when no next one shows that it was right.
     """
-    descent, steps = [first], list[_Step]()
+    descent, steps = [unseen.judge(level.model)], list[_Step]()
     trusted: tuple[Level, Level, int] | None = None
     for round_ in range(MOST_MISSING):
         progress("looking for what is missing" if not round_ else "looking for more", 0.15 + 0.25 * round_)
-        step = _step(level, short, descent[-1], unseen, task, horizon, pool, rng)
-        if trusted and step.winner is not None and better(step.judged[0], descent[trusted[2] - 1], level.model.base):
+        step = _step(level, short, descent[-1], unseen, rng)
+        if trusted and step.accepted and better(step.judged[0], descent[trusted[2] - 1], level.model.base):
             trusted = None
-        elif step.winner is None and not trusted and (promising := _promising(step, descent[-1], level.model.base)):
+        elif not (step.accepted or trusted) and (promising := _promising(step, descent[-1], level.model.base)):
             trusted, step = (short, level, len(descent)), promising
         steps.append(step)
-        if step.winner is None:
+        if not step.accepted:
             break
-        short = step.trials[step.winner].level
-        level = grown(short, task)
-        descent.append(step.judged[step.winner])
+        short = step.trials[0].level
+        level = grown(short, unseen.task)
+        descent.append(step.judged[0])
     if trusted:
         short, level, count = trusted
         del descent[count:], steps[count:]
-        steps[-1] = replace(steps[-1], winner=None)
+        steps[-1] = replace(steps[-1], accepted=False)
     return short, level, descent, steps
 
 
@@ -132,13 +143,11 @@ def _promising(step: _Step, now: Judged, base: str) -> _Step | None:
     """The step with a trial put first that explains too little alone, but more of the training data than all others."""
     if base != "play" or now.error < FAR or len(step.trials) < 2:
         return None
-    first, second = np.argsort([trial.level.typical for trial in step.trials])[:2]
-    if not step.trials[first].level.typical < STANDS_OUT * step.trials[second].level.typical:
+    order = np.argsort([trial.level.typical for trial in step.trials], kind="stable")
+    first, second = (step.trials[i].level.typical for i in order[:2])
+    if not first < STANDS_OUT * second:
         return None
-    order = [first, *(i for i in range(len(step.trials)) if i != first)]
-    return replace(
-        step, trials=tuple(step.trials[i] for i in order), judged=tuple(step.judged[i] for i in order), winner=0
-    )
+    return step.first([order[0], *(i for i in range(len(step.trials)) if i != order[0])], step.misfit)
 
 
 def _split(experiments: Sequence[Experiment]) -> tuple[list[Experiment], Experiment]:
@@ -149,38 +158,48 @@ def _split(experiments: Sequence[Experiment]) -> tuple[list[Experiment], Experim
     return [only.between(only.time[0], cut)], only.between(cut, only.time[-1] + 1.0)
 
 
-def _step(
-    level: Level,
-    short: Level,
-    now: Judged,
-    unseen: Experiment,
-    task: Task,
-    horizon_s: float,
-    pool: Executor,
-    rng: np.random.Generator,
-) -> _Step:
+def _step(level: Level, short: Level, now: Judged, unseen: Unseen, rng: np.random.Generator) -> _Step:
     """One more effect, if there is evidence for one."""
+    task, pool = unseen.task, unseen.pool
     effects = [e.id for e in catalogue() if level.model.base in e.bases and e.id not in level.model.effects]
     scores = score_test(level, effects, task.substep_s, pool, rng)
     seen = any(direction.statistic > scores.limit for direction in scores.directions)
     if not scores.directions or (not seen and now.error < FAR):
-        return _Step(scores, (), (), None)
+        return _Step(scores)
     if now.error < FAR:
         asked = [d for d in scores.directions[:NEAR_TRIALS] if d.statistic > scores.limit]
         trials = near_trials(level, asked, task, pool)
     else:
         first = score_test(short, effects, task.substep_s, pool, rng) if short is not level else scores
-        trials = far_trials(short, first.directions, effects, task, horizon_s, pool)
-    if not trials:
-        return _Step(scores, (), (), None)
-    judged = [judge(trial.level.model, unseen, task, horizon_s, pool) for trial in trials]
-    finite = [i for i in range(len(trials)) if math.isfinite(judged[i].error)]
-    if not finite:
-        return _Step(scores, (), (), None)
-    misfit = dict(zip(finite, misfits([judged[i] for i in finite]), strict=True))
-    order = sorted(finite, key=lambda i: _criterion(misfit[i], judged[i], trials[i]))
-    trials, judged = [trials[i] for i in order], [judged[i] for i in order]
-    return _Step(scores, tuple(trials), tuple(judged), 0 if better(judged[0], now, level.model.base) else None)
+        trials = far_trials(short, first.directions, effects, task, unseen.horizon_s, pool)
+    every = [(trial, unseen.judge(trial.level.model)) for trial in trials]
+    if not (finite := [(trial, one) for trial, one in every if math.isfinite(one.error)]):
+        return _Step(scores)
+    tried, judged = zip(*finite, strict=True)
+    misfit = misfits(judged).tolist()
+    order = sorted(range(len(tried)), key=lambda i: _criterion(misfit[i], judged[i], tried[i]))
+    step = _Step(scores, tried, judged).first(order, misfit)
+    if better(step.judged[0], now, level.model.base):
+        return step
+    step = replace(step, accepted=False)
+    return (now.error < FAR and _told_by_training(step, level, now, task)) or step
+
+
+def _told_by_training(step: _Step, level: Level, now: Judged, task: Task) -> _Step | None:
+    """The step with an effect put first and accepted of which the unseen data are free, as of a range that they never
+    reach, but of which the data of the fit are full."""
+    statistic = {d.effect: d.statistic for d in step.scores.directions}
+    fits = (level, *(trial.level for trial in step.trials))
+    before, *misfit = misfits([trained(fit, task.substep_s) for fit in fits]).tolist()
+    full = [
+        i for i, (trial, judged) in enumerate(zip(step.trials, step.judged, strict=True))
+        if before - misfit[i] > FULL_GAIN and statistic[trial.effect] > FULL * step.scores.limit
+        and np.allclose(judged.errors, now.errors, rtol=FREE)
+    ]  # fmt: skip
+    if not full:
+        return None
+    best = min(full, key=misfit.__getitem__)
+    return step.first(sorted(range(len(misfit)), key=lambda i: (i != best, misfit[i])), misfit, blind=True)
 
 
 def _criterion(misfit: float, judged: Judged, trial: Trial) -> float:
@@ -263,11 +282,10 @@ def _confusable(named: Sequence[str], steps: Sequence[_Step]) -> tuple[tuple[str
 
 
 def _equals(step: _Step) -> list[Trial]:
-    """The winner, and what explains unseen data as well within ALIKE."""
-    if step.winner is None:
+    """The winner, and what explains the data that decided as well within ALIKE."""
+    if not step.accepted:
         return []
-    misfit = misfits(step.judged)
-    return [trial for trial, one in zip(step.trials, misfit, strict=True) if one < misfit[0] + ALIKE]
+    return [trial for trial, one in zip(step.trials, step.misfit, strict=True) if one < step.misfit[0] + ALIKE]
 
 
 def _advice(named: Sequence[str], steps: Sequence[_Step], task: Task, pool: Executor) -> str:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lostmotion.lab.experiment import Experiment
-from lostmotion.lab.grow import merged, residuals, tiles
+from lostmotion.lab.grow import Level, merged, residuals, tiles
 from lostmotion.lab.search import begun, passed
 from lostmotion.lab.start import polished, repaired
 from lostmotion.lab.stretch import Stretch
@@ -18,7 +18,7 @@ from lostmotion.lab.task import Task
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["FAR", "Judged", "better", "judge", "misfits"]
+__all__ = ["FAR", "Judged", "Unseen", "better", "misfits", "trained"]
 
 FAR = 1.6
 """Times the noise; below, the model is linear enough in what is missing for the score test alone to lead the search."""
@@ -73,21 +73,42 @@ def _usual(errors: FloatArray) -> float:
     return float(np.quantile(errors, 1 - LOST_SHARE, method="lower"))
 
 
-def judge(model: Model, unseen: Experiment, task: Task, horizon_s: float, pool: Executor) -> Judged:
-    """The model on the unseen experiment, in stretches of about this length with start states of their own.
+@dataclass(frozen=True, eq=False)
+class Unseen:
+    """An experiment that no fit has seen, and how long its stretches shall be."""
 
-    Up to two fifths of the stretches are left out, those that stand out as lost: chaos, or a start that was not found.
-    """
-    step, halvings = task.substep_s, task.halvings
-    pieces = tiles(unseen, halvings)
-    likely = passed(model, pieces, [unseen], task)
-    stretches = repaired(model, begun(model, pieces, likely, task), step)
-    while halvings > 0 and unseen.duration / 2 ** (halvings - 1) <= horizon_s * LONGER:
-        halvings -= 1
-        stretches = repaired(model, merged(stretches, [unseen], halvings), step)
-        also = [likely.get((unseen.name, float(stretch.experiment.time[0]))) for stretch in stretches]
-        stretches = tuple(pool.map(_polished, [model] * len(stretches), stretches, also, [step] * len(stretches)))
-    parts = residuals(model, stretches, step)
+    experiment: Experiment
+    task: Task
+    horizon_s: float
+    pool: Executor
+
+    def judge(self, model: Model) -> Judged:
+        """The model on it, in stretches of about this length with start states of their own.
+
+        Up to two fifths of the stretches are left out, those that stand out as lost: chaos, or a start that was not
+        found.
+        """
+        whole, task = self.experiment, self.task
+        step, halvings = task.substep_s, task.halvings
+        pieces = tiles(whole, halvings)
+        likely = passed(model, pieces, [whole], task)
+        stretches = repaired(model, begun(model, pieces, likely, task), step)
+        while halvings > 0 and whole.duration / 2 ** (halvings - 1) <= self.horizon_s * LONGER:
+            halvings -= 1
+            stretches = repaired(model, merged(stretches, [whole], halvings), step)
+            also = [likely.get((whole.name, float(stretch.experiment.time[0]))) for stretch in stretches]
+            stretches = tuple(
+                self.pool.map(_polished, [model] * len(stretches), stretches, also, [step] * len(stretches))
+            )
+        return _judged(residuals(model, stretches, step))
+
+
+def trained(level: Level, substep_s: float) -> Judged:
+    """A fit on the stretches that it was made on."""
+    return _judged(residuals(level.model, level.stretches, substep_s))
+
+
+def _judged(parts: Sequence[FloatArray]) -> Judged:
     errors = np.array([np.sqrt(np.mean(part**2)) for part in parts])
     r = [parts[i] for i in np.argsort(errors) if errors[i] <= LOST * _usual(errors)]
     counts = np.array([float(part.size) for part in parts])

@@ -6,15 +6,12 @@ had not found its valley, as it has with the effect.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor
+from collections.abc import Collection, Iterator, Sequence
 
 from lostmotion.lab.candidates import HOPELESS
-from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.grow import Level
-from lostmotion.lab.heldout import Judged, better, judge
+from lostmotion.lab.heldout import Judged, Unseen, better
 from lostmotion.lab.search import full_fit, grown
-from lostmotion.lab.task import Task
 from lostmotion.model import Model, build_model
 
 __all__ = ["simplified"]
@@ -29,30 +26,28 @@ def simplified(
     base: Level,
     level: Level,
     descent: Sequence[Judged],
-    unseen: Experiment,
-    task: Task,
-    horizon_s: float,
-    pool: Executor,
+    unseen: Unseen,
+    kept: Collection[str] = (),
 ) -> tuple[Level, list[Judged]]:
     """The simplest fit that does as well on unseen data, and the descent to it.
 
-    level: the fit with all that was found, base: without; descent: judged without, with one, two, … effects.
+    level: the fit with all that was found, base: without; descent: judged without, with one, two, … effects; kept:
+    effects that unseen data know nothing of.
     """
-    for model in _simpler(base.model, level.model):
-        fit = full_fit(model, task, HOPELESS)
+    for model in _simpler(base.model, level.model, kept):
+        fit = full_fit(model, unseen.task, HOPELESS)
         if not fit.typical < BEHIND * level.typical:
             continue
-        fit = grown(fit, task)
-        judged = judge(fit.model, unseen, task, horizon_s, pool)
+        fit = grown(fit, unseen.task)
+        judged = unseen.judge(fit.model)
         if not better(descent[-1], judged, model.base):
-            way = [*_way(base.model, fit.model, descent[0], unseen, task, horizon_s, pool), judged]
-            return simplified(base, fit, way, unseen, task, horizon_s, pool)
+            return simplified(base, fit, [*_way(base.model, fit.model, descent[0], unseen), judged], unseen, kept)
     return level, list(descent)
 
 
-def _simpler(base: Model, model: Model) -> Iterator[Model]:
+def _simpler(base: Model, model: Model, kept: Collection[str]) -> Iterator[Model]:
     """The model without each of its effects, then with a simpler one in its place; with the values that it has."""
-    added = [effect for effect in model.effects if effect not in base.effects]
+    added = [effect for effect in model.effects if effect not in base.effects and effect not in kept]
     for effect in added:
         yield _with(model, [other for other in model.effects if other != effect])
     for effect in added:
@@ -70,14 +65,12 @@ def _with(model: Model, effects: Sequence[str]) -> Model:
     return bare.replace({name: given for name, given in values.items() if name in bare.parameters})
 
 
-def _way(
-    base: Model, model: Model, first: Judged, unseen: Experiment, task: Task, horizon_s: float, pool: Executor
-) -> Iterator[Judged]:
+def _way(base: Model, model: Model, first: Judged, unseen: Unseen) -> Iterator[Judged]:
     """Judged without, with one, two, … but not all of the effects of the model."""
     added = [effect for effect in model.effects if effect not in base.effects]
     for count in range(len(added)):
         if not count:
             yield first
             continue
-        fit = full_fit(_with(model, [*base.effects, *added[:count]]), task, HOPELESS)
-        yield judge(fit.model, unseen, task, horizon_s, pool)
+        fit = full_fit(_with(model, [*base.effects, *added[:count]]), unseen.task, HOPELESS)
+        yield unseen.judge(fit.model)

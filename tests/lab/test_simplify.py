@@ -12,7 +12,7 @@ from bench.hidden_effects.physics import follow, simulate
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.experiment import experiments
 from lostmotion.lab.fit import noise_of
-from lostmotion.lab.heldout import Judged, better, judge, misfits
+from lostmotion.lab.heldout import Judged, Unseen, better, misfits
 from lostmotion.lab.search import full_fit
 from lostmotion.lab.simplify import simplified
 from lostmotion.lab.task import Task
@@ -61,13 +61,14 @@ def test_a_needless_effect_is_taken_out() -> None:
     hidden = {"viscous_friction.b_v": 1e-3}
     recordings = [gears(seed, **hidden) for seed in (41, 42, 43)]
     model = build_model("play", values=GEARS)
-    *train, unseen = measured = experiments(model, recordings)
+    *train, last = measured = experiments(model, recordings)
     task = Task.of(model, train, noise_of(measured))
     both = model.with_effect("bias_drift").with_effect("viscous_friction").replace(hidden)
     with ThreadPoolExecutor(2) as pool:
         base, level = full_fit(model, task), full_fit(both, task)
-        descent = [judge(fit.model, unseen, task, 0.25, pool) for fit in (base, base, level)]
-        simpler, way = simplified(base, level, descent, unseen, task, 0.25, pool)
+        unseen = Unseen(last, task, 0.25, pool)
+        descent = [unseen.judge(fit.model) for fit in (base, base, level)]
+        simpler, way = simplified(base, level, descent, unseen)
     assert simpler.model.effects == ("viscous_friction",)
     assert len(way) == 2
     assert way[-1].error == pytest.approx(1.0, abs=0.15)
