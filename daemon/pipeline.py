@@ -155,9 +155,7 @@ class Pipeline:
             joints = self._behind[name]
             if self._virtual or ring.crowded:
                 ring.release(min((self._needed(joint, ring) for joint in joints), default=math.inf))
-            ends = [joint.pending[0].end for joint in joints if joint.pending]
-            first = min(ends, default=math.inf)
-            ring.expect(max((end for end in ends if end <= first + TOGETHER_S), default=math.inf))
+            ring.expect(_together(pending.end for joint in joints for pending in joint.pending))
         return done
 
     def _finish(self, joint: _Joint, now: float) -> Iterable[Scored]:
@@ -207,3 +205,16 @@ class Pipeline:
             oldest = max(oldest, ring.newest - SERVO_SILENT_S)
         starts = [pending.start for pending in joint.pending]
         return min([oldest, *starts]) - BEFORE_S - 1 / joint.plan.rate_hz
+
+
+def _together(ends: Iterable[float]) -> list[float]:
+    """Times in order, each the last one of those within TOGETHER_S of a first."""
+    groups: list[float] = []
+    first = -math.inf
+    for end in sorted(ends):
+        if end <= first + TOGETHER_S:
+            groups[-1] = end
+        else:
+            groups.append(end)
+            first = end
+    return groups

@@ -28,9 +28,6 @@ WRONG_RETRY_S = 30.0
 """how often a device that was not the expected one is asked again [s]"""
 GATHER_S = 0.07
 """how long the samples of an accelerometer gather while no window ends [s]: seventy cost little more than one"""
-
-SCORING_S = 0.004
-"""how long the main thread, when a window has ended, may take to say which one it awaits next [s]"""
 INBOX_READINGS = 1000
 """a virtual bus waits while more readings than this are unread"""
 
@@ -200,12 +197,18 @@ class BusPoller(Poller):
 
 
 class AccelPoller(Poller):
-    """Puts the samples of one accelerometer into its ring.  ``waits``: its data can wait for room in the ring."""
+    """Puts the samples of one accelerometer into its ring.
 
-    def __init__(self, name: str, device: Accelerometer, stop: threading.Event, ring: Ring, waits: bool) -> None:
+    period: of its samples [s]; waits: its data can wait for room in the ring.
+    """
+
+    def __init__(
+        self, name: str, device: Accelerometer, stop: threading.Event, ring: Ring, period: float, waits: bool
+    ) -> None:
         super().__init__(name, (name,), device, stop)
         self._sensor = device
         self._ring = ring
+        self._period = period
         self._wait = stop if waits else None
 
     def _read(self) -> None:
@@ -223,10 +226,8 @@ class AccelPoller(Poller):
             self._ring.push(block, self._wait)
 
     def _gather(self) -> None:
-        """Leaves hardware alone until a window ends: a wake-up costs more than the samples it brings."""
-        if self._ring.newest >= self._ring.awaited:
-            time.sleep(SCORING_S)
-        pause = min(self._ring.awaited - time.monotonic(), GATHER_S)
+        """Leaves hardware alone until a window has ended: a wake-up costs more than the samples it brings."""
+        pause = min(self._ring.awaited + self._period - time.monotonic(), GATHER_S)
         if pause > 0:
             time.sleep(pause)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import threading
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -24,8 +25,8 @@ class Ring:
 
     Everything is written twice, ``capacity`` apart, so that any stretch lies in one piece and a slice costs one copy.
     ``overwritten`` counts samples lost because nobody had released them; ``unordered`` those that came with a time not
-    after the last one's and were left out.  ``awaited`` is the robot time [s] that the reader expects: when it has
-    come, or a writer needs room, ``bell`` is set.  ``range_ms2`` is the sensor's.
+    after the last one's and were left out.  ``bell`` is set when a robot time has come that the reader expects, or when
+    a writer needs room.  ``range_ms2`` is the sensor's.
     """
 
     def __init__(self, capacity: int, bell: threading.Event) -> None:
@@ -34,7 +35,7 @@ class Ring:
         self.overwritten = 0
         self.unordered = 0
         self.range_ms2 = math.inf
-        self.awaited = math.inf
+        self._awaited: Sequence[float] = ()
         self.oldest = math.inf
         """time of the first sample ever [s], +inf before it"""
         self.ended = False
@@ -65,14 +66,19 @@ class Ring:
             piece = slice(first, first + self.capacity)
             self._write(block.time[piece], block.accel[piece], wait)
         self.unordered += fresh
-        if self._last >= self.awaited:
+        if self._awaited and self._last >= self._awaited[0]:
             self._bell.set()
 
-    def expect(self, time: float) -> None:
-        """The reader waits for this robot time [s], which may have come already; inf: for none."""
-        self.awaited = time
-        if self.newest >= time < math.inf:
+    def expect(self, times: Sequence[float]) -> None:
+        """The reader waits for these robot times [s], ascending; the first may have come already."""
+        self._awaited = times
+        if times and self.newest >= times[0]:
             self._bell.set()
+
+    @property
+    def awaited(self) -> float:
+        """The next robot time [s] that the reader waits for and that has not come yet; inf for none."""
+        return next((time for time in self._awaited if time > self._last), math.inf)
 
     def end(self) -> None:
         """Nothing more will be written."""

@@ -111,7 +111,8 @@ class Robot:
             driver = self.config.drivers[options.driver]
             assert driver.accelerometer is not None
             sensor = driver.accelerometer(options, self.config.robots[driver.name], self.clock)
-            yield AccelPoller(options.name, sensor, self.stop, self.rings[options.name], driver.waits)
+            ring, period = self.rings[options.name], 1 / options.rate_hz
+            yield AccelPoller(options.name, sensor, self.stop, ring, period, driver.waits)
 
 
 def _clock(config: Config) -> Clock:

@@ -27,7 +27,7 @@ __all__ = ["Reader", "Store", "open_readonly"]
 log = logging.getLogger(__name__)
 
 FLUSH_S = 0.15
-"""how long the first row of a batch waits for company [s]; a transition of an alarm does not wait"""
+"""how often rows are written [s]: to wake the writer for each costs more; a transition of an alarm does not wait"""
 RETRY_S = 1.0
 """pause after the disk refused [s]"""
 BATCH = 5000
@@ -84,14 +84,13 @@ class Store:
     def add(self, *rows: Row) -> None:
         """Takes rows, which are committed together within about ``FLUSH_S``.  Never blocks on the disk."""
         with self._wake:
-            is_first = not (self._rows or self._windows)
             for row in rows:
                 queue = self._windows if isinstance(row, WindowRow) else self._rows
                 queue.append(row)
                 if isinstance(row, Transition):
                     self._untold.append(row)
             self._trim()
-            if is_first or self._untold:  # all others wait for FLUSH_S anyway
+            if self._untold:
                 self._wake.notify_all()
 
     def settled(self, wait_s: float = 0.0) -> list[Transition]:
@@ -154,10 +153,8 @@ class Store:
     def _run(self) -> None:
         while True:
             with self._wake:
-                self._wake.wait_for(lambda: self._rows or self._windows or self._closing)
+                self._wake.wait_for(lambda: self._closing or self._untold, FLUSH_S)
                 closing = self._closing
-                if not closing:
-                    self._wake.wait_for(lambda: self._closing or self._untold, FLUSH_S)
             if closing and not self.waiting():
                 return
             if not (self._flush(self._rows) and self._flush(self._windows)):

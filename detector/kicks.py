@@ -36,7 +36,8 @@ def noise_of(accel: FloatArray, settings: DetectorSettings) -> float:
     """The sensor's noise [m/s²]: calibrated, or from fourth differences, in powers of two so that few are prepared."""
     if settings.noise_ms2 is not None:
         return settings.noise_ms2
-    rough = float(np.median(np.abs(np.diff(accel, 4)))) / (0.6745 * math.sqrt(70))
+    middle = (accel.size - 4) // 2
+    rough = float(np.partition(np.abs(np.diff(accel, 4)), middle)[middle]) / (0.6745 * math.sqrt(70))
     return float(2.0 ** round(math.log2(max(rough, 0.02))))
 
 

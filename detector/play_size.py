@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -75,7 +76,7 @@ def play_size(
     offset = float(np.mean(stretch.accel[told] - settings.length_m * command.acceleration(local[told])))
     undone = inverse(stretch.accel.size, rate_hz, noise_of(stretch.accel, settings), settings)
     kicks = undone.gain @ (stretch.accel - offset)
-    together = undone.sums @ kicks
+    together = np.convolve(kicks, np.ones(3), "same")
     where = _contacts(together, np.abs(together) / undone.deviation)
     where = where[undone.times[where] <= command.end]
     if where.size < LEAST_CONTACTS or np.ptp(np.sign(together[where])) == 0:
@@ -116,6 +117,12 @@ def _contacts(kicks: FloatArray, clarity: FloatArray) -> np.ndarray[tuple[int], 
     return np.flatnonzero(peak & (size[1:-1] > LEAST_KICK) & (clarity[1:-1] > SIGNIFICANT)) + 1
 
 
+@lru_cache(maxsize=16)
+def _doubt(undone: Inverse) -> FloatArray:
+    """Covariance of the angles that kicks make, shape (K, K)."""
+    return np.asarray(undone.twice @ undone.covariance @ undone.twice.T)
+
+
 def _solve(
     undone: Inverse, kicks: FloatArray, together: FloatArray, where: np.ndarray[tuple[int], np.dtype[np.intp]],
     command: Commanded, settings: DetectorSettings,
@@ -124,22 +131,23 @@ def _solve(
     time = undone.times[where]
     basis = command.basis(np.minimum(undone.times, command.end))
     commanded = basis @ command.coefficients
-    apart = (undone.twice @ kicks - commanded)[where]
+    twice = undone.twice[where]
+    apart = twice @ kicks - commanded[where]
     step = float(undone.times[1] - undone.times[0])
     curve = (time - time.mean()) ** 2 * (BIAS / settings.length_m / 2)
-    tilt = (undone.twice @ (commanded - commanded.mean()))[where] * step * (GRAVITY / settings.length_m)
-    twice = undone.twice[where]
-    known = twice @ undone.covariance @ twice.T + basis[where] @ command.covariance @ basis[where].T
+    tilt = twice @ (commanded - commanded.mean()) * step * (GRAVITY / settings.length_m)
+    known = _doubt(undone)[np.ix_(where, where)] + basis[where] @ command.covariance @ basis[where].T
     known += np.outer(curve, curve) + np.outer(tilt, tilt) + GRAIN**2 * np.eye(where.size)
     # Three steps of the grid hold a contact whose force has about the shape of a half sine.
     closed = np.minimum(np.abs(together[where]) / (2 * step) / CONTACT_ACCEL, 1.0) ** (1 / settings.flank_exponent)
     design = np.column_stack([np.ones(where.size), time, np.sign(together[where]) * closed / 2])
+    both, one = np.column_stack([design, apart]), np.eye(where.size)
     play = LEAST_PLAY
     for _ in range(ROUNDS):
         flank = FLANK * min(max(play, LEAST_PLAY), MOST_PLAY) / 2
-        weights = np.linalg.inv(known + flank**2 * np.eye(where.size))
-        covariance = np.linalg.inv(design.T @ weights @ design)
-        play = float(-(covariance @ (design.T @ (weights @ apart)))[2])
+        weighted = design.T @ np.linalg.solve(known + flank**2 * one, both)
+        covariance = np.linalg.inv(weighted[:, :3])
+        play = float(-(covariance @ weighted[:, 3])[2])
     half = Z * math.sqrt(float(covariance[2, 2]))
     if play <= half:
         return _unknown("the play is lost in its own uncertainty")

@@ -21,6 +21,8 @@ from lostmotion.drivers.timeline import Timeline
 __all__ = ["Format", "Readings", "SerialAccelerometer"]
 
 WAIT_S = 0.25
+LOOK_S = 0.2
+"""how often the arrival of a sample is looked at, which the clock map needs twice a second [s]: it costs a wake-up"""
 LISTEN_S, SILENCE_S = 0.6, 2.5
 """how long to measure a rate; how long to wait for the first reading (a microcontroller may boot when opened)"""
 RATE_TOLERANCE = 0.1
@@ -80,6 +82,7 @@ class SerialAccelerometer:
         self._port = SerialPort(options.port, baudrate)
         self._timeline = Timeline(1 / rate, form.wraps)
         self._fresh = True
+        self._looked = -math.inf
 
     def open(self) -> None:
         """Takes the port.  Raises PortError."""
@@ -105,13 +108,16 @@ class SerialAccelerometer:
         return (Identity(self._name, found, expected, ok),)
 
     def read(self) -> AccelBlock:
-        """The samples since the last call and those that come next; waits for these up to 0.25 s.  Raises PortError."""
+        """The samples since the last call; waits for some up to 0.25 s.  Raises PortError."""
         if self._fresh:  # what waited since nobody read would look as if it came late
             self._port.discard_input()
             self._form.reset()
             self._fresh = False
-        # Nobody knows for how long the older bytes have been there, so they show no arrival to the clock map.
-        data = self._port.read(0.0) + self._port.read(WAIT_S)
+        data = self._port.read(0.0)
+        # Nobody knows for how long these bytes have been there: now and then the clock map has to see some arrive.
+        if not data or self._clock.now() > self._looked + LOOK_S:
+            data += self._port.read(WAIT_S)
+            self._looked = self._clock.now()
         arrival = self._clock.now()
         readings = self._form.feed(data)
         if not len(readings.accel):

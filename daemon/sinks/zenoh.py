@@ -16,6 +16,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import zenoh
+from msgspec.structs import asdict
 from zenoh.ext import AdvancedPublisher, CacheConfig, MissDetectionConfig, declare_advanced_publisher
 
 from lostmotion.daemon import documents
@@ -69,7 +70,7 @@ class ZenohSink:
     def score(self, row: ScoreRow) -> None:
         if self._board:
             self._board.score(row)
-        values = {name: getattr(row, name) for name in ScoreRow.__dataclass_fields__} | {"time": iso(row.time)}
+        values = asdict(row) | {"time": iso(row.time)}
         with self._lock:
             if self._session is None:
                 return

@@ -8,7 +8,7 @@ import threading
 import numpy as np
 import pytest
 
-from lostmotion.daemon.pipeline import GIVE_UP_S, JointPlan, Pipeline, Scored
+from lostmotion.daemon.pipeline import GIVE_UP_S, JointPlan, Pipeline, Scored, _together
 from lostmotion.daemon.ring import Ring
 from lostmotion.detector.window import DetectorSettings
 from lostmotion.drivers.base import AccelBlock, ServoSample
@@ -167,3 +167,8 @@ def test_a_closed_pipeline_only_finishes() -> None:
     world.feel(2.0, 6.0)
     assert len(world.pipeline.step(6.0)) == opened
     assert world.pipeline.counts["elbow"].triggered == before + opened
+
+
+def test_windows_that_end_together_are_awaited_together() -> None:
+    """Of ends within 8 ms of the first only the last counts; the next group begins behind it."""
+    assert _together([3.0, 1.007, 1.0, 1.009, 2.0, 1.016]) == [1.007, 1.016, 2.0, 3.0]

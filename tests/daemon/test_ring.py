@@ -63,11 +63,15 @@ def test_the_bell_rings_when_the_awaited_time_has_come() -> None:
     """Not before: the reader sleeps until a window is complete."""
     bell = threading.Event()
     buffer = Ring(100, bell)
-    buffer.expect(6.0)
+    buffer.expect([6.0, 8.5])
     buffer.push(block(0, 6))
-    assert not bell.is_set()
+    assert (bell.is_set(), buffer.awaited) == (False, 6.0)
     buffer.push(block(6, 1))
-    assert bell.is_set()
+    assert (bell.is_set(), buffer.awaited) == (True, 8.5)
+    buffer.push(block(7, 2))
+    assert buffer.awaited == 8.5
+    buffer.push(block(9, 1))
+    assert buffer.awaited == math.inf
 
 
 def test_the_bell_rings_at_once_for_a_time_that_has_come() -> None:
@@ -75,10 +79,10 @@ def test_the_bell_rings_at_once_for_a_time_that_has_come() -> None:
     bell = threading.Event()
     buffer = Ring(100, bell)
     buffer.push(block(0, 7))
-    buffer.expect(math.inf)
-    buffer.expect(6.5)
+    buffer.expect([])
+    buffer.expect([6.5])
     assert not bell.is_set()
-    buffer.expect(6.0)
+    buffer.expect([6.0, 6.5])
     assert bell.is_set()
 
 

@@ -15,6 +15,7 @@ from typing import Any, Literal
 
 import pytest
 import zenoh
+from msgspec import structs
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
 from lostmotion.daemon.lifecycle import happen, raised
@@ -39,7 +40,7 @@ def database(tmp_path: Path) -> Path:
     """Twenty scores of the elbow, a second apart, and its alarm."""
     with closing(Store(tmp_path / "history.db", "arm1")) as store:
         for k in range(20):
-            store.add(replace(SCORE, time=NOON + timedelta(seconds=k), score=float(k)))
+            store.add(structs.replace(SCORE, time=NOON + timedelta(seconds=k), score=float(k)))
         store.add(ALARM)
     return tmp_path / "history.db"
 

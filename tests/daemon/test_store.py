@@ -12,6 +12,7 @@ from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 import sqlite_utils
@@ -70,7 +71,7 @@ def raw_window(second: int, impact: bool, samples: int = 250) -> WindowRow:
 
 def test_scores_come_back_as_they_went_in(path: Path) -> None:
     """All fields, NaN as NaN; oldest first; a limit takes the newest; since is inside, until outside."""
-    rows = [FULL, BARE, replace(FULL, time=NOON + timedelta(seconds=2))]
+    rows = [FULL, BARE, msgspec.structs.replace(FULL, time=NOON + timedelta(seconds=2))]
     with open_readonly(filled(path, *reversed(rows))) as reader:
         found = reader.scores("elbow")
         assert [row.time for row in found] == [row.time for row in rows]
@@ -166,7 +167,7 @@ def test_a_full_disk_keeps_no_alarm_from_people(path: Path) -> None:
 
 def test_a_sample_of_many_scores(path: Path) -> None:
     """One score from each of equal spans: the first; spans without a sound one are left out."""
-    doubtful = replace(FULL, time=NOON + timedelta(seconds=500))
+    doubtful = msgspec.structs.replace(FULL, time=NOON + timedelta(seconds=500))
     with open_readonly(filled(path, *scores(100), doubtful)) as reader:
         found = reader.sampled("elbow", NOON, NOON + timedelta(seconds=1000), 100)
     assert [row.score for row in found] == [float(k) for k in range(0, 100, 10)]
@@ -205,8 +206,10 @@ def test_raw_windows_stay_below_their_limit(path: Path) -> None:
 
 def test_a_score_takes_few_bytes_and_is_found_by_index(path: Path) -> None:
     """Ten million scores stay near half a GB, and the history of a joint is a search, not a scan."""
-    usual = replace(FULL, play=math.nan, play_low=math.nan, play_high=math.nan, excitation=12.3, quality="ok")
-    filled(path, *[replace(usual, time=NOON + timedelta(seconds=k)) for k in range(20_000)])
+    usual = msgspec.structs.replace(
+        FULL, play=math.nan, play_low=math.nan, play_high=math.nan, excitation=12.3, quality="ok"
+    )
+    filled(path, *[msgspec.structs.replace(usual, time=NOON + timedelta(seconds=k)) for k in range(20_000)])
     with closing(sqlite3.connect(path)) as db:
         size = db.execute("SELECT sum(pgsize) FROM dbstat WHERE name = 'score'").fetchone()[0]
         asked = {"joint": "elbow", "since": 0, "until": 2**62, "limit": 10}
