@@ -9,7 +9,7 @@ import math
 import os
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from lostmotion.daemon.config import Config
     from lostmotion.daemon.options import ZenohOptions
 
-__all__ = ["CrossCheckError", "check"]
+__all__ = ["CrossCheckError", "check", "check_endpoints"]
 
 WINDOW_S = (0.02, 5.0)
 """a window has to hold a ring-down, and to fit four times into the ring of samples (robot.py)"""
@@ -163,12 +163,17 @@ def _addresses(config: Config) -> None:
     if zenoh and zenoh.config:
         _zenoh_file(zenoh)
     for key, endpoints in (("connect", zenoh.connect), ("listen", zenoh.listen)) if zenoh else ():
-        for endpoint in endpoints:
-            if not ENDPOINT.fullmatch(endpoint):
-                raise CrossCheckError(
-                    f"alarm.zenoh.{key}: found {endpoint!r}, expected protocol/address:port such as tcp/127.0.0.1:7447 "
-                    "(tcp, udp, tls, quic, ws; or serial, unixsock-stream, unixpipe, vsock with their own addresses)"
-                )
+        check_endpoints(f"alarm.zenoh.{key}", endpoints)
+
+
+def check_endpoints(name: str, endpoints: Iterable[str]) -> None:
+    """Raises CrossCheckError for what Zenoh takes for no address; name: of the option that holds them."""
+    for endpoint in endpoints:
+        if not ENDPOINT.fullmatch(endpoint):
+            raise CrossCheckError(
+                f"{name}: found {endpoint!r}, expected protocol/address:port such as tcp/127.0.0.1:7447 "
+                "(tcp, udp, tls, quic, ws; or serial, unixsock-stream, unixpipe, vsock with their own addresses)"
+            )
 
 
 def _zenoh_file(options: ZenohOptions) -> None:

@@ -55,7 +55,10 @@ def open_readonly(path: Path) -> Reader:
     try:
         db, version = _connect(path, "mode=ro")
     except sqlite3.Error as error:
-        raise ReaderError(f"{path}: cannot be read ({error}); is it a database of lostmotion?") from error
+        advice = "is it a database of lostmotion?"
+        if error.sqlite_errorname == "SQLITE_CORRUPT":
+            advice = "it is damaged: `lostmotion run` moves it aside, and sqlite3's .recover may save most of it"
+        raise ReaderError(f"{path}: cannot be read ({error}); {advice}") from error
     if not 0 < version <= CURRENT:
         db.close()
         if not path.stat().st_size:

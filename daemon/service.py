@@ -277,7 +277,8 @@ class Service:
 
 
 def _store(config: Config) -> Store:
-    return Store(config.database, config.robot.name, config.store.keep_windows_mb, config.store.keep_scores_days)
+    keep = config.store
+    return Store(config.database, config.robot.name, keep.keep_windows_mb, keep.keep_scores_days, patient=True)
 
 
 def _exporter(config: Config, store: Store, robot: Robot) -> Exporter | None:

@@ -39,15 +39,23 @@ BACKLOG_WINDOWS = 2_000
 
 
 class Store:
-    """The database of one robot, open for writing.  Raises StoreError when it cannot be opened, unless it is the disk
-    that refuses (full, locked): then it is tried again with every batch of rows.
+    """The database of one robot, open for writing.  Raises StoreError when it cannot be opened; a ``patient`` one that
+    the disk refuses to open (full, locked) is tried again with every batch of rows.
 
     ``problem`` is "" while rows reach the disk, else what keeps them from it; ``dropped`` counts rows given up because
     the backlog was full; ``damage`` is what is wrong with the file itself: closing moves it aside.  While it is open no
     other process gets a Store of the same path: the scores of two robots would be mixed.
     """
 
-    def __init__(self, path: Path, robot: str, keep_windows_mb: float = 100.0, keep_scores_days: float = 0.0) -> None:
+    def __init__(
+        self,
+        path: Path,
+        robot: str,
+        keep_windows_mb: float = 100.0,
+        keep_scores_days: float = 0.0,
+        *,
+        patient: bool = False,
+    ) -> None:
         self.path = path
         self.problem = ""
         self.dropped = 0
@@ -64,11 +72,11 @@ class Store:
         self._lock = database.lock(path)
         try:
             self._writer = Writer(path, self._policy)
-        except StoreRefusedError as error:
+        except StoreError as error:
+            if not (patient and isinstance(error, StoreRefusedError)):
+                self._lock.close()
+                raise
             self._say(str(error))
-        except StoreError:
-            self._lock.close()
-            raise
         self._written = self._policy
         self._thread = threading.Thread(target=self._run, name="store", daemon=True)
         self._thread.start()

@@ -14,6 +14,7 @@ from lostmotion.daemon.commands import times
 from lostmotion.daemon.commands.fleet import Fleet
 from lostmotion.daemon.commands.fleet import history as ask_history
 from lostmotion.daemon.commands.fleet import status as ask_status
+from lostmotion.daemon.crosscheck import check_endpoints
 from lostmotion.daemon.records import iso
 
 __all__ = ["fleet"]
@@ -70,5 +71,6 @@ def history(joint: str, since: datetime | None, until: datetime | None, limit: i
 def _fleet(
     connect: tuple[str, ...], zenoh: Path | None, config: Path | None, robots: str | None, timeout: float
 ) -> Fleet:
+    check_endpoints("--connect", connect)
     names = [name.strip() for name in (robots or "").split(",") if name.strip()]
     return Fleet(connect, str(zenoh or ""), config, names, timeout)

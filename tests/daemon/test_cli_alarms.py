@@ -42,6 +42,15 @@ def document(*arguments: str | Path) -> Any:
     return json.loads(call(*arguments, "--json").stdout)
 
 
+def test_a_locked_database_is_told(database: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a service, what cannot be written is no success: exit 2 and the cause; the alarm stays as it was."""
+    monkeypatch.setattr("lostmotion.daemon.database.BUSY_S", 0.05)
+    with closing(sqlite3.connect(database)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        assert is_one_line(call("alarms", "ack", "elbow", "--database", database), "another program holds the database")
+    assert states(database) == [AlarmState.ACTIVE]
+
+
 def test_list_is_what_alarms_does(database: Path) -> None:
     """`alarms` and `alarms list` print the same; JSON has all times and states."""
     assert call("alarms", "--database", database).stdout == call("alarms", "list", "--database", database).stdout

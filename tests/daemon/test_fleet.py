@@ -76,7 +76,8 @@ def test_all_answered(tmp_path: Path, endpoint: str) -> None:
 
 
 def test_nobody_there(endpoint: str) -> None:
-    """No router, and a router without robots: one line each."""
+    """What is no address, no router, and a router without robots: one line each."""
+    assert is_one_line(call("fleet", "status", "--connect", "here"), "--connect: found 'here', expected protocol/")
     assert is_one_line(call("fleet", "status", "--connect", endpoint), endpoint, "nobody answers")
     with session("router", listen=[endpoint]):
         assert is_one_line(call("fleet", "status", "--connect", endpoint, "--timeout", "0.5"), "no robot there")

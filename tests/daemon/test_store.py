@@ -291,6 +291,8 @@ def test_a_damaged_database_is_moved_aside(
     data = bytearray(path.read_bytes())
     data[start : start + length] = b"\xff" * length
     path.write_bytes(bytes(data))
+    with pytest.raises(ReaderError, match="damaged: `lostmotion run` moves it aside|is it a database of lostmotion"):
+        open_readonly(path)
     filled(path, FULL)
     with open_readonly(path) as reader:
         assert [row.score for row in reader.scores("elbow")] == [FULL.score]
@@ -384,7 +386,7 @@ def test_rows_wait_while_the_disk_is_full(path: Path, caplog: pytest.LogCaptureF
 def test_a_disk_that_is_full_at_the_start(path: Path) -> None:
     """A new database and one that is there: the store takes rows, what can be read is read, and once there is room all
     is written."""
-    with files_up_to(5000), closing(Store(path, "arm1")) as store:
+    with files_up_to(5000), closing(Store(path, "arm1", patient=True)) as store:
         assert not store.is_open
         assert "disk" in store.problem
         with store.reader() as reader:
@@ -393,7 +395,7 @@ def test_a_disk_that_is_full_at_the_start(path: Path) -> None:
         files_may_grow()
         wait_until(lambda: not store.waiting())
         assert (store.is_open, store.problem) == (True, "")
-    with files_up_to(5000), closing(Store(path, "arm2")) as store:
+    with files_up_to(5000), closing(Store(path, "arm2", patient=True)) as store:
         assert not store.is_open
         with store.reader() as reader:
             assert (reader.robot(), reader.scores("elbow")) == ("arm1", [FULL])
@@ -407,7 +409,7 @@ def test_a_disk_that_is_full_at_the_start(path: Path) -> None:
 def test_rows_that_never_reached_a_disk_are_counted(path: Path) -> None:
     """Closing a store that could not even open its file tells how many rows are lost."""
     with files_up_to(5000):
-        store = Store(path, "arm1")
+        store = Store(path, "arm1", patient=True)
         store.add(*scores(3))
         assert store.close() == 3
 
@@ -430,12 +432,14 @@ def test_the_backlog_is_bounded(path: Path, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_a_database_that_is_locked_at_the_start(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The store begins all the same, and writes when the other program has let go."""
+    """A patient store begins all the same, and writes when the other program has let go."""
     monkeypatch.setattr(database, "BUSY_S", 0.05)
     filled(path)
     with closing(sqlite3.connect(path)) as other:
         other.execute("BEGIN IMMEDIATE")
-        with closing(Store(path, "arm1")) as store:
+        with pytest.raises(StoreError, match="another program holds the database locked; close it"):
+            Store(path, "arm1")
+        with closing(Store(path, "arm1", patient=True)) as store:
             assert "another program holds the database locked" in store.problem
             store.add(FULL)
             other.rollback()
