@@ -291,7 +291,7 @@ def test_a_damaged_database_is_moved_aside(
     data = bytearray(path.read_bytes())
     data[start : start + length] = b"\xff" * length
     path.write_bytes(bytes(data))
-    with pytest.raises(ReaderError, match="damaged: `lostmotion run` moves it aside|is it a database of lostmotion"):
+    with pytest.raises(ReaderError, match=r"damaged: `lostmotion run` moves it aside|is it a database of lostmotion"):
         open_readonly(path)
     filled(path, FULL)
     with open_readonly(path) as reader:
