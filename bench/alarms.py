@@ -32,8 +32,9 @@ from tests.daemon.canbus import SlcanAdapter
 from tests.daemon.test_zenoh_router import transitions
 from tests.daemon.zenoh_world import Router, session
 
-from bench.latency import free_port, show
+from bench.latency import show
 from bench.service import running_service
+from bench.sinks import free_port
 from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.reader import open_readonly
 from lostmotion.daemon.sinks.emcy import EmcyNode

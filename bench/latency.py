@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import socket
 import sqlite3
 import sys
 import tempfile
@@ -22,6 +21,7 @@ from pathlib import Path
 import zenoh
 
 from bench.service import running_service
+from bench.sinks import free_port
 
 GOAL_ROW_S, GOAL_SAMPLE_S = 0.250, 0.020
 LOOK_S = 0.002
@@ -97,13 +97,6 @@ def show(name: str, delays: list[float], goal_s: float) -> None:
     ranked = sorted(1e3 * delay for delay in delays)
     p50, p99 = (ranked[min(int(len(ranked) * share), len(ranked) - 1)] for share in (0.50, 0.99))
     print(f"{name:<24}{len(ranked):>8}{p50:>9.1f}{p99:>9.1f}{ranked[-1]:>9.1f}{1e3 * goal_s:>10.0f}")
-
-
-def free_port() -> int:
-    """A TCP port of this host that nobody uses at the moment."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 if __name__ == "__main__":

@@ -1,9 +1,10 @@
 """What the service costs on emulated hardware: share of a core, resident memory, and windows lost.
 
-    python -m bench.service [--duration 600] [--accel csv:1000]
+    python -m bench.service [--duration 600] [--accel csv:1000] [--sinks]
 
 Six AX-12A at 100 Hz on one line and one accelerometer answer from another process.  What a process costs that only
 exchanges the same bytes, and does nothing with them, stands beside it: the floor that wake-ups set on this machine.
+With --sinks Zenoh, CAN and metrics are on as well, and heard.
 """
 
 from __future__ import annotations
@@ -18,11 +19,12 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 
 from serial import Serial
 
+from bench.sinks import all_sinks
 from lostmotion.drivers.codec.dynamixel import READ, Packet, encode
 
 GOAL_CORE, GOAL_MB = 0.05, 80.0
@@ -45,22 +47,24 @@ def main(arguments: Sequence[str] = ()) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--duration", type=float, default=30.0, help="seconds for each accelerometer")
     parser.add_argument("--accel", action="append", help="csv:1000 or witmotion:200; may be given twice")
+    parser.add_argument("--sinks", action="store_true", help="Zenoh, CAN and metrics on")
     given = parser.parse_args(arguments)
-    print(f"service, 6 AX-12A at 100 Hz, {given.duration:g} s")
+    print(f"service, 6 AX-12A at 100 Hz, {given.duration:g} s{', all sinks on' if given.sinks else ''}")
     print(f"goal: at most {GOAL_CORE:.0%} of a core and {GOAL_MB:g} MB, no window lost")
     print(f"{'accelerometer':<16}{'core':>8}{'bytes only':>12}{'RSS MB':>9}{'triggered':>11}{'scored':>8}{'lost':>6}")
     for accel in given.accel or ["csv:1000", "witmotion:200"]:
         floor = measure_floor(accel, min(given.duration, LONGEST_FLOOR_S))
-        core, rss_mb, (triggered, scored, lost) = measure(accel, given.duration)
+        with all_sinks() if given.sinks else nullcontext("") as tables:
+            core, rss_mb, (triggered, scored, lost) = measure(accel, given.duration, tables)
         print(
             f"{accel:<16}{core:>8.2%}{floor:>12.2%}{rss_mb:>9.1f}{triggered:>11}{scored:>8}{lost:>6}",
             flush=True,
         )
 
 
-def measure(accel: str, duration_s: float) -> tuple[float, float, tuple[int, int, int]]:
+def measure(accel: str, duration_s: float, tables: str) -> tuple[float, float, tuple[int, int, int]]:
     """Share of a core after the warm-up, peak resident memory [MB], and windows triggered, scored and lost."""
-    with tempfile.TemporaryDirectory() as name, running_service(Path(name), accel) as process:
+    with tempfile.TemporaryDirectory() as name, running_service(Path(name), accel, tables) as process:
         time.sleep(WARM_UP_S)
         before, start = cpu_seconds(process.pid), time.monotonic()
         time.sleep(duration_s)

@@ -1,33 +1,86 @@
-"""The service's log on standard error: for a person with a time, for journald with a priority."""
+"""Where the service's log goes: to standard error for a person, with a time; to journald with a priority and fields.
+
+Fields come with a record as ``extra={"fields": {...}}``; journald gets them as LOSTMOTION_… beside its usual ones.
+"""
 
 from __future__ import annotations
 
 import logging
 import os
+import socket
+import struct
 import sys
 from collections.abc import Mapping
+from pathlib import Path
 
 __all__ = ["setup"]
 
 PRIORITY = {logging.CRITICAL: 2, logging.ERROR: 3, logging.WARNING: 4, logging.INFO: 6, logging.DEBUG: 7}
 """sd-daemon(3); other levels count as the next lower one"""
+JOURNAL = Path("/run/systemd/journal/socket")
 
 
-class JournalFormatter(logging.Formatter):
-    """Puts ``<n>`` before every line; journald adds the time itself."""
-
-    def format(self, record: logging.LogRecord) -> str:
-        level = max((known for known in PRIORITY if known <= record.levelno), default=logging.DEBUG)
-        return "\n".join(f"<{PRIORITY[level]}>{line}" for line in super().format(record).splitlines())
-
-
-def setup(environment: Mapping[str, str] = os.environ) -> None:
-    """Sends the log of all of lostmotion to standard error, instead of where it went before."""
-    handler = logging.StreamHandler(sys.stderr)
-    if "JOURNAL_STREAM" in environment or "INVOCATION_ID" in environment:
-        handler.setFormatter(JournalFormatter("%(message)s"))
+def setup(environment: Mapping[str, str] = os.environ, journal: Path = JOURNAL) -> None:
+    """Sends the log of all of lostmotion to standard error, instead of where it went before; under systemd to the
+    socket ``journal``, where it is there."""
+    handler: logging.Handler = logging.StreamHandler(sys.stderr)
+    if "JOURNAL_STREAM" in environment and journal.is_socket():
+        handler = JournalHandler(journal)
+    elif "JOURNAL_STREAM" in environment or "INVOCATION_ID" in environment:
+        handler.setFormatter(PriorityFormatter("%(message)s"))
     else:
         handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)-7s %(message)s"))
     logger = logging.getLogger()
     logger.handlers[:] = [handler]
     logger.setLevel(logging.INFO)
+
+
+class PriorityFormatter(logging.Formatter):
+    """Puts ``<n>`` before every line; journald adds the time itself."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return "\n".join(f"<{_priority(record)}>{line}" for line in super().format(record).splitlines())
+
+
+class JournalHandler(logging.Handler):
+    """Speaks journald's own protocol (systemd.io/JOURNAL_NATIVE_PROTOCOL): one datagram a record.
+
+    In place of systemd-python, which needs a compiler and systemd's headers to be installed.
+    """
+
+    def __init__(self, journal: Path) -> None:
+        super().__init__()
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC)
+        self._journal = str(journal)
+        self._stderr = logging.StreamHandler(sys.stderr)
+        self._stderr.setFormatter(PriorityFormatter("%(message)s"))
+
+    def emit(self, record: logging.LogRecord) -> None:
+        fields = {
+            "MESSAGE": self.format(record),
+            "PRIORITY": _priority(record),
+            "SYSLOG_IDENTIFIER": "lostmotion",
+            "CODE_FUNC": f"{record.name}.{record.funcName}",
+        }
+        own: Mapping[str, object] = getattr(record, "fields", {})
+        fields |= {f"LOSTMOTION_{name.upper()}": value for name, value in own.items()}
+        try:
+            self._socket.sendto(b"".join(_field(name, str(value)) for name, value in fields.items()), self._journal)
+        except OSError:  # journald restarts, or the record is too long for a datagram
+            self._stderr.handle(record)
+
+    def close(self) -> None:
+        self._socket.close()
+        super().close()
+
+
+def _priority(record: logging.LogRecord) -> int:
+    return PRIORITY[max((known for known in PRIORITY if known <= record.levelno), default=logging.DEBUG)]
+
+
+def _field(name: str, value: str) -> bytes:
+    """NAME=value, or with its length where it has several lines."""
+    data = value.encode(errors="replace")
+    if b"\n" in data:
+        return name.encode() + b"\n" + struct.pack("<Q", len(data)) + data + b"\n"
+    return name.encode() + b"=" + data + b"\n"

@@ -158,10 +158,10 @@ class Poller:
         self.account.state, self.account.reason = state, reason
         if not changed:
             return
-        if state in (DeviceState.RETRYING, DeviceState.WRONG):
-            log.warning("%s: %s: %s", self.name, state.value, reason)
-        else:
-            log.info("%s: %s", self.name, state.value)
+        fields = {"kind": "device", "device": self.name, "state": state.value, "reason": reason}
+        bad = state in (DeviceState.RETRYING, DeviceState.WRONG)
+        text = f"{self.name}: {state.value}" + (f": {reason}" if bad else "")
+        log.log(logging.WARNING if bad else logging.INFO, "%s", text, extra={"fields": fields})
 
 
 class BusPoller(Poller):

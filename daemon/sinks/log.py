@@ -1,4 +1,6 @@
-"""The log as a sink: health and alarms as warnings, scores as debugging lines; ``key=value`` after the sentence."""
+"""The log as a sink: health and alarms as warnings, scores as debugging lines; ``key=value`` for who reads lines, the
+same as fields for journald.
+"""
 
 from __future__ import annotations
 
@@ -21,22 +23,17 @@ class LogSink:
 
     def score(self, row: ScoreRow) -> None:
         if log.isEnabledFor(logging.DEBUG):
-            log.debug(
-                "score joint=%s time=%s score=%.3g level=%g impact=%s quality=%s",
-                *(row.joint, iso(row.time), row.score, row.level, row.impact, row.quality),
-            )
+            score = {"score": f"{row.score:.3g}", "level": f"{row.level:g}", "impact": row.impact}
+            _tell(logging.DEBUG, "score", joint=row.joint, time=iso(row.time), **score, quality=row.quality)
 
     def alarm(self, transition: Transition, again: bool = False) -> None:
         if again:
             return
         row = transition.alarm
         bad = logging.ERROR if row.severity is Severity.ERROR else logging.WARNING
-        log.log(
-            bad if transition.event in NEWS else logging.INFO,
-            "alarm joint=%s cause=%s severity=%s event=%s state=%s reason=%r%s",
-            *(row.joint, row.cause.value, row.severity.value, transition.event.value, row.state.value, row.reason),
-            f" by={transition.by}" if transition.by else "",
-        )
+        what = {"joint": row.joint, "cause": row.cause.value, "severity": row.severity.value}
+        what |= {"event": transition.event.value, "state": row.state.value, "reason": row.reason}
+        _tell(bad if transition.event in NEWS else logging.INFO, "alarm", **what, **_by(transition))
 
     def health(self, row: JointRow) -> None:
         """Another reason for the same health is an alarm's affair."""
@@ -44,11 +41,18 @@ class LogSink:
             return
         self._healths[row.name] = row.health
         good = row.health in (Health.OK, Health.DEGRADED)
-        log.log(
-            logging.INFO if good else logging.WARNING,
-            "health joint=%s health=%s reason=%r",
-            *(row.name, row.health.value, row.reason),
-        )
+        level = logging.INFO if good else logging.WARNING
+        _tell(level, "health", joint=row.name, health=row.health.value, reason=row.reason)
 
     def close(self) -> None:
         """Nothing is held open."""
+
+
+def _by(transition: Transition) -> dict[str, str]:
+    return {"by": transition.by} if transition.by else {}
+
+
+def _tell(level: int, kind: str, /, **fields: object) -> None:
+    """A line such as ``alarm joint=elbow reason='…'``; what may hold blanks is quoted."""
+    pairs = (f"{key}={value!r}" if key == "reason" else f"{key}={value}" for key, value in fields.items())
+    log.log(level, "%s %s", kind, " ".join(pairs), extra={"fields": {"kind": kind} | fields})

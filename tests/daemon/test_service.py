@@ -135,8 +135,8 @@ def test_systemd_hears_of_life_unless_a_thread_hangs(tmp_path: Path, start: Star
 
 
 def test_the_journal_gets_priorities(configuration: Path, start: Start) -> None:
-    """Under systemd each line begins with its level and carries no time of its own."""
-    service = start(configuration, JOURNAL_STREAM="8:1")
+    """Under systemd without journald each line begins with its level and carries no time of its own."""
+    service = start(configuration, INVOCATION_ID="1")
     service.wait_for("<6>started: robot fake, 1 joints")
     service.stop(signal.SIGTERM)
 
@@ -185,7 +185,7 @@ def test_a_disk_that_is_full_at_the_start(tmp_path: Path, start: Start) -> None:
     assert service.stop(signal.SIGTERM) == 0
     stood = count(tmp_path / "history.db")
     with files_up_to(10_000):
-        service = start(path, JOURNAL_STREAM="8:1")
+        service = start(path, INVOCATION_ID="1")
     log = service.wait_for("scoring goes on, rows wait in memory")
     assert re.search("^<3>.*the disk refuses", log, re.MULTILINE)
     service.wait_for("started")

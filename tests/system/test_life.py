@@ -79,6 +79,8 @@ def test_an_unplugged_robot_is_an_alarm_and_no_hang(machine: Machine) -> None:
     time.sleep(2 * WATCHDOG_S)
     assert show(machine, "MainPID") == before
     assert len(machine.said("cause=device severity=error event=raised", "-p", ERROR)) > told
+    asked = machine.journal("LOSTMOTION_KIND=alarm", "LOSTMOTION_JOINT=elbow", "LOSTMOTION_CAUSE=device")
+    assert [entry["LOSTMOTION_EVENT"] for entry in asked].count("raised") == told + 1
     plug_in(machine)
     wait_for_scores(machine)
     assert show(machine, "MainPID") == before

@@ -1,0 +1,88 @@
+"""The log as journald gets it, heard on a real datagram socket."""
+
+from __future__ import annotations
+
+import logging
+import socket
+import struct
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from lostmotion.daemon import logs
+from lostmotion.daemon.lifecycle import raised
+from lostmotion.daemon.records import Cause, Severity
+from lostmotion.daemon.sinks.log import LogSink
+
+NOON = datetime(2026, 1, 31, 12, tzinfo=UTC)
+
+
+@pytest.fixture
+def journal(tmp_path: Path) -> Iterator[socket.socket]:
+    """journald's end of the socket, to which all logs go."""
+    root = logging.getLogger()
+    before, level = list(root.handlers), root.level
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as end:
+        end.bind(str(tmp_path / "journal"))
+        end.settimeout(2.0)
+        logs.setup({"JOURNAL_STREAM": "8:1"}, tmp_path / "journal")
+        yield end
+    for handler in root.handlers:
+        if isinstance(handler, logs.JournalHandler):
+            handler.close()
+    root.handlers[:] = before
+    root.setLevel(level)
+
+
+def fields(datagram: bytes) -> dict[str, str]:
+    """The fields of one datagram, as systemd.io/JOURNAL_NATIVE_PROTOCOL writes them."""
+    found = {}
+    while datagram:
+        line, _, rest = datagram.partition(b"\n")
+        name, equals, value = line.partition(b"=")
+        if not equals:
+            (length,) = struct.unpack("<Q", rest[:8])
+            value, rest = rest[8 : 8 + length], rest[9 + length :]
+        found[name.decode()] = value.decode()
+        datagram = rest
+    return found
+
+
+def test_an_alarm_has_fields(journal: socket.socket) -> None:
+    """Its line is the message, its priority that of an error, and joint, cause and reason can be asked for alone."""
+    reason = "tip: gone\nlikely cause: unplugged"
+    LogSink().alarm(raised("elbow", Cause.DEVICE, Severity.ERROR, reason, NOON))
+    found = fields(journal.recv(10_000))
+    assert found["MESSAGE"].startswith(
+        "alarm joint=elbow cause=device severity=error event=raised state=active reason="
+    )
+    assert (found["PRIORITY"], found["SYSLOG_IDENTIFIER"]) == ("3", "lostmotion")
+    own = {name: value for name, value in found.items() if name.startswith("LOSTMOTION_")}
+    assert own == {
+        "LOSTMOTION_KIND": "alarm", "LOSTMOTION_JOINT": "elbow", "LOSTMOTION_CAUSE": "device",
+        "LOSTMOTION_SEVERITY": "error", "LOSTMOTION_EVENT": "raised", "LOSTMOTION_STATE": "active",
+        "LOSTMOTION_REASON": reason,
+    }  # fmt: skip
+
+
+def test_a_traceback_is_one_message(journal: socket.socket) -> None:
+    """All its lines are in one record, so that no other process's lines come between."""
+    try:
+        raise ValueError("deep")
+    except ValueError:
+        logging.getLogger("lostmotion.daemon.service").exception("internal error")
+    found = fields(journal.recv(10_000))
+    assert found["MESSAGE"].splitlines()[0] == "internal error"
+    assert found["MESSAGE"].splitlines()[-1] == "ValueError: deep"
+
+
+def test_what_journald_does_not_take_goes_to_standard_error(
+    journal: socket.socket, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """journald is gone for a moment: the line stands on standard error, with its priority."""
+    logs.setup({"JOURNAL_STREAM": "8:1"}, tmp_path / "journal")  # with this test's standard error
+    (tmp_path / "journal").unlink()
+    logging.getLogger("lostmotion").warning("still here")
+    assert capsys.readouterr().err == "<4>still here\n"
