@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import numpy as np
-from sqlite_utils import Database
 
 from lostmotion.daemon.database import newer
 from lostmotion.daemon.migrations import CURRENT, MIGRATIONS
@@ -109,7 +108,7 @@ class Reader:
     )
 
     def __init__(self, connection: sqlite3.Connection) -> None:
-        self._db = Database(connection)
+        self._db = connection
         self._version: int = connection.execute("PRAGMA user_version").fetchone()[0]
 
     def __enter__(self) -> Reader:
@@ -126,11 +125,11 @@ class Reader:
 
     def robot(self) -> str:
         """The robot's name."""
-        return str(next(self._db.query("SELECT value FROM meta WHERE key = 'robot'"), {"value": ""})["value"])
+        return str(next((row["value"] for row in self._rows("SELECT value FROM meta WHERE key = 'robot'")), ""))
 
     def joints(self) -> list[JointRow]:
         """All joints ever seen and their health, by name."""
-        rows = self._db.query("SELECT name, health, reason, since_us FROM joint ORDER BY name")
+        rows = self._rows("SELECT name, health, reason, since_us FROM joint ORDER BY name")
         return [
             JointRow(row["name"], Health(row["health"]), row["reason"], from_micros(row["since_us"])) for row in rows
         ]
@@ -139,22 +138,20 @@ class Reader:
         self, joint: str, since: datetime | None = None, until: datetime | None = None, limit: int | None = None
     ) -> list[ScoreRow]:
         """Scores of a joint with since <= time < until, oldest first; with a limit, the newest so many of them."""
-        rows = self._db.conn.execute(self.SCORES, _bounds(joint, since, until, limit)).fetchall()
+        rows = self._db.execute(self.SCORES, _bounds(joint, since, until, limit)).fetchall()
         return [_score(joint, row) for row in reversed(rows)]
 
     def batches(
         self, joint: str, since: datetime | None = None, until: datetime | None = None, limit: int | None = None
     ) -> Iterator[list[tuple[Any, ...]]]:
         """The same rows as the database has them (SCORE), many at a time."""
-        rows = self._db.conn.execute(
-            f"SELECT * FROM ({self.SCORES}) ORDER BY time_us", _bounds(joint, since, until, limit)
-        )
+        rows = self._db.execute(f"SELECT * FROM ({self.SCORES}) ORDER BY time_us", _bounds(joint, since, until, limit))
         while batch := rows.fetchmany(BATCH):
             yield batch
 
     def series(self, joint: str, since: datetime | None = None, until: datetime | None = None) -> Series:
         """The scores that are numbers, as columns: years of them in a second."""
-        rows = self._db.conn.execute(self.NUMBERS, _bounds(joint, since, until, None))
+        rows = self._db.execute(self.NUMBERS, _bounds(joint, since, until, None))
         return np.fromiter(rows, SERIES)
 
     def last_window(self, joint: str) -> ScoreRow | None:
@@ -166,7 +163,7 @@ class Reader:
         """Alarms of one joint or of all, oldest first; living: only those that are not normal again."""
         if self._version < 3:
             return []
-        rows = self._db.query(
+        rows = self._rows(
             "SELECT alarm.*, joint.name AS joint FROM alarm JOIN joint ON joint.id = joint_id"
             " WHERE (:joint IS NULL OR joint.name = :joint) AND (NOT :living OR state != 'normal')"
             " ORDER BY raised_us, alarm.id",
@@ -187,19 +184,19 @@ class Reader:
         """
         if self._version < 3:
             return []
-        rows = self._db.query(
+        rows = self._rows(
             "SELECT alarm_event.*, joint.name AS joint FROM alarm_event JOIN joint ON joint.id = joint_id"
             " WHERE (:joint IS NULL OR joint.name = :joint) AND (:cause IS NULL OR cause = :cause)"
             " AND alarm_event.id > :after ORDER BY alarm_event.id DESC LIMIT :newest",
             {"joint": joint, "cause": cause and cause.value, "after": after, "newest": newest},
         )
-        return [(row["id"], _transition(row)) for row in reversed(list(rows))]
+        return [(row["id"], _transition(row)) for row in reversed(rows)]
 
     def requests(self, after: int = 0) -> list[Request]:
         """What people have asked and nobody has taken up, oldest first; after: only those with a larger number."""
         if self._version < 3:
             return []
-        rows = self._db.query("SELECT * FROM request WHERE answer IS NULL AND id > ? ORDER BY id", [after])
+        rows = self._rows("SELECT * FROM request WHERE answer IS NULL AND id > ? ORDER BY id", [after])
         return [
             Request(
                 row["id"], row["joint"], Verb(row["verb"]), Cause(row["cause"]) if row["cause"] else None,
@@ -210,7 +207,7 @@ class Reader:
 
     def answer(self, request: int) -> Answer | None:
         """What came of a request; None while nobody has taken it up."""
-        rows = self._db.query("SELECT * FROM request WHERE id = ? AND answer IS NOT NULL", [request])
+        rows = self._rows("SELECT * FROM request WHERE id = ? AND answer IS NOT NULL", [request])
         return next((Answer(request, bool(row["done"]), row["answer"]) for row in rows), None)
 
     def sampled(self, joint: str, since: datetime, until: datetime, count: int) -> list[ScoreRow]:
@@ -222,14 +219,20 @@ class Reader:
         )
         step = (until - since) / count
         spans = ((micros(since + k * step), micros(since + (k + 1) * step)) for k in range(count))
-        return [_score(joint, row) for span in spans for row in self._db.conn.execute(query, [joint, *span])]
+        return [_score(joint, row) for span in spans for row in self._db.execute(query, [joint, *span])]
 
     def devices(self) -> list[DeviceRow]:
         """What each servo bus and accelerometer has delivered and lost, as the service last wrote it."""
         if self._version < 2:
             return []
-        rows = self._db.query("SELECT * FROM device ORDER BY name")
+        rows = self._rows("SELECT * FROM device ORDER BY name")
         return [DeviceRow(time=from_micros(row.pop("time_us")), **row) for row in rows]
+
+    def _rows(self, query: str, parameters: Sequence[object] | Mapping[str, object] = ()) -> list[dict[str, Any]]:
+        """The rows of a short answer, by the names of their columns."""
+        cursor = self._db.execute(query, parameters)
+        names = [column[0] for column in cursor.description]
+        return [dict(zip(names, row, strict=True)) for row in cursor]
 
 
 def _maybe(count: int | None) -> datetime | None:

@@ -55,18 +55,33 @@ class DynamixelOptions(JointOptions, frozen=True, kw_only=True, forbid_unknown_f
     id: int
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class _Servo:
-    """One servo on the line and when to ask it next [s]; ``pause`` [s] is 0 while it answers."""
+    """One servo on the line; one that is silent rests until a time [s], and then for twice that ``pause`` [s]."""
 
     joint: str
     id: int
     model: Model
-    period: float
     question: Question | None
     """the plain question of protocol 1.0"""
-    due: float = 0.0
     pause: float = 0.0
+    rests_until: float = 0.0
+
+
+@dataclass(slots=True)
+class _Group:
+    """Servos that are asked together, every ``period`` [s], and when next [s]."""
+
+    servos: list[_Servo]
+    period: float
+    due: float = 0.0
+
+    def advance(self, now: float) -> int:
+        """Sets the next turn, on the grid of the period; how many turns went by meanwhile."""
+        self.due += self.period
+        late = int((now - self.due) / self.period) + 1 if self.due <= now else 0
+        self.due += late * self.period
+        return late
 
 
 _State = tuple[_Servo, float, bytes]
@@ -76,7 +91,7 @@ _State = tuple[_Servo, float, bytes]
 class DynamixelBus:
     """All Dynamixel servos on one port; see ``base.ServoBus``.
 
-    Each servo is asked at multiples of its poll period.  Those of protocol 1.0 are read one by one, those of 2.0 by one
+    Servos are asked at multiples of their poll period.  Those of protocol 1.0 are read one by one, those of 2.0 by one
     sync read; whoever is missing in its answer is asked once more alone, because one silent servo keeps those after it
     from answering.  A sample's time is that of its request, which a servo obeys within its return delay (0.5 ms as
     shipped); the answer's may be 16 ms later.
@@ -86,7 +101,11 @@ class DynamixelBus:
         """Raises DriverError for an unknown model, an id used twice or different baud rates."""
         _check(joints)
         self._clock = clock
-        self._servos = [_Servo(j.name, j.id, MODELS[j.model], 1 / j.poll_hz, _question(j)) for j in joints]
+        self._servos = [_Servo(j.name, j.id, MODELS[j.model], _question(j)) for j in joints]
+        rates: dict[float, list[_Servo]] = {}
+        for joint, servo in zip(joints, self._servos, strict=True):
+            rates.setdefault(joint.poll_hz, []).append(servo)
+        self._groups = [_Group(servos, 1 / rate) for rate, servos in rates.items()]
         self._port = BusPort(joints[0].port, joints[0].baudrate)
         self._handlers = {1: Protocol1PacketHandler(), 2: Protocol2PacketHandler()}
         self.resolution_rad = max(servo.model.step for servo in self._servos)
@@ -137,9 +156,10 @@ class DynamixelBus:
         self._port.close()
 
     def _start(self) -> None:
-        now = self._clock.now()
+        for group in self._groups:
+            group.due = self._clock.now()
         for servo in self._servos:
-            servo.due, servo.pause = now, 0.0
+            servo.rests_until = servo.pause = 0.0
 
     def _ping(self, servo: _Servo) -> tuple[int | None, int]:
         """The model number that answers at this id and the protocol it speaks, its own one first."""
@@ -152,13 +172,14 @@ class DynamixelBus:
 
     def _poll(self, states: list[_State]) -> int:
         """Asks the servos whose turn it is; how many polls went by meanwhile."""
-        now = self._clock.now()
-        asked = [servo for servo in self._servos if servo.due <= now]
-        plain = [servo for servo in asked if servo.question]
-        self._read_in_turn(plain, states)
-        if len(plain) < len(asked):
-            self._read_group([servo for servo in asked if not servo.question], states)
-        return self._schedule(asked)
+        now, lost = self._clock.now(), 0
+        for group in self._groups:
+            if group.due <= now:
+                asked = [servo for servo in group.servos if servo.rests_until <= now]
+                self._read_in_turn([servo for servo in asked if servo.question], states)
+                self._read_group([servo for servo in asked if not servo.question], states)
+                lost += group.advance(self._clock.now()) * len(asked)
+        return lost
 
     def _read_in_turn(self, servos: list[_Servo], states: list[_State]) -> None:
         """Asks servos of protocol 1.0 one after the other; looks at the answers, all of one length, when all came."""
@@ -218,23 +239,11 @@ class DynamixelBus:
             states.append((servo, now, bytes(data)))
         else:
             servo.pause = min(2 * servo.pause, LONGEST_PAUSE_S) or FIRST_PAUSE_S
+            servo.rests_until = self._clock.now() + servo.pause
 
     def _turn(self) -> float:
-        """When the next servo is to be asked [s]."""
-        return min([servo.due for servo in self._servos])
-
-    def _schedule(self, asked: list[_Servo]) -> int:
-        """Sets the next turns, on the grid of each servo's period; how many polls went by meanwhile."""
-        now, lost = self._clock.now(), 0
-        for servo in asked:
-            servo.due += servo.period
-            if servo.due <= now:
-                late = int((now - servo.due) / servo.period) + 1
-                lost += late
-                servo.due += late * servo.period
-            while servo.due < now + servo.pause:
-                servo.due += servo.period
-        return lost
+        """When servos are to be asked next [s]."""
+        return min([group.due for group in self._groups])
 
     def _silent(self) -> tuple[str, ...]:
         return tuple(servo.joint for servo in self._servos if servo.pause)
