@@ -41,10 +41,11 @@ bench: $(READY)  ## speed and memory as ratios, side by side in one run
 bench-hidden: $(READY)  ## recordings with a hidden effect: what lab explain makes of them (table and figure, takes long)
 	$(BIN)/python -m bench.hidden_effects run --seed $(or $(SEED),0) --figures docs/figures
 
-bench-detector: $(READY)  ## the detector against its rivals and the bounds: table, ROC pictures, size of the play
+bench-detector: $(READY)  ## the detector against its rivals and the bounds: table, ROC pictures, size of the play, which joint
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,bench]'
 	$(BIN)/python -m bench.roc --figures docs/figures
 	$(BIN)/python -m bench.play_size
+	$(BIN)/python -m bench.attribution
 	$(BIN)/python -m bench.detector
 
 table1: $(READY)  ## the paper's section 4 again: table 1 with confidence intervals, figures 4 and 5

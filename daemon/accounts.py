@@ -7,17 +7,18 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from datetime import datetime
 
-from lostmotion.daemon.records import DeviceRow, Health
+from lostmotion.daemon.records import DeviceRow, Health, Origins
 from lostmotion.daemon.robot import Robot
 from lostmotion.daemon.store import Store
 
-__all__ = ["device_rows", "log_summary", "status_line"]
+__all__ = ["log_summary", "rows", "status_line"]
 
 log = logging.getLogger(__name__)
 
 
-def device_rows(robot: Robot, utc: datetime) -> Iterator[DeviceRow]:
-    """The devices' counts, for `status` and `doctor`."""
+def rows(robot: Robot, utc: datetime) -> Iterator[DeviceRow | Origins]:
+    """The devices' counts and whose play it is, for `status` and `doctor`."""
+    yield Origins(tuple(attributor.origin for attributor in robot.pipeline.attributors))
     for poller in robot.pollers:
         of, ring = poller.account, robot.rings.get(poller.name)
         reason = of.reason or "; ".join(of.faults.values())

@@ -24,6 +24,7 @@ from lostmotion.daemon.records import (
     Cause,
     Health,
     JointRow,
+    Origin,
     Request,
     ScoreRow,
     Severity,
@@ -41,26 +42,31 @@ DONE = {Verb.ACK: "acknowledged", Verb.SHELVE: "shelved", Verb.UNSHELVE: "unshel
 class JointMonitor:
     """Follows one joint.  ``row`` is its health; every method returns what changed, to be stored and told.
 
-    row, recent (scores, oldest first) and alarms (those that are not normal) carry on where an earlier run stopped.
+    row, recent (scores, oldest first), alarms (those that are not normal) and origin carry on where an earlier run
+    stopped.
     """
 
     def __init__(
-        self, row: JointRow, options: AlarmOptions, recent: Iterable[ScoreRow] = (), alarms: Iterable[AlarmRow] = ()
-    ) -> None:
+        self, row: JointRow, options: AlarmOptions, recent: Iterable[ScoreRow] = (), alarms: Iterable[AlarmRow] = (),
+        origin: Origin | None = None,
+    ) -> None:  # fmt: skip
         self.row = row
         self._options = options
         self._windows = deque((score for score in recent if score.quality == "ok"), maxlen=options.windows)
         self._days = math.nan
+        self._origin = origin
         self._alarms = {alarm.cause: alarm for alarm in alarms}
         self._wanted = {cause: self._standing(cause) for cause in Cause}
         self._reasons = {cause: self._alarms[cause].reason if cause in self._alarms else "" for cause in Cause}
         self._leaning: dict[Cause, tuple[bool, datetime]] = {}
 
-    def scored(self, score: ScoreRow) -> list[Change]:
-        """Takes one scored window; what its quality puts in doubt does not count."""
+    def scored(self, score: ScoreRow, origin: Origin | None = None) -> list[Change]:
+        """Takes one scored window; what its quality puts in doubt does not count.  Where joints share accelerometers,
+        play that is another one's is no alarm of this one."""
         if score.quality != "ok":
             return []
         self._windows.append(score)
+        self._origin = origin
         self._judge()
         return self._update(score.time)
 
@@ -111,13 +117,18 @@ class JointMonitor:
         return changes
 
     def _judge(self) -> None:
-        if len(self._windows) < min(LEAST_WINDOWS, self._options.windows):
+        origin = self._origin
+        # Before joints are suspected that another one may drown out, all the windows that count are waited for.
+        least = self._options.windows if origin and origin.is_open else LEAST_WINDOWS
+        if len(self._windows) < min(least, self._options.windows):
             return
         ratios = [score.score / score.level for score in self._windows]
         plays = [score.play for score in self._windows if math.isfinite(score.play)]
         share = sum(ratio > 1 for ratio in ratios) / len(ratios)
-        evidence = Evidence(len(ratios), share, median(ratios), median(plays) if plays else math.nan, self._days)
-        self._want(Cause.PLAY, grade(evidence, self._options, self._wanted[Cause.PLAY]), str(evidence))
+        play = median(plays) if plays else math.nan
+        evidence = Evidence(len(ratios), share, median(ratios), play, self._days, str(origin or ""))
+        severity = grade(evidence, self._options, self._wanted[Cause.PLAY])
+        self._want(Cause.PLAY, None if origin and origin.acquits(self.row.name) else severity, str(evidence))
 
     def _want(self, cause: Cause, severity: Severity | None, reason: str) -> None:
         self._wanted[cause], self._reasons[cause] = severity, reason

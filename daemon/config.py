@@ -91,11 +91,26 @@ class Config:
         """The accelerometer of that name, which must exist."""
         return next(sensor for sensor in self.accelerometers if sensor.name == name)
 
+    def levers(self, joint: JointOptions) -> dict[str, float]:
+        """Lever arms of a joint [m] at the accelerometers that feel it."""
+        return {joint.accelerometer: self.accelerometer(joint.accelerometer).oscillator.length_m} | joint.levers_m
+
     def settings(self, joint: str) -> DetectorSettings:
         """The detector's settings for a joint: its oscillator, then ``[detector]``, then ``[joint.detector]``."""
-        oscillator = self.accelerometer(self.joint(joint).accelerometer).oscillator
-        given = self.detector.given() | self.overrides.get(joint, DetectorOptions()).given()
-        bar = {"f_res_hz": oscillator.f_res_hz, "zeta": oscillator.zeta, "length_m": oscillator.length_m}
+        options = self.joint(joint)
+        lever = self.levers(options)[options.accelerometer]
+        return self._settings(self.accelerometer(options.accelerometer), lever, self.overrides.get(joint))
+
+    def bar_settings(self, sensor: AccelerometerOptions) -> DetectorSettings:
+        """Those for an accelerometer whatever moves it: its oscillator and what holds for the first joint on it."""
+        first = next((joint.name for joint in self.joints if joint.accelerometer == sensor.name), "")
+        return self._settings(sensor, sensor.oscillator.length_m, self.overrides.get(first))
+
+    def _settings(
+        self, sensor: AccelerometerOptions, length_m: float, override: DetectorOptions | None
+    ) -> DetectorSettings:
+        bar = {"f_res_hz": sensor.oscillator.f_res_hz, "zeta": sensor.oscillator.zeta, "length_m": length_m}
+        given = self.detector.given() | (override.given() if override else {})
         return DetectorSettings(**cast(Any, bar | given))
 
 

@@ -77,11 +77,18 @@ def _names(config: Config) -> None:
                 f"joint {joint.name!r}.accelerometer: found {joint.accelerometer!r}, "
                 f"expected the name of an accelerometer: {', '.join(sorted(sensors))}"
             )
+        for name in joint.levers_m.keys() - sensors:
+            raise CrossCheckError(
+                f"joint {joint.name!r}.levers_m: found {name!r}, "
+                f"expected names of accelerometers: {', '.join(sorted(sensors))}"
+            )
 
 
 def _ranges(config: Config) -> None:
     for joint in config.joints:
         _within(f"joint {joint.name!r}.poll_hz", joint.poll_hz, 1.0, 10_000.0)
+        for name, lever in joint.levers_m.items():
+            _within(f"joint {joint.name!r}.levers_m.{name} (without its sign)", abs(lever), 1e-3, 10.0)
     for sensor in config.accelerometers:
         path = f"accelerometer {sensor.name!r}"
         _within(f"{path}.rate_hz", sensor.rate_hz, 1.0, 100_000.0)

@@ -11,7 +11,7 @@ from datetime import datetime, timedelta
 from lostmotion.daemon import outlook, requests
 from lostmotion.daemon.alarm import Change
 from lostmotion.daemon.options import AlarmOptions
-from lostmotion.daemon.records import Answer, Cause, Health, JointRow, ScoreRow
+from lostmotion.daemon.records import Answer, Cause, Health, JointRow, Origin, ScoreRow
 from lostmotion.daemon.store import Store
 
 __all__ = ["AlarmDesk"]
@@ -60,9 +60,9 @@ class AlarmDesk:
         """The present health of each joint."""
         return [monitor.row.health for monitor in self._monitors.values()]
 
-    def scored(self, row: ScoreRow) -> None:
-        """A window has been scored."""
-        self._change(self._monitors[row.joint].scored(row))
+    def scored(self, row: ScoreRow, origin: Origin | None = None) -> None:
+        """A window has been scored; origin: whose play it may be."""
+        self._change(self._monitors[row.joint].scored(row, origin))
 
     def look(self, joint: str, fault: str | None, utc: datetime) -> None:
         """Time has passed; fault: what is wrong with the joint's devices, "" for nothing, None while it is unknown."""

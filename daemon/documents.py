@@ -6,9 +6,9 @@ from datetime import datetime
 from typing import Any
 
 from lostmotion.daemon.reader import Reader
-from lostmotion.daemon.records import AlarmRow, JointRow, ScoreRow, Transition, iso
+from lostmotion.daemon.records import AlarmRow, JointRow, Origin, ScoreRow, Transition, iso
 
-__all__ = ["SCORE_KEYS", "alarm", "history", "joint", "score", "status", "transition"]
+__all__ = ["SCORE_KEYS", "alarm", "attribution", "history", "joint", "score", "status", "transition"]
 
 SCORE_KEYS = ("time", "score", "level", "impact", "play", "play_low", "play_high", "quality")
 
@@ -47,9 +47,15 @@ def joint(row: JointRow, last: ScoreRow | None, alarms: list[AlarmRow]) -> dict[
 
 
 def status(reader: Reader) -> dict[str, Any]:
-    """All joints, their health and their active alarms."""
+    """All joints, their health and their active alarms; where joints share accelerometers, whose play it is."""
     joints = [joint(row, reader.last_window(row.name), reader.active_alarms(row.name)) for row in reader.joints()]
-    return {"robot": reader.robot(), "joints": joints}
+    return {"robot": reader.robot(), "joints": joints} | attribution(reader.origins())
+
+
+def attribution(origins: list[Origin]) -> dict[str, Any]:
+    """The probability that each joint has play, for each group that shares accelerometers; nothing without any."""
+    told = [{"joints": dict(origin.probabilities), "windows": origin.windows} for origin in origins]
+    return {"attribution": told} if told else {}
 
 
 def history(joint: str, scores: list[ScoreRow]) -> dict[str, Any]:

@@ -18,19 +18,22 @@ LEAST_WINDOWS = 5
 @dataclass(frozen=True, slots=True)
 class Evidence:
     """windows: how many count; share: of them above the level; ratio: median of score / level; play: its median size
-    [rad]; days: until the score reaches the level as its trend goes.  NaN is unknown, and leads nowhere."""
+    [rad]; days: until the score reaches the level as its trend goes.  NaN is unknown, and leads nowhere.  origin: whose
+    play it is, in words, where joints share accelerometers."""
 
     windows: int
     share: float
     ratio: float
     play: float = math.nan
     days: float = math.nan
+    origin: str = ""
 
     def __str__(self) -> str:
         share = f"{self.share:.0%} of the last {self.windows} windows above the level"
         size = f", {math.degrees(self.play) * 60:.1f}' wide" if self.play == self.play else ""
         trend = f", reaching it in {self.days:.0f} days as its trend goes" if self.days == self.days else ""
-        return f"play: {share}, median {self.ratio:.2g} x level{size}{trend}"
+        origin = f", {self.origin}" if self.origin else ""
+        return f"play: {share}, median {self.ratio:.2g} x level{size}{trend}{origin}"
 
 
 # From worst to best: which figure leads to a severity, and which option is its limit (None: no limit).

@@ -6,8 +6,10 @@ import heapq
 import math
 from collections import Counter, defaultdict, deque
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
+from lostmotion.daemon.attributor import Attributor
+from lostmotion.daemon.records import Origin
 from lostmotion.daemon.ring import Ring
 from lostmotion.detector.commanded import BEFORE_S
 from lostmotion.detector.errors import DetectorError
@@ -45,10 +47,11 @@ class JointPlan:
 
 @dataclass(frozen=True, slots=True)
 class Scored:
-    """A window and what the detector says of it."""
+    """A window and what the detector says of it; origin: where play comes from, of joints that share accelerometers."""
 
     window: Window
     score: Score
+    origin: Origin | None = None
 
 
 @dataclass(slots=True)
@@ -103,19 +106,25 @@ class _Joint:
 
 
 class Pipeline:
-    """All joints of a robot.  ``rings`` by accelerometer; ``virtual``: data may come late and is waited for.
+    """All joints of a robot.  ``rings`` by accelerometer; ``virtual``: data may come late and is waited for;
+    ``attributors``: for joints that share accelerometers.
 
     Call ``servo`` with what the joints said, then ``step``.
     """
 
-    def __init__(self, plans: Iterable[JointPlan], rings: Mapping[str, Ring], virtual: bool = False) -> None:
+    def __init__(
+        self, plans: Iterable[JointPlan], rings: Mapping[str, Ring], virtual: bool = False,
+        attributors: Iterable[Attributor] = (),
+    ) -> None:  # fmt: skip
         self._joints = {plan.joint: _Joint(plan) for plan in plans}
         self._rings = rings
-        self._behind = {
-            name: [joint for joint in self._joints.values() if joint.plan.accelerometer == name] for name in rings
-        }
         self._virtual = virtual
         self._closed = False
+        self.attributors = tuple(attributors)
+        self._shared = {joint: attributor for attributor in self.attributors for joint in attributor.joints}
+        self._behind = {
+            name: [joint for joint in self._joints.values() if self._is_felt(joint, name)] for name in rings
+        }
 
     @property
     def counts(self) -> dict[str, Counts]:
@@ -151,12 +160,30 @@ class Pipeline:
     def step(self, now: float) -> list[Scored]:
         """The windows whose acceleration is there, or for which it is no longer waited at robot time ``now`` [s]."""
         done = [scored for joint in self._joints.values() for scored in self._finish(joint, now)]
+        if self.attributors:
+            done = self._attribute(done)
         for name, ring in self._rings.items():
             joints = self._behind[name]
             if self._virtual or ring.crowded:
                 ring.release(min((self._needed(joint, ring) for joint in joints), default=math.inf))
             ring.expect(_together(pending.end for joint in joints for pending in joint.pending))
         return done
+
+    def _attribute(self, done: list[Scored]) -> list[Scored]:
+        """The same in time order, each with what is known by now of whose play it is."""
+        done.sort(key=lambda scored: scored.window.start)
+        for scored in done:
+            if scored.window.joint in self._shared:
+                self._shared[scored.window.joint].hear(scored.window)
+        for attributor in self.attributors:
+            attributor.step(self._rings, self._joints)
+        told = {joint: attributor.origin for joint, attributor in self._shared.items()}
+        return [replace(scored, origin=told.get(scored.window.joint)) for scored in done]
+
+    def _is_felt(self, joint: _Joint, accelerometer: str) -> bool:
+        """Whether windows of this joint need that accelerometer."""
+        shared = self._shared.get(joint.plan.joint)
+        return accelerometer in (shared.accelerometers if shared else (joint.plan.accelerometer,))
 
     def _finish(self, joint: _Joint, now: float) -> Iterable[Scored]:
         ring = self._rings[joint.plan.accelerometer]
@@ -194,7 +221,11 @@ class Pipeline:
         """The score with the size of the play, from before its reversal on."""
         plan, start, length = joint.plan, score.time - BEFORE_S, score.duration + BEFORE_S
         times, accel = ring.slice(start - 1 / plan.rate_hz, start + length + 1 / plan.rate_hz)
-        stretch = cut(plan.joint, times, accel, start, length, plan.rate_hz)
+        stretch: Window | None = cut(plan.joint, times, accel, start, length, plan.rate_hz)
+        if stretch and plan.joint in self._shared:
+            stretch = self._shared[plan.joint].alone(stretch, plan.accelerometer, self._joints)
+        if stretch is None:
+            return replace(score, play_reason="another joint may have struck")
         near = [told for told in joint.commands if start - BEFORE_S <= told[0] <= start + length + BEFORE_S]
         return with_play(score, stretch, [time for time, _ in near], [angle for _, angle in near], plan.settings)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,6 +24,7 @@ from lostmotion.daemon.records import (
     DeviceRow,
     Health,
     JointRow,
+    Origin,
     Request,
     ScoreRow,
     Severity,
@@ -126,6 +128,11 @@ class Reader:
     def robot(self) -> str:
         """The robot's name."""
         return str(next((row["value"] for row in self._rows("SELECT value FROM meta WHERE key = 'robot'")), ""))
+
+    def origins(self) -> list[Origin]:
+        """Where play comes from, for each group of joints that share accelerometers, as the service last wrote it."""
+        told = next((row["value"] for row in self._rows("SELECT value FROM meta WHERE key = 'origins'")), "[]")
+        return [Origin(probabilities, windows) for probabilities, windows in json.loads(told)]
 
     def joints(self) -> list[JointRow]:
         """All joints ever seen and their health, by name."""

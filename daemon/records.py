@@ -6,6 +6,7 @@ Times are UTC, units SI, NaN is unknown.  Nothing here reads a clock.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from enum import Enum
@@ -25,6 +26,8 @@ __all__ = [
     "DeviceRow",
     "Health",
     "JointRow",
+    "Origin",
+    "Origins",
     "Request",
     "ScoreRow",
     "Severity",
@@ -38,6 +41,8 @@ __all__ = [
 
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+SURE = 0.95
+"""a joint with this probability has play, one with the rest has none"""
 
 
 class Health(Enum):
@@ -217,6 +222,39 @@ class JointRow:
 
 
 @dataclass(frozen=True, slots=True)
+class Origin:
+    """Joints that share accelerometers, and the probability that each of them has play, after so many windows."""
+
+    probabilities: Mapping[str, float]
+    windows: int
+
+    def acquits(self, joint: str) -> bool:
+        """Whether the play that this joint's windows show is another one's."""
+        return self.probabilities[joint] <= 1 - SURE and max(self.probabilities.values()) >= SURE
+
+    @property
+    def is_open(self) -> bool:
+        """Whether no joint is named yet."""
+        return max(self.probabilities.values()) < SURE
+
+    def __str__(self) -> str:
+        guilty = [f"{joint} ({_percent(p)})" for joint, p in self.probabilities.items() if p >= SURE]
+        if guilty:
+            return f"most probably of {' and '.join(guilty)}"
+        names = list(self.probabilities)
+        if max(self.probabilities.values()) <= 1 - SURE:
+            return f"most probably of none of {', '.join(names)}"
+        return f"of {', '.join(names[:-1])} or {names[-1]}: cannot be told apart yet"
+
+
+@dataclass(frozen=True, slots=True)
+class Origins:
+    """All that is known of where play comes from, as far as joints share accelerometers."""
+
+    groups: tuple[Origin, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class DeviceRow:
     """What a servo bus or accelerometer has delivered since the service started, as of ``time``."""
 
@@ -230,6 +268,10 @@ class DeviceRow:
     broken: int
     silent: int
     overwritten: int
+
+
+def _percent(probability: float) -> str:
+    return f"{probability:.0%}" if probability < 0.995 else "over 99%"
 
 
 def iso(time: datetime) -> str:

@@ -54,7 +54,9 @@ def ask(database: Path, request: Request, now: datetime) -> int:
 def resume(reader: Reader, joint: str, options: AlarmOptions, since: datetime) -> JointMonitor:
     """A joint's health and alarms where an earlier run left them; a new joint is OK ``since`` now."""
     row = next((row for row in reader.joints() if row.name == joint), JointRow(joint, since=since))
-    return JointMonitor(row, options, reader.scores(joint, limit=options.windows), reader.alarms(joint, living=True))
+    recent, alarms = reader.scores(joint, limit=options.windows), reader.alarms(joint, living=True)
+    origin = next((origin for origin in reader.origins() if joint in origin.probabilities), None)
+    return JointMonitor(row, options, recent, alarms, origin)
 
 
 def take(

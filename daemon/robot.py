@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Iterator
 
+from lostmotion.daemon.attributor import Attributor, Ear
 from lostmotion.daemon.config import Config
 from lostmotion.daemon.pipeline import JointPlan, Pipeline, Scored
 from lostmotion.daemon.poller import AccelPoller, BusPoller, DeviceState, Inbox, Poller
@@ -34,7 +35,8 @@ class Robot:
         self.clock = _clock(config)
         self.rings = {sensor.name: self._ring(sensor) for sensor in config.accelerometers}
         self.pollers: list[Poller] = [*self._buses(), *self._sensors()]
-        self.pipeline = Pipeline([_plan(config, joint) for joint in config.joints], self.rings, self._virtual)
+        plans = [_plan(config, joint) for joint in config.joints]
+        self.pipeline = Pipeline(plans, self.rings, self._virtual, map(Attributor, _shared(config)))
         self._by_member = {member: poller for poller in self.pollers for member in poller.members}
         self._started = time.monotonic()
 
@@ -123,3 +125,20 @@ def _clock(config: Config) -> Clock:
 def _plan(config: Config, joint: JointOptions) -> JointPlan:
     rate_hz = config.accelerometer(joint.accelerometer).rate_hz
     return JointPlan(joint.name, joint.accelerometer, rate_hz, joint.poll_hz, config.settings(joint.name))
+
+
+def _shared(config: Config) -> list[list[Ear]]:
+    """The accelerometers that several joints move, those together that have a joint in common."""
+    groups: list[list[Ear]] = []
+    for sensor in config.accelerometers:
+        levers = {
+            joint.name: arms[sensor.name] for joint in config.joints if sensor.name in (arms := config.levers(joint))
+        }
+        if not levers:
+            continue
+        ear = Ear(sensor.name, sensor.rate_hz, config.bar_settings(sensor), levers)
+        linked = [group for group in groups if any(levers.keys() & other.levers.keys() for other in group)]
+        groups = [group for group in groups if group not in linked] + [
+            [*(one for group in linked for one in group), ear]
+        ]
+    return [group for group in groups if len({joint for ear in group for joint in ear.levers}) > 1]

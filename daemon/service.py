@@ -124,6 +124,10 @@ class Service:
         config = self._config
         for note in config.notes:
             log.warning("%s", note)
+        if attributors := self._robot.pipeline.attributors:
+            with self._store.reader() as reader:
+                for attributor in attributors:
+                    attributor.resume(reader.origins())
         self._sinks = _sinks(config)
         self._exporter = _exporter(config, self._store, self._robot)
         self._desk = self._open_desk()
@@ -144,7 +148,7 @@ class Service:
         self._robot.stop.set()
         for thread in self._threads:
             thread.join(1.0)
-        self._store.add(*accounts.device_rows(self._robot, self._utc()))
+        self._store.add(*accounts.rows(self._robot, self._utc()))
         self._desk.tell_settled(FINISH_S)
         self._desk.close()
         if self._exporter is not None:
@@ -207,7 +211,7 @@ class Service:
             self._store.add(row)
             if self._config.store.keep_windows_mb:
                 self._store.add(WindowRow.of(scored.window, row.impact, utc))
-            self._guard(self._desk.scored, row)
+            self._guard(self._desk.scored, row, scored.origin)
         self._desk.tell_settled()
 
     def _tell(self, change: Change, again: bool = False) -> None:
@@ -232,7 +236,7 @@ class Service:
                 self._leave_damaged_store()
             self._notifier.status(accounts.status_line(self._robot, self._store, self._desk.healths))
         if self._is_due(ACCOUNT_S):
-            self._store.add(*accounts.device_rows(self._robot, self._utc()))
+            self._store.add(*accounts.rows(self._robot, self._utc()))
         if self._is_due(SUMMARY_S):
             accounts.log_summary(self._robot, self._store)
         self._feed_watchdog()

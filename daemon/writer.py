@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import sqlite3
 import time
@@ -11,12 +12,12 @@ from datetime import datetime
 from pathlib import Path
 
 from lostmotion.daemon import database
-from lostmotion.daemon.records import Answer, DeviceRow, JointRow, ScoreRow, Transition, WindowRow, micros
+from lostmotion.daemon.records import Answer, DeviceRow, JointRow, Origins, ScoreRow, Transition, WindowRow, micros
 from lostmotion.daemon.rollup import roll_up
 
 __all__ = ["Policy", "Row", "Writer"]
 
-Row = ScoreRow | WindowRow | Transition | JointRow | DeviceRow | Answer
+Row = ScoreRow | WindowRow | Transition | JointRow | DeviceRow | Origins | Answer
 ALARM = (
     "joint_id, cause, severity, state, raised_us, acknowledged_us, cleared_us, shelved_until_us, told_us, reminders,"
     " reason"
@@ -106,6 +107,10 @@ class Writer:
                     values = [row.name, micros(row.time), row.state, row.reason, row.samples, row.lost, row.late]
                     values += [row.broken, row.silent, row.overwritten]
                     self._db.execute("INSERT OR REPLACE INTO device VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", values)
+
+                case Origins():
+                    groups = [[dict(origin.probabilities), origin.windows] for origin in row.groups]
+                    self._db.execute("INSERT OR REPLACE INTO meta VALUES ('origins', ?)", [json.dumps(groups)])
 
     def _id(self, joint: str) -> int:
         if joint not in self._joints:

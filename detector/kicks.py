@@ -17,12 +17,16 @@ STEP = 0.145
 """Grid of the kicks in periods of the bar."""
 KICK = 0.1
 """Usual change of the joint's speed in a step of the grid [rad/s]."""
+LEAST_WIDTH, SAMPLES_WIDE = 3, 3.0
+"""As long as the inverse makes a kick: steps of the grid at least, and samples."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Inverse:
     """Kicks at times (K,) from accelerations (N,): gain (K, N), covariance (K, K), twice (K, K) making angles of kicks,
-    sums (K, K) of three neighbours and the standard deviation (K,) of these."""
+    sums (K, K) of three neighbours and the standard deviation (K,) of these; width: steps that a
+    kick is spread over; sharp (K, K) and its deviation: what a sum of these has more than the mean of those before and
+    after, which is zero for a smooth motion."""
 
     times: FloatArray
     gain: FloatArray
@@ -30,6 +34,9 @@ class Inverse:
     twice: FloatArray
     sums: FloatArray
     deviation: FloatArray
+    width: int
+    sharp: FloatArray
+    sharp_deviation: FloatArray
 
 
 def noise_of(accel: FloatArray, settings: DetectorSettings) -> float:
@@ -53,11 +60,19 @@ def inverse(length: int, rate_hz: float, noise: float, settings: DetectorSetting
     covariance = np.linalg.inv(response.T @ response / noise**2 + np.diag(trust))
     gain = covariance @ response.T / noise**2
     sums = np.eye(count) + np.eye(count, k=1) + np.eye(count, k=-1)
-    own = covariance[:count, :count]
-    deviation = np.asarray(np.sqrt(np.diag(sums @ own @ sums.T)))
+    own = np.asarray(covariance[:count, :count], dtype=np.float64)
+    width = 2 * math.ceil((max(SAMPLES_WIDE / rate_hz / step, LEAST_WIDTH) - 1) / 2) + 1
+    wide = np.sum([np.eye(count, k=shift) for shift in range(-(width // 2), width // 2 + 1)], axis=0)
+    sharp = wide - (np.roll(wide, width, axis=0) + np.roll(wide, -width, axis=0)) / 2
     return Inverse(
-        kicks, gain[:count], np.asarray(own, dtype=np.float64), np.maximum(kicks[:, None] - kicks, 0.0), sums, deviation
-    )
+        kicks, gain[:count], own, np.maximum(kicks[:, None] - kicks, 0.0),
+        sums, _deviation(sums, own), width, sharp, _deviation(sharp, own),
+    )  # fmt: skip
+
+
+def _deviation(rows: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Standard deviation of each row's combination."""
+    return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", rows, covariance, rows)))
 
 
 def _kicked(after: FloatArray, settings: DetectorSettings) -> FloatArray:

@@ -140,7 +140,7 @@ def least_acceleration(amplitude: float, play_rad: float, motion_hz: float, sett
     (6 phi)^(2/3) j^(1/3) / 2, and the tip of a bar of length l then rings with l omega_res v: j = 8 v³ / (6 phi)².
     It must also close while the window is open.  A sway of amplitude a has j = 2π f a where its acceleration is zero.
     """
-    speed = amplitude / (settings.length_m * 2 * math.pi * settings.f_res_hz)
+    speed = amplitude / (abs(settings.length_m) * 2 * math.pi * settings.f_res_hz)
     loud = 8 * speed**3 / (6 * play_rad) ** 2
     soon = 6 * play_rad / (OPEN_SHARE * (settings.window_s or LONGEST_S)) ** 3
     return max(loud, soon) / (2 * math.pi * motion_hz)

@@ -33,8 +33,9 @@ class DetectorSettings:
 
     statistic: "band", eq. 8, or "ringdown" (``ringdown.scores``), which alone looks at the noise: noise_ms2 [m/s²] is
     the standard deviation of what cannot be foretold of a healthy window's noise, None if unknown; noise_colour its
-    reflection coefficients (``whitening.fit_noise``), () for white.  length_m: of the bar [m]; flank_exponent: n of
-    eq. 1 (``play_size``); play_size: whether it is estimated, which needs an accelerometer and a command in rad.
+    reflection coefficients (``whitening.fit_noise``), () for white.  length_m: from the joint's axis to the
+    accelerometer [m], negative where the joint turns the other way round; flank_exponent: n of eq. 1 (``play_size``);
+    play_size: whether it is estimated, which needs an accelerometer and a command in rad.
     """
 
     f_res_hz: float

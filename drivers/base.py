@@ -106,13 +106,18 @@ class OscillatorOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
 
 
 class JointOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What every ``[[joint]]`` table has; a driver adds its own keys in a subclass."""
+    """What every ``[[joint]]`` table has; a driver adds its own keys in a subclass.
+
+    levers_m: how far the joint's axis is from the accelerometers that feel it [m], by their names, negative where the
+    joint turns the other way round; its own accelerometer's, unless given, is the length of the bar.
+    """
 
     name: str
     driver: str
     port: str = ""
     poll_hz: float = 100.0
     accelerometer: str
+    levers_m: dict[str, float] = {}
 
 
 class AccelerometerOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -99,6 +99,11 @@ class SimulatedRobot(VirtualClock):
                 rides_on = SimulatedJointOptions(name=name, driver="simulated", accelerometer=name)
                 self.add_joint(rides_on).is_read = False
             for joint in self._joints:
+                if others := joint.options.levers_m.keys() - {joint.options.accelerometer}:
+                    raise DriverError(
+                        f"{joint.options.name}: levers_m: found {', '.join(sorted(others))}, expected only "
+                        f"{joint.options.accelerometer}: a simulated joint moves no other accelerometer"
+                    )
                 joint.prepare(self._options.motion, self._sensors.get(joint.options.accelerometer))
         if time.monotonic() - begin > WORTH_TELLING_S:
             log.info("the model was compiled in %.0f s; it is kept for the next start", time.monotonic() - begin)
@@ -121,7 +126,7 @@ class SimulatedRobot(VirtualClock):
             bar = self._sensors.get(joint.options.accelerometer)
             felt = joint.move(step, bar.times(step) if bar else np.empty(0))
             if bar:
-                tips[bar.options.name] += felt
+                tips[bar.options.name] += joint.reach(bar) * felt
         for name, bar in self._sensors.items():
             bar.feel(step, tips[name])
         self.advance(step.end)
@@ -149,6 +154,11 @@ class Gear:
     def play_m(self, robot_time: float) -> float:
         """The gap after so much operation [m]."""
         return self.options.play_m * math.exp(self.options.wear_per_year * robot_time / YEAR_S)
+
+    def reach(self, bar: Bar) -> float:
+        """The joint's lever arm at its accelerometer in lengths of the bar: so much louder it is there."""
+        length_m = bar.options.oscillator.length_m
+        return self.options.levers_m.get(bar.options.name, length_m) / length_m
 
     def prepare(self, motion: str, bar: Bar | None) -> None:
         """Builds the model with the bar's oscillator on it, and runs it once.  Raises DriverError."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lostmotion.detector.trigger import Trigger
 from lostmotion.detector.window import DetectorSettings
-from lostmotion.model import HandWaved, Sampled, build_model
+from lostmotion.model import HandWaved, Motion, Sampled, build_model
 
 __all__ = [
     "LENGTH_M",
@@ -29,6 +29,7 @@ __all__ = [
     "from_mujoco",
     "joined",
     "tip",
+    "tip_without_play",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -72,18 +73,18 @@ def from_model(seed: int, play_m: float, bar: Bar, window_s: float) -> Windows:
     motion = HandWaved(seed)
     times = np.arange(round(RECORD_S * bar.rate_hz)) / bar.rate_hz
     worn = tip(motion, times, play_m, bar, mujoco=False)
-    return _cut(motion, times, worn, _without_play(motion, times, bar), play_m, bar, window_s)
+    return _cut(motion, times, worn, tip_without_play(motion, times, bar), play_m, bar, window_s)
 
 
 def from_mujoco(seed: int, play_m: float, bar: Bar, window_s: float) -> Windows:
     """The same, with the joint of MuJoCo: hard stops instead of eq. 1."""
     motion = HandWaved(seed)
     times = np.arange(round(RECORD_S * bar.rate_hz)) / bar.rate_hz
-    return _cut(motion, times, tip(motion, times, play_m, bar, mujoco=True), _without_play(motion, times, bar),
+    return _cut(motion, times, tip(motion, times, play_m, bar, mujoco=True), tip_without_play(motion, times, bar),
                 play_m, bar, window_s)  # fmt: skip
 
 
-def tip(motion: HandWaved, times: FloatArray, play_m: float, bar: Bar, mujoco: bool) -> FloatArray:
+def tip(motion: Motion, times: FloatArray, play_m: float, bar: Bar, mujoco: bool) -> FloatArray:
     """Tip acceleration [m/s²] at times [s], evenly spaced from 0, of a joint with play, without noise."""
     if mujoco:
         return _mujoco(motion, times, play_m, bar)
@@ -97,7 +98,7 @@ def joined(parts: Iterator[Windows] | list[Windows]) -> Windows:
     return Windows(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
-def _without_play(motion: HandWaved, times: FloatArray, bar: Bar) -> FloatArray:
+def tip_without_play(motion: Motion, times: FloatArray, bar: Bar) -> FloatArray:
     """The gear follows exactly: by eq. 7 the bar is an oscillator under the force -m l theta_1''."""
     values = {name: value for name, value in bar.values.items() if name != "l"}
     knots = np.arange(times[0], times[-1] + 0.01, 2e-3)
@@ -144,7 +145,7 @@ SCENE = """
 </mujoco>"""
 
 
-def _mujoco(motion: HandWaved, times: FloatArray, play_m: float, bar: Bar) -> FloatArray:
+def _mujoco(motion: Motion, times: FloatArray, play_m: float, bar: Bar) -> FloatArray:
     """Tip acceleration of a link that hangs with a free range on a moving shaft.
 
     In the shaft's frame: the link's angle against the shaft is limited to ± half the play, and feels the shaft's

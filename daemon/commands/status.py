@@ -10,7 +10,7 @@ from lostmotion.daemon import documents
 from lostmotion.daemon.commands import output, times
 from lostmotion.daemon.commands.where import open_reader
 from lostmotion.daemon.reader import Reader
-from lostmotion.daemon.records import AlarmRow, AlarmState, DeviceRow, Health, JointRow, ScoreRow
+from lostmotion.daemon.records import AlarmRow, AlarmState, DeviceRow, Health, JointRow, Origin, ScoreRow
 
 __all__ = ["status"]
 
@@ -33,12 +33,12 @@ class JointStatus:
 def status(config: Path | None, database: Path | None, fail: bool, as_json: bool) -> int:
     """Prints it; 1 when ``fail`` is asked for and an alarm is active."""
     with open_reader(config, database) as reader:
-        robot, joints, devices = reader.robot(), _joints(reader), reader.devices()
+        robot, joints, devices, origins = reader.robot(), _joints(reader), reader.devices(), reader.origins()
     if as_json:
         documented = [documents.joint(joint.joint, joint.last, joint.active) for joint in joints]
-        output.print_json({"robot": robot, "joints": documented})
+        output.print_json({"robot": robot, "joints": documented} | documents.attribution(origins))
     else:
-        _print(robot, joints, devices, datetime.now(UTC))
+        _print(robot, joints, devices, origins, datetime.now(UTC))
     return int(fail and any(joint.active for joint in joints))
 
 
@@ -49,7 +49,9 @@ def _joints(reader: Reader) -> list[JointStatus]:
     ]
 
 
-def _print(robot: str, joints: list[JointStatus], devices: list[DeviceRow], now: datetime) -> None:
+def _print(
+    robot: str, joints: list[JointStatus], devices: list[DeviceRow], origins: list[Origin], now: datetime
+) -> None:
     from rich.markup import escape
 
     output.print_markup(f"robot [bold]{escape(robot)}[/bold]" + ("" if joints else ": no joint has been seen yet"))
@@ -59,6 +61,7 @@ def _print(robot: str, joints: list[JointStatus], devices: list[DeviceRow], now:
         output.print_table(columns, rows, right=("score", "level", "play"))
     for alarm in (alarm for joint in joints for alarm in joint.alarms):
         output.print_lines([_alarm(alarm)])
+    output.print_lines([f"play: {origin}, after {origin.windows} windows" for origin in origins])
     output.print_lines([line for device in devices if (line := _complaint(device))])
 
 

@@ -17,6 +17,7 @@ from lostmotion.daemon.records import (
     Cause,
     Health,
     JointRow,
+    Origin,
     Request,
     ScoreRow,
     Severity,
@@ -246,3 +247,25 @@ def test_a_restart_changes_nothing(done: Verb | None) -> None:
     quiet = feed(again, *[0.5] * 10, start=12)
     assert events(quiet)[-1][0] is CLEARED
     assert again.row.health is Health.OK
+
+
+def test_play_of_another_joint_is_no_alarm() -> None:
+    """Windows above the level raise nothing while the play is another joint's for sure; an alarm goes when it turns out
+    to be."""
+    others = Origin({"elbow": 0.01, "wrist": 0.99}, 30)
+    joint = monitor()
+    assert [change for k in range(10) for change in joint.scored(score(3, k), others)] == []
+    assert joint.row.health is Health.OK
+    unclear = Origin({"elbow": 0.6, "wrist": 0.5}, 30)
+    assert (RAISED, Severity.WARNING) in events(joint.scored(score(3, 10), unclear))
+    assert joint.row.reason.endswith("of elbow or wrist: cannot be told apart yet")
+    assert events(joint.scored(score(3, 11), others)) == [(CLEARED, Severity.WARNING)]
+
+
+def test_suspicion_waits_for_all_windows() -> None:
+    """While nobody is named ten windows are waited for; the joint that is named is alarmed after five, as ever."""
+    unclear, named = Origin({"elbow": 0.6, "wrist": 0.5}, 3), Origin({"elbow": 0.99, "wrist": 0.5}, 3)
+    for origin, needed in ((unclear, 10), (named, 5), (None, 5)):
+        joint = monitor()
+        raised = [bool(joint.scored(score(3, k), origin)) for k in range(10)]
+        assert raised.index(True) == needed - 1

@@ -71,6 +71,18 @@ def test_a_good_configuration_is_decoded_to_typed_values() -> None:
     assert good.notes == ()
 
 
+def test_lever_arms() -> None:
+    """A joint's lever arm is the bar's length unless it is given, sets the scale of its play, and may be negative; one
+    that an unknown accelerometer should feel, or of no length, is refused."""
+    given = config.loads(GOOD.replace("id = 3", "id = 3\nlevers_m = { tip = -0.25 }"), "")
+    assert [given.levers(joint) for joint in given.joints] == [{"tip": -0.25}, {"tip": 0.1}]
+    assert (given.settings("elbow").length_m, given.settings("wrist").length_m) == (-0.25, 0.1)
+    for wrong, expected in (("{ top = 1 }", "found 'top', expected names of accelerometers: tip"),
+                            ("{ tip = 0 }", r"levers_m.tip .without its sign.: found 0")):  # fmt: skip
+        with pytest.raises(ConfigError, match=expected):
+            config.loads(GOOD.replace("id = 3", f"id = 3\nlevers_m = {wrong}"), "")
+
+
 @pytest.mark.parametrize(
     ("old", "new", "expected"),
     [

@@ -271,3 +271,39 @@ def test_wrong_options_are_refused(table: dict[str, Any]) -> None:
     """Speeds and seeds that make no sense, and unknown keys, never get as far as a robot."""
     with pytest.raises(msgspec.ValidationError):
         msgspec.convert(table, SimulatedOptions)
+
+
+def shared(levers: Sequence[float], plays: Sequence[float]) -> FloatArray:
+    """Tip acceleration of two joints on one bar of 0.1 m, with these lever arms [m], for five seconds."""
+    settings = SimulatedOptions(speed="max")
+    clock = SimulatedRobot(settings, Pace(math.inf))
+    joints = [
+        SimulatedJointOptions(name=name, driver="simulated", accelerometer="tip", play_m=play, levers_m={"tip": lever})
+        for name, lever, play in zip("ab", levers, plays, strict=True)
+    ]
+    bus = SimulatedJoints(joints, settings, clock)
+    options = SimulatedAccelerometerOptions(
+        name="tip", driver="simulated", rate_hz=1000.0, oscillator=OscillatorOptions(f_res_hz=58.0), noise_ms2=0.0,
+        resolution_ms2=0.0,
+    )  # fmt: skip
+    sensor = SimulatedAccelerometer(options, settings, clock)
+    bus.open()
+    sensor.open()
+    return np.concatenate([sensor.read().accel for _ in range(10)])
+
+
+def test_joints_on_one_bar_add_up_by_their_lever_arms() -> None:
+    """What two joints do to one tip is the sum of what each does alone, as many times as its lever arm is long."""
+    plays = (0.0, 6e-5)
+    one, other = shared((0.1, 1e-9), plays), shared((1e-9, 0.1), plays)
+    np.testing.assert_allclose(shared((0.25, -0.1), plays), 2.5 * one - other, atol=1e-6)
+    assert other.std() > 1.2 * one.std()
+
+
+def test_a_joint_that_should_move_other_accelerometers_is_refused() -> None:
+    """The simulated joints move their own accelerometer only; a lever arm at another one is an error that says so."""
+    clock = SimulatedRobot(SimulatedOptions(speed="max"), Pace(math.inf))
+    options = SimulatedJointOptions(name="a", driver="simulated", accelerometer="tip", levers_m={"upper": 0.1})
+    bus = SimulatedJoints([options], SimulatedOptions(speed="max"), clock)
+    with pytest.raises(DriverError, match="a: levers_m: found upper, expected only tip"):
+        bus.open()

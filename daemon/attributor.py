@@ -1,0 +1,121 @@
+"""Which joint the play comes from, while a service runs: windows of the joints that share accelerometers.
+
+What a window says is ``detector/attribution.py``'s; what it means for alarms is ``alarm.py``'s.  No clock, no I/O.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from lostmotion.daemon.records import SURE, Origin
+from lostmotion.daemon.ring import Ring
+from lostmotion.detector.attribution import Evidence, Mover, attribute, evidence
+from lostmotion.detector.commanded import BEFORE_S, smoothed
+from lostmotion.detector.window import DetectorSettings, Window
+from lostmotion.detector.windows import cut
+
+__all__ = ["Attributor", "Ear"]
+
+WINDOWS = 100
+"""the last so many windows count"""
+GIVE_UP_S = 1.0
+"""how long after its end a window waits for late samples [s]"""
+DOUBT = 0.04
+"""what an earlier run found is believed no more than to this"""
+
+
+@dataclass(frozen=True, slots=True)
+class Ear:
+    """An accelerometer that several joints move: its rate, its bar, and their lever arms [m]."""
+
+    accelerometer: str
+    rate_hz: float
+    settings: DetectorSettings
+    levers: Mapping[str, float]
+
+
+class Speaker(Protocol):
+    """What a joint has said: up to when [s], and its last commands, times [s] and angles [rad]."""
+
+    heard: float
+    commands: deque[tuple[float, float]]
+
+
+class Attributor:
+    """Joints that share accelerometers, directly or by way of others."""
+
+    def __init__(self, ears: Sequence[Ear]) -> None:
+        self.joints = tuple(sorted({joint for ear in ears for joint in ear.levers}))
+        self.accelerometers = tuple(ear.accelerometer for ear in ears)
+        self._ears = ears
+        self._prior = [0.5] * len(self.joints)
+        self._told: deque[Evidence] = deque(maxlen=WINDOWS)
+        self._waiting: deque[Window] = deque()
+        self.origin = Origin(dict.fromkeys(self.joints, 0.5), 0)
+
+    def resume(self, earlier: Iterable[Origin]) -> None:
+        """Begins with what an earlier run found of the same joints."""
+        for origin in earlier:
+            if tuple(sorted(origin.probabilities)) == self.joints:
+                self._prior = [min(max(origin.probabilities[joint], DOUBT), 1 - DOUBT) for joint in self.joints]
+                self._pool()
+
+    def hear(self, window: Window) -> None:
+        """A window of one of these joints has been scored."""
+        self._waiting.append(window)
+
+    def step(self, rings: Mapping[str, Ring], speakers: Mapping[str, Speaker]) -> None:
+        """Takes the windows for which everything is there, and gives up those for which it does not come."""
+        ears, joints = [rings[ear.accelerometer] for ear in self._ears], [speakers[joint] for joint in self.joints]
+        fresh = False
+        while self._waiting:
+            window = self._waiting[0]
+            end = window.start + window.duration
+            there = min(*(ring.newest for ring in ears), *(joint.heard for joint in joints)) >= end
+            if not there and max(ring.newest for ring in ears) < end + GIVE_UP_S:
+                break
+            self._waiting.popleft()
+            found = self._weigh(window, ears, joints) if there else None
+            if found is not None:
+                self._told.append(found)
+                fresh = True
+        if fresh:
+            self._pool()
+
+    def _weigh(self, window: Window, rings: Sequence[Ring], joints: Sequence[Speaker]) -> Evidence | None:
+        start, length = window.start - BEFORE_S, window.duration + BEFORE_S
+        stretches = []
+        for ear, ring in zip(self._ears, rings, strict=True):
+            times, accel = ring.slice(start - 1 / ear.rate_hz, start + length + 1 / ear.rate_hz)
+            stretches.append(cut("", times, accel, start, length, ear.rate_hz))
+        movers = []
+        for name, joint in zip(self.joints, joints, strict=True):
+            times, angles = np.array(joint.commands).reshape(-1, 2).T
+            movers.append(Mover(times, angles, tuple(ear.levers.get(name, 0.0) for ear in self._ears)))
+        since = max(window.start, self._told[-1].until) if self._told else window.start
+        return evidence(stretches, movers, [ear.settings for ear in self._ears], since)
+
+    def alone(self, stretch: Window, accelerometer: str, speakers: Mapping[str, Speaker]) -> Window | None:
+        """The stretch as if its joint had moved alone: less what the others' commands make of it, slowly as they are
+        for the bar.  None while the play is not known to be this joint's, or others have said too little."""
+        if self.origin.probabilities[stretch.joint] < SURE:
+            return None
+        ear = next(ear for ear in self._ears if ear.accelerometer == accelerometer)
+        accel = stretch.accel.copy()
+        for name in ear.levers.keys() - {stretch.joint}:
+            times, angles = np.array(speakers[name].commands).reshape(-1, 2).T
+            command = smoothed(times, angles, stretch)
+            if command is None:
+                return None
+            accel -= ear.levers[name] * command.acceleration(np.minimum(stretch.time - stretch.time[0], command.end))
+        return replace(stretch, accel=accel)
+
+    def _pool(self) -> None:
+        pooled = attribute(self._told, self._prior)
+        told = zip(self.joints, pooled.joints.tolist(), strict=True)
+        self.origin = Origin(dict(told), pooled.windows)

@@ -1,0 +1,252 @@
+"""Which of several joints has the play: kicks that one accelerometer, or several, feel from all of them.
+
+A joint without play hands on its acceleration smoothly, one with play in kicks: its teeth part where the acceleration
+a(t) changes direction, fly freely over the gap, strike the other flank and may rebound.  So a joint's kicks have the
+direction of its a(t), and an accelerometer whose lever arm to the joint's axis is l feels l times their speed v
+[rad/s].  Teeth with the gap phi strike at a rate [1/s] and with usual speeds m of two kinds,
+
+    first strike:  d/dt Phi(ln(x(t) / phi) / FLIGHT),   m = x'(t),   x(t) the way flown since a changed direction
+    rebounds:      c |a(t)| / m,                         m = sqrt(2 |a(t)| phi),
+
+Phi the normal distribution, c the share of the motion that rebounds carry, speeds distributed as g(v / m) / m with
+g(z) = 4 z exp(-2 z).  Kicks that no joint explains come at a rate b in either direction.  The log-likelihood of the
+kicks (t_k, v_k) of a window under a set of joints with play is that of a Poisson process: the sum over k of the
+logarithm of the rate of such a kick, all of the set's joints and b together, less the number of kicks to be expected
+that are large enough to be seen.  It is averaged over c and b of each window, and over phi of all windows together.  A
+kick and its rebounds tell less than independent ones, so a window counts with the power TRUST; and any may be odd.
+
+A joint that is carried by another one turns with it: its teeth feel both accelerations.  Joints with longer lever arms
+carry those with shorter ones, or do not; that is averaged over too.  Several accelerometers: a joint's kick lies along
+its vector of lever arms, to within LEVER of its size.  docs/decisions/0008-attribution.md has the measurements.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lostmotion.detector.commanded import smoothed
+from lostmotion.detector.kicks import inverse, noise_of
+from lostmotion.detector.window import DetectorSettings, FloatArray, Window
+
+__all__ = ["Attribution", "Evidence", "Mover", "attribute", "evidence"]
+
+SHARES, PLAYS, STRAY_HZ = (0.1, 0.3, 0.8, 1.5), (2e-4, 1e-3, 5e-3, 2e-2), (0.3, 3.0, 20.0)
+"""What c [-], phi [rad] and b [1/s] may be."""
+STRAY_ACCEL = 10.0
+"""Kicks that no joint explains are as large as those of a joint that accelerates so much [rad/s²]."""
+SLACK = 2.0
+"""How well a commanded acceleration is known [rad/s²]; around zero it has either direction."""
+LEVER = 0.15
+"""Relative error of the lever arms."""
+TRUST, ODD = 0.4, 0.05
+"""What a window counts, as a power of its likelihood; share of windows in which something else happens."""
+SIGNIFICANT, LEAST_KICK = 6.0, 0.02
+"""A kick stands out by so many standard deviations, and is as large as that [rad/s] at the settings' length."""
+PRESSED = 1.2
+"""A kick is so much larger than what teeth that part, or come to rest on a flank, do to a smooth motion."""
+FLIGHT, GRAIN = 0.8, 1e-5
+"""How far the way flown at the first strike is from phi, as a logarithm; the least way flown [rad]."""
+LEAST_S = 0.04
+"""A shorter rest of a window tells nothing [s]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mover:
+    """A joint: its commands [rad] at times [s], shape (M,), and its lever arm at each accelerometer [m]: signed, 0 at
+    one that does not feel it."""
+
+    times: FloatArray
+    commands: FloatArray
+    levers: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """What one window says: the log-likelihood of each size of the play and set of joints that have it, shape (P, 2^J),
+    joint j being in the sets whose number has bit j; until: the end of what was listened to [s]."""
+
+    until: float
+    likelihood: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Attribution:
+    """Probability of each set of joints with play, shape (2^J,), numbered as in Evidence, after so many windows."""
+
+    sets: FloatArray
+    windows: int
+
+    @property
+    def joints(self) -> FloatArray:
+        """Probability that a joint has play, shape (J,)."""
+        return np.asarray(self.sets @ _members(len(self.sets).bit_length() - 1))
+
+
+def attribute(told: Iterable[Evidence], prior: Sequence[float]) -> Attribution:
+    """All windows together; prior: probability of play of each joint before them, shape (J,)."""
+    members = _members(len(prior))
+    total = np.log(np.where(members > 0, prior, 1 - np.asarray(prior)).prod(axis=1)) + np.zeros((len(PLAYS), 1))
+    windows = list(told)
+    for window in windows:
+        share = np.exp(TRUST * (window.likelihood - window.likelihood.max()))
+        total += np.log((1 - ODD) * share + ODD * share.mean())
+    sets = np.exp(total - total.max()).sum(axis=0)
+    return Attribution(sets / sets.sum(), len(windows))
+
+
+def evidence(
+    stretches: Sequence[Window], movers: Sequence[Mover], settings: Sequence[DetectorSettings], since: float
+) -> Evidence | None:
+    """What the kicks after ``since`` [s] say; None where nothing can be said.
+
+    stretches: tip acceleration at each accelerometer from ``BEFORE_S`` before a reversal to the window's end, none of
+    its samples missing; settings: of each, with its bar and the length [m] at which LEAST_KICK counts; movers: all
+    joints that they feel.
+    """
+    start = float(stretches[0].time[0])
+    commanded = [smoothed(mover.times, mover.commands, stretches[0]) for mover in movers]
+    known = [command for command in commanded if command is not None]
+    if len(known) < len(commanded) or not all(np.isfinite(stretch.accel).all() for stretch in stretches):
+        return None
+    felt = _felt(stretches, settings)
+    end = min(felt.last, *(command.end for command in known))
+    heard = (felt.times >= max(since - start, felt.first)) & (felt.times <= end)
+    if np.count_nonzero(heard) * felt.step < LEAST_S:
+        return None
+    accel = np.array([command.acceleration(felt.times) for command in known])
+    levers = np.array([mover.levers for mover in movers])
+    # Teeth that part, or come to rest, change the tip's motion by no more than their joint's own acceleration.
+    least = np.maximum(felt.least, PRESSED * felt.width * felt.step * np.abs(levers).T @ np.abs(accel))
+    clarity = np.max(np.abs(felt.kicks) / least, axis=0)
+    highest = np.lib.stride_tricks.sliding_window_view(np.pad(clarity, felt.width), 2 * felt.width + 1).max(axis=1)
+    where = np.flatnonzero((clarity == highest) & (clarity > 1) & heard)
+    each = [_likelihood(felt, drive, levers, least, where, heard) for drive in _drives(accel, levers)]
+    return Evidence(start + end, _mean_of_logs(np.concatenate(each, axis=1), axis=1))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Felt:
+    """Kicks of the tip [m/s] at each accelerometer beyond the smooth motion of all joints, their standard deviation and
+    the least that counts, shape (S, K), at times [s] from the first stretch's start; width: steps that a kick takes."""
+
+    times: FloatArray
+    kicks: FloatArray
+    deviation: FloatArray
+    least: FloatArray
+    width: int
+
+    @property
+    def step(self) -> float:
+        return float(self.times[1] - self.times[0])
+
+    @property
+    def first(self) -> float:
+        """Before this a kick cannot be told from a smooth motion [s]."""
+        return float(self.times[2 * self.width])
+
+    @property
+    def last(self) -> float:
+        """After this neither [s]."""
+        return float(self.times[-2 * self.width])
+
+
+def _felt(stretches: Sequence[Window], settings: Sequence[DetectorSettings]) -> _Felt:
+    """The kicks of all stretches on the grid of the first."""
+    start, rows, times, width = stretches[0].time[0], [], np.empty(0), 0
+    for stretch, chosen in zip(stretches, settings, strict=True):
+        undone = inverse(stretch.accel.size, stretch.rate_hz, noise_of(stretch.accel, chosen), chosen)
+        own = undone.times + stretch.time[0] - start
+        times = times if times.size else own
+        width = max(width, undone.width)
+        sharp = undone.sharp @ (undone.gain @ (stretch.accel - stretch.accel.mean()))
+        deviation = np.interp(times, own, undone.sharp_deviation)
+        least = np.maximum(SIGNIFICANT * deviation, LEAST_KICK)
+        reach = abs(chosen.length_m)
+        rows.append((np.interp(times, own, sharp) * chosen.length_m, deviation * reach, least * reach))
+    kicks, deviations, leasts = (np.array(row) for row in zip(*rows, strict=True))
+    return _Felt(times, kicks, deviations, leasts, width)
+
+
+def _drives(accel: FloatArray, levers: FloatArray) -> list[FloatArray]:
+    """What each joint's teeth may feel [rad/s²], shape (J, K): its own acceleration, or also those that carry it."""
+    reach = levers[np.arange(len(levers)), np.abs(levers).argmax(axis=1)]
+    carries = np.where(np.abs(reach) > np.abs(reach)[:, None], np.sign(reach) * np.sign(reach)[:, None], 0.0)
+    return [accel, accel + carries @ accel] if carries.any() else [accel]
+
+
+def _likelihood(
+    felt: _Felt, drive: FloatArray, levers: FloatArray, least: FloatArray, where: NDArray[np.intp],
+    heard: NDArray[np.bool_],
+) -> FloatArray:  # fmt: skip
+    """Log-likelihood of each set for each phi and each choice of c and b, shape (P, G, 2^J), of the kicks at ``where``.
+
+    drive: accelerations of the joints, shape (J, K); least: the tip's speed [m/s] from which a kick is seen, (S, K).
+    """
+    play, share, stray = np.array(list(product(PLAYS, SHARES, STRAY_HZ))).T[:, :, None, None]
+    members = _members(len(levers))
+    with np.errstate(divide="ignore"):
+        slowest = (least / np.abs(levers)[:, :, None]).min(axis=1)[:, heard]
+    kicks = felt.kicks[:, where]
+    speed, beside = _sources(kicks, felt.deviation[:, where], levers)
+    joints, expected = np.zeros(1), np.zeros(1)
+    for rate, usual in _strikes(drive, play, share, felt.step):
+        relative = np.abs(speed) / usual[..., where]
+        joints = joints + rate[..., where] * 4 * relative * np.exp(-2 * relative) / usual[..., where]
+        unseen = 2 * slowest / usual[..., heard]
+        expected = expected + np.sum(rate[..., heard] * (1 + unseen) * np.exp(-unseen), axis=-1) * felt.step
+    toward = (1 + np.sign(speed) * drive[:, where] / np.hypot(drive[:, where], SLACK)) / 2
+    arms = np.array([np.abs(column[column != 0]).mean() for column in levers.T])
+    scale = np.sqrt(2 * STRAY_ACCEL * play) * arms[:, None]
+    strays = stray[:, 0] * np.prod(np.exp(-np.abs(kicks) / scale) / (2 * scale), axis=1)
+    told = np.log(np.einsum("mj,gje->gme", members, joints * toward * beside) + strays[:, None]).sum(axis=2)
+    silence = expected @ members.T + stray[:, 0] * np.count_nonzero(heard) * felt.step
+    return np.asarray(told - silence).reshape(len(PLAYS), -1, len(members))
+
+
+def _strikes(
+    drive: FloatArray, play: FloatArray, share: FloatArray, step: float
+) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
+    """Rates [1/s] and usual speeds [rad/s] of first strikes and of rebounds at each time."""
+    speed = np.cumsum(np.abs(drive), axis=1) * step
+    way = np.cumsum(speed, axis=1) * step
+    index = np.arange(drive.shape[1])
+    turns = np.diff(np.sign(drive), axis=1, prepend=np.sign(drive[:, :1])) != 0
+    begin = np.maximum.accumulate(np.where(turns, index, 0), axis=1)
+    since = np.take_along_axis(speed, begin, axis=1)
+    gained = np.maximum(speed - since, GRAIN / step)
+    flown = np.maximum(way - np.take_along_axis(way, begin, axis=1) - since * (index - begin) * step, GRAIN)
+    normal = np.exp(-0.5 * (np.log(flown / play) / FLIGHT) ** 2) / (FLIGHT * math.sqrt(2 * math.pi))
+    size = np.hypot(drive, SLACK)
+    rebound = np.sqrt(2 * size * play)
+    return (gained / flown * normal, gained), (share * size / rebound, rebound)
+
+
+def _sources(kicks: FloatArray, deviation: FloatArray, levers: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Speed v [rad/s] of kicks (S, E) if they are a joint's, and the density of what the accelerometers feel beside it
+    (integrated over v, so that rate(t, v) times this is per m/s of each accelerometer); shape (J, E) both."""
+    variance = deviation**2
+    if len(kicks) > 1:
+        variance = variance + LEVER**2 * np.sum(kicks**2, axis=0)
+    arms = levers[:, :, None]
+    precision = np.sum(arms**2 / variance, axis=1)
+    speed = np.sum(arms * kicks / variance, axis=1) / precision
+    misfit = np.sum((kicks - arms * speed[:, None]) ** 2 / variance, axis=1)
+    spread = np.log(variance).sum(axis=0) + np.log(precision) + (len(kicks) - 1) * math.log(2 * math.pi)
+    return speed, np.exp(-(misfit + spread) / 2)
+
+
+def _members(joints: int) -> FloatArray:
+    """Which joints are in each set, shape (2^J, J)."""
+    return np.array(list(product((0.0, 1.0), repeat=joints)))[:, ::-1]
+
+
+def _mean_of_logs(logs: FloatArray, axis: int) -> FloatArray:
+    """Logarithm of the mean over an axis of what these are logarithms of."""
+    top = logs.max(axis=axis, keepdims=True)
+    return np.asarray(np.squeeze(top, axis) + np.log(np.exp(logs - top).mean(axis=axis)))

@@ -1,0 +1,119 @@
+"""Joints that share accelerometers, from samples to the joint that has the play; kicks by an independent simulation."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lostmotion.daemon.attributor import Attributor, Ear
+from lostmotion.daemon.pipeline import JointPlan, Pipeline, Scored
+from lostmotion.daemon.records import SURE, Origin
+from lostmotion.daemon.ring import Ring
+from lostmotion.detector.window import DetectorSettings
+from lostmotion.drivers.base import AccelBlock, ServoSample
+from tests.detector.test_attribution import PLAY, RATE, SECONDS, shaft, tip
+
+SETTINGS = DetectorSettings(f_res_hz=58.0, noise_ms2=0.1, flank_exponent=1e4)
+SEEDS = {"elbow": 11, "shoulder": 12}
+
+
+def ears(*levers: dict[str, float]) -> list[Ear]:
+    """Accelerometers of which each joint is so far away [m]."""
+    return [Ear(f"s{k}", RATE, SETTINGS, arms) for k, arms in enumerate(levers)]
+
+
+def heard(listeners: Sequence[Ear], worn: str, attributor: Attributor, pieces: int = 16) -> list[Scored]:
+    """The windows of eight seconds in which both joints move and one has play; samples come piece by piece."""
+    rings = {ear.accelerometer: Ring(20_000, threading.Event()) for ear in listeners}
+    plans = [
+        JointPlan(joint, "s0", RATE, 100.0, replace(SETTINGS, length_m=listeners[0].levers[joint])) for joint in SEEDS
+    ]
+    pipeline = Pipeline(plans, rings, virtual=True, attributors=[attributor])
+    times, polls = np.arange(0, SECONDS, 1 / RATE), np.arange(0, SECONDS, 0.01)
+    commands = {joint: shaft(seed, polls, 0) for joint, seed in SEEDS.items()}
+    noise = np.random.default_rng(3)
+    tips = {}
+    for ear in listeners:
+        felt = [arm / 0.1 * tip(SEEDS[joint], joint == worn) for joint, arm in ear.levers.items()]
+        tips[ear.accelerometer] = np.sum(felt, axis=0) + noise.normal(0, 0.1, times.size)
+    done = []
+    for part in range(pieces):
+        a, b = (round(times.size * k / pieces) for k in (part, part + 1))
+        c, d = (round(polls.size * k / pieces) for k in (part, part + 1))
+        for name, ring in rings.items():
+            ring.push(AccelBlock(times[a:b], tips[name][a:b]))
+        for joint, angles in commands.items():
+            said = zip(polls[c:d].tolist(), angles[c:d].tolist(), strict=True)
+            pipeline.servo([ServoSample(joint, time, angle, angle) for time, angle in said], 0.0)
+        done += pipeline.step(0.0)
+    return done
+
+
+@pytest.mark.parametrize("worn", ["elbow", "shoulder"])
+def test_pipeline_names_the_joint(worn: str) -> None:
+    """Two joints on one accelerometer: after eight seconds the one with play is named, and the other acquitted."""
+    listeners = ears({"elbow": 0.1, "shoulder": 0.25})
+    origin = heard(listeners, worn, attributor := Attributor(listeners))[-1].origin
+    (other,) = SEEDS.keys() - {worn}
+    assert origin is not None
+    assert origin.probabilities[worn] > SURE
+    assert origin.acquits(other)
+    assert not origin.acquits(worn)
+    assert attributor.origin.windows >= 20
+
+
+def test_two_accelerometers() -> None:
+    """One more on the first link, which the elbow does not move: six windows are enough to be sure of both joints."""
+    listeners = ears({"elbow": 0.1, "shoulder": 0.25}, {"shoulder": 0.1})
+    done = heard(listeners, "elbow", Attributor(listeners), pieces=64)
+    first = next(scored.origin for scored in done if scored.origin and scored.origin.acquits("shoulder"))
+    assert first.probabilities["elbow"] > SURE
+    assert first.windows <= 6
+
+
+def test_play_is_sized_without_the_other_joints_motion() -> None:
+    """The median size is right within 15 % though the other joint moves as much, and only the named joint has one."""
+    listeners = ears({"elbow": 0.1, "shoulder": 0.25})
+    attributor = Attributor(listeners)
+    attributor.resume([Origin({"elbow": 1.0, "shoulder": 0.0}, 100)])
+    done = heard(listeners, "elbow", attributor)
+    sizes = [scored.score.play for scored in done if scored.score.joint == "elbow" and scored.score.play > 0]
+    assert len(sizes) >= 5
+    assert np.median(sizes) == pytest.approx(PLAY, rel=0.15)
+    assert all(np.isnan(scored.score.play) for scored in done if scored.score.joint == "shoulder")
+
+
+def test_an_earlier_run_is_remembered_with_doubt() -> None:
+    """What was certain is 96 % at the next start, which names the joint; another group's knowledge is none of ours."""
+    attributor = Attributor(ears({"elbow": 0.1, "shoulder": 0.25}))
+    attributor.resume([Origin({"elbow": 0.2, "wrist": 0.9}, 50), Origin({"shoulder": 1.0, "elbow": 0.0}, 100)])
+    assert attributor.origin.probabilities == pytest.approx({"elbow": 0.04, "shoulder": 0.96})
+    assert attributor.origin.acquits("elbow")
+
+
+def test_a_joint_that_says_nothing_holds_nothing_up() -> None:
+    """Windows whose other joint stays silent are given up a second later, and nobody is named."""
+    listeners = ears({"elbow": 0.1, "shoulder": 0.25})
+    ring = Ring(20_000, threading.Event())
+    attributor = Attributor(listeners)
+    plans = [JointPlan(joint, "s0", RATE, 100.0, SETTINGS) for joint in SEEDS]
+    pipeline = Pipeline(plans, {"s0": ring}, attributors=[attributor])
+    times, polls = np.arange(0, SECONDS, 1 / RATE), np.arange(0, SECONDS, 0.01)
+    ring.push(AccelBlock(times, tip(11, True)))
+    angles = shaft(11, polls, 0).tolist()
+    pipeline.servo([ServoSample("elbow", t, a, a) for t, a in zip(polls.tolist(), angles, strict=True)], 0.0)
+    assert len(pipeline.step(SECONDS)) > 10
+    assert attributor.origin.windows == 0
+    assert attributor.origin.is_open
+
+
+def test_in_words() -> None:
+    """One named, several open, none."""
+    assert str(Origin({"left": 0.9991, "right": 0.01}, 9)) == "most probably of left (over 99%)"
+    assert str(Origin({"left": 0.96, "right": 0.97}, 9)) == "most probably of left (96%) and right (97%)"
+    assert str(Origin({"left": 0.6, "right": 0.5}, 9)) == "of left or right: cannot be told apart yet"
+    assert str(Origin({"left": 0.01, "right": 0.02}, 9)) == "most probably of none of left, right"

@@ -1,0 +1,188 @@
+"""Which joint has the play: joints that fly freely between hard stops, their kicks ringing one bar or two."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from lostmotion.detector.attribution import ODD, PLAYS, Attribution, Evidence, Mover, attribute, evidence
+from lostmotion.detector.commanded import BEFORE_S
+from lostmotion.detector.window import DetectorSettings
+from lostmotion.detector.windows import cut
+
+SETTINGS = DetectorSettings(f_res_hz=58.0, noise_ms2=0.1)
+RATE, SECONDS, LENGTH = 1000.0, 8.0, 0.1
+PLAY, BOUNCE = 0.006, 0.6
+EVEN = (0.5, 0.5)
+
+
+def waved(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies [Hz] and phases of a motion of four lines; each has an acceleration of 8 rad/s²."""
+    rng = np.random.default_rng(seed)
+    return rng.uniform([0.5, 1.0, 1.5, 2.2], [1.0, 1.5, 2.2, 3.0]), rng.uniform(0, 2 * math.pi, 4)
+
+
+def shaft(seed: int, times: np.ndarray, order: int) -> np.ndarray:
+    """The commanded angle [rad] (order 0), its rate or its acceleration."""
+    rates, phases = waved(seed)
+    omega = 2 * math.pi * rates
+    lines = 8 * omega ** (order - 2.0) * np.sin(np.outer(times, omega) + phases + (order - 2) * math.pi / 2)
+    return np.asarray(lines.sum(axis=1))
+
+
+@lru_cache
+def kicks(seed: int) -> tuple[tuple[float, float], ...]:
+    """Times [s] and sizes [rad/s] of the kicks that a body gets between stops ± PLAY / 2 on a swaying shaft: it flies
+    freely, and leaves a stop with BOUNCE times the speed at which it came."""
+    step = 2e-5
+    times = np.arange(0, SECONDS, step)
+    angle, rate = shaft(seed, times, 0), shaft(seed, times, 1)
+    place, speed = angle[0] - PLAY / 2, rate[0]
+    struck = []
+    for time, stop, drift in zip(times, angle, rate, strict=True):
+        place += speed * step
+        beyond = place - stop
+        if abs(beyond) > PLAY / 2 and beyond * (speed - drift) > 0:
+            kick = (1 + BOUNCE) * (drift - speed)
+            place, speed = stop + math.copysign(PLAY / 2, beyond), speed + kick
+            struck.append((float(time), float(kick)))
+    return tuple(struck)
+
+
+@lru_cache
+def tip(seed: int, worn: bool) -> np.ndarray:
+    """Tip acceleration [m/s²] at RATE of one joint, at LENGTH from its axis: q'' + l theta'', by SciPy's exact ring."""
+    from scipy.signal import lsim
+
+    omega, zeta = 2 * math.pi * 58.0, 0.012
+    fine = 2e-4
+    times = np.arange(0, SECONDS, fine)
+    if worn:
+        place = np.zeros(times.size)
+        for time, kick in kicks(seed):
+            place[min(round(time / fine), times.size - 1)] += kick / fine
+    else:
+        place = shaft(seed, times, 2)
+    transfer = ([2 * zeta * omega, omega**2], [1, 2 * zeta * omega, omega**2])
+    _, felt, _ = lsim(transfer, LENGTH * place, times)
+    return np.asarray(felt)[:: round(1 / fine / RATE)]
+
+
+def told(
+    worn: Sequence[int], seeds: tuple[int, int] = (11, 12), levers: Sequence[tuple[float, ...]] = ((0.1,), (0.1,)),
+    rate: float = RATE, noise: float = 0.1,
+) -> list[Evidence]:  # fmt: skip
+    """What windows of 0.25 s, one after the other, say of two joints of which some have play."""
+    times = np.arange(0, SECONDS, 1 / rate)
+    every = round(RATE / rate)
+    alone = [tip(seed, joint in worn)[::every] for joint, seed in enumerate(seeds)]
+    tips = np.array(levers).T / LENGTH @ np.array(alone)
+    tips = tips + np.random.default_rng(5).normal(0, noise, tips.shape)
+    polls = np.arange(0, SECONDS, 0.01)
+    movers = [Mover(polls, shaft(seed, polls, 0), arms) for seed, arms in zip(seeds, levers, strict=True)]
+    found: list[Evidence] = []
+    for start in np.arange(1.0, SECONDS - 0.5, 0.25):
+        stretches = [cut("", times, accel, start - BEFORE_S, 0.25 + BEFORE_S, rate) for accel in tips]
+        window = evidence(
+            stretches,
+            movers,
+            [replace(SETTINGS, noise_ms2=noise)] * len(tips),
+            max(start, found[-1].until if found else 0),
+        )
+        assert window is not None
+        found.append(window)
+    return found
+
+
+@pytest.mark.parametrize("worn", [(), (0,), (1,)])
+def test_names_the_joint_with_play(worn: tuple[int, ...]) -> None:
+    """One accelerometer, six seconds: the right set of joints with more than 95 %; both accelerate alike."""
+    sets = attribute(told(worn), EVEN).sets
+    assert sets[sum(2**joint for joint in worn)] > 0.95
+
+
+def test_both() -> None:
+    """Two joints with play are both found."""
+    assert attribute(told((0, 1)), EVEN).joints.min() > 0.9
+
+
+def test_names_do_not_matter() -> None:
+    """Joints in another order have the same probabilities, to rounding."""
+    one, other = attribute(told((0,)), EVEN), attribute(told((1,), seeds=(12, 11)), EVEN)
+    assert one.joints == pytest.approx(other.joints[::-1], abs=1e-9)
+
+
+def test_a_lever_arm_has_a_sign() -> None:
+    """Of two joints that move alike, one on a lever arm the other way round: the sign of the kicks tells them apart."""
+    windows = told((0,), seeds=(11, 11), levers=((0.1,), (-0.1,)))
+    assert attribute(windows, EVEN).joints == pytest.approx([1, 0], abs=0.02)
+
+
+def test_the_same_motion_cannot_be_told_apart_by_one_accelerometer() -> None:
+    """Two joints that always move alike are equally probable, and neither is acquitted."""
+    joints = attribute(told((0,), seeds=(11, 11)), EVEN).joints
+    assert joints[0] == pytest.approx(joints[1], abs=1e-9)
+    assert 0.4 < joints[0] < 0.9
+
+
+@pytest.mark.parametrize("worn", [0, 1])
+def test_two_accelerometers_tell_the_same_motion_apart(worn: int) -> None:
+    """With a second accelerometer that the second joint does not move, two seconds are enough."""
+    windows = told((worn,), seeds=(11, 11), levers=((0.25, 0.1), (0.1, 0.0)))[:8]
+    assert attribute(windows, EVEN).joints[worn] > 0.95
+    assert attribute(windows, EVEN).joints[1 - worn] < 0.05
+
+
+def test_too_much_noise_leaves_it_open() -> None:
+    """Where no kick can stand out of the noise, no joint is accused, and none acquitted."""
+    joints = attribute(told((0,), noise=20.0), EVEN).joints
+    assert np.all((joints > 0.25) & (joints < 0.75))
+
+
+def test_nothing_heard_leaves_the_prior() -> None:
+    """Without windows the probabilities are those of before."""
+    assert attribute([], (0.2, 0.7)).joints == pytest.approx([0.2, 0.7])
+
+
+def test_an_odd_window_does_not_decide() -> None:
+    """A window that is certain, but wrong, moves the odds by no more than (1 - ODD + ODD/4) / (ODD/4)."""
+    certain = Evidence(0.0, np.where(np.arange(4) == 1, 0.0, -1e6) * np.ones((len(PLAYS), 1)))
+    sets = attribute([certain], EVEN).sets
+    assert sets[1] / sets[2] == pytest.approx((1 - ODD + ODD / 4) / (ODD / 4), rel=1e-6)
+
+
+def test_joints_of_a_set_by_hand() -> None:
+    """Sets 0, 1, 2, 3 are none, first, second, both."""
+    assert Attribution(np.array([0.1, 0.2, 0.3, 0.4]), 1).joints == pytest.approx([0.6, 0.7])
+
+
+def test_says_nothing_without_data() -> None:
+    """A missing sample, commands that do not cover the window, a rest of a window too short: None."""
+    times, polls = np.arange(0, 1, 1e-3), np.arange(0, 1, 0.01)
+    stretch = cut("", times, np.random.default_rng(1).normal(0, 0.1, 1000), 0.3, 0.45, RATE)
+    movers = [Mover(polls, shaft(seed, polls, 0), (0.1,)) for seed in (11, 12)]
+    assert evidence([stretch], movers, [SETTINGS], 0.5) is not None
+    assert evidence([stretch], movers, [SETTINGS], 0.72) is None
+    short = [movers[0], replace(movers[1], times=polls[:40], commands=movers[1].commands[:40])]
+    assert evidence([stretch], short, [SETTINGS], 0.5) is None
+    holed = stretch.accel.copy()
+    holed[300] = np.nan
+    assert evidence([replace(stretch, accel=holed)], movers, [SETTINGS], 0.5) is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("worn", [0, 1])
+def test_mujoco_arm(worn: int) -> None:
+    """MuJoCo's arm of two links, whose joints move together half of the time: the right one after forty windows."""
+    pytest.importorskip("mujoco")
+    from bench.attribution import CASES, listen
+
+    case = next(case for case in CASES if case.mujoco and case.together)
+    joints = attribute(listen(case, 8701, (worn,))[0][:40], EVEN).joints
+    assert joints[worn] > 0.9
+    assert joints[1 - worn] < 0.5
