@@ -10,7 +10,8 @@ import logging
 import re
 import shutil
 import sqlite3
-from contextlib import closing
+import time
+from contextlib import closing, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO
@@ -24,6 +25,7 @@ __all__ = [
     "StoreRefusedError",
     "explain",
     "is_damage",
+    "is_held",
     "lock",
     "move_aside",
     "newer",
@@ -33,6 +35,8 @@ __all__ = [
 
 log = logging.getLogger(__name__)
 
+GLANCE_S = 0.02
+"""``is_held`` may have the lock for a moment"""
 BUSY_S = 2.0
 """how long another program's lock is waited for [s]"""
 DAMAGE = ("SQLITE_CORRUPT", "SQLITE_NOTADB")
@@ -74,15 +78,30 @@ def lock(path: Path) -> IO[bytes]:
         raise StoreError(
             f"{path}: its folder is found read-only, expected to be writable; check its owner ({error.strerror})"
         ) from error
+    for pause_s in (GLANCE_S, 0.0):
+        with suppress(OSError):
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return file
+        time.sleep(pause_s)
+    file.close()
+    raise StoreBusyError(
+        f"{path}: another lostmotion service writes it, expected to be the only one; stop that one, or choose another "
+        "store.path"
+    )
+
+
+def is_held(path: Path) -> bool | None:
+    """Whether a service, or a command in its place, writes the database; None where that cannot be seen."""
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        file.close()
-        raise StoreBusyError(
-            f"{path}: another lostmotion service writes it, expected to be the only one; stop that one, or choose "
-            "another store.path"
-        ) from error
-    return file
+        file = path.with_name(f"{path.name}.lock").open("rb")
+    except OSError:
+        return None
+    with file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except OSError:
+            return True
+    return False
 
 
 def open_database(path: Path) -> sqlite3.Connection:

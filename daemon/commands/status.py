@@ -8,7 +8,8 @@ from pathlib import Path
 
 from lostmotion.daemon import documents
 from lostmotion.daemon.commands import output, times
-from lostmotion.daemon.commands.where import open_reader
+from lostmotion.daemon.commands.where import find_database, open_reader
+from lostmotion.daemon.database import is_held
 from lostmotion.daemon.reader import Reader
 from lostmotion.daemon.records import AlarmRow, AlarmState, DeviceRow, Health, JointRow, Origin, ScoreRow
 
@@ -34,11 +35,13 @@ def status(config: Path | None, database: Path | None, fail: bool, as_json: bool
     """Prints it; 1 when ``fail`` is asked for and an alarm is active."""
     with open_reader(config, database) as reader:
         robot, joints, devices, origins = reader.robot(), _joints(reader), reader.devices(), reader.origins()
+    is_watched = is_held(find_database(config, database)) is not False
     if as_json:
         documented = [documents.joint(joint.joint, joint.last, joint.active) for joint in joints]
         output.print_json({"robot": robot, "joints": documented} | documents.attribution(origins))
     else:
         _print(robot, joints, devices, origins, datetime.now(UTC))
+        output.print_lines([] if is_watched else ["no service runs: this is how the last one left it"])
     return int(fail and any(joint.active for joint in joints))
 
 

@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import sys
+from contextlib import closing
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -61,6 +62,13 @@ def test_status_fail(database: Path, tmp_path: Path) -> None:
     assert call("status", "--database", database, "--fail").exit_code == 1
     Store(tmp_path / "calm.db", "arm1").close()
     assert call("status", "--database", tmp_path / "calm.db", "--fail").exit_code == 0
+
+
+def test_status_says_when_nobody_watches(database: Path) -> None:
+    """A line when no service holds the database, none while one does; that look keeps no service out."""
+    assert "no service runs" in call("status", "--database", database).stdout
+    with closing(Store(database, "arm1")):
+        assert "no service runs" not in call("status", "--database", database).stdout
 
 
 def test_history_json(database: Path) -> None:
