@@ -13,7 +13,7 @@ import numpy as np
 
 from lostmotion.lab.curves import registered, wave_guess
 from lostmotion.lab.follow import STRONG, TIGHT
-from lostmotion.lab.nudge import OUTSIDE, Follower, settled
+from lostmotion.lab.follower import OUTSIDE, Follower, settled
 from lostmotion.lab.unknowns import Unknowns
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
@@ -100,7 +100,7 @@ def _sensor_wave(follower: Follower, hz: float) -> FloatArray:
 def _errors(model: Model, follower: Follower, coupling: float) -> FloatArray:
     """(N,), infinite where the model cannot be run."""
     try:
-        return follower.errors(model, coupling) / (follower.nudges[coupling].expected * follower.noise)
+        return follower.errors(model, coupling)
     except ModelError:
         return np.full(sum(s.time[settled(s)].size for s in follower.stretches), np.inf)
 

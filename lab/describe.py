@@ -21,8 +21,8 @@ from lostmotion.lab.curves import Guess, guesses, registered, wave_guess
 from lostmotion.lab.descend import Descent, best_wave
 from lostmotion.lab.fit import fit_of
 from lostmotion.lab.follow import TIGHT, can_follow
+from lostmotion.lab.follower import Follower
 from lostmotion.lab.grow import Level, fitted
-from lostmotion.lab.nudge import Follower
 from lostmotion.lab.parallel import cores
 from lostmotion.lab.quantity import quantity
 from lostmotion.lab.results import Curve, Finding

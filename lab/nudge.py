@@ -8,31 +8,23 @@ differential evolution (Storn and Price 1997), first with strong nudging and the
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lostmotion.lab.experiment import Experiment
-from lostmotion.lab.follow import COLUMN, SETTLED_S, STRONG, TIGHT, WEAK, Nudge, sampled
+from lostmotion.lab.follow import COLUMN, STRONG, WEAK
+from lostmotion.lab.follower import Follower
 from lostmotion.lab.grow import Level
 from lostmotion.lab.seeds import Sizes, seeds, sizes
 from lostmotion.lab.task import Task
 from lostmotion.lab.unknowns import Unknowns
-from lostmotion.model import Model, ModelError
+from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["OUTSIDE", "Follower", "Near", "nearest", "settled", "shortlist"]
+__all__ = ["Near", "nearest", "shortlist"]
 
-LENGTH_S, EXPERIMENTS = 2.0, 2
-LEAST_HZ, PERIOD_SAMPLES = 800.0, 8.0
-"""More samples a second, or a period of the bar, are not looked at."""
-SHORTEST_STEP_S = 2.5e-4
-"""What a longer step misses, the next sample corrects."""
-OUTSIDE, FAR = 3.0, 1e6
-"""Times what is expected, from which on an error counts by its logarithm; and where even that ends, squared."""
 FIRST, MOST_FIRST, POPULATION = 72, 480, 20
 BASE_GENERATIONS, EFFECT_GENERATIONS, FINAL_GENERATIONS = 8, 5, 8
 KEPT = 8
@@ -46,45 +38,6 @@ LARGER = 4.0
 LEAP, CROSSED = 0.6, 0.9
 MUTATED, FARTHEST = 0.5, 3
 NICHES = 4
-
-
-@dataclass(frozen=True, eq=False)
-class Follower:
-    """Stretches that runs shall follow; noise [m/s²]; nudges: by coupling."""
-
-    rough: Model
-    stretches: tuple[Experiment, ...]
-    noise: float
-    substep_s: float
-    nudges: dict[float, Nudge]
-
-    @classmethod
-    def of(cls, task: Task, rough: Model) -> Follower:
-        """The liveliest parts of the first experiments."""
-        value = {name: p.value for name, p in rough.parameters.items()}
-        hz = max(LEAST_HZ, PERIOD_SAMPLES * math.sqrt(value["k"] / value["m"]) / (2 * math.pi))
-        stretches = tuple(_liveliest(e, hz) for e in task.experiments[:EXPERIMENTS])
-        nudges = {coupling: Nudge.of(rough, 1 / stretches[0].rate_hz, coupling) for coupling in (TIGHT, STRONG, WEAK)}
-        return cls(rough, stretches, task.noise[COLUMN], max(task.substep_s, SHORTEST_STEP_S), nudges)
-
-    def alone(self) -> Follower:
-        """The first stretch only."""
-        return replace(self, stretches=self.stretches[:1])
-
-    def cost(self, model: Model, coupling: float) -> float:
-        """Mean of log(1 + (e/c)²) over the samples after the first 0.2 s: one that is missed by far counts little more
-        than one that is missed."""
-        far = self.nudges[coupling].expected * self.noise * OUTSIDE
-        try:
-            e = self.errors(model, coupling)
-        except ModelError:
-            return math.inf
-        return float(np.mean(np.log1p(np.minimum((e / far) ** 2, FAR))))
-
-    def errors(self, model: Model, coupling: float) -> FloatArray:
-        """What runs did not expect at the samples after the first 0.2 s (N,) [m/s²].  Raises ModelError."""
-        nudge = self.nudges[coupling]
-        return np.concatenate([nudge.run(s.model(model), s, self.substep_s)[0][settled(s)] for s in self.stretches])
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,22 +80,6 @@ def _with_bias(model: Model, task: Task) -> Model:
         return model
     mean = float(np.mean([np.nanmean(e.measured[COLUMN]) for e in task.experiments]))
     return model.replace({"bias": min(max(mean, bias.low), bias.high)})
-
-
-def _liveliest(experiment: Experiment, hz: float) -> Experiment:
-    """The two seconds in which the sensor moves most, at no more than about ``hz`` samples a second."""
-    bar = sampled(experiment)
-    step = max(1, int(bar.rate_hz / hz))
-    time, values = bar.time[::step], bar.measured[COLUMN][::step]
-    power = np.concatenate(([0.0], np.cumsum((values - values.mean()) ** 2)))
-    last = np.searchsorted(time, time + LENGTH_S)
-    first = int(np.argmax(np.where(time + LENGTH_S <= time[-1] + 1e-9, power[last] - power[:-1], -1.0)))
-    return replace(experiment, time=time[first : last[first]], measured={COLUMN: values[first : last[first]]})
-
-
-def settled(stretch: Experiment) -> slice:
-    """The samples at which a nudged run has forgotten its start."""
-    return slice(int(np.searchsorted(stretch.time, stretch.time[0] + SETTLED_S)), None)
 
 
 class _Population:
