@@ -5,6 +5,7 @@ What a window says is ``detector/attribution.py``'s; what it means for alarms is
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,10 +20,13 @@ from lostmotion.detector.commanded import BEFORE_S, smoothed
 from lostmotion.detector.window import DetectorSettings, Window
 from lostmotion.detector.windows import cut
 
-__all__ = ["Attributor", "Ear"]
+__all__ = ["Attributor", "Ear", "Speaker"]
 
 WINDOWS = 100
 """the last so many windows count"""
+PACE_S = 1.0
+"""once so many are known, the next one is weighed so long after the last [s]: wear is slow, and six joints that reverse
+all the time would take half of the service's share of a core"""
 GIVE_UP_S = 1.0
 """how long after its end a window waits for late samples [s]"""
 DOUBT = 0.04
@@ -56,6 +60,7 @@ class Attributor:
         self._prior = [0.5] * len(self.joints)
         self._told: deque[Evidence] = deque(maxlen=WINDOWS)
         self._waiting: deque[Window] = deque()
+        self._weighed = -math.inf  # start of the last window that was, or is going to be [s]
         self.origin = Origin(dict.fromkeys(self.joints, 0.5), 0)
 
     def resume(self, earlier: Iterable[Origin]) -> None:
@@ -67,7 +72,9 @@ class Attributor:
 
     def hear(self, window: Window) -> None:
         """A window of one of these joints has been scored."""
-        self._waiting.append(window)
+        if len(self._told) < WINDOWS or window.start >= self._weighed + PACE_S:
+            self._waiting.append(window)
+            self._weighed = window.start
 
     def step(self, rings: Mapping[str, Ring], speakers: Mapping[str, Speaker]) -> None:
         """Takes the windows for which everything is there, and gives up those for which it does not come."""

@@ -9,11 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lostmotion.daemon.attributor import Attributor, Ear
+from lostmotion.daemon.attributor import Attributor, Ear, Speaker
 from lostmotion.daemon.pipeline import JointPlan, Pipeline, Scored
 from lostmotion.daemon.records import SURE, Origin
 from lostmotion.daemon.ring import Ring
-from lostmotion.detector.window import DetectorSettings
+from lostmotion.detector.attribution import Evidence
+from lostmotion.detector.window import DetectorSettings, Window
 from lostmotion.drivers.base import AccelBlock, ServoSample
 from tests.detector.test_attribution import PLAY, RATE, SECONDS, shaft, tip
 
@@ -117,3 +118,19 @@ def test_in_words() -> None:
     assert str(Origin({"left": 0.96, "right": 0.97}, 9)) == "most probably of left (96%) and right (97%)"
     assert str(Origin({"left": 0.6, "right": 0.5}, 9)) == "of left or right: cannot be told apart yet"
     assert str(Origin({"left": 0.01, "right": 0.02}, 9)) == "most probably of none of left, right"
+
+
+def test_known_joints_are_weighed_once_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Five windows at once, the next ones a second apart, though the joints reverse several times a second."""
+    starts: list[float] = []
+
+    class Noting(Attributor):
+        def _weigh(self, window: Window, rings: Sequence[Ring], joints: Sequence[Speaker]) -> Evidence | None:
+            starts.append(window.start)
+            return super()._weigh(window, rings, joints)
+
+    monkeypatch.setattr("lostmotion.daemon.attributor.WINDOWS", 5)
+    listeners = ears({"elbow": 0.1, "shoulder": 0.25})
+    scored = heard(listeners, "elbow", Noting(listeners), pieces=64)
+    assert len(scored) > 3 * len(starts)
+    assert np.diff(starts[-4:]).min() >= 1.0
