@@ -10,7 +10,7 @@ import math
 import os
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import click
 
@@ -154,8 +154,13 @@ def history(
 @database
 @since
 @until
+@click.option("--of", type=click.Choice(["score", "play"]), default="score", help="Scores, or the size of the play.")
 @click.option(
-    "--level", type=float, callback=positive, metavar="X", help="The limit, instead of the level of the newest score."
+    "--level",
+    type=float,
+    callback=positive,
+    metavar="X",
+    help="The limit, instead of the newest score's level, or of alarm.play_error or play_warning [rad].",
 )
 @click.option("--png", type=FILE, metavar="FILE", help="Draw the plot into a picture (png, svg, pdf).")
 @as_json
@@ -165,6 +170,7 @@ def trend(
     database: Path | None,
     since: datetime | None,
     until: datetime | None,
+    of: Literal["score", "play"],
     level: float | None,
     png: Path | None,
     as_json: bool,
@@ -172,7 +178,7 @@ def trend(
     """Wear of a joint: slope, significance, changes, and the time until the limit."""
     from lostmotion.daemon.commands.trend import trend
 
-    trend(joint, config, database, (since, until), level, png, as_json)
+    trend(joint, config, database, (since, until), of, level, png, as_json)
 
 
 @cli.command()

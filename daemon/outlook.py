@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 from datetime import datetime, timedelta
 
+import numpy as np
+
 from lostmotion.daemon.reader import Reader
+from lostmotion.detector.normalise import normalised
 from lostmotion.detector.trend import mann_kendall, theil_sen, time_to_limit
 
 __all__ = ["days_to_level"]
@@ -28,7 +31,9 @@ def days_to_level(reader: Reader, joint: str, now: datetime) -> float:
     if len(scores) < LEAST_SCORES or (scores[-1].time - scores[0].time).total_seconds() < LEAST_SPAN_S:
         return math.nan
     times = [(score.time - scores[0].time).total_seconds() for score in scores]
-    values = [score.score for score in scores]
+    moved = {"excitation": np.log([score.excitation for score in scores]),
+             "temperature": np.array([score.temperature for score in scores])}  # fmt: skip
+    values, _ = normalised(np.array([score.score for score in scores]), moved)
     if mann_kendall(values, ALPHA).direction != "rising":
         return math.nan
     left = time_to_limit(theil_sen(times, values), times[-1], scores[-1].level)

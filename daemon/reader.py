@@ -104,7 +104,8 @@ class Reader:
     )
 
     NUMBERS = (
-        "SELECT time_us, score, level, impact, quality IS NULL FROM score"
+        "SELECT time_us, score, level, impact, quality IS NULL, ifnull(play, 9e999), ifnull(excitation, 9e999),"
+        " ifnull(temperature, 9e999) FROM score"
         " WHERE joint_id = (SELECT id FROM joint WHERE name = :joint) AND time_us >= :since AND time_us < :until"
         " AND score IS NOT NULL ORDER BY time_us"
     )

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 __all__ = ["DAY_US", "SERIES", "Series", "one_an_hour", "roll_up"]
 
-SERIES = np.dtype([("time_us", "i8"), ("score", "f8"), ("level", "f8"), ("impact", "?"), ("sound", "?")])
-"""scores that are numbers, in time order"""
+SERIES = np.dtype([("time_us", "i8"), ("score", "f8"), ("level", "f8"), ("impact", "?"), ("sound", "?"),
+                   ("play", "f8"), ("excitation", "f8"), ("temperature", "f8")])  # fmt: skip
+"""scores that are numbers, in time order; what else is unknown is infinite"""
 Series = NDArray[Any]
 
 HOUR_US = 3_600_000_000

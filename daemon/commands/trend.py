@@ -9,23 +9,26 @@ import math
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from lostmotion.daemon.commands import output, times
-from lostmotion.daemon.commands.where import open_joint
+from lostmotion.daemon.commands.where import find_config, open_joint
 from lostmotion.daemon.records import from_micros, iso
 from lostmotion.daemon.rollup import Series, one_an_hour
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.forecast import Forecast
+from lostmotion.detector.normalise import normalised
 from lostmotion.detector.trend import MOST, Slope, TimeToLimit, WearTrend, summarise
 from lostmotion.detector.window import FloatArray
 from lostmotion.drivers.errors import LostmotionError
 
 __all__ = ["History", "TrendError", "trend"]
 
+Of = Literal["score", "play"]
 DAY = 86400.0
+RADIANS, ARC_MINUTES = 1.0, 60 * 180 / math.pi
 UNITS = (("year", 365.25 * DAY), ("month", 30.4375 * DAY), ("day", DAY), ("hour", 3600.0), ("minute", 60.0))
 MONTH = UNITS[1][1]
 PICTURES = (".png", ".svg", ".pdf")
@@ -37,15 +40,19 @@ class TrendError(LostmotionError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class History:
-    """The scores of a joint that are numbers, and their trend: what a plot shows.
+    """The scores of a joint that are numbers, or the sizes of its play, and their trend: what a plot shows.
 
-    start: UTC of time 0; time [s] and score [-], shape (N,); impact, shape (N,); wear: with times from ``start``.
+    what: the quantity and its unit, in words; start: UTC of time 0; time [s] and value, shape (N,), at the median
+    excitation and temperature; laws: what of these it was freed of (``normalised``); impact, shape (N,); wear: with
+    times from ``start``.
     """
 
     joint: str
+    what: str
     start: datetime
     time: FloatArray
-    score: FloatArray
+    value: FloatArray
+    laws: dict[str, float]
     impact: np.ndarray[Any, np.dtype[np.bool_]]
     wear: WearTrend
 
@@ -59,13 +66,13 @@ class History:
         return self.start + timedelta(seconds=time)
 
     def medians(self, pieces: int) -> tuple[FloatArray, FloatArray]:
-        """Median times [s] and scores in equal pieces of time, shape (M,) each, empty pieces left out."""
+        """Median times [s] and values in equal pieces of time, shape (M,) each, empty pieces left out."""
         edges = np.linspace(self.wear.first, self.wear.last, pieces + 1)[1:-1]
         runs = np.split(np.arange(self.time.size), np.searchsorted(self.time, edges))
         full = [run for run in runs if run.size]
         return (
             np.array([np.median(self.time[run]) for run in full]),
-            np.array([np.median(self.score[run]) for run in full]),
+            np.array([np.median(self.value[run]) for run in full]),
         )
 
 
@@ -74,40 +81,60 @@ def trend(
     config: Path | None,
     database: Path | None,
     bounds: tuple[datetime | None, datetime | None],
+    of: Of,
     level: float | None,
     png: Path | None,
     as_json: bool,
 ) -> None:
-    """Prints the trend of the scores with since <= time < until against ``level``; draws ``png`` when given."""
+    """Prints the trend of scores or plays with since <= time < until against ``level``; draws ``png`` when given."""
     times.check_order(*bounds)
     if png and png.suffix.lower() not in PICTURES:
         raise TrendError(f"--png: found the name {str(png)!r}, expected one that ends with {', '.join(PICTURES)}")
     with open_joint(joint, config, database) as reader:
-        history = _history(joint, reader.series(joint, *bounds), level)
+        series = reader.series(joint, *bounds)
+    if of == "play":
+        level = level or _play_limit(config)
+    history = _history(joint, series, of, level)
     if png:
         from lostmotion.daemon.commands.trend_picture import draw
 
         draw(history, png)
     if as_json:
-        output.print_json(_document(history))
+        output.print_json(_document(history if of == "score" else _history(joint, series, of, level, RADIANS)))
         return
     from lostmotion.daemon.commands.trend_terminal import plot
 
     output.print_lines([*_words(history), "", plot(history), *([f"picture: {png}"] if png else [])])
 
 
-def _history(joint: str, series: Series, level: float | None) -> History:
-    if not series.size:
-        raise TrendError(f"found no scores of {joint!r} in that time, expected at least 3; try an earlier --since")
-    limit = level or float(series["level"][-1])
+def _play_limit(config: Path | None) -> float:
+    """The size of the play that is an alarm [rad]."""
+    alarm = find_config(config).alarm
+    limit = alarm.play_error or alarm.play_warning
+    if limit is None:
+        raise TrendError("found no limit of the play; give --level [rad], or --config with alarm.play_error in it")
+    return limit
+
+
+def _history(joint: str, series: Series, of: Of, level: float | None, unit: float = ARC_MINUTES) -> History:
+    """unit: of a play, in a rad."""
     if series.size > MOST:
         series = one_an_hour(series)  # as old ones are kept: a trend must not change when they are rolled up
-    time, score = (series["time_us"] - series["time_us"][0]) / 1e6, series["score"]
+    series = series[np.isfinite(series[of])]
+    if not series.size:
+        raise TrendError(f"found no {of}s of {joint!r} in that time, expected at least 3; try an earlier --since")
+    scale = unit if of == "play" else 1.0
+    limit = scale * (level or float(series["level"][-1]))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        moved = {"excitation": np.log(series["excitation"]), "temperature": series["temperature"]}
+    time = (series["time_us"] - series["time_us"][0]) / 1e6
+    value, laws = normalised(scale * series[of], moved)
     try:
-        wear = summarise(time, score, limit)
+        wear = summarise(time, value, limit)
     except DetectorError as error:
         raise TrendError(f"joint {joint!r}: {error}; let it run for longer, or try an earlier --since") from error
-    return History(joint, from_micros(int(series["time_us"][0])), time, score, series["impact"], wear)
+    what = "score o of eq. 8 [-]" if of == "score" else "play [arc-minutes]"
+    return History(joint, what, from_micros(int(series["time_us"][0])), time, value, laws, series["impact"], wear)
 
 
 def _document(history: History) -> dict[str, Any]:
@@ -129,6 +156,7 @@ def _document(history: History) -> dict[str, Any]:
         "recent_slope": _per_month(wear.recent),
         "time_to_limit": _wait(wear.time_to_limit),
         "forecast": _wait(wear.forecast),
+        "normalised": history.laws,
     }
 
 
@@ -145,7 +173,8 @@ def _words(history: History) -> list[str]:
     first, last = (f"{history.utc(time).astimezone(UTC):%Y-%m-%d %H:%M}" for time in (wear.first, wear.last))
     found = f"{wear.trend.direction} (p = {wear.trend.p_value:.2g})" if wear.trend.direction != "none" else "none found"
     lines = [
-        f"{history.joint}: {wear.count} scores, {first} to {last} UTC",
+        f"{history.joint}: {wear.count} {history.what.split()[0]}s, {first} to {last} UTC",
+        *_laws(history.laws),
         f"trend          {found}, Mann-Kendall tau {wear.trend.tau:+.2f}",
         f"slope          {_slope(wear.slope, history.span)}",
     ]
@@ -158,6 +187,13 @@ def _words(history: History) -> list[str]:
         f"limit          {_left(wear)}",
         *_foretold(wear),
     ]
+
+
+def _laws(laws: dict[str, float]) -> list[str]:
+    """What the values were freed of."""
+    words = {"excitation": "excitation^{:+.2f}", "temperature": "{:+.2%} a °C"}
+    found = [words[name].format(slope) for name, slope in laws.items()]
+    return [f"freed of       {', '.join(found)}: values at the median motion and temperature"] if found else []
 
 
 def _slope(slope: Slope, span: float) -> str:

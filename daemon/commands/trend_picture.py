@@ -41,7 +41,7 @@ def _scores(axes: Axes, history: History) -> None:
     for impact, colour, label in ((False, SMOOTH, "window without impact"), (True, IMPACT, "window with impact")):
         which = history.impact == impact
         if which.any():
-            when, score = _dates(history, history.time[which]), history.score[which]
+            when, score = _dates(history, history.time[which]), history.value[which]
             axes.plot(when, score, ".", ms=size, mec="none", alpha=0.6, color=colour, label=label)
     days = history.span / DAY
     pieces, name = (round(days), "daily median") if days >= 10 else (60, "median of a 60th of the time")
@@ -84,11 +84,11 @@ def _finish(axes: Axes, history: History) -> None:
     axes.xaxis.set_major_locator(locator)
     axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
     axes.set_xlabel("time (UTC)")
-    axes.set_ylabel("score o of eq. 8 [-]")
-    top = max(float(history.score.max()), history.wear.limit)
-    axes.set_ylim(min(0.0, float(history.score.min())), 1.08 * top)
+    axes.set_ylabel(history.what)
+    top = max(float(history.value.max()), history.wear.limit)
+    axes.set_ylim(min(0.0, float(history.value.min())), 1.08 * top)
     trend = history.wear.trend
     found = f"{trend.direction}, p = {trend.p_value:.2g}" if trend.direction != "none" else "no trend"
-    axes.set_title(f"{history.joint}: {history.wear.count} scores, {found}", loc="left")
+    axes.set_title(f"{history.joint}: {history.wear.count} {history.what.split()[0]}s, {found}", loc="left")
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)

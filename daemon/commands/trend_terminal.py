@@ -28,7 +28,7 @@ def plot(history: History) -> str:
     figure.plot_size(width, HEIGHT)
     figure.theme("colorless" if plain else "simple")
     figure.canvas("default")
-    figure.title(f"{history.joint}: score over UTC")
+    figure.title(f"{history.joint}: {history.what.split()[0]} over UTC")
     time, score = history.medians(width - 12)
     lowest, highest = min(score.min(), 0.0), 1.05 * max(score.max(), wear.limit)
     figure.ruler("y").lim(lowest, highest)

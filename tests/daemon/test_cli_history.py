@@ -5,17 +5,20 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 import sys
 from contextlib import closing
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from pyarrow import parquet
 
 from lostmotion.daemon.commands import output
 from lostmotion.daemon.commands.times import TimeError, ago, parse, span
+from lostmotion.daemon.records import ScoreRow
 from lostmotion.daemon.store import Store
 from tests.daemon.cli_world import SIMULATED, START, call, fill, is_one_line
 
@@ -195,6 +198,45 @@ def test_trend_json(database: Path) -> None:
     assert trend["current"] == pytest.approx(6.97)
     assert trend["time_to_limit"]["likely_s"] == pytest.approx(2 / 6 * 365.25 * 86400, rel=1e-6)
     assert (trend["count"], trend["level"], trend["change_points"]) == (200, 8.97, [])
+
+
+@pytest.fixture(scope="module")
+def warm(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A year of a joint whose play grows from 5 to 15 mrad, whose scores are only larger in warm hours, and of a
+    configuration to which 20 mrad is an error."""
+    folder = tmp_path_factory.mktemp("warm")
+    store, rng = Store(folder / "h.db", "arm1"), np.random.default_rng(4)
+    for k in range(800):
+        share, warmth = k / 800, rng.normal(0, 5) + 8 * k / 800
+        score = 5 * np.exp(0.03 * warmth + rng.normal(0, 0.1))
+        play = math.nan if k % 4 else 0.005 + 0.01 * share + rng.normal(0, 0.0005)
+        time = START + timedelta(days=365 * share)
+        store.add(ScoreRow("elbow", time, 0.25, score, 8.0, False, play, excitation=20.0, temperature=35 + warmth))
+    store.close()
+    (folder / "r.toml").write_text(SIMULATED.replace("history.db", f"{folder}/h.db") + "[alarm]\nplay_error = 0.02\n")
+    return folder
+
+
+def test_trend_of_the_play(warm: Path) -> None:
+    """Of 200 sizes: 10 mrad a year, in rad as JSON, against the configuration's limit, in arc-minutes for people."""
+    told = document("trend", "elbow", "--of", "play", "--config", warm / "r.toml")
+    assert (told["count"], told["level"]) == (200, 0.02)
+    assert told["slope"]["per_month"] * 12 == pytest.approx(0.01, rel=0.05)
+    assert told["time_to_limit"]["likely_s"] == pytest.approx(0.5 * 365 * 86400, rel=0.1)
+    text = call("trend", "elbow", "--of", "play", "--config", warm / "r.toml").stdout
+    assert "elbow: 200 plays" in text
+    assert "level 68.75" in text
+    assert "per year" in text
+    assert "+34" in text
+    assert is_one_line(call("trend", "elbow", "--of", "play", "--database", warm / "h.db"), "--level")
+
+
+def test_trend_is_freed_of_warmth(warm: Path) -> None:
+    """Scores that rise by 3 % a °C in a year that grows warmer: JSON tells the dependence, and no trend is left."""
+    told = document("trend", "elbow", "--config", warm / "r.toml")
+    assert told["normalised"] == {"temperature": pytest.approx(0.03, abs=0.003)}
+    assert told["mann_kendall"]["p_value"] > 0.01
+    assert "% a °C: values at the median" in call("trend", "elbow", "--config", warm / "r.toml").stdout
 
 
 def test_trend_leaves_out_unknown_scores(database: Path) -> None:

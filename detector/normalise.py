@@ -1,0 +1,73 @@
+"""A slow series freed of what it owes to motion and temperature, so that only wear is left.  Slopes are ``trend``'s."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from lostmotion.detector.window import FloatArray
+
+__all__ = ["normalised"]
+
+PIECES, LEAST_POINTS = 20, 20
+"""Wear is taken to stand still within a piece: one of so many, of at least so many points."""
+CLIP = 3.0
+"""Robust standard deviations to which what stands out of a piece is pulled in."""
+SIGNIFICANT = 5.0
+"""A dependence counts from so many standard errors on; by chance, one series in a million has one."""
+PRESENT = 0.5
+"""Share of the points that have to know a quantity before it counts."""
+
+
+def normalised(values: FloatArray, quantities: Mapping[str, FloatArray]) -> tuple[FloatArray, dict[str, float]]:
+    """The values, shape (N,), as they would be at the median of each quantity, (N,); and the dependences found.
+
+    The values are taken as f(t) exp(sum of b_k x_k).  In each of up to 20 runs of neighbouring points the medians of
+    ln value and of x are taken away, and b is least squares over what is left: wear, a repair or another job between
+    runs has no part in it.  What does not stand out by five standard errors is left alone, as are points of which a
+    quantity is not finite and values that are not positive.
+    """
+    usable = values > 0
+    known = {
+        name: x for name, x in quantities.items()
+        if np.mean(np.isfinite(x)) >= PRESENT and np.ptp(x[np.isfinite(x)]) > 0
+    }  # fmt: skip
+    every = usable & np.logical_and.reduce([np.isfinite(x) for x in known.values()], initial=True)
+    while known:
+        columns = np.column_stack([x[every] for x in known.values()])
+        slopes, errors = _dependence(np.log(values[every]), columns)
+        clear = np.abs(slopes) > SIGNIFICANT * errors
+        if clear.all():
+            break
+        known = {name: x for (name, x), stays in zip(known.items(), clear, strict=True) if stays}
+    if not known:
+        return values, {}
+    result = values.copy()
+    for slope, x in zip(slopes, known.values(), strict=True):
+        there = np.isfinite(x)
+        result[there] *= np.exp(-slope * (x[there] - np.median(x[there])))
+    return result, dict(zip(known, slopes.tolist(), strict=True))
+
+
+def _dependence(value: FloatArray, columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Slopes and their standard errors, shape (K,); infinite errors where nothing can be told."""
+    count, many = columns.shape
+    pieces = min(count // LEAST_POINTS, PIECES)
+    if pieces == 0:
+        return np.zeros(many), np.full(many, math.inf)
+    ends = np.linspace(0, count, pieces + 1).astype(int)[1:-1]
+    left = np.concatenate([run - np.median(run) for run in np.split(value, ends)])
+    apart = np.concatenate([run - np.median(run, axis=0) for run in np.split(columns, ends)])
+    slopes = np.zeros(many)
+    for _ in range(3):  # outliers are pulled in towards the line
+        rest = left - apart @ slopes
+        spread = 1.4826 * float(np.median(np.abs(rest))) + 1e-12
+        inverse = np.linalg.pinv(apart.T @ apart)
+        slopes = slopes + inverse @ (apart.T @ np.clip(rest, -CLIP * spread, CLIP * spread))
+    rest = left - apart @ slopes
+    clipped = np.clip(rest, -CLIP * spread, CLIP * spread)
+    variance = float(clipped @ clipped) / max(count - pieces - many, 1)
+    errors = np.sqrt(variance * np.diag(inverse))
+    return slopes, np.where(errors > 0, errors, math.inf)
