@@ -100,8 +100,7 @@ def explain(
     base = grown(short, task)
     unseen = Unseen(last, task, predictable(short, task), pool)
     short, level, descent, steps = _descended(short, base, unseen, rng, progress)
-    kept = {step.trials[0].effect for step in steps if step.blind}
-    level, descent = simplified(base, level, descent, unseen, kept)
+    level, descent = simplified(base, level, descent, unseen, _blind(steps))
     short = short if short.model.effects == level.model.effects else full_fit(level.model, task)
     progress("refining", 0.9)
     found = _explanation(base, level, short, descent, steps, task, pool)
@@ -243,6 +242,7 @@ def _explanation(
         base=fit_of(base, task),
         best=best_fit,
         descent=tuple(judged.error * unit for judged in descent),
+        unshown=tuple(effect for effect in _blind(steps) if effect in named) if verdict == "missing" else (),
     )
 
 
@@ -274,6 +274,11 @@ def _values(trial: Trial) -> dict[str, tuple[float, float, float]]:
     prefix = trial.effect + "."
     own = {n.removeprefix(prefix): p.value for n, p in trial.level.model.parameters.items() if n.startswith(prefix)}
     return {name: (value, value, value) for name, value in own.items()}
+
+
+def _blind(steps: Sequence[_Step]) -> list[str]:
+    """The effects that were accepted although the unseen data are free of them."""
+    return [step.trials[0].effect for step in steps if step.blind]
 
 
 def _confusable(named: Sequence[str], steps: Sequence[_Step]) -> tuple[tuple[str, ...], ...]:

@@ -163,6 +163,8 @@ class Explanation:
     best: Fit
     descent: tuple[float, ...] = ()
     """Errors on unseen data without, and with one, two, … of what is missing."""
+    unshown: tuple[str, ...] = ()
+    """Of what is missing, what the unseen data are free of: those of the fit tell it, the error stays."""
 
     def document(self) -> dict[str, Any]:
         """The keys of ``lab explain --json``."""

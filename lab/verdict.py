@@ -31,6 +31,9 @@ def of_explanation(explanation: Explanation) -> tuple[str, ...]:
         sentences.append("Something is missing that no effect of the catalogue explains.")
         sentences += of_finding(found) if found else ()
     sentences += [f"These recordings cannot tell {_apart(group)}." for group in explanation.confusable]
+    if explanation.unshown:
+        effects = joined([words.name(effect) for effect in explanation.unshown])
+        sentences.append(f"Of {effects} the recording kept for judging is free: only the others tell it.")
     return tuple(sentences)
 
 

@@ -1,4 +1,4 @@
-"""The whole search, through the library, on joints that SciPy moves."""
+"""The whole search, through the library, on joints and gears that SciPy moves."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from lostmotion.drivers.recording import Recording
 from lostmotion.lab import explain
 from lostmotion.lab.experiment import experiments
 from lostmotion.model import build_model
+from tests.lab.gears import GEARS, gears
 
 J, TAU_G = 4e-4, 2.5e-3
 NOISE, RATE_HZ, LENGTH = 3e-4, 400.0, 2.0
@@ -50,3 +51,17 @@ def test_of_equals_the_simpler_is_named(phi: float) -> None:
     for name, true in (("gravity_torque.tau_g", TAU_G), ("gravity_torque.phi", phi), ("J", J)):
         assert estimates[name].low < true < estimates[name].high
     assert estimates["gravity_torque.tau_g"].value == pytest.approx(TAU_G, rel=0.02)
+
+
+@pytest.mark.slow
+def test_what_only_the_recordings_of_the_fit_hold() -> None:
+    """One recording reaches the end of the sensor's range, the one that is kept for judging never does: the range is
+    found all the same, and said to be of the others alone."""
+    model = build_model("play", values={**GEARS, "d": 7e-5})
+    recordings = [gears(seed, largest=30.0) for seed in (41, 44, 49)]
+    assert [float(np.max(r.columns["accel"])) == 30.0 for r in recordings] == [False, True, False]
+    with ThreadPoolExecutor(2) as pool:
+        found = explain(model, experiments(model, recordings), pool)
+    assert found.missing == found.unshown == ("sensor_saturation",)
+    assert found.best.model.parameters["sensor_saturation.a_max"].value == pytest.approx(30.0, rel=0.01)
+    assert found.error.after == pytest.approx(found.error.before, rel=0.02)

@@ -6,10 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from bench.hidden_effects.motion import hand_waved
-from bench.hidden_effects.physics import follow, simulate
 
-from lostmotion.drivers.recording import Recording
 from lostmotion.lab.experiment import experiments
 from lostmotion.lab.fit import noise_of
 from lostmotion.lab.heldout import Judged, Unseen, better, misfits
@@ -18,19 +15,7 @@ from lostmotion.lab.simplify import simplified
 from lostmotion.lab.task import Task
 from lostmotion.model import build_model
 from lostmotion.model.motion import FloatArray
-
-GEARS = {"d": 8e-5, "alpha": 4000.0, "b": 0.18, "k": 2600.0}
-NOISE, LEAD, LENGTH = 0.2, 0.5, 2.0
-
-
-def gears(seed: int, **hidden: float) -> Recording:
-    """The accelerometer of gears with something hidden, begun in motion, with noise."""
-    rng = np.random.default_rng(seed)
-    command, values = hand_waved(rng, LEAD + LENGTH), {**GEARS, **hidden}
-    times = LEAD + np.arange(round(LENGTH * 800)) / 800
-    accel = simulate(values, command, np.concatenate(([0.0], times)), follow(values, command, 0.0))[0][1:]
-    columns = {"command": command.at(times), "accel": accel + rng.normal(0, NOISE, times.size)}
-    return Recording(times - LEAD, columns, name=f"rec{seed}.csv")
+from tests.lab.gears import GEARS, gears
 
 
 def judged(*errors: float) -> Judged:

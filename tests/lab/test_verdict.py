@@ -17,6 +17,13 @@ def test_verdict_of_a_missing_effect() -> None:
     )
 
 
+def test_what_the_judged_recording_is_free_of_is_said() -> None:
+    """An effect that only the recordings of the fit hold: why the error stays where it was."""
+    only = replace(report_example.explanation(), unshown=("coulomb_friction",))
+    said = verdict.of_explanation(only)[-1]
+    assert said == "Of Coulomb friction the recording kept for judging is free: only the others tell it."
+
+
 def test_verdict_of_nothing_missing() -> None:
     """It says so, how close to the noise, and how large each effect would have had to be."""
     explanation = report_example.nothing_missing()
