@@ -8,12 +8,14 @@ from collections import Counter, defaultdict, deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from lostmotion.daemon.attributor import Attributor
 from lostmotion.daemon.records import Origin
 from lostmotion.daemon.ring import Ring
 from lostmotion.detector.commanded import BEFORE_S
 from lostmotion.detector.errors import DetectorError
-from lostmotion.detector.play_size import with_play
+from lostmotion.detector.play_size import stretch_of, with_play
 from lostmotion.detector.score import score_window
 from lostmotion.detector.trigger import Trigger
 from lostmotion.detector.window import DetectorSettings, Score, Window
@@ -219,15 +221,15 @@ class Pipeline:
 
     def _sized(self, joint: _Joint, score: Score, ring: Ring) -> Score:
         """The score with the size of the play, from before its reversal on."""
-        plan, start, length = joint.plan, score.time - BEFORE_S, score.duration + BEFORE_S
-        times, accel = ring.slice(start - 1 / plan.rate_hz, start + length + 1 / plan.rate_hz)
-        stretch: Window | None = cut(plan.joint, times, accel, start, length, plan.rate_hz)
+        plan, period = joint.plan, 1 / joint.plan.rate_hz
+        around = ring.slice(score.time - BEFORE_S - period, score.time + score.duration + period)
+        stretch: Window | None = stretch_of(score, *around, plan.rate_hz)
         if stretch and plan.joint in self._shared:
             stretch = self._shared[plan.joint].alone(stretch, plan.accelerometer, self._joints)
         if stretch is None:
             return replace(score, play_reason="another joint may have struck")
-        near = [told for told in joint.commands if start - BEFORE_S <= told[0] <= start + length + BEFORE_S]
-        return with_play(score, stretch, [time for time, _ in near], [angle for _, angle in near], plan.settings)
+        times, angles = np.array(joint.commands).T
+        return with_play(score, stretch, times, angles, plan.settings)
 
     def _needed(self, joint: _Joint, ring: Ring) -> float:
         """From when on a joint may still need acceleration [s]."""

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from lostmotion.detector.window import FloatArray
 
-__all__ = ["CONFIDENCE", "Forecast", "forecast"]
+__all__ = ["CONFIDENCE", "TimeToLimit", "forecast"]
 
 CONFIDENCE = 0.8
 """Share of wear histories whose day lies within the interval."""
@@ -31,16 +31,17 @@ CAUTION = 1.25
 
 
 @dataclass(frozen=True, slots=True)
-class Forecast:
-    """Seconds from the last score until the limit: the median, and the ends of the 80 % interval; inf for never."""
+class TimeToLimit:
+    """Seconds from the last score until the limit: the middle, and the ends of an interval; inf for never."""
 
     likely: float
     earliest: float
     latest: float
 
 
-def forecast(times: ArrayLike, values: ArrayLike, limit: float) -> Forecast | None:
-    """When the values, shape (N,) at ascending times [s], will reach the limit; None for fewer than 12.
+def forecast(times: ArrayLike, values: ArrayLike, limit: float) -> TimeToLimit | None:
+    """When the values, shape (N,) at ascending times [s], will reach the limit, median and 80 % interval; None for
+    fewer than 12.
 
     Each law's line is least squares over medians, weighted by the noise, which is taken to grow with the value; its
     covariance and likelihood count correlated residuals as the fewer that they are worth (the sum of their
@@ -65,7 +66,7 @@ def forecast(times: ArrayLike, values: ArrayLike, limit: float) -> Forecast | No
     tail = (1 - CONFIDENCE) / 2
     ends = np.minimum(np.searchsorted(share, (0.5, tail, 1 - tail)), waits.size - 1)
     likely, earliest, latest = waits[order][ends]
-    return Forecast(float(likely), float(earliest), float(latest))
+    return TimeToLimit(float(likely), float(earliest), float(latest))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

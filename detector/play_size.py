@@ -21,11 +21,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from lostmotion.detector.commanded import Commanded, smoothed
+from lostmotion.detector.commanded import BEFORE_S, Commanded, smoothed
 from lostmotion.detector.kicks import Inverse, inverse, noise_of
 from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
+from lostmotion.detector.windows import cut
 
-__all__ = ["PlaySize", "play_size", "pooled", "with_play"]
+__all__ = ["PlaySize", "play_size", "pooled", "stretch_of", "with_play"]
 
 LEAST_RATE = 8.0
 """Samples a period of the bar: with fewer, kicks cannot be told from each other."""
@@ -92,6 +93,11 @@ def pooled(values: Sequence[float] | FloatArray) -> PlaySize:
     reach = Z * math.sqrt(known.size) / 2
     low, high = math.floor(known.size / 2 - reach), math.ceil(known.size / 2 + reach) - 1
     return PlaySize(float(np.median(known)), float(known[max(low, 0)]), float(known[min(high, known.size - 1)]))
+
+
+def stretch_of(score: Score, times: FloatArray, accel: FloatArray, rate_hz: float) -> Window:
+    """The stretch that tells the play of a score's window, from a stream of tip acceleration that holds it."""
+    return cut(score.joint, times, accel, score.time - BEFORE_S, score.duration + BEFORE_S, rate_hz)
 
 
 def with_play(

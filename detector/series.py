@@ -8,7 +8,7 @@ import numpy as np
 
 from lostmotion.detector.commanded import BEFORE_S
 from lostmotion.detector.errors import DetectorError
-from lostmotion.detector.play_size import with_play
+from lostmotion.detector.play_size import stretch_of, with_play
 from lostmotion.detector.score import score_window, validate
 from lostmotion.detector.trigger import Trigger
 from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
@@ -60,23 +60,14 @@ def score_series(
     Raises DetectorError when there is too little data to tell a rate, or the settings do not fit the rate.
     """
     windows = windows_of(times_servo, commands, times_accel, accel, settings, joint, resolution)
-    servo, sensor = (times_servo, commands), (times_accel, accel)
-    return [_sized(score_window(window, settings, range_ms2), window, servo, sensor, settings) for window in windows]
-
-
-def _sized(
-    score: Score,
-    window: Window,
-    servo: tuple[FloatArray, FloatArray],
-    sensor: tuple[FloatArray, FloatArray],
-    settings: DetectorSettings,
-) -> Score:
-    """The score with the size of the play."""
-    length = window.duration + BEFORE_S
-    stretch = cut(window.joint, *sensor, window.start - BEFORE_S, length, window.rate_hz)
-    times, commands = servo
-    near = slice(*times.searchsorted((window.start - 2 * BEFORE_S, window.start + length)))
-    return with_play(score, stretch, times[near], commands[near], settings)
+    scores = []
+    for window in windows:
+        score = score_window(window, settings, range_ms2)
+        stretch = stretch_of(score, times_accel, accel, window.rate_hz)
+        first, last = times_servo.searchsorted((score.time - 2 * BEFORE_S, score.time + score.duration + BEFORE_S))
+        near = slice(first, last)
+        scores.append(with_play(score, stretch, times_servo[near], commands[near], settings))
+    return scores
 
 
 def rate_of(times: FloatArray, what: str) -> float:

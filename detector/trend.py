@@ -15,13 +15,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from lostmotion.detector.changes import change_points
 from lostmotion.detector.errors import DetectorError
-from lostmotion.detector.forecast import Forecast, forecast
+from lostmotion.detector.forecast import TimeToLimit, forecast
 from lostmotion.detector.window import FloatArray
 
 __all__ = [
     "MOST",
     "Slope",
-    "TimeToLimit",
     "Trend",
     "WearTrend",
     "mann_kendall",
@@ -67,15 +66,6 @@ class Trend:
 
 
 @dataclass(frozen=True, slots=True)
-class TimeToLimit:
-    """Seconds from now until the limit: by the slope, and by the ends of its interval; inf where those do not rise."""
-
-    likely: float
-    earliest: float
-    latest: float
-
-
-@dataclass(frozen=True, slots=True)
 class WearTrend:
     """What months of scores say.
 
@@ -95,7 +85,7 @@ class WearTrend:
     current: float
     limit: float
     time_to_limit: TimeToLimit | None
-    forecast: Forecast | None
+    forecast: TimeToLimit | None
 
 
 def theil_sen(t: ArrayLike, y: ArrayLike, confidence: float = 0.95, inflation: float = 1.0) -> Slope:
@@ -145,9 +135,10 @@ def mann_kendall(y: ArrayLike, alpha: float = 0.05) -> Trend:
 
 
 def time_to_limit(slope: Slope, now: float, limit: float) -> TimeToLimit | None:
-    """When the line reaches the limit, with an interval; None when it never does, zeros when it already has.
+    """When the line reaches the limit; None when it never does, zeros when it already has.
 
-    The ends of the slope's interval turn the line about the median point.  now [s]; limit: in the units of y.
+    The interval is that of the slope, whose ends turn the line about the median point.  now [s]; limit: in the units
+    of y.
     """
     middle = slope.at(slope.centre)
     if slope.at(now) >= limit:

@@ -18,9 +18,9 @@ from lostmotion.daemon.commands.where import find_config, open_joint
 from lostmotion.daemon.records import from_micros, iso
 from lostmotion.daemon.rollup import Series, one_an_hour
 from lostmotion.detector.errors import DetectorError
-from lostmotion.detector.forecast import Forecast
+from lostmotion.detector.forecast import TimeToLimit
 from lostmotion.detector.normalise import normalised
-from lostmotion.detector.trend import MOST, Slope, TimeToLimit, WearTrend, summarise
+from lostmotion.detector.trend import MOST, Slope, WearTrend, summarise
 from lostmotion.detector.window import FloatArray
 from lostmotion.drivers.errors import LostmotionError
 
@@ -160,7 +160,7 @@ def _document(history: History) -> dict[str, Any]:
     }
 
 
-def _wait(left: TimeToLimit | Forecast | None) -> dict[str, float] | None:
+def _wait(left: TimeToLimit | None) -> dict[str, float] | None:
     return {"likely_s": left.likely, "earliest_s": left.earliest, "latest_s": left.latest} if left else None
 
 
@@ -207,9 +207,7 @@ def _foretold(wear: WearTrend) -> list[str]:
     told = wear.forecast
     if told is None or told.likely == 0 or not math.isfinite(told.earliest):
         return []
-    likely, earliest, latest = (
-        times.span(t) if math.isfinite(t) else "never" for t in (told.likely, told.earliest, told.latest)
-    )
+    likely, earliest, latest = _spans(told)
     return [f"forecast       reached in {likely} (80 %: {earliest} to {latest}), whatever the law of wear"]
 
 
@@ -219,9 +217,12 @@ def _left(wear: WearTrend) -> str:
         return "not reached at this slope"
     if left.likely == 0:
         return "reached"
-    likely, earliest, latest = (
-        times.span(t) if math.isfinite(t) else "never" for t in (left.likely, left.earliest, left.latest)
-    )
+    likely, earliest, latest = _spans(left)
     if likely == "never":
         return f"not reached at this slope (95 %: not before {earliest} from now)"
     return f"reached in {likely} (95 %: {earliest} to {latest})"
+
+
+def _spans(left: TimeToLimit) -> list[str]:
+    """Its three spans in words."""
+    return [times.span(t) if math.isfinite(t) else "never" for t in (left.likely, left.earliest, left.latest)]
