@@ -15,15 +15,20 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
 from lostmotion import __version__
 from lostmotion.daemon.commands.checks import Check, within
 from lostmotion.daemon.config import Config
+from lostmotion.daemon.migrations import CURRENT, MIGRATIONS
 from lostmotion.daemon.reader import open_readonly
 from lostmotion.drivers.base import AccelerometerOptions, JointOptions
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["ClockPair", "check_adapters", "check_can", "check_clock", "check_disk", "check_versions"]
+if TYPE_CHECKING:
+    from sqlite_utils import Database
+
+__all__ = ["ClockPair", "check_adapters", "check_can", "check_clock", "check_disk", "check_history", "check_versions"]
 
 SYSTEM = "system"
 USB_SERIAL = Path("/sys/bus/usb-serial/devices")
@@ -115,6 +120,38 @@ def _windows_a_day(path: Path) -> float:
         newest = [reader.scores(joint.name, limit=1000) for joint in reader.joints()]
     spans = [(len(scores), (scores[-1].time - scores[0].time).total_seconds()) for scores in newest if scores]
     return sum(86400 * count / span for count, span in spans if span > 0)
+
+
+def check_history(config: Config) -> Iterator[Check]:
+    """Pages, tables and views of the database, beside those of a new one of its version; none where there is none."""
+    from sqlite_utils import Database
+
+    path, subject = config.database, str(config.database)
+    if not path.is_file() or not path.stat().st_size:
+        return
+    try:
+        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True, timeout=BUSY_S)) as connection:
+            (pages,) = connection.execute("PRAGMA quick_check(1)").fetchone()
+            (version,) = connection.execute("PRAGMA user_version").fetchone()
+            there = _columns(Database(connection))
+    except sqlite3.Error:
+        return  # the check of the disk has said it
+    cause = "" if pages == "ok" else f"{pages}; `lostmotion run` goes on with it until it cannot: copy it while you can"
+    yield Check(subject, "pages", "sound" if pages == "ok" else "damaged", "", "sound", pages == "ok", cause)
+    if not 0 < version <= CURRENT:
+        return
+    with closing(sqlite3.connect(":memory:")) as connection:
+        connection.executescript("".join(MIGRATIONS[:version]))
+        own = _columns(Database(connection))
+    gone = sorted(own - there)
+    cause = f"another program has changed it: {', '.join(gone)} is gone" if gone else ""
+    yield Check(subject, "tables", "changed" if gone else "as written", "", "as written", not gone, cause)
+
+
+def _columns(db: Database) -> set[str]:
+    """The columns of all tables and views, as table.column."""
+    names = (*db.table_names(), *db.view_names())
+    return {f"{name}.{column}" for name in names for column in db[name].columns_dict}
 
 
 def check_adapters(config: Config, root: Path = USB_SERIAL) -> Iterator[Check]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import re
 import resource
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,7 @@ import pytest
 
 from lostmotion.daemon import config as configuration
 from lostmotion.daemon.commands.checks import within
-from lostmotion.daemon.commands.checks_system import ClockPair, check_adapters, check_clock, check_disk
+from lostmotion.daemon.commands.checks_system import ClockPair, check_adapters, check_clock, check_disk, check_history
 from lostmotion.drivers.recording import read_recording
 from tests.daemon.cli_world import HARDWARE, SECOND_JOINT, SIMULATED, call, fill, is_one_line
 
@@ -240,6 +242,21 @@ def test_damaged_database_of_the_doctor(robot: Path) -> None:
     assert not checks["database"]["ok"]
     assert "malformed" in checks["database"]["cause"]
     assert checks["numpy"]["ok"]
+
+
+def test_database_that_another_program_changed(robot: Path) -> None:
+    """A database as it was written is sound; one that lacks a view and has lost a column is told, with their names."""
+    fill(Path("history.db"))
+    assert [(c.check, c.value, c.ok) for c in check_history(configuration.load(robot))] == [
+        ("pages", "sound", True),
+        ("tables", "as written", True),
+    ]
+    with closing(sqlite3.connect("history.db")) as db:
+        db.executescript("DROP VIEW devices; ALTER TABLE device RENAME COLUMN broken TO spoilt;")
+    pages, tables = check_history(configuration.load(robot))
+    assert pages.ok
+    assert not tables.ok
+    assert "device.broken, devices.broken, devices.late" in tables.cause
 
 
 @pytest.mark.parametrize("filled", [True, False])
