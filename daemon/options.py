@@ -56,6 +56,7 @@ class DetectorOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     noise_colour: tuple[float, ...] | UnsetType = UNSET
     flank_exponent: Annotated[float, Meta(ge=1)] | UnsetType = UNSET
     play_size: bool | UnsetType = UNSET
+    gentle: Annotated[float, Meta(ge=0)] | UnsetType = UNSET
 
     def given(self) -> dict[str, object]:
         """The keys that were given, in the names and values of DetectorSettings."""

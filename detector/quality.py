@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lostmotion.detector.window import FloatArray, Window
+from lostmotion.detector.window import GENTLE, FloatArray, Window
 
 __all__ = ["LEAST_SHARE", "OK", "describe", "mended"]
 
@@ -18,16 +18,14 @@ GAPPY_SHARE = 0.98
 COVERED_SHARE = 0.95
 FULL_SCALE = 0.999
 FLAT_TOP = 3
-GENTLE = 0.5
-"""Change of the commanded acceleration [rad/s²] below which one arc-minute of play can hit no harder than a sensor's
-noise: a gap phi crossed under a ends in sqrt(2 a phi), times l omega_res about 0.6 m/s² at the tip of the usual bar."""
 
 
-def describe(window: Window, range_ms2: float = math.inf) -> str:
+def describe(window: Window, range_ms2: float = math.inf, gentle: float = GENTLE) -> str:
     """ "ok", or comma-separated: short, gappy, clipped, flat, gentle.
 
     short: the samples start late or end early; gappy: samples are missing in between; clipped: at the sensor's range
-    (range_ms2 [m/s²]) or with a flat top; flat: no signal at all; gentle: hardly excited, so silence proves nothing.
+    (range_ms2 [m/s²]) or with a flat top; flat: no signal at all; gentle: excited by less than
+    that [rad/s²], so silence proves nothing.
     """
     there = np.flatnonzero(np.isfinite(window.accel))
     if there.size == 0:
@@ -41,7 +39,7 @@ def describe(window: Window, range_ms2: float = math.inf) -> str:
         "gappy": there.size < GAPPY_SHARE * covered,
         "clipped": max(high, -low) >= FULL_SCALE * range_ms2 or (not flat and _has_flat_top(values, (high, low))),
         "flat": flat,
-        "gentle": abs(window.excitation) < GENTLE,
+        "gentle": abs(window.excitation) < gentle,
     }
     return ",".join(name for name, applies in found.items() if applies) or OK
 

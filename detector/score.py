@@ -46,7 +46,7 @@ def score_window(window: Window, settings: DetectorSettings, range_ms2: float = 
 
     range_ms2: the largest acceleration that the sensor shows [m/s²].  Raises DetectorError as ``score`` does.
     """
-    quality = describe(window, range_ms2)
+    quality = describe(window, range_ms2, settings.gentle)
     enough = window.accel.size and np.count_nonzero(np.isfinite(window.accel)) >= LEAST_SHARE * window.accel.size
     mend = (
         mended if settings.statistic == "band" else partial(ringdown.filled, rate_hz=window.rate_hz, settings=settings)

@@ -11,12 +11,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["LEVELS", "ZETA", "DetectorSettings", "FloatArray", "Reversal", "Score", "Statistic", "Window"]
+__all__ = ["GENTLE", "LEVELS", "ZETA", "DetectorSettings", "FloatArray", "Reversal", "Score", "Statistic", "Window"]
 
 FloatArray = NDArray[np.float64]
 Statistic = Literal["band", "ringdown"]
 ZETA = 0.012
 """Damping ratio of a usual bar."""
+GENTLE = 0.5
+"""Change of the commanded acceleration [rad/s²] below which one arc-minute of play can hit no harder than a sensor's
+noise: a gap phi crossed under a ends in sqrt(2 a phi), times l omega_res about 0.6 m/s² at the tip of the usual bar."""
 LEVELS: Mapping[Statistic, float] = MappingProxyType({"band": 8.0, "ringdown": 4.5})
 """Levels for a robot of which nothing is known yet; docs/decisions/0002-score.md and 0005-ringdown.md say why."""
 
@@ -35,7 +38,8 @@ class DetectorSettings:
     the standard deviation of what cannot be foretold of a healthy window's noise, None if unknown; noise_colour its
     reflection coefficients (``whitening.fit_noise``), () for white.  length_m: from the joint's axis to the
     accelerometer [m], negative where the joint turns the other way round; flank_exponent: n of eq. 1 (``play_size``);
-    play_size: whether it is estimated, which needs an accelerometer and a command in rad.
+    play_size: whether it is estimated, which needs an accelerometer and a command in rad; gentle: windows of less
+    excitation [rad/s²] prove nothing (``quality``).
     """
 
     f_res_hz: float
@@ -52,6 +56,7 @@ class DetectorSettings:
     length_m: float = 0.10
     flank_exponent: float = 11.0
     play_size: bool = True
+    gentle: float = GENTLE
 
     def __post_init__(self) -> None:
         if math.isnan(self.level):

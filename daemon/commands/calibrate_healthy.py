@@ -23,7 +23,7 @@ PLAYS_DEG = (0.03, 0.1, 0.3, 1.0)
 """Plays for which the motion that is needed is told."""
 SWAY_HZ = 1.0
 GENTLE_DEG = 0.1
-"""A motion that could not make this play heard is too gentle."""
+"""A motion that could not make this play heard is too gentle; at a reversal it changes by twice its amplitude."""
 KEYS = ("window_s", "f_width_hz", "f_norm_hz", "f_norm_width_hz", "noise_ms2", "noise_colour", "statistic")
 
 
@@ -41,7 +41,7 @@ def calibrate_healthy(
     bad = read_all(worn, settings, LONGEST_S).accel if worn else None
     tuned = tune(healthy.accel, healthy.rate_hz, settings, bad)
     needed, heard = _needed(tuned, healthy)
-    values = {key: getattr(tuned.settings, key) for key in KEYS}
+    values = {key: getattr(tuned.settings, key) for key in KEYS} | {"gentle": float(f"{2 * needed[GENTLE_DEG]:.3g}")}
     lines = lines_of(values, "[detector], or detector of the [[joint]]; the level comes from calibrate level")
     document = {
         "windows": tuned.windows, "refused": healthy.refused, "settings": values, "found": tuned.found,

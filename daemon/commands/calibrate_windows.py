@@ -69,7 +69,7 @@ def _read(path: Path, settings: DetectorSettings) -> Cuttings:
         raise CalibrationError(f"{path}: {error}") from error
     if not windows:
         raise CalibrationError(f"{path}: found no reversal of the command, expected a motion that goes back and forth")
-    sound = [w for w in windows if describe(w, recording.number("range_ms2", math.inf)) == OK]
+    sound = [w for w in windows if describe(w, recording.number("range_ms2", math.inf), settings.gentle) == OK]
     rate_hz, length = windows[0].rate_hz, windows[0].accel.size
     filled = [ringdown.filled(window.accel, rate_hz, settings) for window in sound]
     return Cuttings(

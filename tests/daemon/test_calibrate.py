@@ -70,6 +70,7 @@ def test_healthy(tmp_path: Path) -> None:
     assert document["found"]["ringdown"] > document["found_before"] == pytest.approx(0.6, abs=0.02)
     needed = [row["acceleration"] for row in document["needed"]]
     assert needed[-1] > needed[-2]
+    assert document["settings"]["gentle"] == pytest.approx(2 * needed[1], rel=0.01)
     robot = SIMULATED.replace("level = 5.5", document["toml"])
     (tmp_path / "robot.toml").write_text(robot)
     assert call("config", "check", tmp_path / "robot.toml").exit_code == 0

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from lostmotion.detector.quality import describe, mended
-from lostmotion.detector.window import Window
+from lostmotion.detector.score import score_window
+from lostmotion.detector.window import DetectorSettings, Window
 
 TIME = np.arange(250) / 1000
 NOISE = np.random.default_rng(8).normal(0, 0.1, 250)
@@ -60,3 +61,10 @@ def test_mended_draws_straight_lines() -> None:
     """Missing samples lie on the line between their neighbours; at the ends the nearest sample is repeated."""
     nan = math.nan
     assert list(mended(np.array([nan, 1.0, nan, nan, 4.0, nan]))) == [1.0, 1.0, 2.0, 3.0, 4.0, 4.0]
+
+
+def test_what_is_gentle_is_set_by_the_settings() -> None:
+    """A window of 20 rad/s² is gentle where calibration found that 25 are needed, and its score says so."""
+    assert describe(window(RING, 20.0), gentle=25.0) == "gentle"
+    assert score_window(window(RING, 20.0), DetectorSettings(f_res_hz=58.0, gentle=25.0)).quality == "gentle"
+    assert score_window(window(RING, 20.0), DetectorSettings(f_res_hz=58.0)).quality == "ok"
