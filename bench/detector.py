@@ -13,6 +13,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy import fft, signal
 
+from lostmotion.detector.attribution import Mover, evidence
 from lostmotion.detector.play_size import play_size
 from lostmotion.detector.score import batch, score_window
 from lostmotion.detector.trigger import SPAN, Trigger
@@ -23,6 +24,8 @@ __all__ = ["main"]
 SETTINGS = DetectorSettings(f_res_hz=58.0)
 RINGDOWN = DetectorSettings(f_res_hz=58.0, statistic="ringdown", noise_ms2=1.0)
 JOINTS, POLL_HZ = 6, 100
+JOINTS_TOLD = ((1.5, 0.10), (1.1, 0.25))
+"""Rates [Hz] and lever arms [m] of two joints on one accelerometer."""
 
 
 def plain(windows: FloatArray) -> FloatArray:
@@ -53,7 +56,7 @@ def best(work: Callable[[], object], repeats: int = 5) -> float:
 
 
 def in_service(windows: FloatArray) -> dict[str, float]:
-    """Seconds for each window that comes alone: its quality and score, and the size of the play on top."""
+    """Seconds for each window that comes alone: its quality and score, on top the size of the play and whose it is."""
     time_s = np.arange(windows.shape[1]) / 1000
     cut = [Window("elbow", 0.0, 0.25, time_s, accel, 1000.0, 20.0) for accel in windows]
     long = np.random.default_rng(1).normal(size=(200, 450))
@@ -69,10 +72,18 @@ def in_service(windows: FloatArray) -> dict[str, float]:
         for stretch in stretches:
             play_size(stretch, polls, angles, RINGDOWN)
 
+    polled = np.array(polls)
+    movers = [Mover(polled, 0.3 * np.sin(2 * np.pi * rate * polled), (lever,)) for rate, lever in JOINTS_TOLD]
+
+    def attribute_all() -> None:
+        for stretch in stretches:
+            evidence([stretch], movers, [RINGDOWN], 0.2)
+
     return {
         "eq. 8": best(lambda: score_all(SETTINGS)) / len(cut),
         "ringdown": best(lambda: score_all(RINGDOWN)) / len(cut),
         "size of the play": best(size_all, 3) / len(stretches),
+        "which of two joints": best(attribute_all, 3) / len(stretches),
     }
 
 

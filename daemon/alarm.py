@@ -128,7 +128,7 @@ class JointMonitor:
         play = median(plays) if plays else math.nan
         evidence = Evidence(len(ratios), share, median(ratios), play, self._days, str(origin or ""))
         severity = grade(evidence, self._options, self._wanted[Cause.PLAY])
-        self._want(Cause.PLAY, None if origin and origin.acquits(self.row.name) else severity, str(evidence))
+        self._want(Cause.PLAY, None if origin and origin.spares(self.row.name) else severity, str(evidence))
 
     def _want(self, cause: Cause, severity: Severity | None, reason: str) -> None:
         self._wanted[cause], self._reasons[cause] = severity, reason

@@ -228,9 +228,9 @@ class Origin:
     probabilities: Mapping[str, float]
     windows: int
 
-    def acquits(self, joint: str) -> bool:
-        """Whether the play that this joint's windows show is another one's."""
-        return self.probabilities[joint] <= 1 - SURE and max(self.probabilities.values()) >= SURE
+    def spares(self, joint: str) -> bool:
+        """Whether others are named, so that the play that this joint's windows show is taken for theirs."""
+        return not self.is_open and self.probabilities[joint] < SURE
 
     @property
     def is_open(self) -> bool:

@@ -252,7 +252,7 @@ def test_a_restart_changes_nothing(done: Verb | None) -> None:
 def test_play_of_another_joint_is_no_alarm() -> None:
     """Windows above the level raise nothing while the play is another joint's for sure; an alarm goes when it turns out
     to be."""
-    others = Origin({"elbow": 0.01, "wrist": 0.99}, 30)
+    others = Origin({"elbow": 0.4, "wrist": 0.99}, 30)
     joint = monitor()
     assert [change for k in range(10) for change in joint.scored(score(3, k), others)] == []
     assert joint.row.health is Health.OK
