@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 
-.PHONY: help demo test test-vm check format bench bench-detector table1 bench-hidden figures clean
+.PHONY: help demo test test-vm check format bench bench-soak bench-detector table1 bench-hidden figures clean
 help:
 	@grep -E '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
@@ -37,6 +37,9 @@ format: $(READY)  ## puts the source into the one form
 
 bench: $(READY)  ## speed and memory as ratios, side by side in one run
 	$(BIN)/python -m bench
+
+bench-soak: $(READY)  ## whether the service's memory grows: twenty minutes at 20 times real speed, all sinks on
+	$(BIN)/python -m bench.soak
 
 bench-hidden: $(READY)  ## recordings with a hidden effect: what lab explain makes of them (table and figure, takes long)
 	$(BIN)/python -m bench.hidden_effects run --seed $(or $(SEED),0) --figures docs/figures
