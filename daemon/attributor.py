@@ -107,11 +107,13 @@ class Attributor:
         since = max(window.start, self._told[-1].until) if self._told else window.start
         return evidence(stretches, movers, [ear.settings for ear in self._ears], since)
 
+    def is_sure(self, joint: str) -> bool:
+        """Whether the play is known to be this joint's."""
+        return self.origin.probabilities[joint] >= SURE
+
     def alone(self, stretch: Window, accelerometer: str, speakers: Mapping[str, Speaker]) -> Window | None:
         """The stretch as if its joint had moved alone: less what the others' commands make of it, slowly as they are
-        for the bar.  None while the play is not known to be this joint's, or others have said too little."""
-        if self.origin.probabilities[stretch.joint] < SURE:
-            return None
+        for the bar.  None where these have said too little."""
         ear = next(ear for ear in self._ears if ear.accelerometer == accelerometer)
         accel = stretch.accel.copy()
         for name in ear.levers.keys() - {stretch.joint}:

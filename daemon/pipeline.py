@@ -221,15 +221,16 @@ class Pipeline:
 
     def _sized(self, joint: _Joint, score: Score, ring: Ring) -> Score:
         """The score with the size of the play, from before its reversal on."""
-        plan, period = joint.plan, 1 / joint.plan.rate_hz
-        around = ring.slice(score.time - BEFORE_S - period, score.time + score.duration + period)
-        stretch: Window | None = stretch_of(score, *around, plan.rate_hz)
-        if stretch and plan.joint in self._shared:
-            stretch = self._shared[plan.joint].alone(stretch, plan.accelerometer, self._joints)
-        if stretch is None:
+        plan, period, shared = joint.plan, 1 / joint.plan.rate_hz, self._shared.get(joint.plan.joint)
+        if shared and not shared.is_sure(plan.joint):
             return replace(score, play_reason="another joint may have struck")
+        around = ring.slice(score.time - BEFORE_S - period, score.time + score.duration + period)
+        stretch = stretch_of(score, *around, plan.rate_hz)
+        alone = shared.alone(stretch, plan.accelerometer, self._joints) if shared else stretch
+        if alone is None:
+            return replace(score, play_reason="too few commands of the other joints")
         times, angles = np.array(joint.commands).T
-        return with_play(score, stretch, times, angles, plan.settings)
+        return with_play(score, alone, times, angles, plan.settings)
 
     def _needed(self, joint: _Joint, ring: Ring) -> float:
         """From when on a joint may still need acceleration [s]."""

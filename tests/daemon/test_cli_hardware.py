@@ -55,7 +55,8 @@ def test_recording_of_hardware(arm: Arm) -> None:
     recording = read_recording("r.csv")
     servo_times, command = recording.signal("command")
     accel_times, accel = recording.signal("accel")
-    assert len(servo_times) == pytest.approx(250, abs=40)
+    assert 125 < len(servo_times) <= 290  # a busy machine polls less often
+    assert np.median(np.diff(servo_times)) == pytest.approx(0.01, rel=0.1)
     assert len(accel_times) == pytest.approx(500, abs=80)
     assert np.median(np.diff(accel_times)) == pytest.approx(0.005, rel=0.05)
     assert np.ptp(command) > 0.01
