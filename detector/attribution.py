@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.detector.commanded import smoothed
-from lostmotion.detector.kicks import inverse, noise_of
+from lostmotion.detector.kicks import edges, noise_of
 from lostmotion.detector.window import DetectorSettings, FloatArray, Window
 
 __all__ = ["Attribution", "Evidence", "Mover", "attribute", "evidence"]
@@ -52,8 +52,8 @@ PRESSED = 1.2
 """A kick is so much larger than what teeth that part, or come to rest on a flank, do to a smooth motion."""
 FLIGHT, GRAIN = 0.8, 1e-5
 """How far the way flown at the first strike is from phi, as a logarithm; the least way flown [rad]."""
-LEAST_S = 0.04
-"""A shorter rest of a window tells nothing [s]."""
+LEAST_S, LEAST_PERIODS = 0.04, 6.0
+"""A shorter rest of a window tells nothing [s], nor a stretch of fewer periods of the bar."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,7 +103,7 @@ def attribute(told: Iterable[Evidence], prior: Sequence[float]) -> Attribution:
 def evidence(
     stretches: Sequence[Window], movers: Sequence[Mover], settings: Sequence[DetectorSettings], since: float
 ) -> Evidence | None:
-    """What the kicks after ``since`` [s] say; None where nothing can be said.
+    """What the kicks after ``since`` [s] say; None where nothing can be said, as of bars beyond half of the rate.
 
     stretches: tip acceleration at each accelerometer from ``BEFORE_S`` before a reversal to the window's end, none of
     its samples missing; settings: of each, with its bar and the length [m] at which LEAST_KICK counts; movers: all
@@ -112,9 +112,16 @@ def evidence(
     start = float(stretches[0].time[0])
     commanded = [smoothed(mover.times, mover.commands, stretches[0]) for mover in movers]
     known = [command for command in commanded if command is not None]
-    if len(known) < len(commanded) or not all(np.isfinite(stretch.accel).all() for stretch in stretches):
+    usable = all(
+        one.duration * chosen.f_res_hz >= LEAST_PERIODS and one.rate_hz > 2 * chosen.f_res_hz
+        and np.isfinite(one.accel).all()
+        for one, chosen in zip(stretches, settings, strict=True)
+    )  # fmt: skip
+    if len(known) < len(commanded) or not usable:
         return None
     felt = _felt(stretches, settings)
+    if felt.times.size <= 4 * felt.width:
+        return None
     end = min(felt.last, *(command.end for command in known))
     heard = (felt.times >= max(since - start, felt.first)) & (felt.times <= end)
     if np.count_nonzero(heard) * felt.step < LEAST_S:
@@ -160,12 +167,12 @@ def _felt(stretches: Sequence[Window], settings: Sequence[DetectorSettings]) -> 
     """The kicks of all stretches on the grid of the first."""
     start, rows, times, width = stretches[0].time[0], [], np.empty(0), 0
     for stretch, chosen in zip(stretches, settings, strict=True):
-        undone = inverse(stretch.accel.size, stretch.rate_hz, noise_of(stretch.accel, chosen), chosen)
-        own = undone.times + stretch.time[0] - start
+        told = edges(stretch.accel.size, stretch.rate_hz, noise_of(stretch.accel, chosen), chosen)
+        own = told.times + stretch.time[0] - start
         times = times if times.size else own
-        width = max(width, undone.width)
-        sharp = undone.sharp @ (undone.gain @ (stretch.accel - stretch.accel.mean()))
-        deviation = np.interp(times, own, undone.sharp_deviation)
+        width = max(width, told.width)
+        sharp = told.gain @ (stretch.accel - stretch.accel.mean())
+        deviation = np.interp(times, own, told.deviation)
         least = np.maximum(SIGNIFICANT * deviation, LEAST_KICK)
         reach = abs(chosen.length_m)
         rows.append((np.interp(times, own, sharp) * chosen.length_m, deviation * reach, least * reach))

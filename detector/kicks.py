@@ -11,7 +11,7 @@ import numpy as np
 from lostmotion.detector.ringdown import ring
 from lostmotion.detector.window import DetectorSettings, FloatArray
 
-__all__ = ["Inverse", "inverse", "noise_of"]
+__all__ = ["Edges", "Inverse", "edges", "inverse", "noise_of"]
 
 STEP = 0.145
 """Grid of the kicks in periods of the bar."""
@@ -24,9 +24,7 @@ LEAST_WIDTH, SAMPLES_WIDE = 3, 3.0
 @dataclass(frozen=True, slots=True, eq=False)
 class Inverse:
     """Kicks at times (K,) from accelerations (N,): gain (K, N), covariance (K, K), twice (K, K) making angles of kicks,
-    sums (K, K) of three neighbours and the standard deviation (K,) of these; width: steps that a
-    kick is spread over; sharp (K, K) and its deviation: what a sum of these has more than the mean of those before and
-    after, which is zero for a smooth motion."""
+    sums (K, K) of three neighbours and the standard deviation (K,) of these."""
 
     times: FloatArray
     gain: FloatArray
@@ -34,9 +32,17 @@ class Inverse:
     twice: FloatArray
     sums: FloatArray
     deviation: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Edges:
+    """What stands out of a smooth motion at times (K,): what ``width`` neighbouring kicks have more than the mean of as
+    many before and after, in gain (K, N) from accelerations (N,), and its standard deviation (K,)."""
+
+    times: FloatArray
     width: int
-    sharp: FloatArray
-    sharp_deviation: FloatArray
+    gain: FloatArray
+    deviation: FloatArray
 
 
 def noise_of(accel: FloatArray, settings: DetectorSettings) -> float:
@@ -61,18 +67,25 @@ def inverse(length: int, rate_hz: float, noise: float, settings: DetectorSetting
     gain = covariance @ response.T / noise**2
     sums = np.eye(count) + np.eye(count, k=1) + np.eye(count, k=-1)
     own = np.asarray(covariance[:count, :count], dtype=np.float64)
+    twice = np.maximum(kicks[:, None] - kicks, 0.0)
+    return Inverse(kicks, gain[:count], own, twice, sums, _deviation(sums, own))
+
+
+@lru_cache(maxsize=16)
+def edges(length: int, rate_hz: float, noise: float, settings: DetectorSettings) -> Edges:
+    """The same inverse for kicks beside smooth motions of any size."""
+    undone = inverse(length, rate_hz, noise, settings)
+    step = STEP / settings.f_res_hz
     width = 2 * math.ceil((max(SAMPLES_WIDE / rate_hz / step, LEAST_WIDTH) - 1) / 2) + 1
-    wide = np.sum([np.eye(count, k=shift) for shift in range(-(width // 2), width // 2 + 1)], axis=0)
+    index = np.arange(undone.times.size)
+    wide = (np.abs(index[:, None] - index) <= width // 2).astype(np.float64)
     sharp = wide - (np.roll(wide, width, axis=0) + np.roll(wide, -width, axis=0)) / 2
-    return Inverse(
-        kicks, gain[:count], own, np.maximum(kicks[:, None] - kicks, 0.0),
-        sums, _deviation(sums, own), width, sharp, _deviation(sharp, own),
-    )  # fmt: skip
+    return Edges(undone.times, width, sharp @ undone.gain, _deviation(sharp, undone.covariance))
 
 
 def _deviation(rows: FloatArray, covariance: FloatArray) -> FloatArray:
     """Standard deviation of each row's combination."""
-    return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", rows, covariance, rows)))
+    return np.asarray(np.sqrt(np.sum((rows @ covariance) * rows, axis=1)))
 
 
 def _kicked(after: FloatArray, settings: DetectorSettings) -> FloatArray:

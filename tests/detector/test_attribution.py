@@ -175,6 +175,18 @@ def test_says_nothing_without_data() -> None:
     assert evidence([replace(stretch, accel=holed)], movers, [SETTINGS], 0.5) is None
 
 
+@pytest.mark.parametrize("rate", [10.0, 50.0, 200.0, 1000.0])
+@pytest.mark.parametrize("f_res", [0.2, 2.0, 4.9, 20.0, 90.0])
+@pytest.mark.parametrize("length", [0.22, 0.45, 1.2])
+def test_any_bar_at_any_rate(rate: float, f_res: float, length: float) -> None:
+    """Whatever a configuration may ask for, there is an answer of finite likelihoods, or none."""
+    times, polls = np.arange(0, 8, 1 / rate), np.arange(0, 8, 0.01)
+    stretch = cut("", times, np.random.default_rng(1).normal(0, 0.1, times.size), 1.0, length, rate)
+    movers = [Mover(polls, shaft(seed, polls, 0), (0.1,)) for seed in (11, 12)]
+    window = evidence([stretch], movers, [replace(SETTINGS, f_res_hz=f_res)], 1.2)
+    assert window is None or np.isfinite(window.likelihood).all()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("worn", [0, 1])
 def test_mujoco_arm(worn: int) -> None:
