@@ -22,7 +22,7 @@ __all__ = ["Format", "Readings", "SerialAccelerometer"]
 
 WAIT_S = 0.25
 LOOK_S = 0.1
-"""how often the arrival of a sample is looked at [s]: it costs a wake-up, and of each half second the quickest counts"""
+"""how often the arrival of a sample is looked at [s]: it costs a wake-up; of each half second the quickest counts"""
 LISTEN_S, SILENCE_S = 0.6, 2.5
 """how long to measure a rate; how long to wait for the first reading (a microcontroller may boot when opened)"""
 RATE_TOLERANCE = 0.1
