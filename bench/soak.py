@@ -2,8 +2,9 @@
 
     python -m bench.soak [--duration 1200] [--speed 20]
 
-Resident memory is read once a second.  Buffers and SQLite's page caches fill in the first minutes, so the slope is that
-of a straight line through what comes after WARM_UP_S; start, middle and end are medians of its thirds.
+Resident memory of its own is read once a second; pages of files are left out, for the kernel takes them back when it
+likes.  Buffers and SQLite's page caches fill in the first minutes, so the slope is that of a straight line through what
+comes after WARM_UP_S; start, middle and end are medians of its thirds.
 """
 
 from __future__ import annotations
@@ -64,8 +65,8 @@ def soak(folder: Path, duration_s: float, speed: float) -> tuple[FloatArray, flo
 
 
 def resident_mb(pid: int) -> float:
-    """What of a process is in memory [MB]."""
-    found = re.search(r"VmRSS:\s+(\d+)", Path(f"/proc/{pid}/status").read_text())
+    """What of a process's own is in memory [MB]."""
+    found = re.search(r"RssAnon:\s+(\d+)", Path(f"/proc/{pid}/status").read_text())
     assert found is not None
     return int(found[1]) / 1024
 
