@@ -16,15 +16,16 @@ import numpy as np
 
 from lostmotion.lab.follow import can_follow
 from lostmotion.lab.grow import Level, fitted
-from lostmotion.lab.nudge import shortlist
+from lostmotion.lab.nudge import descended, shortlist
 from lostmotion.lab.scoretest import Direction, start_with
 from lostmotion.lab.search import doubled, full_fit, refined
 from lostmotion.lab.seeds import AMPLITUDE
 from lostmotion.lab.stretch import state_scales
 from lostmotion.lab.task import Task
 from lostmotion.lab.unknowns import Unknowns
+from lostmotion.model import Model
 
-__all__ = ["Trial", "far_trials", "near_trials"]
+__all__ = ["Trial", "far_trials", "further_trials", "near_trials"]
 
 NEAR, NEAR_ITERATIONS, FULL = 12, 6, 4
 FEW_NEAR, FEW_FULL, FOLLOWED = 6, 2, 4
@@ -61,9 +62,24 @@ def far_trials(
     """
     nudged = can_follow(task.rough, *task.experiments)
     near = near_trials(base, directions[: FEW_NEAR if nudged else NEAR], task, pool, NEAR_ITERATIONS)
-    begin = [(trial.effect, trial.level.model) for trial in near[: FEW_FULL if nudged else FULL]]
+    few = FEW_FULL if nudged else FULL
+    strongest = [trial for trial in near[few:] if trial.effect == directions[0].effect]
+    begin = [(trial.effect, trial.level.model) for trial in (*near[:few], *strongest)]
     if nudged:
         begin += [(found.effect, found.model) for found in shortlist(base, effects, task, pool)[:FOLLOWED]]
+    return _fitted(begin, task, horizon_s, pool)
+
+
+def further_trials(base: Level, effects: Sequence[str], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
+    """Others, to which descents have led; for where the first search has found nothing.  None without a bar."""
+    if not can_follow(task.rough, *task.experiments):
+        return []
+    begin = [(found.effect, found.model) for found in descended(base, effects, task, pool)[:FOLLOWED]]
+    return _fitted(begin, task, horizon_s, pool)
+
+
+def _fitted(begin: Sequence[tuple[str, Model]], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
+    """The models with their effects fitted on all short stretches, then raced; best first."""
     levels = pool.map(full_fit, [model for _, model in begin], [task] * len(begin), [HOPELESS] * len(begin))
     full = [Trial(effect, level) for (effect, _), level in zip(begin, levels, strict=True)]
     raced = _best_of_each(_raced(_ordered(full), task, horizon_s, pool))

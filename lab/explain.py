@@ -15,69 +15,37 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from lostmotion.lab import words
 from lostmotion.lab.advice import what_to_record
 from lostmotion.lab.blame import blame
-from lostmotion.lab.candidates import Trial, far_trials, near_trials
+from lostmotion.lab.candidates import Trial
 from lostmotion.lab.describe import described
 from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.fit import Progress, fit_of, noise_of, refined_level
 from lostmotion.lab.grow import Level, followed, residuals
-from lostmotion.lab.heldout import FAR, Judged, Unseen, better, misfits, trained
+from lostmotion.lab.heldout import Judged, Unseen, better
 from lostmotion.lab.noise import innovation_noise
 from lostmotion.lab.results import Errors, Explanation, Finding, Fit, Ranked, Verdict
-from lostmotion.lab.scoretest import Scores, score_test
+from lostmotion.lab.scoretest import Scores
 from lostmotion.lab.search import first_fit, full_fit, grown, predictable
 from lostmotion.lab.seeds import AMPLITUDE
 from lostmotion.lab.simplify import simplified
+from lostmotion.lab.step import Step, further, promising, searched
 from lostmotion.lab.structure import is_structured
 from lostmotion.lab.task import Task
-from lostmotion.model import Model, ModelError, catalogue
+from lostmotion.model import Model, ModelError
 
 __all__ = ["explain"]
 
 MOST_MISSING = 3
-STANDS_OUT = 0.75
-"""An effect whose error is below this part of the next one's is taken on trust."""
-NEAR_TRIALS = 6
 BY_FAR = 4.0
 """Effects that bring the error down by this factor are missing, although structure is left behind them."""
 SURE_SHARE = 0.75
 """Of the unseen stretches, those that are followed best: in the others a start may be off, which is no structure."""
-ALIKE = 0.02
-FREE, FULL, FULL_GAIN = 0.01, 3.0, 0.05
-"""An effect of which unseen data are free leaves their errors within this; then it must pass this many times the limit
-and lower the misfit of the data of the fit by this."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Step:
-    """A fit without, and the trials with, one more effect, best first by their misfits; scores of the fit without.
-
-    accepted: the first trial's effect is missing; blind: the unseen data are free of it, the training data said so.
-    """
-
-    scores: Scores
-    trials: tuple[Trial, ...] = ()
-    judged: tuple[Judged, ...] = ()
-    misfit: tuple[float, ...] = ()
-    accepted: bool = False
-    blind: bool = False
-
-    def first(self, order: Sequence[int], misfit: Sequence[float], *, blind: bool = False) -> _Step:
-        """The step with its trials in this order and the first of them accepted."""
-        return replace(
-            self,
-            trials=tuple(self.trials[i] for i in order),
-            judged=tuple(self.judged[i] for i in order),
-            misfit=tuple(misfit[i] for i in order),
-            accepted=True,
-            blind=blind,
-        )
 
 
 def explain(
@@ -110,21 +78,23 @@ def explain(
 
 def _descended(
     short: Level, level: Level, unseen: Unseen, rng: np.random.Generator, progress: Progress
-) -> tuple[Level, Level, list[Judged], list[_Step]]:
+) -> tuple[Level, Level, list[Judged], list[Step]]:
     """One effect after the other, as long as there is evidence: the last fits on short and on grown stretches, how the
     error fell, and what was tried.
 
     A step on trust is taken back when no next one shows that it was right.
     """
-    descent, steps = [unseen.judge(level.model)], list[_Step]()
+    descent, steps = [unseen.judge(level.model)], list[Step]()
     trusted: tuple[Level, Level, int] | None = None
     for round_ in range(MOST_MISSING):
         progress("looking for what is missing" if not round_ else "looking for more", 0.15 + 0.25 * round_)
-        step = _step(level, short, descent[-1], unseen, rng)
+        step = searched(level, short, descent[-1], unseen, rng)
+        if not step.accepted and (trusted or not promising(step, descent[-1], level.model.base)):
+            step = further(step, short, descent[-1], unseen)
         if trusted and step.accepted and better(step.judged[0], descent[trusted[2] - 1], level.model.base):
             trusted = None
-        elif not (step.accepted or trusted) and (promising := _promising(step, descent[-1], level.model.base)):
-            trusted, step = (short, level, len(descent)), promising
+        elif not (step.accepted or trusted) and (hopeful := promising(step, descent[-1], level.model.base)):
+            trusted, step = (short, level, len(descent)), hopeful
         steps.append(step)
         if not step.accepted:
             break
@@ -138,17 +108,6 @@ def _descended(
     return short, level, descent, steps
 
 
-def _promising(step: _Step, now: Judged, base: str) -> _Step | None:
-    """The step with a trial put first that explains too little alone, but more of the training data than all others."""
-    if base != "play" or now.error < FAR or len(step.trials) < 2:
-        return None
-    order = np.argsort([trial.level.typical for trial in step.trials], kind="stable")
-    first, second = (step.trials[i].level.typical for i in order[:2])
-    if not first < STANDS_OUT * second:
-        return None
-    return step.first([order[0], *(i for i in range(len(step.trials)) if i != order[0])], step.misfit)
-
-
 def _split(experiments: Sequence[Experiment]) -> tuple[list[Experiment], Experiment]:
     if len(experiments) > 1:
         return list(experiments[:-1]), experiments[-1]
@@ -157,63 +116,12 @@ def _split(experiments: Sequence[Experiment]) -> tuple[list[Experiment], Experim
     return [only.between(only.time[0], cut)], only.between(cut, only.time[-1] + 1.0)
 
 
-def _step(level: Level, short: Level, now: Judged, unseen: Unseen, rng: np.random.Generator) -> _Step:
-    """One more effect, if there is evidence for one."""
-    task, pool = unseen.task, unseen.pool
-    effects = [e.id for e in catalogue() if level.model.base in e.bases and e.id not in level.model.effects]
-    scores = score_test(level, effects, task.substep_s, pool, rng)
-    seen = any(direction.statistic > scores.limit for direction in scores.directions)
-    if not scores.directions or (not seen and now.error < FAR):
-        return _Step(scores)
-    if now.error < FAR:
-        asked = [d for d in scores.directions[:NEAR_TRIALS] if d.statistic > scores.limit]
-        trials = near_trials(level, asked, task, pool)
-    else:
-        first = score_test(short, effects, task.substep_s, pool, rng) if short is not level else scores
-        trials = far_trials(short, first.directions, effects, task, unseen.horizon_s, pool)
-    every = [(trial, unseen.judge(trial.level.model)) for trial in trials]
-    if not (finite := [(trial, one) for trial, one in every if math.isfinite(one.error)]):
-        return _Step(scores)
-    tried, judged = zip(*finite, strict=True)
-    misfit = misfits(judged).tolist()
-    order = sorted(range(len(tried)), key=lambda i: _criterion(misfit[i], judged[i], tried[i]))
-    step = _Step(scores, tried, judged).first(order, misfit)
-    if better(step.judged[0], now, level.model.base):
-        return step
-    step = replace(step, accepted=False)
-    return (now.error < FAR and _told_by_training(step, level, now, task)) or step
-
-
-def _told_by_training(step: _Step, level: Level, now: Judged, task: Task) -> _Step | None:
-    """The step with an effect put first and accepted of which the unseen data are free, as of a range that they never
-    reach, but of which the data of the fit are full."""
-    statistic = {d.effect: d.statistic for d in step.scores.directions}
-    fits = (level, *(trial.level for trial in step.trials))
-    before, *misfit = misfits([trained(fit, task.substep_s) for fit in fits]).tolist()
-    full = [
-        i for i, (trial, judged) in enumerate(zip(step.trials, step.judged, strict=True))
-        if before - misfit[i] > FULL_GAIN and statistic[trial.effect] > FULL * step.scores.limit
-        and np.allclose(judged.errors, now.errors, rtol=FREE)
-    ]  # fmt: skip
-    if not full:
-        return None
-    best = min(full, key=misfit.__getitem__)
-    return step.first(sorted(range(len(misfit)), key=lambda i: (i != best, misfit[i])), misfit, blind=True)
-
-
-def _criterion(misfit: float, judged: Judged, trial: Trial) -> float:
-    """Schwarz's criterion on unseen data, errors within 3 % of each other counting as equal: then fewer parameters,
-    whole numbers that are searched among them."""
-    parameters = sum(not p.fixed or p.domain.is_whole for p in trial.level.model.parameters.values())
-    return round(misfit / 0.03) + 0.01 * parameters * math.log(judged.count)
-
-
 def _explanation(
     base: Level,
     best: Level,
     short: Level,
     descent: Sequence[Judged],
-    steps: Sequence[_Step],
+    steps: Sequence[Step],
     task: Task,
     pool: Executor,
 ) -> Explanation:
@@ -246,7 +154,7 @@ def _explanation(
     )
 
 
-def _ranking(steps: Sequence[_Step], before: Judged, unit: float) -> tuple[Ranked, ...]:
+def _ranking(steps: Sequence[Step], before: Judged, unit: float) -> tuple[Ranked, ...]:
     """The effects of the first search, best first; those that were not fitted by their score."""
     if not steps:
         return ()
@@ -276,27 +184,20 @@ def _values(trial: Trial) -> dict[str, tuple[float, float, float]]:
     return {name: (value, value, value) for name, value in own.items()}
 
 
-def _blind(steps: Sequence[_Step]) -> list[str]:
+def _blind(steps: Sequence[Step]) -> list[str]:
     """The effects that were accepted although the unseen data are free of them."""
     return [step.trials[0].effect for step in steps if step.blind]
 
 
-def _confusable(named: Sequence[str], steps: Sequence[_Step]) -> tuple[tuple[str, ...], ...]:
-    groups = [tuple(trial.effect for trial in _equals(step)) for step in steps]
+def _confusable(named: Sequence[str], steps: Sequence[Step]) -> tuple[tuple[str, ...], ...]:
+    groups = [tuple(trial.effect for trial in step.equals) for step in steps]
     return tuple(group for group in groups if len(group) > 1 and group[0] in named)
 
 
-def _equals(step: _Step) -> list[Trial]:
-    """The winner, and what explains the data that decided as well within ALIKE."""
-    if not step.accepted:
-        return []
-    return [trial for trial, one in zip(step.trials, step.misfit, strict=True) if one < step.misfit[0] + ALIKE]
-
-
-def _advice(named: Sequence[str], steps: Sequence[_Step], task: Task, pool: Executor) -> str:
+def _advice(named: Sequence[str], steps: Sequence[Step], task: Task, pool: Executor) -> str:
     """What to record to tell apart the first effects that these recordings confuse."""
     for step in steps:
-        if len(alike := _equals(step)) > 1 and alike[0].effect in named:
+        if len(alike := step.equals) > 1 and alike[0].effect in named:
             return what_to_record([trial.level.model for trial in alike], task, pool)
     return ""
 

@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lostmotion.lab.follow import COLUMN, STRONG, WEAK
+from lostmotion.lab.descend import Descent
+from lostmotion.lab.follow import COLUMN, STRONG, TIGHT, WEAK
 from lostmotion.lab.follower import Follower
 from lostmotion.lab.grow import Level
 from lostmotion.lab.seeds import Sizes, seeds, sizes
@@ -23,7 +24,7 @@ from lostmotion.lab.unknowns import Unknowns
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Near", "nearest", "shortlist"]
+__all__ = ["Near", "descended", "nearest", "shortlist"]
 
 FIRST, MOST_FIRST, POPULATION = 72, 480, 20
 BASE_GENERATIONS, EFFECT_GENERATIONS, FINAL_GENERATIONS = 8, 5, 8
@@ -64,13 +65,33 @@ def shortlist(base: Level, effects: Sequence[str], task: Task, pool: Executor, s
 
     base: the fit without them; seeds of an effect's parameters are tried with its values and with the file's.
     """
-    given = {name: p.value for name, p in task.rough.parameters.items()}
-    follower = Follower.of(task, _with_bias(base.model.replace(given), task))
-    size, count = sizes(base.model, base.stretches, task.substep_s), len(effects)
+    follower, size, count = _follower(base, task), sizes(base.model, base.stretches, task.substep_s), len(effects)
     first = pool.map(_begun, effects, [base.model] * count, [follower] * count, [size] * count, [seed] * count)
     best = sorted(zip(first, effects, strict=True), key=lambda pair: pair[0].costs.min())[:KEPT]
     found = pool.map(_finished, *zip(*best, strict=True))
     return sorted(found, key=lambda near: near.cost)
+
+
+def descended(base: Level, effects: Sequence[str], task: Task, pool: Executor) -> list[Near]:
+    """The same by descents with much nudging, then with less; the costs are with much.
+
+    An evolution finds few of many parameters; a descent finds all of them, where the way is smooth enough.
+    """
+    follower, size, count = _follower(base, task), sizes(base.model, base.stretches, task.substep_s), len(effects)
+    found = pool.map(_descended, effects, [base.model] * count, [follower] * count, [size] * count)
+    return sorted(found, key=lambda near: near.cost)
+
+
+def _descended(effect: str, base: Model, follower: Follower, size: Sizes) -> Near:
+    models = [base.with_effect(effect), follower.rough.with_effect(effect)]
+    starts = [model.replace(values) for values in _values(models[0], effect, [size]) for model in models]
+    tight = Descent.of(min(starts, key=lambda model: follower.cost(model, TIGHT)), follower, TIGHT)
+    return Near(Descent.of(tight.model, follower).model, tight.cost, effect)
+
+
+def _follower(base: Level, task: Task) -> Follower:
+    given = {name: p.value for name, p in task.rough.parameters.items()}
+    return Follower.of(task, _with_bias(base.model.replace(given), task))
 
 
 def _with_bias(model: Model, task: Task) -> Model:
@@ -146,17 +167,21 @@ class _Population:
 
 def _begun(effect: str, base: Model, follower: Follower, size: Sizes, seed: int) -> _Population:
     models = [base.with_effect(effect), follower.rough.with_effect(effect)]
-    wide = (size, replace(size, torque=LARGER * size.torque))
-    found: list[dict[str, float]] = []
-    for one in wide:
-        found += [values for values in seeds(models[0], effect, one) if values not in found]
-    found += [{**v, **opposite} for v in found if (opposite := _opposite(models[0], v))]
+    found = _values(models[0], effect, [size, replace(size, torque=LARGER * size.torque)])
     populations = []
     for part in _niches(models[0], found):
         every = [model.replace(values) for values in part for model in models]
         populations.append(_Population(follower, every, seed, [True, False] * len(part)))
         populations[-1].evolve(EFFECT_GENERATIONS)
     return min(populations, key=lambda population: float(population.costs.min()))
+
+
+def _values(model: Model, effect: str, wide: Sequence[Sizes]) -> list[dict[str, float]]:
+    """Seeds of the effect at these sizes, of either sign."""
+    found: list[dict[str, float]] = []
+    for one in wide:
+        found += [values for values in seeds(model, effect, one) if values not in found]
+    return found + [{**v, **opposite} for v in found if (opposite := _opposite(model, v))]
 
 
 def _niches(model: Model, found: list[dict[str, float]]) -> list[list[dict[str, float]]]:
