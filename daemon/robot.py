@@ -91,6 +91,11 @@ class Robot:
             return f"{member}: no data for more than {DEAD_S:g} s from {poller.name}"
         return None if heard is None else ""
 
+    @property
+    def samples(self) -> int:
+        """All that the devices have delivered."""
+        return sum(poller.account.samples for poller in self.pollers)
+
     def hung(self, patience_s: float) -> list[str]:
         """The devices whose poller has shown no sign of life for so long; waiting for a device is life."""
         now = time.monotonic()

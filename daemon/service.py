@@ -84,7 +84,7 @@ class Service:
         self._robot = Robot(config)
         self._store = _store(config)
         self._due = {period_s: time.monotonic() + period_s for period_s in (LOOK_S, ACCOUNT_S, SUMMARY_S)}
-        self._fed = time.monotonic()
+        self._fed = (time.monotonic(), 0)
 
     def startup(self) -> None:
         """Everything that has to be there before the first sample."""
@@ -249,14 +249,15 @@ class Service:
         return True
 
     def _feed_watchdog(self) -> None:
-        """systemd hears of life while every poller shows some; to wait for a device that is gone is life, too."""
-        now, period_s = time.monotonic(), self._notifier.watchdog_s
-        if period_s and now - self._fed >= period_s / 3:
-            self._fed = now
-            if hung := self._robot.hung(period_s):
-                log.error("%s: no sign of life for %g s; the watchdog is not fed", ", ".join(hung), period_s)
-            else:
-                self._notifier.watchdog()
+        """systemd hears of life while samples arrive and no poller hangs; one device that is gone does not count."""
+        now, period_s, (last, before) = time.monotonic(), self._notifier.watchdog_s, self._fed
+        if not period_s or now - last < period_s / 3:
+            return
+        self._fed = (now, self._robot.samples)
+        if hung := self._robot.hung(period_s):
+            log.error("%s: no sign of life for %g s; the watchdog is not fed", ", ".join(hung), period_s)
+        elif self._robot.samples != before:
+            self._notifier.watchdog()
 
     # --- guards -----------------------------------------------------------------------------------------------------
 

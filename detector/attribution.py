@@ -25,7 +25,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +52,8 @@ PRESSED = 1.2
 """A kick is so much larger than what teeth that part, or come to rest on a flank, do to a smooth motion."""
 FLIGHT, GRAIN = 0.8, 1e-5
 """How far the way flown at the first strike is from phi, as a logarithm; the least way flown [rad]."""
+MOST = 6
+"""Of so many joints that share accelerometers any may have play at once."""
 LEAST_S, LEAST_PERIODS = 0.04, 6.0
 """A shorter rest of a window tells nothing [s], nor a stretch of fewer periods of the bar."""
 
@@ -68,8 +70,8 @@ class Mover:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """What one window says: the log-likelihood of each size of the play and set of joints that have it, shape (P, 2^J),
-    joint j being in the sets whose number has bit j; until: the end of what was listened to [s]."""
+    """What one window says: the log-likelihood of each size of the play and set of joints that have it, shape (P, M);
+    until: the end of what was listened to [s]."""
 
     until: float
     likelihood: FloatArray
@@ -77,15 +79,19 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Attribution:
-    """Probability of each set of joints with play, shape (2^J,), numbered as in Evidence, after so many windows."""
+    """Probability of each set of joints with play, shape (M,), which joints are in it, (M, J), after so many windows.
+
+    Of up to MOST joints every set; of more those of at most two joints, as sets double with every joint.
+    """
 
     sets: FloatArray
+    members: FloatArray
     windows: int
 
     @property
     def joints(self) -> FloatArray:
         """Probability that a joint has play, shape (J,)."""
-        return np.asarray(self.sets @ _members(len(self.sets).bit_length() - 1))
+        return np.asarray(self.sets @ self.members)
 
 
 def attribute(told: Iterable[Evidence], prior: Sequence[float]) -> Attribution:
@@ -97,7 +103,7 @@ def attribute(told: Iterable[Evidence], prior: Sequence[float]) -> Attribution:
         share = np.exp(TRUST * (window.likelihood - window.likelihood.max()))
         total += np.log((1 - ODD) * share + ODD * share.mean())
     sets = np.exp(total - total.max()).sum(axis=0)
-    return Attribution(sets / sets.sum(), len(windows))
+    return Attribution(sets / sets.sum(), members, len(windows))
 
 
 def evidence(
@@ -191,7 +197,7 @@ def _likelihood(
     felt: _Felt, drive: FloatArray, levers: FloatArray, least: FloatArray, where: NDArray[np.intp],
     heard: NDArray[np.bool_],
 ) -> FloatArray:  # fmt: skip
-    """Log-likelihood of each set for each phi and each choice of c and b, shape (P, G, 2^J), of the kicks at ``where``.
+    """Log-likelihood of each set for each phi and each choice of c and b, shape (P, G, M), of the kicks at ``where``.
 
     drive: accelerations of the joints, shape (J, K); least: the tip's speed [m/s] from which a kick is seen, (S, K).
     """
@@ -249,8 +255,11 @@ def _sources(kicks: FloatArray, deviation: FloatArray, levers: FloatArray) -> tu
 
 
 def _members(joints: int) -> FloatArray:
-    """Which joints are in each set, shape (2^J, J)."""
-    return np.array(list(product((0.0, 1.0), repeat=joints)))[:, ::-1]
+    """Which joints are in each set, shape (M, J); while these are all, joint j is in those whose number has bit j."""
+    if joints <= MOST:
+        return np.array(list(product((0.0, 1.0), repeat=joints)))[:, ::-1]
+    few = [(), *combinations(range(joints), 1), *combinations(range(joints), 2)]
+    return np.array([[float(joint in one) for joint in range(joints)] for one in few])
 
 
 def _mean_of_logs(logs: FloatArray, axis: int) -> FloatArray:
