@@ -107,7 +107,6 @@ class Writer:
                     values = [row.name, micros(row.time), row.state, row.reason, row.samples, row.lost, row.late]
                     values += [row.broken, row.silent, row.overwritten]
                     self._db.execute("INSERT OR REPLACE INTO device VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", values)
-
                 case Origins():
                     groups = [[dict(origin.probabilities), origin.windows] for origin in row.groups]
                     self._db.execute("INSERT OR REPLACE INTO meta VALUES ('origins', ?)", [json.dumps(groups)])
