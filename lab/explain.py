@@ -27,7 +27,7 @@ from lostmotion.lab.describe import described
 from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.fit import Progress, fit_of, noise_of, refined_level
 from lostmotion.lab.grow import Level, followed, residuals
-from lostmotion.lab.heldout import Judged, Unseen, better
+from lostmotion.lab.heldout import Judged, Unseen, better, trained_each
 from lostmotion.lab.noise import innovation_noise
 from lostmotion.lab.results import Errors, Explanation, Finding, Fit, Ranked, Verdict
 from lostmotion.lab.scoretest import Scores
@@ -130,7 +130,9 @@ def _explanation(
     unit = task.noise[column]
     named = tuple(effect for effect in best.model.effects if effect not in base.model.effects)
     best_fit = fit_of(refined_level(best, task), task)
-    left = is_structured(after.residual[: math.ceil(SURE_SHARE * len(after.residual))])
+    left = _is_left(after)
+    if left and named:  # with the right effect, what is left of unseen data may be starts that were not found
+        left = all(map(_is_left, trained_each(best, task.substep_s)))
     enough = before.error > BY_FAR * after.error
     verdict: Verdict = "nothing_missing"
     if named and (enough or not left):
@@ -152,6 +154,11 @@ def _explanation(
         descent=tuple(judged.error * unit for judged in descent),
         unshown=tuple(effect for effect in _blind(steps) if effect in named) if verdict == "missing" else (),
     )
+
+
+def _is_left(judged: Judged) -> bool:
+    """Whether the stretches that are followed best hold more than noise."""
+    return is_structured(judged.residual[: math.ceil(SURE_SHARE * len(judged.residual))])
 
 
 def _ranking(steps: Sequence[Step], before: Judged, unit: float) -> tuple[Ranked, ...]:

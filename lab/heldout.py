@@ -18,7 +18,7 @@ from lostmotion.lab.task import Task
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["FAR", "Judged", "Unseen", "better", "misfits", "trained"]
+__all__ = ["FAR", "Judged", "Unseen", "better", "misfits", "trained", "trained_each"]
 
 FAR = 1.6
 """Times the noise; below, the model is linear enough in what is missing for the score test alone to lead the search."""
@@ -106,6 +106,14 @@ class Unseen:
 def trained(level: Level, substep_s: float) -> Judged:
     """A fit on the stretches that it was made on."""
     return _judged(residuals(level.model, level.stretches, substep_s))
+
+
+def trained_each(level: Level, substep_s: float) -> list[Judged]:
+    """The same for each experiment alone: their noise may differ in colour."""
+    parts: dict[str, list[FloatArray]] = {}
+    for stretch, r in zip(level.stretches, residuals(level.model, level.stretches, substep_s), strict=True):
+        parts.setdefault(stretch.experiment.name, []).append(r)
+    return [_judged(own) for own in parts.values()]
 
 
 def _judged(parts: Sequence[FloatArray]) -> Judged:
