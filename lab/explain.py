@@ -67,11 +67,13 @@ def explain(
     short = first_fit(model, task, pool)
     base = grown(short, task)
     unseen = Unseen(last, task, predictable(short, task), pool)
-    short, level, descent, steps = _descended(short, base, unseen, rng, progress)
+    last_short, level, descent, steps = _descended(short, base, unseen, rng, progress)
     level, descent = simplified(base, level, descent, unseen, _blind(steps))
-    short = short if short.model.effects == level.model.effects else full_fit(level.model, task)
+    if idle := _is_idle(level, base, task):
+        last_short, level, descent, steps = short, base, descent[:1], [replace(steps[0], accepted=False)]
+    short = last_short if last_short.model.effects == level.model.effects else full_fit(level.model, task)
     progress("refining", 0.9)
-    found = _explanation(base, level, short, descent, steps, task, pool)
+    found = _explanation(base, level, short, descent, steps, task, pool, outside=idle)
     progress("done", 1.0)
     return found
 
@@ -124,13 +126,16 @@ def _explanation(
     steps: Sequence[Step],
     task: Task,
     pool: Executor,
+    *,
+    outside: bool,
 ) -> Explanation:
+    """outside: it is known that something is left, which no effect explains."""
     before, after = descent[0], descent[-1]
     column = next(iter(task.noise))
     unit = task.noise[column]
     named = tuple(effect for effect in best.model.effects if effect not in base.model.effects)
     best_fit = fit_of(refined_level(best, task), task)
-    left = _is_left(after)
+    left = outside or _is_left(after)
     if left and named:  # with the right effect, what is left of unseen data may be starts that were not found
         left = all(map(_is_left, trained_each(best, task.substep_s)))
     enough = before.error > BY_FAR * after.error
@@ -154,6 +159,16 @@ def _explanation(
         descent=tuple(judged.error * unit for judged in descent),
         unshown=tuple(effect for effect in _blind(steps) if effect in named) if verdict == "missing" else (),
     )
+
+
+def _is_idle(level: Level, base: Level, task: Task) -> bool:
+    """Whether all that was added may as well be zero, and only its states explain something where they begin: a second
+    mode that is neither driven nor damped is a hum."""
+    added = [effect for effect in level.model.effects if effect not in base.model.effects]
+    names = {f"{effect}.{name}" for effect in added for name in AMPLITUDE.get(effect, ())}
+    if not names or not all(effect in AMPLITUDE for effect in added):
+        return False
+    return all(e.low <= 0 <= e.high for e in fit_of(level, task).estimates if e.name in names)
 
 
 def _is_left(judged: Judged) -> bool:

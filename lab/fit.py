@@ -76,9 +76,21 @@ def fit(
 def refined_level(level: Level, task: Task) -> Level:
     """The fit once more with a fine step, quadratic, within the bounds of the file only."""
     substep = coarse_substep(level.model, task.experiments, REFINED_STEPS)
-    unknowns = Unknowns.of(level.model)
-    once = fitted(level.model, unknowns, level.stretches, substep)
+    model = _with_range(level.model, task)
+    unknowns = Unknowns.of(model)
+    once = fitted(model, unknowns, level.stretches, substep)
     return fitted(once.model, unknowns, once.stretches, substep, quadratic=True)
+
+
+def _with_range(model: Model, task: Task) -> Model:
+    """A sensor's range ends nowhere below what it has read: noise comes before the range's end, so clipped readings
+    would draw it inwards."""
+    name = "sensor_saturation.a_max"
+    if name not in model.parameters or model.parameters[name].fixed:
+        return model
+    largest = max(float(np.nanmax(np.abs(e.measured["accel"]))) for e in task.experiments if "accel" in e.measured)
+    parameter = model.parameters[name]
+    return model.replace({name: replace(parameter, value=max(parameter.value, largest), low=largest)})
 
 
 def fit_of(level: Level, task: Task) -> Fit:
