@@ -39,9 +39,11 @@ from lostmotion.lab.structure import is_structured
 from lostmotion.lab.task import Task
 from lostmotion.model import Model, ModelError
 
-__all__ = ["explain"]
+__all__ = ["explain", "is_idle"]
 
 MOST_MISSING = 3
+IDLE = 1.5
+"""Half widths of its interval, within which an amplitude may as well be zero: three standard deviations."""
 BY_FAR = 4.0
 """Effects that bring the error down by this factor are missing, although structure is left behind them."""
 SURE_SHARE = 0.75
@@ -69,7 +71,7 @@ def explain(
     unseen = Unseen(last, task, predictable(short, task), pool)
     last_short, level, descent, steps = _descended(short, base, unseen, rng, progress)
     level, descent = simplified(base, level, descent, unseen, _blind(steps))
-    if idle := _is_idle(level, base, task):
+    if idle := is_idle(level, base, task):
         last_short, level, descent, steps = short, base, descent[:1], [replace(steps[0], accepted=False)]
     short = last_short if last_short.model.effects == level.model.effects else full_fit(level.model, task)
     progress("refining", 0.9)
@@ -161,14 +163,14 @@ def _explanation(
     )
 
 
-def _is_idle(level: Level, base: Level, task: Task) -> bool:
+def is_idle(level: Level, base: Level, task: Task) -> bool:
     """Whether all that was added may as well be zero, and only its states explain something where they begin: a second
     mode that is neither driven nor damped is a hum."""
     added = [effect for effect in level.model.effects if effect not in base.model.effects]
     names = {f"{effect}.{name}" for effect in added for name in AMPLITUDE.get(effect, ())}
     if not names or not all(effect in AMPLITUDE for effect in added):
         return False
-    return all(e.low <= 0 <= e.high for e in fit_of(level, task).estimates if e.name in names)
+    return all(abs(e.value) < IDLE * (e.high - e.low) / 2 for e in fit_of(level, task).estimates if e.name in names)
 
 
 def _is_left(judged: Judged) -> bool:

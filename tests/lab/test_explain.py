@@ -12,6 +12,10 @@ from scipy.integrate import solve_ivp
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab import explain
 from lostmotion.lab.experiment import experiments
+from lostmotion.lab.explain import is_idle
+from lostmotion.lab.fit import noise_of
+from lostmotion.lab.search import full_fit
+from lostmotion.lab.task import Task
 from lostmotion.model import build_model
 from tests.lab.gears import GEARS, gears
 
@@ -67,3 +71,23 @@ def test_what_only_the_recordings_of_the_fit_hold() -> None:
     assert a_max.low < 30.0 < a_max.high
     assert a_max.value == pytest.approx(30.0, rel=1e-6)
     assert found.error.after == pytest.approx(found.error.before, rel=0.02)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("hidden", ["hum", "second_mode"])
+def test_a_hum_is_no_second_mode(hidden: str) -> None:
+    """A second mode that is hardly damped rings like a fan from where a stretch begins, without being driven: it is
+    told from one that the motion drives."""
+    mode = {"f2": 165.3, "zeta2": 0.03, "participation": 0.15}
+    of_mode = {f"second_mode.{name}": value for name, value in mode.items()}
+    recordings = [gears(seed, **(of_mode if hidden == "second_mode" else {})) for seed in (41, 44)]
+    for recording in recordings if hidden == "hum" else ():
+        recording.columns["accel"][:] += 1.5 * np.sin(2 * math.pi * 165.3 * recording.time + 1.0)
+    model = build_model("play", values=GEARS)
+    held = experiments(model, recordings)
+    task = Task.of(model, held, noise_of(held))
+    found = {"f2": 165.0, "zeta2": 1e-4, "participation": 1e-3} if hidden == "hum" else mode
+    with_mode = model.with_effect("second_mode").replace({f"second_mode.{n}": value for n, value in found.items()})
+    base, level = full_fit(model, task), full_fit(with_mode, task)
+    assert level.rms < 0.7 * base.rms
+    assert is_idle(level, base, task) == (hidden == "hum")
