@@ -34,7 +34,7 @@ from tests.daemon.zenoh_world import Router, session
 
 from bench.latency import show
 from bench.service import running_service
-from bench.sinks import free_port
+from bench.sinks import CAN_TABLE, free_port
 from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.reader import open_readonly
 from lostmotion.daemon.sinks.emcy import EmcyNode
@@ -45,15 +45,7 @@ GOAL_ZENOH_S, GOAL_SLCAN_S = 0.020, 0.050
 WINDOW_S = 0.25
 NODE = 0x21
 RESTLESS = "[detector]\nlevel = 5.0\n[alarm]\nwindows = 3\noff_delay_s = 0\ndeadband = 0\n"
-TABLES = """
-[alarm.zenoh]
-listen = ["{endpoint}"]
-[alarm.can]
-interface = "slcan"
-channel = "{port}"
-node_id = 0x21
-options = {{ sleep_after_open = 0 }}
-"""
+ZENOH_TABLE = '[alarm.zenoh]\nlisten = ["{endpoint}"]\n'
 PAUSE_S = 0.04
 
 
@@ -92,7 +84,7 @@ def latencies(duration_s: float) -> tuple[list[float], list[float]]:
     """Delays [s] of the transitions over Zenoh, and of the emergencies over slcan."""
     endpoint, adapter, delays = f"tcp/127.0.0.1:{free_port()}", StampingAdapter(), list[float]()
     with tempfile.TemporaryDirectory() as name, Emulator(adapter) as emulator:
-        tables = RESTLESS + TABLES.format(endpoint=endpoint, port=emulator.paths[0])
+        tables = RESTLESS + ZENOH_TABLE.format(endpoint=endpoint) + CAN_TABLE.format(port=emulator.paths[0])
         with running_service(Path(name), "csv:1000", tables) as service:
             assert service.stderr is not None
             threading.Thread(target=service.stderr.read, daemon=True).start()  # a full pipe would stop the service

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import re
 import select
 import signal
 import subprocess
@@ -24,6 +23,7 @@ from pathlib import Path
 
 from serial import Serial
 
+from bench.process import cpu_seconds, memory_mb, run_command, windows
 from bench.sinks import all_sinks
 from lostmotion.drivers.codec.dynamixel import READ, Packet, encode
 
@@ -69,7 +69,7 @@ def measure(accel: str, duration_s: float, tables: str) -> tuple[float, float, t
         before, start = cpu_seconds(process.pid), time.monotonic()
         time.sleep(duration_s)
         core = (cpu_seconds(process.pid) - before) / (time.monotonic() - start)
-        rss_mb = int(re.findall(r"VmHWM:\s+(\d+)", Path(f"/proc/{process.pid}/status").read_text())[0]) / 1024
+        rss_mb = memory_mb(process.pid, "VmHWM")
         process.send_signal(signal.SIGTERM)
         _, text = process.communicate(timeout=30)
     return core, rss_mb, windows(text)
@@ -111,10 +111,8 @@ def running_service(folder: Path, accel: str, alarm: str = "") -> Iterator[subpr
     with running_emulators(accel) as ports:
         path = folder / "bench.toml"
         path.write_text(configuration(folder, ports, accel) + alarm)
-        run = [sys.executable, "-c", "from lostmotion.daemon.cli import main; main()", "run", "--config", str(path)]
-        with subprocess.Popen(
-            run, stderr=subprocess.PIPE, text=True, env=os.environ | {"PYTHONUNBUFFERED": "1"}
-        ) as process:
+        environment = os.environ | {"PYTHONUNBUFFERED": "1"}
+        with subprocess.Popen(run_command(path), stderr=subprocess.PIPE, text=True, env=environment) as process:
             try:
                 yield process
             finally:
@@ -139,22 +137,6 @@ oscillator = {{ f_res_hz = 58.0, zeta = 0.012, length_m = 0.10 }}
 {keys}
 """
     return text + "".join(JOINT.format(number, ports[0]) for number in range(1, 7))
-
-
-def windows(text: str) -> tuple[int, int, int]:
-    """Windows triggered, scored and lost, from the last summary of each joint; the service logs one when it stops."""
-    rows = re.findall(r"(\w+): windows triggered=(\d+) scored=(\d+) lost: (.*)", text)
-    if not rows:
-        raise RuntimeError(f"the service did not end well:\n{text}")
-    last = {joint: (int(triggered), int(scored), lost) for joint, triggered, scored, lost in rows}
-    lost = sum(int(number) for _, _, reasons in last.values() for number in re.findall(r"(\d+) x", reasons))
-    return sum(row[0] for row in last.values()), sum(row[1] for row in last.values()), lost
-
-
-def cpu_seconds(pid: int) -> float:
-    """User and system time that a process has used [s]."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 if __name__ == "__main__":

@@ -13,20 +13,22 @@ from tests.daemon.zenoh_world import session
 
 from lostmotion.drivers.emulator import Emulator
 
-__all__ = ["all_sinks", "free_port"]
+__all__ = ["CAN_TABLE", "all_sinks", "free_port"]
 
 SCRAPE_S = 15.0
+CAN_TABLE = """
+[alarm.can]
+interface = "slcan"
+channel = "{port}"
+node_id = 0x21
+options = {{ sleep_after_open = 0 }}
+"""
 TABLES = """
 [metrics]
 listen = "127.0.0.1:{metrics}"
 [alarm.zenoh]
 mode = "client"
 connect = ["{endpoint}"]
-[alarm.can]
-interface = "slcan"
-channel = "{can}"
-node_id = 0x21
-options = {{ sleep_after_open = 0 }}
 """
 
 
@@ -39,7 +41,7 @@ def all_sinks() -> Iterator[str]:
         router.declare_subscriber("lostmotion/**", lambda sample: None)
         scraper.start()
         try:
-            yield TABLES.format(metrics=metrics, endpoint=endpoint, can=adapter.paths[0])
+            yield TABLES.format(metrics=metrics, endpoint=endpoint) + CAN_TABLE.format(port=adapter.paths[0])
         finally:
             done.set()
             scraper.join()

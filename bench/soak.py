@@ -10,7 +10,6 @@ comes after WARM_UP_S; start, middle and end are medians of its thirds.
 from __future__ import annotations
 
 import argparse
-import re
 import signal
 import subprocess
 import sys
@@ -21,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.service import cpu_seconds
+from bench.process import cpu_seconds, memory_mb, run_command, windows
 from bench.sinks import all_sinks
 from lostmotion.daemon import config
 from lostmotion.drivers.base import FloatArray
@@ -50,25 +49,16 @@ def soak(folder: Path, duration_s: float, speed: float) -> tuple[FloatArray, flo
     """Times [s] and resident memory [MB], shape (2, N); share of a core; windows scored."""
     path, log = folder / "soak.toml", folder / "log"
     text = (Path(config.__file__).parent / "simulated.toml").read_text().replace("speed = 1 ", f"speed = {speed} ")
-    run = [sys.executable, "-c", "from lostmotion.daemon.cli import main; main()", "run", "--config", str(path)]
     with all_sinks() as tables, log.open("w") as stderr:
         path.write_text(f'{text}[store]\npath = "{folder / "history.db"}"\n{tables}')
-        with subprocess.Popen(run, stderr=stderr) as process:
+        with subprocess.Popen(run_command(path), stderr=stderr) as process:
             begin, readings = time.monotonic(), list[tuple[float, float]]()
             while (now := time.monotonic() - begin) < duration_s:
-                readings.append((now, resident_mb(process.pid)))
+                readings.append((now, memory_mb(process.pid, "RssAnon")))
                 time.sleep(1.0)
             core = cpu_seconds(process.pid) / duration_s
             process.send_signal(signal.SIGTERM)
-    scored = dict(re.findall(r"(\w+): windows triggered=\d+ scored=(\d+)", log.read_text()))
-    return np.array(readings).T, core, sum(map(int, scored.values()))
-
-
-def resident_mb(pid: int) -> float:
-    """What of a process's own is in memory [MB]."""
-    found = re.search(r"RssAnon:\s+(\d+)", Path(f"/proc/{pid}/status").read_text())
-    assert found is not None
-    return int(found[1]) / 1024
+    return np.array(readings).T, core, windows(log.read_text())[1]
 
 
 if __name__ == "__main__":

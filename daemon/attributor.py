@@ -17,7 +17,7 @@ from lostmotion.daemon.records import SURE, Origin
 from lostmotion.daemon.ring import Ring
 from lostmotion.detector.attribution import Evidence, Mover, attribute, evidence
 from lostmotion.detector.commanded import BEFORE_S, smoothed
-from lostmotion.detector.window import DetectorSettings, Window
+from lostmotion.detector.window import DetectorSettings, FloatArray, Window
 from lostmotion.detector.windows import cut
 
 __all__ = ["Attributor", "Ear", "Speaker"]
@@ -44,10 +44,13 @@ class Ear:
 
 
 class Speaker(Protocol):
-    """What a joint has said: up to when [s], and its last commands, times [s] and angles [rad]."""
+    """What a joint has said: up to when [s], and its last commands, times [s] and angles [rad], shape (2, M)."""
 
-    heard: float
-    commands: deque[tuple[float, float]]
+    @property
+    def heard(self) -> float: ...
+
+    @property
+    def commands(self) -> FloatArray: ...
 
 
 class Attributor:
@@ -102,7 +105,7 @@ class Attributor:
             stretches.append(cut("", times, accel, start, length, ear.rate_hz))
         movers = []
         for name, joint in zip(self.joints, joints, strict=True):
-            times, angles = np.array(joint.commands).reshape(-1, 2).T
+            times, angles = joint.commands
             movers.append(Mover(times, angles, tuple(ear.levers.get(name, 0.0) for ear in self._ears)))
         since = max(window.start, self._told[-1].until) if self._told else window.start
         return evidence(stretches, movers, [ear.settings for ear in self._ears], since)
@@ -117,7 +120,7 @@ class Attributor:
         ear = next(ear for ear in self._ears if ear.accelerometer == accelerometer)
         accel = stretch.accel.copy()
         for name in ear.levers.keys() - {stretch.joint}:
-            times, angles = np.array(speakers[name].commands).reshape(-1, 2).T
+            times, angles = speakers[name].commands
             command = smoothed(times, angles, stretch)
             if command is None:
                 return None

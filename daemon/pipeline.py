@@ -18,7 +18,7 @@ from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.play_size import stretch_of, with_play
 from lostmotion.detector.score import score_window
 from lostmotion.detector.trigger import Trigger
-from lostmotion.detector.window import DetectorSettings, Score, Window
+from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
 from lostmotion.detector.windows import cut, window_length
 from lostmotion.drivers.base import ServoSample
 
@@ -85,7 +85,7 @@ class _Joint:
         self.pending: list[_Pending] = []
         self.heard = -math.inf
         self.temperature = math.nan
-        self.commands: deque[tuple[float, float]] = deque()
+        self._commands: deque[tuple[float, float]] = deque()
         self.counts = Counts()
 
     def take(self, samples: list[ServoSample], resolution_rad: float, since: float) -> None:
@@ -96,15 +96,20 @@ class _Joint:
         self.heard = max(self.heard, last.time)
         if math.isfinite(last.temperature):
             self.temperature = last.temperature
-        self.commands.extend((sample.time, sample.command) for sample in samples)
-        while self.commands[0][0] < self.heard - COMMANDS_S:
-            self.commands.popleft()
+        self._commands.extend((sample.time, sample.command) for sample in samples)
+        while self._commands[0][0] < self.heard - COMMANDS_S:
+            self._commands.popleft()
         for reversal in self.trigger.push([s.time for s in samples], [s.command for s in samples]):
             if reversal.time < since:
                 continue
             self.counts.triggered += 1
             window = _Pending(reversal.time + self.length, reversal.time, abs(reversal.swing), self.temperature)
             heapq.heappush(self.pending, window)
+
+    @property
+    def commands(self) -> FloatArray:
+        """The last ones: times [s] and angles [rad], shape (2, M)."""
+        return np.array(self._commands).reshape(-1, 2).T
 
 
 class Pipeline:
@@ -229,7 +234,7 @@ class Pipeline:
         alone = shared.alone(stretch, plan.accelerometer, self._joints) if shared else stretch
         if alone is None:
             return replace(score, play_reason="too few commands of the other joints")
-        times, angles = np.array(joint.commands).T
+        times, angles = joint.commands
         return with_play(score, alone, times, angles, plan.settings)
 
     def _needed(self, joint: _Joint, ring: Ring) -> float:

@@ -253,10 +253,11 @@ class Service:
         now, period_s, (last, before) = time.monotonic(), self._notifier.watchdog_s, self._fed
         if not period_s or now - last < period_s / 3:
             return
-        self._fed = (now, self._robot.samples)
+        samples = self._robot.samples
+        self._fed = (now, samples)
         if hung := self._robot.hung(period_s):
             log.error("%s: no sign of life for %g s; the watchdog is not fed", ", ".join(hung), period_s)
-        elif self._robot.samples != before:
+        elif samples != before:
             self._notifier.watchdog()
 
     # --- guards -----------------------------------------------------------------------------------------------------

@@ -25,6 +25,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import combinations, product
 
 import numpy as np
@@ -254,6 +255,7 @@ def _sources(kicks: FloatArray, deviation: FloatArray, levers: FloatArray) -> tu
     return speed, np.exp(-(misfit + spread) / 2)
 
 
+@cache
 def _members(joints: int) -> FloatArray:
     """Which joints are in each set, shape (M, J); while these are all, joint j is in those whose number has bit j."""
     if joints <= MOST:
