@@ -8,9 +8,10 @@ stretches, on which only the right one stays.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from lostmotion.lab.task import Task
 from lostmotion.lab.unknowns import Unknowns
 from lostmotion.model import Model
 
-__all__ = ["Trial", "far_trials", "further_trials", "near_trials"]
+__all__ = ["Trial", "best_of_each", "far_trials", "further_trials", "near_trials"]
 
 NEAR, NEAR_ITERATIONS, FULL = 12, 6, 4
 FEW_NEAR, FEW_FULL, FOLLOWED = 6, 2, 4
@@ -35,12 +36,28 @@ LONGER = 1.2
 BEHIND, MOST_RACED = 3.0, 5
 
 
+class _OfEffect(Protocol):
+    @property
+    def effect(self) -> str: ...
+
+
+T = TypeVar("T", bound=_OfEffect)
+
+
 @dataclass(frozen=True, eq=False)
 class Trial:
     """A fit with one more effect."""
 
     effect: str
     level: Level
+
+
+def best_of_each(ordered: Iterable[T]) -> list[T]:
+    """The first one of each effect, in their order."""
+    best: dict[str, T] = {}
+    for one in ordered:
+        best.setdefault(one.effect, one)
+    return list(best.values())
 
 
 def near_trials(
@@ -82,7 +99,7 @@ def _fitted(begin: Sequence[tuple[str, Model]], task: Task, horizon_s: float, po
     """The models with their effects fitted on all short stretches, then raced; best first."""
     levels = pool.map(full_fit, [model for _, model in begin], [task] * len(begin), [HOPELESS] * len(begin))
     full = [Trial(effect, level) for (effect, _), level in zip(begin, levels, strict=True)]
-    raced = _best_of_each(_raced(_ordered(full), task, horizon_s, pool))
+    raced = best_of_each(_raced(_ordered(full), task, horizon_s, pool))
     return _ordered([_recounted(trial, task, pool) for trial in raced])
 
 
@@ -114,14 +131,6 @@ def _recounted(trial: Trial, task: Task, pool: Executor) -> Trial:
                 break
             best = level
     return Trial(trial.effect, best)
-
-
-def _best_of_each(trials: Sequence[Trial]) -> list[Trial]:
-    """The best trial of each effect, best first."""
-    best: dict[str, Trial] = {}
-    for trial in _ordered(trials):
-        best.setdefault(trial.effect, trial)
-    return list(best.values())
 
 
 def _ordered(trials: Sequence[Trial]) -> list[Trial]:

@@ -22,7 +22,6 @@ import numpy as np
 from lostmotion.lab import words
 from lostmotion.lab.advice import what_to_record
 from lostmotion.lab.blame import blame
-from lostmotion.lab.candidates import Trial
 from lostmotion.lab.describe import described
 from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.fit import Progress, fit_of, noise_of, refined_level
@@ -34,7 +33,7 @@ from lostmotion.lab.scoretest import Scores
 from lostmotion.lab.search import first_fit, full_fit, grown, predictable
 from lostmotion.lab.seeds import AMPLITUDE
 from lostmotion.lab.simplify import simplified
-from lostmotion.lab.step import Step, further, promising, searched
+from lostmotion.lab.step import Step, Tried, further, promising, searched
 from lostmotion.lab.structure import is_structured
 from lostmotion.lab.task import Task
 from lostmotion.model import Model, ModelError
@@ -70,12 +69,12 @@ def explain(
     base = grown(short, task)
     unseen = Unseen(last, task, predictable(short, task), pool)
     last_short, level, descent, steps = _descended(short, base, unseen, rng, progress)
-    level, descent = simplified(base, level, descent, unseen, _blind(steps))
-    if idle := is_idle(level, base, task):
+    level, descent = simplified(level, descent, unseen, _blind(steps))
+    if idle := is_idle(level, task):
         last_short, level, descent, steps = short, base, descent[:1], [replace(steps[0], accepted=False)]
     short = last_short if last_short.model.effects == level.model.effects else full_fit(level.model, task)
     progress("refining", 0.9)
-    found = _explanation(base, level, short, descent, steps, task, pool, outside=idle)
+    found = _explanation(base, level, short, descent, steps, unseen, outside=idle)
     progress("done", 1.0)
     return found
 
@@ -95,16 +94,16 @@ def _descended(
         step = searched(level, short, descent[-1], unseen, rng)
         if not step.accepted and (trusted or not promising(step, descent[-1], level.model.base)):
             step = further(step, short, descent[-1], unseen)
-        if trusted and step.accepted and better(step.judged[0], descent[trusted[2] - 1], level.model.base):
+        if trusted and step.accepted and better(step.tried[0].judged, descent[trusted[2] - 1], level.model.base):
             trusted = None
         elif not (step.accepted or trusted) and (hopeful := promising(step, descent[-1], level.model.base)):
             trusted, step = (short, level, len(descent)), hopeful
         steps.append(step)
         if not step.accepted:
             break
-        short = step.trials[0].level
+        short = step.tried[0].level
         level = grown(short, unseen.task)
-        descent.append(step.judged[0])
+        descent.append(step.tried[0].judged)
     if trusted:
         short, level, count = trusted
         del descent[count:], steps[count:]
@@ -126,16 +125,15 @@ def _explanation(
     short: Level,
     descent: Sequence[Judged],
     steps: Sequence[Step],
-    task: Task,
-    pool: Executor,
+    unseen: Unseen,
     *,
     outside: bool,
 ) -> Explanation:
     """outside: it is known that something is left, which no effect explains."""
-    before, after = descent[0], descent[-1]
+    task, before, after = unseen.task, descent[0], descent[-1]
     column = next(iter(task.noise))
     unit = task.noise[column]
-    named = tuple(effect for effect in best.model.effects if effect not in base.model.effects)
+    named = task.added(best.model)
     best_fit = fit_of(refined_level(best, task), task)
     left = outside or _is_left(after)
     if left and named:  # with the right effect, what is left of unseen data may be starts that were not found
@@ -154,7 +152,7 @@ def _explanation(
         ranking=_with_intervals(_ranking(steps, before, unit), best_fit),
         error=Errors(before.error * unit, after.error * unit, floor, words.column(column)[1]),
         residual=_residual(short, best, task) if left else None,
-        advice=_advice(named, steps, task, pool),
+        advice=_advice(named, steps, unseen),
         detectable=_detectable(steps[-1].scores) if verdict == "nothing_missing" else {},
         base=fit_of(base, task),
         best=best_fit,
@@ -163,10 +161,10 @@ def _explanation(
     )
 
 
-def is_idle(level: Level, base: Level, task: Task) -> bool:
+def is_idle(level: Level, task: Task) -> bool:
     """Whether all that was added may as well be zero, and only its states explain something where they begin: a second
     mode that is neither driven nor damped is a hum."""
-    added = [effect for effect in level.model.effects if effect not in base.model.effects]
+    added = task.added(level.model)
     names = {f"{effect}.{name}" for effect in added for name in AMPLITUDE.get(effect, ())}
     if not names or not all(effect in AMPLITUDE for effect in added):
         return False
@@ -182,14 +180,13 @@ def _ranking(steps: Sequence[Step], before: Judged, unit: float) -> tuple[Ranked
     """The effects of the first search, best first; those that were not fitted by their score."""
     if not steps:
         return ()
-    step = steps[0]
+    step, error = steps[0], before.error * unit
     ranked = [
-        Ranked(t.effect, before.error * unit, j.error * unit, step.scores.p_values.get(t.effect, 1.0), _values(t))
-        for t, j in zip(step.trials, step.judged, strict=True)
+        Ranked(one.effect, error, one.judged.error * unit, step.scores.p_values.get(one.effect, 1.0), _values(one))
+        for one in step.tried
     ]
     tried = {entry.effect for entry in ranked}
     rest = [d for d in step.scores.directions if d.effect not in tried]
-    error = before.error * unit
     return (*ranked, *(Ranked(d.effect, error, error, step.scores.p_values[d.effect]) for d in rest))
 
 
@@ -202,27 +199,27 @@ def _with_intervals(ranking: Sequence[Ranked], fit: Fit) -> tuple[Ranked, ...]:
     return tuple(replace(r, parameters={**r.parameters, **known.get(r.effect, {})}) for r in ranking)
 
 
-def _values(trial: Trial) -> dict[str, tuple[float, float, float]]:
-    prefix = trial.effect + "."
-    own = {n.removeprefix(prefix): p.value for n, p in trial.level.model.parameters.items() if n.startswith(prefix)}
+def _values(tried: Tried) -> dict[str, tuple[float, float, float]]:
+    prefix = tried.effect + "."
+    own = {n.removeprefix(prefix): p.value for n, p in tried.level.model.parameters.items() if n.startswith(prefix)}
     return {name: (value, value, value) for name, value in own.items()}
 
 
 def _blind(steps: Sequence[Step]) -> list[str]:
     """The effects that were accepted although the unseen data are free of them."""
-    return [step.trials[0].effect for step in steps if step.blind]
+    return [step.tried[0].effect for step in steps if step.blind]
 
 
 def _confusable(named: Sequence[str], steps: Sequence[Step]) -> tuple[tuple[str, ...], ...]:
-    groups = [tuple(trial.effect for trial in step.equals) for step in steps]
+    groups = [tuple(one.effect for one in step.equals) for step in steps]
     return tuple(group for group in groups if len(group) > 1 and group[0] in named)
 
 
-def _advice(named: Sequence[str], steps: Sequence[Step], task: Task, pool: Executor) -> str:
+def _advice(named: Sequence[str], steps: Sequence[Step], unseen: Unseen) -> str:
     """What to record to tell apart the first effects that these recordings confuse."""
     for step in steps:
         if len(alike := step.equals) > 1 and alike[0].effect in named:
-            return what_to_record([trial.level.model for trial in alike], task, pool)
+            return what_to_record([one.level.model for one in alike], unseen.task, unseen.pool)
     return ""
 
 

@@ -88,9 +88,12 @@ def _with_range(model: Model, task: Task) -> Model:
     name = "sensor_saturation.a_max"
     if name not in model.parameters or model.parameters[name].fixed:
         return model
-    largest = max(float(np.nanmax(np.abs(e.measured["accel"]))) for e in task.experiments if "accel" in e.measured)
+    read = [np.nanmax(np.abs(e.measured["accel"])) for e in task.experiments if "accel" in e.measured]
+    largest = float(max(read, default=0.0))
     parameter = model.parameters[name]
-    return model.replace({name: replace(parameter, value=max(parameter.value, largest), low=largest)})
+    return model.replace(
+        {name: replace(parameter, value=max(parameter.value, largest), low=max(parameter.low, largest))}
+    )
 
 
 def fit_of(level: Level, task: Task) -> Fit:

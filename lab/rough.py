@@ -53,7 +53,8 @@ def from_spectra(model: Model, experiments: Sequence[Experiment]) -> Model:
         return model
     size = np.linalg.norm(A, axis=0)
     found = np.linalg.lstsq(np.vstack([A.real, A.imag]) / size, np.concatenate([y.real, y.imag]))[0] / size
-    return model.replace({name: float(value) for name, value in zip(wanted, found, strict=False) if value > 0})
+    values = dict(zip(wanted, found[: len(wanted)].tolist(), strict=True))
+    return model.replace({name: value for name, value in values.items() if value > 0})
 
 
 def _spectra(
@@ -75,6 +76,7 @@ def _spectra(
     angle = turn * (time - time[0])
     w, slope, bend = 0.5 - 0.5 * np.cos(angle), 0.5 * turn * np.sin(angle), 0.5 * turn**2 * np.cos(angle)
     s = 2j * np.pi * np.fft.rfftfreq(time.size, 1 / experiment.rate_hz)
+    others = [np.fft.rfft(w * function(x)) for function in functions]
     x = x - x.mean()
     tapered, sloped, bent = (np.fft.rfft(weight * x) for weight in (w, slope, bend))
     power = np.abs(tapered) ** 2
@@ -82,7 +84,7 @@ def _spectra(
     clear[:2] = False  # the taper's own, where a constant force shows
     spectra = [
         np.fft.rfft(w * force), tapered, s * tapered - sloped, s**2 * tapered - 2 * s * sloped + bent,
-        *(np.fft.rfft(w * function(x + values[seen].mean())) for function in functions),
+        *others,
     ]  # fmt: skip
     return [spectrum[clear] for spectrum in spectra]
 

@@ -23,7 +23,6 @@ BEHIND = 1.5
 
 
 def simplified(
-    base: Level,
     level: Level,
     descent: Sequence[Judged],
     unseen: Unseen,
@@ -31,23 +30,22 @@ def simplified(
 ) -> tuple[Level, list[Judged]]:
     """The simplest fit that does as well on unseen data, and the descent to it.
 
-    level: the fit with all that was found, base: without; descent: judged without, with one, two, … effects; kept:
-    effects that unseen data know nothing of.
+    level: the fit with all that was found; descent: judged without, with one, two, … effects; kept: effects that
+    unseen data know nothing of.
     """
-    for model in _simpler(base.model, level.model, kept):
+    for model in _simpler(level.model, [e for e in unseen.task.added(level.model) if e not in kept]):
         fit = full_fit(model, unseen.task, HOPELESS)
         if not fit.typical < BEHIND * level.typical:
             continue
         fit = grown(fit, unseen.task)
         judged = unseen.judge(fit.model)
         if not better(descent[-1], judged, model.base):
-            return simplified(base, fit, [*_way(base.model, fit.model, descent[0], unseen), judged], unseen, kept)
+            return simplified(fit, [*_way(fit.model, descent[0], unseen), judged], unseen, kept)
     return level, list(descent)
 
 
-def _simpler(base: Model, model: Model, kept: Collection[str]) -> Iterator[Model]:
-    """The model without each of its effects, then with a simpler one in its place; with the values that it has."""
-    added = [effect for effect in model.effects if effect not in base.effects and effect not in kept]
+def _simpler(model: Model, added: Sequence[str]) -> Iterator[Model]:
+    """The model without each of these effects, then with a simpler one in its place; with the values that it has."""
     for effect in added:
         yield _with(model, [other for other in model.effects if other != effect])
     for effect in added:
@@ -65,12 +63,11 @@ def _with(model: Model, effects: Sequence[str]) -> Model:
     return bare.replace({name: given for name, given in values.items() if name in bare.parameters})
 
 
-def _way(base: Model, model: Model, first: Judged, unseen: Unseen) -> Iterator[Judged]:
-    """Judged without, with one, two, … but not all of the effects of the model."""
-    added = [effect for effect in model.effects if effect not in base.effects]
-    for count in range(len(added)):
-        if not count:
-            yield first
-            continue
-        fit = full_fit(_with(model, [*base.effects, *added[:count]]), unseen.task, HOPELESS)
+def _way(model: Model, first: Judged, unseen: Unseen) -> Iterator[Judged]:
+    """Judged without, with one, two, … but not all of what was added to the model."""
+    task, added = unseen.task, unseen.task.added(model)
+    if added:
+        yield first
+    for count in range(1, len(added)):
+        fit = full_fit(_with(model, [*task.rough.effects, *added[:count]]), task, HOPELESS)
         yield unseen.judge(fit.model)

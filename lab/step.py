@@ -11,14 +11,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lostmotion.lab.candidates import Trial, far_trials, further_trials, near_trials
+from lostmotion.lab.candidates import Trial, best_of_each, far_trials, further_trials, near_trials
 from lostmotion.lab.grow import Level
 from lostmotion.lab.heldout import FAR, Judged, Unseen, better, misfits, trained
 from lostmotion.lab.scoretest import Direction, Scores, score_test
 from lostmotion.lab.task import Task
 from lostmotion.model import Model, catalogue
 
-__all__ = ["Step", "further", "promising", "searched"]
+__all__ = ["Step", "Tried", "further", "promising", "searched"]
 
 STANDS_OUT = 0.75
 """An effect whose error is below this part of the next one's is taken on trust."""
@@ -30,36 +30,38 @@ and lower the misfit of the data of the fit by this."""
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
-    """A fit without, and the trials with, one more effect, best first by their misfits; scores of the fit without.
+class Tried:
+    """A fit with one more effect, on unseen data; misfit: to the data that decided (see heldout.misfits)."""
 
-    accepted: the first trial's effect is missing; blind: the unseen data are free of it, the training data said so.
+    effect: str
+    level: Level
+    judged: Judged
+    misfit: float = math.nan
+
+    @property
+    def criterion(self) -> float:
+        """Schwarz's on unseen data, errors within 3 % of each other counting as equal: then fewer parameters, whole
+        numbers that are searched among them."""
+        parameters = sum(not p.fixed or p.domain.is_whole for p in self.level.model.parameters.values())
+        return round(self.misfit / 0.03) + 0.01 * parameters * math.log(self.judged.count)
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A fit without, and those with, one more effect, best first; scores of the fit without.
+
+    accepted: the first one's effect is missing; blind: the unseen data are free of it, the training data said so.
     """
 
     scores: Scores
-    trials: tuple[Trial, ...] = ()
-    judged: tuple[Judged, ...] = ()
-    misfit: tuple[float, ...] = ()
+    tried: tuple[Tried, ...] = ()
     accepted: bool = False
     blind: bool = False
 
-    def first(self, order: Sequence[int], misfit: Sequence[float], *, blind: bool = False) -> Step:
-        """The step with its trials in this order and the first of them accepted."""
-        return replace(
-            self,
-            trials=tuple(self.trials[i] for i in order),
-            judged=tuple(self.judged[i] for i in order),
-            misfit=tuple(misfit[i] for i in order),
-            accepted=True,
-            blind=blind,
-        )
-
     @property
-    def equals(self) -> list[Trial]:
+    def equals(self) -> list[Tried]:
         """The effect that was accepted, and what explains the data that decided as well within ALIKE."""
-        if not self.accepted:
-            return []
-        return [trial for trial, one in zip(self.trials, self.misfit, strict=True) if one < self.misfit[0] + ALIKE]
+        return [one for one in self.tried if one.misfit < self.tried[0].misfit + ALIKE] if self.accepted else []
 
 
 def searched(level: Level, short: Level, now: Judged, unseen: Unseen, rng: np.random.Generator) -> Step:
@@ -71,12 +73,14 @@ def searched(level: Level, short: Level, now: Judged, unseen: Unseen, rng: np.ra
         return Step(scores)
     if near := now.error < FAR and level.typical < FAR:
         asked = [d for d in scores.directions[:NEAR_TRIALS] if d.statistic > scores.limit]
+        if not asked:
+            return Step(scores)
         trials = near_trials(level, asked, task, pool)
     else:
         first = score_test(short, effects, task.substep_s, pool, rng) if short is not level else scores
         directions = _strongest(first, scores)
         trials = far_trials(short, directions, effects, task, unseen.horizon_s, pool)
-    step = _ranked(scores, [(trial, unseen.judge(trial.level.model)) for trial in trials], now)
+    step = _ranked(scores, _judged(trials, unseen), now)
     return (_told_by_training(step, level, now, task) if near and not step.accepted else None) or step
 
 
@@ -85,19 +89,17 @@ def further(step: Step, short: Level, now: Judged, unseen: Unseen) -> Step:
     if now.error < FAR:
         return step
     trials = further_trials(short, _others(short.model), unseen.task, unseen.horizon_s, unseen.pool)
-    every = [(trial, unseen.judge(trial.level.model)) for trial in trials]
-    return _ranked(step.scores, [*zip(step.trials, step.judged, strict=True), *every], now)
+    return _ranked(step.scores, [*step.tried, *_judged(trials, unseen)], now)
 
 
 def promising(step: Step, now: Judged, base: str) -> Step | None:
     """The step with a trial put first that explains too little alone, but more of the training data than all others."""
-    if base != "play" or now.error < FAR or len(step.trials) < 2:
+    if base != "play" or now.error < FAR or len(step.tried) < 2:
         return None
-    order = np.argsort([trial.level.typical for trial in step.trials], kind="stable")
-    first, second = (step.trials[i].level.typical for i in order[:2])
-    if not first < STANDS_OUT * second:
+    best, second = sorted(step.tried, key=lambda one: one.level.typical)[:2]
+    if not best.level.typical < STANDS_OUT * second.level.typical:
         return None
-    return step.first([order[0], *(i for i in range(len(step.trials)) if i != order[0])], step.misfit)
+    return replace(step, tried=_first(best, step.tried), accepted=True)
 
 
 def _others(model: Model) -> list[str]:
@@ -106,44 +108,41 @@ def _others(model: Model) -> list[str]:
 
 def _strongest(*scores: Scores) -> list[Direction]:
     """The directions of tests on several fits, each effect once, strongest first."""
-    every = sorted(((d.statistic / one.limit, d) for one in scores for d in one.directions), key=lambda pair: -pair[0])
-    found: dict[str, Direction] = {}
-    for _, direction in every:
-        found.setdefault(direction.effect, direction)
-    return list(found.values())
+    every = [(d.statistic / one.limit, d) for one in scores for d in one.directions]
+    return best_of_each(direction for _, direction in sorted(every, key=lambda pair: -pair[0]))
 
 
-def _ranked(scores: Scores, every: Sequence[tuple[Trial, Judged]], now: Judged) -> Step:
-    """The trials in the order of what they explain of the unseen data, each effect once; is the first one accepted?"""
-    if not (finite := [(trial, one) for trial, one in every if math.isfinite(one.error)]):
+def _judged(trials: Sequence[Trial], unseen: Unseen) -> list[Tried]:
+    return [Tried(trial.effect, trial.level, unseen.judge(trial.level.model)) for trial in trials]
+
+
+def _first(best: Tried, tried: Sequence[Tried]) -> tuple[Tried, ...]:
+    return (best, *(one for one in tried if one is not best))
+
+
+def _ranked(scores: Scores, every: Sequence[Tried], now: Judged) -> Step:
+    """What was tried in the order of what it explains of the unseen data, each effect once; is the first accepted?"""
+    if not (finite := [one for one in every if math.isfinite(one.judged.error)]):
         return Step(scores)
-    tried, judged = zip(*finite, strict=True)
-    misfit = misfits(judged).tolist()
-    order = sorted(range(len(tried)), key=lambda i: _criterion(misfit[i], judged[i], tried[i]))
-    best = {tried[i].effect: i for i in reversed(order)}
-    step = Step(scores, tried, judged).first([i for i in order if best[tried[i].effect] == i], misfit)
-    return replace(step, accepted=better(step.judged[0], now, tried[0].level.model.base))
+    misfit = misfits([one.judged for one in finite]).tolist()
+    known = [replace(one, misfit=own) for one, own in zip(finite, misfit, strict=True)]
+    tried = tuple(best_of_each(sorted(known, key=lambda one: one.criterion)))
+    return Step(scores, tried, accepted=better(tried[0].judged, now, tried[0].level.model.base))
 
 
 def _told_by_training(step: Step, level: Level, now: Judged, task: Task) -> Step | None:
     """The step with an effect put first and accepted of which the unseen data are free, as of a range that they never
     reach, but of which the data of the fit are full."""
     statistic = {d.effect: d.statistic for d in step.scores.directions}
-    fits = (level, *(trial.level for trial in step.trials))
-    before, *misfit = misfits([trained(fit, task.substep_s) for fit in fits]).tolist()
+    trained_on = [trained(fit, task.substep_s) for fit in (level, *(one.level for one in step.tried))]
+    before, *misfit = misfits(trained_on).tolist()
+    tried = [replace(one, misfit=own) for one, own in zip(step.tried, misfit, strict=True)]
     full = [
-        i for i, (trial, judged) in enumerate(zip(step.trials, step.judged, strict=True))
-        if before - misfit[i] > FULL_GAIN and statistic[trial.effect] > FULL * step.scores.limit
-        and np.allclose(judged.errors, now.errors, rtol=FREE)
+        one for one in tried
+        if before - one.misfit > FULL_GAIN and statistic[one.effect] > FULL * step.scores.limit
+        and np.allclose(one.judged.errors, now.errors, rtol=FREE)
     ]  # fmt: skip
     if not full:
         return None
-    best = min(full, key=misfit.__getitem__)
-    return step.first(sorted(range(len(misfit)), key=lambda i: (i != best, misfit[i])), misfit, blind=True)
-
-
-def _criterion(misfit: float, judged: Judged, trial: Trial) -> float:
-    """Schwarz's criterion on unseen data, errors within 3 % of each other counting as equal: then fewer parameters,
-    whole numbers that are searched among them."""
-    parameters = sum(not p.fixed or p.domain.is_whole for p in trial.level.model.parameters.values())
-    return round(misfit / 0.03) + 0.01 * parameters * math.log(judged.count)
+    ordered = sorted(tried, key=lambda one: one.misfit)
+    return Step(step.scores, _first(min(full, key=lambda one: one.misfit), ordered), accepted=True, blind=True)

@@ -28,6 +28,10 @@ class Task:
     substep_s: float
     halvings: int
 
+    def added(self, model: Model) -> tuple[str, ...]:
+        """The effects that a model has more than the file's, in order."""
+        return tuple(effect for effect in model.effects if effect not in self.rough.effects)
+
     @classmethod
     def of(
         cls, model: Model, experiments: Sequence[Experiment], noise: dict[str, float], substep_s: float | None = None

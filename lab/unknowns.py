@@ -59,6 +59,11 @@ class Unknown:
         scale = abs(parameter.value) or _size(low, high)
         return cls(name, low, high, scale, False)
 
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Lowest and highest z; a circle has no end."""
+        return (-math.inf, math.inf) if self.circle else (self.z(self.low), self.z(self.high))
+
     def z(self, value: float) -> float:
         """The number of order one that stands for a value."""
         return math.log(value) if self.logarithmic else value / self.scale
@@ -115,10 +120,9 @@ class Unknowns:
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Lowest and highest z, (P,) each; a circle has no end."""
-        low = [item.z(item.low) if np.isfinite(item.low) and not item.circle else -np.inf for item in self.items]
-        high = [item.z(item.high) if np.isfinite(item.high) and not item.circle else np.inf for item in self.items]
-        return np.array(low), np.array(high)
+        """Lowest and highest z, (P,) each."""
+        low, high = np.array([item.ends for item in self.items]).reshape(-1, 2).T
+        return low, high
 
     def z(self, model: Model) -> FloatArray:
         """The vector that stands for a model's values."""

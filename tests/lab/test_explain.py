@@ -90,4 +90,4 @@ def test_a_hum_is_no_second_mode(hidden: str) -> None:
     with_mode = model.with_effect("second_mode").replace({f"second_mode.{n}": value for n, value in found.items()})
     base, level = full_fit(model, task), full_fit(with_mode, task)
     assert level.rms < 0.7 * base.rms
-    assert is_idle(level, base, task) == (hidden == "hum")
+    assert is_idle(level, task) == (hidden == "hum")

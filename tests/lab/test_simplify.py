@@ -53,7 +53,7 @@ def test_a_needless_effect_is_taken_out() -> None:
         base, level = full_fit(model, task), full_fit(both, task)
         unseen = Unseen(last, task, 0.25, pool)
         descent = [unseen.judge(fit.model) for fit in (base, base, level)]
-        simpler, way = simplified(base, level, descent, unseen)
+        simpler, way = simplified(level, descent, unseen)
     assert simpler.model.effects == ("viscous_friction",)
     assert len(way) == 2
     assert way[-1].error == pytest.approx(1.0, abs=0.15)
