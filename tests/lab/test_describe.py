@@ -6,8 +6,6 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from bench.hidden_effects.motion import hand_waved
-from bench.hidden_effects.physics import follow, simulate
 from scipy.integrate import solve_ivp
 
 from lostmotion.drivers.recording import Recording
@@ -18,9 +16,9 @@ from lostmotion.lab.results import Finding
 from lostmotion.lab.search import first_fit
 from lostmotion.lab.task import Task
 from lostmotion.model import Model, Parameter, build_model, catalogue
+from tests.lab.gears import moved
 
-GEARS = {"d": 8e-5, "alpha": 4000.0, "b": 0.18, "k": 2600.0}
-NOISE, LEAD, LENGTH = 0.1, 0.5, 3.0
+NOISE, LENGTH = 0.1, 3.0
 
 
 def finding(model: Model, recordings: list[Recording]) -> Finding | None:
@@ -31,14 +29,11 @@ def finding(model: Model, recordings: list[Recording]) -> Finding | None:
 
 
 def gears(seed: int, **hidden: float) -> Recording:
-    """The accelerometer of gears with something hidden, begun in motion, with noise."""
-    rng = np.random.default_rng(seed)
-    command, values = hand_waved(rng, LEAD + LENGTH), {**GEARS, **hidden}
-    times = LEAD + np.arange(round(LENGTH * 800)) / 800
-    accel = simulate(values, command, np.concatenate(([0.0], times)), follow(values, command, 0.0))[0][1:]
-    hum = hidden.get("hum.a", 0.0) * np.sin(2 * np.pi * hidden.get("hum.f", 0.0) * times + seed)
-    accel = accel + hidden.get("curved_sensor.c", 0.0) * accel**2 + hum + rng.normal(0, NOISE, times.size)
-    return Recording(times - LEAD, {"command": command.at(times), "accel": accel}, name=f"rec{seed}.csv")
+    """The accelerometer of gears with something hidden, a curved sensor or a hum among it."""
+    run = moved(seed, LENGTH, **hidden)
+    hum = hidden.get("hum.a", 0.0) * np.sin(2 * np.pi * hidden.get("hum.f", 0.0) * run.time + seed)
+    curved = hidden.get("curved_sensor.c", 0.0) * run.accel**2
+    return run.recording(run.accel + curved + hum + NOISE * run.noise, f"rec{seed}.csv")
 
 
 def heard(**hidden: float) -> Finding:

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from concurrent.futures import Executor
-from functools import cache
 
 import numpy as np
 import pytest
-from bench.hidden_effects.motion import hand_waved
-from bench.hidden_effects.physics import follow, simulate
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.experiment import Experiment, experiments
@@ -18,10 +15,10 @@ from lostmotion.lab.parallel import open_executor
 from lostmotion.lab.results import Fit
 from lostmotion.model import Model, Parameter, build_model
 from lostmotion.model.motion import FloatArray
+from tests.lab.gears import GEARS, NOISE, gears
 
-GEARS = {"d": 8e-5, "alpha": 4000.0, "b": 0.18, "k": 2600.0, "l": 0.1}
+TRUE = {**GEARS, "l": 0.1}
 ROUGH = {"d": 6.6e-5, "alpha": 3300.0, "b": 0.23, "k": 2500.0, "l": 0.098}
-NOISE, LEAD = 0.2, 0.5
 TIMES = np.arange(800) / 800
 
 
@@ -30,17 +27,6 @@ def pool() -> Iterator[Executor]:
     """Threads, as the command uses them."""
     with open_executor() as executor:
         yield executor
-
-
-@cache
-def gears(seed: int, length: float = 2.0) -> Recording:
-    """Two seconds of an accelerometer on gears that were in motion before."""
-    rng = np.random.default_rng(seed)
-    command, times = hand_waved(rng, LEAD + length), LEAD + np.arange(round(length * 800)) / 800
-    start = follow(GEARS, command, 0.0)
-    accel = simulate(GEARS, command, np.concatenate(([0.0], times)), start)[0][1:]
-    columns = {"command": command.at(times), "accel": accel + rng.normal(0, NOISE, times.size)}
-    return Recording(times - LEAD, columns, name=f"rec{seed}.csv")
 
 
 def ring_down(seed: int) -> Experiment:
@@ -72,16 +58,16 @@ def test_gears(pool: Executor) -> None:
     found = fit(model, held, pool, lambda what, part: told.append((what, part)))
     assert found.complete
     for name in ("d", "l", "k"):
-        assert values(found)[name] == pytest.approx(GEARS[name], rel=0.01)
-    assert values(found)["b"] == pytest.approx(GEARS["b"], rel=0.05)
+        assert values(found)[name] == pytest.approx(TRUE[name], rel=0.01)
+    assert values(found)["b"] == pytest.approx(TRUE["b"], rel=0.05)
     assert found.rms["accel"] == pytest.approx(NOISE, rel=0.06)
     assert found.noise["accel"] == pytest.approx(NOISE, rel=0.15)
     for estimate in found.estimates:
         assert estimate.low < estimate.value < estimate.high
         assert not estimate.at_bound
         width = estimate.high - estimate.low
-        if estimate.name in GEARS:
-            assert estimate.low - width < GEARS[estimate.name] < estimate.high + width
+        if estimate.name in TRUE:
+            assert estimate.low - width < TRUE[estimate.name] < estimate.high + width
     parts = [part for _, part in told]
     assert parts[0] == 0.0
     assert parts[-1] == 1.0
@@ -110,11 +96,11 @@ def test_ctrl_c_leaves_the_best_so_far(at: str, pool: Executor) -> None:
         if what == at:
             raise KeyboardInterrupt
 
-    model = build_model("play", values={**GEARS, "d": 7.6e-5})
+    model = build_model("play", values={**TRUE, "d": 7.6e-5})
     found = fit(model, experiments(model, [gears(0, 1.0)]), pool, interrupt)
     assert not found.complete
     assert found.document()["complete"] is False
-    assert values(found)["d"] == pytest.approx(GEARS["d"], rel=0.1)
+    assert values(found)["d"] == pytest.approx(TRUE["d"], rel=0.1)
     assert found.rms["accel"] < 3 * NOISE
 
 

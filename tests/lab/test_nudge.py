@@ -7,10 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench.hidden_effects.motion import hand_waved
-from bench.hidden_effects.physics import follow, simulate
 
-from lostmotion.drivers.recording import Recording
 from lostmotion.lab.experiment import Experiment, experiments
 from lostmotion.lab.follow import STRONG, WEAK, Nudge, can_follow, states_at
 from lostmotion.lab.nudge import nearest, shortlist
@@ -18,22 +15,16 @@ from lostmotion.lab.search import full_fit, seeded
 from lostmotion.lab.task import Task
 from lostmotion.model import Model, build_model
 from lostmotion.model.motion import FloatArray
+from tests.lab.gears import GEARS, NOISE, RATE_HZ, moved
 
-GEARS = {"d": 8e-5, "alpha": 4000.0, "b": 0.18, "k": 2600.0}
-NOISE = 0.2
 SUBSTEP = 2.5e-4
-LEAD, LENGTH, RATE_HZ = 0.5, 2.0, 800.0
 
 
 def recorded(seed: int, hidden: dict[str, float] | None = None) -> tuple[Experiment, FloatArray]:
     """Two seconds of gears that were in motion before, and the states (N, 4)."""
-    rng = np.random.default_rng(seed)
-    command, values = hand_waved(rng, LEAD + LENGTH), {**GEARS, **(hidden or {})}
-    times = LEAD + np.arange(round(LENGTH * RATE_HZ)) / RATE_HZ
-    accel, states = simulate(values, command, np.concatenate(([0.0], times)), follow(values, command, 0.0))
-    columns = {"command": command.at(times), "accel": accel[1:] + rng.normal(0, NOISE, times.size)}
-    (experiment,) = experiments(build_model("play"), [Recording(times - LEAD, columns, name=f"run {seed}")])
-    return experiment, states[1:, :4]
+    run = moved(seed, **(hidden or {}))
+    (experiment,) = experiments(build_model("play"), [run.recording(run.accel + NOISE * run.noise, f"run {seed}")])
+    return experiment, run.states[:, :4]
 
 
 def rough(d: float) -> Model:

@@ -9,12 +9,9 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bench.hidden_effects.motion import hand_waved
-from bench.hidden_effects.physics import follow, simulate
 from scipy.signal import lfilter
 from scipy.stats import binom
 
-from lostmotion.drivers.recording import Recording
 from lostmotion.lab.experiment import experiments
 from lostmotion.lab.grow import Level, fitted, tiles
 from lostmotion.lab.scoretest import Scores, score_test
@@ -22,11 +19,10 @@ from lostmotion.lab.start import stretch_of
 from lostmotion.lab.unknowns import Unknowns
 from lostmotion.model import build_model
 from lostmotion.model.motion import FloatArray
+from tests.lab.gears import GEARS, Moved, moved
 
-GEARS = {"d": 8e-5, "alpha": 4000.0, "b": 0.18, "k": 2600.0}
 NOISE = 0.3
 SUBSTEP = 1e-4
-LEAD, LENGTH = 0.5, 2.0
 CASES = 80
 EFFECTS = ("coulomb_friction", "viscous_friction", "hardening_spring", "gravity_leakage", "bias_drift")
 FEW = ("coulomb_friction", "hardening_spring", "bias_drift")
@@ -34,12 +30,9 @@ POOL = ThreadPoolExecutor(2)
 
 
 @cache
-def clean(hidden: tuple[tuple[str, float], ...]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Times, command, readings without noise and states of the bench's own simulator, begun in motion."""
-    command, values = hand_waved(np.random.default_rng(8), LEAD + LENGTH), {**GEARS, **dict(hidden)}
-    times = LEAD + np.arange(round(LENGTH * 800)) / 800
-    accel, states = simulate(values, command, np.concatenate(([0.0], times)), follow(values, command, 0.0))
-    return times - LEAD, command.at(times), accel[1:], states[1:, :4]
+def clean(hidden: tuple[tuple[str, float], ...]) -> Moved:
+    """One motion, with something hidden."""
+    return moved(8, **dict(hidden))
 
 
 def noise_like(rng: np.random.Generator, size: int, correlation: float) -> FloatArray:
@@ -50,12 +43,12 @@ def noise_like(rng: np.random.Generator, size: int, correlation: float) -> Float
 
 def level_of(seed: int, correlation: float, hidden: dict[str, float]) -> Level:
     """The base play, fitted to gears with a hidden effect, on stretches that begin near their true states."""
-    times, command, accel, states = clean(tuple(hidden.items()))
-    accel = accel + noise_like(np.random.default_rng(seed), times.size, correlation)
+    run = clean(tuple(hidden.items()))
+    reading = run.accel + noise_like(np.random.default_rng(seed), run.time.size, correlation)
     model = build_model("play", values=GEARS)
-    (experiment,) = experiments(model, [Recording(times, {"command": command, "accel": accel})])
+    (experiment,) = experiments(model, [run.recording(reading)])
     stretches = [
-        stretch_of(model, tile, {"accel": NOISE}).starting(states[np.searchsorted(times, tile.time[0])])
+        stretch_of(model, tile, {"accel": NOISE}).starting(run.states[np.searchsorted(run.time, tile.time[0]), :4])
         for tile in tiles(experiment, 3)
     ]
     return fitted(model, Unknowns.of(model), stretches, SUBSTEP)
