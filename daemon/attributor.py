@@ -24,9 +24,9 @@ __all__ = ["Attributor", "Ear", "Speaker"]
 
 WINDOWS = 100
 """the last so many windows count"""
-PACE_S = 1.0
+PACE_S = 5.0
 """once so many are known, the next one is weighed so long after the last [s]: wear is slow, and six joints that reverse
-all the time would take half of the service's share of a core"""
+all the time would take as much of a core as all the rest"""
 GIVE_UP_S = 1.0
 """how long after its end a window waits for late samples [s]"""
 DOUBT = 0.04

@@ -28,6 +28,9 @@ WRONG_RETRY_S = 30.0
 """how often a device that was not the expected one is asked again [s]"""
 GATHER_S = 0.07
 """how long the samples of an accelerometer gather while no window ends [s]: seventy cost little more than one"""
+BURST_S = 0.004
+"""how much later than its time a window's last sample is looked for, at least [s]: adapters hand on what came in
+bursts, and a look before costs a wake-up"""
 INBOX_READINGS = 1000
 """a virtual bus waits while more readings than this are unread"""
 
@@ -227,7 +230,7 @@ class AccelPoller(Poller):
 
     def _gather(self) -> None:
         """Leaves hardware alone until a window has ended: a wake-up costs more than the samples it brings."""
-        pause = min(self._ring.awaited + self._period - time.monotonic(), GATHER_S)
+        pause = min(self._ring.awaited + max(self._period, BURST_S) - time.monotonic(), GATHER_S)
         if pause > 0:
             time.sleep(pause)
 

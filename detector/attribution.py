@@ -202,31 +202,38 @@ def _likelihood(
 
     drive: accelerations of the joints, shape (J, K); least: the tip's speed [m/s] from which a kick is seen, (S, K).
     """
-    play, share, stray = np.array(list(product(PLAYS, SHARES, STRAY_HZ))).T[:, :, None, None]
+    play, share, stray = (
+        np.array(PLAYS)[:, None, None],
+        np.array(SHARES)[:, None, None],
+        np.array(STRAY_HZ)[:, None, None],
+    )
     members = _members(len(levers))
     with np.errstate(divide="ignore"):
         slowest = (least / np.abs(levers)[:, :, None]).min(axis=1)[:, heard]
     kicks = felt.kicks[:, where]
     speed, beside = _sources(kicks, felt.deviation[:, where], levers)
-    joints, expected = np.zeros(1), np.zeros(1)
-    for rate, usual in _strikes(drive, play, share, felt.step):
+    rates, counts = [], []  # of first strikes and of rebounds, for each phi and joint
+    for rate, usual in _strikes(drive, play, felt.step):
         relative = np.abs(speed) / usual[..., where]
-        joints = joints + rate[..., where] * 4 * relative * np.exp(-2 * relative) / usual[..., where]
+        rates.append(rate[..., where] * 4 * relative * np.exp(-2 * relative) / usual[..., where])
         unseen = 2 * slowest / usual[..., heard]
-        expected = expected + np.sum(rate[..., heard] * (1 + unseen) * np.exp(-unseen), axis=-1) * felt.step
+        counts.append(np.sum(rate[..., heard] * (1 + unseen) * np.exp(-unseen), axis=-1) * felt.step)
     toward = (1 + np.sign(speed) * drive[:, where] / np.hypot(drive[:, where], SLACK)) / 2
     arms = np.array([np.abs(column[column != 0]).mean() for column in levers.T])
     scale = np.sqrt(2 * STRAY_ACCEL * play) * arms[:, None]
-    strays = stray[:, 0] * np.prod(np.exp(-np.abs(kicks) / scale) / (2 * scale), axis=1)
-    told = np.log(np.einsum("mj,gje->gme", members, joints * toward * beside) + strays[:, None]).sum(axis=2)
-    silence = expected @ members.T + stray[:, 0] * np.count_nonzero(heard) * felt.step
+    strays = stray * np.prod(np.exp(-np.abs(kicks) / scale) / (2 * scale), axis=1)[:, None, None, None]
+    struck = members @ ((rates[0][:, None] + share * rates[1][:, None]) * toward * beside)
+    expected = (counts[0][:, None] + share[..., 0] * counts[1][:, None]) @ members.T
+    told = np.log(struck[:, :, None] + strays).sum(axis=-1)
+    silence = expected[:, :, None] + stray[..., 0] * np.count_nonzero(heard) * felt.step
     return np.asarray(told - silence).reshape(len(PLAYS), -1, len(members))
 
 
 def _strikes(
-    drive: FloatArray, play: FloatArray, share: FloatArray, step: float
+    drive: FloatArray, play: FloatArray, step: float
 ) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
-    """Rates [1/s] and usual speeds [rad/s] of first strikes and of rebounds at each time."""
+    """Rates [1/s] and usual speeds [rad/s] of first strikes, and of rebounds at c = 1, at each time; shapes (P, J, K),
+    or (J, K) where phi plays no part."""
     speed = np.cumsum(np.abs(drive), axis=1) * step
     way = np.cumsum(speed, axis=1) * step
     index = np.arange(drive.shape[1])
@@ -238,7 +245,7 @@ def _strikes(
     normal = np.exp(-0.5 * (np.log(flown / play) / FLIGHT) ** 2) / (FLIGHT * math.sqrt(2 * math.pi))
     size = np.hypot(drive, SLACK)
     rebound = np.sqrt(2 * size * play)
-    return (gained / flown * normal, gained), (share * size / rebound, rebound)
+    return (gained / flown * normal, gained), (size / rebound, rebound)
 
 
 def _sources(kicks: FloatArray, deviation: FloatArray, levers: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -70,7 +70,7 @@ class _Servo:
 
 @dataclass(slots=True)
 class _Group:
-    """Servos that are asked together, every ``period`` [s], and when next [s]."""
+    """Servos of one protocol that are asked together, every ``period`` [s], and when next [s]."""
 
     servos: list[_Servo]
     period: float
@@ -102,10 +102,10 @@ class DynamixelBus:
         _check(joints)
         self._clock = clock
         self._servos = [_Servo(j.name, j.id, MODELS[j.model], _question(j)) for j in joints]
-        rates: dict[float, list[_Servo]] = {}
+        alike: dict[tuple[float, int], list[_Servo]] = {}
         for joint, servo in zip(joints, self._servos, strict=True):
-            rates.setdefault(joint.poll_hz, []).append(servo)
-        self._groups = [_Group(servos, 1 / rate) for rate, servos in rates.items()]
+            alike.setdefault((joint.poll_hz, servo.model.protocol), []).append(servo)
+        self._groups = [_Group(servos, 1 / rate) for (rate, _), servos in alike.items()]
         self._port = BusPort(joints[0].port, joints[0].baudrate)
         self._handlers = {1: Protocol1PacketHandler(), 2: Protocol2PacketHandler()}
         self.resolution_rad = max(servo.model.step for servo in self._servos)
@@ -176,8 +176,10 @@ class DynamixelBus:
         for group in self._groups:
             if group.due <= now:
                 asked = [servo for servo in group.servos if servo.rests_until <= now]
-                self._read_in_turn([servo for servo in asked if servo.question], states)
-                self._read_group([servo for servo in asked if not servo.question], states)
+                if group.servos[0].model.protocol == 1:
+                    self._read_in_turn(asked, states)
+                else:
+                    self._read_group(asked, states)
                 lost += group.advance(self._clock.now()) * len(asked)
         return lost
 

@@ -121,8 +121,8 @@ def test_in_words() -> None:
     assert str(Origin({"left": 0.01, "right": 0.02}, 9)) == "most probably of none of left, right"
 
 
-def test_known_joints_are_weighed_once_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Five windows at once, the next ones a second apart, though the joints reverse several times a second."""
+def test_known_joints_are_weighed_seldom(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Five windows at once, the next ones PACE_S apart, though the joints reverse several times in that."""
     starts: list[float] = []
 
     class Noting(Attributor):
@@ -131,6 +131,7 @@ def test_known_joints_are_weighed_once_a_second(monkeypatch: pytest.MonkeyPatch)
             return super()._weigh(window, rings, joints)
 
     monkeypatch.setattr("lostmotion.daemon.attributor.WINDOWS", 5)
+    monkeypatch.setattr("lostmotion.daemon.attributor.PACE_S", 1.0)
     listeners = ears({"elbow": 0.1, "shoulder": 0.25})
     scored = heard(listeners, "elbow", Noting(listeners), pieces=64)
     assert len(scored) > 3 * len(starts)
