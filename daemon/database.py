@@ -5,8 +5,10 @@ What is written into it is in ``store.py``, the versions themselves are in ``mig
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import logging
+import os
 import re
 import shutil
 import sqlite3
@@ -39,6 +41,7 @@ GLANCE_S = 0.02
 """``is_held`` may have the lock for a moment"""
 BUSY_S = 2.0
 """how long another program's lock is waited for [s]"""
+FULL = (errno.ENOSPC, errno.EDQUOT)
 DAMAGE = ("SQLITE_CORRUPT", "SQLITE_NOTADB")
 PASSING = ("SQLITE_FULL", "SQLITE_BUSY", "SQLITE_IOERR")
 CAUSES = {
@@ -65,18 +68,18 @@ class StoreRefusedError(StoreError):
 
 
 def lock(path: Path) -> IO[bytes]:
-    """Holds ``path``.lock, in a folder that is made if need be, as long as the file is open."""
+    """Holds ``path``.lock, in a folder that is made if need be, as long as the file is open.  Raises StoreError."""
     if path.is_dir():
         raise StoreError(f"{path}: found a folder, expected a file; add its name to store.path")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise StoreError(f"{path}: the folder cannot be made: {error.strerror}; choose another store.path") from error
+        raise _denied(path, error, f"the folder cannot be made: {error.strerror}; choose another store.path") from error
     try:
         file = path.with_name(f"{path.name}.lock").open("ab")
     except OSError as error:
-        raise StoreError(
-            f"{path}: its folder is found read-only, expected to be writable; check its owner ({error.strerror})"
+        raise _denied(
+            path, error, f"its folder is found read-only, expected to be writable; check its owner ({error.strerror})"
         ) from error
     for pause_s in (GLANCE_S, 0.0):
         with suppress(OSError):
@@ -123,8 +126,24 @@ def open_database(path: Path) -> sqlite3.Connection:
 
 def refusal(path: Path, error: sqlite3.Error) -> StoreError:
     """SQLite's error as one of ours."""
-    passes = getattr(error, "sqlite_errorname", "").startswith(PASSING)
+    name = getattr(error, "sqlite_errorname", "")
+    if name.startswith("SQLITE_CANTOPEN") and _is_full(path.parent):  # SQLite does not tell why
+        return StoreRefusedError(f"{path}: {CAUSES['SQLITE_FULL']} ({error})")
+    passes = name.startswith(PASSING)
     return (StoreRefusedError if passes else StoreError)(explain(path, error))
+
+
+def _denied(path: Path, error: OSError, otherwise: str) -> StoreError:
+    """The system's error as one of ours, in the words of ``otherwise`` unless the disk is full."""
+    if error.errno in FULL:
+        return StoreRefusedError(f"{path}: {CAUSES['SQLITE_FULL']} ({error.strerror})")
+    return StoreError(f"{path}: {otherwise}")
+
+
+def _is_full(folder: Path) -> bool:
+    """Whether no file can be made there for want of room; some filesystems do not count their files."""
+    found = os.statvfs(folder)
+    return found.f_bavail == 0 or (found.f_files > 0 and found.f_favail == 0)
 
 
 def is_damage(error: sqlite3.Error) -> bool:

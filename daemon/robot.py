@@ -75,7 +75,7 @@ class Robot:
         faults = [self._fault(member) for member in (joint.name, joint.accelerometer)]
         if None in faults and not any(faults):
             return None
-        return next((fault for fault in faults if fault), "")
+        return "; ".join(dict.fromkeys(fault for fault in faults if fault))
 
     def _fault(self, member: str) -> str | None:
         poller = self._by_member[member]

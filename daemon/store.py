@@ -14,6 +14,7 @@ import threading
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
+from typing import IO
 
 from lostmotion.daemon import database
 from lostmotion.daemon.database import StoreError, StoreRefusedError
@@ -68,13 +69,13 @@ class Store:
         self._settled: deque[Transition] = deque()
         self._wake = threading.Condition()
         self._closing = False
+        self._lock: IO[bytes] | None = None
         self._writer: Writer | None = None
-        self._lock = database.lock(path)
         try:
-            self._writer = Writer(path, self._policy)
+            self._open()
         except StoreError as error:
             if not (patient and isinstance(error, StoreRefusedError)):
-                self._lock.close()
+                self._unlock()
                 raise
             self._say(str(error))
         self._written = self._policy
@@ -152,11 +153,21 @@ class Store:
                 self._writer.close()
             if self.damage is not None:
                 database.move_aside(self.path, self.damage)
-        self._lock.close()
+        self._unlock()
         lost = self.waiting() + self.dropped
         if lost:
             log.error("%s: %d rows were lost: %s", self.path, lost, self.problem or "the disk was too slow")
         return lost
+
+    def _open(self) -> Writer:
+        """Holds the lock and has the file open; raises StoreError."""
+        self._lock = self._lock or database.lock(self.path)
+        self._writer = self._writer or Writer(self.path, self._policy)
+        return self._writer
+
+    def _unlock(self) -> None:
+        if self._lock is not None:
+            self._lock.close()
 
     def _run(self) -> None:
         while True:
@@ -204,8 +215,7 @@ class Store:
         """Writes a batch; what keeps the disk from taking it, or ""."""
         policy = self._policy
         try:
-            self._writer = self._writer or Writer(self.path, policy)
-            self._writer.commit(batch, policy)
+            self._open().commit(batch, policy)
         except StoreError as error:
             return str(error)
         except sqlite3.Error as error:

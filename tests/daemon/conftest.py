@@ -31,6 +31,29 @@ def endpoint() -> str:
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
+class SmallDisk:
+    """A filesystem of its own, at ``path``, that holds so many files and folders."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def hold(self, files: int) -> None:
+        """From now on it holds so many; it already has one, the folder at ``path``."""
+        subprocess.run(["mount", "-o", f"remount,nr_inodes={files}", self.path], check=True)
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[SmallDisk]:
+    """A disk with room for a thousand files, until the test's ``hold``."""
+    disk = SmallDisk(tmp_path / "disk")
+    disk.path.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "nr_inodes=1000", "none", disk.path], capture_output=True)
+    if mounted.returncode:
+        pytest.skip("this user may not mount a filesystem")
+    yield disk
+    subprocess.run(["umount", "--lazy", disk.path], check=True)
+
+
 class Running:
     """A service in another process; ``log`` is a file that grows."""
 

@@ -20,7 +20,7 @@ from lostmotion.daemon.reader import open_readonly
 from lostmotion.daemon.records import AlarmEvent, AlarmState, Cause, Health
 from lostmotion.drivers.emulator import CsvStream, Emulator, Motion, ServoLine, TextStream
 from tests.daemon.cli_world import SECOND_JOINT, SIMULATED, call
-from tests.daemon.conftest import Running, wait_until
+from tests.daemon.conftest import Running, SmallDisk, wait_until
 from tests.daemon.fakes import fake_config, files_up_to
 
 Start = Callable[..., Running]
@@ -206,6 +206,24 @@ def test_a_disk_that_is_full_at_the_start(tmp_path: Path, start: Start) -> None:
     assert np.sum(np.diff(times) > 0.3) == 1  # between the two runs
 
 
+def test_a_disk_that_has_no_room_for_the_state_folder(small_disk: SmallDisk, start: Start) -> None:
+    """The service starts, says so, scores, and once there is room all is in the database."""
+    path, database = small_disk.path / "fake.toml", small_disk.path / "state" / "history.db"
+    path.write_text(fake_config(database.parent))
+    small_disk.hold(2)
+    service = start(path, HOME=str(small_disk.path))
+    service.wait_for("the disk is full; free some space (No space left on device); scoring goes on, rows wait")
+    service.wait_for("started")
+    time.sleep(1.5)
+    small_disk.hold(1000)
+    service.wait_for("written again; 0 rows were given up")
+    wait_until(lambda: count(database) >= 8)
+    assert service.stop(signal.SIGTERM) == 0
+    with open_readonly(database) as reader:
+        times = np.array([row.time.timestamp() for row in reader.scores("elbow")])
+    assert np.diff(times).max() < 0.3
+
+
 def test_rows_that_a_full_disk_refused_to_the_end_are_told(configuration: Path, start: Start) -> None:
     """A service that has to stop while the disk is full says how many rows are lost, and exits with 1."""
     service = start(configuration)
@@ -249,7 +267,10 @@ def test_a_robot_is_unplugged_and_plugged_in_again(tmp_path: Path, start: Start)
     path.write_text(path.read_text() + "[alarm]\noff_delay_s = 0\n")
     service = start(path, NOTIFY_SOCKET=str(tmp_path / "notify"), WATCHDOG_USEC="900000")
     service.wait_for("retrying", 2)
-    service.wait_for("alarm joint=elbow cause=device severity=error event=raised")
+    log = service.wait_for("alarm joint=elbow cause=device severity=error event=raised")
+    reason = re.search("alarm joint=elbow .*", log)
+    assert reason
+    assert re.search("dynamixel .*port.0 does not exist.*; tip: .*port.1 does not exist", reason[0])
     line, stream = ServoLine.of("AX-12A", [1, 2], motion), CsvStream(motion)
     with Emulator(line, stream, link=tmp_path / "port") as emulator, manager(tmp_path) as end:
         wait_until(lambda: count(tmp_path / "history.db") >= 5)

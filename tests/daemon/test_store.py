@@ -36,7 +36,7 @@ from lostmotion.daemon.records import (
     WindowRow,
 )
 from lostmotion.daemon.store import Store
-from tests.daemon.conftest import wait_until
+from tests.daemon.conftest import SmallDisk, wait_until
 from tests.daemon.fakes import files_may_grow, files_up_to
 
 NOON = datetime(2026, 1, 31, 12, 0, 0, 123456, tzinfo=UTC)
@@ -404,6 +404,27 @@ def test_a_disk_that_is_full_at_the_start(path: Path) -> None:
         wait_until(lambda: not store.waiting())
     with open_readonly(path) as reader:
         assert (reader.robot(), len(reader.scores("elbow"))) == ("arm2", 2)
+
+
+@pytest.mark.parametrize("files", [1, 2, 3])
+def test_a_disk_without_room_for_a_file(small_disk: SmallDisk, files: int) -> None:
+    """Where no folder, no lock or no database can be made, a patient store takes rows, says so, and writes and locks
+    once there is room; any other names the cause."""
+    path = small_disk.path / "state" / "history.db"
+    small_disk.hold(files)
+    with pytest.raises(StoreError, match=f"^{path}: the disk is full; free some space"):
+        Store(path, "arm1")
+    with closing(Store(path, "arm1", patient=True)) as store:
+        assert (store.is_open, "the disk is full" in store.problem) == (False, True)
+        with store.reader() as reader:
+            assert reader.joints() == []
+        store.add(FULL)
+        small_disk.hold(1000)
+        wait_until(lambda: not store.waiting())
+        assert (store.is_open, store.problem, database.is_held(path)) == (True, "", True)
+    assert not database.is_held(path)
+    with open_readonly(path) as reader:
+        assert reader.scores("elbow") == [FULL]
 
 
 def test_rows_that_never_reached_a_disk_are_counted(path: Path) -> None:
