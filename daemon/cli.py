@@ -93,7 +93,7 @@ def config_check(file: Path, as_json: bool) -> None:
     check(file, as_json)
 
 
-@cli.command()
+@cli.command(short_help="Check devices, rates, noise, clock and disk.")
 @config_file
 @as_json
 def doctor(config: Path | None, as_json: bool) -> int:
@@ -148,7 +148,7 @@ def history(
     history(joint, config, database, (since, until, limit), forms[0] if forms else "table")
 
 
-@cli.command()
+@cli.command(short_help="Wear of a joint: slope, changes, time until the limit.")
 @click.argument("joint")
 @config_file
 @database
@@ -199,9 +199,9 @@ def record(config: Path, duration: float, output: Path, joint: str | None, as_js
 @config_file
 @click.option("--joint", metavar="NAME", help="The joint whose settings count, and its name in the output.")
 @click.option("--column", default="accel", help="The column that rings: accel (default), force, displacement …")
-@click.option("--f-res-hz", type=float, callback=positive, metavar="X", help="Resonance of the oscillator.")
-@click.option("--zeta", type=float, callback=positive, metavar="X", help="Damping ratio of the oscillator.")
-@click.option("--level", type=float, callback=positive, metavar="X", help="Level of eq. 9.")
+@click.option("--f-res-hz", type=float, callback=positive, metavar="X", help="Resonance of the oscillator [Hz].")
+@click.option("--zeta", type=float, callback=positive, metavar="X", help="Damping ratio of the oscillator [-].")
+@click.option("--level", type=float, callback=positive, metavar="X", help="Level of eq. 9 [-].")
 @statistic
 @as_json
 def score(recording: Path, config: Path | None, joint: str | None, as_json: bool, **given: Any) -> None:

@@ -36,6 +36,9 @@ __all__ = ["Config", "ConfigError", "default", "load", "loads"]
 
 T = TypeVar("T")
 Table = dict[str, Any]
+WORDS = {"float": "a number", "int": "a whole number", "str": "a text", "bool": "true or false", "object": "a table",
+         "array": "a list"}  # fmt: skip
+"""what msgspec's names of types mean to a person"""
 OWN_TABLES = ("robot", "store", "accelerometer", "joint", "detector", "alarm", "metrics")
 
 
@@ -232,7 +235,13 @@ def _explain(message: str, value: object, kind: type, path: str) -> str:
         return f"{path}{inner}.{missing[1]}: is missing"
     if what.startswith("Invalid enum value"):
         what = f"expected {_choice(_types_at(kind, inner))}"
+    what = re.sub("`(.+?)`", _in_words, re.sub(", got `.*`$", "", what))
     return f"{path}{inner}: found {_shown(_at(value, inner))}; {what[0].lower()}{what[1:]}"
+
+
+def _in_words(types: re.Match[str]) -> str:
+    """msgspec's names of types, in a person's words."""
+    return " or ".join(WORDS.get(name, name) for name in types[1].split(" | "))
 
 
 def _types_at(kind: type, path: str) -> list[inspect.Type]:
@@ -255,12 +264,14 @@ def _keys(types: Sequence[inspect.Type]) -> list[str]:
 
 
 def _choice(types: Sequence[inspect.Type]) -> str:
-    """``float or 'auto'``: the words that are allowed, and the other types."""
+    """``a number or 'auto'``: words that are allowed, and other types, but for what TOML lacks."""
     names = [
-        ", ".join(map(repr, t.values)) if isinstance(t, inspect.LiteralType) else type(t).__name__[:-4].lower()
+        ", ".join(map(repr, t.values))
+        if isinstance(t, inspect.LiteralType)
+        else WORDS.get(type(t).__name__[:-4].lower())
         for t in types
     ]
-    return " or ".join(names)
+    return " or ".join(name for name in names if name)
 
 
 def _near(word: str, known: Sequence[str]) -> str:

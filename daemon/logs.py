@@ -10,6 +10,7 @@ import os
 import socket
 import struct
 import sys
+import time
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -29,10 +30,18 @@ def setup(environment: Mapping[str, str] = os.environ, journal: Path = JOURNAL) 
     elif "JOURNAL_STREAM" in environment or "INVOCATION_ID" in environment:
         handler.setFormatter(PriorityFormatter("%(message)s"))
     else:
-        handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)-7s %(message)s"))
+        handler.setFormatter(TimeFormatter("%(asctime)s %(levelname)-7s %(message)s"))
     logger = logging.getLogger()
     logger.handlers[:] = [handler]
     logger.setLevel(logging.INFO)
+
+
+class TimeFormatter(logging.Formatter):
+    """Times in UTC, ISO 8601."""
+
+    converter = staticmethod(time.gmtime)
+    default_time_format = "%Y-%m-%dT%H:%M:%S"
+    default_msec_format = "%s.%03dZ"
 
 
 class PriorityFormatter(logging.Formatter):

@@ -27,7 +27,7 @@ toml_out = click.option("-o", "--output", type=FILE, metavar="FILE", help="Write
 recordings = click.argument("recordings", type=FILE, nargs=-1, required=True, metavar="REC...")
 
 
-@calibrate.command("tap")
+@calibrate.command("tap", short_help="Resonance and damping of the bar, from taps.")
 @recordings
 @click.option("--column", default="accel", help="The column that rings: accel (default), force, displacement …")
 @toml_out
@@ -47,15 +47,17 @@ def about_settings(command: Callable[..., None]) -> Callable[..., None]:
     options = (
         config_file,
         click.option("--joint", metavar="NAME", help="The joint whose settings count."),
-        click.option("--f-res-hz", type=float, callback=positive, metavar="X", help="Resonance of the oscillator."),
-        click.option("--zeta", type=float, callback=positive, metavar="X", help="Damping ratio of the oscillator."),
+        click.option(
+            "--f-res-hz", type=float, callback=positive, metavar="X", help="Resonance of the oscillator [Hz]."
+        ),
+        click.option("--zeta", type=float, callback=positive, metavar="X", help="Damping ratio of the oscillator [-]."),
     )
     for option in reversed(options):
         command = option(command)
     return command
 
 
-@calibrate.command("healthy")
+@calibrate.command("healthy", short_help="Window, bands and noise, from a healthy joint.")
 @recordings
 @worn_recordings
 @about_settings
@@ -76,7 +78,7 @@ def calibrate_healthy(
     healthy(recordings, worn, config, Asked(**given), output, as_json)
 
 
-@calibrate.command("level")
+@calibrate.command("level", short_help="The level, from healthy and worn joints.")
 @recordings
 @worn_recordings
 @about_settings

@@ -32,7 +32,15 @@ def fleet() -> None:
 def whom(command: Callable[..., Any]) -> Callable[..., Any]:
     """The options that say whom to ask."""
     for option in (
-        click.option("--timeout", type=float, default=2.0, show_default=True, callback=positive, metavar="S"),
+        click.option(
+            "--timeout",
+            type=float,
+            default=2.0,
+            show_default=True,
+            callback=positive,
+            metavar="S",
+            help="Seconds to wait for answers.",
+        ),
         click.option("--robots", metavar="A,B", help="Robots that must answer, besides those that are alive."),
         config_file,
         click.option("--zenoh", type=FILE, metavar="FILE", help="Zenoh's own configuration (JSON5): TLS and the like."),
@@ -57,7 +65,12 @@ def status(as_json: bool, **given: Any) -> int:
 @since
 @until
 @click.option(
-    "--limit", type=click.IntRange(1, 10_000), default=1000, show_default=True, help="The newest of each robot."
+    "--limit",
+    type=click.IntRange(1, 10_000),
+    default=1000,
+    show_default=True,
+    metavar="N",
+    help="The newest N of each robot.",
 )
 @whom
 @as_json

@@ -19,7 +19,7 @@ def service() -> None:
     """Install lostmotion as a systemd service on this robot, or remove it."""
 
 
-@service.command("install")
+@service.command("install", short_help="Write, enable and start the service.")
 @click.option("--print", "print_it", is_flag=True, help="Only print the unit.")
 @dry_run
 @click.option("--root", type=FILE, metavar="DIR", help="Write below DIR and start nothing: for the image of a robot.")
@@ -34,7 +34,7 @@ def install(print_it: bool, dry_run: bool, root: Path | None) -> None:
         commands.install(root, dry_run)
 
 
-@service.command("uninstall")
+@service.command("uninstall", short_help="Stop and remove the service; data stay.")
 @click.option("--purge", is_flag=True, help="Remove the configuration and all data as well.")
 @dry_run
 def uninstall(purge: bool, dry_run: bool) -> None:

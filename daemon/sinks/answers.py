@@ -70,11 +70,18 @@ def _history(reader: Reader, joint: str, parameters: Mapping[str, str]) -> dict[
     try:
         since, until = (times.parse(parameters[key], now) if key in parameters else None for key in ("since", "until"))
         times.check_order(since, until)
-        limit = int(parameters.get("limit", DEFAULT_ROWS))
-    except (times.TimeError, ValueError) as error:
+    except times.TimeError as error:
         raise BadQueryError(f"{joint}/history: {error}") from error
-    if limit < 1:
-        raise BadQueryError(f"{joint}/history: found limit={limit}, expected 1 to {MOST_ROWS}")
-    limit = min(limit, MOST_ROWS)
+    limit = _limit(joint, parameters.get("limit", str(DEFAULT_ROWS)))
     scores = reader.scores(joint, since, until, limit + 1)
     return documents.history(joint, scores[-limit:]) | {"complete": len(scores) <= limit}
+
+
+def _limit(joint: str, asked: str) -> int:
+    try:
+        limit = int(asked)
+    except ValueError:
+        limit = 0
+    if limit < 1:
+        raise BadQueryError(f"{joint}/history: found limit={asked}, expected 1 to {MOST_ROWS}")
+    return min(limit, MOST_ROWS)

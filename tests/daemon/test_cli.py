@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import sqlite3
 import subprocess
@@ -50,6 +51,14 @@ def imported_by(*arguments: str, folder: Path) -> set[str]:
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, timeout=60)
     return set(done.stdout.splitlines()[-1].split()[1:])
+
+
+@pytest.mark.parametrize("group", [[], ["alarms"], ["calibrate"], ["config"], ["fleet"], ["service"]])
+def test_help_says_what_each_command_does(group: list[str]) -> None:
+    """In a list of commands no description is cut off, at 80 columns."""
+    listed = call(*group, "--help").stdout.partition("Commands:")[2].splitlines()[1:]
+    assert listed
+    assert [line for line in listed if line.endswith("...") or not line.endswith(".")] == []
 
 
 def test_help_lists_every_command() -> None:
@@ -201,13 +210,14 @@ def test_closed_stdout(tmp_path: Path, arguments: list[str]) -> None:
 
 
 def test_run_tells_where_the_database_is(tmp_path: Path) -> None:
-    """The service's first word names the robot and the database, stdout stays empty."""
+    """The service's first word names the robot and the database, with the time in UTC; stdout stays empty."""
     (tmp_path / "robot.toml").write_text(HARDWARE)
     process = start("run", "--config", "robot.toml", "--duration", "0.2", folder=tmp_path)
     out, err = process.communicate(timeout=30)
     assert process.returncode == 0
     assert out == ""
-    assert "INFO    started: robot arm2, 1 joints, database history.db\n" in err
+    line = r"20\d\d-\d\d-\d\dT\d\d:\d\d:\d\d\.\d\d\dZ INFO    started: robot arm2, 1 joints, database history\.db"
+    assert any(re.fullmatch(line, said) for said in err.splitlines()), err
 
 
 def test_run_that_cannot_start_says_so_in_one_line(tmp_path: Path) -> None:

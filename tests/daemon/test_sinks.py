@@ -139,15 +139,25 @@ def test_questions_are_answered_from_the_database(endpoint: str, database: Path)
     assert (len(everything["scores"]), everything["complete"]) == (20, True)
 
 
-@pytest.mark.parametrize("query", ["limit=0", "limit=many", "since=soon", "since=1d;until=2d"])
-def test_a_query_that_cannot_be_understood_is_told(endpoint: str, database: Path, query: str) -> None:
-    """Wrong parameters bring an error that names what was found, not silence."""
+@pytest.mark.parametrize(
+    ("query", "words"),
+    [
+        ("limit=0", "found limit=0, expected 1 to 10000"),
+        ("limit=many", "found limit=many, expected 1 to 10000"),
+        ("since=soon", "found the time 'soon', expected one such as"),
+        ("since=1d;until=2d", "are they swapped?"),
+    ],
+)
+def test_a_query_that_cannot_be_understood_is_told(endpoint: str, database: Path, query: str, words: str) -> None:
+    """Wrong parameters bring an error that names what was found and expected, not silence."""
     with closing(ZenohSink("arm1", ZenohOptions(listen=[endpoint]), database)) as sink:
         wait_until(lambda: sink.is_open)
         with session("client", connect=[endpoint]) as other:
             (reply,) = other.get(f"lostmotion/arm1/elbow/history?{query}")
     assert reply.err is not None
-    assert json.loads(reply.err.payload.to_bytes())["error"].startswith("elbow/history: ")
+    error = json.loads(reply.err.payload.to_bytes())["error"]
+    assert error.startswith("elbow/history: ")
+    assert words in error
 
 
 def test_a_database_that_is_gone_is_told(endpoint: str) -> None:
