@@ -81,6 +81,8 @@ class Attributor:
 
     def step(self, rings: Mapping[str, Ring], speakers: Mapping[str, Speaker]) -> None:
         """Takes the windows for which everything is there, and gives up those for which it does not come."""
+        if not self._waiting:
+            return
         ears, joints = [rings[ear.accelerometer] for ear in self._ears], [speakers[joint] for joint in self.joints]
         fresh = False
         while self._waiting:

@@ -27,7 +27,7 @@ __all__ = ["Reader", "Store", "open_readonly"]
 
 log = logging.getLogger(__name__)
 
-FLUSH_S = 0.15
+FLUSH_S = 0.2
 """how often rows are written [s]: to wake the writer for each costs more; a transition of an alarm does not wait"""
 RETRY_S = 1.0
 """pause after the disk refused [s]"""
