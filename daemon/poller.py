@@ -120,6 +120,10 @@ class Poller:
         """Notes that the poller itself broke down."""
         self._now(DeviceState.WRONG, reason)
 
+    def named(self, reason: str) -> str:
+        """A reason with the device's name before it."""
+        return reason if reason.startswith(f"{self.name}: ") else f"{self.name}: {reason}"
+
     def rest(self, seconds: float) -> None:
         """Waits so long, or until it is to stop."""
         self.pulse = time.monotonic() + seconds
@@ -135,12 +139,13 @@ class Poller:
 
     def _note(self, identities: tuple[Identity, ...]) -> None:
         before = self.account.faults
+        wrong = [who for who in identities if not who.ok]
         self.account.faults = {
-            who.name: f"{who.name}: found {who.found}, expected {who.expected}" for who in identities if not who.ok
+            who.name: f"{who.name}: found {who.gist or who.found}, expected {who.expected}" for who in wrong
         }
-        for name, fault in self.account.faults.items():
-            if before.get(name) != fault:
-                log.error("%s: %s", self.name, fault)
+        for who in wrong:
+            if before.get(who.name) != self.account.faults[who.name]:
+                log.error("%s", self.named(f"{who.name}: found {who.found}, expected {who.expected}"))
         self._check_again = time.monotonic() + WRONG_RETRY_S if self.account.faults else math.inf
 
     def _read_on(self) -> None:
@@ -163,7 +168,7 @@ class Poller:
             return
         fields = {"kind": "device", "device": self.name, "state": state.value, "reason": reason}
         bad = state in (DeviceState.RETRYING, DeviceState.WRONG)
-        text = f"{self.name}: {state.value}" + (f": {reason}" if bad else "")
+        text = f"{self.name}: {state.value}" + (f": {reason.removeprefix(f'{self.name}: ')}" if bad else "")
         log.log(logging.WARNING if bad else logging.INFO, "%s", text, extra={"fields": fields})
 
 

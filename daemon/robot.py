@@ -80,10 +80,10 @@ class Robot:
     def _fault(self, member: str) -> str | None:
         poller = self._by_member[member]
         account = poller.account
-        if account.state in BAD:
-            return f"{poller.name}: {account.reason}"
-        if member in account.faults:
+        if account.state is not DeviceState.RETRYING and member in account.faults:
             return account.faults[member]
+        if account.state in BAD:
+            return poller.named(account.reason)
         if self._virtual or account.state is DeviceState.ENDED:
             return ""
         heard = account.heard.get(member)

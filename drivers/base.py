@@ -89,12 +89,17 @@ class AccelBlock:
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """One device as it answered: what was found, what was expected, and whether that is the same."""
+    """One device as it answered: what was found, what was expected, and whether that is the same.
+
+    gist: found, without what differs from look to look, such as bytes that came in: an alarm tells it, and tells it
+    anew when it changes; "" where found is always the same.
+    """
 
     name: str
     found: str
     expected: str
     ok: bool
+    gist: str = ""
 
 
 class OscillatorOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

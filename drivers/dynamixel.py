@@ -118,11 +118,12 @@ class DynamixelBus:
     def identify(self) -> tuple[Identity, ...]:
         """Asks each servo for its model number.  Raises PortError."""
         found = [self._ping(servo) for servo in self._servos]
-        silence = "no answer; likely cause: no power, another id, or another baudrate"
+        silence, gist = "no answer; likely cause: no power, another id, or another baudrate", ""
         if all(number is None for number, _ in found):
             heard = self._port.listen(EAVESDROP_S)
             if heard:
-                silence = f"no answer, but {heard[:24]!r} unasked; likely cause: another device on the port"
+                gist = "no answer, but bytes unasked; likely cause: another device on the port"
+                silence = gist.replace("bytes", repr(heard[:24]))
         self._start()
         return tuple(
             Identity(
@@ -130,6 +131,7 @@ class DynamixelBus:
                 silence if number is None else f"id {servo.id}: {model_name(number)}, protocol {protocol}.0",
                 f"id {servo.id}: {model_name(servo.model.number)}, protocol {servo.model.protocol}.0",
                 number == servo.model.number and protocol == servo.model.protocol,
+                gist if number is None else "",
             )
             for servo, (number, protocol) in zip(self._servos, found, strict=True)
         )

@@ -97,15 +97,19 @@ class SerialAccelerometer:
         count, span, broken, seen = self._listen()
         self._fresh = True
         if count < 2:
-            found = "nothing" if not seen else f"{len(seen)} bytes that are none of its ({seen[:24]!r})"
+            what = "nothing" if not seen else "bytes that are none of its"
             cause = "unpowered, or another port" if not seen else "another device on the port, or a wrong baudrate"
-            return (Identity(self._name, f"{found} in {SILENCE_S:g} s; likely cause: {cause}", expected, False),)
+            gist = f"{what} in {SILENCE_S:g} s; likely cause: {cause}"
+            found = gist.replace("its", f"its ({seen[:24]!r})")
+            return (Identity(self._name, found, expected, False, gist),)
         rate = (count - 1) / span
         ok = abs(rate / self._rate - 1) <= RATE_TOLERANCE and broken <= 0.1 * count
-        found = f"{self._form.name} at {rate:.3g} Hz" + (f", {broken} broken of {count + broken}" if broken else "")
-        if not ok:
-            found += "; likely cause: rate_hz is not what the sensor is set to, or the line is too slow or noisy for it"
-        return (Identity(self._name, found, expected, ok),)
+        found = f"{self._form.name} at {rate:.0f} Hz" + (f", {broken} broken of {count + broken}" if broken else "")
+        if ok:
+            return (Identity(self._name, found, expected, ok),)
+        cause = "; likely cause: rate_hz is not what the sensor is set to, or the line is too slow or noisy for it"
+        gist = f"{self._form.name} at about {float(f'{rate:.1g}'):g} Hz" + (", some broken" if broken else "")
+        return (Identity(self._name, found + cause, expected, ok, gist + cause),)
 
     def read(self) -> AccelBlock:
         """The samples since the last call; waits for some up to 0.25 s.  Raises PortError."""

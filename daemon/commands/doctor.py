@@ -59,4 +59,4 @@ def _print(checks: list[Check], bad: list[Check]) -> None:
 
 
 def _shown(value: float | str) -> str:
-    return value if isinstance(value, str) else f"{value:.4g}"
+    return value if isinstance(value, str) else f"{value:.0f}" if abs(value) >= 1e4 else f"{value:.4g}"

@@ -197,10 +197,17 @@ def test_unplugged_and_plugged_in_again(rig: Rig) -> None:
 
 @every_device
 def test_another_device_on_the_port(case: Case, tmp_path: Path) -> None:
-    """A GPS receiver is not taken for the device: no identity is right, each tells what was seen, no data come out."""
+    """A GPS receiver is not taken for the device: no identity is right, each tells what was seen, and the gist of it,
+    which is the same whatever bytes come in; no data come out."""
+    with plugged(case, tmp_path, TextStream(b"other bytes\r\n")) as rig:
+        rig.driver.open()
+        other = rig.driver.identify()
     with plugged(case, tmp_path, TextStream()) as rig:
         rig.driver.open()
         identities = rig.driver.identify()
+        assert [(each.gist, each.found) for each in identities] != [(each.gist, each.found) for each in other]
+        assert [each.gist for each in identities] == [each.gist for each in other]
+        assert all("likely cause: another device" in each.gist for each in identities)
         assert [identity.ok for identity in identities] == [False] * len(rig.names)
         assert all("$GPGGA" in identity.found and "likely cause" in identity.found for identity in identities)
         for reading in collect(rig, 0.3):

@@ -128,6 +128,7 @@ def test_a_noisy_line_is_told_when_the_device_is_asked() -> None:
         (identity,) = sensor.identify()
         sensor.close()
     assert "broken of" in identity.found
+    assert "at about 100 Hz, some broken; likely cause" in identity.gist
     assert not identity.ok
 
 
