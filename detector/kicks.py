@@ -74,7 +74,7 @@ def inverse(length: int, rate_hz: float, noise: float, settings: DetectorSetting
 @lru_cache(maxsize=16)
 def edges(length: int, rate_hz: float, noise: float, settings: DetectorSettings) -> Edges:
     """The same inverse for kicks beside smooth motions of any size."""
-    undone = inverse(length, rate_hz, noise, settings)
+    undone = inverse.__wrapped__(length, rate_hz, noise, settings)  # two megabytes that need not be kept
     step = STEP / settings.f_res_hz
     width = 2 * math.ceil((max(SAMPLES_WIDE / rate_hz / step, LEAST_WIDTH) - 1) / 2) + 1
     index = np.arange(undone.times.size)
