@@ -26,14 +26,17 @@ class ParquetError(LostmotionError):
 
 
 def write(reader: Reader, joint: str, bounds: tuple[datetime | None, datetime | None, int | None], path: Path) -> None:
-    """Writes a row for each score, oldest first, unknown as null; SI units, times in UTC.  Raises ParquetError."""
+    """Writes a row for each score, oldest first, unknown as null; SI units, times in UTC.
+
+    Raises ParquetError, OutputError.
+    """
     try:
         import pyarrow as pa
         from pyarrow import parquet
     except ImportError as error:
         raise ParquetError("--parquet: found no pyarrow, expected it: pip install 'lostmotion[parquet]'") from error
     schema, count = _schema(reader.robot(), joint), 0
-    with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
+    with output.writing(path), parquet.ParquetWriter(path, schema, compression="zstd") as writer:
         for rows in reader.batches(joint, *bounds):
             time_us, duration_us, score, level, impact, *others, quality = zip(*rows, strict=True)
             numbers = dict(zip(NUMBERS, (score, level, *others), strict=True))

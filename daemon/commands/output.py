@@ -1,20 +1,50 @@
-"""What goes to stdout: one JSON document, or text and tables for people.  Nothing is computed here."""
+"""What goes to stdout: one JSON document, or text and tables for people; what is said of a file that cannot be written.
+Nothing is computed here."""
 
 from __future__ import annotations
 
 import math
+import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import msgspec
 
-__all__ = ["arcmin", "bar", "number", "print_json", "print_lines", "print_markup", "print_table"]
+from lostmotion.drivers.errors import LostmotionError
+
+__all__ = [
+    "OutputError",
+    "arcmin",
+    "bar",
+    "number",
+    "print_json",
+    "print_lines",
+    "print_markup",
+    "print_table",
+    "writing",
+]
 
 MOST_IN_COLOUR = 500
 """Rows of a table that a person looks at; more are for paging and searching."""
 WIDE = 160
 """Columns of a table that goes to a file or a pipe: wide enough that nothing is cut off."""
+
+
+class OutputError(LostmotionError):
+    """A file cannot be written."""
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """What keeps a file from being written in this block, in one line.  Raises OutputError."""
+    try:
+        yield
+    except OSError as error:
+        reason = os.strerror(error.errno) if error.errno else error
+        raise OutputError(f"{path}: cannot be written: {reason}; is there a folder, and room?") from error
 
 
 def print_json(document: Any) -> None:

@@ -39,7 +39,8 @@ def score(path: Path, config: Path | None, asked: Asked, as_json: bool) -> None:
     settings = settings_for(recording, config, asked)
     scores = _scores(recording, asked.column, settings, name)
     if as_json:
-        windows = [{key: getattr(window, key) for key in KEYS} for window in scores]
+        exact = [replace(window, duration=round(window.duration, 6)) for window in scores]  # the rate is an estimate
+        windows = [{key: getattr(window, key) for key in KEYS} for window in exact]
         output.print_json({"joint": name, "level": settings.level, "windows": windows})
     else:
         _print(name, settings, scores)

@@ -98,7 +98,8 @@ def trend(
     if png:
         from lostmotion.daemon.commands.trend_picture import draw
 
-        draw(history, png)
+        with output.writing(png):
+            draw(history, png)
     if as_json:
         output.print_json(_document(history if of == "score" else _history(joint, series, of, level, RADIANS)))
         return

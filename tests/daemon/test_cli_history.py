@@ -131,6 +131,8 @@ def test_history_parquet(database: Path, tmp_path: Path) -> None:
         assert table[name].to_pylist() == [row[name] for row in scores]
     call("history", "shoulder", "--database", database, "--limit", "1", "--parquet", file)
     assert parquet.read_table(file)["score"].to_pylist() == [None]
+    refused = call("history", "elbow", "--database", database, "--parquet", tmp_path / "none" / "x.parquet")
+    assert is_one_line(refused, "lostmotion:", "x.parquet: cannot be written: No such file or directory; is there a")
 
 
 def test_parquet_without_its_library(database: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -264,7 +266,8 @@ def test_trend_picture(database: Path, tmp_path: Path) -> None:
     content = picture.read_bytes()
     assert content[:8] == b"\x89PNG\r\n\x1a\n"
     assert int.from_bytes(content[16:20], "big") >= 1000
-    assert is_one_line(call("trend", "elbow", "--database", database, "--png", tmp_path / "none" / "x.png"), "none")
+    refused = call("trend", "elbow", "--database", database, "--png", tmp_path / "none" / "x.png")
+    assert is_one_line(refused, "x.png: cannot be written: No such file or directory; is there a folder")
 
 
 def test_trend_picture_in_other_forms(database: Path, tmp_path: Path) -> None:

@@ -116,6 +116,7 @@ def test_score_json(recording: Path) -> None:
     assert len(found["windows"]) > 5
     assert all(list(window) == keys for window in found["windows"])
     assert all(0 <= window["time"] < 4 for window in found["windows"])
+    assert {window["duration"] for window in found["windows"]} == {0.25}
 
 
 def test_settings_by_rank(recording: Path) -> None:
