@@ -99,7 +99,8 @@ def config_check(file: Path, as_json: bool) -> None:
 def doctor(config: Path | None, as_json: bool) -> int:
     """Check devices, rates, noise, clock, disk: value and allowed range of each.  Exit status 1 if one is bad.
 
-    The devices must be free: stop the service first.
+    Without --config: the installed service's, else the simulated robot.  The devices must be free: stop the service
+    first.
     """
     from lostmotion.daemon.commands.doctor import doctor
 

@@ -14,7 +14,7 @@ from typing import Any
 import zenoh
 
 from lostmotion.daemon.commands import output, times
-from lostmotion.daemon.commands.where import ETC, find_config
+from lostmotion.daemon.commands.where import find_config
 from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.zenoh_session import brief, configuration
 from lostmotion.drivers.errors import LostmotionError
@@ -124,8 +124,7 @@ def _options(fleet: Fleet) -> ZenohOptions:
     """A client at the endpoints that were given, else where a robot's configuration connects or listens."""
     if fleet.zenoh:
         return ZenohOptions(config=fleet.zenoh, connect=list(fleet.connect))
-    given = find_config(fleet.config or ETC).zenoh if fleet.config or ETC.exists() else None
-    robot = given or ZenohOptions()
+    robot = find_config(fleet.config).zenoh or ZenohOptions()
     return ZenohOptions(
         mode="client", connect=list(fleet.connect) or robot.connect or robot.listen or [HERE], config=robot.config
     )

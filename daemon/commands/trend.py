@@ -113,7 +113,7 @@ def _play_limit(config: Path | None) -> float:
     alarm = find_config(config).alarm
     limit = alarm.play_error or alarm.play_warning
     if limit is None:
-        raise TrendError("found no limit of the play; give --level [rad], or --config with alarm.play_error in it")
+        raise TrendError("found no limit of the play; give --level [rad], or set alarm.play_error in the configuration")
     return limit
 
 

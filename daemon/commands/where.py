@@ -9,7 +9,7 @@ from lostmotion.daemon.config import Config
 from lostmotion.daemon.reader import Reader, open_readonly
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["ETC", "UnknownJointError", "find_config", "find_database", "open_joint", "open_reader"]
+__all__ = ["UnknownJointError", "find_config", "find_database", "open_joint", "open_reader"]
 
 ETC = Path("/etc/lostmotion/lostmotion.toml")
 
@@ -19,16 +19,15 @@ class UnknownJointError(LostmotionError):
 
 
 def find_config(given: Path | None) -> Config:
-    """The configuration that was given, else the built-in one.  Raises ConfigError."""
-    return configuration.load(given) if given else configuration.default()
+    """The configuration that was given, else the service's, else the built-in one.  Raises ConfigError."""
+    if given or ETC.exists():
+        return configuration.load(given or ETC)
+    return configuration.default()
 
 
 def find_database(config: Path | None, database: Path | None) -> Path:
-    """The database given, else that of the configuration given, else the service's, else this user's.
-
-    Raises ConfigError.
-    """
-    return database or find_config(config or (ETC if ETC.exists() else None)).database
+    """The database given, else that of ``find_config``.  Raises ConfigError."""
+    return database or find_config(config).database
 
 
 def open_reader(config: Path | None, database: Path | None) -> Reader:

@@ -20,7 +20,7 @@ from lostmotion.daemon.commands import output
 from lostmotion.daemon.commands.times import TimeError, ago, parse, span
 from lostmotion.daemon.records import ScoreRow
 from lostmotion.daemon.store import Store
-from tests.daemon.cli_world import SIMULATED, START, call, fill, is_one_line
+from tests.daemon.cli_world import HARDWARE, SIMULATED, START, call, fill, is_one_line
 
 
 @pytest.fixture(scope="module")
@@ -177,6 +177,20 @@ def test_users_database_is_the_default(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr("lostmotion.daemon.commands.where.ETC", tmp_path / "none.toml")
     fill(tmp_path / "lostmotion" / "history.db", 5)
     assert document("history", "elbow")["joint"] == "elbow"
+
+
+def test_installed_configuration_is_the_default(
+    database: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a robot with a service, its configuration is meant: its database, its limit of the play, its devices."""
+    config = tmp_path / "lostmotion.toml"
+    monkeypatch.setattr("lostmotion.daemon.commands.where.ETC", config)
+    config.write_text(HARDWARE.replace("history.db", str(database)) + "[alarm]\nplay_error = 0.002\n")
+    assert document("status")["robot"] == "arm1"
+    assert document("trend", "elbow", "--of", "play")["level"] == pytest.approx(0.002)
+    doctor = call("doctor", "--json")
+    assert doctor.exit_code == 1
+    assert "no-such-port" in doctor.stdout
 
 
 def test_reading_while_the_service_writes(tmp_path: Path) -> None:
