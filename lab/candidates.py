@@ -17,16 +17,25 @@ import numpy as np
 
 from lostmotion.lab.follow import can_follow
 from lostmotion.lab.grow import Level, fitted
-from lostmotion.lab.nudge import descended, shortlist
+from lostmotion.lab.nudge import Near, descended, shortlist
 from lostmotion.lab.scoretest import Direction, start_with
 from lostmotion.lab.search import doubled, full_fit, refined
 from lostmotion.lab.seeds import AMPLITUDE
 from lostmotion.lab.stretch import state_scales
 from lostmotion.lab.task import Task
 from lostmotion.lab.unknowns import Unknowns
-from lostmotion.model import Model
+from lostmotion.model import Model, catalogue
 
-__all__ = ["Trial", "best_of_each", "far_trials", "further_trials", "near_trials"]
+__all__ = [
+    "Trial",
+    "best_of_each",
+    "far_trials",
+    "further_trials",
+    "near_trials",
+    "others",
+    "pair_trials",
+    "raced_fits",
+]
 
 NEAR, NEAR_ITERATIONS, FULL = 12, 6, 4
 FEW_NEAR, FEW_FULL, FOLLOWED = 6, 2, 4
@@ -60,6 +69,11 @@ def best_of_each(ordered: Iterable[T]) -> list[T]:
     return list(best.values())
 
 
+def others(model: Model) -> list[str]:
+    """The effects of the catalogue that the model may have and has not."""
+    return [e.id for e in catalogue() if model.base in e.bases and e.id not in model.effects]
+
+
 def near_trials(
     level: Level, directions: Sequence[Direction], task: Task, pool: Executor, iterations: int = 15
 ) -> list[Trial]:
@@ -70,33 +84,41 @@ def near_trials(
 
 
 def far_trials(
-    base: Level, directions: Sequence[Direction], effects: Sequence[str], task: Task, horizon_s: float, pool: Executor
-) -> list[Trial]:
+    base: Level, directions: Sequence[Direction], task: Task, horizon_s: float, pool: Executor
+) -> tuple[list[Trial], list[Near]]:
     """The best few effects, each fitted on stretches of about this length; best first.
 
     base: the fit without them on the shortest stretches; directions: of its score test.  Where the bar was measured,
-    nudged runs say what else is worth a fit.
+    nudged runs say what else is worth a fit: what they come near to is returned as well.
     """
     nudged = can_follow(task.rough, *task.experiments)
     near = near_trials(base, directions[: FEW_NEAR if nudged else NEAR], task, pool, NEAR_ITERATIONS)
     few = FEW_FULL if nudged else FULL
     strongest = [trial for trial in near[few:] if trial.effect == directions[0].effect]
     begin = [(trial.effect, trial.level.model) for trial in (*near[:few], *strongest)]
-    if nudged:
-        begin += [(found.effect, found.model) for found in shortlist(base, effects, task, pool)[:FOLLOWED]]
-    return _fitted(begin, task, horizon_s, pool)
+    near_by = shortlist(base, others(base.model), task, pool) if nudged else []
+    begin += [(found.effect, found.model) for found in near_by[:FOLLOWED]]
+    return raced_fits(begin, task, horizon_s, pool), near_by
 
 
-def further_trials(base: Level, effects: Sequence[str], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
+def pair_trials(base: Level, first: Sequence[Near], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
+    """Fits with two more effects at once, named by the second one: those that bring nudged runs with one of the first
+    ones nearest to the measurement."""
+    found = [pair for one in first for pair in shortlist(base, others(one.model), task, pool, one)]
+    begin = [(pair.effect, pair.model) for pair in sorted(found, key=lambda pair: pair.cost)[:FOLLOWED]]
+    return raced_fits(begin, task, horizon_s, pool)
+
+
+def further_trials(base: Level, task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
     """Others, to which descents have led; for where the first search has found nothing.  None without a bar."""
     if not can_follow(task.rough, *task.experiments):
         return []
-    begin = [(found.effect, found.model) for found in descended(base, effects, task, pool)[:FOLLOWED]]
-    return _fitted(begin, task, horizon_s, pool)
+    begin = [(found.effect, found.model) for found in descended(base, others(base.model), task, pool)[:FOLLOWED]]
+    return raced_fits(begin, task, horizon_s, pool)
 
 
-def _fitted(begin: Sequence[tuple[str, Model]], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
-    """The models with their effects fitted on all short stretches, then raced; best first."""
+def raced_fits(begin: Sequence[tuple[str, Model]], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
+    """The models with their effects fitted on all short stretches, then raced up to this length; best first."""
     levels = pool.map(full_fit, [model for _, model in begin], [task] * len(begin), [HOPELESS] * len(begin))
     full = [Trial(effect, level) for (effect, _), level in zip(begin, levels, strict=True)]
     raced = best_of_each(_raced(_ordered(full), task, horizon_s, pool))

@@ -26,21 +26,21 @@ from lostmotion.lab.describe import described
 from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.fit import Progress, fit_of, noise_of, refined_level
 from lostmotion.lab.grow import Level, followed, residuals
-from lostmotion.lab.heldout import Judged, Unseen, better, trained_each
+from lostmotion.lab.heldout import Judged, Unseen, trained_each
 from lostmotion.lab.noise import innovation_noise
 from lostmotion.lab.results import Errors, Explanation, Finding, Fit, Ranked, Verdict
 from lostmotion.lab.scoretest import Scores
 from lostmotion.lab.search import first_fit, full_fit, grown, predictable
 from lostmotion.lab.seeds import AMPLITUDE
 from lostmotion.lab.simplify import simplified
-from lostmotion.lab.step import Step, Tried, further, promising, searched
+from lostmotion.lab.step import Step, Tried
+from lostmotion.lab.steps import descended
 from lostmotion.lab.structure import is_structured
 from lostmotion.lab.task import Task
 from lostmotion.model import Model, ModelError
 
 __all__ = ["explain", "is_idle"]
 
-MOST_MISSING = 3
 IDLE = 1.5
 """Half widths of its interval, within which an amplitude may as well be zero: three standard deviations."""
 BY_FAR = 4.0
@@ -68,7 +68,7 @@ def explain(
     short = first_fit(model, task, pool)
     base = grown(short, task)
     unseen = Unseen(last, task, predictable(short, task), pool)
-    last_short, level, descent, steps = _descended(short, base, unseen, rng, progress)
+    last_short, level, descent, steps = descended(short, base, unseen, rng, progress)
     level, descent = simplified(level, descent, unseen, _blind(steps))
     if idle := is_idle(level, task):
         last_short, level, descent, steps = short, base, descent[:1], [replace(steps[0], accepted=False)]
@@ -77,38 +77,6 @@ def explain(
     found = _explanation(base, level, short, descent, steps, unseen, outside=idle)
     progress("done", 1.0)
     return found
-
-
-def _descended(
-    short: Level, level: Level, unseen: Unseen, rng: np.random.Generator, progress: Progress
-) -> tuple[Level, Level, list[Judged], list[Step]]:
-    """One effect after the other, as long as there is evidence: the last fits on short and on grown stretches, how the
-    error fell, and what was tried.
-
-    A step on trust is taken back when no next one shows that it was right.
-    """
-    descent, steps = [unseen.judge(level.model)], list[Step]()
-    trusted: tuple[Level, Level, int] | None = None
-    for round_ in range(MOST_MISSING):
-        progress("looking for what is missing" if not round_ else "looking for more", 0.15 + 0.25 * round_)
-        step = searched(level, short, descent[-1], unseen, rng)
-        if not step.accepted and (trusted or not promising(step, descent[-1], level.model.base)):
-            step = further(step, short, descent[-1], unseen)
-        if trusted and step.accepted and better(step.tried[0].judged, descent[trusted[2] - 1], level.model.base):
-            trusted = None
-        elif not (step.accepted or trusted) and (hopeful := promising(step, descent[-1], level.model.base)):
-            trusted, step = (short, level, len(descent)), hopeful
-        steps.append(step)
-        if not step.accepted:
-            break
-        short = step.tried[0].level
-        level = grown(short, unseen.task)
-        descent.append(step.tried[0].judged)
-    if trusted:
-        short, level, count = trusted
-        del descent[count:], steps[count:]
-        steps[-1] = replace(steps[-1], accepted=False)
-    return short, level, descent, steps
 
 
 def _split(experiments: Sequence[Experiment]) -> tuple[list[Experiment], Experiment]:
@@ -135,7 +103,7 @@ def _explanation(
     unit = task.noise[column]
     named = task.added(best.model)
     best_fit = fit_of(refined_level(best, task), task)
-    left = outside or _is_left(after)
+    left = outside or _is_left(after) or (not named and steps[-1].is_full)
     if left and named:  # with the right effect, what is left of unseen data may be starts that were not found
         left = all(map(_is_left, trained_each(best, task.substep_s)))
     enough = before.error > BY_FAR * after.error

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lostmotion.lab.experiment import Experiment
+from lostmotion.lab.stretch import in_motion
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
@@ -50,7 +51,7 @@ class Nudge:
         model: with what the experiment states of it.  Raises ModelError for a motion that is not finite.
         """
         value, measured = model.parameters, experiment.measured[COLUMN]
-        start = model.initial_state(experiment.drive, float(experiment.time[0]))
+        start = in_motion(model, experiment.drive, float(experiment.time[0]))
         start[2] = -value["m"].value / value["k"].value * measured[0]
         gain = np.zeros(start.size)
         gain[1:4] = -self.gain[1] / value["l"].value, *self.gain

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.grow import Level, merged, residuals, tiles
 from lostmotion.lab.search import begun, passed
 from lostmotion.lab.start import polished, repaired
-from lostmotion.lab.stretch import Stretch
+from lostmotion.lab.stretch import Stretch, in_motion
 from lostmotion.lab.task import Task
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
@@ -35,13 +35,16 @@ LOST, MOST = 1.3, 3.0
 @dataclass(frozen=True, eq=False)
 class Judged:
     """error: root mean square of r on unseen data, in units of the noise as it was estimated, without lost stretches;
-    errors, counts: (S,) of each stretch, all of them, and its samples; residual: r of those not lost, best first.
+    errors, counts: (S,) of each stretch, all of them, and its samples; residual: r of those not lost, best first;
+    stretches: with the starts that were found; states: the names of what these hold.
     """
 
     error: float
     errors: FloatArray
     counts: FloatArray
     residual: tuple[FloatArray, ...]
+    stretches: tuple[Stretch, ...] = ()
+    states: tuple[str, ...] = ()
 
     @property
     def count(self) -> int:
@@ -82,8 +85,9 @@ class Unseen:
     horizon_s: float
     pool: Executor
 
-    def judge(self, model: Model) -> Judged:
-        """The model on it, in stretches of about this length with start states of their own.
+    def judge(self, model: Model, *others: Judged) -> Judged:
+        """The model on it, in stretches of about this length with start states of their own; others: where else these
+        may begin.
 
         Up to two fifths of the stretches are left out, those that stand out as lost: chaos, or a start that was not
         found.
@@ -100,7 +104,18 @@ class Unseen:
             stretches = tuple(
                 self.pool.map(_polished, [model] * len(stretches), stretches, also, [step] * len(stretches))
             )
-        return _judged(residuals(model, stretches, step))
+        return self.again(model, _judged(residuals(model, stretches, step), stretches, model.state_names), *others)
+
+    def again(self, model: Model, judged: Judged, *others: Judged) -> Judged:
+        """The same, but stretches that another model follows and this one has lost begun where that one begins: what
+        the bar and the joint do there is the same."""
+        stretches = list(judged.stretches)
+        for i, (stretch, error) in enumerate(zip(stretches, judged.errors, strict=True)):
+            best = min(others, key=lambda other: float(other.errors[i]), default=judged)
+            if error > LOST * best.errors[i]:
+                there = dict(zip(best.states, best.stretches[i].start.tolist(), strict=True))
+                stretches[i] = _polished(model, stretch, _begun_at(model, stretch, there), self.task.substep_s)
+        return _judged(residuals(model, stretches, self.task.substep_s), stretches, model.state_names)
 
 
 def trained(level: Level, substep_s: float) -> Judged:
@@ -116,11 +131,18 @@ def trained_each(level: Level, substep_s: float) -> list[Judged]:
     return [_judged(own) for own in parts.values()]
 
 
-def _judged(parts: Sequence[FloatArray]) -> Judged:
+def _judged(parts: Sequence[FloatArray], stretches: Sequence[Stretch] = (), states: Sequence[str] = ()) -> Judged:
     errors = np.array([np.sqrt(np.mean(part**2)) for part in parts])
     r = [parts[i] for i in np.argsort(errors) if errors[i] <= LOST * _usual(errors)]
     counts = np.array([float(part.size) for part in parts])
-    return Judged(float(np.sqrt(np.mean(np.concatenate(r) ** 2))), errors, counts, tuple(r))
+    error = float(np.sqrt(np.mean(np.concatenate(r) ** 2)))
+    return Judged(error, errors, counts, tuple(r), tuple(stretches), tuple(states))
+
+
+def _begun_at(model: Model, stretch: Stretch, there: Mapping[str, float]) -> FloatArray:
+    """The state (1, n) that is this one as far as the model has such states; its others begin where they belong."""
+    own, known = stretch.experiment.model(model), {n: x for n, x in there.items() if n in model.state_names}
+    return in_motion(own, stretch.experiment.drive, float(stretch.experiment.time[0]), **known)[None]
 
 
 def _polished(model: Model, stretch: Stretch, also: FloatArray | None, substep_s: float) -> Stretch:

@@ -28,7 +28,7 @@ __all__ = ["Near", "descended", "nearest", "shortlist"]
 
 FIRST, MOST_FIRST, POPULATION = 72, 480, 20
 BASE_GENERATIONS, EFFECT_GENERATIONS, FINAL_GENERATIONS = 8, 5, 8
-KEPT = 8
+KEPT, FEW = 8, 4
 WIDTH = {"d": 0.22, "alpha": 0.3, "k": 0.01, "b": 0.25, "l": 0.03}
 """Standard deviations of a first population, in logarithms."""
 BIAS_WIDTH = 0.05  # m/s²
@@ -60,14 +60,18 @@ def nearest(model: Model, task: Task, seed: int = 0) -> Model:
     return found.near("").model
 
 
-def shortlist(base: Level, effects: Sequence[str], task: Task, pool: Executor, seed: int = 0) -> list[Near]:
+def shortlist(
+    base: Level, effects: Sequence[str], task: Task, pool: Executor, beside: Near | None = None, seed: int = 0
+) -> list[Near]:
     """The effects that bring nudged runs nearest to the measurement, best first.
 
-    base: the fit without them; seeds of an effect's parameters are tried with its values and with the file's.
+    base: the fit without them; seeds of an effect's parameters are tried with its values and with the file's; beside:
+    one that is there already, as far as nudged runs know it.
     """
-    follower, size, count = _follower(base, task), sizes(base.model, base.stretches, task.substep_s), len(effects)
-    first = pool.map(_begun, effects, [base.model] * count, [follower] * count, [size] * count, [seed] * count)
-    best = sorted(zip(first, effects, strict=True), key=lambda pair: pair[0].costs.min())[:KEPT]
+    model = beside.model if beside else base.model
+    follower, size, count = _follower(model, task), sizes(base.model, base.stretches, task.substep_s), len(effects)
+    first = pool.map(_begun, effects, [model] * count, [follower] * count, [size] * count, [seed] * count)
+    best = sorted(zip(first, effects, strict=True), key=lambda pair: pair[0].costs.min())[: FEW if beside else KEPT]
     found = pool.map(_finished, *zip(*best, strict=True))
     return sorted(found, key=lambda near: near.cost)
 
@@ -77,7 +81,7 @@ def descended(base: Level, effects: Sequence[str], task: Task, pool: Executor) -
 
     An evolution finds few of many parameters; a descent finds all of them, where the way is smooth enough.
     """
-    follower, size, count = _follower(base, task), sizes(base.model, base.stretches, task.substep_s), len(effects)
+    follower, size, count = _follower(base.model, task), sizes(base.model, base.stretches, task.substep_s), len(effects)
     found = pool.map(_descended, effects, [base.model] * count, [follower] * count, [size] * count)
     return sorted(found, key=lambda near: near.cost)
 
@@ -89,9 +93,9 @@ def _descended(effect: str, base: Model, follower: Follower, size: Sizes) -> Nea
     return Near(Descent.of(tight.model, follower).model, tight.cost, effect)
 
 
-def _follower(base: Level, task: Task) -> Follower:
+def _follower(model: Model, task: Task) -> Follower:
     given = {name: p.value for name, p in task.rough.parameters.items()}
-    return Follower.of(task, _with_bias(base.model.replace(given), task))
+    return Follower.of(task, _with_bias(model.replace(given), task))
 
 
 def _with_bias(model: Model, task: Task) -> Model:

@@ -17,7 +17,7 @@ import numpy as np
 from lostmotion.lab.grow import Level, followed
 from lostmotion.lab.noise import NoiseModel, innovation_noise
 from lostmotion.lab.seeds import AMPLITUDE, faint, sizes
-from lostmotion.lab.stretch import Linearised, Stretch
+from lostmotion.lab.stretch import Linearised, Stretch, in_motion
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
@@ -127,7 +127,7 @@ def start_with(model: Model, stretch: Stretch, before: Model) -> FloatArray:
     belong."""
     names = set(model.state_names)
     given = {name: float(x) for name, x in zip(before.state_names, stretch.start, strict=True) if name in names}
-    return model.initial_state(stretch.experiment.drive, float(stretch.experiment.time[0]), **given)
+    return in_motion(model, stretch.experiment.drive, float(stretch.experiment.time[0]), **given)
 
 
 class _Projection:

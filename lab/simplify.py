@@ -14,7 +14,7 @@ from lostmotion.lab.heldout import Judged, Unseen, better
 from lostmotion.lab.search import full_fit, grown
 from lostmotion.model import Model, build_model
 
-__all__ = ["simplified"]
+__all__ = ["simplified", "with_effects"]
 
 SIMPLER = {"stribeck_friction": "coulomb_friction"}
 """What an effect is when one of its parameters says nothing."""
@@ -38,8 +38,8 @@ def simplified(
         if not fit.typical < BEHIND * level.typical:
             continue
         fit = grown(fit, unseen.task)
-        judged = unseen.judge(fit.model)
-        if not better(descent[-1], judged, model.base):
+        judged = unseen.judge(fit.model, descent[-1])
+        if not better(unseen.again(level.model, descent[-1], judged), judged, model.base):
             return simplified(fit, [*_way(fit.model, descent[0], unseen), judged], unseen, kept)
     return level, list(descent)
 
@@ -47,13 +47,14 @@ def simplified(
 def _simpler(model: Model, added: Sequence[str]) -> Iterator[Model]:
     """The model without each of these effects, then with a simpler one in its place; with the values that it has."""
     for effect in added:
-        yield _with(model, [other for other in model.effects if other != effect])
+        yield with_effects(model, [other for other in model.effects if other != effect])
     for effect in added:
         if (simple := SIMPLER.get(effect)) and simple not in model.effects and len(added) > 1:
-            yield _with(model, [simple if other == effect else other for other in model.effects])
+            yield with_effects(model, [simple if other == effect else other for other in model.effects])
 
 
-def _with(model: Model, effects: Sequence[str]) -> Model:
+def with_effects(model: Model, effects: Sequence[str]) -> Model:
+    """The model with these effects, with the values that it has or a simpler effect takes over."""
     values = {}
     for name, parameter in model.parameters.items():
         effect, _, own = name.rpartition(".")
@@ -69,5 +70,5 @@ def _way(model: Model, first: Judged, unseen: Unseen) -> Iterator[Judged]:
     if added:
         yield first
     for count in range(1, len(added)):
-        fit = full_fit(_with(model, [*task.rough.effects, *added[:count]]), task, HOPELESS)
+        fit = full_fit(with_effects(model, [*task.rough.effects, *added[:count]]), task, HOPELESS)
         yield unseen.judge(fit.model)

@@ -16,7 +16,7 @@ import numpy as np
 from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.grow import errors, missing
 from lostmotion.lab.levenberg import robust
-from lostmotion.lab.stretch import STEP, Stretch, state_scales
+from lostmotion.lab.stretch import STEP, Stretch, in_motion, state_scales
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
@@ -54,7 +54,7 @@ FINE = Effort(
 def stretch_of(model: Model, experiment: Experiment, noise: dict[str, float]) -> Stretch:
     """The stretch with its scales, starting along with the input."""
     own = experiment.model(model)
-    rest = own.initial_state(experiment.drive, float(experiment.time[0]))
+    rest = in_motion(own, experiment.drive, float(experiment.time[0]))
     return Stretch(experiment, noise, state_scales(model, experiment), rest)
 
 
@@ -187,7 +187,7 @@ def _by_base_state(model: Model, stretch: Stretch) -> tuple[FloatArray, FloatArr
     The effects' own states follow those of the base, which they begin at.
     """
     drive, begin = stretch.experiment.drive, float(stretch.experiment.time[0])
-    at_rest = model.initial_state(drive, begin)
+    at_rest = in_motion(model, drive, begin)
     own = at_rest.size > 4
 
     def moved(i: int) -> FloatArray:
@@ -195,7 +195,7 @@ def _by_base_state(model: Model, stretch: Stretch) -> tuple[FloatArray, FloatArr
             return np.asarray(np.eye(4)[i] * stretch.scale[i])
         given = {name: float(x) for name, x in zip(model.state_names[:4], at_rest, strict=False)}
         given[model.state_names[i]] += float(stretch.scale[i])
-        return model.initial_state(drive, begin, **given) - at_rest
+        return in_motion(model, drive, begin, **given) - at_rest
 
     slopes = np.array([moved(i) for i in range(4)])
     rest = at_rest - at_rest[2] / stretch.scale[2] * slopes[2] - at_rest[3] / stretch.scale[3] * slopes[3]
@@ -208,9 +208,9 @@ def _measured_state(model: Model, stretch: Stretch) -> FloatArray:
     column = "displacement" if model.base == "oscillator" else "position"
     begin = float(experiment.time[0])
     if column not in experiment.measured:
-        return model.initial_state(experiment.drive, begin)
+        return in_motion(model, experiment.drive, begin)
     seen = np.flatnonzero(~np.isnan(experiment.measured[column]))[:8]
     time, values = experiment.time[seen] - begin, experiment.measured[column][seen]
     value, rate = np.polynomial.polynomial.polyfit(time, values, 1)
     names = ("q", "q'") if model.base == "oscillator" else ("theta_2", "omega_2")
-    return model.initial_state(experiment.drive, begin, **dict(zip(names, (float(value), float(rate)), strict=True)))
+    return in_motion(model, experiment.drive, begin, **dict(zip(names, (float(value), float(rate)), strict=True)))

@@ -11,22 +11,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lostmotion.lab.candidates import Trial, best_of_each, far_trials, further_trials, near_trials
+from lostmotion.lab.candidates import Trial, best_of_each, far_trials, further_trials, near_trials, others, pair_trials
 from lostmotion.lab.grow import Level
 from lostmotion.lab.heldout import FAR, Judged, Unseen, better, misfits, trained
+from lostmotion.lab.nudge import Near
 from lostmotion.lab.scoretest import Direction, Scores, score_test
 from lostmotion.lab.task import Task
-from lostmotion.model import Model, catalogue
 
-__all__ = ["Step", "Tried", "further", "promising", "searched"]
+__all__ = ["Step", "Tried", "further", "on_unseen", "promising", "searched", "together"]
 
 STANDS_OUT = 0.75
 """An effect whose error is below this part of the next one's is taken on trust."""
 NEAR_TRIALS = 6
 ALIKE = 0.02
-FREE, FULL, FULL_GAIN = 0.01, 3.0, 0.05
-"""An effect of which unseen data are free leaves their errors within this; then it must pass this many times the limit
-and lower the misfit of the data of the fit by this."""
+FULL = 3.0
+"""Times the limit of the score test, from which on data are full of something; noise stays within half of this."""
+FREE, FULL_GAIN = 0.01, 0.05
+"""An effect of which unseen data are free leaves their errors within this; then it must lower the misfit of the data of
+the fit by this."""
+FIRST = 2
+"""So many effects are tried as the first of two."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,24 +54,34 @@ class Tried:
 class Step:
     """A fit without, and those with, one more effect, best first; scores of the fit without.
 
-    accepted: the first one's effect is missing; blind: the unseen data are free of it, the training data said so.
+    near: what nudged runs come near to; accepted: the first one's effect is missing; trusted: as the first of two, as
+    it explains too little alone; blind: the unseen data are free of it, the training data said so.
     """
 
     scores: Scores
     tried: tuple[Tried, ...] = ()
+    near: tuple[Near, ...] = ()
     accepted: bool = False
+    trusted: bool = False
     blind: bool = False
 
     @property
     def equals(self) -> list[Tried]:
         """The effect that was accepted, and what explains the data that decided as well within ALIKE."""
-        return [one for one in self.tried if one.misfit < self.tried[0].misfit + ALIKE] if self.accepted else []
+        if not self.accepted or self.trusted:
+            return []
+        return [one for one in self.tried if one.misfit < self.tried[0].misfit + ALIKE]
+
+    @property
+    def is_full(self) -> bool:
+        """Whether the data of the fit hold far more than noise of what the score test asks for."""
+        return any(d.statistic > FULL * self.scores.limit for d in self.scores.directions)
 
 
 def searched(level: Level, short: Level, now: Judged, unseen: Unseen, rng: np.random.Generator) -> Step:
     """One more effect, if there is evidence for one."""
     task, pool = unseen.task, unseen.pool
-    effects = _others(level.model)
+    effects, near_by = others(level.model), list[Near]()
     scores = score_test(level, effects, task.substep_s, pool, rng)
     if not scores.directions:
         return Step(scores)
@@ -79,8 +93,8 @@ def searched(level: Level, short: Level, now: Judged, unseen: Unseen, rng: np.ra
     else:
         first = score_test(short, effects, task.substep_s, pool, rng) if short is not level else scores
         directions = _strongest(first, scores)
-        trials = far_trials(short, directions, effects, task, unseen.horizon_s, pool)
-    step = _ranked(scores, _judged(trials, unseen), now)
+        trials, near_by = far_trials(short, directions, task, unseen.horizon_s, pool)
+    step = replace(_ranked(scores, on_unseen(trials, now, unseen), now), near=tuple(near_by))
     return (_told_by_training(step, level, now, task) if near and not step.accepted else None) or step
 
 
@@ -88,8 +102,20 @@ def further(step: Step, short: Level, now: Judged, unseen: Unseen) -> Step:
     """The step with more trials, where the model stays far from the data and the first ones do not help."""
     if now.error < FAR:
         return step
-    trials = further_trials(short, _others(short.model), unseen.task, unseen.horizon_s, unseen.pool)
-    return _ranked(step.scores, [*step.tried, *_judged(trials, unseen)], now)
+    trials = further_trials(short, unseen.task, unseen.horizon_s, unseen.pool)
+    return _ranked(step.scores, [*step.tried, *on_unseen(trials, now, unseen)], now)
+
+
+def together(step: Step, short: Level, now: Judged, unseen: Unseen) -> list[Step]:
+    """Two steps at once, where each effect alone moves the impacts too wrongly to help; none where no pair does."""
+    trials = pair_trials(short, step.near[:FIRST], unseen.task, unseen.horizon_s, unseen.pool)
+    second = _ranked(step.scores, on_unseen(trials, now, unseen), now)
+    if not second.accepted:
+        return []
+    pair = second.tried[0]
+    (effect,) = (e for e in unseen.task.added(pair.level.model) if e not in (*short.model.effects, pair.effect))
+    alone = next((one for one in step.tried if one.effect == effect), Tried(effect, short, now))
+    return [replace(step, tried=_first(alone, step.tried), accepted=True, trusted=True), second]
 
 
 def promising(step: Step, now: Judged, base: str) -> Step | None:
@@ -99,11 +125,7 @@ def promising(step: Step, now: Judged, base: str) -> Step | None:
     best, second = sorted(step.tried, key=lambda one: one.level.typical)[:2]
     if not best.level.typical < STANDS_OUT * second.level.typical:
         return None
-    return replace(step, tried=_first(best, step.tried), accepted=True)
-
-
-def _others(model: Model) -> list[str]:
-    return [e.id for e in catalogue() if model.base in e.bases and e.id not in model.effects]
+    return replace(step, tried=_first(best, step.tried), accepted=True, trusted=True)
 
 
 def _strongest(*scores: Scores) -> list[Direction]:
@@ -112,8 +134,11 @@ def _strongest(*scores: Scores) -> list[Direction]:
     return best_of_each(direction for _, direction in sorted(every, key=lambda pair: -pair[0]))
 
 
-def _judged(trials: Sequence[Trial], unseen: Unseen) -> list[Tried]:
-    return [Tried(trial.effect, trial.level, unseen.judge(trial.level.model)) for trial in trials]
+def on_unseen(trials: Sequence[Trial], now: Judged, unseen: Unseen) -> list[Tried]:
+    """The trials judged, each beginning stretches that it has lost where another one follows them."""
+    alone = [unseen.judge(trial.level.model, now) for trial in trials]
+    every = [unseen.again(trial.level.model, own, *alone) for trial, own in zip(trials, alone, strict=True)]
+    return [Tried(trial.effect, trial.level, judged) for trial, judged in zip(trials, every, strict=True)]
 
 
 def _first(best: Tried, tried: Sequence[Tried]) -> tuple[Tried, ...]:

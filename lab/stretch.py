@@ -17,10 +17,10 @@ from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.unknowns import Unknowns
 from lostmotion.model import Model, ModelError, Trajectory
 from lostmotion.model.effects import get_effect
-from lostmotion.model.motion import FloatArray
+from lostmotion.model.motion import FloatArray, Motion
 from lostmotion.model.signals import COMMAND, COMMAND_RATE, OMEGA1, OMEGA2, THETA1, THETA2
 
-__all__ = ["STEP", "Linearised", "Stretch", "motions", "scales", "state_scales"]
+__all__ = ["STEP", "Linearised", "Stretch", "in_motion", "motions", "scales", "state_scales"]
 
 STEP = 1e-5
 """Finite difference, in numbers of order one: fixed integration steps make it good to about 1e-5 of the derivative."""
@@ -96,6 +96,19 @@ class Stretch:
         by_parameter = [(self.residual(own(there), self.start, substep_s) - r) / step for there, step in around]
         A = np.array(by_parameter).T if by_parameter else np.empty((r.size, 0))
         return Linearised(r, A, (np.array(by_state) - r).T / STEP)
+
+
+def in_motion(model: Model, drive: Motion | None, time: float, **given: float) -> FloatArray:
+    """The state (n,) at a time in the midst of a motion, as far as it is given; else at rest against the input.
+
+    An actuator that lags behind its command c has long followed it: x = c - T c' + T² c''.
+    """
+    state = model.initial_state(drive, time, **given)
+    if drive is not None and (name := "actuator_lag.0") in model.state_names and name not in given:
+        values = {name: parameter.value for name, parameter in model.parameters.items()}
+        T, at = values["actuator_lag.T"], np.array([time - values.get("command_delay.T", 0.0)])
+        state[model.state_names.index(name)] += float(T**2 * drive.acceleration(at)[0] - T * drive.velocity(at)[0])
+    return state
 
 
 def motions(model: Model, stretches: Sequence[Stretch], substep_s: float) -> list[Trajectory]:

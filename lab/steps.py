@@ -1,0 +1,48 @@
+"""One effect after the other, as long as there is evidence.  What one step is, is step.py's."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lostmotion.lab.fit import Progress
+from lostmotion.lab.grow import Level
+from lostmotion.lab.heldout import Judged, Unseen, better
+from lostmotion.lab.late import told_apart
+from lostmotion.lab.search import grown
+from lostmotion.lab.step import Step, further, promising, searched, together
+
+__all__ = ["descended"]
+
+MOST_MISSING = 3
+
+
+def descended(
+    short: Level, level: Level, unseen: Unseen, rng: np.random.Generator, progress: Progress
+) -> tuple[Level, Level, list[Judged], list[Step]]:
+    """The last fits on short and on grown stretches, how the error fell, and what was tried."""
+    descent, steps = [unseen.judge(level.model)], list[Step]()
+    while len(descent) <= MOST_MISSING:
+        progress("looking for more" if steps else "looking for what is missing", 0.15 + 0.25 * len(steps))
+        found = _next(short, level, descent[-1], unseen, rng)
+        steps += found
+        if not found[-1].accepted:
+            break
+        steps[-1] = last = told_apart(found[-1], unseen)
+        descent += [step.tried[0].judged for step in (*found[:-1], last)]
+        short = last.tried[0].level
+        level = grown(short, unseen.task)
+    return short, level, descent, steps
+
+
+def _next(short: Level, level: Level, now: Judged, unseen: Unseen, rng: np.random.Generator) -> list[Step]:
+    """One step; or two, of which the first, or each, explains too little alone.  The last may not be accepted."""
+    step = searched(level, short, now, unseen, rng)
+    if step.accepted:
+        return [step]
+    if trusted := promising(step, now, level.model.base):
+        first = trusted.tried[0]
+        second = searched(grown(first.level, unseen.task), first.level, first.judged, unseen, rng)
+        second = second if second.accepted else further(second, first.level, first.judged, unseen)
+        if second.accepted and better(second.tried[0].judged, now, level.model.base):
+            return [trusted, second]
+    return together(step, short, now, unseen) or [further(step, short, now, unseen)]
