@@ -10,7 +10,7 @@ import pytest
 
 from lostmotion.lab.experiment import Experiment, experiments
 from lostmotion.lab.follow import STRONG, WEAK, Nudge, can_follow, states_at
-from lostmotion.lab.nudge import nearest, shortlist
+from lostmotion.lab.nudge import Near, nearest, shortlist
 from lostmotion.lab.search import full_fit, seeded
 from lostmotion.lab.task import Task
 from lostmotion.model import Model, build_model
@@ -110,3 +110,20 @@ def test_the_hidden_effect_is_first_of_the_shortlist() -> None:
     assert found[0].effect == "viscous_friction"
     assert found[0].cost < 0.8 * found[1].cost
     assert found[0].model.parameters["viscous_friction.b_v"].value == pytest.approx(6e-4, rel=0.1)
+
+
+@pytest.mark.slow
+def test_the_second_of_two_beside_the_first() -> None:
+    """Dry friction is found beside a contact that damps one way only, of which a first search has come half near: alone
+    neither explains much."""
+    hidden = {"coulomb_friction.tau_c": 3e-4, "coulomb_friction.omega_0": 6e-3, "contact_asymmetry.ratio": 3.0}
+    task = Task.of(rough(7e-5), [recorded(9, hidden)[0], recorded(10, hidden)[0]], {"accel": NOISE})
+    base = full_fit(nearest(seeded(task.rough, task.experiments), task), task)
+    first = base.model.with_effect("contact_asymmetry").replace({"contact_asymmetry.ratio": 2.3})
+    others = ["command_delay", "viscous_friction", "coulomb_friction"]
+    with ThreadPoolExecutor(2) as pool:
+        found = shortlist(base, others, task, pool, Near(first, 1.0, "contact_asymmetry"))
+    assert found[0].effect == "coulomb_friction"
+    assert found[0].cost < 0.8 * found[1].cost
+    assert found[0].model.effects == ("contact_asymmetry", "coulomb_friction")
+    assert found[0].model.parameters["coulomb_friction.tau_c"].value == pytest.approx(3e-4, rel=0.2)

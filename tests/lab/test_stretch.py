@@ -10,7 +10,7 @@ from bench.hidden_effects.physics import follow, simulate
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.experiment import Experiment, experiments
 from lostmotion.lab.start import stretch_of
-from lostmotion.lab.stretch import STEP, Stretch, motions, state_scales
+from lostmotion.lab.stretch import STEP, Stretch, in_motion, motions, state_scales
 from lostmotion.lab.unknowns import Unknowns
 from lostmotion.model import Model, ModelError, build_model
 from lostmotion.model.motion import FloatArray
@@ -147,3 +147,22 @@ def test_a_stretch_that_cannot_be_run_is_left_out() -> None:
     assert len(motions(model, [good, lost, good], SUBSTEP)) == 2
     with pytest.raises(ModelError, match="exceeds all numbers"):
         motions(model, [lost], SUBSTEP)
+
+
+@pytest.mark.parametrize("late", [0.0, 0.003])
+def test_a_lag_begins_as_having_followed_for_long(late: float) -> None:
+    """In the midst of a motion it stands where a run from long before has brought it, within 3 % of how far it is
+    behind its command, which may be delayed as well."""
+    effects = ("actuator_lag", *(("command_delay",) if late else ()))
+    values = {"actuator_lag.T": 4e-3, **({"command_delay.T": late} if late else {})}
+    model, drive = build_model("play", effects, {**VALUES, **values}), measured().drive
+    assert drive is not None
+    place = model.state_names.index("actuator_lag.0")
+    times = np.array([0.01, 0.04, 0.08, 0.11, 0.16])
+    long = model.simulate(drive, np.concatenate(([-0.2], times))).states[1:, place]
+    behind = long - drive.position(times - late)
+    found = np.array([in_motion(model, drive, float(time))[place] for time in times])
+    assert np.max(np.abs(behind)) > 1e-3
+    np.testing.assert_allclose(found, long, atol=0.03 * np.max(np.abs(behind)))
+    given = in_motion(model, drive, 0.1, **{"actuator_lag.0": 0.5})
+    assert given[place] == 0.5

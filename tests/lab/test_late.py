@@ -1,0 +1,71 @@
+"""A delay and a lag, told apart on recordings of the bench's own simulator; what another model knows of the start."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lostmotion.lab.experiment import experiments
+from lostmotion.lab.fit import noise_of
+from lostmotion.lab.heldout import Unseen
+from lostmotion.lab.late import told_apart
+from lostmotion.lab.noise import NoiseModel
+from lostmotion.lab.scoretest import Direction, Scores
+from lostmotion.lab.search import full_fit
+from lostmotion.lab.step import Step, Tried
+from lostmotion.lab.task import Task
+from lostmotion.model import build_model
+from tests.lab.gears import GEARS, gears
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("hidden", "met"), [("actuator_lag", "command_delay"), ("command_delay", "actuator_lag"),
+                                             ("command_delay", "command_delay")])  # fmt: skip
+def test_which_one_it_is(hidden: str, met: str) -> None:
+    """Whichever the search has met first, the one that is there is named, with its time."""
+    model = build_model("play", values=GEARS)
+    *train, last = held = experiments(model, [gears(seed, **{f"{hidden}.T": 3e-3}) for seed in (61, 62, 63)])
+    task = Task.of(model, train, noise_of(held))
+    with ThreadPoolExecutor(2) as pool:
+        unseen = Unseen(last, task, 0.5, pool)
+        level = full_fit(model.with_effect(met).replace({f"{met}.T": 2.5e-3}), task)
+        first = Tried(met, level, unseen.judge(level.model), 0.5)
+        other = Tried("bias_drift", level, first.judged, 0.6)
+        told = told_apart(Step(Scores((), 0.0, {}, NoiseModel.white(1.0)), (first, other), accepted=True), unseen)
+    assert [one.effect for one in told.tried] == list(dict.fromkeys([hidden, met, "bias_drift"]))
+    found = told.tried[0].level.model
+    assert found.effects == (hidden,)
+    assert found.parameters[f"{hidden}.T"].value == pytest.approx(3e-3, rel=0.03 if hidden != met else 0.1)
+
+
+def test_a_lost_stretch_begins_where_another_model_follows_it() -> None:
+    """Of two models that are the same, one is made to begin far off in a stretch: it borrows the other one's start."""
+    model = build_model("play", values=GEARS)
+    (experiment,) = experiments(model, [gears(64, 1.0)])
+    task = Task.of(model, [experiment], {"accel": 0.2})
+    with ThreadPoolExecutor(2) as pool:
+        unseen = Unseen(experiment, task, 0.25, pool)
+        good = unseen.judge(model)
+        stretches = list(good.stretches)
+        off = stretches[1].start + np.array([0.004, 3.0, 0.0, 0.0])
+        stretches[1] = stretches[1].starting(off)
+        poor = unseen.again(model, replace(good, stretches=tuple(stretches)))
+        again = unseen.again(model, poor, good)
+    assert poor.errors[1] > 3 * good.errors[1]
+    np.testing.assert_allclose(again.errors, good.errors, rtol=1e-3)
+    assert good.error == pytest.approx(1.0, abs=0.15)
+
+
+def test_what_a_score_test_may_call_full() -> None:
+    """Data hold more than noise where a statistic passes three times the limit."""
+    model = build_model("play", ["bias_drift"])
+
+    def step(statistic: float) -> Step:
+        direction = Direction("bias_drift", model, statistic, 1.0, np.ones(3))
+        return Step(Scores((direction,), 10.0, {"bias_drift": 0.01}, NoiseModel.white(1.0)))
+
+    assert step(31.0).is_full
+    assert not step(29.0).is_full
