@@ -5,7 +5,7 @@
    search, whatever the colour of the noise.
 3. Effects are fitted jointly with the base; the simplest of those that explain the data equally well is taken (BIC),
    when it also lowers the error on the experiment that the fit has not seen.  Of two that are missing, one alone may
-   explain little: the best is then taken on trust, for one more search.
+   explain little: one that stands out is then taken on trust, for one more search; else two are searched at once.
 4. Again, with that effect in the model, until nothing is significant; what later effects have made superfluous is taken
    out again.  What is then left above the noise is outside of the catalogue, and described.
 """

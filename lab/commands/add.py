@@ -14,7 +14,7 @@ from lostmotion.model import Parameter
 __all__ = ["add"]
 
 
-@click.command()
+@click.command(short_help="A model with one more effect.")
 @click.argument("model")
 @click.argument("effect")
 @click.option("-o", "--output", type=click.Path(path_type=Path), required=True, metavar="MODEL2", help="File to write.")

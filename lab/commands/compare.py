@@ -10,7 +10,7 @@ import click
 __all__ = ["compare"]
 
 
-@click.command()
+@click.command(short_help="How far a model is off, and where.")
 @click.argument("model")
 @click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="REC...")
 @click.option(

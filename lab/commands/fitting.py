@@ -30,7 +30,7 @@ report_option = click.option(
 json_option = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else there.")
 
 
-@click.command()
+@click.command(short_help="The free parameters, with intervals.")
 @model_argument
 @recordings_argument
 @output_option
@@ -53,7 +53,7 @@ def fit(
     show_fit(found, output)
 
 
-@click.command()
+@click.command(short_help="Which physical effect is missing.")
 @model_argument
 @recordings_argument
 @executor_option
@@ -72,7 +72,7 @@ def explain(model: str, recordings: tuple[Path, ...], executor: str | None, repo
     show_explanation(found)
 
 
-@click.command()
+@click.command(short_help="Explain, add and fit until nothing is missing.")
 @model_argument
 @recordings_argument
 @output_option
