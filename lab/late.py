@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from lostmotion.lab.candidates import raced_fits
-from lostmotion.lab.heldout import Unseen, misfits
+from lostmotion.lab.heldout import FAR, Judged, Unseen, misfits
 from lostmotion.lab.simplify import with_effects
 from lostmotion.lab.step import Step, on_unseen
 from lostmotion.lab.task import Task
@@ -25,9 +25,14 @@ GAIN = 0.003
 """What another one must lower the misfit of unseen data by: ten in log-likelihood, for a recording of 4 s."""
 
 
-def told_apart(step: Step, unseen: Unseen) -> Step:
-    """The accepted step, with another one of LATE in its first fit where that explains the unseen data better."""
+def told_apart(step: Step, before: Judged, unseen: Unseen) -> Step:
+    """The accepted step, with another one of LATE in its first fit where that explains the unseen data better.
+
+    before: the fit without its effect; where that was near the noise, what was told apart then still holds.
+    """
     first, task = step.tried[0], unseen.task
+    if before.error < FAR and first.effect not in LATE:
+        return step
     changed = dict(_changed(first.level.model, task))
     if not changed:
         return step

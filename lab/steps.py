@@ -27,7 +27,7 @@ def descended(
         steps += found
         if not found[-1].accepted:
             break
-        steps[-1] = last = told_apart(found[-1], unseen)
+        steps[-1] = last = told_apart(found[-1], descent[-1], unseen)
         descent += [step.tried[0].judged for step in (*found[:-1], last)]
         short = last.tried[0].level
         level = grown(short, unseen.task)

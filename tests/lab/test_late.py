@@ -32,9 +32,10 @@ def test_which_one_it_is(hidden: str, met: str) -> None:
     with ThreadPoolExecutor(2) as pool:
         unseen = Unseen(last, task, 0.5, pool)
         level = full_fit(model.with_effect(met).replace({f"{met}.T": 2.5e-3}), task)
-        first = Tried(met, level, unseen.judge(level.model), 0.5)
+        before, first = unseen.judge(full_fit(model, task).model), Tried(met, level, unseen.judge(level.model), 0.5)
         other = Tried("bias_drift", level, first.judged, 0.6)
-        told = told_apart(Step(Scores((), 0.0, {}, NoiseModel.white(1.0)), (first, other), accepted=True), unseen)
+        step = Step(Scores((), 0.0, {}, NoiseModel.white(1.0)), (first, other), accepted=True)
+        told = told_apart(step, before, unseen)
     assert [one.effect for one in told.tried] == list(dict.fromkeys([hidden, met, "bias_drift"]))
     found = told.tried[0].level.model
     assert found.effects == (hidden,)
