@@ -17,7 +17,7 @@ import numpy as np
 
 from lostmotion.lab.follow import can_follow
 from lostmotion.lab.grow import Level, fitted
-from lostmotion.lab.nudge import Near, descended, shortlist
+from lostmotion.lab.nudge import Near, cost_of, descended, shortlist
 from lostmotion.lab.scoretest import Direction, start_with
 from lostmotion.lab.search import doubled, full_fit, refined
 from lostmotion.lab.seeds import AMPLITUDE
@@ -41,6 +41,8 @@ NEAR, NEAR_ITERATIONS, FULL = 12, 6, 4
 FEW_NEAR, FEW_FULL, FOLLOWED = 6, 2, 4
 HOPELESS = 0.45
 """Share of missed stretches, from which on an effect is not worth finding their starts."""
+NEARER = 0.8
+"""To this part of the cost without it the first of two effects must bring nudged runs."""
 LONGER = 1.2
 BEHIND, MOST_RACED = 3.0, 5
 
@@ -103,7 +105,9 @@ def far_trials(
 
 def pair_trials(base: Level, first: Sequence[Near], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
     """Fits with two more effects at once, named by the second one: those that bring nudged runs with one of the first
-    ones nearest to the measurement."""
+    ones nearest to the measurement.  None where the first ones bring them hardly nearer: what is missing is another."""
+    if not first or first[0].cost > NEARER * cost_of(base, task):
+        return []
     found = [pair for one in first for pair in shortlist(base, others(one.model), task, pool, one)]
     begin = [(pair.effect, pair.model) for pair in sorted(found, key=lambda pair: pair.cost)[:FOLLOWED]]
     return raced_fits(begin, task, horizon_s, pool)

@@ -24,7 +24,7 @@ from lostmotion.lab.unknowns import Unknowns
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Near", "descended", "nearest", "shortlist"]
+__all__ = ["Near", "cost_of", "descended", "nearest", "shortlist"]
 
 FIRST, MOST_FIRST, POPULATION = 72, 480, 20
 BASE_GENERATIONS, EFFECT_GENERATIONS, FINAL_GENERATIONS = 8, 5, 8
@@ -74,6 +74,11 @@ def shortlist(
     best = sorted(zip(first, effects, strict=True), key=lambda pair: pair[0].costs.min())[: FEW if beside else KEPT]
     found = pool.map(_finished, *zip(*best, strict=True))
     return sorted(found, key=lambda near: near.cost)
+
+
+def cost_of(base: Level, task: Task) -> float:
+    """What a fit costs with little nudging, for comparison."""
+    return _follower(base.model, task).cost(base.model, WEAK)
 
 
 def descended(base: Level, effects: Sequence[str], task: Task, pool: Executor) -> list[Near]:
