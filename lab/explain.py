@@ -45,6 +45,8 @@ IDLE = 1.5
 """Half widths of its interval, within which an amplitude may as well be zero: three standard deviations."""
 BY_FAR = 4.0
 """Effects that bring the error down by this factor are missing, although structure is left behind them."""
+UNLIKE_NOISE = 2.0
+"""Times the noise, from which on what is left is no noise, whatever its shape: a steady hum passes for its colour."""
 SURE_SHARE = 0.75
 """Of the unseen stretches, those that are followed best: in the others a start may be off, which is no structure."""
 
@@ -103,7 +105,7 @@ def _explanation(
     unit = task.noise[column]
     named = task.added(best.model)
     best_fit = fit_of(refined_level(best, task), task)
-    left = outside or _is_left(after) or (not named and steps[-1].is_full)
+    left = outside or _is_left(after) or (not named and (steps[-1].is_full or after.error > UNLIKE_NOISE))
     if left and named:  # with the right effect, what is left of unseen data may be starts that were not found
         left = all(map(_is_left, trained_each(best, task.substep_s)))
     enough = before.error > BY_FAR * after.error
