@@ -57,6 +57,11 @@ def noise_of(accel: FloatArray, settings: DetectorSettings) -> float:
 @lru_cache(maxsize=16)
 def inverse(length: int, rate_hz: float, noise: float, settings: DetectorSettings) -> Inverse:
     """Bayes' linear inverse of eq. 7 for kicks of usual size KICK, a ring from before, and white noise."""
+    return _inverse(length, rate_hz, noise, settings)
+
+
+def _inverse(length: int, rate_hz: float, noise: float, settings: DetectorSettings) -> Inverse:
+    """The same, not kept: it takes up to two megabytes."""
     time = np.arange(length) / rate_hz
     step = STEP / settings.f_res_hz
     kicks = np.arange(0.0, time[-1] - step / 2, step) + step / 2
@@ -74,7 +79,7 @@ def inverse(length: int, rate_hz: float, noise: float, settings: DetectorSetting
 @lru_cache(maxsize=16)
 def edges(length: int, rate_hz: float, noise: float, settings: DetectorSettings) -> Edges:
     """The same inverse for kicks beside smooth motions of any size."""
-    undone = inverse.__wrapped__(length, rate_hz, noise, settings)  # two megabytes that need not be kept
+    undone = _inverse(length, rate_hz, noise, settings)
     step = STEP / settings.f_res_hz
     width = 2 * math.ceil((max(SAMPLES_WIDE / rate_hz / step, LEAST_WIDTH) - 1) / 2) + 1
     index = np.arange(undone.times.size)

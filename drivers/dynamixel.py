@@ -122,8 +122,8 @@ class DynamixelBus:
         if all(number is None for number, _ in found):
             heard = self._port.listen(EAVESDROP_S)
             if heard:
-                gist = "no answer, but bytes unasked; likely cause: another device on the port"
-                silence = gist.replace("bytes", repr(heard[:24]))
+                told = "no answer, but {} unasked; likely cause: another device on the port"
+                silence, gist = told.format(repr(heard[:24])), told.format("bytes")
         self._start()
         return tuple(
             Identity(

@@ -99,9 +99,9 @@ class SerialAccelerometer:
         if count < 2:
             what = "nothing" if not seen else "bytes that are none of its"
             cause = "unpowered, or another port" if not seen else "another device on the port, or a wrong baudrate"
-            gist = f"{what} in {SILENCE_S:g} s; likely cause: {cause}"
-            found = gist.replace("its", f"its ({seen[:24]!r})")
-            return (Identity(self._name, found, expected, False, gist),)
+            when = f" in {SILENCE_S:g} s; likely cause: {cause}"
+            heard = f" ({seen[:24]!r})" if seen else ""
+            return (Identity(self._name, what + heard + when, expected, False, what + when),)
         rate = (count - 1) / span
         ok = abs(rate / self._rate - 1) <= RATE_TOLERANCE and broken <= 0.1 * count
         found = f"{self._form.name} at {rate:.0f} Hz" + (f", {broken} broken of {count + broken}" if broken else "")

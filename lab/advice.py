@@ -18,8 +18,7 @@ from lostmotion.lab import words
 from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.grow import first_level, tiles
 from lostmotion.lab.quantity import quantity
-from lostmotion.lab.scoretest import start_with
-from lostmotion.lab.stretch import Linearised, Stretch, state_scales
+from lostmotion.lab.stretch import Linearised, Stretch, start_with, state_scales
 from lostmotion.lab.task import Task
 from lostmotion.lab.unknowns import Unknowns
 from lostmotion.model import Chirp, HandWaved, Model, ModelError, Motion, Sampled, Sine
@@ -148,7 +147,7 @@ def _apart(
     differences, slopes = [], []
     for stretch, block in zip(stretches, blocks, strict=True):
         own = stretch.experiment.model(model)
-        r = stretch.residual(own, start_with(own, stretch, before), substep_s) - block.r
+        r = stretch.residual(own, start_with(own, stretch, before.state_names), substep_s) - block.r
         if not np.all(np.isfinite(r)):
             return 0.0
         differences.append(_without(block.B, r))

@@ -18,10 +18,10 @@ import numpy as np
 from lostmotion.lab.follow import can_follow
 from lostmotion.lab.grow import Level, fitted
 from lostmotion.lab.nudge import Near, cost_of, descended, shortlist
-from lostmotion.lab.scoretest import Direction, start_with
+from lostmotion.lab.scoretest import Direction
 from lostmotion.lab.search import doubled, full_fit, refined
 from lostmotion.lab.seeds import AMPLITUDE
-from lostmotion.lab.stretch import state_scales
+from lostmotion.lab.stretch import start_with, state_scales
 from lostmotion.lab.task import Task
 from lostmotion.lab.unknowns import Unknowns
 from lostmotion.model import Model, catalogue
@@ -99,8 +99,7 @@ def far_trials(
     strongest = [trial for trial in near[few:] if trial.effect == directions[0].effect]
     begin = [(trial.effect, trial.level.model) for trial in (*near[:few], *strongest)]
     near_by = shortlist(base, others(base.model), task, pool) if nudged else []
-    begin += [(found.effect, found.model) for found in near_by[:FOLLOWED]]
-    return raced_fits(begin, task, horizon_s, pool), near_by
+    return raced_fits([*begin, *_nearest(near_by)], task, horizon_s, pool), near_by
 
 
 def pair_trials(base: Level, first: Sequence[Near], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
@@ -109,16 +108,18 @@ def pair_trials(base: Level, first: Sequence[Near], task: Task, horizon_s: float
     if not first or first[0].cost > NEARER * cost_of(base, task):
         return []
     found = [pair for one in first for pair in shortlist(base, others(one.model), task, pool, one)]
-    begin = [(pair.effect, pair.model) for pair in sorted(found, key=lambda pair: pair.cost)[:FOLLOWED]]
-    return raced_fits(begin, task, horizon_s, pool)
+    return raced_fits(_nearest(sorted(found, key=lambda pair: pair.cost)), task, horizon_s, pool)
 
 
 def further_trials(base: Level, task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
     """Others, to which descents have led; for where the first search has found nothing.  None without a bar."""
     if not can_follow(task.rough, *task.experiments):
         return []
-    begin = [(found.effect, found.model) for found in descended(base, others(base.model), task, pool)[:FOLLOWED]]
-    return raced_fits(begin, task, horizon_s, pool)
+    return raced_fits(_nearest(descended(base, others(base.model), task, pool)), task, horizon_s, pool)
+
+
+def _nearest(ordered: Sequence[Near]) -> list[tuple[str, Model]]:
+    return [(near.effect, near.model) for near in ordered[:FOLLOWED]]
 
 
 def raced_fits(begin: Sequence[tuple[str, Model]], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
@@ -173,7 +174,11 @@ def _with_direction(direction: Direction, level: Level, task: Task, iterations: 
         values[full] = min(max(wanted, parameter.low, faint if parameter.low >= 0 else parameter.low), parameter.high)
     model = model.replace(values)
     stretches = [
-        replace(s, start=start_with(s.experiment.model(model), s, level.model), scale=state_scales(model, s.experiment))
-        for s in level.stretches
+        replace(
+            stretch,
+            start=start_with(stretch.experiment.model(model), stretch, level.model.state_names),
+            scale=state_scales(model, stretch.experiment),
+        )
+        for stretch in level.stretches
     ]
     return fitted(model, Unknowns.of(model, task.rough), stretches, task.substep_s, iterations=iterations)

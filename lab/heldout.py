@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.grow import Level, merged, residuals, tiles
 from lostmotion.lab.search import begun, passed
 from lostmotion.lab.start import polished, repaired
-from lostmotion.lab.stretch import Stretch, in_motion
+from lostmotion.lab.stretch import Stretch, start_with
 from lostmotion.lab.task import Task
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
@@ -109,13 +109,15 @@ class Unseen:
     def again(self, model: Model, judged: Judged, *others: Judged) -> Judged:
         """The same, but stretches that another model follows and this one has lost begun where that one begins: what
         the bar and the joint do there is the same."""
-        stretches = list(judged.stretches)
-        for i, (stretch, error) in enumerate(zip(stretches, judged.errors, strict=True)):
-            best = min(others, key=lambda other: float(other.errors[i]), default=judged)
-            if error > LOST * best.errors[i]:
-                there = dict(zip(best.states, best.stretches[i].start.tolist(), strict=True))
-                stretches[i] = _polished(model, stretch, _begun_at(model, stretch, there), self.task.substep_s)
-        return _judged(residuals(model, stretches, self.task.substep_s), stretches, model.state_names)
+        stretches, step = list(judged.stretches), self.task.substep_s
+        best = [min(others, key=lambda other: float(other.errors[i]), default=judged) for i in range(len(stretches))]
+        lost = [i for i, other in enumerate(best) if judged.errors[i] > LOST * other.errors[i]]
+        if not lost:
+            return judged
+        for i in lost:
+            own, there = stretches[i].experiment.model(model), best[i].stretches[i]
+            stretches[i] = _polished(model, stretches[i], start_with(own, there, best[i].states)[None], step)
+        return _judged(residuals(model, stretches, step), stretches, model.state_names)
 
 
 def trained(level: Level, substep_s: float) -> Judged:
@@ -137,12 +139,6 @@ def _judged(parts: Sequence[FloatArray], stretches: Sequence[Stretch] = (), stat
     counts = np.array([float(part.size) for part in parts])
     error = float(np.sqrt(np.mean(np.concatenate(r) ** 2)))
     return Judged(error, errors, counts, tuple(r), tuple(stretches), tuple(states))
-
-
-def _begun_at(model: Model, stretch: Stretch, there: Mapping[str, float]) -> FloatArray:
-    """The state (1, n) that is this one as far as the model has such states; its others begin where they belong."""
-    own, known = stretch.experiment.model(model), {n: x for n, x in there.items() if n in model.state_names}
-    return in_motion(own, stretch.experiment.drive, float(stretch.experiment.time[0]), **known)[None]
 
 
 def _polished(model: Model, stretch: Stretch, also: FloatArray | None, substep_s: float) -> Stretch:

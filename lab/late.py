@@ -10,13 +10,12 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
-from lostmotion.lab.candidates import raced_fits
+from lostmotion.lab.candidates import others, raced_fits
 from lostmotion.lab.heldout import FAR, Judged, Unseen, misfits
 from lostmotion.lab.simplify import with_effects
 from lostmotion.lab.step import Step, on_unseen
 from lostmotion.lab.task import Task
 from lostmotion.model import Model
-from lostmotion.model.effects import get_effect
 
 __all__ = ["told_apart"]
 
@@ -33,26 +32,26 @@ def told_apart(step: Step, before: Judged, unseen: Unseen) -> Step:
     first, task = step.tried[0], unseen.task
     if before.error < FAR and first.effect not in LATE:
         return step
-    changed = dict(_changed(first.level.model, task))
+    changed = list(_changed(first.level.model, task))
     if not changed:
         return step
-    begin = [("", first.level.model), *((new, model) for (_, new), model in changed.items())]
+    begin = [("", first.level.model), *changed]
     tried = on_unseen(raced_fits(begin, task, unseen.horizon_s, unseen.pool), first.judged, unseen)
     misfit = dict(zip((one.effect for one in tried), misfits([one.judged for one in tried]).tolist(), strict=True))
     best = min(tried, key=lambda one: misfit[one.effect], default=first)
     gain = misfit.get("", math.inf) - misfit.get(best.effect, math.inf)
     if not gain > GAIN:
         return step
-    old = next(old for old, _ in changed if old not in best.level.model.effects)
-    effect = best.effect if first.effect == old else first.effect
+    effect = first.effect if first.effect in best.level.model.effects else best.effect
     found = replace(best, effect=effect, misfit=first.misfit - gain)
     return replace(step, tried=(found, *(one for one in step.tried if one.effect != effect)))
 
 
-def _changed(model: Model, task: Task) -> Iterator[tuple[tuple[str, str], Model]]:
-    """What takes the place of what, and the model with it, of the same T."""
+def _changed(model: Model, task: Task) -> Iterator[tuple[str, Model]]:
+    """What takes the place of one of LATE, and the model with it, of the same T."""
+    possible = [effect for effect in LATE if effect in others(model)]
     for old in task.added(model):
-        for new in LATE:
-            if old in LATE and new not in model.effects and model.base in get_effect(new).bases:
+        if old in LATE:
+            for new in possible:
                 effects = [new if one == old else one for one in model.effects]
-                yield (old, new), with_effects(model, effects).replace({f"{new}.T": model.parameters[f"{old}.T"].value})
+                yield new, with_effects(model, effects).replace({f"{new}.T": model.parameters[f"{old}.T"].value})

@@ -17,11 +17,11 @@ import numpy as np
 from lostmotion.lab.grow import Level, followed
 from lostmotion.lab.noise import NoiseModel, innovation_noise
 from lostmotion.lab.seeds import AMPLITUDE, faint, sizes
-from lostmotion.lab.stretch import Linearised, Stretch, in_motion
+from lostmotion.lab.stretch import Linearised, Stretch, start_with
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Direction", "Scores", "score_test", "start_with"]
+__all__ = ["Direction", "Scores", "score_test"]
 
 DRAWS = 400
 ALIKE = 0.98
@@ -115,19 +115,11 @@ def _columns(
     changes = []
     for stretch, r in zip(stretches, residuals, strict=True):
         own = stretch.experiment.model(model)
-        there = stretch.residual(own, start_with(own, stretch, before), substep_s)
+        there = stretch.residual(own, start_with(own, stretch, before.state_names), substep_s)
         if not np.all(np.isfinite(there)):
             return None
         changes.append(there - r)
     return changes
-
-
-def start_with(model: Model, stretch: Stretch, before: Model) -> FloatArray:
-    """The start state of a stretch of ``before`` for a model with other effects, whose own states begin where they
-    belong."""
-    names = set(model.state_names)
-    given = {name: float(x) for name, x in zip(before.state_names, stretch.start, strict=True) if name in names}
-    return in_motion(model, stretch.experiment.drive, float(stretch.experiment.time[0]), **given)
 
 
 class _Projection:

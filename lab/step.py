@@ -1,6 +1,6 @@
 """One step of the search: effects tried on a fit, how they do on unseen data, whether the best of them is missing.
 
-What becomes of many steps is explain.py's.
+What becomes of many steps is steps.py's.
 """
 
 from __future__ import annotations
@@ -107,13 +107,16 @@ def further(step: Step, short: Level, now: Judged, unseen: Unseen) -> Step:
 
 
 def together(step: Step, short: Level, now: Judged, unseen: Unseen) -> list[Step]:
-    """Two steps at once, where each effect alone moves the impacts too wrongly to help; none where no pair does."""
+    """Two steps at once, where each effect alone moves the impacts too wrongly to help; none where no pair does, or
+    where one effect has been found already."""
+    if unseen.task.added(short.model):
+        return []
     trials = pair_trials(short, step.near[:FIRST], unseen.task, unseen.horizon_s, unseen.pool)
     second = _ranked(step.scores, on_unseen(trials, now, unseen), now)
     if not second.accepted:
         return []
     pair = second.tried[0]
-    (effect,) = (e for e in unseen.task.added(pair.level.model) if e not in (*short.model.effects, pair.effect))
+    (effect,) = (effect for effect in unseen.task.added(pair.level.model) if effect != pair.effect)
     alone = next((one for one in step.tried if one.effect == effect), Tried(effect, short, now))
     return [replace(step, tried=_first(alone, step.tried), accepted=True, trusted=True), second]
 

@@ -45,5 +45,4 @@ def _next(short: Level, level: Level, now: Judged, unseen: Unseen, rng: np.rando
         second = second if second.accepted else further(second, first.level, first.judged, unseen)
         if second.accepted and better(second.tried[0].judged, now, level.model.base):
             return [trusted, second]
-    pair = [] if unseen.task.added(short.model) else together(step, short, now, unseen)
-    return pair or [further(step, short, now, unseen)]
+    return together(step, short, now, unseen) or [further(step, short, now, unseen)]

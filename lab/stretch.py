@@ -20,7 +20,7 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray, Motion
 from lostmotion.model.signals import COMMAND, COMMAND_RATE, OMEGA1, OMEGA2, THETA1, THETA2
 
-__all__ = ["STEP", "Linearised", "Stretch", "in_motion", "motions", "scales", "state_scales"]
+__all__ = ["STEP", "Linearised", "Stretch", "in_motion", "motions", "scales", "start_with", "state_scales"]
 
 STEP = 1e-5
 """Finite difference, in numbers of order one: fixed integration steps make it good to about 1e-5 of the derivative."""
@@ -109,6 +109,15 @@ def in_motion(model: Model, drive: Motion | None, time: float, **given: float) -
         T, at = values["actuator_lag.T"], np.array([time - values.get("command_delay.T", 0.0)])
         state[model.state_names.index(name)] += float(T**2 * drive.acceleration(at)[0] - T * drive.velocity(at)[0])
     return state
+
+
+def start_with(model: Model, stretch: Stretch, states: Sequence[str]) -> FloatArray:
+    """The stretch's start state for a model with other effects, whose own states begin where they belong.
+
+    states: the names of what the stretch's start holds.
+    """
+    given = {name: x for name, x in zip(states, stretch.start.tolist(), strict=True) if name in model.state_names}
+    return in_motion(model, stretch.experiment.drive, float(stretch.experiment.time[0]), **given)
 
 
 def motions(model: Model, stretches: Sequence[Stretch], substep_s: float) -> list[Trajectory]:

@@ -15,7 +15,7 @@ from lostmotion.daemon.commands.devices import Device, Devices, Event
 from lostmotion.daemon.config import Config
 from lostmotion.drivers.base import AccelBlock, FloatArray, Identity, ServoReading
 
-__all__ = ["check_devices"]
+__all__ = ["check_devices", "white_noise"]
 
 PASS_S = 3.0
 """Robot time of the measurement [s]."""
@@ -28,7 +28,7 @@ LEAST_SAMPLES = 3
 UNLIKE = "another device, model, rate or id than the configuration says, or it has no power"
 NOISE_MS2 = (1e-4, 2.0)
 """Below: a sensor that is stuck.  Above: it hides a ring-down, whose first swing is a few m/s²."""
-NOISE_ORDER, NOISE_BLOCK, QUIET = 4, 128, 0.1
+NOISE_BLOCK, QUIET = 128, 0.1
 
 
 @dataclass(slots=True)
@@ -107,20 +107,22 @@ def _sensor(config: Config, name: str, times: FloatArray, heard: Heard) -> Itera
     top = max((s.f_res_hz + s.f_width_hz / 2 for s in settings), default=options.oscillator.f_res_hz)
     cause = "the oscillator is too fast for this sensor: lengthen the bar or load its end, or take a faster sensor"
     yield within(name, "upper end of the oscillator's band", top, "Hz", None, rate / 2, cause)
-    noise = _noise(np.concatenate(heard.accel)) if heard.accel else np.nan
+    noise = white_noise(np.concatenate(heard.accel)) if heard.accel else np.nan
     cause = "no signal: is the sensor alive?" if not noise >= NOISE_MS2[0] else "a loose sensor, or a wrong range"
     yield within(name, "noise", noise, "m/s²", *NOISE_MS2, cause)
 
 
-def _noise(accel: FloatArray) -> float:
-    """Standard deviation of white noise [m/s²] under a motion, of accel, shape (N,); NaN for too few samples.
+def white_noise(accel: FloatArray) -> float:
+    """Standard deviation of white noise [m/s²] under a motion and a ringing bar, of accel, shape (N,); NaN for too few.
 
-    From differences of order 4, which leave little of a slow motion or ring (their variance is C(8, 4) that of the
-    samples), in the quietest tenth of all blocks of 128: a bar that rings is no noise.
+    From the median over frequency of a Hann periodogram (ln 2 of the mean, for white noise), to which lines and a slow
+    motion are strangers, in the quietest tenth of all blocks of 128: an impact is broad.
     """
-    differences = np.diff(accel[np.isfinite(accel)], NOISE_ORDER) / math.sqrt(math.comb(2 * NOISE_ORDER, NOISE_ORDER))
-    blocks = differences[: differences.size // NOISE_BLOCK * NOISE_BLOCK].reshape(-1, NOISE_BLOCK)
-    return float(np.sqrt(np.quantile(np.mean(blocks**2, axis=1), QUIET))) if blocks.size else math.nan
+    accel = accel[np.isfinite(accel)]
+    blocks = accel[: accel.size // NOISE_BLOCK * NOISE_BLOCK].reshape(-1, NOISE_BLOCK)
+    window = np.hanning(NOISE_BLOCK)
+    spectra = np.abs(np.fft.rfft((blocks - blocks.mean(axis=1, keepdims=True)) * window)) ** 2 / np.sum(window**2)
+    return float(np.sqrt(np.quantile(np.median(spectra, axis=1), QUIET) / math.log(2))) if blocks.size else math.nan
 
 
 def _losses(heard: Heard) -> Check:

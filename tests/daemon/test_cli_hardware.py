@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lostmotion.daemon.commands.checks_devices import white_noise
 from lostmotion.drivers.emulator import Emulator, Motion, ServoLine, TextStream, WitMotionStream
 from lostmotion.drivers.recording import read_recording
 from tests.daemon.cli_world import HARDWARE, call
@@ -84,6 +85,16 @@ def test_doctor_on_healthy_hardware(arm: Arm) -> None:
     devices = [check for (subject, what), check in found.items() if subject in ("elbow", "tip") and "rate" not in what]
     assert len(devices) > 4
     assert all(check["ok"] for check in devices), devices  # a rate suffers from what else this machine does
+
+
+def test_a_ringing_bar_is_no_noise() -> None:
+    """Any three seconds of a worn joint's bar, whose noise is 0.05 m/s²; while noise itself is measured."""
+    tip = Motion().tip(200)
+    pieces = [tip[start : start + 600] for start in range(0, tip.size - 600, 100)]
+    assert max(white_noise(piece) for piece in pieces) < 1.0
+    hiss = np.random.default_rng(3).normal(0, 3.0, (20, 600))
+    assert np.median([white_noise(piece) for piece in hiss]) == pytest.approx(3.0, rel=0.15)
+    assert np.isnan(white_noise(tip[:100]))
 
 
 @pytest.mark.slow

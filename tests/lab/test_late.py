@@ -10,6 +10,7 @@ import pytest
 
 from lostmotion.lab.experiment import experiments
 from lostmotion.lab.fit import noise_of
+from lostmotion.lab.grow import errors
 from lostmotion.lab.heldout import Unseen
 from lostmotion.lab.late import told_apart
 from lostmotion.lab.noise import NoiseModel
@@ -53,7 +54,7 @@ def test_a_lost_stretch_begins_where_another_model_follows_it() -> None:
         stretches = list(good.stretches)
         off = stretches[1].start + np.array([0.004, 3.0, 0.0, 0.0])
         stretches[1] = stretches[1].starting(off)
-        poor = unseen.again(model, replace(good, stretches=tuple(stretches)))
+        poor = replace(good, stretches=tuple(stretches), errors=errors(model, stretches, task.substep_s))
         again = unseen.again(model, poor, good)
     assert poor.errors[1] > 3 * good.errors[1]
     np.testing.assert_allclose(again.errors, good.errors, rtol=1e-3)
