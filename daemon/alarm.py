@@ -57,7 +57,9 @@ class JointMonitor:
         self._origin = origin
         self._alarms = {alarm.cause: alarm for alarm in alarms}
         self._wanted = {cause: self._standing(cause) for cause in Cause}
-        self._reasons = {cause: self._alarms[cause].reason if cause in self._alarms else "" for cause in Cause}
+        self._reasons: dict[Cause, Evidence | str] = {  # put into words when somebody is told
+            cause: self._alarms[cause].reason if cause in self._alarms else "" for cause in Cause
+        }
         self._leaning: dict[Cause, tuple[bool, datetime]] = {}
 
     def scored(self, score: ScoreRow, origin: Origin | None = None) -> list[Change]:
@@ -89,7 +91,7 @@ class JointMonitor:
             if alarm.shelved_until and time >= alarm.shelved_until:
                 changes.append(self._unshelve(alarm, time))
             elif due and time >= due:
-                changes.append(self._keep(happen(alarm, AlarmEvent.REMINDED, time, reason=self._reasons[cause])))
+                changes.append(self._keep(happen(alarm, AlarmEvent.REMINDED, time, reason=str(self._reasons[cause]))))
         return changes + self._update(time)
 
     def request(self, request: Request, time: datetime) -> tuple[list[Change], Answer]:
@@ -126,11 +128,11 @@ class JointMonitor:
         plays = [score.play for score in self._windows if math.isfinite(score.play)]
         share = sum(ratio > 1 for ratio in ratios) / len(ratios)
         play = median(plays) if plays else math.nan
-        evidence = Evidence(len(ratios), share, median(ratios), play, self._days, str(origin or ""))
+        evidence = Evidence(len(ratios), share, median(ratios), play, self._days, origin)
         severity = grade(evidence, self._options, self._wanted[Cause.PLAY])
-        self._want(Cause.PLAY, None if origin and origin.spares(self.row.name) else severity, str(evidence))
+        self._want(Cause.PLAY, None if origin and origin.spares(self.row.name) else severity, evidence)
 
-    def _want(self, cause: Cause, severity: Severity | None, reason: str) -> None:
+    def _want(self, cause: Cause, severity: Severity | None, reason: Evidence | str) -> None:
         self._wanted[cause], self._reasons[cause] = severity, reason
 
     def _standing(self, cause: Cause) -> Severity | None:
@@ -157,7 +159,7 @@ class JointMonitor:
             # The figures of the play change with every window; another fault of a device is news.
             if alarm is None or wanted is None or cause is Cause.PLAY or reason == alarm.reason:
                 return None
-            return happen(alarm, AlarmEvent.CHANGED, time, reason=reason)
+            return happen(alarm, AlarmEvent.CHANGED, time, reason=str(reason))
         worse = RANK[wanted] > RANK[standing]
         was_worse, since = self._leaning.setdefault(cause, (worse, time))
         if was_worse is not worse:
@@ -170,9 +172,9 @@ class JointMonitor:
             assert alarm is not None
             return happen(alarm, AlarmEvent.CLEARED, time)
         if alarm is None:
-            return raised(self.row.name, cause, wanted, reason, time)
+            return raised(self.row.name, cause, wanted, str(reason), time)
         event = AlarmEvent.RAISED if standing is None else AlarmEvent.ESCALATED if worse else AlarmEvent.EASED
-        return happen(alarm, event, time, severity=wanted, reason=reason)
+        return happen(alarm, event, time, severity=wanted, reason=str(reason))
 
     def _unshelve(self, alarm: AlarmRow, time: datetime, by: str = "") -> Transition:
         event = AlarmEvent.UNSHELVED if alarm.cleared is None else AlarmEvent.LAPSED

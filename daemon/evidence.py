@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from lostmotion.daemon.options import AlarmOptions
-from lostmotion.daemon.records import Severity
+from lostmotion.daemon.records import Origin, Severity
 
 __all__ = ["LEAST_WINDOWS", "RANK", "Evidence", "grade"]
 
@@ -19,14 +19,14 @@ LEAST_WINDOWS = 5
 class Evidence:
     """windows: how many count; share: of them above the level; ratio: median of score / level; play: its median size
     [rad]; days: until the score reaches the level as its trend goes.  NaN is unknown, and leads nowhere.  origin: whose
-    play it is, in words, where joints share accelerometers."""
+    play it is, where joints share accelerometers."""
 
     windows: int
     share: float
     ratio: float
     play: float = math.nan
     days: float = math.nan
-    origin: str = ""
+    origin: Origin | None = None
 
     def __str__(self) -> str:
         share = f"{self.share:.0%} of the last {self.windows} windows above the level"

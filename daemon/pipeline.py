@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections import Counter, defaultdict, deque
+from array import array
+from bisect import bisect_left
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
@@ -85,7 +87,7 @@ class _Joint:
         self.pending: list[_Pending] = []
         self.heard = -math.inf
         self.temperature = math.nan
-        self._commands: deque[tuple[float, float]] = deque()
+        self._times, self._angles = array("d"), array("d")
         self.counts = Counts()
 
     def take(self, samples: list[ServoSample], resolution_rad: float, since: float) -> None:
@@ -96,10 +98,12 @@ class _Joint:
         self.heard = max(self.heard, last.time)
         if math.isfinite(last.temperature):
             self.temperature = last.temperature
-        self._commands.extend((sample.time, sample.command) for sample in samples)
-        while self._commands[0][0] < self.heard - COMMANDS_S:
-            self._commands.popleft()
-        for reversal in self.trigger.push([s.time for s in samples], [s.command for s in samples]):
+        times, angles = [sample.time for sample in samples], [sample.command for sample in samples]
+        gone = bisect_left(self._times, self.heard - COMMANDS_S)
+        del self._times[:gone], self._angles[:gone]
+        self._times.extend(times)
+        self._angles.extend(angles)
+        for reversal in self.trigger.push(times, angles):
             if reversal.time < since:
                 continue
             self.counts.triggered += 1
@@ -109,7 +113,7 @@ class _Joint:
     @property
     def commands(self) -> FloatArray:
         """The last ones: times [s] and angles [rad], shape (2, M)."""
-        return np.array(self._commands).reshape(-1, 2).T
+        return np.array((self._times, self._angles))
 
 
 class Pipeline:
@@ -166,7 +170,7 @@ class Pipeline:
 
     def step(self, now: float) -> list[Scored]:
         """The windows whose acceleration is there, or for which it is no longer waited at robot time ``now`` [s]."""
-        done = [scored for joint in self._joints.values() for scored in self._finish(joint, now)]
+        done = [scored for joint in self._joints.values() if joint.pending for scored in self._finish(joint, now)]
         if self.attributors:
             done = self._attribute(done)
         for name, ring in self._rings.items():
@@ -184,8 +188,10 @@ class Pipeline:
                 self._shared[scored.window.joint].hear(scored.window)
         for attributor in self.attributors:
             attributor.step(self._rings, self._joints)
+        if not done:
+            return done
         told = {joint: attributor.origin for joint, attributor in self._shared.items()}
-        return [replace(scored, origin=told.get(scored.window.joint)) for scored in done]
+        return [Scored(scored.window, scored.score, told.get(scored.window.joint)) for scored in done]
 
     def _is_felt(self, joint: _Joint, accelerometer: str) -> bool:
         """Whether windows of this joint need that accelerometer."""

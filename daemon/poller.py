@@ -14,6 +14,7 @@ from collections import deque
 from dataclasses import dataclass, field
 from enum import Enum
 
+from lostmotion.daemon.bell import Bell
 from lostmotion.daemon.ring import Ring
 from lostmotion.drivers.base import Accelerometer, Identity, ServoBus, ServoSample
 from lostmotion.drivers.errors import DriverError, EndOfData, IdentityError, PortError
@@ -26,8 +27,9 @@ FIRST_RETRY_S = 0.5
 LAST_RETRY_S = 10.0
 WRONG_RETRY_S = 30.0
 """how often a device that was not the expected one is asked again [s]"""
-GATHER_S = 0.07
-"""how long the samples of an accelerometer gather while no window ends [s]: seventy cost little more than one"""
+GATHER_S, GATHER_SAMPLES = 0.15, 150
+"""how long, and how many, samples of an accelerometer gather while no window ends: all of them cost little more than
+one, and so many fit into the 4096 bytes of a tty"""
 BURST_S = 0.004
 """how much later than its time a window's last sample is looked for, at least [s]: adapters hand on what came in
 bursts, and a look before costs a wake-up"""
@@ -69,7 +71,7 @@ class Inbox:
     """Servo samples on their way to the pipeline, with the resolution of their command [rad]; and the bell that wakes
     the main thread."""
 
-    bell: threading.Event = field(default_factory=threading.Event)
+    bell: Bell = field(default_factory=Bell)
     servo: deque[tuple[float, tuple[ServoSample, ...]]] = field(default_factory=deque)
 
 
@@ -196,12 +198,12 @@ class BusPoller(Poller):
         account.samples += len(samples)
         account.heard.update((sample.joint, now) for sample in samples)
         self._inbox.servo.append((self._bus.resolution_rad, samples))
-        self._inbox.bell.set()
+        self._inbox.bell.ring()
         while self._waits and len(self._inbox.servo) > INBOX_READINGS and not self._stop.is_set():
             self._stop.wait(0.002)
 
     def _end(self) -> None:
-        self._inbox.bell.set()
+        self._inbox.bell.ring()
 
 
 class AccelPoller(Poller):
@@ -235,9 +237,11 @@ class AccelPoller(Poller):
 
     def _gather(self) -> None:
         """Leaves hardware alone until a window has ended: a wake-up costs more than the samples it brings."""
-        pause = min(self._ring.awaited + max(self._period, BURST_S) - time.monotonic(), GATHER_S)
-        if pause > 0:
-            time.sleep(pause)
+        after = max(self._period, BURST_S)
+        latest = time.monotonic() + min(GATHER_S, GATHER_SAMPLES * self._period)
+        while (pause := self._ring.due(latest - after) + after - time.monotonic()) > 0:
+            if not self._ring.sooner.wait(pause):
+                return
 
     def _end(self) -> None:
         self._ring.end()

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["DAY_US", "SERIES", "Series", "one_an_hour", "roll_up"]
+__all__ = ["DAY_US", "HOUR_US", "SERIES", "Series", "one_an_hour", "roll_up"]
 
 SERIES = np.dtype([("time_us", "i8"), ("score", "f8"), ("level", "f8"), ("impact", "?"), ("sound", "?"),
                    ("play", "f8"), ("excitation", "f8"), ("temperature", "f8")])  # fmt: skip

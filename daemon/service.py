@@ -98,7 +98,6 @@ class Service:
         end = math.inf
         while not (self._flags.stop or self._robot.finished or time.monotonic() >= end):
             self._robot.inbox.bell.wait(SOON_S if self._store.is_settling else LOOP_S)
-            self._robot.inbox.bell.clear()
             self._step()
             self._look_around()
             if duration_s is not None and end == math.inf and self._robot.is_open:
@@ -212,7 +211,8 @@ class Service:
             if self._config.store.keep_windows_mb:
                 self._store.add(WindowRow.of(scored.window, row.impact, utc))
             self._guard(self._desk.scored, row, scored.origin)
-        self._desk.tell_settled()
+        if self._store.is_settling:
+            self._desk.tell_settled()
 
     def _tell(self, change: Change, again: bool = False) -> None:
         for sink in self._sinks:

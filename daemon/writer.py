@@ -13,7 +13,7 @@ from pathlib import Path
 
 from lostmotion.daemon import database
 from lostmotion.daemon.records import Answer, DeviceRow, JointRow, Origins, ScoreRow, Transition, WindowRow, micros
-from lostmotion.daemon.rollup import roll_up
+from lostmotion.daemon.rollup import HOUR_US, roll_up
 
 __all__ = ["Policy", "Row", "Writer"]
 
@@ -44,6 +44,7 @@ class Writer:
         self._robot = ""
         self._newest: dict[int, int] = {}
         self._joints: dict[str, int] = {}
+        self._rolled: dict[int, int] = {}
         self._kept_bytes = 0
         self._begin(path, policy)
 
@@ -78,10 +79,15 @@ class Writer:
     def roll_up(self, policy: Policy, seconds: float) -> None:
         """Goes on making old scores fewer, for so long."""
         end = time.monotonic() + seconds
-        with self._db:
-            for joint, newest in self._newest.items() if policy.scores_us else ():
-                while time.monotonic() < end and roll_up(self._db, joint, newest - policy.scores_us):
-                    pass
+        for joint, newest in self._newest.items() if policy.scores_us else ():
+            old_us = newest - policy.scores_us
+            if self._rolled.get(joint) == old_us // HOUR_US:
+                continue  # nothing more until another hour is old
+            with self._db:
+                while time.monotonic() < end:
+                    if not roll_up(self._db, joint, old_us):
+                        self._rolled[joint] = old_us // HOUR_US
+                        break
 
     def _write(self, rows: Sequence[Row], policy: Policy) -> None:
         if policy.robot != self._robot:

@@ -99,12 +99,11 @@ def attribute(told: Iterable[Evidence], prior: Sequence[float]) -> Attribution:
     """All windows together; prior: probability of play of each joint before them, shape (J,)."""
     members = _members(len(prior))
     total = np.log(np.where(members > 0, prior, 1 - np.asarray(prior)).prod(axis=1)) + np.zeros((len(PLAYS), 1))
-    windows = list(told)
-    for window in windows:
-        share = np.exp(TRUST * (window.likelihood - window.likelihood.max()))
-        total += np.log((1 - ODD) * share + ODD * share.mean())
+    logs = np.array([window.likelihood for window in told]).reshape(-1, *total.shape)
+    share = np.exp(TRUST * (logs - logs.max(axis=(1, 2), keepdims=True)))
+    total += np.log((1 - ODD) * share + ODD * share.mean(axis=(1, 2), keepdims=True)).sum(axis=0)
     sets = np.exp(total - total.max()).sum(axis=0)
-    return Attribution(sets / sets.sum(), members, len(windows))
+    return Attribution(sets / sets.sum(), members, len(logs))
 
 
 def evidence(

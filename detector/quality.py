@@ -27,16 +27,19 @@ def describe(window: Window, range_ms2: float = math.inf, gentle: float = GENTLE
     (range_ms2 [m/s²]) or with a flat top; flat: no signal at all; gentle: excited by less than
     that [rad/s²], so silence proves nothing.
     """
-    there = np.flatnonzero(np.isfinite(window.accel))
-    if there.size == 0:
+    values = window.accel
+    covered = values.size
+    if not (finite := np.isfinite(values)).all():
+        there = np.flatnonzero(finite)
+        values = values[there]
+        covered = int(there[-1] - there[0]) + 1 if there.size else 0
+    if not covered:
         return "short"
-    values = window.accel[there]
     high, low = float(values.max()), float(values.min())
     flat = high == low
-    covered = int(there[-1] - there[0]) + 1
     found = {
         "short": covered < COVERED_SHARE * window.accel.size,
-        "gappy": there.size < GAPPY_SHARE * covered,
+        "gappy": values.size < GAPPY_SHARE * covered,
         "clipped": max(high, -low) >= FULL_SCALE * range_ms2 or (not flat and _has_flat_top(values, (high, low))),
         "flat": flat,
         "gentle": abs(window.excitation) < gentle,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import partial
 
 import numpy as np
 
@@ -47,11 +46,13 @@ def score_window(window: Window, settings: DetectorSettings, range_ms2: float = 
     range_ms2: the largest acceleration that the sensor shows [m/s²].  Raises DetectorError as ``score`` does.
     """
     quality = describe(window, range_ms2, settings.gentle)
-    enough = window.accel.size and np.count_nonzero(np.isfinite(window.accel)) >= LEAST_SHARE * window.accel.size
-    mend = (
-        mended if settings.statistic == "band" else partial(ringdown.filled, rate_hz=window.rate_hz, settings=settings)
-    )
-    value = score(mend(window.accel), window.rate_hz, settings) if enough else math.nan
+    accel = window.accel
+    there = np.count_nonzero(np.isfinite(accel))
+    enough = there and there >= LEAST_SHARE * accel.size
+    if enough and there < accel.size:
+        band = settings.statistic == "band"
+        accel = mended(accel) if band else ringdown.filled(accel, window.rate_hz, settings)
+    value = score(accel, window.rate_hz, settings) if enough else math.nan
     return Score(
         joint=window.joint,
         time=window.start,

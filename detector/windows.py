@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import cmath
 import math
+from functools import lru_cache
 
 import numpy as np
 
@@ -56,11 +58,16 @@ def cut(
     first, last = times.searchsorted((start - 1 / rate_hz, start + duration + 1 / rate_hz))
     place = (times[first:last] - start) * rate_hz
     # The stream's phase against the grid, averaged on the circle: one late sample must not shift all others.
-    turn = 2 * np.pi * place
-    phase = math.atan2(np.sin(turn).sum(), np.cos(turn).sum()) / (2 * np.pi)
+    phase = cmath.phase(np.exp(2j * np.pi * place).sum()) / (2 * np.pi)
     slot = np.rint(place - phase).astype(np.intp)
     begin, end = slot.searchsorted((0, length))
     grid = np.full(length, np.nan)
     grid[slot[begin:end]] = accel[first + begin : first + end]
-    time = start + (np.arange(length, dtype=np.float64) + phase) / rate_hz
+    time = _seconds(length, rate_hz) + (start + phase / rate_hz)
     return Window(joint, start, duration, time, grid, rate_hz, excitation, temperature)
+
+
+@lru_cache(maxsize=16)
+def _seconds(length: int, rate_hz: float) -> FloatArray:
+    """Times [s] of so many samples from the first one on."""
+    return np.arange(length, dtype=np.float64) / rate_hz

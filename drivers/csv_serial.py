@@ -6,11 +6,21 @@ The lines stand in ``codec/csv_line.py``; ports, identity and times in ``serial_
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Literal
 
-from lostmotion.drivers.base import Accelerometer, AccelerometerOptions, Baudrate, Driver, Port, RobotOptions
+import numpy as np
+
+from lostmotion.drivers.base import (
+    Accelerometer,
+    AccelerometerOptions,
+    Baudrate,
+    Driver,
+    FloatArray,
+    Port,
+    RobotOptions,
+)
 from lostmotion.drivers.clock import Clock
 from lostmotion.drivers.codec.csv_line import CsvDecoder
 from lostmotion.drivers.serial_accelerometer import Readings, SerialAccelerometer
@@ -53,32 +63,27 @@ class CsvFormat:
         self._decoder = CsvDecoder()
 
     def feed(self, data: bytes) -> Readings:
-        accel: list[float] = []
-        stamps: list[float] = []
-        broken = 0
-        for row in self._decoder.feed(data):
-            value = _cell(row, self._column) * self._scale
-            if not abs(value) <= self.range_ms2:
-                value = math.nan
-            stamp = _cell(row, self._time_column) * self._unit
-            broken += math.isnan(value + stamp)
-            if self._time_column is None:
-                accel.append(value)
-            elif not math.isnan(stamp):
-                accel.append(value)
-                stamps.append(stamp)
-        return Readings(accel, None if self._time_column is None else stamps, broken)
+        rows: FloatArray | list[tuple[float, ...] | None] | None = self._decoder.table(data)
+        if rows is None:
+            rows = self._decoder.feed(data)
+        accel = _column(rows, self._column) * self._scale
+        accel[~(np.abs(accel) <= self.range_ms2)] = np.nan
+        if self._time_column is None:
+            return Readings(accel, None, int(np.count_nonzero(np.isnan(accel))))
+        stamps = _column(rows, self._time_column) * self._unit
+        broken = int(np.count_nonzero(np.isnan(accel + stamps)))
+        timed = ~np.isnan(stamps)
+        return Readings(accel[timed], stamps[timed], broken)
 
     def reset(self) -> None:
         self._decoder.reset()
 
 
-def _cell(row: tuple[float, ...] | None, column: int | None) -> float:
-    """A number of a line; NaN when the line is broken or too short, 0 for no column."""
-    if column is None:
-        return 0.0
-    columns = len(row) if row else 0
-    return row[column] if row and -columns <= column < columns else math.nan
+def _column(rows: FloatArray | Sequence[tuple[float, ...] | None], column: int) -> FloatArray:
+    """One column of lines, NaN where a line is broken or too short."""
+    if isinstance(rows, np.ndarray) and -rows.shape[1] <= column < rows.shape[1]:
+        return np.asarray(rows[:, column])
+    return np.array([row[column] if row is not None and -len(row) <= column < len(row) else np.nan for row in rows])
 
 
 def _make(options: AccelerometerOptions, robot: RobotOptions, clock: Clock) -> Accelerometer:

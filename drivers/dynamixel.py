@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from dynamixel_sdk import COMM_RX_TIMEOUT, COMM_SUCCESS, Protocol1PacketHandler, Protocol2PacketHandler
@@ -34,9 +34,9 @@ from lostmotion.drivers.errors import DriverError
 __all__ = ["DRIVER", "DynamixelOptions"]
 
 LONGEST_WAIT_S = 0.3
-GATHER_S = 0.075
+GATHER_S = 0.095
 """the answers of so many seconds are looked at together: right after a wait, with cold caches, that costs far more; a
-reversal is usually certain 0.1 s before the end of its window"""
+reversal is usually certain 0.11 s before the end of its window"""
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.1, 2.0
 """a silent servo costs 34 ms each time it is asked, so the pause before the next time doubles from one to the other"""
 EAVESDROP_S = 1.2
@@ -84,8 +84,8 @@ class _Group:
         return late
 
 
-_State = tuple[_Servo, float, bytes]
-"""a servo's state block and the robot time [s] of its request"""
+_Said = tuple[_Servo, tuple[float, bytes]]
+"""a servo, the robot time [s] of its request, and its state block, or the answer to its plain question as it came"""
 
 
 class DynamixelBus:
@@ -137,7 +137,7 @@ class DynamixelBus:
         )
 
     def read(self) -> ServoReading:
-        """Waits for the next poll, at most 0.3 s; what the servos said in this poll and in those of the next 75 ms.
+        """Waits for the next poll, at most 0.3 s; what the servos said in this poll and in those of the next 95 ms.
 
         Raises PortError.
         """
@@ -145,13 +145,13 @@ class DynamixelBus:
         if turn - self._clock.now() > LONGEST_WAIT_S:
             time.sleep(LONGEST_WAIT_S)
             return ServoReading(silent=self._silent())
-        states: list[_State] = []
+        told: list[_Said] = []
         lost, end = 0, turn + GATHER_S
         while turn < end:
             time.sleep(max(0.0, turn - self._clock.now()))
-            lost += self._poll(states)
+            lost += self._poll(told)
             turn = self._turn()
-        return ServoReading(tuple([_sample(*state) for state in states]), self._silent(), lost)
+        return ServoReading(tuple(self._samples(told)), self._silent(), lost)
 
     def close(self) -> None:
         """Gives the port back."""
@@ -172,47 +172,60 @@ class DynamixelBus:
                 return number, protocol
         return None, own
 
-    def _poll(self, states: list[_State]) -> int:
+    def _samples(self, told: Iterable[_Said]) -> Iterator[ServoSample]:
+        """What servos have told, in SI units; an answer with a wrong checksum makes its servo a silent one."""
+        for servo, (asked, block) in told:
+            if servo.question and len(block) == servo.question.length:
+                block = servo.question.parameters(block)
+            self._note(servo, asked, bool(block))
+            if block:
+                command, position, velocity, voltage, heat, current = decode_state(servo.model, block)
+                yield ServoSample(servo.joint, asked, command, position, velocity, math.nan, current, voltage, heat)
+
+    def _poll(self, told: list[_Said]) -> int:
         """Asks the servos whose turn it is; how many polls went by meanwhile."""
         now, lost = self._clock.now(), 0
         for group in self._groups:
             if group.due <= now:
                 asked = [servo for servo in group.servos if servo.rests_until <= now]
                 if group.servos[0].model.protocol == 1:
-                    self._read_in_turn(asked, states)
+                    self._read_in_turn(asked, told)
                 else:
-                    self._read_group(asked, states)
+                    self._read_group(asked, told)
                 lost += group.advance(self._clock.now()) * len(asked)
         return lost
 
-    def _read_in_turn(self, servos: list[_Servo], states: list[_State]) -> None:
-        """Asks servos of protocol 1.0 one after the other; looks at the answers, all of one length, when all came."""
+    def _read_in_turn(self, servos: list[_Servo], told: list[_Said]) -> None:
+        """Asks servos of protocol 1.0 one after the other, whose answers are all of one length.
+
+        Those that look like answers are kept as they are: to look into them at once, after a wait, takes ten times as
+        long as to look into all of a reading.
+        """
         while servos:
             questions = [servo.question for servo in servos if servo.question]
-            answers = self._port.ask([question.request for question in questions], questions[0].length, self._clock.now)
-            for servo, question, (asked, answer) in zip(servos, questions, answers, strict=False):
-                if block := question.parameters(answer):
-                    servo.pause = 0.0
-                    states.append((servo, asked, block))
-                else:
-                    self._take(servo, asked, self._search(servo, question, answer), states)
+            exchanges = [question.exchange for question in questions]
+            answers, good = self._port.ask(exchanges, questions[0].length, self._clock.now)
+            told.extend(zip(servos, answers, strict=False))
+            if not good:
+                servo, (asked, answer) = told.pop()
+                self._take(servo, asked, self._search(servo, questions[0].length, answer), told)
             servos = servos[len(answers) :]
 
-    def _search(self, servo: _Servo, question: Question, answer: bytes) -> Sequence[int]:
+    def _search(self, servo: _Servo, length: int, answer: bytes) -> Sequence[int]:
         """A servo's state block where its plain answer did not come: the SDK finds it among noise or in pieces."""
-        if not answer or len(answer) == question.length:
+        if not answer or len(answer) == length:
             self._port.clearPort()
             return b""
         data: Sequence[int]
         data, _, _ = self._handlers[1].readRx(self._port, servo.id, servo.model.block_size)
         return data
 
-    def _read_one(self, servo: _Servo, states: list[_State]) -> None:
+    def _read_one(self, servo: _Servo, told: list[_Said]) -> None:
         now = self._clock.now()
         data, _, _ = self._handlers[2].readTxRx(self._port, servo.id, ADDRESS[2], servo.model.block_size)
-        self._take(servo, now, data, states)
+        self._take(servo, now, data, told)
 
-    def _read_group(self, servos: list[_Servo], states: list[_State]) -> None:
+    def _read_group(self, servos: list[_Servo], told: list[_Said]) -> None:
         """One sync read of servos of protocol 2.0; those that were silent before, or are now, are asked alone.
 
         The SDK's group reader is no use: with one silent servo it gives 0 for all, without error.
@@ -220,11 +233,11 @@ class DynamixelBus:
         lone = [servo for servo in servos if servo.pause]
         missing = {servo.id: servo for servo in servos if not servo.pause}
         if missing:
-            self._sync_read(missing, states)
+            self._sync_read(missing, told)
         for servo in (*missing.values(), *lone):
-            self._read_one(servo, states)
+            self._read_one(servo, told)
 
-    def _sync_read(self, missing: dict[int, _Servo], states: list[_State]) -> None:
+    def _sync_read(self, missing: dict[int, _Servo], told: list[_Said]) -> None:
         """Takes those out of ``missing`` that answer."""
         servos = list(missing.values())
         handler, now, size = self._handlers[2], self._clock.now(), servos[0].model.block_size
@@ -234,15 +247,21 @@ class DynamixelBus:
             if result == COMM_RX_TIMEOUT:
                 break
             if result == COMM_SUCCESS and (servo := missing.pop(packet[PACKET_ID], None)):
-                self._take(servo, now, packet[PACKET_DATA : PACKET_DATA + size], states)
+                self._take(servo, now, packet[PACKET_DATA : PACKET_DATA + size], told)
 
-    def _take(self, servo: _Servo, now: float, data: Sequence[int], states: list[_State]) -> None:
+    def _take(self, servo: _Servo, asked: float, data: Sequence[int], told: list[_Said]) -> None:
         """Keeps a state block; one that is missing or of another size makes the servo a silent one."""
-        if len(data) == servo.model.block_size:
-            servo.pause = 0.0
-            states.append((servo, now, bytes(data)))
-        else:
-            servo.pause = min(2 * servo.pause, LONGEST_PAUSE_S) or FIRST_PAUSE_S
+        good = len(data) == servo.model.block_size
+        self._note(servo, asked, good)
+        if good:
+            told.append((servo, (asked, bytes(data))))
+
+    def _note(self, servo: _Servo, asked: float, good: bool) -> None:
+        """Takes down whether a servo has answered; what it was asked before its last rest says nothing new."""
+        if asked < servo.rests_until:
+            return
+        servo.pause = 0.0 if good else min(2 * servo.pause, LONGEST_PAUSE_S) or FIRST_PAUSE_S
+        if not good:
             servo.rests_until = self._clock.now() + servo.pause
 
     def _turn(self) -> float:
@@ -256,11 +275,6 @@ class DynamixelBus:
 def _question(joint: DynamixelOptions) -> Question | None:
     model = MODELS[joint.model]
     return Question(joint.id, ADDRESS[1], model.block_size) if model.protocol == 1 else None
-
-
-def _sample(servo: _Servo, time: float, block: bytes) -> ServoSample:
-    command, position, velocity, voltage, temperature, current = decode_state(servo.model, block)
-    return ServoSample(servo.joint, time, command, position, velocity, math.nan, current, voltage, temperature)
 
 
 def _check(joints: Sequence[DynamixelOptions]) -> None:

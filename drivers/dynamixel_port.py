@@ -50,21 +50,24 @@ class BusPort:
             heard = self._port.read(left)
         return heard
 
-    def ask(self, requests: Sequence[bytes], length: int, now: Callable[[], float]) -> list[tuple[float, bytes]]:
-        """Asks one servo after the other: the time ``now`` of each request, and what came in.
+    def ask(
+        self, exchanges: Sequence[tuple[bytes, bytes]], length: int, now: Callable[[], float]
+    ) -> tuple[list[tuple[float, bytes]], bool]:
+        """Asks one servo after the other: the time ``now`` of each request, and what came in; whether all of that looks
+        like answers: see ``SerialPort.converse``.
 
-        The first answer that is not ``length`` bytes long is the last one; ``readPort`` has it, too, and what follows.
-        What came in before is forgotten only after an exchange that went another way: that costs a system call.
+        What does not is the last one; ``readPort`` has it, too, and what follows.  What came in before is forgotten
+        only after an exchange that went another way: that costs a system call.
         """
         if not self._quiet:
             self.clearPort()
-        heard = self._port.converse(requests, length, self._patience(length), now)
-        answer = heard[-1][1]
-        self._quiet = len(answer) == length
+        heard = self._port.converse(exchanges, length, self._patience(length), now)
+        answer, start = heard[-1][1], exchanges[len(heard) - 1][1]
+        self._quiet = len(answer) == length and answer.startswith(start)
         if not self._quiet:
             self._received = answer
             self.setPacketTimeout(length)
-        return heard
+        return heard, self._quiet
 
     def clearPort(self) -> None:  # noqa: N802 - the SDK's name, as those below
         """Forgets what has come in."""

@@ -6,13 +6,12 @@ What their bytes mean is told by a ``Format``: ``witmotion.py``, ``csv_serial.py
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
-from lostmotion.drivers.base import AccelBlock, AccelerometerOptions, Identity
+from lostmotion.drivers.base import AccelBlock, AccelerometerOptions, FloatArray, Identity
 from lostmotion.drivers.clock import Clock
 from lostmotion.drivers.errors import DriverError
 from lostmotion.drivers.serial_port import SerialPort
@@ -31,11 +30,11 @@ NOTHING = np.empty(0)
 
 @dataclass(frozen=True, slots=True)
 class Readings:
-    """What a chunk of bytes held: accelerations [m/s²], NaN for a broken one; the sensor's own times [s] of each, or
-    None if it sends none; how many frames or lines were broken."""
+    """What a chunk of bytes held: accelerations [m/s²], shape (N,), NaN for a broken one; the sensor's own times [s] of
+    each, (N,), or None if it sends none; how many frames or lines were broken."""
 
-    accel: Sequence[float]
-    stamps: Sequence[float] | None
+    accel: FloatArray
+    stamps: FloatArray | None
     broken: int
 
 
@@ -124,7 +123,7 @@ class SerialAccelerometer:
             self._looked = self._clock.now()
         arrival = self._clock.now()
         readings = self._form.feed(data)
-        if not len(readings.accel):
+        if not readings.accel.size:
             return AccelBlock(NOTHING, NOTHING, broken=readings.broken)
         if readings.stamps is None:
             return self._timeline.counted(readings.accel, arrival, readings.broken)
@@ -144,7 +143,7 @@ class SerialAccelerometer:
             data = self._port.read(0.05)
             seen = seen or data
             readings = self._form.feed(data)
-            good = len(readings.accel) - sum(map(math.isnan, readings.accel))
+            good = int(np.count_nonzero(np.isfinite(readings.accel)))
             if first is not None:
                 broken += readings.broken
             if not good:

@@ -64,26 +64,34 @@ class SerialPort:
             return self._receive(self._fd(), max(0.0, timeout_s * 1000))
 
     def converse(
-        self, requests: Sequence[bytes], length: int, timeout_s: float, now: Callable[[], float]
+        self, exchanges: Sequence[tuple[bytes, bytes]], length: int, timeout_s: float, now: Callable[[], float]
     ) -> list[tuple[float, bytes]]:
         """Sends a request, waits for its answer, sends the next one: the time ``now`` of each, and what came in.
 
-        The first answer that is not ``length`` bytes long ends it; that is b"" where none came within ``timeout_s``.
-        Raises PortError when the port is closed or gone.
+        exchanges: each request, and how its answer begins.  The first answer that begins otherwise, or is not
+        ``length`` bytes long, ends it; that is b"" where none came within ``timeout_s``.  Raises PortError when the
+        port is closed or gone.
 
         All requests in one call, with nothing else between them: what Python does right after a wait costs several
         times as much as at other times, because the caches are cold.
         """
         heard: list[tuple[float, bytes]] = []
         with self._busy:
-            fd, timeout_ms = self._fd(), timeout_s * 1000
-            for request in requests:
-                asked = now()
-                self._send(fd, request)
-                answer = self._receive(fd, timeout_ms)
-                heard.append((asked, answer))
-                if len(answer) != length:
-                    break
+            fd, answered, timeout_ms = self._fd(), self._poll.poll, timeout_s * 1000
+            try:
+                for request, start in exchanges:
+                    asked = now()
+                    os.write(fd, request)
+                    answer = b""
+                    if answered(timeout_ms) and not (answer := os.read(fd, CHUNK)):
+                        raise self._gone(None)
+                    heard.append((asked, answer))
+                    if len(answer) != length or not answer.startswith(start):
+                        break
+            except BlockingIOError:
+                heard.append((asked, b""))
+            except OSError as error:
+                raise self._gone(error) from error
         return heard
 
     def write(self, data: bytes) -> int:

@@ -16,7 +16,7 @@ __all__ = ["Timeline"]
 
 MAX_GAP_S = 1.0
 """a longer gap is a clock that was set anew, not samples that were lost"""
-LATE_S, LATE_PERIODS = 0.1, 3
+LATE_S, LATE_PERIODS = 0.25, 3
 """a sample is late when it comes this long after it was measured, and at least that many periods"""
 LEAST_STEP_S = 3e-3
 NOTHING = np.empty(0)
@@ -44,23 +44,28 @@ class Timeline:
         self._stamp = math.nan  # the same as it was sent
         self._odd: float | None = None  # the last stamp, if it did not follow the one before
 
-    def counted(self, accel: Sequence[float], arrival: float, broken: int = 0) -> AccelBlock:
+    def counted(self, accel: Sequence[float] | FloatArray, arrival: float, broken: int = 0) -> AccelBlock:
         """The block of samples [m/s²] that arrived together at ``arrival`` [s]; NaN stands for a broken one."""
         count = len(accel)
         sensor = (self._count + np.arange(1.0, count + 1)) * self._period
         self._count += count
-        return self._block(sensor, np.array(accel), arrival, 0, broken)
+        return self._block(sensor, np.asarray(accel), arrival, 0, broken)
 
-    def stamped(self, stamps: Sequence[float], accel: Sequence[float], arrival: float, broken: int = 0) -> AccelBlock:
+    def stamped(
+        self, stamps: Sequence[float] | FloatArray, accel: Sequence[float] | FloatArray, arrival: float, broken: int = 0
+    ) -> AccelBlock:
         """The same for samples with the sensor's own times [s]; those that fit nowhere in time are broken ones."""
+        stamps, accel = np.asarray(stamps), np.asarray(accel)
         start, before = self._time, self._stamp
-        steps = [stamp - last for stamp, last in zip(stamps, (before, *stamps), strict=False)]
-        if min(steps) > 0 and max(steps) < 1.5 * self._period:  # so it nearly always is; NaN compares false
-            self._stamp, self._time, self._odd = stamps[-1], start + (stamps[-1] - before), None
-            return self._block(np.array(stamps) + (start - before), np.array(accel), arrival, 0, broken)
+        first, last, steps = float(stamps[0]), float(stamps[-1]), stamps[1:] - stamps[:-1]
+        longest = 1.5 * self._period
+        # So it nearly always is; NaN compares false.
+        if 0 < first - before < longest and steps.min(initial=longest) > 0 and steps.max(initial=0.0) < longest:
+            self._stamp, self._time, self._odd = last, start + (last - before), None
+            return self._block(stamps + (start - before), accel, arrival, 0, broken)
         kept = [
             (advance, value)
-            for stamp, value in zip(stamps, accel, strict=True)
+            for stamp, value in zip(stamps.tolist(), accel.tolist(), strict=True)
             if (advance := self._advance(stamp)) is not None
         ]
         broken += len(stamps) - len(kept)

@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Literal
 
+import numpy as np
+
 from lostmotion.drivers.base import Accelerometer, AccelerometerOptions, Baudrate, Driver, Port, RobotOptions
 from lostmotion.drivers.clock import Clock
 from lostmotion.drivers.codec import witmotion as codec
@@ -56,7 +58,7 @@ class WitMotionFormat:
                 accel.append(self._sign * codec.to_ms2(frame.values[self._index]))
             else:
                 self._only_acceleration = False
-        return Readings(accel, None, broken)
+        return Readings(np.array(accel), None, broken)
 
     def reset(self) -> None:
         self._decoder.reset()

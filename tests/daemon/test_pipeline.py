@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-import threading
 
 import numpy as np
 import pytest
 
+from lostmotion.daemon.bell import Bell
 from lostmotion.daemon.pipeline import GIVE_UP_S, JointPlan, Pipeline, Scored, _together
 from lostmotion.daemon.ring import Ring
 from lostmotion.detector.window import DetectorSettings
@@ -22,7 +22,7 @@ class World:
     """One joint that swings at WAVE_HZ, and its ring, both fed by hand."""
 
     def __init__(self, virtual: bool = False, range_ms2: float = 100.0) -> None:
-        self.bell = threading.Event()
+        self.bell = Bell()
         self.ring = Ring(20_000, self.bell)
         self.ring.range_ms2 = range_ms2
         plan = JointPlan("elbow", "tip", RATE_HZ, POLL_HZ, SETTINGS)
@@ -91,9 +91,9 @@ def test_a_window_waits_for_its_end_and_no_longer() -> None:
     last = math.floor(world.ring.awaited * RATE_HZ) / RATE_HZ
     world.feel(1.6, last)
     assert world.pipeline.step(1.8) == []
-    world.bell.clear()
+    world.bell.wait(0)
     world.feel(last, last + 0.002)
-    assert world.bell.is_set()
+    assert world.bell.wait(0)
     assert len(world.pipeline.step(1.8)) == 1
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lostmotion.daemon.bell import Bell
 from lostmotion.daemon.ring import Ring
 from lostmotion.drivers.base import AccelBlock
 
@@ -21,7 +22,7 @@ def block(first: int, count: int) -> AccelBlock:
 
 def ring(capacity: int = 8) -> Ring:
     """A ring with a bell of its own."""
-    return Ring(capacity, threading.Event())
+    return Ring(capacity, Bell())
 
 
 @given(st.lists(st.tuples(st.integers(1, 20), st.booleans()), max_size=30))
@@ -61,29 +62,55 @@ def test_a_step_back_in_time_is_left_out_and_counted() -> None:
 
 def test_the_bell_rings_when_the_awaited_time_has_come() -> None:
     """Not before: the reader sleeps until a window is complete."""
-    bell = threading.Event()
+    bell = Bell()
     buffer = Ring(100, bell)
     buffer.expect([6.0, 8.5])
     buffer.push(block(0, 6))
-    assert (bell.is_set(), buffer.awaited) == (False, 6.0)
+    assert (bell.wait(0), buffer.awaited) == (False, 6.0)
     buffer.push(block(6, 1))
-    assert (bell.is_set(), buffer.awaited) == (True, 8.5)
+    assert (bell.wait(0), buffer.awaited) == (True, 8.5)
     buffer.push(block(7, 2))
     assert buffer.awaited == 8.5
     buffer.push(block(9, 1))
     assert buffer.awaited == math.inf
 
 
+def test_a_writer_learns_that_it_is_expected_sooner() -> None:
+    """It is told when to write next, and woken when that is earlier than it was told, not when it is later."""
+    buffer = ring(100)
+    buffer.push(block(0, 3))
+    assert buffer.due(20.0) == 20.0
+    buffer.expect([30.0])
+    assert not buffer.sooner.wait(0)
+    buffer.expect([12.0, 30.0])
+    assert buffer.sooner.wait(0)
+    assert buffer.due(20.0) == 12.0
+    buffer.expect([12.0, 15.0])
+    assert not buffer.sooner.wait(0)
+
+
+def test_a_bell_is_heard_once() -> None:
+    """However often it is rung before anyone waits; and from another thread by one who waits already."""
+    bell = Bell()
+    bell.ring()
+    bell.ring()
+    assert (bell.wait(0), bell.wait(0.01)) == (True, False)
+    thread = threading.Timer(0.05, bell.ring)
+    thread.start()
+    assert bell.wait(5.0)
+    thread.join()
+
+
 def test_the_bell_rings_at_once_for_a_time_that_has_come() -> None:
     """What came in while the reader was at work is not slept through; expecting nothing rings no bell."""
-    bell = threading.Event()
+    bell = Bell()
     buffer = Ring(100, bell)
     buffer.push(block(0, 7))
     buffer.expect([])
     buffer.expect([6.5])
-    assert not bell.is_set()
+    assert not bell.wait(0)
     buffer.expect([6.0, 6.5])
-    assert bell.is_set()
+    assert bell.wait(0)
 
 
 def test_a_patient_writer_waits_and_loses_nothing() -> None:

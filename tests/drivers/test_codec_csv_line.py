@@ -49,6 +49,32 @@ def test_a_broken_line_loses_only_itself(broken: bytes) -> None:
     assert decode.broken == 1
 
 
+LINES = st.lists(
+    st.sampled_from([b"1,2\r\n3.5,-4\r\n", b"7,", b"8\n", b"1;2\n", b"3\n", b"1,2,3\n"]) | st.binary(max_size=6)
+)
+
+
+@given(LINES)
+def test_a_table_is_what_the_rows_are(pieces: list[bytes]) -> None:
+    """Whatever comes in, in whichever chunks: where there is a table it holds what the rows would have been."""
+    quick, thorough = begun(), begun()
+    for piece in pieces:
+        rows, table = thorough.feed(piece), quick.table(piece)
+        assert (quick.feed(piece) if table is None else [tuple(row) for row in table.tolist()]) == rows
+    assert quick.broken == thorough.broken
+
+
+def test_usual_lines_make_a_table() -> None:
+    """Once one line is known, whole lines like it do, also those cut in two; a broken one does not."""
+    decode = begun()
+    decode.feed(b"1,2\n3,")
+    table = decode.table(b"-4.5\r\n5\t 6\r\n7,")
+    assert table is not None
+    assert table.tolist() == [[3.0, -4.5], [5.0, 6.0]]
+    assert decode.table(b"8\n9,x\n") is None
+    assert decode.feed(b"8\n9,x\n") == [(7.0, 8.0), None]
+
+
 def test_a_change_of_format_costs_one_line() -> None:
     """When all lines have a column more from some point on, the second of them is believed."""
     assert begun().feed(b"1,2\n1,2,3\n4,5,6\n7,8,9\n") == [(1.0, 2.0), None, (4.0, 5.0, 6.0), (7.0, 8.0, 9.0)]

@@ -104,6 +104,51 @@ def test_corrupted_and_noisy_answers(model: str) -> None:
         bus.close()
 
 
+def test_what_a_servo_said_before_it_fell_silent_counts() -> None:
+    """Answers are looked into together: those of the polls before are samples, and the servo is a silent one."""
+
+    class Dying(VirtualServo):
+        def read(self, parameters: bytes, now: float) -> bytes:
+            data = super().read(parameters, now)
+            left[0] -= 1
+            self.silent = not left[0]
+            return data
+
+    left = [3]
+    line = ServoLine([Dying(MODELS["AX-12A"], 1, MOTION), VirtualServo(MODELS["AX-12A"], 2, MOTION)])
+    with Emulator(line) as emulator:
+        bus = servo_bus(emulator.paths[0], [1, 2])
+        bus.open()
+        reading = bus.read()
+        bus.close()
+    assert sum(sample.joint == "1" for sample in reading.samples) == 3
+    assert reading.silent == ("1",)
+
+
+def test_one_wrong_checksum_loses_one_sample() -> None:
+    """Noise on the line spoils an answer: that poll is lost, the servo rests and is back, no sample is wrong."""
+
+    class Spoilt(ServoLine):
+        def emit(self, now: float) -> bytes:
+            data = super().emit(now)
+            self.corrupt = {1} if now < begin + 0.03 else set()
+            return data
+
+    begin = time.monotonic()
+    with Emulator(Spoilt.of("AX-12A", [1, 2], MOTION)) as emulator:
+        bus = servo_bus(emulator.paths[0], [1, 2])
+        bus.open()
+        begin = time.monotonic()
+        first = bus.read()
+        assert first.silent == ("1",)
+        until(lambda: any(sample.joint == "1" for sample in bus.read().samples), 1.0)
+        assert bus.read().silent == ()
+        bus.close()
+    for sample in first.samples:
+        goal = MOTION.goal(sample.time + (1.7 if sample.joint == "1" else 0.0))
+        assert sample.command == pytest.approx(goal, abs=AX_STEP / 2 + 5 * 0.005)
+
+
 def test_an_answer_in_pieces_is_put_together() -> None:
     """An adapter may hand over an answer in two; every poll still gives its sample, and nobody is silent."""
 

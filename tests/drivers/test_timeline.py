@@ -89,14 +89,14 @@ def test_samples_that_fit_nowhere_make_an_empty_block() -> None:
 
 
 def test_late_samples_are_counted() -> None:
-    """A block that arrives 0.15 s late counts its samples older than 100 ms as late."""
+    """A block that arrives 0.3 s late counts its samples older than 250 ms as late."""
     timeline = Timeline(PERIOD, WRAP)
     stamps = np.arange(1, 101) * PERIOD
     for part in np.split(stamps, 10):
         stamped(timeline, list(part), arrival=10 + float(part[-1]))
-    block = stamped(timeline, list(0.1 + stamps[:100]), arrival=10.35)
+    block = stamped(timeline, list(0.1 + stamps[:100]), arrival=10.5)
     assert block.late == 100
-    assert stamped(timeline, [0.201], arrival=10.351).late == 1
+    assert stamped(timeline, [0.201], arrival=10.501).late == 1
     assert stamped(timeline, [0.202], arrival=10.203).late == 0
 
 
