@@ -8,6 +8,7 @@ stretches, on which only the right one stays.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -17,6 +18,7 @@ import numpy as np
 
 from lostmotion.lab.follow import can_follow
 from lostmotion.lab.grow import Level, fitted
+from lostmotion.lab.heldout import FAR
 from lostmotion.lab.nudge import Near, cost_of, descended, shortlist
 from lostmotion.lab.scoretest import Direction
 from lostmotion.lab.search import doubled, full_fit, refined
@@ -42,9 +44,12 @@ FEW_NEAR, FEW_FULL, FOLLOWED = 6, 2, 4
 HOPELESS = 0.45
 """Share of missed stretches, from which on an effect is not worth finding their starts."""
 NEARER = 0.8
-"""To this part of the cost without it the first of two effects must bring nudged runs."""
+"""To this part of the cost without it the first of two effects must bring nudged runs, and the second one again."""
 LONGER = 1.2
-BEHIND, MOST_RACED = 3.0, 5
+FIRST_BEHIND, BEHIND, MOST_RACED = 1.8, 3.0, 5
+"""Times the error of the best, from which on another one is out of the race: at its start, when longer."""
+USELESS, UNRACED = 0.85, 2
+"""Share of the error without it, from which on no effect is worth a race; so many are told all the same."""
 
 
 class _OfEffect(Protocol):
@@ -99,7 +104,7 @@ def far_trials(
     strongest = [trial for trial in near[few:] if trial.effect == directions[0].effect]
     begin = [(trial.effect, trial.level.model) for trial in (*near[:few], *strongest)]
     near_by = shortlist(base, others(base.model), task, pool) if nudged else []
-    return raced_fits([*begin, *_nearest(near_by)], task, horizon_s, pool), near_by
+    return raced_fits([*begin, *_nearest(near_by)], task, horizon_s, pool, base.typical), near_by
 
 
 def pair_trials(base: Level, first: Sequence[Near], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
@@ -107,38 +112,47 @@ def pair_trials(base: Level, first: Sequence[Near], task: Task, horizon_s: float
     ones nearest to the measurement.  None where the first ones bring them hardly nearer: what is missing is another."""
     if not first or first[0].cost > NEARER * cost_of(base, task):
         return []
-    found = [pair for one in first for pair in shortlist(base, others(one.model), task, pool, one)]
-    return raced_fits(_nearest(sorted(found, key=lambda pair: pair.cost)), task, horizon_s, pool)
+    pairs = [shortlist(base, others(one.model), task, pool, one) for one in first]
+    nearer = [pair for one, found in zip(first, pairs, strict=True) for pair in found if pair.cost < NEARER * one.cost]
+    return raced_fits(_nearest(sorted(nearer, key=lambda pair: pair.cost)), task, horizon_s, pool, base.typical)
 
 
 def further_trials(base: Level, task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
     """Others, to which descents have led; for where the first search has found nothing.  None without a bar."""
     if not can_follow(task.rough, *task.experiments):
         return []
-    return raced_fits(_nearest(descended(base, others(base.model), task, pool)), task, horizon_s, pool)
+    return raced_fits(_nearest(descended(base, others(base.model), task, pool)), task, horizon_s, pool, base.typical)
 
 
 def _nearest(ordered: Sequence[Near]) -> list[tuple[str, Model]]:
     return [(near.effect, near.model) for near in ordered[:FOLLOWED]]
 
 
-def raced_fits(begin: Sequence[tuple[str, Model]], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
-    """The models with their effects fitted on all short stretches, then raced up to this length; best first."""
+def raced_fits(
+    begin: Sequence[tuple[str, Model]], task: Task, horizon_s: float, pool: Executor, before: float = math.inf
+) -> list[Trial]:
+    """The models with their effects fitted on all short stretches, then raced up to this length; best first.
+
+    before: the typical error of the short stretches without these effects; noise's is one.
+    """
     levels = pool.map(full_fit, [model for _, model in begin], [task] * len(begin), [HOPELESS] * len(begin))
-    full = [Trial(effect, level) for (effect, _), level in zip(begin, levels, strict=True)]
-    raced = best_of_each(_raced(_ordered(full), task, horizon_s, pool))
+    full = _ordered([Trial(effect, level) for (effect, _), level in zip(begin, levels, strict=True)])
+    if full and full[0].level.typical > max(USELESS * before, FAR):
+        return best_of_each(full)[:UNRACED]
+    raced = _raced(best_of_each(full), task, horizon_s, pool)
     return _ordered([_recounted(trial, task, pool) for trial in raced])
 
 
 def _raced(trials: list[Trial], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
     """The trials on longer and longer stretches, those that fall far behind the best left out."""
+    behind = FIRST_BEHIND
     while trials and trials[0].level.horizon_s * LONGER < horizon_s:
-        levels = pool.map(doubled, [t.level for t in trials], [task] * len(trials), [HOPELESS] * len(trials))
-        longer = [Trial(t.effect, level) for t, level in zip(trials, levels, strict=True) if level is not None]
+        running = [t for t in trials if t.level.typical < behind * max(trials[0].level.typical, 1.0)][:MOST_RACED]
+        levels = pool.map(doubled, [t.level for t in running], [task] * len(running), [HOPELESS] * len(running))
+        longer = [Trial(t.effect, level) for t, level in zip(running, levels, strict=True) if level is not None]
         if not longer:
             break
-        trials = _ordered(longer)
-        trials = [t for t in trials if t.level.typical < BEHIND * max(trials[0].level.typical, 1.0)][:MOST_RACED]
+        trials, behind = _ordered(longer), BEHIND
     return trials
 
 

@@ -55,6 +55,9 @@ IMITATED = {("sensor", "accel"): 1, ("oscillator", "q"): 1, ("oscillator", "q'")
 """The degree of a polynomial that bias, stiffness, damping or length imitate: it is not part of a curve."""
 WHAT = {"joint": "a torque on the joint", "oscillator": "a force on the oscillator", "sensor": "an error of the sensor"}
 
+BEST = 4
+"""So many functions, nearest with much nudging, are brought near with less."""
+
 Heights = Mapping[str, tuple[float, float]]
 """Of each parameter of a function: its value, and half the width of its 95 % interval."""
 
@@ -118,12 +121,13 @@ def _compared(
     """
     base = min((Descent.of(start, follower) for start in (base_tight.model, model)), key=attrgetter("cost"))
     models = [base.model.with_effect(guess.effect.id) for guess in found]
-    many = [follower] * len(models)
-    tight = list(pool.map(Descent.of, models, many, [TIGHT] * len(models)))
-    direct = pool.map(Descent.of, models, many)
-    after = pool.map(Descent.of, [descent.model for descent in tight], many)
+    tight = pool.map(Descent.of, models, [follower] * len(models), [TIGHT] * len(models))
+    best = sorted(zip(tight, found, models, strict=True), key=lambda one: one[0].cost)[:BEST]
+    many = [follower] * len(best)
+    direct = pool.map(Descent.of, [model for *_, model in best], many)
+    after = pool.map(Descent.of, [much.model for much, *_ in best], many)
     told = []
-    for guess, much, *little in zip(found, tight, direct, after, strict=True):
+    for (much, guess, _), *little in zip(best, direct, after, strict=True):
         less = min(little, key=attrgetter("cost"))
         told.append(_Told(guess, less.model, math.log(base_tight.cost / much.cost) + math.log(base.cost / less.cost)))
     return told

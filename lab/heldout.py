@@ -92,19 +92,16 @@ class Unseen:
         Up to two fifths of the stretches are left out, those that stand out as lost: chaos, or a start that was not
         found.
         """
-        whole, task = self.experiment, self.task
-        step, halvings = task.substep_s, task.halvings
-        pieces = tiles(whole, halvings)
-        likely = passed(model, pieces, [whole], task)
-        stretches = repaired(model, begun(model, pieces, likely, task), step)
-        while halvings > 0 and whole.duration / 2 ** (halvings - 1) <= self.horizon_s * LONGER:
-            halvings -= 1
-            stretches = repaired(model, merged(stretches, [whole], halvings), step)
-            also = [likely.get((whole.name, float(stretch.experiment.time[0]))) for stretch in stretches]
-            stretches = tuple(
-                self.pool.map(_polished, [model] * len(stretches), stretches, also, [step] * len(stretches))
-            )
-        return self.again(model, _judged(residuals(model, stretches, step), stretches, model.state_names), *others)
+        return self.again(model, _judged_on(self.experiment, model, self.task, self.horizon_s), *others)
+
+    def judge_each(self, models: Sequence[Model], *others: Judged) -> list[Judged]:
+        """The same of each model, at the same time; each also begins where another one of them follows the data."""
+        count = len(models)
+        alone = self.pool.map(
+            _judged_on, [self.experiment] * count, models, [self.task] * count, [self.horizon_s] * count
+        )
+        first = [self.again(model, own, *others) for model, own in zip(models, alone, strict=True)]
+        return [self.again(model, own, *first) for model, own in zip(models, first, strict=True)]
 
     def again(self, model: Model, judged: Judged, *others: Judged) -> Judged:
         """The same, but stretches that another model follows and this one has lost begun where that one begins: what
@@ -118,6 +115,21 @@ class Unseen:
             own, there = stretches[i].experiment.model(model), best[i].stretches[i]
             stretches[i] = _polished(model, stretches[i], start_with(own, there, best[i].states)[None], step)
         return _judged(residuals(model, stretches, step), stretches, model.state_names)
+
+
+def _judged_on(whole: Experiment, model: Model, task: Task, horizon_s: float) -> Judged:
+    step, halvings = task.substep_s, task.halvings
+    pieces = tiles(whole, halvings)
+    likely = passed(model, pieces, [whole], task)
+    stretches = repaired(model, begun(model, pieces, likely, task), step)
+    while halvings > 0 and whole.duration / 2 ** (halvings - 1) <= horizon_s * LONGER:
+        halvings -= 1
+        stretches = repaired(model, merged(stretches, [whole], halvings), step)
+        also = [likely.get((whole.name, float(stretch.experiment.time[0]))) for stretch in stretches]
+        stretches = tuple(
+            _polished(model, stretch, state, step) for stretch, state in zip(stretches, also, strict=True)
+        )
+    return _judged(residuals(model, stretches, step), stretches, model.state_names)
 
 
 def trained(level: Level, substep_s: float) -> Judged:

@@ -23,6 +23,8 @@ __all__ = ["Solution", "minimise", "robust"]
 START_PRIOR = 20.0
 """Standard deviation of the prior on a start state, in its scale, around where this minimisation began."""
 TRIALS = 6
+EDGES = 0.5
+"""Share of the stretches from which on a step that makes them worse is too long."""
 Filter = Callable[[FloatArray], FloatArray]
 
 
@@ -48,19 +50,36 @@ class Problem:
     huber: float = math.inf
     whiten: Filter | None = None
 
-    def cost(self, z: FloatArray, stretches: Sequence[Stretch]) -> float:
-        """Robust cost; infinite where the model cannot be run."""
+    def prior(self, z: FloatArray) -> float:
+        """What the parameters cost by themselves."""
+        return 0.5 * float(np.sum(((z - self.centre) / self.unknowns.prior) ** 2))
+
+    def costs(self, z: FloatArray, stretches: Sequence[Stretch]) -> FloatArray:
+        """Robust cost of each stretch (S,); infinite where the model cannot be run."""
         try:
             model = self.unknowns.put(self.model, z)
         except ModelError:
-            return math.inf
-        total = 0.5 * float(np.sum(((z - self.centre) / self.unknowns.prior) ** 2))
-        for stretch in stretches:
-            r = self._filtered(stretch.residual(stretch.experiment.model(model), stretch.start, self.substep_s))
-            total += float(robust(r, self.huber))
-            if not math.isfinite(total):
-                return math.inf
-        return total
+            return np.full(len(stretches), np.inf)
+        r = (s.residual(s.experiment.model(model), s.start, self.substep_s) for s in stretches)
+        return np.array([float(robust(self._filtered(one), self.huber)) for one in r])
+
+    def moved(
+        self, z: FloatArray, stretches: Sequence[Stretch], ds: Sequence[FloatArray], before: FloatArray
+    ) -> tuple[tuple[Stretch, ...], FloatArray]:
+        """The stretches at other parameters with their starts moved, and their costs (S,).
+
+        A few that this makes worse stay where they began, if that is better: one start at the edge of an impact shall
+        not hold up all others.  Where it makes many worse, the step is too long.  before: (S,) their costs.
+        """
+        there = [s.starting(s.start + s.scale * d) for s, d in zip(stretches, ds, strict=True)]
+        costs = self.costs(z, there)
+        worse = np.flatnonzero(~(costs < before)).tolist()
+        if len(worse) >= EDGES * len(there):
+            return tuple(there), costs
+        for i, stayed in zip(worse, self.costs(z, [stretches[i] for i in worse]), strict=True):
+            if stayed < costs[i]:
+                there[i], costs[i] = stretches[i], stayed
+        return tuple(there), costs
 
     def linearised(self, z: FloatArray, stretch: Stretch) -> Linearised:
         """Of one stretch, filtered."""
@@ -89,7 +108,8 @@ def minimise(
     z, stretches = z.copy(), tuple(stretches)
     low, high = problem.unknowns.bounds
     home = [stretch.start for stretch in stretches]
-    cost, damping = problem.cost(z, stretches), 1e-3
+    costs = problem.costs(z, stretches)
+    cost, damping = problem.prior(z) + float(costs.sum()), 1e-3
     for _ in range(iterations):
         if not math.isfinite(cost):
             break
@@ -101,10 +121,10 @@ def minimise(
         for _ in range(TRIALS):
             dz, ds = _step(problem, z, blocks, pull, damping, (low, high), states)
             new_z = np.clip(z + dz, low, high)
-            moved = tuple(s.starting(s.start + s.scale * d) for s, d in zip(stretches, ds, strict=True))
-            new_cost = problem.cost(new_z, moved)
+            there, new_costs = problem.moved(new_z, stretches, ds, costs)
+            new_cost = problem.prior(new_z) + float(new_costs.sum())
             if new_cost < cost:
-                z, stretches, cost, damping = new_z, moved, new_cost, max(damping / 8, 1e-9)
+                z, stretches, costs, cost, damping = new_z, there, new_costs, new_cost, max(damping / 8, 1e-9)
                 break
             damping = max(damping * 6, 1e-6)
         if before - cost <= tolerance * before:

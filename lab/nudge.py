@@ -70,9 +70,9 @@ def shortlist(
     """
     model = beside.model if beside else base.model
     follower, size, count = _follower(model, task), sizes(base.model, base.stretches, task.substep_s), len(effects)
-    first = pool.map(_begun, effects, [model] * count, [follower] * count, [size] * count, [seed] * count)
+    first = pool.map(_begun, effects, [model] * count, [follower.alone()] * count, [size] * count, [seed] * count)
     best = sorted(zip(first, effects, strict=True), key=lambda pair: pair[0].costs.min())[: FEW if beside else KEPT]
-    found = pool.map(_finished, *zip(*best, strict=True))
+    found = pool.map(_finished, *zip(*best, strict=True), [follower] * len(best))
     return sorted(found, key=lambda near: near.cost)
 
 
@@ -138,9 +138,13 @@ class _Population:
 
     def loosen(self) -> None:
         """Some more generations with little nudging."""
-        self._coupling = WEAK
-        self.costs = np.array([self._cost(model, one) for model, one in zip(self._models, self._z, strict=True)])
+        self.judge_by(self._follower, WEAK)
         self.evolve(FINAL_GENERATIONS)
+
+    def judge_by(self, follower: Follower, coupling: float = STRONG) -> None:
+        """From now on, costs are these."""
+        self._follower, self._coupling = follower, coupling
+        self.costs = np.array([self._cost(model, one) for model, one in zip(self._models, self._z, strict=True)])
 
     def evolve(self, generations: int) -> None:
         """Differential evolution, current to p-best."""
@@ -209,7 +213,8 @@ def _opposite(model: Model, values: dict[str, float]) -> dict[str, float]:
     return {name: -values[name] for name in may if "." in name and not name.endswith(".phi")}
 
 
-def _finished(population: _Population, effect: str) -> Near:
+def _finished(population: _Population, effect: str, follower: Follower) -> Near:
+    population.judge_by(follower)
     population.evolve(FINAL_GENERATIONS)
     population.loosen()
     return population.near(effect)

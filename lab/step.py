@@ -139,9 +139,8 @@ def _strongest(*scores: Scores) -> list[Direction]:
 
 def on_unseen(trials: Sequence[Trial], now: Judged, unseen: Unseen) -> list[Tried]:
     """The trials judged, each beginning stretches that it has lost where another one follows them."""
-    alone = [unseen.judge(trial.level.model, now) for trial in trials]
-    every = [unseen.again(trial.level.model, own, *alone) for trial, own in zip(trials, alone, strict=True)]
-    return [Tried(trial.effect, trial.level, judged) for trial, judged in zip(trials, every, strict=True)]
+    judged = unseen.judge_each([trial.level.model for trial in trials], now)
+    return [Tried(trial.effect, trial.level, own) for trial, own in zip(trials, judged, strict=True)]
 
 
 def _first(best: Tried, tried: Sequence[Tried]) -> tuple[Tried, ...]:
