@@ -6,7 +6,6 @@ over phases of the motion, in frequency and over every state (maps.py); blame.py
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,22 +15,21 @@ import numpy as np
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab import words
-from lostmotion.lab.bands import Spectra, spectra
+from lostmotion.lab.bands import Spectra
 from lostmotion.lab.blame import Blame, blame
 from lostmotion.lab.experiment import Experiment
-from lostmotion.lab.maps import ResidualMap, residual_maps
+from lostmotion.lab.left import Block, Left, PhaseError, root_mean_square
+from lostmotion.lab.maps import ResidualMap
 from lostmotion.lab.noise import NoiseModel, innovation_noise, quiet_noise
-from lostmotion.lab.phases import phases
 from lostmotion.lab.predict import Prediction, predict
 from lostmotion.lab.start import FINE, find_start, polished, stretch_of
 from lostmotion.lab.stretch import Stretch
-from lostmotion.lab.whiteness import Correlation, autocorrelation, cross_correlation, fit_percent
+from lostmotion.lab.whiteness import Correlation, fit_percent
 from lostmotion.model import Model, predictability_horizon
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Block", "Comparison", "Overlay", "PhaseError", "compare"]
+__all__ = ["Comparison", "Overlay", "compare"]
 
-BLOCKS = 20
 BLAMED = 900
 START_S = 0.5
 """Of gears, which forget where they began; other motions show their start to the end."""
@@ -42,9 +40,6 @@ LONGER = (2.0, 1.25)
 POLISHING = 4
 GOOD = 1.15
 """Times the noise up to which an error is the noise's own."""
-MOTION = {"position": "theta_2", "velocity": "omega_2", "acceleration": "acceleration", "torque": "torque",
-          "displacement": "q", "gap": "gap", "command": "command"}  # fmt: skip
-"""Signals of the model that the residual is held against, and what they are called there; force has two meanings."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,32 +63,12 @@ class Overlay:
     @property
     def rms(self) -> float:
         """Of the residual."""
-        return _rms(self.residual)
+        return root_mean_square(self.residual)
 
     @property
     def fit_percent(self) -> float:
         """100 (1 - |residual|/|measured - its mean|) [%]."""
         return fit_percent(self.measured, self.modelled)
-
-
-@dataclass(frozen=True)
-class PhaseError:
-    """Root mean square of the residual in one phase of the motion, its share of samples and of the squared error."""
-
-    phase: str
-    rms: float
-    samples: float
-    error: float
-
-
-@dataclass(frozen=True)
-class Block:
-    """Root mean square of the residual in a stretch of time [s]."""
-
-    recording: str
-    start: float
-    stop: float
-    rms: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,12 +102,12 @@ class Comparison:
 
     def rms(self, column: str) -> float:
         """Of all residuals of that column."""
-        return _rms(np.concatenate([one.residual for one in self.of(column)]))
+        return root_mean_square(np.concatenate([one.residual for one in self.of(column)]))
 
     def fit_percent(self, column: str) -> float:
         """Of that column over all recordings [%]."""
         pairs = [(one.measured - np.nanmean(one.measured), one.residual) for one in self.of(column)]
-        spread, error = (_rms(np.concatenate(part)) for part in zip(*pairs, strict=True))
+        spread, error = (root_mean_square(np.concatenate(part)) for part in zip(*pairs, strict=True))
         return 100 * (1 - error / max(spread, 1e-300))
 
     @property
@@ -183,8 +158,8 @@ def compare(
     """Simulates every experiment and looks at what is left.
 
     starts: the state (n,) at each experiment's first sample, searched for when left out; recordings: those that the
-    experiments came from, for the temperature; samples: of all
-    experiments together on which the equations are tried, 0 for none.  Raises ModelError where the model cannot be run.
+    experiments came from, for the temperature; samples: of all experiments together on which the equations are tried, 0
+    for none.  Raises ModelError where the model cannot be run.
     """
     columns = list(dict.fromkeys(name for one in experiments for name in one.measured))
     floor = {name: _floor(name, experiments) for name in columns}
@@ -195,7 +170,7 @@ def compare(
     noise = {name: _noise(name, predictions, floor[name]) for name in columns}
     overlays = tuple(_overlays(predictions, horizons, noise))
     temperatures = [_temperature(one, recordings) for one in experiments]
-    found = {name: _Column(model.base, name, predictions, temperatures, noise[name]) for name in columns}
+    found = {name: Left(model.base, name, predictions, temperatures, noise[name]) for name in columns}
     found_all = Comparison(
         model, tuple(experiments), tuple(starts), overlays, noise,
         {name: one.tests() for name, one in found.items()},
@@ -207,87 +182,6 @@ def compare(
     if found_all.is_noise or not samples:
         return found_all
     return replace(found_all, blame=blame(model, experiments, starts, floor, samples))
-
-
-class _Column:
-    """What is left of one column in all recordings that have it."""
-
-    def __init__(
-        self,
-        base: str,
-        name: str,
-        predictions: Sequence[Prediction],
-        temperatures: Sequence[FloatArray | None],
-        noise: NoiseModel,
-    ) -> None:
-        pairs = [(one, t) for one, t in zip(predictions, temperatures, strict=True) if name in one.experiment.measured]
-        self.base, self.name, self.noise = base, name, noise
-        self.predictions = [one for one, _ in pairs]
-        self.temperatures = [t for _, t in pairs]
-        self.residuals = [one.residual(name) for one in self.predictions]
-        self.own = innovation_noise(*self.residuals)
-
-    def tests(self) -> dict[str, Correlation]:
-        """Of the longest recording: the residual with itself, with the input and with the input's rate."""
-        longest = int(np.argmax([r.size for r in self.residuals]))
-        residual, experiment = self.residuals[longest], self.predictions[longest].experiment
-        tests = {"residual with itself": autocorrelation(residual)}
-        if experiment.drive is not None:
-            for name, series in (("input", experiment.drive.position), ("input's rate", experiment.drive.velocity)):
-                source = np.asarray(series(experiment.time))
-                if np.ptp(source) > 0:
-                    tests[f"residual with the {name}"] = cross_correlation(residual, source, noise=self.own)
-        return tests
-
-    def phases(self) -> tuple[PhaseError, ...]:
-        """The phase with the largest share of the error first."""
-        squares: dict[str, list[FloatArray]] = {}
-        for prediction, residual in zip(self.predictions, self.residuals, strict=True):
-            for phase, mask in phases(self.base, prediction.trajectory).items():
-                inside = residual[mask & np.isfinite(residual)] ** 2
-                squares.setdefault(phase, []).append(inside)
-        all_of_it = np.concatenate([part for parts in squares.values() for part in parts])
-        found = [_phase(name, np.concatenate(parts), all_of_it) for name, parts in squares.items()]
-        return tuple(sorted((one for one in found if one.samples > 0), key=lambda one: -one.error))
-
-    def blocks(self) -> tuple[Block, ...]:
-        """Twenty for each recording."""
-        found = []
-        for prediction, residual in zip(self.predictions, self.residuals, strict=True):
-            time = prediction.experiment.time
-            edges = np.linspace(time[0], time[-1], BLOCKS + 1)
-            for start, stop in itertools.pairwise(edges):
-                inside = residual[(time >= start) & (time <= stop)]
-                if np.any(np.isfinite(inside)):
-                    found.append(Block(prediction.experiment.name, float(start), float(stop), _rms(inside)))
-        return tuple(found)
-
-    def spectra(self) -> Spectra:
-        """Over all recordings, against the noise."""
-        measured = [one.experiment.measured[self.name] for one in self.predictions]
-        return spectra(measured, self.residuals, self.predictions[0].experiment.rate_hz, self.noise)
-
-    def maps(self) -> tuple[ResidualMap, ...]:
-        """Over every state of the motion."""
-        given = [_variables(one, t) for one, t in zip(self.predictions, self.temperatures, strict=True)]
-        common = [name for name in given[0] if all(name in other for other in given)]
-        return residual_maps(self.residuals, {name: [one[name] for one in given] for name in common})
-
-
-def _variables(prediction: Prediction, temperature: FloatArray | None) -> dict[str, FloatArray]:
-    """What the residual may depend on, (N,) each."""
-    trajectory = prediction.trajectory
-    found = {MOTION[name]: values for name, values in trajectory.signals.items() if name in MOTION}
-    if "force" in trajectory.signals:
-        found["load" if "gap" in trajectory.signals else "force"] = trajectory["force"]
-    if "displacement" in trajectory.signals:
-        found["q'"] = np.gradient(trajectory["displacement"], trajectory.time)
-    if "position" not in trajectory.signals:  # the oscillator alone: no joint, no speed of one
-        found.pop("omega_2", None)
-    found["time"] = trajectory.time
-    if temperature is not None:
-        found["temperature"] = temperature
-    return found
 
 
 def _overlays(
@@ -335,7 +229,7 @@ def _start(model: Model, experiment: Experiment, floor: Mapping[str, NoiseModel]
 
 def _off(stretch: Stretch, model: Model, step: float) -> float:
     """How far the model is off, in units of the noise."""
-    return _rms(stretch.residual(stretch.experiment.model(model), stretch.start, step))
+    return root_mean_square(stretch.residual(stretch.experiment.model(model), stretch.start, step))
 
 
 def _horizon(model: Model, prediction: Prediction, start: FloatArray) -> float:
@@ -354,12 +248,6 @@ def _temperature(experiment: Experiment, recordings: Sequence[Recording]) -> Flo
     return None
 
 
-def _phase(name: str, squares: FloatArray, all_of_it: FloatArray) -> PhaseError:
-    share = float(squares.sum() / max(all_of_it.sum(), 1e-300))
-    rms = float(np.sqrt(squares.mean())) if squares.size else 0.0
-    return PhaseError(name, rms, squares.size / all_of_it.size, share)
-
-
 def _map(one: ResidualMap) -> dict[str, Any]:
     arrays = {"x": one.x.tolist(), "mean": one.mean.tolist(), "half_width": one.half_width.tolist()}
     return {"variable": one.variable, "unit": words.variable(one.variable)[1], "explained": one.explained,
@@ -370,7 +258,3 @@ def _row(one: Overlay) -> dict[str, Any]:
     horizon = one.horizon_s if math.isfinite(one.horizon_s) else None
     return {"recording": one.recording, "column": one.column, "fit_percent": one.fit_percent, "rms": one.rms,
             "noise": one.noise, "unit": one.unit, "horizon_s": horizon}  # fmt: skip
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.nanmean(values**2)))

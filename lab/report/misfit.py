@@ -10,7 +10,8 @@ from pathlib import PurePath
 import numpy as np
 
 from lostmotion.lab import words
-from lostmotion.lab.compare import Block, Comparison, Overlay, PhaseError
+from lostmotion.lab.compare import Comparison, Overlay
+from lostmotion.lab.left import Block, PhaseError
 from lostmotion.lab.maps import ResidualMap
 from lostmotion.lab.quantity import number, quantities, with_unit
 from lostmotion.lab.report.plots import curve, history, spectrum, stems
