@@ -7,7 +7,7 @@ import re
 import sys
 from pathlib import Path
 
-__all__ = ["cpu_seconds", "memory_mb", "run_command", "windows"]
+__all__ = ["cpu_seconds", "memory_mb", "run_command", "waits", "windows"]
 
 
 def run_command(config: Path) -> list[str]:
@@ -19,6 +19,12 @@ def cpu_seconds(pid: int) -> float:
     """User and system time that a process has used [s]."""
     fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def waits(pid: int) -> int:
+    """How often the threads that it has now have waited for something."""
+    texts = [(thread / "status").read_text() for thread in Path(f"/proc/{pid}/task").iterdir()]
+    return sum(int(number) for text in texts for number in re.findall(r"\nvoluntary_ctxt_switches:\s+(\d+)", text))
 
 
 def memory_mb(pid: int, kind: str) -> float:

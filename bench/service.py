@@ -2,34 +2,30 @@
 
     python -m bench.service [--duration 600] [--accel csv:1000] [--sinks]
 
-Six AX-12A at 100 Hz on one line and one accelerometer answer from another process.  What a process costs that only
-exchanges the same bytes, and does nothing with them, stands beside it: the floor that wake-ups set on this machine.
-With --sinks Zenoh, CAN and metrics are on as well, and heard.
+Six AX-12A at 100 Hz on one line and one accelerometer answer from another process.  What a process costs that at the
+same time only exchanges as many bytes (``floor.py``) stands beside it: the floor that wake-ups set on this machine, and
+what another program on it adds to both.  With --sinks Zenoh, CAN and metrics are on as well, and heard.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
-import select
 import signal
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 
-from serial import Serial
-
-from bench.process import cpu_seconds, memory_mb, run_command, windows
+from bench.process import cpu_seconds, memory_mb, run_command, waits, windows
 from bench.sinks import all_sinks
-from lostmotion.drivers.codec.dynamixel import READ, Packet, encode
 
 GOAL_CORE, GOAL_MB = 0.05, 80.0
 WARM_UP_S = 5.0
-LONGEST_FLOOR_S = 20.0
 JOINT = """
 [[joint]]
 name = "j{0}"
@@ -51,46 +47,57 @@ def main(arguments: Sequence[str] = ()) -> None:
     given = parser.parse_args(arguments)
     print(f"service, 6 AX-12A at 100 Hz, {given.duration:g} s{', all sinks on' if given.sinks else ''}")
     print(f"goal: at most {GOAL_CORE:.0%} of a core and {GOAL_MB:g} MB, no window lost")
-    print(f"{'accelerometer':<16}{'core':>8}{'bytes only':>12}{'RSS MB':>9}{'triggered':>11}{'scored':>8}{'lost':>6}")
+    print(
+        f"{'accelerometer':<16}{'core':>8}{'bytes only':>12}{'times':>7}{'waits/s':>9}{'RSS MB':>9}"
+        f"{'triggered':>11}{'scored':>8}{'lost':>6}"
+    )
     for accel in given.accel or ["csv:1000", "witmotion:200"]:
-        floor = measure_floor(accel, min(given.duration, LONGEST_FLOOR_S))
         with all_sinks() if given.sinks else nullcontext("") as tables:
-            core, rss_mb, (triggered, scored, lost) = measure(accel, given.duration, tables)
+            cost, (triggered, scored, lost) = measure(accel, given.duration, tables)
         print(
-            f"{accel:<16}{core:>8.2%}{floor:>12.2%}{rss_mb:>9.1f}{triggered:>11}{scored:>8}{lost:>6}",
+            f"{accel:<16}{cost.core:>8.2%}{cost.floor:>12.2%}{cost.core / cost.floor:>7.2f}{cost.waits_hz:>9.0f}"
+            f"{cost.rss_mb:>9.1f}{triggered:>11}{scored:>8}{lost:>6}",
             flush=True,
         )
 
 
-def measure(accel: str, duration_s: float, tables: str) -> tuple[float, float, tuple[int, int, int]]:
-    """Share of a core after the warm-up, peak resident memory [MB], and windows triggered, scored and lost."""
-    with tempfile.TemporaryDirectory() as name, running_service(Path(name), accel, tables) as process:
+@dataclass(frozen=True)
+class Cost:
+    """Shares of a core of the service and of the same exchange of bytes alone, how often a second the service's threads
+    wait, and its peak resident memory [MB]."""
+
+    core: float
+    floor: float
+    waits_hz: float
+    rss_mb: float
+
+
+def measure(accel: str, duration_s: float, tables: str) -> tuple[Cost, tuple[int, int, int]]:
+    """The cost after the warm-up; windows triggered, scored and lost."""
+    with (
+        tempfile.TemporaryDirectory() as name,
+        running_floor(accel) as floor,
+        running_service(Path(name), accel, tables) as process,
+    ):
         time.sleep(WARM_UP_S)
-        before, start = cpu_seconds(process.pid), time.monotonic()
+        before, start = (cpu_seconds(process.pid), cpu_seconds(floor), waits(process.pid)), time.monotonic()
         time.sleep(duration_s)
-        core = (cpu_seconds(process.pid) - before) / (time.monotonic() - start)
-        rss_mb = memory_mb(process.pid, "VmHWM")
+        after, seconds = (cpu_seconds(process.pid), cpu_seconds(floor), waits(process.pid)), time.monotonic() - start
+        core, beside, waits_hz = ((b - a) / seconds for a, b in zip(before, after, strict=True))
+        cost = Cost(core, beside, waits_hz, memory_mb(process.pid, "VmHWM"))
         process.send_signal(signal.SIGTERM)
         _, text = process.communicate(timeout=30)
-    return core, rss_mb, windows(text)
+    return cost, windows(text)
 
 
-def measure_floor(accel: str, duration_s: float) -> float:
-    """Share of a core of this process while it exchanges the service's bytes with the emulators."""
-    requests = [encode(Packet(number, READ, bytes((30, 14))), protocol=1) for number in range(1, 7)]
-    with running_emulators(accel) as ports, ExitStack() as stack:
-        line, sensor = (stack.enter_context(Serial(port, timeout=0)) for port in ports)
-        answer = select.poll()
-        answer.register(line.fileno(), select.POLLIN)
-        before, start = time.process_time(), time.monotonic()
-        for cycle in range(int(duration_s * 100)):
-            time.sleep(max(0.0, start + cycle / 100 - time.monotonic()))
-            for request in requests:
-                os.write(line.fileno(), request)
-                answer.poll(100)
-                os.read(line.fileno(), 64)
-            sensor.read(1024)
-        return (time.process_time() - before) / (time.monotonic() - start)
+@contextmanager
+def running_floor(accel: str) -> Iterator[int]:
+    """A process that only exchanges the service's bytes, with emulators of its own; its number."""
+    with running_emulators(accel) as ports, subprocess.Popen([sys.executable, "-m", "bench.floor", *ports]) as process:
+        try:
+            yield process.pid
+        finally:
+            process.kill()
 
 
 @contextmanager

@@ -196,7 +196,7 @@ class BusPoller(Poller):
         if not samples:
             return
         account.samples += len(samples)
-        account.heard.update((sample.joint, now) for sample in samples)
+        account.heard.update(dict.fromkeys([sample.joint for sample in samples], now))
         self._inbox.servo.append((self._bus.resolution_rad, samples))
         self._inbox.bell.ring()
         while self._waits and len(self._inbox.servo) > INBOX_READINGS and not self._stop.is_set():

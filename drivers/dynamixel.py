@@ -11,6 +11,7 @@ import math
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 
 from dynamixel_sdk import COMM_RX_TIMEOUT, COMM_SUCCESS, Protocol1PacketHandler, Protocol2PacketHandler
 
@@ -109,6 +110,7 @@ class DynamixelBus:
         self._port = BusPort(joints[0].port, joints[0].baudrate)
         self._handlers = {1: Protocol1PacketHandler(), 2: Protocol2PacketHandler()}
         self.resolution_rad = max(servo.model.step for servo in self._servos)
+        self._awake = 0.0  # from then on no servo rests [s]
 
     def open(self) -> None:
         """Takes the port.  Raises PortError."""
@@ -162,6 +164,7 @@ class DynamixelBus:
             group.due = self._clock.now()
         for servo in self._servos:
             servo.rests_until = servo.pause = 0.0
+        self._awake = 0.0
 
     def _ping(self, servo: _Servo) -> tuple[int | None, int]:
         """The model number that answers at this id and the protocol it speaks, its own one first."""
@@ -187,7 +190,9 @@ class DynamixelBus:
         now, lost = self._clock.now(), 0
         for group in self._groups:
             if group.due <= now:
-                asked = [servo for servo in group.servos if servo.rests_until <= now]
+                asked = group.servos
+                if now < self._awake:
+                    asked = [servo for servo in asked if servo.rests_until <= now]
                 if group.servos[0].model.protocol == 1:
                     self._read_in_turn(asked, told)
                 else:
@@ -203,8 +208,7 @@ class DynamixelBus:
         """
         while servos:
             questions = [servo.question for servo in servos if servo.question]
-            exchanges = [question.exchange for question in questions]
-            answers, good = self._port.ask(exchanges, questions[0].length, self._clock.now)
+            answers, good = self._port.ask(questions, self._clock.now)
             told.extend(zip(servos, answers, strict=False))
             if not good:
                 servo, (asked, answer) = told.pop()
@@ -263,10 +267,11 @@ class DynamixelBus:
         servo.pause = 0.0 if good else min(2 * servo.pause, LONGEST_PAUSE_S) or FIRST_PAUSE_S
         if not good:
             servo.rests_until = self._clock.now() + servo.pause
+            self._awake = max(self._awake, servo.rests_until)
 
     def _turn(self) -> float:
         """When servos are to be asked next [s]."""
-        return min([group.due for group in self._groups])
+        return min(self._groups, key=attrgetter("due")).due
 
     def _silent(self) -> tuple[str, ...]:
         return tuple(servo.joint for servo in self._servos if servo.pause)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 
-from lostmotion.drivers.serial_port import SerialPort
+from lostmotion.drivers.serial_port import Exchange, SerialPort
 
 __all__ = ["BusPort"]
 
@@ -50,9 +50,7 @@ class BusPort:
             heard = self._port.read(left)
         return heard
 
-    def ask(
-        self, exchanges: Sequence[tuple[bytes, bytes]], length: int, now: Callable[[], float]
-    ) -> tuple[list[tuple[float, bytes]], bool]:
+    def ask(self, exchanges: Sequence[Exchange], now: Callable[[], float]) -> tuple[list[tuple[float, bytes]], bool]:
         """Asks one servo after the other: the time ``now`` of each request, and what came in; whether all of that looks
         like answers: see ``SerialPort.converse``.
 
@@ -61,9 +59,10 @@ class BusPort:
         """
         if not self._quiet:
             self.clearPort()
-        heard = self._port.converse(exchanges, length, self._patience(length), now)
-        answer, start = heard[-1][1], exchanges[len(heard) - 1][1]
-        self._quiet = len(answer) == length and answer.startswith(start)
+        length = exchanges[0].length
+        heard = self._port.converse(exchanges, length * self._byte_s + LATENCY_S, now)
+        answer = heard[-1][1]
+        self._quiet = len(answer) == length and answer.startswith(exchanges[len(heard) - 1].start)
         if not self._quiet:
             self._received = answer
             self.setPacketTimeout(length)
@@ -94,12 +93,8 @@ class BusPort:
 
     def setPacketTimeout(self, packet_length: int) -> None:  # noqa: N802
         """An answer of so many bytes is expected from now on."""
-        self._deadline = time.monotonic() + self._patience(packet_length)
+        self._deadline = time.monotonic() + packet_length * self._byte_s + LATENCY_S
 
     def isPacketTimeout(self) -> bool:  # noqa: N802
         """Whether the answer should have come by now."""
         return time.monotonic() >= self._deadline
-
-    def _patience(self, length: int) -> float:
-        """How long an answer of so many bytes may take [s]."""
-        return length * self._byte_s + LATENCY_S

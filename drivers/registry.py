@@ -7,10 +7,13 @@ the others (nor the simulator's compiler) in memory.
 from __future__ import annotations
 
 import importlib
-from importlib.metadata import entry_points
+from typing import TYPE_CHECKING
 
 from lostmotion.drivers.base import Driver
 from lostmotion.drivers.errors import UnknownDriverError
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoints
 
 __all__ = ["ENTRY_POINT_GROUP", "get_driver", "names"]
 
@@ -27,16 +30,23 @@ BUILT_IN = {
 
 def names() -> list[str]:
     """The names of all drivers that can be asked for."""
-    return sorted({*BUILT_IN, *(point.name for point in entry_points(group=ENTRY_POINT_GROUP))})
+    return sorted({*BUILT_IN, *(point.name for point in _entry_points())})
 
 
 def get_driver(name: str) -> Driver:
     """The driver of that name.  Raises UnknownDriverError, also when an installed plug-in cannot be imported."""
     if name in BUILT_IN:
         return _load(name, BUILT_IN[name])
-    for point in entry_points(group=ENTRY_POINT_GROUP, name=name):
-        return _load(name, point.value)
+    for point in _entry_points():
+        if point.name == name:
+            return _load(name, point.value)
     raise UnknownDriverError(f"no driver is called {name!r}; there are {', '.join(names())}")
+
+
+def _entry_points() -> EntryPoints:
+    from importlib.metadata import entry_points  # 3 MB that a robot with our own drivers does not need
+
+    return entry_points(group=ENTRY_POINT_GROUP)
 
 
 def _load(name: str, target: str) -> Driver:

@@ -12,17 +12,26 @@ import os
 import select
 import termios
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Protocol
 
 import serial
 
 from lostmotion.drivers.errors import PortError
 
-__all__ = ["SerialPort"]
+__all__ = ["Exchange", "SerialPort"]
 
 CHUNK = 4096
 """as many bytes as a Linux tty holds"""
+
+
+class Exchange(Protocol):
+    """What is asked, and how the answer begins and how long it is [bytes]."""
+
+    request: bytes
+    start: bytes
+    length: int
 
 
 class SerialPort:
@@ -64,13 +73,12 @@ class SerialPort:
             return self._receive(self._fd(), max(0.0, timeout_s * 1000))
 
     def converse(
-        self, exchanges: Sequence[tuple[bytes, bytes]], length: int, timeout_s: float, now: Callable[[], float]
+        self, exchanges: Iterable[Exchange], timeout_s: float, now: Callable[[], float]
     ) -> list[tuple[float, bytes]]:
         """Sends a request, waits for its answer, sends the next one: the time ``now`` of each, and what came in.
 
-        exchanges: each request, and how its answer begins.  The first answer that begins otherwise, or is not
-        ``length`` bytes long, ends it; that is b"" where none came within ``timeout_s``.  Raises PortError when the
-        port is closed or gone.
+        The first answer that begins otherwise, or is of another length, ends it; that is b"" where none came within
+        ``timeout_s``.  Raises PortError when the port is closed or gone.
 
         All requests in one call, with nothing else between them: what Python does right after a wait costs several
         times as much as at other times, because the caches are cold.
@@ -79,16 +87,15 @@ class SerialPort:
         with self._busy:
             fd, answered, timeout_ms = self._fd(), self._poll.poll, timeout_s * 1000
             try:
-                for request, start in exchanges:
-                    asked = now()
-                    os.write(fd, request)
-                    answer = b""
+                for exchange in exchanges:
+                    asked, answer = now(), b""
+                    os.write(fd, exchange.request)
                     if answered(timeout_ms) and not (answer := os.read(fd, CHUNK)):
                         raise self._gone(None)
                     heard.append((asked, answer))
-                    if len(answer) != length or not answer.startswith(start):
+                    if len(answer) != exchange.length or not answer.startswith(exchange.start):
                         break
-            except BlockingIOError:
+            except BlockingIOError:  # the line takes nothing, or another reader was quicker
                 heard.append((asked, b""))
             except OSError as error:
                 raise self._gone(error) from error

@@ -49,19 +49,19 @@ class Packet:
 
 
 class Question:
-    """A read instruction of protocol 1.0, made once and asked often.
+    """A read instruction of protocol 1.0, made once and asked often: ``request`` is its frame.
 
-    ``exchange`` is its frame, and how its answer begins, which holds ``size`` parameters from ``address`` on and is
-    ``length`` bytes long.
+    The answer, which holds ``size`` parameters from ``address`` on, begins with ``start`` and is ``length`` bytes long.
     """
 
     def __init__(self, id: int, address: int, size: int) -> None:
-        self.exchange = (_encode_1(Packet(id, READ, bytes((address, size)))), HEADER_1 + bytes((id, size + 2)))
+        self.request = _encode_1(Packet(id, READ, bytes((address, size))))
+        self.start = HEADER_1 + bytes((id, size + 2))
         self.length = size + 6
 
     def parameters(self, answer: bytes) -> bytes:
         """Those of a frame that is this answer and nothing else, whatever its error byte says; else none."""
-        whole = len(answer) == self.length and answer.startswith(self.exchange[1]) and sum(answer) & 0xFF == SUM_1
+        whole = len(answer) == self.length and answer.startswith(self.start) and sum(answer) & 0xFF == SUM_1
         return answer[5:-1] if whole else b""
 
 

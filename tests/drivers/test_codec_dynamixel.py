@@ -68,11 +68,10 @@ def test_a_truncated_frame_loses_only_itself(packets: list[Packet], protocol: in
 def test_a_question_knows_its_plain_answer(id: int, error: int, data: bytes) -> None:
     """The request is the READ instruction; of the servo's status packet it gives the data, whatever the error byte."""
     question = Question(id, 30, 14)
-    request, start = question.exchange
-    assert decoder(1).feed(request) == [Packet(id, READ, bytes((30, 14)))]
+    assert decoder(1).feed(question.request) == [Packet(id, READ, bytes((30, 14)))]
     answer = encode(Packet(id, error, data), 1)
     assert len(answer) == question.length
-    assert answer.startswith(start)
+    assert answer.startswith(question.start)
     assert question.parameters(answer) == data
 
 
