@@ -42,6 +42,8 @@ NEARER = 0.05
 """or the cost of nudged runs, with much and with little nudging together, by this much in its logarithm."""
 SHORT = 0.9
 """Share of a curve's weighted variance from which on a formula fits it."""
+LEAST_POINTS = 3
+"""Fewer heights that are known make no curve."""
 FORMS: Mapping[str, Callable[[FloatArray], FloatArray]] = {
     "{a}": np.ones_like,
     "{a} {x}": lambda x: x,
@@ -154,6 +156,8 @@ def _finding(guess: Guess, heights: Heights | None = None) -> Finding:
         return Finding(acts_on, guess.depends_on, f"{what} is missing; {follows}")
     degree = IMITATED.get((acts_on, guess.depends_on[0]), -1)
     curve = _curve(guess, heights, degree)
+    if len(curve.x) < LEAST_POINTS:
+        return _finding(guess)
     size = quantity(float(np.max(np.abs(curve.mean))), guess.unit, 2)
     formula = None if rubs else _formula(curve, degree)
     return Finding(acts_on, guess.depends_on, f"{what} of up to {size} is missing; {follows}", curve, formula)
@@ -185,7 +189,7 @@ def _formula(curve: Curve, degree: int) -> str | None:
     for form, function in FORMS.items():
         shape = _beyond(function(curve.x), curve.x, deviation, degree)
         power = float(np.sum((shape / deviation) ** 2))
-        if power < 1e-9 * float(np.sum((function(curve.x) / deviation) ** 2)):
+        if power <= 1e-9 * float(np.sum((function(curve.x) / deviation) ** 2)):
             continue  # the base imitates it
         a = float(np.sum(shape * curve.mean / deviation**2)) / power
         left = float(np.sum(((curve.mean - a * shape) / deviation) ** 2)) / total

@@ -9,13 +9,15 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from lostmotion.drivers.recording import Recording
-from lostmotion.lab.describe import described
+from lostmotion.lab.curves import Guess
+from lostmotion.lab.describe import _finding, described
 from lostmotion.lab.experiment import experiments
 from lostmotion.lab.fit import noise_of
 from lostmotion.lab.results import Finding
 from lostmotion.lab.search import first_fit
 from lostmotion.lab.task import Task
 from lostmotion.model import Model, Parameter, build_model, catalogue
+from lostmotion.model.effects import get_effect
 from tests.lab.gears import moved
 
 NOISE, LENGTH = 0.1, 3.0
@@ -112,3 +114,14 @@ def test_friction_with_the_cube_of_the_speed() -> None:
 def test_the_catalogue_is_as_it_was() -> None:
     """Functions that were tried are no effects for others."""
     assert not [effect.id for effect in catalogue() if effect.id.startswith("unknown")]
+
+
+def test_one_known_height_is_no_curve() -> None:
+    """Where the fit tells only the height at rest, the finding says on what it depends, and draws nothing."""
+    x = np.linspace(-2.0, 2.0, 5)
+    guess = Guess(get_effect("viscous_friction"), "N m", ("omega_2",), x, np.ones(5, dtype=bool))
+    told = _finding(guess, {name: (0.1, 0.01 if i == 2 else 1e3) for i, name in enumerate(guess.heights)})
+    assert (told.depends_on, told.curve, told.formula) == (("omega_2",), None, None)
+    known = _finding(guess, {name: (0.3 * at, 0.01) for name, at in zip(guess.heights, x, strict=True)})
+    assert known.curve is not None
+    assert known.formula == "0.3 omega_2"
