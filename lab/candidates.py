@@ -43,8 +43,8 @@ NEAR, NEAR_ITERATIONS, FULL = 12, 6, 4
 FEW_NEAR, FEW_FULL, FOLLOWED = 6, 2, 4
 HOPELESS = 0.45
 """Share of missed stretches, from which on an effect is not worth finding their starts."""
-NEARER = 0.8
-"""To this part of the cost without it the first of two effects must bring nudged runs, and the second one again."""
+NEARER_ALONE, NEARER = 0.9, 0.8
+"""To these parts of the cost without it the first of two effects must bring nudged runs, and the second one again."""
 LONGER = 1.2
 FIRST_BEHIND, BEHIND, MOST_RACED = 1.8, 3.0, 5
 """Times the error of the best, from which on another one is out of the race: at its start, when longer."""
@@ -110,7 +110,7 @@ def far_trials(
 def pair_trials(base: Level, first: Sequence[Near], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
     """Fits with two more effects at once, named by the second one: those that bring nudged runs with one of the first
     ones nearest to the measurement.  None where the first ones bring them hardly nearer: what is missing is another."""
-    if not first or first[0].cost > NEARER * cost_of(base, task):
+    if not first or first[0].cost > NEARER_ALONE * cost_of(base, task):
         return []
     pairs = [shortlist(base, others(one.model), task, pool, one) for one in first]
     nearer = [pair for one, found in zip(first, pairs, strict=True) for pair in found if pair.cost < NEARER * one.cost]
