@@ -24,14 +24,15 @@ from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Wind
 from lostmotion.detector.windows import cut, window_length
 from lostmotion.drivers.base import ServoSample
 
-__all__ = ["Counts", "JointPlan", "Pipeline", "Scored"]
+__all__ = ["TOGETHER_S", "TOGETHER_UNHEARD_S", "Counts", "JointPlan", "Pipeline", "Scored"]
 
 LOOK_BACK_S, LOOK_BACK_POLLS = 2.0, 10
 """a reversal is certain only some time after it; the acceleration is kept for so many seconds and polls longer"""
 GIVE_UP_S = 1.0
 """how long after its end a window waits for late acceleration [s]"""
-TOGETHER_S = 0.008
-"""windows that end within so long of each other are scored together [s]: each wake-up costs as much as a score"""
+TOGETHER_S, TOGETHER_UNHEARD_S = 0.008, 0.03
+"""windows that end within so long of each other are scored together [s]: each wake-up costs as much as a score; and
+where nobody else hears of them, so that they only have to be on the disk a quarter of a second after their end"""
 COMMANDS_S = 4.0
 """commands are kept for so long, for the size of the play [s]"""
 SERVO_SILENT_S = 5.0
@@ -118,18 +119,20 @@ class _Joint:
 
 class Pipeline:
     """All joints of a robot.  ``rings`` by accelerometer; ``virtual``: data may come late and is waited for;
-    ``attributors``: for joints that share accelerometers.
+    ``attributors``: for joints that share accelerometers; ``together_s``: windows that end within so long of each other
+    are scored together [s].
 
     Call ``servo`` with what the joints said, then ``step``.
     """
 
     def __init__(
         self, plans: Iterable[JointPlan], rings: Mapping[str, Ring], virtual: bool = False,
-        attributors: Iterable[Attributor] = (),
+        attributors: Iterable[Attributor] = (), together_s: float = TOGETHER_S,
     ) -> None:  # fmt: skip
         self._joints = {plan.joint: _Joint(plan) for plan in plans}
         self._rings = rings
         self._virtual = virtual
+        self._together_s = together_s
         self._closed = False
         self.attributors = tuple(attributors)
         self._shared = {joint: attributor for attributor in self.attributors for joint in attributor.joints}
@@ -177,7 +180,8 @@ class Pipeline:
             joints = self._behind[name]
             if self._virtual or ring.crowded:
                 ring.release(min((self._needed(joint, ring) for joint in joints), default=math.inf))
-            ring.expect(_together(pending.end for joint in joints for pending in joint.pending))
+            ends = (pending.end for joint in joints for pending in joint.pending)
+            ring.expect(_together(ends, self._together_s))
         return done
 
     def _attribute(self, done: list[Scored]) -> list[Scored]:
@@ -252,12 +256,12 @@ class Pipeline:
         return min([oldest, *starts]) - BEFORE_S - 1 / joint.plan.rate_hz
 
 
-def _together(ends: Iterable[float]) -> list[float]:
-    """Times in order, each the last one of those within TOGETHER_S of a first."""
+def _together(ends: Iterable[float], within_s: float) -> list[float]:
+    """Times in order, each the last one of those within so long of a first."""
     groups: list[float] = []
     first = -math.inf
     for end in sorted(ends):
-        if end <= first + TOGETHER_S:
+        if end <= first + within_s:
             groups[-1] = end
         else:
             groups.append(end)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from lostmotion.daemon.attributor import Attributor, Ear
 from lostmotion.daemon.config import Config
-from lostmotion.daemon.pipeline import JointPlan, Pipeline, Scored
+from lostmotion.daemon.pipeline import TOGETHER_S, TOGETHER_UNHEARD_S, JointPlan, Pipeline, Scored
 from lostmotion.daemon.poller import AccelPoller, BusPoller, DeviceState, Inbox, Poller
 from lostmotion.daemon.ring import Ring
 from lostmotion.drivers.base import AccelerometerOptions, Driver, JointOptions, ServoSample
@@ -36,7 +36,9 @@ class Robot:
         self.rings = {sensor.name: self._ring(sensor) for sensor in config.accelerometers}
         self.pollers: list[Poller] = [*self._buses(), *self._sensors()]
         plans = [_plan(config, joint) for joint in config.joints]
-        self.pipeline = Pipeline(plans, self.rings, self._virtual, map(Attributor, _shared(config)))
+        heard = config.zenoh or config.alarm.can
+        together_s = TOGETHER_S if heard else TOGETHER_UNHEARD_S
+        self.pipeline = Pipeline(plans, self.rings, self._virtual, map(Attributor, _shared(config)), together_s)
         self._by_member = {member: poller for poller in self.pollers for member in poller.members}
         self._started = time.monotonic()
 

@@ -171,4 +171,5 @@ def test_a_closed_pipeline_only_finishes() -> None:
 
 def test_windows_that_end_together_are_awaited_together() -> None:
     """Of ends within 8 ms of the first only the last counts; the next group begins behind it."""
-    assert _together([3.0, 1.007, 1.0, 1.009, 2.0, 1.016]) == [1.007, 1.016, 2.0, 3.0]
+    assert _together([3.0, 1.007, 1.0, 1.009, 2.0, 1.016], 0.008) == [1.007, 1.016, 2.0, 3.0]
+    assert _together([3.0, 1.007, 1.0, 1.009, 2.0, 1.016], 0.03) == [1.016, 2.0, 3.0]
