@@ -9,7 +9,7 @@ stretches, on which only the right one stays.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from typing import Protocol, TypeVar
@@ -139,8 +139,9 @@ def raced_fits(
     full = _ordered([Trial(effect, level) for (effect, _), level in zip(begin, levels, strict=True)])
     if full and full[0].level.typical > max(USELESS * before, FAR):
         return best_of_each(full)[:UNRACED]
-    raced = _raced(best_of_each(full), task, horizon_s, pool)
-    return _ordered([_recounted(trial, task, pool) for trial in raced])
+    best = [_recounted(trial, task, pool, _begun_anew) for trial in full[:1]]
+    raced = _raced(best_of_each([*best, *full[1:]]), task, horizon_s, pool)
+    return _ordered([_recounted(trial, task, pool, refined) for trial in raced])
 
 
 def _raced(trials: list[Trial], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
@@ -156,7 +157,11 @@ def _raced(trials: list[Trial], task: Task, horizon_s: float, pool: Executor) ->
     return trials
 
 
-def _recounted(trial: Trial, task: Task, pool: Executor) -> Trial:
+def _begun_anew(level: Level, task: Task) -> Level:
+    return full_fit(level.model, task, HOPELESS)
+
+
+def _recounted(trial: Trial, task: Task, pool: Executor, fit: Callable[[Level, Task], Level]) -> Trial:
     """The trial with whole numbers (of teeth) nearby tried as well, until none is better."""
     prefix = trial.effect + "."
     whole = [name for name, p in trial.level.model.parameters.items() if name.startswith(prefix) and p.domain.is_whole]
@@ -167,8 +172,8 @@ def _recounted(trial: Trial, task: Task, pool: Executor) -> Trial:
             counts = [p.value + step for step in (-2, -1, 1, 2) if p.low <= p.value + step <= p.high]
             models = [best.model.replace({name: count}) for count in counts]
             others = [replace(best, model=model) for model in models]
-            level = min(pool.map(refined, others, [task] * len(others)), key=lambda level: level.rms)
-            if not level.rms < best.rms:
+            level = min(pool.map(fit, others, [task] * len(others)), key=lambda level: level.typical)
+            if not level.typical < best.typical:
                 break
             best = level
     return Trial(trial.effect, best)

@@ -1,0 +1,53 @@
+"""Which beginnings survive: a number of teeth that is a little off, effects that explain nothing."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from lostmotion.lab.candidates import raced_fits
+from lostmotion.lab.experiment import experiments
+from lostmotion.lab.fit import noise_of
+from lostmotion.lab.search import full_fit
+from lostmotion.lab.task import Task
+from lostmotion.model import build_model
+from tests.lab.gears import GEARS, gears
+
+TRUE = {"gear_eccentricity.e": 1e-5, "gear_eccentricity.N": 20.0, "gear_eccentricity.phi": 1.1}
+
+
+@pytest.mark.slow
+def test_teeth_are_counted_on_short_stretches() -> None:
+    """From three teeth off, where long stretches would lose the motion, the race comes to the true number and size."""
+    model = build_model("play", values=GEARS)
+    held = experiments(model, [gears(seed, **TRUE) for seed in (71, 72)])
+    task = Task.of(model, held, noise_of(held))
+    near = model.with_effect("gear_eccentricity").replace(TRUE | {"gear_eccentricity.N": 23.0})
+    with ThreadPoolExecutor(2) as pool:
+        (trial,) = raced_fits([("gear_eccentricity", near)], task, 0.5, pool)
+    found = trial.level.model.parameters
+    assert found["gear_eccentricity.N"].value == 20
+    assert found["gear_eccentricity.e"].value == pytest.approx(1e-5, rel=0.03)
+    assert trial.level.typical == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.slow
+def test_what_explains_nothing_is_not_raced() -> None:
+    """Effects that leave the error of the short stretches where it was are told as they are, at most two; one that is
+    there is fitted on longer stretches."""
+    model = build_model("play", values=GEARS)
+    held = experiments(model, [gears(seed, **{"coulomb_friction.tau_c": 5e-4}) for seed in (73, 74)])
+    task = Task.of(model, held, noise_of(held))
+    before = full_fit(model, task)
+    wrong = [(name, model.with_effect(name)) for name in ("gravity_leakage", "bias_drift", "second_mode")]
+    right = ("coulomb_friction", model.with_effect("coulomb_friction").replace({"coulomb_friction.tau_c": 4e-4}))
+    with ThreadPoolExecutor(2) as pool:
+        useless = raced_fits(wrong, task, 0.5, pool, before.typical)
+        useful = raced_fits([*wrong, right], task, 0.5, pool, before.typical)
+    assert before.typical > 2
+    assert len(useless) == 2
+    assert math.isclose(useless[0].level.horizon_s, before.horizon_s)
+    assert useful[0].effect == "coulomb_friction"
+    assert useful[0].level.horizon_s > 1.9 * before.horizon_s
