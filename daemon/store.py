@@ -201,14 +201,14 @@ class Store:
         if not batch and self._policy == self._written:
             return True
         problem = self._commit(batch)
+        if problem or batch:
+            self._say(problem)  # before the rows stop waiting: who sees none waiting finds no problem either
         with self._wake:
             self._in_flight = 0
             if problem:
                 queue.extendleft(reversed(batch))
                 self._trim()
             self._settle(list(self._untold) if problem else batch)
-        if problem or batch:
-            self._say(problem)
         return not problem
 
     def _commit(self, batch: Sequence[Row]) -> str:

@@ -60,7 +60,7 @@ class BusPort:
         if not self._quiet:
             self.clearPort()
         length = exchanges[0].length
-        heard = self._port.converse(exchanges, length * self._byte_s + LATENCY_S, now)
+        heard = self._port.converse(exchanges, self._patience(length), now)
         answer = heard[-1][1]
         self._quiet = len(answer) == length and answer.startswith(exchanges[len(heard) - 1].start)
         if not self._quiet:
@@ -93,8 +93,12 @@ class BusPort:
 
     def setPacketTimeout(self, packet_length: int) -> None:  # noqa: N802
         """An answer of so many bytes is expected from now on."""
-        self._deadline = time.monotonic() + packet_length * self._byte_s + LATENCY_S
+        self._deadline = time.monotonic() + self._patience(packet_length)
 
     def isPacketTimeout(self) -> bool:  # noqa: N802
         """Whether the answer should have come by now."""
         return time.monotonic() >= self._deadline
+
+    def _patience(self, length: int) -> float:
+        """How long an answer of so many bytes may take [s]."""
+        return length * self._byte_s + LATENCY_S

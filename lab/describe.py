@@ -117,7 +117,7 @@ def _nearest(model: Model, found: Sequence[Guess], acting: Mapping[int, float], 
 def _compared(
     model: Model, base_tight: Descent, found: Sequence[Guess], follower: Follower, pool: Executor
 ) -> list[_Told]:
-    """The functions, brought near with much nudging and, from there or from the beginning, with less.
+    """The functions, brought near with much nudging; the best of them, from there or from the beginning, with less.
 
     base_tight: the model without them, much nudged.
     """
