@@ -67,10 +67,13 @@ class CsvFormat:
         if rows is None:
             rows = self._decoder.feed(data)
         accel = _column(rows, self._column) * self._scale
-        accel[~(np.abs(accel) <= self.range_ms2)] = np.nan
+        if self.range_ms2 < math.inf:
+            accel[~(np.abs(accel) <= self.range_ms2)] = np.nan
         if self._time_column is None:
             return Readings(accel, None, int(np.count_nonzero(np.isnan(accel))))
         stamps = _column(rows, self._time_column) * self._unit
+        if math.isfinite(accel.sum() + stamps.sum()):  # nothing is NaN, as nearly always
+            return Readings(accel, stamps, 0)
         broken = int(np.count_nonzero(np.isnan(accel + stamps)))
         timed = ~np.isnan(stamps)
         return Readings(accel[timed], stamps[timed], broken)

@@ -11,7 +11,6 @@ import math
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from operator import attrgetter
 
 from dynamixel_sdk import COMM_RX_TIMEOUT, COMM_SUCCESS, Protocol1PacketHandler, Protocol2PacketHandler
 
@@ -75,6 +74,8 @@ class _Group:
 
     servos: list[_Servo]
     period: float
+    questions: list[Question]
+    """the plain ones of protocol 1.0, in the order of the servos; none for 2.0"""
     due: float = 0.0
 
     def advance(self, now: float) -> int:
@@ -106,7 +107,7 @@ class DynamixelBus:
         alike: dict[tuple[float, int], list[_Servo]] = {}
         for joint, servo in zip(joints, self._servos, strict=True):
             alike.setdefault((joint.poll_hz, servo.model.protocol), []).append(servo)
-        self._groups = [_Group(servos, 1 / rate) for (rate, _), servos in alike.items()]
+        self._groups = [_Group(servos, 1 / rate, _questions(servos)) for (rate, _), servos in alike.items()]
         self._port = BusPort(joints[0].port, joints[0].baudrate)
         self._handlers = {1: Protocol1PacketHandler(), 2: Protocol2PacketHandler()}
         self.resolution_rad = max(servo.model.step for servo in self._servos)
@@ -143,7 +144,7 @@ class DynamixelBus:
 
         Raises PortError.
         """
-        turn = self._turn()
+        turn = min(group.due for group in self._groups)
         if turn - self._clock.now() > LONGEST_WAIT_S:
             time.sleep(LONGEST_WAIT_S)
             return ServoReading(silent=self._silent())
@@ -151,8 +152,8 @@ class DynamixelBus:
         lost, end = 0, turn + GATHER_S
         while turn < end:
             time.sleep(max(0.0, turn - self._clock.now()))
-            lost += self._poll(told)
-            turn = self._turn()
+            missed, turn = self._poll(told)
+            lost += missed
         return ServoReading(tuple(self._samples(told)), self._silent(), lost)
 
     def close(self) -> None:
@@ -185,35 +186,40 @@ class DynamixelBus:
                 command, position, velocity, voltage, heat, current = decode_state(servo.model, block)
                 yield ServoSample(servo.joint, asked, command, position, velocity, math.nan, current, voltage, heat)
 
-    def _poll(self, told: list[_Said]) -> int:
-        """Asks the servos whose turn it is; how many polls went by meanwhile."""
-        now, lost = self._clock.now(), 0
+    def _poll(self, told: list[_Said]) -> tuple[int, float]:
+        """Asks the servos whose turn it is; how many polls went by meanwhile, and when the next turn is [s].
+
+        Few calls, because they come right after a wait: each costs ten times as much there as at other times.
+        """
+        now, lost, turn = self._clock.now(), 0, math.inf
         for group in self._groups:
             if group.due <= now:
-                asked = group.servos
+                asked, questions = group.servos, group.questions
                 if now < self._awake:
                     asked = [servo for servo in asked if servo.rests_until <= now]
-                if group.servos[0].model.protocol == 1:
-                    self._read_in_turn(asked, told)
+                    questions = _questions(asked)
+                if group.questions:
+                    self._read_in_turn(asked, questions, told)
                 else:
                     self._read_group(asked, told)
                 lost += group.advance(self._clock.now()) * len(asked)
-        return lost
+            turn = min(turn, group.due)
+        return lost, turn
 
-    def _read_in_turn(self, servos: list[_Servo], told: list[_Said]) -> None:
+    def _read_in_turn(self, servos: list[_Servo], questions: list[Question], told: list[_Said]) -> None:
         """Asks servos of protocol 1.0 one after the other, whose answers are all of one length.
 
         Those that look like answers are kept as they are: to look into them at once, after a wait, takes ten times as
         long as to look into all of a reading.
         """
         while servos:
-            questions = [servo.question for servo in servos if servo.question]
             answers, good = self._port.ask(questions, self._clock.now)
             told.extend(zip(servos, answers, strict=False))
-            if not good:
-                servo, (asked, answer) = told.pop()
-                self._take(servo, asked, self._search(servo, questions[0].length, answer), told)
-            servos = servos[len(answers) :]
+            if good:
+                return
+            servo, (asked, answer) = told.pop()
+            self._take(servo, asked, self._search(servo, questions[0].length, answer), told)
+            servos, questions = servos[len(answers) :], questions[len(answers) :]
 
     def _search(self, servo: _Servo, length: int, answer: bytes) -> Sequence[int]:
         """A servo's state block where its plain answer did not come: the SDK finds it among noise or in pieces."""
@@ -269,10 +275,6 @@ class DynamixelBus:
             servo.rests_until = self._clock.now() + servo.pause
             self._awake = max(self._awake, servo.rests_until)
 
-    def _turn(self) -> float:
-        """When servos are to be asked next [s]."""
-        return min(self._groups, key=attrgetter("due")).due
-
     def _silent(self) -> tuple[str, ...]:
         return tuple(servo.joint for servo in self._servos if servo.pause)
 
@@ -280,6 +282,10 @@ class DynamixelBus:
 def _question(joint: DynamixelOptions) -> Question | None:
     model = MODELS[joint.model]
     return Question(joint.id, ADDRESS[1], model.block_size) if model.protocol == 1 else None
+
+
+def _questions(servos: Iterable[_Servo]) -> list[Question]:
+    return [servo.question for servo in servos if servo.question]
 
 
 def _check(joints: Sequence[DynamixelOptions]) -> None:

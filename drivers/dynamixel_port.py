@@ -60,11 +60,9 @@ class BusPort:
         if not self._quiet:
             self.clearPort()
         length = exchanges[0].length
-        heard = self._port.converse(exchanges, self._patience(length), now)
-        answer = heard[-1][1]
-        self._quiet = len(answer) == length and answer.startswith(exchanges[len(heard) - 1].start)
+        heard, self._quiet = self._port.converse(exchanges, self._patience(length), now)
         if not self._quiet:
-            self._received = answer
+            self._received = heard[-1][1]
             self.setPacketTimeout(length)
         return heard, self._quiet
 

@@ -44,6 +44,7 @@ class SerialPort:
         self.path = path
         self.baudrate = baudrate
         self._serial: serial.Serial | None = None
+        self._number = -1  # the file descriptor, while it is open
         self._busy = threading.RLock()
         self._poll = select.poll()
 
@@ -57,7 +58,7 @@ class SerialPort:
             raise PortError(self._explain(error)) from error
         self._poll = select.poll()
         self._poll.register(device.fileno(), select.POLLIN)
-        self._serial = device
+        self._serial, self._number = device, device.fileno()
 
     @property
     def is_open(self) -> bool:
@@ -74,8 +75,9 @@ class SerialPort:
 
     def converse(
         self, exchanges: Iterable[Exchange], timeout_s: float, now: Callable[[], float]
-    ) -> list[tuple[float, bytes]]:
-        """Sends a request, waits for its answer, sends the next one: the time ``now`` of each, and what came in.
+    ) -> tuple[list[tuple[float, bytes]], bool]:
+        """Sends a request, waits for its answer, sends the next one: the time ``now`` of each, and what came in; and
+        whether all of that looks like answers.
 
         The first answer that begins otherwise, or is of another length, ends it; that is b"" where none came within
         ``timeout_s``.  Raises PortError when the port is closed or gone.
@@ -84,22 +86,24 @@ class SerialPort:
         times as much as at other times, because the caches are cold.
         """
         heard: list[tuple[float, bytes]] = []
+        write, read, timeout_ms = os.write, os.read, timeout_s * 1000
         with self._busy:
-            fd, answered, timeout_ms = self._fd(), self._poll.poll, timeout_s * 1000
+            fd, answered = self._fd(), self._poll.poll
             try:
                 for exchange in exchanges:
                     asked, answer = now(), b""
-                    os.write(fd, exchange.request)
-                    if answered(timeout_ms) and not (answer := os.read(fd, CHUNK)):
+                    write(fd, exchange.request)
+                    if answered(timeout_ms) and not (answer := read(fd, CHUNK)):
                         raise self._gone(None)
                     heard.append((asked, answer))
                     if len(answer) != exchange.length or not answer.startswith(exchange.start):
-                        break
+                        return heard, False
             except BlockingIOError:  # the line takes nothing, or another reader was quicker
                 heard.append((asked, b""))
+                return heard, False
             except OSError as error:
                 raise self._gone(error) from error
-        return heard
+        return heard, True
 
     def write(self, data: bytes) -> int:
         """Sends the bytes; how many the port took.  Raises PortError when the port is closed or gone."""
@@ -149,7 +153,7 @@ class SerialPort:
     def _fd(self) -> int:
         if self._serial is None:
             raise PortError(f"port {self.path} is not open")
-        return self._serial.fileno()
+        return self._number
 
     def _gone(self, error: Exception | None) -> PortError:
         return PortError(
