@@ -276,7 +276,7 @@ def _percent(probability: float) -> str:
 
 def iso(time: datetime) -> str:
     """UTC as ISO 8601 text with microseconds and ``Z``."""
-    return time.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+    return f"{time.astimezone(UTC).isoformat(timespec='microseconds')[:-6]}Z"
 
 
 def micros(time: datetime) -> int:

@@ -46,16 +46,13 @@ class LocalFit:
         """Takes a sample, later than all before; the curvature, or None while the span is not well covered."""
         samples = self.samples
         samples.append((time, value))
-        oldest = time - self.span * (1 + 1e-9)
-        changes = []
-        while samples[0][0] < oldest:
-            changes.append((*samples.popleft(), -1.0))
-        changes.append((time, value, 1.0))
         self._age += 1
+        oldest = time - self.span * (1 + 1e-9)
+        while samples[0][0] < oldest:
+            self._count(*samples.popleft(), -1.0)
+        self._count(time, value, 1.0)
         if self._age > REANCHOR:
             self._reanchor()
-        else:
-            self._count(changes)
         if len(samples) < LEAST_POINTS or time - samples[0][0] < LEAST_COVER * self.span:
             return None
         return self._curvature()
@@ -74,34 +71,29 @@ class LocalFit:
         self._anchor, self._offset = self.samples[-1]
         self._age = 0
         self._sums = NO_SUMS
-        self._count([(*sample, 1.0) for sample in self.samples])
+        for time, value in self.samples:
+            self._count(time, value, 1.0)
 
-    def _count(self, changes: list[tuple[float, float, float]]) -> None:
-        """Adds samples (time, value, 1) to the sums and takes others (-1) out of them."""
+    def _count(self, time: float, value: float, sign: float) -> None:
+        """Adds a sample (1) to the sums, or takes it (-1) out of them."""
         s1, s2, s3, s4, y0, y1, y2 = self._sums
-        for time, value, sign in changes:
-            t = time - self._anchor
-            y = sign * (value - self._offset)
-            t2 = t * t
-            s1 += sign * t
-            s2 += sign * t2
-            s3 += sign * t2 * t
-            s4 += sign * t2 * t2
-            y0 += y
-            y1 += y * t
-            y2 += y * t2
-        self._sums = s1, s2, s3, s4, y0, y1, y2
+        t = time - self._anchor
+        t2 = t * t
+        y = sign * (value - self._offset)
+        square = sign * t2
+        self._sums = s1 + sign * t, s2 + square, s3 + square * t, s4 + square * t2, y0 + y, y1 + y * t, y2 + y * t2
 
     def _curvature(self) -> Curvature:
         """Normal equations in central moments c_k of the times; the parabola's part orthogonal to a line."""
         n = len(self.samples)
-        m, s2, s3, s4, y0, y1, y2 = [total / n for total in self._sums]
+        m, s2, s3, s4, y0, y1, y2 = self._sums
+        m /= n
         m2 = m * m
-        c2 = s2 - m2
-        c3 = s3 - 3 * m * s2 + 2 * m * m2
-        c4 = s4 - 4 * m * s3 + 6 * m2 * s2 - 3 * m2 * m2
+        c2 = s2 / n - m2
+        c3 = (s3 - 3 * m * s2) / n + 2 * m * m2
+        c4 = (s4 - 4 * m * s3 + 6 * m2 * s2) / n - 3 * m2 * m2
         skew = c3 / c2
         slope = y1 - m * y0
         bow = y2 - 2 * m * y1 + (m2 - c2) * y0
-        spread = c4 - c2 * c2 - skew * c3
-        return Curvature(self._anchor + m, 2 * (bow - skew * slope) / spread, 2 / math.sqrt(n * spread))
+        spread = n * (c4 - c2 * c2 - skew * c3)
+        return Curvature(self._anchor + m, 2 * (bow - skew * slope) / spread, 2 / math.sqrt(spread))

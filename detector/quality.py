@@ -29,8 +29,8 @@ def describe(window: Window, range_ms2: float = math.inf, gentle: float = GENTLE
     """
     values = window.accel
     covered = values.size
-    if not (finite := np.isfinite(values)).all():
-        there = np.flatnonzero(finite)
+    if covered and not math.isfinite(values.sum()):
+        there = np.flatnonzero(np.isfinite(values))
         values = values[there]
         covered = int(there[-1] - there[0]) + 1 if there.size else 0
     if not covered:

@@ -28,7 +28,10 @@ def score(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> floa
 
     Raises DetectorError when N samples at this rate do not tell the bands of the settings.
     """
-    return float(batch(np.asarray(accel)[None], rate_hz, settings)[0])
+    accel = np.asarray(accel)
+    if settings.statistic == "ringdown":
+        return float(ringdown.scores(accel[None], rate_hz, settings)[0])
+    return float(normalised_mask(accel, rate_hz, settings).sum())
 
 
 def batch(accel2d: FloatArray, rate_hz: float, settings: DetectorSettings) -> FloatArray:
@@ -46,13 +49,9 @@ def score_window(window: Window, settings: DetectorSettings, range_ms2: float = 
     range_ms2: the largest acceleration that the sensor shows [m/s²].  Raises DetectorError as ``score`` does.
     """
     quality = describe(window, range_ms2, settings.gentle)
-    accel = window.accel
-    there = np.count_nonzero(np.isfinite(accel))
-    enough = there and there >= LEAST_SHARE * accel.size
-    if enough and there < accel.size:
-        band = settings.statistic == "band"
-        accel = mended(accel) if band else ringdown.filled(accel, window.rate_hz, settings)
-    value = score(accel, window.rate_hz, settings) if enough else math.nan
+    value = score(window.accel, window.rate_hz, settings)
+    if math.isnan(value):
+        value = _bridged(window, settings)
     return Score(
         joint=window.joint,
         time=window.start,
@@ -64,6 +63,17 @@ def score_window(window: Window, settings: DetectorSettings, range_ms2: float = 
         temperature=window.temperature,
         quality=quality,
     )
+
+
+def _bridged(window: Window, settings: DetectorSettings) -> float:
+    """The score of a window without its missing samples, NaN where there are none or too many of these."""
+    accel = window.accel
+    there = np.count_nonzero(np.isfinite(accel))
+    if there == accel.size or there < max(LEAST_SHARE * accel.size, 1):
+        return math.nan
+    band = settings.statistic == "band"
+    whole = mended(accel) if band else ringdown.filled(accel, window.rate_hz, settings)
+    return score(whole, window.rate_hz, settings)
 
 
 def validate(settings: DetectorSettings, rate_hz: float) -> None:
