@@ -32,6 +32,7 @@ __all__ = [
     "Trial",
     "best_of_each",
     "far_trials",
+    "followed_fit",
     "further_trials",
     "near_trials",
     "others",
@@ -41,9 +42,11 @@ __all__ = [
 
 NEAR, NEAR_ITERATIONS, FULL = 12, 6, 4
 FEW_NEAR, FEW_FULL, FOLLOWED = 6, 2, 4
+BESIDE = 1.4
+"""Times the cost of what nudged runs come nearest to, from which on another effect is not followed."""
 HOPELESS = 0.45
 """Share of missed stretches, from which on an effect is not worth finding their starts."""
-NEARER_ALONE, NEARER = 0.9, 0.8
+NEARER_ALONE, NEARER = 0.9, 0.87
 """To these parts of the cost without it the first of two effects must bring nudged runs, and the second one again."""
 LONGER = 1.2
 FIRST_BEHIND, BEHIND, MOST_RACED = 1.8, 3.0, 5
@@ -117,6 +120,11 @@ def pair_trials(base: Level, first: Sequence[Near], task: Task, horizon_s: float
     return raced_fits(_nearest(sorted(nearer, key=lambda pair: pair.cost)), task, horizon_s, pool, base.typical)
 
 
+def followed_fit(near: Near, task: Task) -> Trial:
+    """The fit on all short stretches that begins where nudged runs have come to."""
+    return Trial(near.effect, full_fit(near.model, task, HOPELESS))
+
+
 def further_trials(base: Level, task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
     """Others, to which descents have led; for where the first search has found nothing.  None without a bar."""
     if not can_follow(task.rough, *task.experiments):
@@ -125,7 +133,7 @@ def further_trials(base: Level, task: Task, horizon_s: float, pool: Executor) ->
 
 
 def _nearest(ordered: Sequence[Near]) -> list[tuple[str, Model]]:
-    return [(near.effect, near.model) for near in ordered[:FOLLOWED]]
+    return [(near.effect, near.model) for near in ordered[:FOLLOWED] if near.cost < BESIDE * ordered[0].cost]
 
 
 def raced_fits(

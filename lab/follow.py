@@ -1,7 +1,8 @@
 """Runs of gears that are nudged by the measurement: how far off the next sample is, in which states it is followed.
 
 What the bar rings more than the model says, the joint's speed must have jumped: the gain is the constant Kalman gain of
-the bar for jumps of omega_2 at every sample, which act on q' and, by -1/l, on omega_2 itself.  No fitting here.
+the bar for jumps of omega_2 at every sample, which act on q' and, by -1/l, on omega_2 itself.  The teeth then struck
+earlier than in the model, where they are still on their way: the joint's angle goes on by that way.  No fitting here.
 """
 
 from __future__ import annotations
@@ -22,6 +23,11 @@ __all__ = ["COLUMN", "SETTLED_S", "STRONG", "TIGHT", "WEAK", "Nudge", "can_follo
 COLUMN = "accel"
 TIGHT, STRONG, WEAK = 1.0, 0.3, 0.1
 """Rings that may begin at every sample, in units of the noise."""
+JOINT = (("theta_2", "omega_2"), ("shaft_compliance.0", "shaft_compliance.1"))
+"""Angle and speed of the joint, and of its gear where a shaft twists between them: an impact moves both."""
+EARLIER_S = 1.5e-3
+"""By how much an impact comes earlier that the model does not have yet, or later that it has already: the errors of 39
+right models with ``STRONG`` nudging are smallest at 1 to 2 ms, a tenth below those at 0."""
 SETTLED_S = 0.2
 """A run has then forgotten that nobody knew where to begin."""
 
@@ -53,8 +59,11 @@ class Nudge:
         value, measured = model.parameters, experiment.measured[COLUMN]
         start = in_motion(model, experiment.drive, float(experiment.time[0]))
         start[2] = -value["m"].value / value["k"].value * measured[0]
-        gain = np.zeros(start.size)
-        gain[1:4] = -self.gain[1] / value["l"].value, *self.gain
+        gain, names = np.zeros(start.size), model.state_names
+        gain[2:4], jump = self.gain, -self.gain[1] / value["l"].value
+        for angle, speed in JOINT:
+            if angle in names:
+                gain[names.index(angle)], gain[names.index(speed)] = -EARLIER_S * jump, jump
         run = model.nudged(experiment.drive, experiment.time, COLUMN, experiment.clock_zero)
         return run(start, gain, measured, substep_s)
 

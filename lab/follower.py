@@ -20,6 +20,7 @@ LEAST_HZ, PERIOD_SAMPLES = 800.0, 8.0
 """More samples a second, or a period of the bar, are not looked at."""
 SHORTEST_STEP_S = 2.5e-4
 """What a longer step misses, the next sample corrects."""
+ROUGH = 0.03
 OUTSIDE, FAR = 3.0, 1e6
 """Times what is expected, from which on an error counts by its logarithm; and where even that ends, squared."""
 
@@ -46,6 +47,12 @@ class Follower:
     def alone(self) -> Follower:
         """The first stretch only."""
         return replace(self, stretches=self.stretches[:1])
+
+    def roughly(self) -> Follower:
+        """The first stretch only, errors in units of a part of its signal at least: where the noise is faint, hardly a
+        model is near enough for its error to say which way is better."""
+        usual = float(np.std(self.stretches[0].measured[COLUMN]))
+        return replace(self.alone(), noise=max(self.noise, ROUGH * usual))
 
     def cost(self, model: Model, coupling: float) -> float:
         """Mean of log(1 + (e/c)²) over the samples after the first 0.2 s: one that is missed by far counts little more

@@ -8,6 +8,7 @@ differential evolution (Storn and Price 1997), first with strong nudging and the
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -27,8 +28,9 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["Near", "cost_of", "descended", "nearest", "shortlist"]
 
 FIRST, MOST_FIRST, POPULATION = 72, 480, 20
-BASE_GENERATIONS, EFFECT_GENERATIONS, FINAL_GENERATIONS = 8, 5, 8
-KEPT, FEW = 8, 4
+BASE_GENERATIONS, EFFECT_GENERATIONS, BESIDE_GENERATIONS, FINAL_GENERATIONS = 8, 5, 10, 8
+"""Beside an effect that is there already as far as nudged runs know it, its values have to give way."""
+KEPT, FEW = 8, 6
 WIDTH = {"d": 0.22, "alpha": 0.3, "k": 0.01, "b": 0.25, "l": 0.03}
 """Standard deviations of a first population, in logarithms."""
 BIAS_WIDTH = 0.05  # m/s²
@@ -43,7 +45,7 @@ NICHES = 4
 
 @dataclass(frozen=True, eq=False)
 class Near:
-    """A model that comes near the measurement; its cost with little nudging, and what it has more than the base."""
+    """A model that comes near the measurement, how near (see ``cost_of``), and what it has more than the base."""
 
     model: Model
     cost: float
@@ -70,15 +72,22 @@ def shortlist(
     """
     model = beside.model if beside else base.model
     follower, size, count = _follower(model, task), sizes(base.model, base.stretches, task.substep_s), len(effects)
-    first = pool.map(_begun, effects, [model] * count, [follower.alone()] * count, [size] * count, [seed] * count)
+    generations = BESIDE_GENERATIONS if beside else EFFECT_GENERATIONS
+    given = ([model] * count, [follower.roughly()] * count, [size] * count, [generations] * count, [seed] * count)
+    first = pool.map(_begun, effects, *given)
     best = sorted(zip(first, effects, strict=True), key=lambda pair: pair[0].costs.min())[: FEW if beside else KEPT]
     found = pool.map(_finished, *zip(*best, strict=True), [follower] * len(best))
     return sorted(found, key=lambda near: near.cost)
 
 
 def cost_of(base: Level, task: Task) -> float:
-    """What a fit costs with little nudging, for comparison."""
-    return _follower(base.model, task).cost(base.model, WEAK)
+    """How far nudged runs of a fit are off, for comparison: the geometric mean of their costs with much and with little
+    nudging.  With little, the right model too may lose a motion that another one happens to follow."""
+    return _cost(_follower(base.model, task), base.model)
+
+
+def _cost(follower: Follower, model: Model) -> float:
+    return math.sqrt(follower.cost(model, STRONG) * follower.cost(model, WEAK))
 
 
 def descended(base: Level, effects: Sequence[str], task: Task, pool: Executor) -> list[Near]:
@@ -134,7 +143,8 @@ class _Population:
     def near(self, effect: str) -> Near:
         """The best of all."""
         best = int(np.argmin(self.costs))
-        return Near(self._unknowns.put(self._models[best], self._z[best]), float(self.costs[best]), effect)
+        model = self._unknowns.put(self._models[best], self._z[best])
+        return Near(model, _cost(self._follower, model), effect)
 
     def loosen(self) -> None:
         """Some more generations with little nudging."""
@@ -178,14 +188,14 @@ class _Population:
         return np.array([BIAS_WIDTH / i.scale if i.name == "bias" else WIDTH.get(i.name, EFFECT_WIDTH) for i in items])
 
 
-def _begun(effect: str, base: Model, follower: Follower, size: Sizes, seed: int) -> _Population:
+def _begun(effect: str, base: Model, follower: Follower, size: Sizes, generations: int, seed: int) -> _Population:
     models = [base.with_effect(effect), follower.rough.with_effect(effect)]
     found = _values(models[0], effect, [size, replace(size, torque=LARGER * size.torque)])
     populations = []
     for part in _niches(models[0], found):
         every = [model.replace(values) for values in part for model in models]
         populations.append(_Population(follower, every, seed, [True, False] * len(part)))
-        populations[-1].evolve(EFFECT_GENERATIONS)
+        populations[-1].evolve(generations)
     return min(populations, key=lambda population: float(population.costs.min()))
 
 

@@ -11,17 +11,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lostmotion.lab.candidates import Trial, best_of_each, far_trials, further_trials, near_trials, others, pair_trials
+from lostmotion.lab.candidates import (
+    Trial,
+    best_of_each,
+    far_trials,
+    followed_fit,
+    further_trials,
+    near_trials,
+    others,
+    pair_trials,
+)
 from lostmotion.lab.grow import Level
 from lostmotion.lab.heldout import FAR, Judged, Unseen, better, misfits, trained
-from lostmotion.lab.nudge import Near
+from lostmotion.lab.nudge import Near, cost_of
 from lostmotion.lab.scoretest import Direction, Scores, score_test
 from lostmotion.lab.task import Task
 
 __all__ = ["Step", "Tried", "further", "on_unseen", "promising", "searched", "together"]
 
-STANDS_OUT = 0.75
-"""An effect whose error is below this part of the next one's is taken on trust."""
+STANDS_OUT, NEARER_BY = 0.75, 0.87
+"""An effect whose error, or cost with nudging, is below this part of the next one's is taken on trust."""
 NEAR_TRIALS = 6
 ALIKE = 0.02
 FULL = 3.0
@@ -29,8 +38,8 @@ FULL = 3.0
 FREE, FULL_GAIN = 0.01, 0.05
 """An effect of which unseen data are free leaves their errors within this; then it must lower the misfit of the data of
 the fit by this."""
-FIRST = 2
-"""So many effects are tried as the first of two."""
+FIRST, CLEAR = 2, 1.15
+"""So many effects are tried as the first of two; only the nearest where the next one costs so many times as much."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +120,8 @@ def together(step: Step, short: Level, now: Judged, unseen: Unseen) -> list[Step
     where one effect has been found already."""
     if unseen.task.added(short.model):
         return []
-    trials = pair_trials(short, step.near[:FIRST], unseen.task, unseen.horizon_s, unseen.pool)
+    first = [one for one in step.near[:FIRST] if one.cost < CLEAR * step.near[0].cost]
+    trials = pair_trials(short, first, unseen.task, unseen.horizon_s, unseen.pool)
     second = _ranked(step.scores, on_unseen(trials, now, unseen), now)
     if not second.accepted:
         return []
@@ -121,14 +131,29 @@ def together(step: Step, short: Level, now: Judged, unseen: Unseen) -> list[Step
     return [replace(step, tried=_first(alone, step.tried), accepted=True, trusted=True), second]
 
 
-def promising(step: Step, now: Judged, base: str) -> Step | None:
-    """The step with a trial put first that explains too little alone, but more of the training data than all others."""
-    if base != "play" or now.error < FAR or len(step.tried) < 2:
+def promising(step: Step, short: Level, now: Judged, unseen: Unseen) -> Step | None:
+    """The step with an effect put first that explains too little alone, but more than all others: of the training data,
+    or of what keeps nudged runs from following the measurement."""
+    if short.model.base != "play" or now.error < FAR:
+        return None
+    best = _outstanding(step) or _outstanding_nudged(step, short, now, unseen)
+    return replace(step, tried=_first(best, step.tried), accepted=True, trusted=True) if best else None
+
+
+def _outstanding(step: Step) -> Tried | None:
+    if len(step.tried) < 2:
         return None
     best, second = sorted(step.tried, key=lambda one: one.level.typical)[:2]
-    if not best.level.typical < STANDS_OUT * second.level.typical:
+    return best if best.level.typical < STANDS_OUT * second.level.typical else None
+
+
+def _outstanding_nudged(step: Step, short: Level, now: Judged, unseen: Unseen) -> Tried | None:
+    if len(step.near) < 2 or step.near[0].cost > NEARER_BY * step.near[1].cost:
         return None
-    return replace(step, tried=_first(best, step.tried), accepted=True, trusted=True)
+    if step.near[0].cost > NEARER_BY * cost_of(short, unseen.task):
+        return None
+    (best,) = on_unseen([followed_fit(step.near[0], unseen.task)], now, unseen)
+    return best if math.isfinite(best.judged.error) else None
 
 
 def _strongest(*scores: Scores) -> list[Direction]:

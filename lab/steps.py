@@ -39,7 +39,7 @@ def _next(short: Level, level: Level, now: Judged, unseen: Unseen, rng: np.rando
     step = searched(level, short, now, unseen, rng)
     if step.accepted:
         return [step]
-    if trusted := promising(step, now, level.model.base):
+    if trusted := promising(step, short, now, unseen):
         first = trusted.tried[0]
         second = searched(grown(first.level, unseen.task), first.level, first.judged, unseen, rng)
         second = second if second.accepted else further(second, first.level, first.judged, unseen)
