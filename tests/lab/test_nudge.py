@@ -10,6 +10,7 @@ import pytest
 
 from lostmotion.lab.experiment import Experiment, experiments
 from lostmotion.lab.follow import STRONG, WEAK, Nudge, can_follow, states_at
+from lostmotion.lab.follower import Follower
 from lostmotion.lab.nudge import Near, nearest, shortlist
 from lostmotion.lab.search import full_fit, seeded
 from lostmotion.lab.task import Task
@@ -71,6 +72,34 @@ def test_errors_are_as_large_as_expected() -> None:
 
     assert typical(8e-5) < 2.0
     assert typical(4e-5) > 2 * typical(8e-5)
+
+
+@pytest.mark.slow
+def test_behind_a_shaft_the_right_model_follows() -> None:
+    """Where a shaft twists between teeth and bar, a model that has it misses far less than one that has not."""
+    hidden = {"shaft_compliance.share": 0.7, "shaft_compliance.k_s": 30.0, "shaft_compliance.c_s": 5e-3}
+    stiff = build_model("play", values=GEARS)
+    soft = stiff.with_effect("shaft_compliance").replace(hidden)
+
+    def typical(model: Model, experiment: Experiment) -> float:
+        nudge = Nudge.of(model, 1 / RATE_HZ, STRONG)
+        e, _ = nudge.run(model, experiment, SUBSTEP)
+        return float(np.mean(np.log1p((e[200:] / NOISE / nudge.expected / 3) ** 2)))
+
+    held = [recorded(seed, hidden)[0] for seed in (21, 22, 24, 25)]
+    assert sum(typical(soft, one) for one in held) < 0.5 * sum(typical(stiff, one) for one in held)
+
+
+@pytest.mark.slow
+def test_the_joint_goes_to_where_the_teeth_struck(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the way that the teeth were still to go corrected as well as the speed, the right model misses less."""
+    model = build_model("play", values=GEARS)
+    held = [recorded(seed)[0] for seed in range(31, 37)]
+    task = Task.of(model, held, {"accel": NOISE})
+    followers = [Follower.of(replace(task, experiments=(one,)), model) for one in held]
+    with_way = sum(follower.cost(model, STRONG) for follower in followers)
+    monkeypatch.setattr("lostmotion.lab.follow.EARLIER_S", 0.0)
+    assert with_way < 0.9 * sum(follower.cost(model, STRONG) for follower in followers)
 
 
 def test_between_samples_of_the_bar() -> None:

@@ -1,0 +1,54 @@
+"""When the first of two effects is taken on trust, on recordings of the bench's own simulator."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lostmotion.lab.experiment import experiments
+from lostmotion.lab.fit import noise_of
+from lostmotion.lab.heldout import Unseen
+from lostmotion.lab.nudge import Near, cost_of
+from lostmotion.lab.scoretest import score_test
+from lostmotion.lab.search import full_fit
+from lostmotion.lab.step import Step, promising
+from lostmotion.lab.task import Task
+from lostmotion.model import build_model
+from tests.lab.gears import GEARS, gears
+
+HIDDEN = {"coulomb_friction.tau_c": 4e-4, "contact_asymmetry.ratio": 4.0}
+
+
+@pytest.mark.slow
+def test_what_brings_nudged_runs_far_nearer_than_all_others_is_trusted() -> None:
+    """Of two hidden effects one is put first although it explains too little alone; not where the next one comes as
+    near, nor where the base does."""
+    model = build_model("play", values=GEARS)
+    held = experiments(model, [gears(seed, **HIDDEN) for seed in (81, 82, 83)])
+    task = Task.of(model, held[:2], noise_of(held))
+    short = full_fit(model, task)
+    usual = cost_of(short, task)
+    right = model.with_effect("coulomb_friction").replace({"coulomb_friction.tau_c": 4e-4})
+    other = model.with_effect("viscous_friction")
+    with ThreadPoolExecutor(2) as pool:
+        unseen = Unseen(held[2], task, 0.5, pool)
+        now = unseen.judge(short.model)
+        scores = score_test(short, ["viscous_friction"], task.substep_s, pool, np.random.default_rng(0))
+
+        def trusted(nearest: float, next_one: float) -> Step | None:
+            near = (Near(right, nearest, "coulomb_friction"), Near(other, next_one, "viscous_friction"))
+            return promising(Step(scores, near=near), short, now, unseen)
+
+        step = trusted(0.5 * usual, 0.9 * usual)
+        assert trusted(0.5 * usual, 0.52 * usual) is None
+        assert trusted(0.95 * usual, 2 * usual) is None
+        assert promising(Step(scores), short, replace(now, error=1.0), unseen) is None
+    assert step is not None
+    assert step.trusted
+    assert step.accepted
+    assert step.tried[0].effect == "coulomb_friction"
+    assert step.tried[0].level.typical < short.typical
+    assert step.tried[0].judged.error < now.error
