@@ -105,7 +105,7 @@ def _explanation(
     unit = task.noise[column]
     named = task.added(best.model)
     best_fit = fit_of(refined_level(best, task), task)
-    left = outside or _is_left(after) or (not named and (steps[-1].is_full or after.error > UNLIKE_NOISE))
+    left = outside or _is_left(after) or (not named and steps[-1].is_full)
     if left and named:  # with the right effect, what is left of unseen data may be starts that were not found
         left = all(map(_is_left, trained_each(best, task.substep_s)))
     enough = before.error > BY_FAR * after.error
@@ -143,7 +143,8 @@ def is_idle(level: Level, task: Task) -> bool:
 
 def _is_left(judged: Judged) -> bool:
     """Whether the stretches that are followed best hold more than noise."""
-    return is_structured(judged.residual[: math.ceil(SURE_SHARE * len(judged.residual))])
+    best = judged.residual[: math.ceil(SURE_SHARE * len(judged.residual))]
+    return judged.error > UNLIKE_NOISE or is_structured(best)
 
 
 def _ranking(steps: Sequence[Step], before: Judged, unit: float) -> tuple[Ranked, ...]:

@@ -45,4 +45,6 @@ def _next(short: Level, level: Level, now: Judged, unseen: Unseen, rng: np.rando
         second = second if second.accepted else further(second, first.level, first.judged, unseen)
         if second.accepted and better(second.tried[0].judged, now, level.model.base):
             return [trusted, second]
+        if step.near and first.effect == step.near[0].effect:  # nothing comes of two that begin with this one
+            return [further(step, short, now, unseen)]
     return together(step, short, now, unseen) or [further(step, short, now, unseen)]
