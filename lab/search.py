@@ -199,8 +199,9 @@ def _unpredictable(model: Model, stretches: Sequence[Stretch], task: Task) -> ND
     fine = coarse_substep(model, task.experiments, 1.0)
     here, halved = residuals(model, stretches, fine), residuals(model, stretches, fine / 2)
     apart = residuals(model, [stretch.starting(stretch.start + NUDGE * stretch.scale) for stretch in stretches], fine)
-    moved = [_rms(a - b) > CONVERGED for a, b in zip(here, halved, strict=True)]
-    chaotic = [_rms(a - b) > NUDGED for a, b in zip(here, apart, strict=True)]
+    with np.errstate(invalid="ignore"):  # a motion that cannot be run is infinitely far off in both
+        moved = [_rms(a - b) > CONVERGED for a, b in zip(here, halved, strict=True)]
+        chaotic = [_rms(a - b) > NUDGED for a, b in zip(here, apart, strict=True)]
     return np.asarray(np.array(moved) | np.array(chaotic))
 
 
