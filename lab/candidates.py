@@ -42,7 +42,7 @@ __all__ = [
 
 NEAR, NEAR_ITERATIONS, FULL = 12, 6, 4
 FEW_NEAR, FEW_FULL, FOLLOWED = 6, 2, 4
-BESIDE = 1.4
+UNFOLLOWED = 1.4
 """Times the cost of what nudged runs come nearest to, from which on another effect is not followed."""
 HOPELESS = 0.45
 """Share of missed stretches, from which on an effect is not worth finding their starts."""
@@ -133,7 +133,7 @@ def further_trials(base: Level, task: Task, horizon_s: float, pool: Executor) ->
 
 
 def _nearest(ordered: Sequence[Near]) -> list[tuple[str, Model]]:
-    return [(near.effect, near.model) for near in ordered[:FOLLOWED] if near.cost < BESIDE * ordered[0].cost]
+    return [(near.effect, near.model) for near in ordered[:FOLLOWED] if near.cost < UNFOLLOWED * ordered[0].cost]
 
 
 def raced_fits(

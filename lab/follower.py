@@ -21,6 +21,7 @@ LEAST_HZ, PERIOD_SAMPLES = 800.0, 8.0
 SHORTEST_STEP_S = 2.5e-4
 """What a longer step misses, the next sample corrects."""
 ROUGH = 0.03
+"""The part of its signal's standard deviation that ``roughly`` counts errors in, where the noise is fainter."""
 OUTSIDE, FAR = 3.0, 1e6
 """Times what is expected, from which on an error counts by its logarithm; and where even that ends, squared."""
 

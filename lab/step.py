@@ -38,8 +38,8 @@ FULL = 3.0
 FREE, FULL_GAIN = 0.01, 0.05
 """An effect of which unseen data are free leaves their errors within this; then it must lower the misfit of the data of
 the fit by this."""
-FIRST, CLEAR = 2, 1.15
-"""So many effects are tried as the first of two; only the nearest where the next one costs so many times as much."""
+FIRST = 2
+"""So many effects are tried as the first of two, where none is far ahead."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +82,13 @@ class Step:
         return [one for one in self.tried if one.misfit < self.tried[0].misfit + ALIKE]
 
     @property
+    def ahead(self) -> Near | None:
+        """What brings nudged runs far nearer than all others, if anything."""
+        if len(self.near) < 2 or self.near[0].cost > NEARER_BY * self.near[1].cost:
+            return None
+        return self.near[0]
+
+    @property
     def is_full(self) -> bool:
         """Whether the data of the fit hold far more than noise of what the score test asks for."""
         return any(d.statistic > FULL * self.scores.limit for d in self.scores.directions)
@@ -120,7 +127,7 @@ def together(step: Step, short: Level, now: Judged, unseen: Unseen) -> list[Step
     where one effect has been found already."""
     if unseen.task.added(short.model):
         return []
-    first = [one for one in step.near[:FIRST] if one.cost < CLEAR * step.near[0].cost]
+    first = [step.ahead] if step.ahead else step.near[:FIRST]
     trials = pair_trials(short, first, unseen.task, unseen.horizon_s, unseen.pool)
     second = _ranked(step.scores, on_unseen(trials, now, unseen), now)
     if not second.accepted:
@@ -148,11 +155,10 @@ def _outstanding(step: Step) -> Tried | None:
 
 
 def _outstanding_nudged(step: Step, short: Level, now: Judged, unseen: Unseen) -> Tried | None:
-    if len(step.near) < 2 or step.near[0].cost > NEARER_BY * step.near[1].cost:
+    near = step.ahead
+    if near is None or near.cost > NEARER_BY * cost_of(short, unseen.task):
         return None
-    if step.near[0].cost > NEARER_BY * cost_of(short, unseen.task):
-        return None
-    (best,) = on_unseen([followed_fit(step.near[0], unseen.task)], now, unseen)
+    (best,) = on_unseen([followed_fit(near, unseen.task)], now, unseen)
     return best if math.isfinite(best.judged.error) else None
 
 

@@ -33,6 +33,12 @@ def rough(d: float) -> Model:
     return build_model("play", values={"d": d, "k": 2600.0 * 0.95, "alpha": 3000.0, "b": 0.25})
 
 
+def alone(held: list[Experiment], model: Model) -> list[Task]:
+    """Each experiment as a task of its own."""
+    task = Task.of(model, held, {"accel": NOISE})
+    return [replace(task, experiments=(one,)) for one in held]
+
+
 def test_without_a_gain_it_is_a_simulation() -> None:
     """Nothing is corrected: errors are those of the model's own run from the same state."""
     experiment, _ = recorded(1)
@@ -81,22 +87,16 @@ def test_behind_a_shaft_the_right_model_follows() -> None:
     stiff = build_model("play", values=GEARS)
     soft = stiff.with_effect("shaft_compliance").replace(hidden)
 
-    def typical(model: Model, experiment: Experiment) -> float:
-        nudge = Nudge.of(model, 1 / RATE_HZ, STRONG)
-        e, _ = nudge.run(model, experiment, SUBSTEP)
-        return float(np.mean(np.log1p((e[200:] / NOISE / nudge.expected / 3) ** 2)))
-
     held = [recorded(seed, hidden)[0] for seed in (21, 22, 24, 25)]
-    assert sum(typical(soft, one) for one in held) < 0.5 * sum(typical(stiff, one) for one in held)
+    followers = [Follower.of(task, stiff) for task in alone(held, stiff)]
+    assert sum(f.cost(soft, STRONG) for f in followers) < 0.5 * sum(f.cost(stiff, STRONG) for f in followers)
 
 
 @pytest.mark.slow
 def test_the_joint_goes_to_where_the_teeth_struck(monkeypatch: pytest.MonkeyPatch) -> None:
     """With the way that the teeth were still to go corrected as well as the speed, the right model misses less."""
     model = build_model("play", values=GEARS)
-    held = [recorded(seed)[0] for seed in range(31, 37)]
-    task = Task.of(model, held, {"accel": NOISE})
-    followers = [Follower.of(replace(task, experiments=(one,)), model) for one in held]
+    followers = [Follower.of(task, model) for task in alone([recorded(seed)[0] for seed in range(31, 37)], model)]
     with_way = sum(follower.cost(model, STRONG) for follower in followers)
     monkeypatch.setattr("lostmotion.lab.follow.EARLIER_S", 0.0)
     assert with_way < 0.9 * sum(follower.cost(model, STRONG) for follower in followers)
