@@ -12,7 +12,15 @@ from typing import Literal
 
 import numpy as np
 
-from lostmotion.drivers.base import Accelerometer, AccelerometerOptions, Baudrate, Driver, Port, RobotOptions
+from lostmotion.drivers.base import (
+    Accelerometer,
+    AccelerometerOptions,
+    Baudrate,
+    Driver,
+    FloatArray,
+    Port,
+    RobotOptions,
+)
 from lostmotion.drivers.clock import Clock
 from lostmotion.drivers.codec import witmotion as codec
 from lostmotion.drivers.errors import DriverError
@@ -43,22 +51,28 @@ class WitMotionFormat:
     def __init__(self, axis: str) -> None:
         self._index = AXES[axis[-1]]
         self._sign = -1.0 if axis.startswith("-") else 1.0
-        self._decoder = codec.decoder()
+        self._decoder = codec.WitDecoder()
         self._only_acceleration = True
 
     def feed(self, data: bytes) -> Readings:
-        accel: list[float] = []
+        frames = self._decoder.accelerations(data)
+        if frames is not None:
+            return Readings(self._ms2([values[self._index] for values in frames]), None, 0)
+        raw: list[float] = []
         broken = 0
         for frame in self._decoder.feed(data):
             if frame is None:
                 broken += 1
                 if self._only_acceleration:  # then it was a reading, and keeps its place in time
-                    accel.append(math.nan)
+                    raw.append(math.nan)
             elif frame.kind == codec.ACCELERATION:
-                accel.append(self._sign * codec.to_ms2(frame.values[self._index]))
+                raw.append(frame.values[self._index])
             else:
                 self._only_acceleration = False
-        return Readings(np.array(accel), None, broken)
+        return Readings(self._ms2(raw), None, broken)
+
+    def _ms2(self, raw: list[float]) -> FloatArray:
+        return self._sign * codec.to_ms2(np.array(raw, np.float64))
 
     def reset(self) -> None:
         self._decoder.reset()

@@ -7,12 +7,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from struct import Struct
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from lostmotion.drivers.codec.stream import StreamDecoder
 from lostmotion.drivers.units import STANDARD_GRAVITY
 
-__all__ = ["ACCELERATION", "FRAME_SIZE", "FULL_SCALE_MS2", "WitFrame", "decoder", "encode", "to_ms2"]
+__all__ = ["ACCELERATION", "FRAME_SIZE", "FULL_SCALE_MS2", "WitDecoder", "WitFrame", "encode", "to_ms2"]
 
+Raw = TypeVar("Raw", float, NDArray[np.float64])
+
+HEADER = b"\x55"
 FRAME_SIZE = 11
 ACCELERATION = 0x51
 TYPES = range(0x50, 0x5B)
@@ -20,6 +27,7 @@ TYPES = range(0x50, 0x5B)
 FULL_SCALE_MS2 = 16 * STANDARD_GRAVITY
 """the range of ±16 g [m/s²]"""
 VALUES = Struct("<4h")
+ACCELERATES = HEADER + bytes((ACCELERATION,))
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,20 +38,37 @@ class WitFrame:
     values: tuple[int, int, int, int]
 
 
-def to_ms2(raw: float) -> float:
-    """Acceleration [m/s²] of a raw value."""
+def to_ms2(raw: Raw) -> Raw:
+    """Acceleration [m/s²] of a raw value, or of many."""
     return raw / 32768 * FULL_SCALE_MS2
 
 
 def encode(frame: WitFrame) -> bytes:
     """The 11 bytes of a frame."""
-    body = bytes((0x55, frame.kind)) + VALUES.pack(*frame.values)
+    body = HEADER + bytes((frame.kind,)) + VALUES.pack(*frame.values)
     return body + bytes((sum(body) & 0xFF,))
 
 
-def decoder() -> StreamDecoder[WitFrame]:
+class WitDecoder(StreamDecoder[WitFrame]):
     """A stream decoder for all types of frames."""
-    return StreamDecoder(b"\x55", _length, _decode)
+
+    def __init__(self) -> None:
+        super().__init__(HEADER, _length, _decode)
+
+    def accelerations(self, data: bytes) -> list[tuple[int, ...]] | None:
+        """The raw values of the frames that are complete now, in half the time of ``feed``; None, and nothing is taken
+        in, where there is anything but accelerations, as there seldom is, or none of them: that is ``feed``'s."""
+        stream = self._buffer + data
+        end = len(stream) - len(stream) % FRAME_SIZE
+        found = []
+        for at in range(0, end, FRAME_SIZE):
+            frame = stream[at : at + FRAME_SIZE]
+            if not (frame.startswith(ACCELERATES) and _is_whole(frame)):
+                return None
+            found.append(VALUES.unpack_from(frame, 2))
+        if found:
+            self._buffer, self._in_garbage = stream[end:], False
+        return found or None
 
 
 def _length(buffer: bytearray, at: int) -> int | None:
@@ -53,6 +78,9 @@ def _length(buffer: bytearray, at: int) -> int | None:
 
 
 def _decode(frame: bytes) -> WitFrame | None:
-    if sum(frame[:-1]) & 0xFF != frame[-1]:
-        return None
-    return WitFrame(frame[1], VALUES.unpack_from(frame, 2))
+    return WitFrame(frame[1], VALUES.unpack_from(frame, 2)) if _is_whole(frame) else None
+
+
+def _is_whole(frame: bytes | bytearray) -> bool:
+    """Whether its sum is right."""
+    return sum(frame[:-1]) & 0xFF == frame[-1]
