@@ -11,7 +11,7 @@ from datetime import datetime, timedelta
 from lostmotion.daemon import outlook, requests
 from lostmotion.daemon.alarm import Change
 from lostmotion.daemon.options import AlarmOptions
-from lostmotion.daemon.records import Answer, Cause, Health, JointRow, Origin, ScoreRow
+from lostmotion.daemon.records import AlarmState, Answer, Cause, Health, JointRow, Origin, ScoreRow, Transition
 from lostmotion.daemon.store import Store
 
 __all__ = ["AlarmDesk"]
@@ -47,9 +47,11 @@ class AlarmDesk:
         self._monitors = {joint: requests.resume(self._reader, joint, options, utc) for joint in joints}
         self._trend_due = dict.fromkeys(self._monitors, utc)
         self._last_request = 0
+        self._last: dict[tuple[str, Cause], Transition] = {}
         for joint, monitor in self._monitors.items():
             for cause in Cause:
                 for _, transition in self._reader.transitions(joint, cause, newest=AGAIN):
+                    self._last[joint, cause] = transition
                     self._tell(transition, True)
             self._change([monitor.row])
         for gone in {row.name for row in self._reader.joints()} - set(self._monitors):
@@ -59,6 +61,13 @@ class AlarmDesk:
     def healths(self) -> list[Health]:
         """The present health of each joint."""
         return [monitor.row.health for monitor in self._monitors.values()]
+
+    @property
+    def known(self) -> list[Change]:
+        """What another database needs to go on with these joints: their health, and the last word on each alarm that is
+        not over."""
+        living = [one for one in self._last.values() if one.alarm.state is not AlarmState.NORMAL]
+        return [*(monitor.row for monitor in self._monitors.values()), *living]
 
     def scored(self, row: ScoreRow, origin: Origin | None = None) -> None:
         """A window has been scored; origin: whose play it may be."""
@@ -97,5 +106,7 @@ class AlarmDesk:
         if rows:
             self._store.add(*rows)
         for row in rows:
-            if isinstance(row, JointRow):
+            if isinstance(row, Transition):
+                self._last[row.alarm.joint, row.alarm.cause] = row
+            elif isinstance(row, JointRow):
                 self._tell(row, False)

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import logging
 import math
+import sqlite3
 import threading
 import time
 from collections.abc import Callable
 from datetime import datetime
 from typing import TYPE_CHECKING, TypeVar
 
-from lostmotion.daemon import accounts, logs
+from lostmotion.daemon import accounts, database, logs
 from lostmotion.daemon.alarm import Change
 from lostmotion.daemon.config import Config
 from lostmotion.daemon.desk import AlarmDesk
@@ -179,10 +180,12 @@ class Service:
         self._notifier.ready()
 
     def _leave_damaged_store(self) -> None:
-        """Goes on in a new database; the old one is moved aside when it is closed."""
+        """Goes on in a new database, with the alarms that stand; the old one is moved aside when it is closed."""
         self._finish()
         self._store.close()
         self._robot, self._store = Robot(self._config), _store(self._config)
+        self._store.add(*self._desk.known)
+        self._store.settled(FINISH_S)
         self._begin()
 
     def _open_desk(self) -> AlarmDesk:
@@ -224,6 +227,8 @@ class Service:
     def _look_around(self) -> None:
         """What need not be done for every window: dead devices, alarms' delays, requests, trends, systemd, counts."""
         if self._is_due(LOOK_S):
+            if self._store.damage is not None:
+                self._leave_damaged_store()
             if self._desk.is_provisional and self._store.is_open and not self._store.waiting():
                 self._know_history()
             utc = self._utc()
@@ -232,8 +237,6 @@ class Service:
             self._guard(self._desk.take_requests, utc)
             self._guard(self._desk.ask_trend, utc)
             self._desk.tell_settled()
-            if self._store.damage is not None:
-                self._leave_damaged_store()
             self._notifier.status(accounts.status_line(self._robot, self._store, self._desk.healths))
         if self._is_due(ACCOUNT_S):
             self._store.add(*accounts.rows(self._robot, self._utc()))
@@ -277,6 +280,9 @@ class Service:
         """Calls a stage; an error in it is logged and the service goes on."""
         try:
             return function(*arguments)
+        except sqlite3.Error as error:  # of the disk: the store learns of it, too, and does what can be done
+            log.error("%s", database.explain(self._store.path, error))
+            return None
         except Exception:
             log.exception("internal error in %s", getattr(function, "__qualname__", function))
             return None

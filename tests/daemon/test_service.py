@@ -11,13 +11,15 @@ import sqlite3
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lostmotion.daemon.reader import open_readonly
-from lostmotion.daemon.records import AlarmEvent, AlarmState, Cause, Health
+from lostmotion.daemon.records import AlarmEvent, AlarmRow, AlarmState, Cause, Health, JointRow, Request, Verb
+from lostmotion.daemon.requests import ask
 from lostmotion.drivers.emulator import CsvStream, Emulator, Motion, ServoLine, TextStream
 from tests.daemon.cli_world import SECOND_JOINT, SIMULATED, call
 from tests.daemon.conftest import Running, SmallDisk, wait_until
@@ -318,6 +320,35 @@ def test_an_alarm_outlives_a_restart_until_its_device_reads(tmp_path: Path, star
     with open_readonly(tmp_path / "history.db") as reader:
         (alarm,) = reader.alarms("elbow")
     assert (alarm.state, "no answer" in alarm.reason) == (AlarmState.ACTIVE, True)
+
+
+@pytest.mark.slow
+def test_alarms_outlive_a_database_that_is_damaged_in_use(tmp_path: Path, start: Start) -> None:
+    """The service goes on in a new one, where the alarm still is the one that was acknowledged; no traceback."""
+    path, database = tmp_path / "fake.toml", tmp_path / "history.db"
+    path.write_text(fake_config(tmp_path, joints=["elbow", "impostor"]))
+    service = start(path)
+    service.wait_for("alarm joint=impostor cause=device severity=error event=raised")
+    ask(database, Request(0, "impostor", Verb.ACK, by="anna"), datetime.now(UTC))
+    service.wait_for("event=acknowledged")
+    before = known(database)
+    for file in (database, Path(f"{database}-wal")):
+        with file.open("r+b") as pages:
+            pages.seek(4096)
+            pages.write(b"\xff" * (file.stat().st_size - 4096))
+    service.wait_for("the history begins anew")
+    wait_until(lambda: count(database) >= 2)
+    assert known(database) == before
+    service.stop(signal.SIGTERM)
+    said = service.log.read_text()
+    assert "Traceback" not in said
+    assert said.count("event=") == 2
+
+
+def known(database: Path) -> tuple[list[AlarmRow], list[JointRow]]:
+    """The alarms that are not normal, and the health of all joints."""
+    with open_readonly(database) as reader:
+        return reader.alarms(living=True), reader.joints()
 
 
 def test_a_replay_ends_by_itself(tmp_path: Path, start: Start) -> None:
