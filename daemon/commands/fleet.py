@@ -106,6 +106,7 @@ def ask(fleet: Fleet, selector: str) -> Heard:
 def _session(fleet: Fleet) -> Iterator[zenoh.Session]:
     try:
         config = configuration(_options(fleet))
+        config.insert_json5("transport/unicast/open_timeout", str(round(fleet.timeout_s * 1000)))
     except zenoh.ZError as error:
         raise FleetError(f"{_options(fleet).config}: no valid configuration of Zenoh: {brief(error)}") from error
     try:

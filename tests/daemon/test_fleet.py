@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
 from pathlib import Path
@@ -14,7 +15,7 @@ from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.sinks.zenoh import ZenohSink
 from tests.daemon.cli_world import SIMULATED, call, fill, is_one_line
 from tests.daemon.conftest import wait_until
-from tests.daemon.zenoh_world import session
+from tests.daemon.zenoh_world import Router, session
 
 
 @pytest.fixture
@@ -81,6 +82,15 @@ def test_nobody_there(endpoint: str) -> None:
     assert is_one_line(call("fleet", "status", "--connect", endpoint), endpoint, "nobody answers")
     with session("router", listen=[endpoint]):
         assert is_one_line(call("fleet", "status", "--connect", endpoint, "--timeout", "0.5"), "no robot there")
+
+
+def test_a_router_that_hangs(tmp_path: Path, endpoint: str) -> None:
+    """It is waited for no longer than --timeout says."""
+    with closing(Router(tmp_path, endpoint)) as router:
+        router.hang()
+        begin = time.monotonic()
+        assert is_one_line(call("fleet", "status", "--connect", endpoint, "--timeout", "0.5"), "nobody answers there")
+        assert time.monotonic() - begin < 3
 
 
 def test_a_config_file_of_zenoh(fleet: str, tmp_path: Path) -> None:

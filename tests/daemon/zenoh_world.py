@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 import threading
@@ -50,6 +51,10 @@ class Router:
         """kill -9."""
         self._process.kill()
         self._process.communicate()
+
+    def hang(self) -> None:
+        """It still takes connections, and says nothing any more."""
+        self._process.send_signal(signal.SIGSTOP)
 
     close = kill
 
