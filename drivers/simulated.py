@@ -93,8 +93,8 @@ class SimulatedRobot(VirtualClock):
 
         A sensor that no joint names rides on one without play, of which nobody hears.
         """
-        begin = time.monotonic()
         with self._made:
+            begin = time.monotonic()
             for name in sorted(self._sensors.keys() - {joint.options.accelerometer for joint in self._joints}):
                 rides_on = SimulatedJointOptions(name=name, driver="simulated", accelerometer=name)
                 self.add_joint(rides_on).is_read = False
