@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -13,7 +16,7 @@ from lostmotion.daemon import documents, requests
 from lostmotion.daemon.commands import output, times
 from lostmotion.daemon.commands.where import find_database, open_joint, open_reader
 from lostmotion.daemon.database import StoreBusyError
-from lostmotion.daemon.reader import open_readonly
+from lostmotion.daemon.reader import ReaderError, open_readonly
 from lostmotion.daemon.records import AlarmRow, Answer, Request, Severity, Transition
 
 __all__ = ["change", "show", "watch"]
@@ -39,16 +42,37 @@ def show(config: Path | None, database: Path | None, everything: bool, as_json: 
 
 def watch(config: Path | None, database: Path | None, duration_s: float | None, as_json: bool) -> None:
     """Prints what happens to alarms as it happens, a line each (JSON: a document each), until Ctrl-C."""
-    with open_reader(config, database) as reader:
-        last = max((number for number, _ in reader.transitions(newest=1)), default=0)
-        end = time.monotonic() + duration_s if duration_s else None
-        while end is None or time.monotonic() < end:
-            for number, transition in reader.transitions(after=last):
-                last = number
-                document = msgspec.json.encode(documents.transition(transition)).decode()
-                sys.stdout.write((document if as_json else _line(transition)) + "\n")
-            sys.stdout.flush()
-            time.sleep(LOOK_S)
+    end = time.monotonic() + duration_s if duration_s else math.inf
+    for transition in _news(find_database(config, database), end):
+        document = msgspec.json.encode(documents.transition(transition)).decode()
+        sys.stdout.write((document if as_json else _line(transition)) + "\n")
+        sys.stdout.flush()
+
+
+def _news(path: Path, end: float) -> Iterator[Transition]:
+    """Transitions from now on until ``end`` [s], as they are stored; where a service has moved a damaged database
+    aside, all that are in the new one."""
+    file, reader = _file(path), open_readonly(path)
+    last = max((number for number, _ in reader.transitions(newest=1)), default=0)
+    while time.monotonic() < end:
+        for number, transition in reader.transitions(after=last):
+            last = number
+            yield transition
+        time.sleep(LOOK_S)
+        if (now := _file(path)) not in (0, file):
+            with suppress(ReaderError):  # it is not whole yet: at the next look
+                fresh = open_readonly(path)
+                reader.close()
+                file, reader, last = now, fresh, 0
+    reader.close()
+
+
+def _file(path: Path) -> int:
+    """Which file has this name; 0 for none."""
+    try:
+        return path.stat().st_ino
+    except OSError:
+        return 0
 
 
 def change(config: Path | None, database: Path | None, request: Request, as_json: bool) -> int:

@@ -13,10 +13,12 @@ from typing import Any
 
 import pytest
 
+from lostmotion.daemon.lifecycle import raised
 from lostmotion.daemon.migrations import CURRENT
 from lostmotion.daemon.reader import open_readonly
-from lostmotion.daemon.records import AlarmState, Request, Verb
+from lostmotion.daemon.records import AlarmState, Cause, Request, Severity, Verb
 from lostmotion.daemon.requests import RequestError, ask
+from lostmotion.daemon.store import Store
 from tests.daemon.cli_world import START, call, fill, is_one_line
 from tests.daemon.cli_world import start as start_program
 from tests.daemon.conftest import Running, wait_until
@@ -135,6 +137,18 @@ def test_people_and_a_running_service(tmp_path: Path, start: Callable[..., Runni
     lines = watching.communicate(timeout=20)[0].splitlines()
     assert [json.loads(line)["event"] for line in lines] == ["acknowledged", "shelved", "unshelved"]
     assert len({json.loads(line)["id"] for line in lines}) == 3
+
+
+def test_watching_goes_on_in_a_new_database(tmp_path: Path, database: Path) -> None:
+    """A service has moved the database aside: what is in the new one is told."""
+    watching = watch(tmp_path, database)
+    database.rename(tmp_path / "aside.db")
+    news = raised("elbow", Cause.DEVICE, Severity.ERROR, "gone", START)
+    with closing(Store(database, "arm1")) as store:
+        store.add(news)
+    assert json.loads(watching.stdout.readline())["id"] == news.id
+    watching.kill()
+    watching.communicate()
 
 
 def test_a_joint_that_leaves_the_configuration(tmp_path: Path, start: Callable[..., Running]) -> None:
