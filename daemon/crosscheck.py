@@ -169,8 +169,18 @@ def _addresses(config: Config) -> None:
     zenoh = config.zenoh
     if zenoh and zenoh.config:
         _zenoh_file(zenoh)
+    if zenoh and not (zenoh.config or zenoh.connect or zenoh.multicast_scouting or _is_found(zenoh)):
+        raise CrossCheckError(
+            "alarm.zenoh.connect: found none, so that nobody would hear the robot; expected a router such as "
+            '["tcp/10.0.0.1:7447"], or listen = ["tcp/127.0.0.1:7447"] in mode "peer"'
+        )
     for key, endpoints in (("connect", zenoh.connect), ("listen", zenoh.listen)) if zenoh else ():
         check_endpoints(f"alarm.zenoh.{key}", endpoints)
+
+
+def _is_found(zenoh: ZenohOptions) -> bool:
+    """Whether others can connect to this robot."""
+    return bool(zenoh.listen) and zenoh.mode != "client"
 
 
 def check_endpoints(name: str, endpoints: Iterable[str]) -> None:

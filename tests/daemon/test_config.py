@@ -107,6 +107,8 @@ def test_lever_arms() -> None:
         ("f_res_hz = 58.0", "f_res_hz = 98.0", "the oscillator rings up to 104 Hz, but rate_hz = 200 shows only"),
         ("f_norm_hz = 85.0", "f_norm_hz = 150.0", "joint 'elbow': the norm band 140-160 Hz has 0 bins"),
         ('mode = "peer"', 'mode = "mesh"', "alarm.zenoh.mode: found 'mesh'; expected 'client', 'peer', 'router'"),
+        ('mode = "peer"', 'mode = "client"', "alarm.zenoh.connect: found none, so that nobody would hear"),
+        ('listen = ["tcp/127.0.0.1:7447"]', "", "alarm.zenoh.connect: found none, so that nobody would hear"),
         ('"auto"', '"car"', "joint 'elbow'.detector.window_s: found 'car'; expected a number or 'auto'"),
         ("window_s = 0.25", "window_s = 1000.0", "joint 'wrist': window_s: found 1000, expected 0.02 to 5"),
         ("window_s = 0.25", "window_s = 0.01", "joint 'wrist': window_s: found 0.01, expected 0.02 to 5"),
