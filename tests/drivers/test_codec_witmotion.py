@@ -51,6 +51,7 @@ def test_a_corrupted_frame_loses_only_itself(frames: list[WitFrame], at: int, fl
     victim = data.draw(st.integers(0, len(frames) - 1))
     raw = [bytearray(encode(frame)) for frame in frames]
     raw[victim][at] = raw[victim][at] ^ flip if raw[victim][at] ^ flip != 0x55 else 0
+    assume(raw[victim][-1] != 0x55)  # a sum that looks like a header counts as one
     decode = WitDecoder()
     assert decode.feed(b"".join(raw)) == [None if i == victim else f for i, f in enumerate(frames)]
     assert decode.broken == 1
