@@ -33,6 +33,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--host", action="append", default=[], help="names and addresses of the router")
     given = parser.parse_args(arguments)
     given.folder.mkdir(parents=True, exist_ok=True)
+    if (given.folder / "ca.pem").exists():
+        parser.exit(2, f"{given.folder}: found certificates, which new ones would make worthless; remove them first\n")
     authority = ec.generate_private_key(ec.SECP256R1())
     issuer = name_of("lostmotion test authority")
     write(given.folder / "ca.pem", certificate(issuer, authority, issuer, authority, is_authority=True))

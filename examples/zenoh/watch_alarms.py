@@ -13,6 +13,7 @@ import argparse
 import json
 import threading
 from collections.abc import Sequence
+from contextlib import suppress
 
 import zenoh
 from zenoh.ext import HistoryConfig, RecoveryConfig, declare_advanced_subscriber
@@ -38,7 +39,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
             seen.add(name)
             print(json.dumps(change), flush=True)
 
-    with zenoh.open(config) as session:
+    try:
+        opened = zenoh.open(config)
+    except zenoh.ZError as error:
+        parser.exit(2, f"found nobody to listen to, expected a router or a robot: {str(error).partition(' at /')[0]}\n")
+    with opened as session, suppress(KeyboardInterrupt):
         declare_advanced_subscriber(
             session,
             "lostmotion/*/*/alarm",

@@ -111,3 +111,12 @@ def test_who_has_no_good_certificate_gets_no_session(world: World, who: str) -> 
         zenoh.open(zenoh.Config.from_file(file))
     result = call("fleet", "status", "--zenoh", file)
     assert (result.exit_code, "nobody answers" in result.stderr) == (2, True)
+
+
+def test_certificates_that_are_in_use_are_kept(tmp_path: Path) -> None:
+    """A second call would make a new authority, of which the robots know nothing."""
+    certificates.main([str(tmp_path), "arm1"])
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    with pytest.raises(SystemExit, match="2"):
+        certificates.main([str(tmp_path), "arm2"])
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
