@@ -77,6 +77,8 @@ def best_wave(model: Model, follower: Follower, target: int) -> float:
     best, found = -1.0, SLOWEST_HZ
     for hz in np.arange(SLOWEST_HZ, fastest, 0.5 / min(s.duration for s in follower.stretches)):
         J = _torque_wave(model, follower, float(hz), e) if target == TORQUE else _sensor_wave(follower, float(hz))
+        if not np.isfinite(J).all():
+            continue
         g = (J * weight[:, None]).T @ e
         gained = float(g @ np.linalg.lstsq((J * weight[:, None]).T @ J, g, rcond=1e-12)[0])
         best, found = max((best, found), (gained, float(hz)))

@@ -84,7 +84,7 @@ def described(level: Level, task: Task) -> Finding | None:
             best = min(range(len(fits)), key=lambda i: fits[i].typical)
             return _finding(found[best], _heights(fits[best], task)) if _clear(fits[best], level) else None
         told = _nearest(level.model, found, acting, task, pool)
-        if told.gain < NEARER:
+        if told is None or told.gain < NEARER:
             return None
         if told.guess.is_wave:
             return _wave(told)
@@ -101,17 +101,23 @@ def _direct(guess: Guess, level: Level, task: Task) -> Level:
     return fitted(model, Unknowns.of(model, task.rough), level.stretches, task.substep_s)
 
 
-def _nearest(model: Model, found: Sequence[Guess], acting: Mapping[int, float], task: Task, pool: Executor) -> _Told:
-    """The function that brings nudged runs nearest; a wave, whose phase no two recordings share, in one of them."""
+def _nearest(
+    model: Model, found: Sequence[Guess], acting: Mapping[int, float], task: Task, pool: Executor
+) -> _Told | None:
+    """The function that brings nudged runs nearest; a wave, whose phase no two recordings share, in one of them.  None
+    where the model cannot be run along the measurement."""
     follower = Follower.of(task, model)
-    tried = _compared(model, Descent.of(model, follower, TIGHT), found, follower, pool)
+    both = Descent.of(model, follower, TIGHT)
+    if not math.isfinite(both.cost):
+        return None
+    tried = _compared(model, both, found, follower, pool)
     alone = follower.alone()
     tight = Descent.of(model, alone, TIGHT)
     waves = [wave_guess(model.base, target, best_wave(tight.model, alone, target), acting[target])
              for target in (TORQUE, SENSOR)]  # fmt: skip
     with registered(waves):
         tried += _compared(model, tight, waves, alone, pool)
-    return max(tried, key=lambda told: told.gain)
+    return max(tried, key=lambda told: told.gain, default=None)
 
 
 def _compared(
@@ -122,6 +128,8 @@ def _compared(
     base_tight: the model without them, much nudged.
     """
     base = min((Descent.of(start, follower) for start in (base_tight.model, model)), key=attrgetter("cost"))
+    if not math.isfinite(base.cost):
+        return []
     models = [base.model.with_effect(guess.effect.id) for guess in found]
     tight = pool.map(Descent.of, models, [follower] * len(models), [TIGHT] * len(models))
     best = sorted(zip(tight, found, models, strict=True), key=lambda one: one[0].cost)[:BEST]
@@ -131,8 +139,13 @@ def _compared(
     told = []
     for (much, guess, _), *little in zip(best, direct, after, strict=True):
         less = min(little, key=attrgetter("cost"))
-        told.append(_Told(guess, less.model, math.log(base_tight.cost / much.cost) + math.log(base.cost / less.cost)))
+        told.append(_Told(guess, less.model, _gain(base_tight, much) + _gain(base, less)))
     return told
+
+
+def _gain(before: Descent, after: Descent) -> float:
+    """How much nearer, as a logarithm; minus infinity where it cannot be run."""
+    return math.log(before.cost / after.cost) if math.isfinite(after.cost) else -math.inf
 
 
 def _heights(level: Level, task: Task) -> Heights:

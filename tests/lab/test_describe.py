@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.curves import Guess
-from lostmotion.lab.describe import _finding, described
+from lostmotion.lab.describe import _finding, _nearest, described
 from lostmotion.lab.experiment import experiments
 from lostmotion.lab.fit import noise_of
 from lostmotion.lab.results import Finding
@@ -18,6 +18,7 @@ from lostmotion.lab.search import first_fit
 from lostmotion.lab.task import Task
 from lostmotion.model import Model, Parameter, build_model, catalogue
 from lostmotion.model.effects import get_effect
+from lostmotion.model.signals import SENSOR, TORQUE
 from tests.lab.gears import moved
 
 NOISE, LENGTH = 0.1, 3.0
@@ -109,6 +110,15 @@ def test_friction_with_the_cube_of_the_speed() -> None:
     assert found.formula is not None
     assert found.formula.endswith("omega_2³")
     assert float(found.formula.split()[0]) == pytest.approx(-b3, rel=0.15)  # chords of a curve
+
+
+def test_a_model_that_runs_away_is_not_described() -> None:
+    """No function can be looked for along motions that are not finite."""
+    rough = build_model("play", values={"d": 9e-5, "alpha": 3000.0, "b": 0.2, "k": 2500.0})
+    measured = experiments(rough, [gears(31), gears(32)])
+    task, away = Task.of(rough, measured, noise_of(measured)), rough.replace({"alpha": 1e9})
+    with ThreadPoolExecutor(2) as pool:
+        assert _nearest(away, [], {TORQUE: 1e-3, SENSOR: 1.0}, task, pool) is None
 
 
 def test_the_catalogue_is_as_it_was() -> None:
