@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
@@ -30,7 +30,8 @@ __all__ = ["Near", "cost_of", "descended", "nearest", "shortlist"]
 FIRST, MOST_FIRST, POPULATION = 72, 480, 20
 BASE_GENERATIONS, EFFECT_GENERATIONS, BESIDE_GENERATIONS, FINAL_GENERATIONS = 8, 5, 10, 8
 """Beside an effect that is there already as far as nudged runs know it, its values have to give way."""
-KEPT, FEW = 8, 6
+KEPT, FEW, FEWEST, BEHIND = 14, 8, 4, 1.5
+"""So many effects go on, and after some generations; those whose cost is this many times the best's do not."""
 WIDTH = {"d": 0.22, "alpha": 0.3, "k": 0.01, "b": 0.25, "l": 0.03}
 """Standard deviations of a first population, in logarithms."""
 BIAS_WIDTH = 0.05  # m/s²
@@ -75,9 +76,10 @@ def shortlist(
     generations = BESIDE_GENERATIONS if beside else EFFECT_GENERATIONS
     given = ([model] * count, [follower.roughly()] * count, [size] * count, [generations] * count, [seed] * count)
     first = pool.map(_begun, effects, *given)
-    best = sorted(zip(first, effects, strict=True), key=lambda pair: pair[0].costs.min())[: FEW if beside else KEPT]
-    found = pool.map(_finished, *zip(*best, strict=True), [follower] * len(best))
-    return sorted(found, key=lambda near: near.cost)
+    best = _leading(first, effects, KEPT)
+    further = pool.map(_further, (population for population, _ in best), [follower] * len(best))
+    best = _leading(further, [effect for _, effect in best], FEW)
+    return sorted(pool.map(_finished, *zip(*best, strict=True)), key=lambda near: near.cost)
 
 
 def cost_of(base: Level, task: Task) -> float:
@@ -223,8 +225,19 @@ def _opposite(model: Model, values: dict[str, float]) -> dict[str, float]:
     return {name: -values[name] for name in may if "." in name and not name.endswith(".phi")}
 
 
-def _finished(population: _Population, effect: str, follower: Follower) -> Near:
+def _leading(populations: Iterable[_Population], effects: Sequence[str], most: int) -> list[tuple[_Population, str]]:
+    """The best, two at least, as long as they are not far behind the first."""
+    ordered = sorted(zip(populations, effects, strict=True), key=lambda pair: float(pair[0].costs.min()))
+    least = BEHIND * float(ordered[min(1, len(ordered) - 1)][0].costs.min())
+    return [pair for i, pair in enumerate(ordered[:most]) if i < FEWEST or pair[0].costs.min() < least]
+
+
+def _further(population: _Population, follower: Follower) -> _Population:
     population.judge_by(follower)
     population.evolve(FINAL_GENERATIONS)
+    return population
+
+
+def _finished(population: _Population, effect: str) -> Near:
     population.loosen()
     return population.near(effect)
