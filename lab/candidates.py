@@ -18,7 +18,7 @@ import numpy as np
 
 from lostmotion.lab.follow import can_follow
 from lostmotion.lab.grow import Level, fitted
-from lostmotion.lab.heldout import FAR
+from lostmotion.lab.heldout import FAR, LONGER, is_left, trained
 from lostmotion.lab.nudge import Near, cost_of, descended, shortlist
 from lostmotion.lab.scoretest import Direction
 from lostmotion.lab.search import doubled, full_fit, refined
@@ -48,9 +48,10 @@ HOPELESS = 0.45
 """Share of missed stretches, from which on an effect is not worth finding their starts."""
 NEARER_ALONE, NEARER = 0.9, 0.87
 """To these parts of the cost without it the first of two effects must bring nudged runs, and the second one again."""
-LONGER = 1.2
 FIRST_BEHIND, BEHIND, MOST_RACED = 1.8, 3.0, 5
 """Times the error of the best, from which on another one is out of the race: at its start, when longer."""
+COUNTED = 0.93
+"""Part of the error of the next effect, below which one is worth searching its whole numbers from the beginning."""
 USELESS, UNRACED = 0.85, 2
 """Share of the error without it, from which on no effect is worth a race; so many are told all the same."""
 
@@ -98,16 +99,23 @@ def far_trials(
 ) -> tuple[list[Trial], list[Near]]:
     """The best few effects, each fitted on stretches of about this length; best first.
 
-    base: the fit without them on the shortest stretches; directions: of its score test.  Where the bar was measured,
-    nudged runs say what else is worth a fit: what they come near to is returned as well.
+    base: the fit without them on the shortest stretches; directions: of its score test.  Where the bar was measured and
+    more than noise is left by all of these, nudged runs say what else is worth a fit; what they come near to is told
+    as well.
     """
     nudged = can_follow(task.rough, *task.experiments)
     near = near_trials(base, directions[: FEW_NEAR if nudged else NEAR], task, pool, NEAR_ITERATIONS)
-    few = FEW_FULL if nudged else FULL
+    close = bool(near) and near[0].level.typical < min(FAR, USELESS * base.typical)
+    few = FULL if close or not nudged else FEW_FULL
     strongest = [trial for trial in near[few:] if trial.effect == directions[0].effect]
     begin = [(trial.effect, trial.level.model) for trial in (*near[:few], *strongest)]
-    near_by = shortlist(base, others(base.model), task, pool) if nudged else []
-    return raced_fits([*begin, *_nearest(near_by)], task, horizon_s, pool, base.typical), near_by
+    raced = list[Trial]()
+    if close or not nudged:
+        raced, begin = raced_fits(begin, task, horizon_s, pool, base.typical), []
+        if not nudged or (raced and not is_left(trained(raced[0].level, task.substep_s))):
+            return raced, []
+    near_by = shortlist(base, others(base.model), task, pool)
+    return _ordered([*raced, *raced_fits([*begin, *_nearest(near_by)], task, horizon_s, pool, base.typical)]), near_by
 
 
 def pair_trials(base: Level, first: Sequence[Near], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
@@ -147,8 +155,10 @@ def raced_fits(
     full = _ordered([Trial(effect, level) for (effect, _), level in zip(begin, levels, strict=True)])
     if full and full[0].level.typical > max(USELESS * before, FAR):
         return best_of_each(full)[:UNRACED]
-    best = [_recounted(trial, task, pool, _begun_anew) for trial in full[:1]]
-    raced = _raced(best_of_each([*best, *full[1:]]), task, horizon_s, pool)
+    each = best_of_each(full)
+    if len(each) < 2 or each[0].level.typical < COUNTED * each[1].level.typical:
+        each[:1] = [_recounted(trial, task, pool, _begun_anew) for trial in each[:1]]
+    raced = _raced(each, task, horizon_s, pool)
     return _ordered([_recounted(trial, task, pool, refined) for trial in raced])
 
 
@@ -175,15 +185,15 @@ def _recounted(trial: Trial, task: Task, pool: Executor, fit: Callable[[Level, T
     whole = [name for name, p in trial.level.model.parameters.items() if name.startswith(prefix) and p.domain.is_whole]
     best = trial.level
     for name in whole:
+        known = {best.model.parameters[name].value}
         while True:
             p = best.model.parameters[name]
-            counts = [p.value + step for step in (-2, -1, 1, 2) if p.low <= p.value + step <= p.high]
-            models = [best.model.replace({name: count}) for count in counts]
-            others = [replace(best, model=model) for model in models]
-            level = min(pool.map(fit, others, [task] * len(others)), key=lambda level: level.typical)
+            near = {p.value + step for step in (-2, -1, 1, 2) if p.low <= p.value + step <= p.high}
+            others = [replace(best, model=best.model.replace({name: count})) for count in sorted(near - known)]
+            level = min(pool.map(fit, others, [task] * len(others)), key=lambda level: level.typical, default=best)
             if not level.typical < best.typical:
                 break
-            best = level
+            best, known = level, known | near
     return Trial(trial.effect, best)
 
 

@@ -26,7 +26,7 @@ from lostmotion.lab.describe import described
 from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.fit import Progress, fit_of, noise_of, refined_level
 from lostmotion.lab.grow import Level, followed, residuals
-from lostmotion.lab.heldout import Judged, Unseen, trained_each
+from lostmotion.lab.heldout import Judged, Unseen, is_left, trained_each
 from lostmotion.lab.noise import innovation_noise
 from lostmotion.lab.results import Errors, Explanation, Finding, Fit, Ranked, Verdict
 from lostmotion.lab.scoretest import Scores
@@ -35,7 +35,6 @@ from lostmotion.lab.seeds import AMPLITUDE
 from lostmotion.lab.simplify import simplified
 from lostmotion.lab.step import Step, Tried
 from lostmotion.lab.steps import descended
-from lostmotion.lab.structure import is_structured
 from lostmotion.lab.task import Task
 from lostmotion.model import Model, ModelError
 
@@ -45,10 +44,6 @@ IDLE = 1.5
 """Half widths of its interval, within which an amplitude may as well be zero: three standard deviations."""
 BY_FAR = 4.0
 """Effects that bring the error down by this factor are missing, although structure is left behind them."""
-UNLIKE_NOISE = 2.0
-"""Times the noise, from which on what is left is no noise, whatever its shape: a steady hum passes for its colour."""
-SURE_SHARE = 0.75
-"""Of the unseen stretches, those that are followed best: in the others a start may be off, which is no structure."""
 
 
 def explain(
@@ -105,9 +100,9 @@ def _explanation(
     unit = task.noise[column]
     named = task.added(best.model)
     best_fit = fit_of(refined_level(best, task), task)
-    left = outside or _is_left(after) or (not named and steps[-1].is_full)
+    left = outside or is_left(after) or (not named and steps[-1].is_full)
     if left and named:  # with the right effect, what is left of unseen data may be starts that were not found
-        left = all(map(_is_left, trained_each(best, task.substep_s)))
+        left = all(map(is_left, trained_each(best, task.substep_s)))
     enough = before.error > BY_FAR * after.error
     verdict: Verdict = "nothing_missing"
     if named and (enough or not left):
@@ -139,12 +134,6 @@ def is_idle(level: Level, task: Task) -> bool:
     if not names or not all(effect in AMPLITUDE for effect in added):
         return False
     return all(abs(e.value) < IDLE * (e.high - e.low) / 2 for e in fit_of(level, task).estimates if e.name in names)
-
-
-def _is_left(judged: Judged) -> bool:
-    """Whether the stretches that are followed best hold more than noise."""
-    best = judged.residual[: math.ceil(SURE_SHARE * len(judged.residual))]
-    return judged.error > UNLIKE_NOISE or is_structured(best)
 
 
 def _ranking(steps: Sequence[Step], before: Judged, unit: float) -> tuple[Ranked, ...]:

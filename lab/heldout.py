@@ -14,11 +14,12 @@ from lostmotion.lab.grow import Level, merged, residuals, tiles
 from lostmotion.lab.search import begun, passed
 from lostmotion.lab.start import polished, repaired
 from lostmotion.lab.stretch import Stretch, start_with
+from lostmotion.lab.structure import is_structured
 from lostmotion.lab.task import Task
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["FAR", "Judged", "Unseen", "better", "misfits", "trained", "trained_each"]
+__all__ = ["FAR", "LONGER", "Judged", "Unseen", "better", "is_left", "misfits", "trained", "trained_each"]
 
 FAR = 1.6
 """Times the noise; below, the model is linear enough in what is missing for the score test alone to lead the search."""
@@ -27,9 +28,14 @@ LEAST_GAIN = 0.01
 FAR_GAIN = 0.6
 """Where it stays far above the noise, to this part: what bends itself a little to something else is no effect."""
 LONGER = 1.2
+"""Times the length that is asked for, up to which a stretch may be."""
 POLISHED = 6
 LOST_SHARE = 0.4
 LOST, MOST = 1.3, 3.0
+UNLIKE_NOISE = 2.0
+"""Times the noise, from which on what is left is no noise, whatever its shape: a steady hum passes for its colour."""
+SURE_SHARE = 0.75
+"""Of the unseen stretches, those that are followed best: in the others a start may be off, which is no structure."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +76,12 @@ def better(judged: Judged, now: Judged, base: str) -> bool:
         return judged.error < FAR_GAIN * now.error
     before, after = misfits([now, judged])
     return bool(before - after > max(0.5 * math.log(judged.count) / judged.count, LEAST_GAIN))
+
+
+def is_left(judged: Judged) -> bool:
+    """Whether the stretches that are followed best hold more than noise."""
+    best = judged.residual[: math.ceil(SURE_SHARE * len(judged.residual))]
+    return judged.error > UNLIKE_NOISE or is_structured(best)
 
 
 def _usual(errors: FloatArray) -> float:

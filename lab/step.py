@@ -22,7 +22,7 @@ from lostmotion.lab.candidates import (
     pair_trials,
 )
 from lostmotion.lab.grow import Level
-from lostmotion.lab.heldout import FAR, Judged, Unseen, better, misfits, trained
+from lostmotion.lab.heldout import FAR, LONGER, Judged, Unseen, better, misfits, trained
 from lostmotion.lab.nudge import Near, cost_of
 from lostmotion.lab.scoretest import Direction, Scores, score_test
 from lostmotion.lab.task import Task
@@ -143,15 +143,19 @@ def promising(step: Step, short: Level, now: Judged, unseen: Unseen) -> Step | N
     or of what keeps nudged runs from following the measurement."""
     if short.model.base != "play" or now.error < FAR:
         return None
-    best = _outstanding(step) or _outstanding_nudged(step, short, now, unseen)
+    best = _outstanding(step, unseen.horizon_s) or _outstanding_nudged(step, short, now, unseen)
     return replace(step, tried=_first(best, step.tried), accepted=True, trusted=True) if best else None
 
 
-def _outstanding(step: Step) -> Tried | None:
-    if len(step.tried) < 2:
+def _outstanding(step: Step, horizon_s: float) -> Tried | None:
+    """The effect whose error on the training data is far below all others', or before which all others fell out of the
+    race."""
+    if not step.tried:
         return None
-    best, second = sorted(step.tried, key=lambda one: one.level.typical)[:2]
-    return best if best.level.typical < STANDS_OUT * second.level.typical else None
+    best, *rest = sorted(step.tried, key=lambda one: one.level.typical)
+    if rest:
+        return best if best.level.typical < STANDS_OUT * rest[0].level.typical else None
+    return best if best.level.horizon_s * LONGER > horizon_s else None
 
 
 def _outstanding_nudged(step: Step, short: Level, now: Judged, unseen: Unseen) -> Tried | None:

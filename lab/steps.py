@@ -13,7 +13,8 @@ from lostmotion.lab.step import Step, further, promising, searched, together
 
 __all__ = ["descended"]
 
-MOST_MISSING = 3
+MOST_MISSING, AT_LENGTH = 3, 2
+"""After so many, nothing more is looked for at all; or at length."""
 
 
 def descended(
@@ -37,7 +38,7 @@ def descended(
 def _next(short: Level, level: Level, now: Judged, unseen: Unseen, rng: np.random.Generator) -> list[Step]:
     """One step; or two, of which the first, or each, explains too little alone.  The last may not be accepted."""
     step = searched(level, short, now, unseen, rng)
-    if step.accepted:
+    if step.accepted or len(unseen.task.added(short.model)) >= AT_LENGTH:
         return [step]
     if trusted := promising(step, short, now, unseen):
         first = trusted.tried[0]

@@ -10,11 +10,12 @@ import pytest
 
 from lostmotion.lab.experiment import experiments
 from lostmotion.lab.fit import noise_of
+from lostmotion.lab.grow import Level
 from lostmotion.lab.heldout import Unseen
 from lostmotion.lab.nudge import Near, cost_of
 from lostmotion.lab.scoretest import score_test
-from lostmotion.lab.search import full_fit
-from lostmotion.lab.step import Step, promising
+from lostmotion.lab.search import doubled, full_fit
+from lostmotion.lab.step import Step, Tried, promising
 from lostmotion.lab.task import Task
 from lostmotion.model import build_model
 from tests.lab.gears import GEARS, gears
@@ -46,6 +47,15 @@ def test_what_brings_nudged_runs_far_nearer_than_all_others_is_trusted() -> None
         assert trusted(0.5 * usual, 0.52 * usual) is None
         assert trusted(0.95 * usual, 2 * usual) is None
         assert promising(Step(scores), short, replace(now, error=1.0), unseen) is None
+
+        def alone(level: Level) -> Step | None:
+            return promising(Step(scores, (Tried("viscous_friction", level, now),)), short, now, unseen)
+
+        longer = doubled(short, task)
+        assert longer is not None
+        raced = alone(longer)
+        assert alone(short) is None
+    assert raced is not None, "all others fell out of the race"
     assert step is not None
     assert step.trusted
     assert step.accepted
