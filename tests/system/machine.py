@@ -19,8 +19,9 @@ __all__ = ["Machine"]
 BOOT_S = 60.0
 NSPAWN = (
     "systemd-nspawn", "--quiet", "--register=no", "--keep-unit", "--private-network", "--link-journal=no",
-    "--console=pipe", "--boot",
+    "--console=pipe", "--system-call-filter=@memlock", "--boot",
 )  # fmt: skip
+"""as on a real machine, memory may be locked: Zenoh opens no session without"""
 
 
 class Machine:

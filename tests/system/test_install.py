@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import json
+import re
+from pathlib import Path
 
 import pytest
+from examples.zenoh import certificates
 
+from tests.conftest import ROOT
 from tests.system.conftest import Boot
+from tests.system.image import VENV
 from tests.system.machine import Machine
 from tests.system.robot import CONFIG, LOSTMOTION, show
 
@@ -14,6 +19,12 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]  # the first one may b
 
 EXPOSURE = 1.5
 COMPILE_S = 180.0
+KEYS = "/etc/lostmotion/zenoh"
+ROUTER = f"""
+import threading, zenoh
+session = zenoh.open(zenoh.Config.from_file("{KEYS}/router.json5"))
+threading.Event().wait()
+"""
 
 
 @pytest.fixture(scope="module")
@@ -83,6 +94,43 @@ def test_a_wrong_configuration_stops_it_before_anything_changes(machine: Machine
     assert told.startswith(f"lostmotion: {CONFIG}: joint 'elbow'.plya_m: unknown key; did you mean play_m?")
     assert told.count("\n") == 1
     assert show(machine, "MainPID") == before
+
+
+@pytest.fixture
+def router(machine: Machine, tmp_path: Path) -> Machine:
+    """The machine with the files of examples/zenoh, certificates, and a router that lets in nobody without one."""
+    certificates.main([str(tmp_path), "arm1", "office"])
+    for file in (*tmp_path.iterdir(), *(ROOT / "examples" / "zenoh").glob("*.json5")):
+        machine.write(f"{KEYS}/{file.name}", file.read_text())
+    machine.run("sh", "-c", f"chmod 600 {KEYS}/*.key")
+    machine.write("/etc/hosts", "127.0.0.1 localhost\n")
+    machine.write("/opt/router.py", ROUTER)
+    machine.run("systemd-run", "--unit=router", f"{VENV}/bin/python", "/opt/router.py")
+    machine.wait_until(lambda: "no robot there" in ask_fleet(machine))
+    return machine
+
+
+def ask_fleet(machine: Machine) -> str:
+    """What an operator with a certificate is told."""
+    return machine.run(LOSTMOTION, "fleet", "status", "--zenoh", f"{KEYS}/operator.json5", "--json", check=False)
+
+
+def test_a_key_of_roots_is_handed_over(router: Machine) -> None:
+    """Nobody but root may read the robot's key: no session; with the drop-in of docs/alarms.md there is one."""
+    page = (ROOT / "docs" / "alarms.md").read_text()
+    ((drop_in,), (path,)) = (re.findall(what, page) for what in (r"```ini\n([^`]*)```", r'"(/run/credentials/.*)"'))
+    robot = router.run("cat", CONFIG).replace('"simulated"', '"arm1"', 1)
+    router.write(CONFIG, f'{robot}[alarm.zenoh]\nconfig = "{KEYS}/robot.json5"\n')
+    router.run("systemctl", "restart", "lostmotion")
+    router.wait_until(lambda: router.said("zenoh: session not open", "-p", "warning"))
+
+    router.write("/etc/systemd/system/lostmotion.service.d/override.conf", drop_in)
+    router.run("sed", "-i", f"s|{KEYS}/arm1.key|{path}|", f"{KEYS}/robot.json5")
+    router.run("systemctl", "daemon-reload")
+    router.run("systemctl", "restart", "lostmotion")
+    router.wait_until(lambda: router.said("zenoh: session open"))
+    assert [one["robot"] for one in json.loads(ask_fleet(router))["robots"]] == ["arm1"]
+    assert router.run("stat", "-c", "%U %a", f"{KEYS}/arm1.key") == "root 600\n"
 
 
 def test_a_program_in_a_home_is_refused(boot: Boot) -> None:
