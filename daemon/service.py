@@ -10,6 +10,7 @@ import math
 import sqlite3
 import threading
 import time
+import traceback
 from collections.abc import Callable
 from datetime import datetime
 from typing import TYPE_CHECKING, TypeVar
@@ -21,6 +22,7 @@ from lostmotion.daemon.desk import AlarmDesk
 from lostmotion.daemon.notify import Notifier
 from lostmotion.daemon.poller import Poller
 from lostmotion.daemon.records import JointRow, ScoreRow, WindowRow
+from lostmotion.daemon.repeats import Repeats
 from lostmotion.daemon.robot import Robot
 from lostmotion.daemon.signals import Flags
 from lostmotion.daemon.sinks import Sink
@@ -86,6 +88,7 @@ class Service:
         self._store = _store(config)
         self._due = {period_s: time.monotonic() + period_s for period_s in (LOOK_S, ACCOUNT_S, SUMMARY_S)}
         self._fed = (time.monotonic(), 0)
+        self._errors = Repeats()
 
     def startup(self) -> None:
         """Everything that has to be there before the first sample."""
@@ -183,7 +186,7 @@ class Service:
         """Goes on in a new database, with the alarms that stand; the old one is moved aside when it is closed."""
         self._finish()
         self._store.close()
-        self._robot, self._store = Robot(self._config), _store(self._config)
+        self._robot, self._store, self._errors = Robot(self._config), _store(self._config), Repeats()
         self._store.add(*self._desk.known)
         self._store.settled(FINISH_S)
         self._begin()
@@ -267,25 +270,37 @@ class Service:
 
     def _poll(self, poller: Poller, stop: threading.Event) -> None:
         """A poller's thread: a poller that breaks down is started again."""
+        errors = Repeats()
         while not stop.is_set():
             try:
                 poller.run()
                 return
             except Exception as error:
-                log.exception("%s: broke down and is started again", poller.name)
+                if errors.is_news(_place(error), time.monotonic()):
+                    log.exception("%s: broke down and is started again", poller.name)
                 poller.fail(f"internal error: {error!r}")
                 poller.rest(CRASH_PAUSE_S)
 
     def _guard(self, function: Callable[..., T], *arguments: object) -> T | None:
-        """Calls a stage; an error in it is logged and the service goes on."""
+        """Calls a stage; an error in it is logged, not every time, and the service goes on."""
+        stage = getattr(function, "__qualname__", function)
         try:
             return function(*arguments)
-        except sqlite3.Error as error:  # of the disk: the store learns of it, too, and does what can be done
-            log.error("%s", database.explain(self._store.path, error))
-            return None
-        except Exception:
-            log.exception("internal error in %s", getattr(function, "__qualname__", function))
-            return None
+        except sqlite3.Error as error:  # met in reading; what the writer meets is the store's to tell and to mend
+            text = database.explain(self._store.path, error)
+            if self._errors.is_news(text, time.monotonic()):
+                after = "; it stays in use until writing meets the damage, too" if database.is_damage(error) else ""
+                log.error("cannot be read: %s%s", text, after)
+        except Exception as error:
+            if self._errors.is_news(f"{stage}: {_place(error)}", time.monotonic()):
+                log.exception("internal error in %s", stage)
+        return None
+
+
+def _place(error: Exception) -> str:
+    """Where an error was raised, and of which kind it is; its words may hold figures that differ each time."""
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{type(error).__name__}, {frame.filename}:{frame.lineno}"
 
 
 def _store(config: Config) -> Store:

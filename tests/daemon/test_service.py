@@ -20,6 +20,7 @@ import pytest
 from lostmotion.daemon.reader import open_readonly
 from lostmotion.daemon.records import AlarmEvent, AlarmRow, AlarmState, Cause, Health, JointRow, Request, Verb
 from lostmotion.daemon.requests import ask
+from lostmotion.daemon.store import Store
 from lostmotion.drivers.emulator import CsvStream, Emulator, Motion, ServoLine, TextStream
 from tests.daemon.cli_world import SECOND_JOINT, SIMULATED, call
 from tests.daemon.conftest import Running, SmallDisk, wait_until
@@ -343,6 +344,26 @@ def test_alarms_outlive_a_database_that_is_damaged_in_use(tmp_path: Path, start:
     said = service.log.read_text()
     assert "Traceback" not in said
     assert said.count("event=") == 2
+
+
+@pytest.mark.slow
+def test_damage_that_only_a_reader_meets_is_told_once(configuration: Path, start: Start) -> None:
+    """Requests are looked for every second and cannot be read: one line, scores go on, and no file is moved aside."""
+    database = configuration.parent / "history.db"
+    Store(database, "fake").close()
+    with closing(sqlite3.connect(database)) as db:
+        root, size = (db.execute(query).fetchone()[0] for query in (
+            "SELECT rootpage FROM sqlite_schema WHERE name = 'request_that_waits'", "PRAGMA page_size"))  # fmt: skip
+    service = start(configuration)
+    wait_until(lambda: count(database) >= 1)
+    with database.open("r+b") as file:
+        file.seek((root - 1) * size)
+        file.write(b"\xff" * size)
+    service.wait_for("is damaged")
+    before = count(database)
+    wait_until(lambda: count(database) >= before + 16)  # four a second
+    assert service.log.read_text().count("is damaged") == 1
+    assert not [*database.parent.glob("history.db.damaged-*")]
 
 
 def known(database: Path) -> tuple[list[AlarmRow], list[JointRow]]:
