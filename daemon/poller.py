@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from lostmotion.daemon.bell import Bell
+from lostmotion.daemon.repeats import Condition
 from lostmotion.daemon.ring import Ring
 from lostmotion.drivers.base import Accelerometer, Identity, ServoBus, ServoSample
 from lostmotion.drivers.errors import DriverError, EndOfData, IdentityError, PortError
@@ -92,6 +93,7 @@ class Poller:
         self._device = device
         self._stop = stop
         self._check_again = math.inf
+        self._condition = Condition()
 
     def run(self) -> None:
         """The whole life of the device; ends with ``stop`` or at the end of a replay."""
@@ -164,13 +166,12 @@ class Poller:
         """Called once, when nothing more will come."""
 
     def _now(self, state: DeviceState, reason: str) -> None:
-        changed = (state, reason) != (self.account.state, self.account.reason)
         self.account.state, self.account.reason = state, reason
-        if not changed:
-            return
-        fields = {"kind": "device", "device": self.name, "state": state.value, "reason": reason}
         bad = state in (DeviceState.RETRYING, DeviceState.WRONG)
         text = f"{self.name}: {state.value}" + (f": {reason.removeprefix(f'{self.name}: ')}" if bad else "")
+        if not self._condition.is_news(text if bad else "", time.monotonic()) and state is not DeviceState.ENDED:
+            return
+        fields = {"kind": "device", "device": self.name, "state": state.value, "reason": reason}
         log.log(logging.WARNING if bad else logging.INFO, "%s", text, extra={"fields": fields})
 
 

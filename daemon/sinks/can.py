@@ -19,6 +19,7 @@ from can.interfaces.slcan import slcanBus
 
 from lostmotion.daemon.options import CanOptions
 from lostmotion.daemon.records import JointRow, ScoreRow, Transition
+from lostmotion.daemon.repeats import Condition
 from lostmotion.daemon.sinks.emcy import BOOT_UP, EmcyNode, Frame
 
 __all__ = ["FAULTS", "CanSink", "open_bus"]
@@ -47,7 +48,7 @@ class CanSink:
         self._waiting: deque[Frame] = deque()
         self._wake = threading.Condition()
         self._closing = False
-        self._problem = ""
+        self._condition = Condition()
         self._thread = threading.Thread(target=self._run, name="can", daemon=True)
         self._thread.start()
 
@@ -111,13 +112,15 @@ class CanSink:
             _send(bus, frame)
 
     def _say(self, problem: str) -> None:
-        """Logs when the bus begins to fail and when it works again, not every time."""
+        """Logs when the bus begins to fail and when it works again, not every time: one on which nobody answers opens
+        and fails every few seconds."""
+        if not self._condition.is_news("fails" if problem else "", time.monotonic()):
+            return
         name = f"CAN {self._options.interface} {self._options.channel}"
-        if problem and not self._problem:
+        if problem:
             log.warning("%s: %s; trying again, alarms that stand are told then", name, problem)
-        elif not problem:
+        else:
             log.info("%s: open, node 0x%02X", name, self._options.node_id)
-        self._problem = problem
 
 
 def open_bus(options: CanOptions) -> can.BusABC:

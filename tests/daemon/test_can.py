@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import logging
 import math
 import os
 import signal
@@ -169,6 +170,23 @@ def test_a_full_queue_and_bus_off_are_survived(
         monkeypatch.setattr(FaultyBus, "error_code", None)
         assert [frame_of(monitor, 0xA1).data[:2].hex() for _ in range(2)] == ["0000", "03ff"]
     assert caplog.text.count("trying again") == 1
+
+
+def test_a_bus_that_comes_and_goes_is_told_once(
+    request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Nobody acknowledges: it opens, takes frames until its queue is full, and begins anew."""
+    caplog.set_level(logging.INFO)
+    monkeypatch.setitem(interfaces.BACKENDS, "virtual", ("tests.daemon.canbus", "FaultyBus"))
+    with (
+        can.Bus(request.node.name, interface="virtual") as monitor,
+        closing(CanSink(JOINTS, options(request.node.name))),
+    ):
+        for code in (None, errno.ENOBUFS) * 4:
+            monkeypatch.setattr(FaultyBus, "error_code", code)
+            while (monitor.recv(0.3) is None) is (code is None):
+                pass
+    assert [caplog.text.count(words) for words in ("trying again", "open, node")] == [1, 2]
 
 
 def test_an_adapter_is_unplugged_and_plugged_in_again(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

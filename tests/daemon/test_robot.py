@@ -10,8 +10,11 @@ from pathlib import Path
 import pytest
 
 from lostmotion.daemon import config
+from lostmotion.daemon.poller import DeviceState
 from lostmotion.daemon.robot import Robot
 from lostmotion.drivers.emulator import CsvStream, Emulator, Motion, ServoLine
+from tests.daemon.conftest import wait_until
+from tests.daemon.fakes import fake_config
 from tests.daemon.test_service import hardware
 
 
@@ -39,3 +42,30 @@ def test_a_wrong_device_is_told_once(
         assert text.startswith(f"{name}: found no answer, but bytes unasked; likely cause: another device on the port")
     errors = [record.message for record in caplog.records if record.levelno == logging.ERROR]
     assert len(errors) == len(told)
+
+
+@pytest.mark.usefixtures("fake_driver")
+def test_a_loose_plug_is_told_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A port that goes away and comes back five times in a second: one line for each way in which it fails, and that it
+    reads again."""
+    caplog.set_level(logging.INFO)
+    for name in ("FIRST_RETRY_S", "LAST_RETRY_S"):
+        monkeypatch.setattr(f"lostmotion.daemon.poller.{name}", 0.02)
+    missing, path = tmp_path / "missing", tmp_path / "fake.toml"
+    path.write_text(fake_config(tmp_path, f'[fake]\nmissing = "{missing}"\n'))
+    robot = Robot(config.load(path))
+    poller = robot.pollers[0]
+    thread = threading.Thread(target=poller.run)
+    thread.start()
+    for _ in range(5):
+        wait_until(lambda: poller.account.state is DeviceState.READING)
+        missing.touch()
+        wait_until(lambda: "is missing" in poller.account.reason)
+        missing.unlink()
+    robot.stop.set()
+    thread.join()
+    assert caplog.messages == [
+        "fake: reading", "fake: retrying: the port went away", "fake: retrying: the port is missing", "fake: reading",
+    ]  # fmt: skip
