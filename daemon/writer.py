@@ -12,11 +12,24 @@ from datetime import datetime
 from pathlib import Path
 
 from lostmotion.daemon import database
-from lostmotion.daemon.records import Answer, DeviceRow, JointRow, Origins, ScoreRow, Transition, WindowRow, micros
+from lostmotion.daemon.reader import Reader
+from lostmotion.daemon.records import (
+    Answer,
+    Cause,
+    DeviceRow,
+    JointRow,
+    Origins,
+    ScoreRow,
+    Transition,
+    WindowRow,
+    micros,
+)
 from lostmotion.daemon.rollup import HOUR_US, roll_up
 
 __all__ = ["Policy", "Row", "Writer"]
 
+NEWEST = 100
+"""so many scores and transitions of each joint have to be sound at the start"""
 Row = ScoreRow | WindowRow | Transition | JointRow | DeviceRow | Origins | Answer
 ALARM = (
     "joint_id, cause, severity, state, raised_us, acknowledged_us, cleared_us, shelved_until_us, told_us, reminders,"
@@ -54,6 +67,8 @@ class Writer:
         try:
             self.commit([], policy)
             self._kept_bytes = self._db.execute("SELECT coalesce(sum(bytes), 0) FROM window").fetchone()[0]
+            _read_newest(Reader(self._db))
+            self._db.execute("PRAGMA shrink_memory")  # a page in memory would hide damage that comes later
         except sqlite3.Error as error:
             self.close()
             if not database.is_damage(error):
@@ -168,6 +183,16 @@ class Writer:
             self._kept_bytes -= size
             gone.append((number,))
         self._db.executemany("DELETE FROM window WHERE id = ?", gone)
+
+
+def _read_newest(reader: Reader) -> None:
+    """Reads what a service goes on from; raises sqlite3.Error where a page of it is bad."""
+    for read in (reader.devices, reader.requests, reader.alarms):
+        read()
+    for joint in reader.joints():
+        reader.scores(joint.name, limit=NEWEST)
+        for cause in Cause:
+            reader.transitions(joint.name, cause, newest=NEWEST)
 
 
 def _micros(time: datetime | None) -> int | None:

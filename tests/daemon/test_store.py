@@ -302,6 +302,22 @@ def test_a_damaged_database_is_moved_aside(
     assert f"the history begins anew, the old file is {aside.name}" in said.getMessage()
 
 
+@pytest.mark.parametrize("table", ["score", "joint", "alarm", "alarm_event", "device", "request_that_waits"])
+def test_a_page_that_a_service_begins_with_is_looked_at(path: Path, table: str) -> None:
+    """A damaged one is met when the store is opened, and not by the service afterwards, which would end."""
+    filled(path, *scores(5000))
+    with closing(sqlite3.connect(path)) as db:
+        root = db.execute("SELECT rootpage FROM sqlite_schema WHERE name = ?", [table]).fetchone()[0]
+        size = db.execute("PRAGMA page_size").fetchone()[0]
+    with path.open("r+b") as file:
+        file.seek((root - 1) * size)
+        file.write(b"\xff" * size)
+    filled(path, FULL)
+    assert len([*path.parent.glob("history.db.damaged-*")]) == 1
+    with open_readonly(path) as reader:
+        assert [row.score for row in reader.scores("elbow")] == [FULL.score]
+
+
 def test_damage_found_while_writing_is_told_and_moved_aside_on_closing(path: Path) -> None:
     """Pages that go bad under an open store: ``damage`` says so, and the next store begins anew."""
     filled(path, *scores(5000))
