@@ -61,6 +61,7 @@ class JointMonitor:
             cause: self._alarms[cause].reason if cause in self._alarms else "" for cause in Cause
         }
         self._leaning: dict[Cause, tuple[bool, datetime]] = {}
+        self._other: dict[Cause, tuple[object, datetime]] = {}
 
     def scored(self, score: ScoreRow, origin: Origin | None = None) -> list[Change]:
         """Takes one scored window; what its quality puts in doubt does not count.  Where joints share accelerometers,
@@ -156,8 +157,8 @@ class JointMonitor:
         alarm = self._alarms.get(cause)
         if wanted is standing:
             self._leaning.pop(cause, None)
-            # The figures of the play change with every window; another fault of a device is news.
-            if alarm is None or wanted is None or cause is Cause.PLAY or reason == alarm.reason:
+            # The figures of the play change with every window; another fault of a device is news, if it stays.
+            if alarm is None or wanted is None or cause is Cause.PLAY or not self._has_become(reason, alarm, time):
                 return None
             return happen(alarm, AlarmEvent.CHANGED, time, reason=str(reason))
         worse = RANK[wanted] > RANK[standing]
@@ -175,6 +176,16 @@ class JointMonitor:
             return raised(self.row.name, cause, wanted, str(reason), time)
         event = AlarmEvent.RAISED if standing is None else AlarmEvent.ESCALATED if worse else AlarmEvent.EASED
         return happen(alarm, event, time, severity=wanted, reason=str(reason))
+
+    def _has_become(self, reason: object, alarm: AlarmRow, time: datetime) -> bool:
+        """Whether an alarm's reason is another one, and has been for long enough."""
+        if reason == alarm.reason:
+            self._other.pop(alarm.cause, None)
+            return False
+        other, since = self._other.get(alarm.cause, (None, time))
+        if other != reason:
+            self._other[alarm.cause] = (reason, since := time)
+        return time - since >= timedelta(seconds=self._options.off_delay_s)
 
     def _unshelve(self, alarm: AlarmRow, time: datetime, by: str = "") -> Transition:
         event = AlarmEvent.UNSHELVED if alarm.cleared is None else AlarmEvent.LAPSED

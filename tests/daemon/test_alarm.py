@@ -188,6 +188,15 @@ def test_a_device_alarm_tells_the_present_fault() -> None:
     assert joint.device("another servo answers", at(2)) == []
 
 
+def test_a_loose_plug_is_one_alarm() -> None:
+    """Gone, missing and well in turn for ten minutes: raised, no more; a fault that stays since 598 is told."""
+    joint = monitor(off_delay_s=10.0)
+    course = [joint.device(("gone", "missing", "")[second % 3], at(second)) for second in range(600)]
+    assert events([change for changes in course for change in changes]) == [(RAISED, Severity.ERROR)]
+    assert joint.device("missing", at(600)) == joint.device("missing", at(607)) == []
+    assert events(joint.device("missing", at(608))) == [(AlarmEvent.CHANGED, Severity.ERROR)]
+
+
 def test_people_acknowledge() -> None:
     """The joint's alarms are acknowledged with the name of who did it, once; a cause chooses one of them."""
     joint = monitor()
