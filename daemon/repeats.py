@@ -29,11 +29,14 @@ class Repeats:
 
 
 class Condition:
-    """A thing that is well or has a problem, and may change between the two every second: a loose plug."""
+    """A thing that is well or has a problem, and may change between the two every second: a loose plug.
 
-    def __init__(self) -> None:
+    told: what has been told of it, None for nothing yet.
+    """
+
+    def __init__(self, told: str | None = None) -> None:
         self._now: tuple[str | None, float] = (None, 0.0)
-        self._told: str | None = None
+        self._told = told
         self._repeats = Repeats()
 
     def is_news(self, problem: str, now: float) -> bool:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import logging
 import sqlite3
 import threading
+import time
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,6 +21,7 @@ from lostmotion.daemon import database
 from lostmotion.daemon.database import StoreError, StoreRefusedError
 from lostmotion.daemon.reader import Reader, ReaderError, empty_reader, open_readonly
 from lostmotion.daemon.records import Transition, WindowRow
+from lostmotion.daemon.repeats import Condition
 from lostmotion.daemon.rollup import DAY_US
 from lostmotion.daemon.writer import Policy, Row, Writer
 
@@ -61,6 +63,7 @@ class Store:
         self.problem = ""
         self.dropped = 0
         self.damage: sqlite3.Error | None = None
+        self._condition = Condition(told="")
         self.configure(robot, keep_windows_mb, keep_scores_days)
         self._rows: deque[Row] = deque()
         self._windows: deque[Row] = deque()
@@ -238,8 +241,11 @@ class Store:
                 self.dropped += 1
 
     def _say(self, problem: str) -> None:
-        if problem and not self.problem:
-            log.error("%s; scoring goes on, rows wait in memory", problem)
-        elif self.problem and not problem:
-            log.warning("%s: written again; %d rows were given up meanwhile", self.path, self.dropped)
+        """Logs when the disk begins to refuse and when it takes rows again, not every time: a disk that is nearly full
+        may take scores and refuse windows."""
+        if self._condition.is_news("refuses" if problem else "", time.monotonic()):
+            if problem:
+                log.error("%s; scoring goes on, rows wait in memory", problem)
+            else:
+                log.warning("%s: written again; %d rows were given up meanwhile", self.path, self.dropped)
         self.problem = problem

@@ -6,7 +6,7 @@ import logging
 import math
 import os
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -36,6 +36,7 @@ from lostmotion.daemon.records import (
     WindowRow,
 )
 from lostmotion.daemon.store import Store
+from lostmotion.daemon.writer import Policy, Row, Writer
 from tests.daemon.conftest import SmallDisk, wait_until
 from tests.daemon.fakes import files_may_grow, files_up_to
 
@@ -300,6 +301,31 @@ def test_a_damaged_database_is_moved_aside(
     assert aside.read_bytes() == bytes(data)
     (said,) = (record for record in caplog.records if record.levelno == logging.ERROR)
     assert f"the history begins anew, the old file is {aside.name}" in said.getMessage()
+
+
+def test_a_disk_that_takes_scores_and_no_windows_is_told_once(
+    path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """It is nearly full: with every score it is well, with every window it is not."""
+    commit = Writer.commit
+
+    def nearly_full(writer: Writer, rows: Sequence[Row], policy: Policy) -> None:
+        if any(isinstance(row, WindowRow) for row in rows):
+            raise sqlite3.OperationalError("database or disk is full")
+        commit(writer, rows, policy)
+
+    monkeypatch.setattr(storing, "RETRY_S", 0.01)
+    monkeypatch.setattr(storing, "FLUSH_S", 0.01)
+    with closing(Store(path, "arm1")) as store:
+        monkeypatch.setattr(Writer, "commit", nearly_full)
+        store.add(raw_window(0, impact=True))
+        for row in scores(10):
+            wait_until(lambda: store.problem)
+            store.add(row)
+            wait_until(lambda: store.waiting() == 1)
+        wait_until(lambda: store.problem)
+        monkeypatch.setattr(Writer, "commit", commit)
+    assert [caplog.text.count(words) for words in ("wait in memory", "written again")] == [1, 1]
 
 
 @pytest.mark.parametrize("table", ["score", "joint", "alarm", "alarm_event", "device", "request_that_waits"])
