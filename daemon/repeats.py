@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import traceback
 from dataclasses import dataclass, field
 
-__all__ = ["Condition", "Repeats"]
+__all__ = ["Condition", "Repeats", "place"]
 
 AWAY_S = 60.0
 """a problem that has not been met for so long has gone away; one that stays for so long is told [s]"""
@@ -50,3 +51,9 @@ class Condition:
         if is_news:
             self._told = problem
         return is_news
+
+
+def place(error: Exception) -> str:
+    """Where an error was raised, and of which kind it is: its words may hold figures that differ each time."""
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{type(error).__name__}, {frame.filename}:{frame.lineno}"

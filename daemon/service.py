@@ -10,7 +10,6 @@ import math
 import sqlite3
 import threading
 import time
-import traceback
 from collections.abc import Callable
 from datetime import datetime
 from typing import TYPE_CHECKING, TypeVar
@@ -22,7 +21,7 @@ from lostmotion.daemon.desk import AlarmDesk
 from lostmotion.daemon.notify import Notifier
 from lostmotion.daemon.poller import Poller
 from lostmotion.daemon.records import JointRow, ScoreRow, WindowRow
-from lostmotion.daemon.repeats import Repeats
+from lostmotion.daemon.repeats import Repeats, place
 from lostmotion.daemon.robot import Robot
 from lostmotion.daemon.signals import Flags
 from lostmotion.daemon.sinks import Sink
@@ -276,7 +275,7 @@ class Service:
                 poller.run()
                 return
             except Exception as error:
-                if errors.is_news(_place(error), time.monotonic()):
+                if errors.is_news(place(error), time.monotonic()):
                     log.exception("%s: broke down and is started again", poller.name)
                 poller.fail(f"internal error: {error!r}")
                 poller.rest(CRASH_PAUSE_S)
@@ -292,15 +291,9 @@ class Service:
                 after = "; it stays in use until writing meets the damage, too" if database.is_damage(error) else ""
                 log.error("cannot be read: %s%s", text, after)
         except Exception as error:
-            if self._errors.is_news(f"{stage}: {_place(error)}", time.monotonic()):
+            if self._errors.is_news(f"{stage}: {place(error)}", time.monotonic()):
                 log.exception("internal error in %s", stage)
         return None
-
-
-def _place(error: Exception) -> str:
-    """Where an error was raised, and of which kind it is; its words may hold figures that differ each time."""
-    frame = traceback.extract_tb(error.__traceback__)[-1]
-    return f"{type(error).__name__}, {frame.filename}:{frame.lineno}"
 
 
 def _store(config: Config) -> Store:

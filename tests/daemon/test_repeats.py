@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from lostmotion.daemon.repeats import Condition, Repeats
+import pytest
+
+from lostmotion.daemon.repeats import Condition, Repeats, place
 
 
 def test_a_problem_that_stays_is_told_once_an_hour() -> None:
@@ -42,3 +44,18 @@ def test_a_loose_plug_is_told_once_and_how_it_ends() -> None:
     assert told == [(0, "gone"), (1, "missing"), (2, "")]
     assert [second for second in range(1801, 3000) if condition.is_news("missing", second)] == [1861]
     assert condition.is_news("", 3000)
+
+
+def fail(figure: float) -> None:
+    """Raises with other words each time."""
+    raise ValueError(f"found {figure}")
+
+
+def test_an_error_is_known_by_its_place() -> None:
+    """The same line, whatever the error says; another line is another one."""
+    places = []
+    for call in (lambda: fail(1.0), lambda: fail(2.0), lambda: float("one")):
+        with pytest.raises(ValueError, match="o") as error:
+            call()
+        places.append(place(error.value))
+    assert places[0] == places[1] != places[2]
