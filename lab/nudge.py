@@ -31,7 +31,8 @@ FIRST, MOST_FIRST, POPULATION = 72, 480, 20
 BASE_GENERATIONS, EFFECT_GENERATIONS, BESIDE_GENERATIONS, FINAL_GENERATIONS = 8, 5, 10, 8
 """Beside an effect that is there already as far as nudged runs know it, its values have to give way."""
 KEPT, FEW, FEWEST, BEHIND = 14, 8, 4, 1.5
-"""So many effects go on, and after some generations; those whose cost is this many times the best's do not."""
+"""So many effects go on, and after some generations again, fewer beside another one; behind the fewest, not those whose
+cost is this many times the second best's."""
 WIDTH = {"d": 0.22, "alpha": 0.3, "k": 0.01, "b": 0.25, "l": 0.03}
 """Standard deviations of a first population, in logarithms."""
 BIAS_WIDTH = 0.05  # m/s²
@@ -76,9 +77,10 @@ def shortlist(
     generations = BESIDE_GENERATIONS if beside else EFFECT_GENERATIONS
     given = ([model] * count, [follower.roughly()] * count, [size] * count, [generations] * count, [seed] * count)
     first = pool.map(_begun, effects, *given)
-    best = _leading(first, effects, KEPT)
+    most, few = (FEW, FEWEST) if beside else (KEPT, FEW)
+    best = _leading(first, effects, most)
     further = pool.map(_further, (population for population, _ in best), [follower] * len(best))
-    best = _leading(further, [effect for _, effect in best], FEW)
+    best = _leading(further, [effect for _, effect in best], few)
     return sorted(pool.map(_finished, *zip(*best, strict=True)), key=lambda near: near.cost)
 
 
