@@ -16,7 +16,7 @@ import zenoh
 from lostmotion.daemon.commands import output, times
 from lostmotion.daemon.commands.where import find_config
 from lostmotion.daemon.options import ZenohOptions
-from lostmotion.daemon.zenoh_session import brief, configuration
+from lostmotion.daemon.zenoh_session import brief, configuration, why_closed
 from lostmotion.drivers.errors import LostmotionError
 
 __all__ = ["Fleet", "FleetError", "Heard", "ask", "history", "status"]
@@ -112,9 +112,8 @@ def _session(fleet: Fleet) -> Iterator[zenoh.Session]:
     try:
         session = zenoh.open(config)
     except zenoh.ZError as error:
-        raise FleetError(
-            f"{_where(fleet)}: nobody answers there, expected a router or a robot ({brief(error)})"
-        ) from error
+        why = why_closed(_options(fleet), error)
+        raise FleetError(f"{_where(fleet)}: nobody answers there, expected a router or a robot ({why})") from error
     try:
         yield session
     finally:

@@ -25,7 +25,7 @@ from lostmotion.daemon.records import JointRow, ScoreRow, Transition, iso
 from lostmotion.daemon.sinks.answers import PARAMETERS, Answers, BadQueryError, payload
 from lostmotion.daemon.sinks.diagnostics import Board
 from lostmotion.daemon.sinks.ros2 import Ros2Publisher
-from lostmotion.daemon.zenoh_session import JSON, brief, configuration
+from lostmotion.daemon.zenoh_session import JSON, brief, configuration, why_closed
 from lostmotion.drivers.errors import LostmotionError
 
 __all__ = ["ZenohSink"]
@@ -181,7 +181,7 @@ class ZenohSink:
                     domain = self._options.ros2_domain
                     self._ros2 = Ros2Publisher(session, self._robot, domain, self._board, self._say)
             except zenoh.ZError as error:
-                self._say(f"session not open, trying again: {brief(error)}")
+                self._say(f"session not open, trying again: {why_closed(self._options, error)}")
                 self._closing.wait(pause)
                 pause = min(2 * pause, LAST_RETRY_S)
                 continue

@@ -51,6 +51,15 @@ def test_status_of_all_robots(fleet: str) -> None:
     assert "play warning (active)" in result.stdout
 
 
+def test_a_key_that_cannot_be_read_is_named(tmp_path: Path, endpoint: str) -> None:
+    """Zenoh alone says that it is unable to connect."""
+    key, config = tmp_path / "arm1.key", tmp_path / "robot.json5"
+    tls = {"connect_private_key": str(key), "enable_mtls": True}
+    config.write_text(json.dumps({"mode": "client", "transport": {"link": {"tls": tls}}}))
+    options = ("--zenoh", str(config), "--connect", endpoint.replace("tcp/", "tls/"), "--timeout", "1")
+    assert is_one_line(call("fleet", "status", *options), f"connect_private_key {key}: No such file or directory")
+
+
 def test_history_of_a_joint_of_all_robots(fleet: str) -> None:
     """The newest scores of both robots; a joint that a robot lacks is its error."""
     found = document("fleet", "history", "elbow", "--connect", fleet, "--timeout", "1", "--limit", "2")
