@@ -105,17 +105,18 @@ def far_trials(
     """
     nudged = can_follow(task.rough, *task.experiments)
     near = near_trials(base, directions[: FEW_NEAR if nudged else NEAR], task, pool, NEAR_ITERATIONS)
-    close = bool(near) and near[0].level.typical < min(FAR, USELESS * base.typical)
-    few = FULL if close or not nudged else FEW_FULL
+    few = FEW_FULL if nudged and near and near[0].level.typical > FAR else FULL
     strongest = [trial for trial in near[few:] if trial.effect == directions[0].effect]
-    begin = [(trial.effect, trial.level.model) for trial in (*near[:few], *strongest)]
-    raced = list[Trial]()
-    if close or not nudged:
-        raced, begin = raced_fits(begin, task, horizon_s, pool, base.typical), []
-        if not nudged or (raced and not is_left(trained(raced[0].level, task.substep_s))):
+    full = _full_fits([(trial.effect, trial.level.model) for trial in (*near[:few], *strongest)], task, pool)
+    if not nudged:
+        return _race(full, task, horizon_s, pool, base.typical), []
+    if full and full[0].level.typical < min(FAR, USELESS * base.typical):
+        raced = _race(full, task, horizon_s, pool, base.typical)
+        if raced and not is_left(trained(raced[0].level, task.substep_s)):
             return raced, []
     near_by = shortlist(base, others(base.model), task, pool)
-    return _ordered([*raced, *raced_fits([*begin, *_nearest(near_by)], task, horizon_s, pool, base.typical)]), near_by
+    full = _ordered([*full, *_full_fits(_nearest(near_by), task, pool)])
+    return _race(full, task, horizon_s, pool, base.typical), near_by
 
 
 def pair_trials(base: Level, first: Sequence[Near], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
@@ -151,11 +152,20 @@ def raced_fits(
 
     before: the typical error of the short stretches without these effects; noise's is one.
     """
-    levels = pool.map(full_fit, [model for _, model in begin], [task] * len(begin), [HOPELESS] * len(begin))
-    full = _ordered([Trial(effect, level) for (effect, _), level in zip(begin, levels, strict=True)])
-    if full and full[0].level.typical > max(USELESS * before, FAR):
-        return best_of_each(full)[:UNRACED]
+    return _race(_full_fits(begin, task, pool), task, horizon_s, pool, before)
+
+
+def _full_fits(begin: Sequence[tuple[str, Model]], task: Task, pool: Executor) -> list[Trial]:
+    """The models with their effects fitted on all short stretches, best first."""
+    count = len(begin)
+    levels = pool.map(full_fit, [model for _, model in begin], [task] * count, [HOPELESS] * count)
+    return _ordered([Trial(effect, level) for (effect, _), level in zip(begin, levels, strict=True)])
+
+
+def _race(full: Sequence[Trial], task: Task, horizon_s: float, pool: Executor, before: float) -> list[Trial]:
     each = best_of_each(full)
+    if each and each[0].level.typical > max(USELESS * before, FAR):
+        return each[:UNRACED]
     if len(each) < 2 or each[0].level.typical < COUNTED * each[1].level.typical:
         each[:1] = [_recounted(trial, task, pool, _begun_anew) for trial in each[:1]]
     raced = _raced(each, task, horizon_s, pool)

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import pytest
 
-from lostmotion.lab.candidates import raced_fits
+from lostmotion.lab.candidates import far_trials, others, raced_fits
 from lostmotion.lab.experiment import experiments
 from lostmotion.lab.fit import noise_of
+from lostmotion.lab.scoretest import score_test
 from lostmotion.lab.search import full_fit
 from lostmotion.lab.task import Task
 from lostmotion.model import build_model
@@ -51,3 +53,22 @@ def test_what_explains_nothing_is_not_raced() -> None:
     assert math.isclose(useless[0].level.horizon_s, before.horizon_s)
     assert useful[0].effect == "coulomb_friction"
     assert useful[0].level.horizon_s > 1.9 * before.horizon_s
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("hidden", "size", "asked"), [("hardening_spring.k3", 1e10, False), ("viscous_friction.b_v", 5e-4, True)]
+)
+def test_nudged_runs_are_asked_where_more_than_noise_is_left(hidden: str, size: float, asked: bool) -> None:
+    """A spring that hardens moves no impact: the score test alone leads to it.  Friction moves them
+    all."""
+    model = build_model("play", values=GEARS)
+    held = experiments(model, [gears(seed, **{hidden: size}) for seed in (75, 76)])
+    task = Task.of(model, held, noise_of(held))
+    base = full_fit(model, task)
+    with ThreadPoolExecutor(2) as pool:
+        scores = score_test(base, others(model), task.substep_s, pool, np.random.default_rng(0))
+        trials, near_by = far_trials(base, scores.directions, task, 0.5, pool)
+    assert base.typical > 2
+    assert trials[0].effect == hidden.split(".")[0]
+    assert bool(near_by) == asked
