@@ -60,8 +60,7 @@ def test_what_explains_nothing_is_not_raced() -> None:
     ("hidden", "size", "asked"), [("hardening_spring.k3", 1e10, False), ("viscous_friction.b_v", 5e-4, True)]
 )
 def test_nudged_runs_are_asked_where_more_than_noise_is_left(hidden: str, size: float, asked: bool) -> None:
-    """A spring that hardens moves no impact: the score test alone leads to it.  Friction moves them
-    all."""
+    """A spring that hardens moves no impact: the score test alone leads to it.  Friction moves them all."""
     model = build_model("play", values=GEARS)
     held = experiments(model, [gears(seed, **{hidden: size}) for seed in (75, 76)])
     task = Task.of(model, held, noise_of(held))
