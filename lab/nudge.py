@@ -228,7 +228,7 @@ def _opposite(model: Model, values: dict[str, float]) -> dict[str, float]:
 
 
 def _leading(populations: Iterable[_Population], effects: Sequence[str], most: int) -> list[tuple[_Population, str]]:
-    """The best, two at least, as long as they are not far behind the first."""
+    """The best few, and of more those that are not far behind."""
     ordered = sorted(zip(populations, effects, strict=True), key=lambda pair: float(pair[0].costs.min()))
     least = BEHIND * float(ordered[min(1, len(ordered) - 1)][0].costs.min())
     return [pair for i, pair in enumerate(ordered[:most]) if i < FEWEST or pair[0].costs.min() < least]
