@@ -13,7 +13,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 
@@ -100,9 +100,9 @@ def _explanation(
     unit = task.noise[column]
     named = task.added(best.model)
     best_fit = fit_of(refined_level(best, task), task)
-    left = outside or is_left(after) or (not named and steps[-1].is_full)
+    left = outside or is_left(after) or (not named and steps[-1].is_full and any(_left_of_each(best, task)))
     if left and named:  # with the right effect, what is left of unseen data may be starts that were not found
-        left = all(map(is_left, trained_each(best, task.substep_s)))
+        left = all(_left_of_each(best, task))
     enough = before.error > BY_FAR * after.error
     verdict: Verdict = "nothing_missing"
     if named and (enough or not left):
@@ -124,6 +124,11 @@ def _explanation(
         descent=tuple(judged.error * unit for judged in descent),
         unshown=tuple(effect for effect in _blind(steps) if effect in named) if verdict == "missing" else (),
     )
+
+
+def _left_of_each(level: Level, task: Task) -> Iterator[bool]:
+    """Whether more than noise is left of each experiment that the fit was made on."""
+    return (is_left(one) for one in trained_each(level, task.substep_s))
 
 
 def is_idle(level: Level, task: Task) -> bool:
