@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from lostmotion.lab.candidates import others, raced_fits
 from lostmotion.lab.heldout import FAR, Judged, Unseen, misfits
-from lostmotion.lab.simplify import with_effects
+from lostmotion.lab.simpler import with_effects
 from lostmotion.lab.step import Step, on_unseen
 from lostmotion.lab.task import Task
 from lostmotion.model import Model

@@ -12,12 +12,11 @@ from lostmotion.lab.candidates import HOPELESS
 from lostmotion.lab.grow import Level
 from lostmotion.lab.heldout import Judged, Unseen, better
 from lostmotion.lab.search import full_fit, grown
-from lostmotion.model import Model, build_model
+from lostmotion.lab.simpler import SIMPLER, with_effects
+from lostmotion.model import Model
 
-__all__ = ["simplified", "with_effects"]
+__all__ = ["simplified"]
 
-SIMPLER = {"stribeck_friction": "coulomb_friction"}
-"""What an effect is when one of its parameters says nothing."""
 BEHIND = 1.5
 """Times the error on the training data, from which on a simpler model need not be judged."""
 
@@ -51,17 +50,6 @@ def _simpler(model: Model, added: Sequence[str]) -> Iterator[Model]:
     for effect in added:
         if (simple := SIMPLER.get(effect)) and simple not in model.effects and len(added) > 1:
             yield with_effects(model, [simple if other == effect else other for other in model.effects])
-
-
-def with_effects(model: Model, effects: Sequence[str]) -> Model:
-    """The model with these effects, with the values that it has or a simpler effect takes over."""
-    values = {}
-    for name, parameter in model.parameters.items():
-        effect, _, own = name.rpartition(".")
-        effect = effect if effect in effects else SIMPLER.get(effect, effect)
-        values[f"{effect}.{own}" if effect else own] = parameter
-    bare = build_model(model.base, effects)
-    return bare.replace({name: given for name, given in values.items() if name in bare.parameters})
 
 
 def _way(model: Model, first: Judged, unseen: Unseen) -> Iterator[Judged]:
