@@ -23,7 +23,7 @@ from lostmotion.lab.nudge import Near, cost_of, descended, shortlist
 from lostmotion.lab.scoretest import Direction
 from lostmotion.lab.search import doubled, full_fit, refined
 from lostmotion.lab.seeds import AMPLITUDE
-from lostmotion.lab.simpler import SIMPLER, with_effects
+from lostmotion.lab.simpler import simpler
 from lostmotion.lab.stretch import start_with, state_scales
 from lostmotion.lab.task import Task
 from lostmotion.lab.unknowns import Unknowns
@@ -114,18 +114,12 @@ def far_trials(
     if full and full[0].level.typical < min(FAR, USELESS * base.typical):
         raced = _race(full, task, horizon_s, pool, base.typical)
         if raced and not is_left(trained(raced[0].level, task.substep_s)):
-            return _ordered([*raced, *raced_fits(_simpler(raced[0]), task, horizon_s, pool, base.typical)]), []
+            # it may have a parameter too many
+            begin = [found] if (found := simpler(raced[0].level.model, raced[0].effect)) else []
+            return _ordered([*raced, *raced_fits(begin, task, horizon_s, pool, base.typical)]), []
     near_by = shortlist(base, others(base.model), task, pool)
     full = _ordered([*full, *_full_fits(_nearest(near_by), task, pool)])
     return _race(full, task, horizon_s, pool, base.typical), near_by
-
-
-def _simpler(trial: Trial) -> list[tuple[str, Model]]:
-    """What its effect is when one of its parameters says nothing: what leaves only noise may have one too many."""
-    model, simple = trial.level.model, SIMPLER.get(trial.effect)
-    if simple is None or simple in model.effects:
-        return []
-    return [(simple, with_effects(model, [simple if effect == trial.effect else effect for effect in model.effects]))]
 
 
 def pair_trials(base: Level, first: Sequence[Near], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
