@@ -114,6 +114,7 @@ def test_a_request_to_a_database_of_another_version(database: Path) -> None:
         ask(database, Request(0, "elbow", Verb.ACK), START)
 
 
+@pytest.mark.slow
 def test_people_and_a_running_service(tmp_path: Path, start: Callable[..., Running]) -> None:
     """While the service runs it alone writes alarms: it acknowledges and shelves for the asking program, which gets
     the answer; `watch` sees it happen; a kill and a restart change nothing."""

@@ -116,6 +116,7 @@ def words(end: socket.socket, seconds: float) -> set[str]:
     return heard
 
 
+@pytest.mark.slow
 def test_systemd_hears_of_life_only_while_samples_arrive(tmp_path: Path, start: Start) -> None:
     """READY, STATUS and WATCHDOG arrive; WATCHDOG ceases with the ports gone, and with one that hangs in a read, as the
     log says; STOPPING comes at the end."""
@@ -306,6 +307,7 @@ def test_another_device_on_the_port_is_told(tmp_path: Path, start: Start) -> Non
     assert "tip: tip:" not in log
 
 
+@pytest.mark.slow
 def test_an_alarm_outlives_a_restart_until_its_device_reads(tmp_path: Path, start: Start) -> None:
     """First the port is missing, at the next start another servo is there: the alarm stays and tells the new fault."""
     motion = Motion()
