@@ -19,11 +19,12 @@ import numpy as np
 from lostmotion.lab.follow import can_follow
 from lostmotion.lab.grow import Level, fitted
 from lostmotion.lab.heldout import FAR, LONGER, is_left, trained
-from lostmotion.lab.nudge import Near, cost_of, descended, shortlist
+from lostmotion.lab.nudge import Near, cost_of, shortlist
 from lostmotion.lab.scoretest import Direction
-from lostmotion.lab.search import doubled, full_fit, refined
+from lostmotion.lab.search import doubled, full_fit, nearest_fit, refined
 from lostmotion.lab.seeds import AMPLITUDE
-from lostmotion.lab.simpler import simpler
+from lostmotion.lab.simpler import contained, simpler
+from lostmotion.lab.start import repaired
 from lostmotion.lab.stretch import start_with, state_scales
 from lostmotion.lab.task import Task
 from lostmotion.lab.unknowns import Unknowns
@@ -34,15 +35,15 @@ __all__ = [
     "best_of_each",
     "far_trials",
     "followed_fit",
-    "further_trials",
     "near_trials",
     "others",
     "pair_trials",
     "raced_fits",
+    "settled_anew",
 ]
 
-NEAR, NEAR_ITERATIONS, FULL = 12, 6, 4
-FEW_NEAR, FEW_FULL, FOLLOWED = 6, 2, 4
+NEAR, NEAR_ITERATIONS, FULL, SETTLED = 12, 6, 4, 2
+FEW_NEAR, FEW_FULL, FOLLOWED, REPAIRED = 6, 2, 4, 6
 UNFOLLOWED = 1.4
 """Times the cost of what nudged runs come nearest to, from which on another effect is not followed."""
 HOPELESS = 0.45
@@ -53,6 +54,10 @@ FIRST_BEHIND, BEHIND, MOST_RACED = 1.8, 3.0, 5
 """Times the error of the best, from which on another one is out of the race: at its start, when longer."""
 COUNTED = 0.93
 """Part of the error of the next effect, below which one is worth searching its whole numbers from the beginning."""
+STILL = 0.9
+"""Part of the error before, below which beginning anew is worth another time."""
+SEEDS = (1, 2)
+"""Beginning anew is tried with these."""
 USELESS, UNRACED = 0.85, 2
 """Share of the error without it, from which on no effect is worth a race; so many are told all the same."""
 
@@ -82,8 +87,9 @@ def best_of_each(ordered: Iterable[T]) -> list[T]:
 
 
 def others(model: Model) -> list[str]:
-    """The effects of the catalogue that the model may have and has not."""
-    return [e.id for e in catalogue() if model.base in e.bases and e.id not in model.effects]
+    """The effects of the catalogue that the model may have and has not, nor has as a part of another one."""
+    may = (e.id for e in catalogue() if model.base in e.bases and e.id not in model.effects)
+    return [effect for effect in may if not contained(model, effect)]
 
 
 def near_trials(
@@ -137,13 +143,6 @@ def followed_fit(near: Near, task: Task) -> Trial:
     return Trial(near.effect, full_fit(near.model, task, HOPELESS))
 
 
-def further_trials(base: Level, task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
-    """Others, to which descents have led; for where the first search has found nothing.  None without a bar."""
-    if not can_follow(task.rough, *task.experiments):
-        return []
-    return raced_fits(_nearest(descended(base, others(base.model), task, pool)), task, horizon_s, pool, base.typical)
-
-
 def _nearest(ordered: Sequence[Near]) -> list[tuple[str, Model]]:
     return [(near.effect, near.model) for near in ordered[:FOLLOWED] if near.cost < UNFOLLOWED * ordered[0].cost]
 
@@ -166,13 +165,44 @@ def _full_fits(begin: Sequence[tuple[str, Model]], task: Task, pool: Executor) -
 
 
 def _race(full: Sequence[Trial], task: Task, horizon_s: float, pool: Executor, before: float) -> list[Trial]:
-    each = best_of_each(full)
+    each = _settled(best_of_each(full), task, pool)
     if each and each[0].level.typical > max(USELESS * before, FAR):
         return each[:UNRACED]
     if len(each) < 2 or each[0].level.typical < COUNTED * each[1].level.typical:
-        each[:1] = [_recounted(trial, task, pool, _begun_anew) for trial in each[:1]]
+        each[:1] = [_recounted(trial, task, pool, _repaired) for trial in each[:1]]
     raced = _raced(each, task, horizon_s, pool)
     return _ordered([_recounted(trial, task, pool, refined) for trial in raced])
+
+
+def _settled(each: list[Trial], task: Task, pool: Executor) -> list[Trial]:
+    """The trials, the best of those that stay far from the noise also from where nudged runs come nearest with their
+    effect: they began with the play and the damping of a model without it."""
+    if not (each and each[0].level.typical > FAR and can_follow(task.rough, *task.experiments)):
+        return each
+    few = [trial for trial in each[:SETTLED] if trial.level.typical < FIRST_BEHIND * each[0].level.typical]
+    count = len(few)
+    anew = pool.map(nearest_fit, [t.level.model for t in few], [task] * count, [0] * count, [HOPELESS] * count)
+    return best_of_each(_ordered([*each, *(Trial(t.effect, fit) for t, fit in zip(few, anew, strict=True))]))
+
+
+def settled_anew(level: Level, task: Task, horizon_s: float, pool: Executor) -> Level | None:
+    """A level's fit from where nudged runs come nearest with its values, again while that helps, raced to its length;
+    None where it is no better then, or nothing can be nudged."""
+    if not can_follow(task.rough, *task.experiments):
+        return None
+    fit = _from_nearest(level, task, pool)
+    while fit.typical > FAR and (again := _from_nearest(fit, task, pool)).typical < STILL * fit.typical:
+        fit = again
+    raced = _raced([Trial("", fit)], task, horizon_s, pool)
+    found = raced[0].level
+    is_as_long = found.horizon_s * LONGER > level.horizon_s
+    return found if is_as_long and found.typical < level.typical else None
+
+
+def _from_nearest(level: Level, task: Task, pool: Executor) -> Level:
+    count = len(SEEDS)
+    fits = pool.map(nearest_fit, [level.model] * count, [task] * count, SEEDS, [HOPELESS] * count)
+    return min(fits, key=lambda fit: fit.typical)
 
 
 def _raced(trials: list[Trial], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
@@ -188,8 +218,11 @@ def _raced(trials: list[Trial], task: Task, horizon_s: float, pool: Executor) ->
     return trials
 
 
-def _begun_anew(level: Level, task: Task) -> Level:
-    return full_fit(level.model, task, HOPELESS)
+def _repaired(level: Level, task: Task) -> Level:
+    """A few steps from a level's values, twice: what is missed after the first ones begins anew."""
+    once = refined(level, task, REPAIRED)
+    starts = repaired(once.model, once.stretches, task.substep_s, HOPELESS)
+    return refined(replace(once, stretches=starts), task, REPAIRED)
 
 
 def _recounted(trial: Trial, task: Task, pool: Executor, fit: Callable[[Level, Task], Level]) -> Trial:

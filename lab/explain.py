@@ -99,7 +99,7 @@ def _explanation(
     column = next(iter(task.noise))
     unit = task.noise[column]
     named = task.added(best.model)
-    best_fit = fit_of(refined_level(best, task), task)
+    refined = unseen.pool.submit(_refined_fit, best, task)  # it works on one core while what is left is described
     left = outside or is_left(after) or (not named and steps[-1].is_full and any(_left_of_each(best, task)))
     if left and named:  # with the right effect, what is left of unseen data may be starts that were not found
         left = all(_left_of_each(best, task))
@@ -110,13 +110,15 @@ def _explanation(
     elif left:
         verdict = "outside_catalogue"
     floor = min(unit, after.error * unit) if left else after.error * unit
+    residual = _residual(short, best, task) if left else None
+    best_fit = refined.result()
     return Explanation(
         verdict=verdict,
         missing=named if verdict == "missing" else (),
         confusable=_confusable(named, steps),
         ranking=_with_intervals(_ranking(steps, before, unit), best_fit),
         error=Errors(before.error * unit, after.error * unit, floor, words.column(column)[1]),
-        residual=_residual(short, best, task) if left else None,
+        residual=residual,
         advice=_advice(named, steps, unseen),
         detectable=_detectable(steps[-1].scores) if verdict == "nothing_missing" else {},
         base=fit_of(base, task),
@@ -124,6 +126,10 @@ def _explanation(
         descent=tuple(judged.error * unit for judged in descent),
         unshown=tuple(effect for effect in _blind(steps) if effect in named) if verdict == "missing" else (),
     )
+
+
+def _refined_fit(level: Level, task: Task) -> Fit:
+    return fit_of(refined_level(level, task), task)
 
 
 def _left_of_each(level: Level, task: Task) -> Iterator[bool]:

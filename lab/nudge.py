@@ -15,8 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lostmotion.lab.descend import Descent
-from lostmotion.lab.follow import COLUMN, STRONG, TIGHT, WEAK
+from lostmotion.lab.follow import COLUMN, STRONG, WEAK
 from lostmotion.lab.follower import Follower
 from lostmotion.lab.grow import Level
 from lostmotion.lab.seeds import Sizes, seeds, sizes
@@ -25,7 +24,7 @@ from lostmotion.lab.unknowns import Unknowns
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Near", "cost_of", "descended", "nearest", "shortlist"]
+__all__ = ["Near", "cost_of", "nearest", "shortlist"]
 
 FIRST, MOST_FIRST, POPULATION = 72, 480, 20
 BASE_GENERATIONS, EFFECT_GENERATIONS, BESIDE_GENERATIONS, FINAL_GENERATIONS = 8, 5, 10, 8
@@ -92,23 +91,6 @@ def cost_of(base: Level, task: Task) -> float:
 
 def _cost(follower: Follower, model: Model) -> float:
     return math.sqrt(follower.cost(model, STRONG) * follower.cost(model, WEAK))
-
-
-def descended(base: Level, effects: Sequence[str], task: Task, pool: Executor) -> list[Near]:
-    """The same by descents with much nudging, then with less; the costs are with much.
-
-    An evolution finds few of many parameters; a descent finds all of them, where the way is smooth enough.
-    """
-    follower, size, count = _follower(base.model, task), sizes(base.model, base.stretches, task.substep_s), len(effects)
-    found = pool.map(_descended, effects, [base.model] * count, [follower] * count, [size] * count)
-    return sorted(found, key=lambda near: near.cost)
-
-
-def _descended(effect: str, base: Model, follower: Follower, size: Sizes) -> Near:
-    models = [base.with_effect(effect), follower.rough.with_effect(effect)]
-    starts = [model.replace(values) for values in _values(models[0], effect, [size]) for model in models]
-    tight = Descent.of(min(starts, key=lambda model: follower.cost(model, TIGHT)), follower, TIGHT)
-    return Near(Descent.of(tight.model, follower).model, tight.cost, effect)
 
 
 def _follower(model: Model, task: Task) -> Follower:

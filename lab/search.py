@@ -32,6 +32,7 @@ __all__ = [
     "first_fit",
     "full_fit",
     "grown",
+    "nearest_fit",
     "passed",
     "predictable",
     "refined",
@@ -55,6 +56,7 @@ LONGEST_S = 1.01
 DOUBTED_SHARE = 0.3
 SCANNED = 4
 KEPT = 2
+SEEDS = 2
 POLISHED = 5
 
 
@@ -119,12 +121,18 @@ def first_fit(model: Model, task: Task, pool: Executor) -> Level:
     dampings."""
     model = seeded(model, task.experiments)
     if can_follow(model, *task.experiments):
-        return full_fit(nearest(model, task), task)
+        fits = pool.map(nearest_fit, [model] * SEEDS, [task] * SEEDS, range(SEEDS))
+        return best_of(fits, 1)[0]
     grid = _grid(model)
     few = subset(task)
     scanned = best_of(pool.map(started, grid, [few] * len(grid), [task] * len(grid)), SCANNED)
     rough = best_of(pool.map(refined, scanned, [task] * len(scanned)), KEPT)
     return best_of(pool.map(full_fit, [level.model for level in rough], [task] * len(rough)), 1)[0]
+
+
+def nearest_fit(model: Model, task: Task, seed: int, hopeless: float = 1.0) -> Level:
+    """The fit on all short stretches from where nudged runs come nearest, beginning with the model's values."""
+    return full_fit(nearest(model, task, seed), task, hopeless)
 
 
 def refined(level: Level, task: Task, iterations: int = 8) -> Level:

@@ -1,15 +1,17 @@
-"""The same model with fewer effects, or with a simpler one in the place of another.  Nothing is fitted here."""
+"""The same model with fewer effects, a simpler or a wider one in the place of another.  Nothing is fitted here."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from lostmotion.model import Model, build_model
 
-__all__ = ["simpler", "with_effects"]
+__all__ = ["contained", "simpler", "wider", "with_effects", "without"]
 
 SIMPLER = {"stribeck_friction": "coulomb_friction"}
 """What an effect is when one of its parameters says nothing."""
+SAME: Mapping[str, tuple[str, ...]] = {"tau_c": ("tau_c", "tau_s")}
+"""Which parameters of the whole grow by that of the part, where both act: stick and slip by the same dry friction."""
 
 
 def with_effects(model: Model, effects: Sequence[str]) -> Model:
@@ -23,6 +25,22 @@ def with_effects(model: Model, effects: Sequence[str]) -> Model:
     return bare.replace({name: given for name, given in values.items() if name in bare.parameters})
 
 
+def contained(model: Model, effect: str) -> list[str]:
+    """The effects of the model of which this one is a part."""
+    return [whole for whole, part in SIMPLER.items() if part == effect and whole in model.effects]
+
+
+def without(model: Model, effect: str) -> Model:
+    """The model without one of its effects; another one of which it is a part goes on with what it did."""
+    left = with_effects(model, [other for other in model.effects if other != effect])
+    for whole in contained(left, effect):
+        for part, grown in SAME.items():
+            size = model.parameters[f"{effect}.{part}"].value
+            own = {name: left.parameters[name] for name in (f"{whole}.{one}" for one in grown)}
+            left = left.replace({name: min(p.value + size, p.high) for name, p in own.items()})
+    return left
+
+
 def simpler(model: Model, effect: str) -> tuple[str, Model] | None:
     """The simpler effect of this one's kind, and the model with it in its place; None where there is none, or the model
     has it already."""
@@ -30,3 +48,19 @@ def simpler(model: Model, effect: str) -> tuple[str, Model] | None:
     if simple is None or simple in model.effects:
         return None
     return simple, with_effects(model, [simple if other == effect else other for other in model.effects])
+
+
+def wider(model: Model, effect: str) -> tuple[str, Model] | None:
+    """The effect of which this one is a part, and the model with it in its place, with the same motion; None where
+    there is none."""
+    whole = next((whole for whole, part in SIMPLER.items() if part == effect and whole not in model.effects), None)
+    if whole is None:
+        return None
+    wide = with_effects(model, [whole if other == effect else other for other in model.effects])
+    own = {
+        name.removeprefix(f"{effect}."): p.value
+        for name, p in model.parameters.items()
+        if name.startswith(f"{effect}.")
+    }
+    values = {**own, **{grown: own[part] for part, more in SAME.items() for grown in more}}
+    return whole, wide.replace({f"{whole}.{name}": value for name, value in values.items()})

@@ -12,7 +12,7 @@ from lostmotion.lab.candidates import HOPELESS
 from lostmotion.lab.grow import Level
 from lostmotion.lab.heldout import Judged, Unseen, better
 from lostmotion.lab.search import full_fit, grown
-from lostmotion.lab.simpler import simpler, with_effects
+from lostmotion.lab.simpler import simpler, with_effects, without
 from lostmotion.model import Model
 
 __all__ = ["simplified"]
@@ -46,7 +46,7 @@ def simplified(
 def _simpler(model: Model, added: Sequence[str]) -> Iterator[Model]:
     """The model without each of these effects, then with a simpler one in its place; with the values that it has."""
     for effect in added:
-        yield with_effects(model, [other for other in model.effects if other != effect])
+        yield without(model, effect)
     for effect in added if len(added) > 1 else ():
         if found := simpler(model, effect):
             yield found[1]

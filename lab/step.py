@@ -16,10 +16,10 @@ from lostmotion.lab.candidates import (
     best_of_each,
     far_trials,
     followed_fit,
-    further_trials,
     near_trials,
     others,
     pair_trials,
+    settled_anew,
 )
 from lostmotion.lab.grow import Level
 from lostmotion.lab.heldout import FAR, LONGER, Judged, Unseen, better, misfits, trained
@@ -27,7 +27,7 @@ from lostmotion.lab.nudge import Near, cost_of
 from lostmotion.lab.scoretest import Direction, Scores, score_test
 from lostmotion.lab.task import Task
 
-__all__ = ["Step", "Tried", "further", "on_unseen", "promising", "searched", "together"]
+__all__ = ["Step", "Tried", "on_unseen", "promising", "searched", "settled", "together", "with_first"]
 
 STANDS_OUT, NEARER_BY = 0.75, 0.87
 """An effect whose error, or cost with nudging, is below this part of the next one's is taken on trust."""
@@ -114,12 +114,23 @@ def searched(level: Level, short: Level, now: Judged, unseen: Unseen, rng: np.ra
     return (_told_by_training(step, level, now, task) if near and not step.accepted else None) or step
 
 
-def further(step: Step, short: Level, now: Judged, unseen: Unseen) -> Step:
-    """The step with more trials, where the model stays far from the data and the first ones do not help."""
-    if now.error < FAR:
+def settled(step: Step, unseen: Unseen) -> Step:
+    """The step with its first fit begun anew, where that stays far from the noise and then comes nearer: it lies in the
+    valley of the play that fitted best without its effect."""
+    first = step.tried[0]
+    if first.level.typical < FAR:
         return step
-    trials = further_trials(short, unseen.task, unseen.horizon_s, unseen.pool)
-    return _ranked(step.scores, [*step.tried, *on_unseen(trials, now, unseen)], now)
+    anew = settled_anew(first.level, unseen.task, unseen.horizon_s, unseen.pool)
+    return step if anew is None else with_first(step, first.effect, anew, unseen)
+
+
+def with_first(step: Step, effect: str, level: Level, unseen: Unseen) -> Step:
+    """The step with another fit in the place of its first one."""
+    first = step.tried[0]
+    (found,) = on_unseen([Trial(effect, level)], first.judged, unseen)
+    before, after = misfits([first.judged, found.judged]).tolist()
+    found = replace(found, misfit=first.misfit + after - before)
+    return replace(step, tried=(found, *(one for one in step.tried[1:] if one.effect != effect)))
 
 
 def together(step: Step, short: Level, now: Judged, unseen: Unseen) -> list[Step]:

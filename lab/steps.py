@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
+
 import numpy as np
 
 from lostmotion.lab.fit import Progress
 from lostmotion.lab.grow import Level
-from lostmotion.lab.heldout import Judged, Unseen, better
-from lostmotion.lab.late import told_apart
+from lostmotion.lab.heldout import FAR, Judged, Unseen, better
+from lostmotion.lab.kinds import told_apart, widened
 from lostmotion.lab.search import grown
-from lostmotion.lab.step import Step, further, promising, searched, together
+from lostmotion.lab.step import Step, promising, searched, settled, together
 
 __all__ = ["descended"]
 
@@ -28,10 +30,13 @@ def descended(
         steps += found
         if not found[-1].accepted:
             break
-        steps[-1] = last = told_apart(found[-1], descent[-1], unseen)
+        last = widened(settled(found[-1], unseen), unseen)
+        steps[-1] = last = told_apart(last, descent[-1], unseen)
         descent += [step.tried[0].judged for step in (*found[:-1], last)]
         short = last.tried[0].level
         level = grown(short, unseen.task)
+        if level.typical < FAR <= descent[-1].error:  # it was judged before its parameters were fitted well
+            descent[-1] = min(descent[-1], unseen.judge(level.model, descent[-1]), key=attrgetter("error"))
     return short, level, descent, steps
 
 
@@ -41,11 +46,11 @@ def _next(short: Level, level: Level, now: Judged, unseen: Unseen, rng: np.rando
     if step.accepted or len(unseen.task.added(short.model)) >= AT_LENGTH:
         return [step]
     if trusted := promising(step, short, now, unseen):
+        trusted = settled(trusted, unseen)
         first = trusted.tried[0]
         second = searched(grown(first.level, unseen.task), first.level, first.judged, unseen, rng)
-        second = second if second.accepted else further(second, first.level, first.judged, unseen)
         if second.accepted and better(second.tried[0].judged, now, level.model.base):
             return [trusted, second]
         if step.near and first.effect == step.near[0].effect:  # nothing comes of two that begin with this one
-            return [further(step, short, now, unseen)]
-    return together(step, short, now, unseen) or [further(step, short, now, unseen)]
+            return [step]
+    return together(step, short, now, unseen) or [step]

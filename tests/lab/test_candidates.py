@@ -8,11 +8,11 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from lostmotion.lab.candidates import far_trials, others, raced_fits
+from lostmotion.lab.candidates import far_trials, others, raced_fits, settled_anew
 from lostmotion.lab.experiment import experiments
 from lostmotion.lab.fit import noise_of
 from lostmotion.lab.scoretest import score_test
-from lostmotion.lab.search import full_fit
+from lostmotion.lab.search import first_fit, full_fit
 from lostmotion.lab.task import Task
 from lostmotion.model import build_model
 from tests.lab.gears import GEARS, gears
@@ -36,16 +36,34 @@ def test_teeth_are_counted_on_short_stretches() -> None:
 
 
 @pytest.mark.slow
+def test_a_fit_in_the_valley_of_another_play_is_begun_anew() -> None:
+    """With the right effect, but the play and the damping of a model without it, nudged runs lead to the right ones,
+    not always at once."""
+    model = build_model("play", values=GEARS)
+    hidden = {"gravity_torque.tau_g": 1e-3, "gravity_torque.phi": 0.3}
+    held = experiments(model, [gears(seed, **hidden) for seed in (75, 76)])
+    task = Task.of(model, held, noise_of(held))
+    off = model.with_effect("gravity_torque").replace({**hidden, "gravity_torque.tau_g": 6e-4, "d": 9.6e-5})
+    with ThreadPoolExecutor(2) as pool:
+        level = full_fit(off, task)
+        anew = settled_anew(level, task, level.horizon_s, pool)
+        assert anew is not None
+    assert level.typical > 2
+    assert anew.typical == pytest.approx(1.0, abs=0.1)
+    assert anew.model.parameters["d"].value == pytest.approx(8e-5, rel=0.01)
+
+
+@pytest.mark.slow
 def test_what_explains_nothing_is_not_raced() -> None:
     """Effects that leave the error of the short stretches where it was are told as they are, at most two; one that is
     there is fitted on longer stretches."""
     model = build_model("play", values=GEARS)
     held = experiments(model, [gears(seed, **{"coulomb_friction.tau_c": 5e-4}) for seed in (73, 74)])
     task = Task.of(model, held, noise_of(held))
-    before = full_fit(model, task)
     wrong = [(name, model.with_effect(name)) for name in ("gravity_leakage", "bias_drift", "second_mode")]
     right = ("coulomb_friction", model.with_effect("coulomb_friction").replace({"coulomb_friction.tau_c": 4e-4}))
     with ThreadPoolExecutor(2) as pool:
+        before = first_fit(model, task, pool)
         useless = raced_fits(wrong, task, 0.5, pool, before.typical)
         useful = raced_fits([*wrong, right], task, 0.5, pool, before.typical)
     assert before.typical > 2

@@ -7,10 +7,12 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
+from lostmotion.lab.candidates import others
 from lostmotion.lab.experiment import experiments
 from lostmotion.lab.fit import noise_of
 from lostmotion.lab.heldout import Judged, Unseen, better, misfits
 from lostmotion.lab.search import full_fit
+from lostmotion.lab.simpler import without
 from lostmotion.lab.simplify import simplified
 from lostmotion.lab.task import Task
 from lostmotion.model import build_model
@@ -38,6 +40,18 @@ def test_what_helps_by_less_than_chance_is_not_better() -> None:
     assert not better(judged(0.995, 0.995), judged(1, 1), "play")
     assert better(judged(*[0.98] * 40), judged(*[1.0] * 40), "play")
     assert not better(judged(0.98), judged(1.0), "play")
+
+
+def test_what_contains_another_goes_on_with_what_that_did() -> None:
+    """Coulomb's friction beside Stribeck's, taken out: the same motion, by Stribeck's alone; nor is it tried again."""
+    both = build_model("joint", ["coulomb_friction", "stribeck_friction"])
+    alone = without(both, "coulomb_friction")
+    times = np.linspace(0, 1, 200)
+    before, after = (model.simulate(None, times, [0.0, 3.0]).signals["velocity"] for model in (both, alone))
+    assert alone.effects == ("stribeck_friction",)
+    assert after == pytest.approx(before, rel=1e-6)
+    assert "coulomb_friction" not in others(alone)
+    assert "stribeck_friction" in others(build_model("joint", ["coulomb_friction"]))
 
 
 @pytest.mark.slow

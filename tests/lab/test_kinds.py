@@ -1,4 +1,4 @@
-"""A delay and a lag, told apart on recordings of the bench's own simulator; what another model knows of the start."""
+"""A delay and a lag told apart, friction widened, with the bench's own simulator; starts that another model knows."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from lostmotion.lab.experiment import experiments
 from lostmotion.lab.fit import noise_of
 from lostmotion.lab.grow import errors
 from lostmotion.lab.heldout import Unseen
-from lostmotion.lab.late import told_apart
+from lostmotion.lab.kinds import told_apart, widened
 from lostmotion.lab.noise import NoiseModel
 from lostmotion.lab.scoretest import Direction, Scores
 from lostmotion.lab.search import full_fit
@@ -41,6 +41,32 @@ def test_which_one_it_is(hidden: str, met: str) -> None:
     found = told.tried[0].level.model
     assert found.effects == (hidden,)
     assert found.parameters[f"{hidden}.T"].value == pytest.approx(3e-3, rel=0.03 if hidden != met else 0.1)
+
+
+STRIBECK = {"stribeck_friction.tau_c": 3e-4, "stribeck_friction.tau_s": 8e-4, "stribeck_friction.omega_s": 0.2}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("hidden", [STRIBECK, {"coulomb_friction.tau_c": 5e-4}])
+def test_a_part_is_widened_to_the_whole(hidden: dict[str, float]) -> None:
+    """Friction that was met as Coulomb's is Stribeck's where that explains more, with its values; else it stays."""
+    model = build_model("play", values=GEARS)
+    *train, last = held = experiments(model, [gears(seed, **hidden) for seed in (65, 66, 67)])
+    task = Task.of(model, train, noise_of(held))
+    with ThreadPoolExecutor(2) as pool:
+        unseen = Unseen(last, task, 0.5, pool)
+        level = full_fit(model.with_effect("coulomb_friction").replace({"coulomb_friction.tau_c": 5e-4}), task)
+        first = Tried("coulomb_friction", level, unseen.judge(level.model), 0.5)
+        wide = widened(Step(Scores((), 0.0, {}, NoiseModel.white(1.0)), (first,), accepted=True), unseen)
+    (found,) = wide.tried
+    if "coulomb_friction.tau_c" in hidden:
+        assert found is first
+    else:
+        assert found.effect == "stribeck_friction"
+        assert found.level.model.effects == ("stribeck_friction",)
+        assert found.judged.error < 0.9 * first.judged.error
+        for name, value in hidden.items():
+            assert found.level.model.parameters[name].value == pytest.approx(value, rel=0.1)
 
 
 def test_a_lost_stretch_begins_where_another_model_follows_it() -> None:
