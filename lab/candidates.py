@@ -8,6 +8,7 @@ stretches, on which only the right one stays.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
@@ -39,10 +40,9 @@ __all__ = [
     "others",
     "pair_trials",
     "raced_fits",
-    "settled_anew",
 ]
 
-NEAR, NEAR_ITERATIONS, FULL, SETTLED = 12, 6, 4, 2
+NEAR, NEAR_ITERATIONS, FULL, TOGETHER = 12, 6, 4, 2
 FEW_NEAR, FEW_FULL, FOLLOWED, REPAIRED = 6, 2, 4, 6
 UNFOLLOWED = 1.4
 """Times the cost of what nudged runs come nearest to, from which on another effect is not followed."""
@@ -56,8 +56,6 @@ COUNTED = 0.93
 """Part of the error of the next effect, below which one is worth searching its whole numbers from the beginning."""
 STILL = 0.9
 """Part of the error before, below which beginning anew is worth another time."""
-SEEDS = (1, 2)
-"""Beginning anew is tried with these."""
 USELESS, UNRACED = 0.85, 2
 """Share of the error without it, from which on no effect is worth a race; so many are told all the same."""
 
@@ -176,33 +174,20 @@ def _race(full: Sequence[Trial], task: Task, horizon_s: float, pool: Executor, b
 
 def _settled(each: list[Trial], task: Task, pool: Executor) -> list[Trial]:
     """The trials, the best of those that stay far from the noise also from where nudged runs come nearest with their
-    effect: they began with the play and the damping of a model without it."""
-    if not (each and each[0].level.typical > FAR and can_follow(task.rough, *task.experiments)):
-        return each
-    few = [trial for trial in each[:SETTLED] if trial.level.typical < FIRST_BEHIND * each[0].level.typical]
-    count = len(few)
-    anew = pool.map(nearest_fit, [t.level.model for t in few], [task] * count, [0] * count, [HOPELESS] * count)
-    return best_of_each(_ordered([*each, *(Trial(t.effect, fit) for t, fit in zip(few, anew, strict=True))]))
-
-
-def settled_anew(level: Level, task: Task, horizon_s: float, pool: Executor) -> Level | None:
-    """A level's fit from where nudged runs come nearest with its values, again while that helps, raced to its length;
-    None where it is no better then, or nothing can be nudged."""
-    if not can_follow(task.rough, *task.experiments):
-        return None
-    fit = _from_nearest(level, task, pool)
-    while fit.typical > FAR and (again := _from_nearest(fit, task, pool)).typical < STILL * fit.typical:
-        fit = again
-    raced = _raced([Trial("", fit)], task, horizon_s, pool)
-    found = raced[0].level
-    is_as_long = found.horizon_s * LONGER > level.horizon_s
-    return found if is_as_long and found.typical < level.typical else None
-
-
-def _from_nearest(level: Level, task: Task, pool: Executor) -> Level:
-    count = len(SEEDS)
-    fits = pool.map(nearest_fit, [level.model] * count, [task] * count, SEEDS, [HOPELESS] * count)
-    return min(fits, key=lambda fit: fit.typical)
+    effect, again while that helps: they began with the play and the damping of a model without it."""
+    for seed in itertools.count(step=TOGETHER):
+        if not (each and each[0].level.typical > FAR and can_follow(task.rough, *task.experiments)):
+            break
+        best = each[0].level.typical
+        few = [trial for trial in each[:TOGETHER] if trial.level.typical < FIRST_BEHIND * best]
+        few = few if len(few) == TOGETHER else few[:1] * TOGETHER
+        models, seeds = [trial.level.model for trial in few], range(seed, seed + TOGETHER)
+        fits = pool.map(nearest_fit, models, [task] * TOGETHER, seeds, [HOPELESS] * TOGETHER)
+        anew = [Trial(trial.effect, fit) for trial, fit in zip(few, fits, strict=True)]
+        each = best_of_each(_ordered([*each, *anew]))
+        if not each[0].level.typical < STILL * best:
+            break
+    return each
 
 
 def _raced(trials: list[Trial], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:

@@ -25,6 +25,8 @@ __all__ = ["told_apart", "widened"]
 LATE = ("command_delay", "actuator_lag", "sensor_lag")
 GAIN = 0.003
 """What another one must lower the misfit of unseen data by: ten in log-likelihood, for a recording of 4 s."""
+LOST = 4.0
+"""Times the noise, from which on a fit has lost the motion."""
 
 
 def widened(step: Step, unseen: Unseen) -> Step:
@@ -60,11 +62,11 @@ def _shapes(level: Level, model: Model, effect: str, task: Task) -> Iterator[Mod
 def told_apart(step: Step, before: Judged, unseen: Unseen) -> Step:
     """The accepted step, with another one of LATE in its first fit where that explains the unseen data better.
 
-    before: the fit without its effect; where that was near the noise, what was told apart then still holds.  Far from
-    the noise nothing is told apart: what is still missing says which one follows better.
+    before: the fit without its effect; where that was near the noise, what was told apart then still holds.  A fit that
+    has lost the motion tells nothing apart: what is still missing says which one follows better.
     """
     first, task = step.tried[0], unseen.task
-    if first.judged.error >= FAR or (before.error < FAR and first.effect not in LATE):
+    if first.level.typical > LOST or (before.error < FAR and first.effect not in LATE):
         return step
     changed = list(_changed(first.level.model, task))
     if not changed:

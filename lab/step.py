@@ -19,7 +19,6 @@ from lostmotion.lab.candidates import (
     near_trials,
     others,
     pair_trials,
-    settled_anew,
 )
 from lostmotion.lab.grow import Level
 from lostmotion.lab.heldout import FAR, LONGER, Judged, Unseen, better, misfits, trained
@@ -27,7 +26,7 @@ from lostmotion.lab.nudge import Near, cost_of
 from lostmotion.lab.scoretest import Direction, Scores, score_test
 from lostmotion.lab.task import Task
 
-__all__ = ["Step", "Tried", "on_unseen", "promising", "searched", "settled", "together", "with_first"]
+__all__ = ["Step", "Tried", "on_unseen", "promising", "searched", "together", "with_first"]
 
 STANDS_OUT, NEARER_BY = 0.75, 0.87
 """An effect whose error, or cost with nudging, is below this part of the next one's is taken on trust."""
@@ -112,16 +111,6 @@ def searched(level: Level, short: Level, now: Judged, unseen: Unseen, rng: np.ra
         trials, near_by = far_trials(short, directions, task, unseen.horizon_s, pool)
     step = replace(_ranked(scores, on_unseen(trials, now, unseen), now), near=tuple(near_by))
     return (_told_by_training(step, level, now, task) if near and not step.accepted else None) or step
-
-
-def settled(step: Step, unseen: Unseen) -> Step:
-    """The step with its first fit begun anew, where that stays far from the noise and then comes nearer: it lies in the
-    valley of the play that fitted best without its effect."""
-    first = step.tried[0]
-    if first.level.typical < FAR:
-        return step
-    anew = settled_anew(first.level, unseen.task, unseen.horizon_s, unseen.pool)
-    return step if anew is None else with_first(step, first.effect, anew, unseen)
 
 
 def with_first(step: Step, effect: str, level: Level, unseen: Unseen) -> Step:

@@ -11,7 +11,7 @@ from lostmotion.lab.grow import Level
 from lostmotion.lab.heldout import FAR, Judged, Unseen, better
 from lostmotion.lab.kinds import told_apart, widened
 from lostmotion.lab.search import grown
-from lostmotion.lab.step import Step, promising, searched, settled, together
+from lostmotion.lab.step import Step, promising, searched, together
 
 __all__ = ["descended"]
 
@@ -30,8 +30,7 @@ def descended(
         steps += found
         if not found[-1].accepted:
             break
-        last = widened(settled(found[-1], unseen), unseen)
-        steps[-1] = last = told_apart(last, descent[-1], unseen)
+        steps[-1] = last = told_apart(widened(found[-1], unseen), descent[-1], unseen)
         descent += [step.tried[0].judged for step in (*found[:-1], last)]
         short = last.tried[0].level
         level = grown(short, unseen.task)
@@ -46,7 +45,6 @@ def _next(short: Level, level: Level, now: Judged, unseen: Unseen, rng: np.rando
     if step.accepted or len(unseen.task.added(short.model)) >= AT_LENGTH:
         return [step]
     if trusted := promising(step, short, now, unseen):
-        trusted = settled(trusted, unseen)
         first = trusted.tried[0]
         second = searched(grown(first.level, unseen.task), first.level, first.judged, unseen, rng)
         if second.accepted and better(second.tried[0].judged, now, level.model.base):

@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from lostmotion.lab.candidates import far_trials, others, raced_fits, settled_anew
+from lostmotion.lab.candidates import far_trials, others, raced_fits
 from lostmotion.lab.experiment import experiments
 from lostmotion.lab.fit import noise_of
 from lostmotion.lab.scoretest import score_test
@@ -45,12 +45,10 @@ def test_a_fit_in_the_valley_of_another_play_is_begun_anew() -> None:
     task = Task.of(model, held, noise_of(held))
     off = model.with_effect("gravity_torque").replace({**hidden, "gravity_torque.tau_g": 6e-4, "d": 9.6e-5})
     with ThreadPoolExecutor(2) as pool:
-        level = full_fit(off, task)
-        anew = settled_anew(level, task, level.horizon_s, pool)
-        assert anew is not None
-    assert level.typical > 2
-    assert anew.typical == pytest.approx(1.0, abs=0.1)
-    assert anew.model.parameters["d"].value == pytest.approx(8e-5, rel=0.01)
+        (trial,) = raced_fits([("gravity_torque", off)], task, 0.25, pool)
+    assert full_fit(off, task).typical > 2
+    assert trial.level.typical == pytest.approx(1.0, abs=0.1)
+    assert trial.level.model.parameters["d"].value == pytest.approx(8e-5, rel=0.01)
 
 
 @pytest.mark.slow
