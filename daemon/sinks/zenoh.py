@@ -24,6 +24,7 @@ from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.records import JointRow, ScoreRow, Transition, iso
 from lostmotion.daemon.sinks.answers import PARAMETERS, Answers, BadQueryError, payload
 from lostmotion.daemon.sinks.diagnostics import Board
+from lostmotion.daemon.sinks.reach import Reach, addresses
 from lostmotion.daemon.sinks.ros2 import Ros2Publisher
 from lostmotion.daemon.zenoh_session import JSON, brief, configuration, why_closed
 from lostmotion.drivers.errors import LostmotionError
@@ -55,6 +56,7 @@ class ZenohSink:
         self._answers = Answers(database, self._latest)
         self._board = Board(robot) if options.ros2 else None
         self._ros2: Ros2Publisher | None = None
+        self._reach: Reach | None = None
         self._waiting: deque[tuple[str, bytes]] = deque(maxlen=CACHED)
         self._publishers: dict[str, AdvancedPublisher] = {}
         self._failing = False
@@ -100,6 +102,8 @@ class ZenohSink:
         with self._lock:
             session, self._session = self._session, None
             self._publishers.clear()
+        if self._reach is not None:
+            self._reach.close()
         if self._ros2 is not None:
             self._ros2.close()
         if session is not None:
@@ -194,11 +198,10 @@ class ZenohSink:
             if self._closing.is_set():
                 session.close()  # type: ignore[no-untyped-call]
                 return
+            self._reach = Reach(session, addresses(configuration(self._options)))
             self._session = session
             self._publish_waiting()
         log.info("zenoh: session open as %s", session.zid())
-        if self._options.connect and not (session.info.routers_zid() or session.info.peers_zid()):
-            log.warning("zenoh: nobody answers at %s yet; it is tried on", ", ".join(self._options.connect))
 
     def _say(self, problem: str) -> None:
         """Logs when publishing begins to fail and when it works again, not every time."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Iterator
 from contextlib import closing
@@ -9,10 +10,13 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
+import zenoh
 
 from lostmotion.daemon.lifecycle import happen, raised
 from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.records import AlarmEvent, Cause, Severity, Transition
+from lostmotion.daemon.sinks import reach
+from lostmotion.daemon.sinks.reach import addresses
 from lostmotion.daemon.sinks.zenoh import ZenohSink
 from tests.daemon.alarm_world import Watcher
 from tests.daemon.conftest import wait_until
@@ -75,3 +79,38 @@ def test_a_service_that_tells_again_is_heard_once(tmp_path: Path, endpoint: str)
             with closing(Watcher(endpoint, tmp_path / "late")) as late:
                 wait_until(lambda: len(late.ids) >= 8)
             assert late.ids == watcher.ids == [transition.id for transition in first + second]
+
+
+def test_a_router_that_dies_and_comes_back_is_told_once(
+    tmp_path: Path, endpoint: str, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The log says that nobody answers, once however long that lasts, and that somebody does again."""
+    monkeypatch.setattr(reach, "LOOK_S", 0.05)
+    caplog.set_level("INFO", "lostmotion.daemon.sinks.reach")
+    with (
+        closing(Router(tmp_path, endpoint)) as router,
+        closing(ZenohSink("arm1", ZenohOptions(mode="client", connect=[endpoint]), NOWHERE)) as sink,
+    ):
+        wait_until(lambda: sink.is_open)
+        time.sleep(0.3)
+        assert not caplog.messages
+        router.kill()
+        wait_until(lambda: caplog.messages, 10)
+        time.sleep(0.3)
+        router.start()
+        wait_until(lambda: len(caplog.messages) >= 2, 20)
+    told = [
+        f"zenoh: nobody answers at {endpoint}; it is tried on, alarms wait until then",
+        f"zenoh: {endpoint} answers",
+    ]
+    assert caplog.messages == told
+
+
+def test_where_a_session_connects_to() -> None:
+    """A list, or one for each mode, as Zenoh's own file may have it; none is nowhere."""
+    config = zenoh.Config()
+    assert addresses(config) == []
+    config.insert_json5("connect/endpoints", json.dumps({"peer": [], "client": ["tcp/a:1"], "router": ["tcp/b:2"]}))
+    assert sorted(addresses(config)) == ["tcp/a:1", "tcp/b:2"]
+    config.insert_json5("connect/endpoints", json.dumps(["tcp/c:3"]))
+    assert addresses(config) == ["tcp/c:3"]
