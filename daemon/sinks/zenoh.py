@@ -11,6 +11,7 @@ from __future__ import annotations
 import logging
 import sqlite3
 import threading
+import time
 from collections import deque
 from contextlib import suppress
 from pathlib import Path
@@ -22,6 +23,7 @@ from zenoh.ext import AdvancedPublisher, CacheConfig, MissDetectionConfig, decla
 from lostmotion.daemon import documents
 from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.records import JointRow, ScoreRow, Transition, iso
+from lostmotion.daemon.repeats import Condition
 from lostmotion.daemon.sinks.answers import PARAMETERS, Answers, BadQueryError, payload
 from lostmotion.daemon.sinks.diagnostics import Board
 from lostmotion.daemon.sinks.reach import Reach, addresses
@@ -59,7 +61,7 @@ class ZenohSink:
         self._reach: Reach | None = None
         self._waiting: deque[tuple[str, bytes]] = deque(maxlen=CACHED)
         self._publishers: dict[str, AdvancedPublisher] = {}
-        self._failing = False
+        self._condition = Condition(told="")
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._open, name="zenoh", daemon=True)
         self._thread.start()
@@ -205,8 +207,9 @@ class ZenohSink:
 
     def _say(self, problem: str) -> None:
         """Logs when publishing begins to fail and when it works again, not every time."""
-        if problem and not self._failing:
+        if not self._condition.is_news("fails" if problem else "", time.monotonic()):
+            return
+        if problem:
             log.warning("zenoh: %s", problem)
-        elif self._failing and not problem:
+        else:
             log.info("zenoh: publishing again")
-        self._failing = bool(problem)
