@@ -123,7 +123,7 @@ def far_trials(
             return _ordered([*raced, *raced_fits(begin, task, horizon_s, pool, base.typical)]), []
     near_by = shortlist(base, others(base.model), task, pool)
     full = _ordered([*full, *_full_fits(_nearest(near_by), task, pool)])
-    return _race(full, task, horizon_s, pool, base.typical), near_by
+    return _race(full, task, horizon_s, pool, base.typical), best_of_each(near_by)
 
 
 def pair_trials(base: Level, first: Sequence[Near], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
@@ -142,7 +142,10 @@ def followed_fit(near: Near, task: Task) -> Trial:
 
 
 def _nearest(ordered: Sequence[Near]) -> list[tuple[str, Model]]:
-    return [(near.effect, near.model) for near in ordered[:FOLLOWED] if near.cost < UNFOLLOWED * ordered[0].cost]
+    """Of the first few effects, those that are not far behind."""
+    effects = {near.effect for near in best_of_each(ordered)[:FOLLOWED]}
+    followed = [near for near in ordered if near.effect in effects and near.cost < UNFOLLOWED * ordered[0].cost]
+    return [(near.effect, near.model) for near in followed[: FOLLOWED + 1]]
 
 
 def raced_fits(
@@ -219,7 +222,7 @@ def _recounted(trial: Trial, task: Task, pool: Executor, fit: Callable[[Level, T
         known = {best.model.parameters[name].value}
         while True:
             p = best.model.parameters[name]
-            near = {p.value + step for step in (-2, -1, 1, 2) if p.low <= p.value + step <= p.high}
+            near = {p.value + step for step in (-3, -2, -1, 1, 2, 3) if p.low <= p.value + step <= p.high}
             others = [replace(best, model=best.model.replace({name: count})) for count in sorted(near - known)]
             level = min(pool.map(fit, others, [task] * len(others)), key=lambda level: level.typical, default=best)
             if not level.typical < best.typical:

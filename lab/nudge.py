@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
@@ -41,7 +41,8 @@ SURE = 0.2
 LARGER = 4.0
 LEAP, CROSSED = 0.6, 0.9
 MUTATED, FARTHEST = 0.5, 3
-NICHES = 4
+NICHES, NICHES_LEFT = 4, 2
+"""Parts of what a whole number may be, that evolve apart; so many go on to the end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +67,8 @@ def nearest(model: Model, task: Task, seed: int = 0) -> Model:
 def shortlist(
     base: Level, effects: Sequence[str], task: Task, pool: Executor, beside: Near | None = None, seed: int = 0
 ) -> list[Near]:
-    """The effects that bring nudged runs nearest to the measurement, best first.
+    """The effects that bring nudged runs nearest to the measurement, best first; one whose whole number leaves valleys
+    far apart may be there twice.
 
     base: the fit without them; seeds of an effect's parameters are tried with its values and with the file's; beside:
     one that is there already, as far as nudged runs know it.
@@ -75,11 +77,11 @@ def shortlist(
     follower, size, count = _follower(model, task), sizes(base.model, base.stretches, task.substep_s), len(effects)
     generations = BESIDE_GENERATIONS if beside else EFFECT_GENERATIONS
     given = ([model] * count, [follower.roughly()] * count, [size] * count, [generations] * count, [seed] * count)
-    first = pool.map(_begun, effects, *given)
+    niches = zip(effects, pool.map(_begun, effects, *given), strict=True)
     most, few = (FEW, FEWEST) if beside else (KEPT, FEW)
-    best = _leading(first, effects, most)
+    best = _leading([(population, effect) for effect, found in niches for population in found], most, NICHES)
     further = pool.map(_further, (population for population, _ in best), [follower] * len(best))
-    best = _leading(further, [effect for _, effect in best], few)
+    best = _leading(list(zip(further, [effect for _, effect in best], strict=True)), few, NICHES_LEFT)
     return sorted(pool.map(_finished, *zip(*best, strict=True)), key=lambda near: near.cost)
 
 
@@ -174,7 +176,7 @@ class _Population:
         return np.array([BIAS_WIDTH / i.scale if i.name == "bias" else WIDTH.get(i.name, EFFECT_WIDTH) for i in items])
 
 
-def _begun(effect: str, base: Model, follower: Follower, size: Sizes, generations: int, seed: int) -> _Population:
+def _begun(effect: str, base: Model, follower: Follower, size: Sizes, generations: int, seed: int) -> list[_Population]:
     models = [base.with_effect(effect), follower.rough.with_effect(effect)]
     found = _values(models[0], effect, [size, replace(size, torque=LARGER * size.torque)])
     populations = []
@@ -182,7 +184,7 @@ def _begun(effect: str, base: Model, follower: Follower, size: Sizes, generation
         every = [model.replace(values) for values in part for model in models]
         populations.append(_Population(follower, every, seed, [True, False] * len(part)))
         populations[-1].evolve(generations)
-    return min(populations, key=lambda population: float(population.costs.min()))
+    return populations
 
 
 def _values(model: Model, effect: str, wide: Sequence[Sizes]) -> list[dict[str, float]]:
@@ -209,11 +211,16 @@ def _opposite(model: Model, values: dict[str, float]) -> dict[str, float]:
     return {name: -values[name] for name in may if "." in name and not name.endswith(".phi")}
 
 
-def _leading(populations: Iterable[_Population], effects: Sequence[str], most: int) -> list[tuple[_Population, str]]:
-    """The best few, and of more those that are not far behind."""
-    ordered = sorted(zip(populations, effects, strict=True), key=lambda pair: float(pair[0].costs.min()))
-    least = BEHIND * float(ordered[min(1, len(ordered) - 1)][0].costs.min())
-    return [pair for i, pair in enumerate(ordered[:most]) if i < FEWEST or pair[0].costs.min() < least]
+def _leading(populations: list[tuple[_Population, str]], most: int, niches: int) -> list[tuple[_Population, str]]:
+    """Those of the best few effects, and of more effects those that are not far behind; so many of each."""
+    ordered = sorted(populations, key=lambda pair: float(pair[0].costs.min()))
+    of_effect: dict[str, list[tuple[_Population, str]]] = {}
+    for pair in ordered:
+        of_effect.setdefault(pair[1], []).append(pair)
+    each = list(of_effect.values())
+    least = BEHIND * float(each[min(1, len(each) - 1)][0][0].costs.min())
+    kept = [pairs for i, pairs in enumerate(each[:most]) if i < FEWEST or pairs[0][0].costs.min() < least]
+    return [pair for pairs in kept for pair in pairs[:niches]]
 
 
 def _further(population: _Population, follower: Follower) -> _Population:
