@@ -20,7 +20,7 @@ from lostmotion.lab.grow import Level, fitted, followed
 from lostmotion.lab.noise import noise_floor
 from lostmotion.lab.results import Estimate, Fit
 from lostmotion.lab.search import first_fit, grown
-from lostmotion.lab.stretch import Linearised, Stretch
+from lostmotion.lab.stretch import FINE_STEP, Linearised, Stretch
 from lostmotion.lab.task import Task, coarse_substep
 from lostmotion.lab.unknowns import Unknown, Unknowns
 from lostmotion.model import Model
@@ -147,7 +147,7 @@ def _covariance(level: Level, substep_s: float) -> FloatArray:
     good = followed(level, substep_s)
     H = np.diag(1 / level.unknowns.prior**2)
     G = H.copy()  # what the data does not tell is as unsure as before
-    blocks = [stretch.linearised(level.model, level.unknowns, level.z, substep_s) for stretch in good]
+    blocks = [stretch.linearised(level.model, level.unknowns, level.z, substep_s, FINE_STEP) for stretch in good]
     blocks = [block for block in blocks if block.finite]
     if not blocks:
         return np.diag(level.unknowns.prior**2)

@@ -20,10 +20,24 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray, Motion
 from lostmotion.model.signals import COMMAND, COMMAND_RATE, OMEGA1, OMEGA2, THETA1, THETA2
 
-__all__ = ["STEP", "Linearised", "Stretch", "in_motion", "motions", "scales", "start_with", "state_scales"]
+__all__ = [
+    "FINE_STEP",
+    "STEP",
+    "Linearised",
+    "Stretch",
+    "in_motion",
+    "motions",
+    "scales",
+    "start_with",
+    "state_scales",
+]
 
 STEP = 1e-5
-"""Finite difference, in numbers of order one: fixed integration steps make it good to about 1e-5 of the derivative."""
+"""Finite difference, in numbers of order one, for searches."""
+FINE_STEP = 3e-8
+"""The same for intervals.  Impacts bend the motion so much that over 1e-5 it is no straight line: what two parameters
+do alike then looked different, and intervals came out up to ten times too narrow.  Steps of 1e-7 to 1e-8 give the same
+to some percent: fixed integration steps leave hardly any rounding."""
 LAG_SHARE, OWN_SHARE = 0.003, 0.1
 """Of such a scale: an effect's own states are known better than the joint's; that of a lag follows from the input."""
 
@@ -87,15 +101,17 @@ class Stretch:
         seen = ~np.isnan(values)
         return (values, weights, None) if seen.all() else (values[seen], weights[seen], seen)
 
-    def linearised(self, model: Model, unknowns: Unknowns, z: FloatArray, substep_s: float) -> Linearised:
-        """Residual and derivatives by finite differences, at the parameters z and this start state."""
+    def linearised(
+        self, model: Model, unknowns: Unknowns, z: FloatArray, substep_s: float, by: float = STEP
+    ) -> Linearised:
+        """Residual and derivatives by finite differences of this step, at the parameters z and this start state."""
         own = self.experiment.model
-        at, around = unknowns.around(model, z, STEP)
-        moved = self.start + np.vstack([np.zeros(self.start.size), np.diag(STEP * self.scale)])
+        at, around = unknowns.around(model, z, by)
+        moved = self.start + np.vstack([np.zeros(self.start.size), np.diag(by * self.scale)])
         r, *by_state = self.residuals(own(at), moved, substep_s)
         by_parameter = [(self.residual(own(there), self.start, substep_s) - r) / step for there, step in around]
         A = np.array(by_parameter).T if by_parameter else np.empty((r.size, 0))
-        return Linearised(r, A, (np.array(by_state) - r).T / STEP)
+        return Linearised(r, A, (np.array(by_state) - r).T / by)
 
 
 def in_motion(model: Model, drive: Motion | None, time: float, **given: float) -> FloatArray:

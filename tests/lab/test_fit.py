@@ -13,6 +13,9 @@ from lostmotion.lab.experiment import Experiment, experiments
 from lostmotion.lab.fit import fit, noise_of
 from lostmotion.lab.parallel import open_executor
 from lostmotion.lab.results import Fit
+from lostmotion.lab.search import doubled, full_fit
+from lostmotion.lab.stretch import FINE_STEP, STEP
+from lostmotion.lab.task import Task
 from lostmotion.model import Model, Parameter, build_model
 from lostmotion.model.motion import FloatArray
 from tests.lab.gears import GEARS, NOISE, gears
@@ -112,3 +115,28 @@ def test_noise_is_told_for_each_column() -> None:
         columns.append({"position": 0.3 * np.sin(6 * TIMES) + rng.normal(0, rms, TIMES.size)})
     found = noise_of(experiments(build_model("joint"), [Recording(TIMES, c) for c in columns]))
     assert found == {"position": pytest.approx(2e-3, rel=0.2)}
+
+
+@pytest.mark.slow
+def test_intervals_do_not_depend_on_the_step_of_the_derivatives() -> None:
+    """Four seconds with gravity: over the searches' step the motion bends at the impacts, and the play would look ten
+    times better known than it is; the finer one is good."""
+    hidden = {"gravity_torque.tau_g": 9e-4, "gravity_torque.phi": 0.7}
+    model = build_model("play", ["gravity_torque"], {**GEARS, **hidden})
+    (whole,) = experiments(model, [gears(81, 4.0, **hidden)])
+    task = Task.of(build_model("play", values=GEARS), [whole], {"accel": NOISE})
+    level = full_fit(model, task)
+    while (longer := doubled(level, task)) is not None:
+        level = longer
+    (stretch,) = level.stretches
+
+    def deviation(by: float) -> FloatArray:
+        """Of the parameters, the start unknown."""
+        block = stretch.linearised(level.model, level.unknowns, level.z, 6.25e-5, by)
+        q, _ = np.linalg.qr(block.B)
+        J = block.A - q @ (q.T @ block.A)
+        return np.asarray(np.sqrt(np.diag(np.linalg.inv(J.T @ J))))
+
+    assert level.typical == pytest.approx(1.0, abs=0.1)
+    assert np.min(deviation(STEP) / deviation(1e-7)) < 0.5
+    np.testing.assert_allclose(deviation(FINE_STEP), deviation(1e-7), rtol=0.15)
