@@ -24,7 +24,7 @@ from lostmotion.lab.advice import what_to_record
 from lostmotion.lab.blame import blame
 from lostmotion.lab.describe import described
 from lostmotion.lab.experiment import Experiment
-from lostmotion.lab.fit import Progress, fit_of, noise_of, refined_level
+from lostmotion.lab.fit import Progress, fit_of, noise_of, refined_fit
 from lostmotion.lab.grow import Level, followed, residuals
 from lostmotion.lab.heldout import Judged, Unseen, is_left, trained_each
 from lostmotion.lab.noise import innovation_noise
@@ -99,7 +99,7 @@ def _explanation(
     column = next(iter(task.noise))
     unit = task.noise[column]
     named = task.added(best.model)
-    refined = unseen.pool.submit(_refined_fit, best, task)  # it works on one core while what is left is described
+    refined = unseen.pool.submit(refined_fit, best, task)  # it works on one core while what is left is described
     left = outside or is_left(after) or (not named and steps[-1].is_full and any(_left_of_each(best, task)))
     if left and named:  # with the right effect, what is left of unseen data may be starts that were not found
         left = all(_left_of_each(best, task))
@@ -126,10 +126,6 @@ def _explanation(
         descent=tuple(judged.error * unit for judged in descent),
         unshown=tuple(effect for effect in _blind(steps) if effect in named) if verdict == "missing" else (),
     )
-
-
-def _refined_fit(level: Level, task: Task) -> Fit:
-    return fit_of(refined_level(level, task), task)
 
 
 def _left_of_each(level: Level, task: Task) -> Iterator[bool]:

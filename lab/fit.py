@@ -26,7 +26,7 @@ from lostmotion.lab.unknowns import Unknown, Unknowns
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Progress", "fit", "fit_of", "noise_of", "refined_level"]
+__all__ = ["Progress", "fit", "fit_of", "noise_of", "refined_fit"]
 
 SURE = 1.959964
 """Standard deviations to either side of a 95 % interval."""
@@ -66,14 +66,19 @@ def fit(
         progress("longer stretches", 0.4)
         level = grown(level, task)
         progress("refining", 0.8)
-        return fit_of(refined_level(level, task), task)
+        return refined_fit(level, task)
     except KeyboardInterrupt:
         return replace(fit_of(level, task), complete=False)
     finally:
         progress("done", 1.0)
 
 
-def refined_level(level: Level, task: Task) -> Level:
+def refined_fit(level: Level, task: Task) -> Fit:
+    """A level as a result, after a last refinement."""
+    return fit_of(_refined_level(level, task), task)
+
+
+def _refined_level(level: Level, task: Task) -> Level:
     """The fit once more with a fine step, quadratic, within the bounds of the file only."""
     substep = coarse_substep(level.model, task.experiments, REFINED_STEPS)
     model = _with_range(level.model, task)

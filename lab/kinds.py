@@ -15,7 +15,7 @@ from lostmotion.lab.candidates import others, raced_fits
 from lostmotion.lab.grow import Level
 from lostmotion.lab.heldout import FAR, Judged, Unseen, better, is_left, misfits
 from lostmotion.lab.seeds import seeds, sizes
-from lostmotion.lab.simpler import wider, with_effects
+from lostmotion.lab.simpler import in_place, wider
 from lostmotion.lab.step import Step, on_unseen, with_first
 from lostmotion.lab.task import Task
 from lostmotion.model import Model
@@ -34,7 +34,7 @@ def widened(step: Step, unseen: Unseen) -> Step:
     what the part leaves of the unseen data."""
     first = step.tried[0]
     for part in unseen.task.added(first.level.model):
-        if is_left(first.judged) and (found := wider(first.level.model, part)):
+        if (found := wider(first.level.model, part)) and is_left(first.judged):
             whole, model = found
             shapes = ((whole, shape) for shape in _shapes(first.level, model, whole, unseen.task))
             begin = [(part, first.level.model), *shapes]
@@ -89,5 +89,4 @@ def _changed(model: Model, task: Task) -> Iterator[tuple[str, Model]]:
     for old in task.added(model):
         if old in LATE:
             for new in possible:
-                effects = [new if one == old else one for one in model.effects]
-                yield new, with_effects(model, effects).replace({f"{new}.T": model.parameters[f"{old}.T"].value})
+                yield new, in_place(model, old, new).replace({f"{new}.T": model.parameters[f"{old}.T"].value})

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from lostmotion.model import Model, build_model
 
-__all__ = ["contained", "simpler", "wider", "with_effects", "without"]
+__all__ = ["contained", "in_place", "simpler", "wider", "with_effects", "without"]
 
 SIMPLER = {"stribeck_friction": "coulomb_friction"}
 """What an effect is when one of its parameters says nothing."""
@@ -23,6 +23,11 @@ def with_effects(model: Model, effects: Sequence[str]) -> Model:
         values[f"{effect}.{own}" if effect else own] = parameter
     bare = build_model(model.base, effects)
     return bare.replace({name: given for name, given in values.items() if name in bare.parameters})
+
+
+def in_place(model: Model, old: str, new: str) -> Model:
+    """The model with another effect in the place of one of its own, with the values that it has or takes over."""
+    return with_effects(model, [new if effect == old else effect for effect in model.effects])
 
 
 def contained(model: Model, effect: str) -> list[str]:
@@ -47,7 +52,7 @@ def simpler(model: Model, effect: str) -> tuple[str, Model] | None:
     simple = SIMPLER.get(effect)
     if simple is None or simple in model.effects:
         return None
-    return simple, with_effects(model, [simple if other == effect else other for other in model.effects])
+    return simple, in_place(model, effect, simple)
 
 
 def wider(model: Model, effect: str) -> tuple[str, Model] | None:
@@ -56,11 +61,10 @@ def wider(model: Model, effect: str) -> tuple[str, Model] | None:
     whole = next((whole for whole, part in SIMPLER.items() if part == effect and whole not in model.effects), None)
     if whole is None:
         return None
-    wide = with_effects(model, [whole if other == effect else other for other in model.effects])
     own = {
         name.removeprefix(f"{effect}."): p.value
         for name, p in model.parameters.items()
         if name.startswith(f"{effect}.")
     }
     values = {**own, **{grown: own[part] for part, more in SAME.items() for grown in more}}
-    return whole, wide.replace({f"{whole}.{name}": value for name, value in values.items()})
+    return whole, in_place(model, effect, whole).replace({f"{whole}.{name}": value for name, value in values.items()})

@@ -180,7 +180,8 @@ class ZenohSink:
         pause = FIRST_RETRY_S
         while not self._closing.is_set():
             try:
-                session = zenoh.open(configuration(self._options))
+                config = configuration(self._options)
+                session = zenoh.open(config)
                 self._token = session.liveliness().declare_token(f"{self._prefix}/alive")
                 queryable = session.declare_queryable(f"{self._prefix}/**")
                 if self._board:
@@ -191,16 +192,16 @@ class ZenohSink:
                 self._closing.wait(pause)
                 pause = min(2 * pause, LAST_RETRY_S)
                 continue
-            self._use(session)
+            self._use(session, addresses(config))
             self._answer(queryable)
             return
 
-    def _use(self, session: zenoh.Session) -> None:
+    def _use(self, session: zenoh.Session, endpoints: list[str]) -> None:
         with self._lock:
             if self._closing.is_set():
                 session.close()  # type: ignore[no-untyped-call]
                 return
-            self._reach = Reach(session, addresses(configuration(self._options)))
+            self._reach = Reach(session, endpoints)
             self._session = session
             self._publish_waiting()
         log.info("zenoh: session open as %s", session.zid())
