@@ -79,8 +79,8 @@ class ZenohSink:
             if self._session is None:
                 return
             try:
-                # Express: a window's score is alone and has no batch to wait for.
-                self._session.put(f"{self._prefix}/{row.joint}/score", payload(values), encoding=JSON, express=True)
+                # In batches: of a burst that is sent one by one, Zenoh drops what finds both batches on their way.
+                self._session.put(f"{self._prefix}/{row.joint}/score", payload(values), encoding=JSON)
             except zenoh.ZError as error:
                 self._say(f"cannot publish: {brief(error)}")
             else:
@@ -136,6 +136,7 @@ class ZenohSink:
                 session,
                 f"{self._prefix}/{key}",
                 encoding=JSON,
+                congestion_control=zenoh.CongestionControl.BLOCK,  # a burst finds both batches on their way
                 express=True,
                 cache=CacheConfig(max_samples=CACHED),
                 publisher_detection=True,

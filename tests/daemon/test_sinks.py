@@ -94,6 +94,24 @@ def test_scores_alarms_and_health_arrive_under_their_keys(endpoint: str, mode: L
     ]  # fmt: skip
 
 
+def test_a_burst_reaches_a_plain_subscriber_whole(endpoint: str, tmp_path: Path) -> None:
+    """All joints change at once, as they do when the accelerometer falls silent: none is dropped, even if Zenoh may
+    drop as soon as its two batches are on their way."""
+    hasty = tmp_path / "zenoh.json5"
+    hasty.write_text("{transport: {link: {tx: {queue: {congestion_control: {drop: {wait_before_drop: 0}}}}}}}")
+    joints = [f"j{k}" for k in range(100)]
+    with closing(ZenohSink("arm1", ZenohOptions(listen=[endpoint], config=str(hasty)), NOWHERE)) as sink:
+        wait_until(lambda: sink.is_open)
+        with session("client", connect=[endpoint]) as other:
+            listener = Listener(other)
+            wait_until(lambda: sink.score(SCORE) or listener.heard)
+            for joint in joints:
+                sink.health(replace(HEALTH, name=joint))
+                sink.alarm(raised(joint, Cause.PLAY, Severity.WARNING, "play: much", NOON))
+            wanted = {f"lostmotion/arm1/{joint}/{kind}" for joint in joints for kind in ("alarm", "health")}
+            wait_until(lambda: wanted <= set(listener.heard))
+
+
 def test_who_joins_late_gets_the_last_alarm_and_health(endpoint: str, database: Path) -> None:
     """An advanced subscriber and a plain ``get``, both of a program that starts after the transitions, hear of them."""
     with closing(ZenohSink("arm1", ZenohOptions(listen=[endpoint]), database)) as sink:
