@@ -37,6 +37,7 @@ __all__ = [
     "far_trials",
     "followed_fit",
     "near_trials",
+    "next_trials",
     "others",
     "pair_trials",
     "raced_fits",
@@ -126,6 +127,18 @@ def far_trials(
     return _race(full, task, horizon_s, pool, base.typical), best_of_each(near_by)
 
 
+def next_trials(
+    known: Sequence[Model], near: Sequence[Near], task: Task, horizon_s: float, pool: Executor
+) -> list[Trial]:
+    """Fits with the effects that come next in what nudged runs come near to; none where none of them helps more than
+    the models that are known already."""
+    few = _nearest(near, FOLLOWED)
+    full = _full_fits([*few, *(("", model) for model in known)], task, pool) if few else []
+    before = next((trial.level.typical for trial in full if not trial.effect), math.inf)
+    useful = [trial for trial in full if trial.level.typical < USELESS * before]
+    return _race(useful, task, horizon_s, pool, before) if useful else []
+
+
 def pair_trials(base: Level, first: Sequence[Near], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
     """Fits with two more effects at once, named by the second one: those that bring nudged runs with one of the first
     ones nearest to the measurement.  None where the first ones bring them hardly nearer: what is missing is another."""
@@ -141,9 +154,9 @@ def followed_fit(near: Near, task: Task) -> Trial:
     return Trial(near.effect, full_fit(near.model, task, HOPELESS))
 
 
-def _nearest(ordered: Sequence[Near]) -> list[tuple[str, Model]]:
-    """Of the first few effects, those that are not far behind."""
-    effects = {near.effect for near in best_of_each(ordered)[:FOLLOWED]}
+def _nearest(ordered: Sequence[Near], begin: int = 0) -> list[tuple[str, Model]]:
+    """Of the first few effects, or the next ones, those that are not far behind."""
+    effects = {near.effect for near in best_of_each(ordered)[begin : begin + FOLLOWED]}
     followed = [near for near in ordered if near.effect in effects and near.cost < UNFOLLOWED * ordered[0].cost]
     return [(near.effect, near.model) for near in followed[: FOLLOWED + 1]]
 

@@ -29,9 +29,13 @@ __all__ = ["Near", "cost_of", "nearest", "shortlist"]
 FIRST, MOST_FIRST, POPULATION = 72, 480, 20
 BASE_GENERATIONS, EFFECT_GENERATIONS, BESIDE_GENERATIONS, FINAL_GENERATIONS = 8, 5, 10, 8
 """Beside an effect that is there already as far as nudged runs know it, its values have to give way."""
-KEPT, FEW, FEWEST, BEHIND = 14, 8, 4, 1.5
-"""So many effects go on, and after some generations again, fewer beside another one; behind the fewest, not those whose
-cost is this many times the second best's."""
+KEPT, KEPT_BESIDE = (20, 10, 6), (8, 6, 4)
+"""So many effects go on after the first generations, which hardly tell them apart; and after some more, where none is
+ahead, and where one is; fewer beside another one."""
+FEWEST, BEHIND = 4, 2.0
+"""Behind so many, those do not go on whose cost is this many times the second best's."""
+AHEAD = 0.87
+"""Part of all others' costs, below which an effect is far ahead: the others are not followed as far then."""
 WIDTH = {"d": 0.22, "alpha": 0.3, "k": 0.01, "b": 0.25, "l": 0.03}
 """Standard deviations of a first population, in logarithms."""
 BIAS_WIDTH = 0.05  # m/s²
@@ -78,10 +82,11 @@ def shortlist(
     generations = BESIDE_GENERATIONS if beside else EFFECT_GENERATIONS
     given = ([model] * count, [follower.roughly()] * count, [size] * count, [generations] * count, [seed] * count)
     niches = zip(effects, pool.map(_begun, effects, *given), strict=True)
-    most, few = (FEW, FEWEST) if beside else (KEPT, FEW)
-    best = _leading([(population, effect) for effect, found in niches for population in found], most, NICHES)
+    first, many, few = KEPT_BESIDE if beside else KEPT
+    best = _leading([(population, effect) for effect, found in niches for population in found], first, NICHES)
     further = pool.map(_further, (population for population, _ in best), [follower] * len(best))
-    best = _leading(list(zip(further, [effect for _, effect in best], strict=True)), few, NICHES_LEFT)
+    best = list(zip(further, [effect for _, effect in best], strict=True))
+    best = _leading(best, few if _is_ahead(best) else many, NICHES_LEFT)
     return sorted(pool.map(_finished, *zip(*best, strict=True)), key=lambda near: near.cost)
 
 
@@ -221,6 +226,15 @@ def _leading(populations: list[tuple[_Population, str]], most: int, niches: int)
     least = BEHIND * float(each[min(1, len(each) - 1)][0][0].costs.min())
     kept = [pairs for i, pairs in enumerate(each[:most]) if i < FEWEST or pairs[0][0].costs.min() < least]
     return [pair for pairs in kept for pair in pairs[:niches]]
+
+
+def _is_ahead(populations: list[tuple[_Population, str]]) -> bool:
+    """Whether one effect is far nearer than all others, which may be left then."""
+    costs: dict[str, float] = {}
+    for population, effect in populations:
+        costs[effect] = min(costs.get(effect, math.inf), float(population.costs.min()))
+    best, *rest = sorted(costs.values())
+    return all(best < AHEAD * cost for cost in rest)
 
 
 def _further(population: _Population, follower: Follower) -> _Population:

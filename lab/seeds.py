@@ -173,12 +173,13 @@ _TABLE: dict[str, Callable[[Sizes, Mapping[str, Parameter]], list[Values]]] = {
     "gravity_torque": lambda size, _: _grid(tau_g=[size.torque * share for share in (0.02, 0.1)], phi=PHASES),
     "gear_eccentricity": lambda size, _: _grid(e=[0.1 * size.d, 0.03 * size.d], N=_turns(size), phi=PHASES[:2]),
     "shaft_compliance": lambda size, _: [
-        {"share": 0.5, "k_s": k, "c_s": 0.02 * math.sqrt(k * size.inertia / 2)}
-        for f in (35.0, 60.0, 100.0, 160.0)
-        for k in [size.inertia / 4 * (2 * math.pi * f) ** 2]
+        {"share": share, "k_s": k, "c_s": 0.02 * math.sqrt(k * size.inertia / 2)}
+        for share, frequencies in ((0.5, (35.0, 60.0, 100.0, 160.0)), (0.8, (160.0, 260.0, 420.0)))
+        for f in frequencies
+        for k in [size.inertia * share * (1 - share) * (2 * math.pi * f) ** 2]
     ],
     "finite_actuator": lambda size, _: _grid(
-        f1=(10.0, 18.0, 28.0, 40.0), zeta1=(0.7,), J1=(2 * size.inertia, 6 * size.inertia)
+        f1=(10.0, 18.0, 28.0, 40.0, 60.0), zeta1=(0.7,), J1=(2 * size.inertia, 6 * size.inertia)
     ),
     "actuator_lag": lambda size, _: _grid(T=(1.5e-3, 4e-3, 8e-3)),
     "command_delay": lambda size, _: _grid(T=(1.5e-3, 4e-3, 8e-3)),

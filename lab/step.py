@@ -17,6 +17,7 @@ from lostmotion.lab.candidates import (
     far_trials,
     followed_fit,
     near_trials,
+    next_trials,
     others,
     pair_trials,
 )
@@ -26,7 +27,7 @@ from lostmotion.lab.nudge import Near, cost_of
 from lostmotion.lab.scoretest import Direction, Scores, score_test
 from lostmotion.lab.task import Task
 
-__all__ = ["Step", "Tried", "on_unseen", "promising", "searched", "together", "with_first"]
+__all__ = ["Step", "Tried", "further", "on_unseen", "promising", "searched", "together", "with_first"]
 
 STANDS_OUT, NEARER_BY = 0.75, 0.87
 """An effect whose error, or cost with nudging, is below this part of the next one's is taken on trust."""
@@ -120,6 +121,15 @@ def with_first(step: Step, effect: str, level: Level, unseen: Unseen) -> Step:
     before, after = misfits([first.judged, found.judged]).tolist()
     found = replace(found, misfit=first.misfit + after - before)
     return replace(step, tried=(found, *(one for one in step.tried[1:] if one.effect != effect)))
+
+
+def further(step: Step, short: Level, now: Judged, unseen: Unseen) -> Step:
+    """The step, or that with the effects which bring nudged runs next nearest, if one of them is missing."""
+    best = sorted((one.level for one in step.tried), key=lambda level: level.typical)[:1]
+    known = [level.model for level in (short, *best)]
+    trials = next_trials(known, step.near, unseen.task, unseen.horizon_s, unseen.pool)
+    found = _ranked(step.scores, [*on_unseen(trials, now, unseen), *step.tried], now)
+    return replace(found, near=step.near) if found.accepted else step
 
 
 def together(step: Step, short: Level, now: Judged, unseen: Unseen) -> list[Step]:

@@ -11,7 +11,7 @@ from lostmotion.lab.grow import Level
 from lostmotion.lab.heldout import FAR, Judged, Unseen, better
 from lostmotion.lab.kinds import told_apart, widened
 from lostmotion.lab.search import grown
-from lostmotion.lab.step import Step, promising, searched, together
+from lostmotion.lab.step import Step, further, promising, searched, together
 
 __all__ = ["descended"]
 
@@ -43,6 +43,8 @@ def _next(short: Level, level: Level, now: Judged, unseen: Unseen, rng: np.rando
     """One step; or two, of which the first, or each, explains too little alone.  The last may not be accepted."""
     step = searched(level, short, now, unseen, rng)
     if step.accepted or len(unseen.task.added(short.model)) >= AT_LENGTH:
+        return [step]
+    if step.near and (step := further(step, short, now, unseen)).accepted:
         return [step]
     if trusted := promising(step, short, now, unseen):
         first = trusted.tried[0]

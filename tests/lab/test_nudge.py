@@ -33,6 +33,11 @@ def rough(d: float) -> Model:
     return build_model("play", values={"d": d, "k": 2600.0 * 0.95, "alpha": 3000.0, "b": 0.25})
 
 
+def cut(experiment: Experiment, largest: float) -> Experiment:
+    """What a sensor of this range [m/s²] would have read."""
+    return replace(experiment, measured={"accel": np.clip(experiment.measured["accel"], -largest, largest)})
+
+
 def alone(held: list[Experiment], model: Model) -> list[Task]:
     """Each experiment as a task of its own."""
     task = Task.of(model, held, {"accel": NOISE})
@@ -139,6 +144,24 @@ def test_the_hidden_effect_is_first_of_the_shortlist() -> None:
     assert found[0].effect == "viscous_friction"
     assert found[0].cost < 0.8 * found[1].cost
     assert found[0].model.parameters["viscous_friction.b_v"].value == pytest.approx(6e-4, rel=0.1)
+
+
+@pytest.mark.slow
+def test_where_none_is_ahead_all_are_followed_to_the_end() -> None:
+    """Nothing is missing, and ten effects come as near; where one is ahead, only six are followed."""
+    task = Task.of(rough(8e-5), [recorded(11)[0]], {"accel": NOISE})
+    base = full_fit(nearest(seeded(task.rough, task.experiments), task), task)
+    nothing = ["bias_drift", "clock_skew", "second_mode", "sensor_saturation", "gravity_leakage", "sensor_lag",
+               "centripetal_crosstalk", "quadratic_damping", "load_dependent_friction", "gravity_torque"]  # fmt: skip
+    with ThreadPoolExecutor(2) as pool:
+        found = shortlist(base, nothing, task, pool)
+    assert len({near.effect for near in found}) > 8
+    half = task.experiments[0].measured["accel"].max() / 2
+    clipped = Task.of(rough(8e-5), [cut(recorded(11)[0], half)], {"accel": NOISE})
+    with ThreadPoolExecutor(2) as pool:
+        found = shortlist(base, nothing, clipped, pool)
+    assert found[0].effect == "sensor_saturation"
+    assert len({near.effect for near in found}) <= 6
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""When the first of two effects is taken on trust, on recordings of the bench's own simulator."""
+"""Effects beyond the first few, and the first of two taken on trust, on recordings of the bench's own simulator."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from lostmotion.lab.heldout import Unseen
 from lostmotion.lab.nudge import Near, cost_of
 from lostmotion.lab.scoretest import score_test
 from lostmotion.lab.search import doubled, full_fit
-from lostmotion.lab.step import Step, Tried, promising
+from lostmotion.lab.step import Step, Tried, further, promising
 from lostmotion.lab.task import Task
 from lostmotion.model import build_model
 from tests.lab.gears import GEARS, gears
@@ -62,3 +62,30 @@ def test_what_brings_nudged_runs_far_nearer_than_all_others_is_trusted() -> None
     assert step.tried[0].effect == "coulomb_friction"
     assert step.tried[0].level.typical < short.typical
     assert step.tried[0].judged.error < now.error
+
+
+@pytest.mark.slow
+def test_an_effect_that_comes_fifth_is_found_where_four_others_were_not_it() -> None:
+    """What nudged runs come near to is only a hint: the next few are fitted before the search gives up."""
+    model = build_model("play", values=GEARS)
+    held = experiments(model, [gears(seed, **{"coulomb_friction.tau_c": 4e-4}) for seed in (84, 85, 86)])
+    task = Task.of(model, held[:2], noise_of(held))
+    short = full_fit(model, task)
+    right = model.with_effect("coulomb_friction").replace({"coulomb_friction.tau_c": 3e-4})
+    first = [Near(model.with_effect(name), 0.5, name) for name in ("bias_drift", "second_mode", "gravity_leakage")]
+    first.append(Near(model.with_effect("sensor_lag"), 0.55, "sensor_lag"))
+    with ThreadPoolExecutor(2) as pool:
+        unseen = Unseen(held[2], task, 0.5, pool)
+        now = unseen.judge(short.model)
+        scores = score_test(short, ["bias_drift"], task.substep_s, pool, np.random.default_rng(0))
+
+        def found(*near: Near) -> Step:
+            return further(Step(scores, near=(*first, *near)), short, now, unseen)
+
+        fifth = found(Near(right, 0.6, "coulomb_friction"))
+        assert not found(Near(model.with_effect("clock_skew"), 0.6, "clock_skew")).accepted
+        assert not found(Near(right, 0.8, "coulomb_friction")).accepted, "too far behind"
+        assert not found().accepted
+    assert fifth.accepted
+    assert fifth.tried[0].effect == "coulomb_friction"
+    assert fifth.tried[0].judged.error == pytest.approx(1.0, abs=0.1)
