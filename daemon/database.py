@@ -22,6 +22,8 @@ from lostmotion.daemon.migrations import CURRENT, MIGRATIONS
 from lostmotion.drivers.errors import LostmotionError
 
 __all__ = [
+    "MEANINGLESS",
+    "UNREADABLE",
     "StoreBusyError",
     "StoreError",
     "StoreRefusedError",
@@ -43,6 +45,10 @@ BUSY_S = 2.0
 """how long another program's lock is waited for [s]"""
 FULL = (errno.ENOSPC, errno.EDQUOT)
 DAMAGE = ("SQLITE_CORRUPT", "SQLITE_NOTADB")
+UNREADABLE = (sqlite3.Error, UnicodeDecodeError)
+"""what SQLite's module raises for a damaged file: it reads even the message of an error as UTF-8"""
+MEANINGLESS = (ValueError, TypeError, OverflowError)
+"""what reading a value raises that nobody has written: a state that there is not, a time out of range"""
 PASSING = ("SQLITE_FULL", "SQLITE_BUSY", "SQLITE_IOERR")
 CAUSES = {
     "SQLITE_FULL": "the disk is full; free some space",
@@ -114,17 +120,17 @@ def open_database(path: Path) -> sqlite3.Connection:
     """
     try:
         return _open(path)
-    except sqlite3.Error as error:
+    except UNREADABLE as error:
         if not is_damage(error):
             raise refusal(path, error) from error
         move_aside(path, error)
     try:
         return _open(path)
-    except sqlite3.Error as error:
+    except UNREADABLE as error:
         raise refusal(path, error) from error
 
 
-def refusal(path: Path, error: sqlite3.Error) -> StoreError:
+def refusal(path: Path, error: Exception) -> StoreError:
     """SQLite's error as one of ours."""
     name = getattr(error, "sqlite_errorname", "")
     if name.startswith("SQLITE_CANTOPEN") and _is_full(path.parent):  # SQLite does not tell why
@@ -146,12 +152,14 @@ def _is_full(folder: Path) -> bool:
     return found.f_bavail == 0 or (found.f_files > 0 and found.f_favail == 0)
 
 
-def is_damage(error: sqlite3.Error) -> bool:
-    """Whether the file itself is bad, so that no waiting helps."""
-    return getattr(error, "sqlite_errorname", "").startswith(DAMAGE)
+def is_damage(error: Exception) -> bool:
+    """Whether the file itself is bad, so that no waiting helps: pages, names in the schema, or values of no meaning."""
+    if not isinstance(error, sqlite3.Error):
+        return True
+    return getattr(error, "sqlite_errorname", "").startswith(DAMAGE) or str(error).startswith("no such ")
 
 
-def move_aside(path: Path, error: sqlite3.Error) -> None:
+def move_aside(path: Path, error: Exception) -> None:
     """Gives a damaged database another name, with the files beside it that belong to it; says so as an error.
 
     Raises StoreError where that is not allowed.
@@ -170,8 +178,8 @@ def move_aside(path: Path, error: sqlite3.Error) -> None:
     )
 
 
-def explain(path: Path, error: sqlite3.Error) -> str:
-    """SQLite's error as one line for a person."""
+def explain(path: Path, error: Exception) -> str:
+    """An error in using the file, most often SQLite's, as one line for a person."""
     name = getattr(error, "sqlite_errorname", "")
     cause = next((f"{cause} " for code, cause in CAUSES.items() if name.startswith(code)), "")
     return f"{path}: {cause}({error})" if cause else f"{path}: {error}"

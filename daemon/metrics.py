@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import logging
 import resource
-import sqlite3
 import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -19,6 +18,7 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, InfoM
 from prometheus_client.registry import Collector
 
 from lostmotion import __version__
+from lostmotion.daemon.database import MEANINGLESS, UNREADABLE
 from lostmotion.daemon.pipeline import Counts
 from lostmotion.daemon.reader import Reader, ReaderError, open_readonly
 from lostmotion.daemon.records import Health, ScoreRow
@@ -81,7 +81,7 @@ class _Collector(Collector):
         try:
             with open_readonly(self._store.path) as reader:
                 yield from [_info(reader), *_joints(reader), _alarms(reader), *_devices(reader)]
-        except (ReaderError, sqlite3.Error):
+        except (ReaderError, *UNREADABLE, *MEANINGLESS):
             readable = 0.0
         yield GaugeMetricFamily("lostmotion_database_readable", "Whether the database can be read", readable)
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from lostmotion.daemon.database import newer
+from lostmotion.daemon.database import UNREADABLE, is_damage, newer
 from lostmotion.daemon.migrations import CURRENT, MIGRATIONS
 from lostmotion.daemon.records import (
     AlarmEvent,
@@ -57,9 +57,9 @@ def open_readonly(path: Path) -> Reader:
         raise ReaderError(f"{path}: no database there; start `lostmotion run` first, or name its configuration")
     try:
         db, version = _connect(path, "mode=ro")
-    except sqlite3.Error as error:
+    except UNREADABLE as error:
         advice = "is it a database of lostmotion?"
-        if error.sqlite_errorname == "SQLITE_CORRUPT":
+        if is_damage(error) and getattr(error, "sqlite_errorname", "") != "SQLITE_NOTADB":
             advice = "it is damaged: `lostmotion run` moves it aside, and sqlite3's .recover may save most of it"
         raise ReaderError(f"{path}: cannot be read ({error}); {advice}") from error
     if not 0 < version <= CURRENT:
@@ -87,7 +87,7 @@ def _connect(path: Path, mode: str) -> tuple[sqlite3.Connection, int]:
         version = int(db.execute("PRAGMA user_version").fetchone()[0])
         db.execute("SELECT count(*) FROM sqlite_schema").fetchone()
         db.execute(f"PRAGMA cache_size = -{CACHE_KB}")
-    except sqlite3.Error:
+    except UNREADABLE:
         db.close()
         # Where this user may not write, or the disk is full, SQLite cannot make the files that readers share with a
         # writer; none is needed while nobody writes.

@@ -9,7 +9,6 @@ reasons in docs/decisions/0004-store.md.
 from __future__ import annotations
 
 import logging
-import sqlite3
 import threading
 import time
 from collections import deque
@@ -62,7 +61,7 @@ class Store:
         self.path = path
         self.problem = ""
         self.dropped = 0
-        self.damage: sqlite3.Error | None = None
+        self.damage: Exception | None = None
         self._condition = Condition(told="")
         self.configure(robot, keep_windows_mb, keep_scores_days)
         self._rows: deque[Row] = deque()
@@ -192,7 +191,7 @@ class Store:
         try:
             if self._writer is not None:
                 self._writer.roll_up(self._policy, ROLL_UP_S)
-        except sqlite3.Error as error:
+        except database.UNREADABLE as error:
             # A disk that is full will refuse the next rows too, which are told of and tried again.
             self.damage = error if database.is_damage(error) else None
 
@@ -221,7 +220,7 @@ class Store:
             self._open().commit(batch, policy)
         except StoreError as error:
             return str(error)
-        except sqlite3.Error as error:
+        except database.UNREADABLE as error:
             self.damage = error if database.is_damage(error) else None
             return database.explain(self.path, error)
         self._written = policy

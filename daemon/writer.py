@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import sqlite3
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -28,8 +27,10 @@ from lostmotion.daemon.rollup import HOUR_US, roll_up
 
 __all__ = ["Policy", "Row", "Writer"]
 
-NEWEST = 100
-"""so many scores and transitions of each joint have to be sound at the start"""
+NEWEST, LOOKED_AT = 100, 10_000
+"""so many scores and transitions of each joint have to make sense at the start; so many scores' pages to be sound: a
+service may go on from as many"""
+LOOK = "SELECT total(score) FROM (SELECT score FROM score WHERE joint_id = ? ORDER BY time_us DESC LIMIT ?)"
 Row = ScoreRow | WindowRow | Transition | JointRow | DeviceRow | Origins | Answer
 ALARM = (
     "joint_id, cause, severity, state, raised_us, acknowledged_us, cleared_us, shelved_until_us, told_us, reminders,"
@@ -50,7 +51,7 @@ class Policy:
 class Writer:
     """A database open for writing, by one thread at a time; a damaged one is moved aside for a new one.
 
-    Raises StoreError when it cannot be opened; its methods raise sqlite3.Error and leave nothing half written.
+    Raises StoreError when it cannot be opened; its methods raise UNREADABLE and leave nothing half written.
     """
 
     def __init__(self, path: Path, policy: Policy) -> None:
@@ -68,8 +69,10 @@ class Writer:
             self.commit([], policy)
             self._kept_bytes = self._db.execute("SELECT coalesce(sum(bytes), 0) FROM window").fetchone()[0]
             _read_newest(Reader(self._db))
+            for (joint,) in self._db.execute("SELECT id FROM joint").fetchall():
+                self._db.execute(LOOK, [joint, LOOKED_AT]).fetchone()
             self._db.execute("PRAGMA shrink_memory")  # a page in memory would hide damage that comes later
-        except sqlite3.Error as error:
+        except (*database.UNREADABLE, *database.MEANINGLESS) as error:
             self.close()
             if not database.is_damage(error):
                 raise database.refusal(path, error) from error
@@ -86,7 +89,7 @@ class Writer:
         try:
             with self._db:
                 self._write(rows, policy)
-        except sqlite3.Error:
+        except database.UNREADABLE:
             self._joints, self._kept_bytes = {}, kept_bytes
             raise
         self._robot = policy.robot
@@ -186,8 +189,8 @@ class Writer:
 
 
 def _read_newest(reader: Reader) -> None:
-    """Reads what a service goes on from; raises sqlite3.Error where a page of it is bad."""
-    for read in (reader.devices, reader.requests, reader.alarms):
+    """Reads what a service goes on from; raises UNREADABLE where a page of it is bad, MEANINGLESS where a value is."""
+    for read in (reader.devices, reader.requests, reader.alarms, reader.origins):
         read()
     for joint in reader.joints():
         reader.scores(joint.name, limit=NEWEST)

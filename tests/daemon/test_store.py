@@ -344,6 +344,39 @@ def test_a_page_that_a_service_begins_with_is_looked_at(path: Path, table: str) 
         assert [row.score for row in reader.scores("elbow")] == [FULL.score]
 
 
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (b"reminders", b"remind\xffrs"),  # a schema that is no UTF-8, which SQLite's module cannot even complain about
+        (b"excitation", b"excitatiom"),  # a column that is not there
+        (b"returned", b"returneb"),  # a state that there is not
+    ],
+)
+def test_a_database_whose_bytes_have_turned_begins_anew(path: Path, old: bytes, new: bytes) -> None:
+    """Sound pages, but not what was written: a service would end at its start."""
+    alarm = raised("elbow", Cause.PLAY, Severity.WARNING, "much", NOON)
+    filled(path, *scores(50), alarm, happen(alarm.alarm, AlarmEvent.CLEARED, NOON + timedelta(minutes=1)))
+    spoilt = path.read_bytes().replace(old, new)
+    assert spoilt != path.read_bytes()
+    path.write_bytes(spoilt)
+    filled(path, FULL)
+    assert len([*path.parent.glob("history.db.damaged-*")]) == 1
+    with open_readonly(path) as reader:
+        assert [row.score for row in reader.scores("elbow")] == [FULL.score]
+
+
+def test_damage_among_as_many_scores_as_a_service_may_go_on_from_is_found_at_the_start(path: Path) -> None:
+    """`[alarm] windows` may be ten thousand: a page that holds older scores than the newest hundred counts as well."""
+    filled(path, *scores(5000))
+    with closing(sqlite3.connect(path)) as db:
+        (size,), (count,) = (db.execute(f"PRAGMA {name}").fetchone() for name in ("page_size", "page_count"))
+    with path.open("r+b") as file:
+        file.seek(count // 2 * size)
+        file.write(b"\xff" * size)
+    filled(path, FULL)
+    assert len([*path.parent.glob("history.db.damaged-*")]) == 1
+
+
 def test_damage_found_while_writing_is_told_and_moved_aside_on_closing(path: Path) -> None:
     """Pages that go bad under an open store: ``damage`` says so, and the next store begins anew."""
     filled(path, *scores(5000))
