@@ -41,6 +41,7 @@ __all__ = [
     "others",
     "pair_trials",
     "raced_fits",
+    "repaired_fit",
 ]
 
 NEAR, NEAR_ITERATIONS, FULL, TOGETHER = 12, 6, 4, 2
@@ -147,6 +148,13 @@ def pair_trials(base: Level, first: Sequence[Near], task: Task, horizon_s: float
     pairs = [shortlist(base, others(one.model), task, pool, one) for one in first]
     nearer = [pair for one, found in zip(first, pairs, strict=True) for pair in found if pair.cost < NEARER * one.cost]
     return raced_fits(_nearest(sorted(nearer, key=lambda pair: pair.cost)), task, horizon_s, pool, base.typical)
+
+
+def repaired_fit(effect: str, model: Model, level: Level, task: Task) -> Trial:
+    """The fit of a model with an effect that has no states of its own, from a level's starts; those that are missed
+    begin anew."""
+    stretches = repaired(model, level.stretches, task.substep_s, HOPELESS)
+    return Trial(effect, fitted(model, Unknowns.of(model, task.rough), stretches, task.substep_s))
 
 
 def followed_fit(near: Near, task: Task) -> Trial:

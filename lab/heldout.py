@@ -19,7 +19,7 @@ from lostmotion.lab.task import Task
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["FAR", "LONGER", "Judged", "Unseen", "better", "is_left", "misfits", "trained", "trained_each"]
+__all__ = ["FAR", "LEAST_GAIN", "LONGER", "Judged", "Unseen", "better", "is_left", "misfits", "trained", "trained_each"]
 
 FAR = 1.6
 """Times the noise; below, the model is linear enough in what is missing for the score test alone to lead the search."""

@@ -26,7 +26,8 @@ from lostmotion.model.motion import FloatArray
 
 __all__ = ["Near", "cost_of", "nearest", "shortlist"]
 
-FIRST, MOST_FIRST, POPULATION = 72, 480, 20
+FIRST, EACH, MOST_EACH, POPULATION = 72, 9, 240, 20
+"""So many are tried at first, of effects with many seeds so many around each, up to a limit; then the best live on."""
 BASE_GENERATIONS, EFFECT_GENERATIONS, BESIDE_GENERATIONS, FINAL_GENERATIONS = 8, 5, 10, 8
 """Beside an effect that is there already as far as nudged runs know it, its values have to give way."""
 KEPT, KEPT_BESIDE = (20, 10, 6), (8, 6, 4)
@@ -124,7 +125,7 @@ class _Population:
         self._follower, self._coupling, self._random = follower, STRONG, np.random.default_rng(seed)
         self._unknowns = Unknowns.of(models[0], follower.rough)
         self._whole = [name for name, p in models[0].parameters.items() if p.domain.is_whole and "." in name]
-        many = min(max(FIRST, len(models)), MOST_FIRST)
+        many = max(FIRST, len(models), min(EACH * len(models), MOST_EACH))
         kept = [models[i % len(models)] for i in range(many)]
         z, spread = np.array([self._unknowns.z(model) for model in kept]), self._spread() * np.ones((many, 1))
         spread[: len(sure)] *= np.where(sure[:many], SURE, 1.0)[:, None]

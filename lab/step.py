@@ -6,7 +6,7 @@ What becomes of many steps is steps.py's.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,10 +20,12 @@ from lostmotion.lab.candidates import (
     next_trials,
     others,
     pair_trials,
+    repaired_fit,
 )
 from lostmotion.lab.grow import Level
-from lostmotion.lab.heldout import FAR, LONGER, Judged, Unseen, better, misfits, trained
+from lostmotion.lab.heldout import FAR, LEAST_GAIN, LONGER, Judged, Unseen, better, misfits, trained
 from lostmotion.lab.nudge import Near, cost_of
+from lostmotion.lab.rails import RANGE, at_its_rail
 from lostmotion.lab.scoretest import Direction, Scores, score_test
 from lostmotion.lab.task import Task
 
@@ -95,23 +97,31 @@ class Step:
 
 
 def searched(level: Level, short: Level, now: Judged, unseen: Unseen, rng: np.random.Generator) -> Step:
-    """One more effect, if there is evidence for one."""
+    """One more effect, if there is evidence for one: near the noise, of those that the score test asks for; far from
+    it, also of what nudged runs come near to."""
     task, pool = unseen.task, unseen.pool
-    effects, near_by = others(level.model), list[Near]()
-    scores = score_test(level, effects, task.substep_s, pool, rng)
+    scores = score_test(level, others(level.model), task.substep_s, pool, rng)
     if not scores.directions:
         return Step(scores)
-    if near := now.error < FAR and level.typical < FAR:
-        asked = [d for d in scores.directions[:NEAR_TRIALS] if d.statistic > scores.limit]
-        if not asked:
-            return Step(scores)
-        trials = near_trials(level, asked, task, pool)
-    else:
-        first = score_test(short, effects, task.substep_s, pool, rng) if short is not level else scores
-        directions = _strongest(first, scores)
-        trials, near_by = far_trials(short, directions, task, unseen.horizon_s, pool)
-    step = replace(_ranked(scores, on_unseen(trials, now, unseen), now), near=tuple(near_by))
-    return (_told_by_training(step, level, now, task) if near and not step.accepted else None) or step
+    if now.error < FAR and level.typical < FAR:
+        return _near_step(level, scores, now, unseen)
+    first = score_test(short, others(level.model), task.substep_s, pool, rng) if short is not level else scores
+    trials, near_by = far_trials(short, _strongest(first, scores), task, unseen.horizon_s, pool)
+    return replace(_ranked(scores, on_unseen(trials, now, unseen), now), near=tuple(near_by))
+
+
+def _near_step(level: Level, scores: Scores, now: Judged, unseen: Unseen) -> Step:
+    """The effects that the score test asks for, and the end of the sensor's range where readings stop at it: stretches
+    that reach it are missed, and the test does not see them."""
+    task = unseen.task
+    asked = [d for d in scores.directions[:NEAR_TRIALS] if d.statistic > scores.limit]
+    trials = near_trials(level, asked, task, unseen.pool)
+    railed = at_its_rail(level.model, task.experiments) if RANGE in others(level.model) else None
+    if railed:
+        trials.append(repaired_fit(RANGE, railed, level, task))
+    step = _ranked(scores, on_unseen(trials, now, unseen), now) if trials else Step(scores)
+    sure = {RANGE} if railed else set[str]()
+    return (_told_by_training(step, level, now, task, sure) if trials and not step.accepted else None) or step
 
 
 def with_first(step: Step, effect: str, level: Level, unseen: Unseen) -> Step:
@@ -202,18 +212,23 @@ def _ranked(scores: Scores, every: Sequence[Tried], now: Judged) -> Step:
     return Step(scores, tried, accepted=better(tried[0].judged, now, tried[0].level.model.base))
 
 
-def _told_by_training(step: Step, level: Level, now: Judged, task: Task) -> Step | None:
+def _told_by_training(step: Step, level: Level, now: Judged, task: Task, sure: Collection[str]) -> Step | None:
     """The step with an effect put first and accepted of which the unseen data are free, as of a range that they never
-    reach, but of which the data of the fit are full."""
+    reach, but of which the data of the fit are full.  sure: what is seen in these without a test, and shall only not
+    make the unseen data worse."""
     statistic = {d.effect: d.statistic for d in step.scores.directions}
     trained_on = [trained(fit, task.substep_s) for fit in (level, *(one.level for one in step.tried))]
     before, *misfit = misfits(trained_on).tolist()
     tried = [replace(one, misfit=own) for one, own in zip(step.tried, misfit, strict=True)]
-    full = [
-        one for one in tried
-        if before - one.misfit > FULL_GAIN and statistic[one.effect] > FULL * step.scores.limit
-        and np.allclose(one.judged.errors, now.errors, rtol=FREE)
-    ]  # fmt: skip
+
+    def fills(one: Tried) -> bool:
+        gain, errors = before - one.misfit, one.judged.errors
+        if one.effect in sure:
+            return gain > LEAST_GAIN and bool(np.all(errors < (1 + FREE) * now.errors))
+        is_full = gain > FULL_GAIN and statistic[one.effect] > FULL * step.scores.limit
+        return is_full and np.allclose(errors, now.errors, rtol=FREE)
+
+    full = [one for one in tried if fills(one)]
     if not full:
         return None
     ordered = sorted(tried, key=lambda one: one.misfit)
