@@ -22,7 +22,7 @@ from lostmotion.daemon.migrations import CURRENT, MIGRATIONS
 from lostmotion.drivers.errors import LostmotionError
 
 __all__ = [
-    "MEANINGLESS",
+    "DAMAGED",
     "UNREADABLE",
     "StoreBusyError",
     "StoreError",
@@ -47,8 +47,8 @@ FULL = (errno.ENOSPC, errno.EDQUOT)
 DAMAGE = ("SQLITE_CORRUPT", "SQLITE_NOTADB")
 UNREADABLE = (sqlite3.Error, UnicodeDecodeError)
 """what SQLite's module raises for a damaged file: it reads even the message of an error as UTF-8"""
-MEANINGLESS = (ValueError, TypeError, OverflowError)
-"""what reading a value raises that nobody has written: a state that there is not, a time out of range"""
+DAMAGED = (*UNREADABLE, ValueError, TypeError, OverflowError)
+"""what reading its rows raises: also of values that nobody has written, as a state that there is not"""
 PASSING = ("SQLITE_FULL", "SQLITE_BUSY", "SQLITE_IOERR")
 CAUSES = {
     "SQLITE_FULL": "the disk is full; free some space",

@@ -18,7 +18,7 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, InfoM
 from prometheus_client.registry import Collector
 
 from lostmotion import __version__
-from lostmotion.daemon.database import MEANINGLESS, UNREADABLE
+from lostmotion.daemon.database import DAMAGED
 from lostmotion.daemon.pipeline import Counts
 from lostmotion.daemon.reader import Reader, ReaderError, open_readonly
 from lostmotion.daemon.records import Health, ScoreRow
@@ -81,7 +81,7 @@ class _Collector(Collector):
         try:
             with open_readonly(self._store.path) as reader:
                 yield from [_info(reader), *_joints(reader), _alarms(reader), *_devices(reader)]
-        except (ReaderError, *UNREADABLE, *MEANINGLESS):
+        except (ReaderError, *DAMAGED):
             readable = 0.0
         yield GaugeMetricFamily("lostmotion_database_readable", "Whether the database can be read", readable)
 

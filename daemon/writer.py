@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import sqlite3
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,7 +31,10 @@ __all__ = ["Policy", "Row", "Writer"]
 NEWEST, LOOKED_AT = 100, 10_000
 """so many scores and transitions of each joint have to make sense at the start; so many scores' pages to be sound: a
 service may go on from as many"""
-LOOK = "SELECT total(score) FROM (SELECT score FROM score WHERE joint_id = ? ORDER BY time_us DESC LIMIT ?)"
+LOOK = (
+    "SELECT total(score) FROM (SELECT score FROM score WHERE joint_id = (SELECT id FROM joint WHERE name = ?)"
+    " ORDER BY time_us DESC LIMIT ?)"
+)
 Row = ScoreRow | WindowRow | Transition | JointRow | DeviceRow | Origins | Answer
 ALARM = (
     "joint_id, cause, severity, state, raised_us, acknowledged_us, cleared_us, shelved_until_us, told_us, reminders,"
@@ -68,11 +72,9 @@ class Writer:
         try:
             self.commit([], policy)
             self._kept_bytes = self._db.execute("SELECT coalesce(sum(bytes), 0) FROM window").fetchone()[0]
-            _read_newest(Reader(self._db))
-            for (joint,) in self._db.execute("SELECT id FROM joint").fetchall():
-                self._db.execute(LOOK, [joint, LOOKED_AT]).fetchone()
+            _read_newest(self._db)
             self._db.execute("PRAGMA shrink_memory")  # a page in memory would hide damage that comes later
-        except (*database.UNREADABLE, *database.MEANINGLESS) as error:
+        except database.DAMAGED as error:
             self.close()
             if not database.is_damage(error):
                 raise database.refusal(path, error) from error
@@ -188,12 +190,14 @@ class Writer:
         self._db.executemany("DELETE FROM window WHERE id = ?", gone)
 
 
-def _read_newest(reader: Reader) -> None:
-    """Reads what a service goes on from; raises UNREADABLE where a page of it is bad, MEANINGLESS where a value is."""
+def _read_newest(db: sqlite3.Connection) -> None:
+    """Reads what a service goes on from; raises one of DAMAGED where a page or a value of it is bad."""
+    reader = Reader(db)
     for read in (reader.devices, reader.requests, reader.alarms, reader.origins):
         read()
     for joint in reader.joints():
         reader.scores(joint.name, limit=NEWEST)
+        db.execute(LOOK, [joint.name, LOOKED_AT]).fetchone()
         for cause in Cause:
             reader.transitions(joint.name, cause, newest=NEWEST)
 

@@ -22,7 +22,7 @@ from lostmotion.lab.grow import Level, fitted
 from lostmotion.lab.heldout import FAR, LONGER, is_left, trained
 from lostmotion.lab.nudge import Near, cost_of, shortlist
 from lostmotion.lab.scoretest import Direction
-from lostmotion.lab.search import doubled, full_fit, nearest_fit, refined
+from lostmotion.lab.search import doubled, full_fit, nearest_fit, refined, repaired_fit
 from lostmotion.lab.seeds import AMPLITUDE
 from lostmotion.lab.simpler import contained, simpler
 from lostmotion.lab.start import repaired
@@ -41,7 +41,7 @@ __all__ = [
     "others",
     "pair_trials",
     "raced_fits",
-    "repaired_fit",
+    "repaired_trial",
 ]
 
 NEAR, NEAR_ITERATIONS, FULL, TOGETHER = 12, 6, 4, 2
@@ -150,11 +150,10 @@ def pair_trials(base: Level, first: Sequence[Near], task: Task, horizon_s: float
     return raced_fits(_nearest(sorted(nearer, key=lambda pair: pair.cost)), task, horizon_s, pool, base.typical)
 
 
-def repaired_fit(effect: str, model: Model, level: Level, task: Task) -> Trial:
+def repaired_trial(effect: str, model: Model, level: Level, task: Task) -> Trial:
     """The fit of a model with an effect that has no states of its own, from a level's starts; those that are missed
     begin anew."""
-    stretches = repaired(model, level.stretches, task.substep_s, HOPELESS)
-    return Trial(effect, fitted(model, Unknowns.of(model, task.rough), stretches, task.substep_s))
+    return Trial(effect, repaired_fit(model, Unknowns.of(model, task.rough), level.stretches, task, HOPELESS))
 
 
 def followed_fit(near: Near, task: Task) -> Trial:

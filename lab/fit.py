@@ -18,6 +18,7 @@ import numpy as np
 from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.grow import Level, fitted, followed
 from lostmotion.lab.noise import noise_floor
+from lostmotion.lab.rails import with_range
 from lostmotion.lab.results import Estimate, Fit
 from lostmotion.lab.search import first_fit, grown
 from lostmotion.lab.stretch import FINE_STEP, Linearised, Stretch
@@ -81,24 +82,10 @@ def refined_fit(level: Level, task: Task) -> Fit:
 def _refined_level(level: Level, task: Task) -> Level:
     """The fit once more with a fine step, quadratic, within the bounds of the file only."""
     substep = coarse_substep(level.model, task.experiments, REFINED_STEPS)
-    model = _with_range(level.model, task)
+    model = with_range(level.model, task.experiments)
     unknowns = Unknowns.of(model)
     once = fitted(model, unknowns, level.stretches, substep)
     return fitted(once.model, unknowns, once.stretches, substep, quadratic=True)
-
-
-def _with_range(model: Model, task: Task) -> Model:
-    """A sensor's range ends nowhere below what it has read: noise comes before the range's end, so clipped readings
-    would draw it inwards."""
-    name = "sensor_saturation.a_max"
-    if name not in model.parameters or model.parameters[name].fixed:
-        return model
-    read = [np.nanmax(np.abs(e.measured["accel"])) for e in task.experiments if "accel" in e.measured]
-    largest = float(max(read, default=0.0))
-    parameter = model.parameters[name]
-    return model.replace(
-        {name: replace(parameter, value=max(parameter.value, largest), low=max(parameter.low, largest))}
-    )
 
 
 def fit_of(level: Level, task: Task) -> Fit:

@@ -24,7 +24,7 @@ from lostmotion.lab.unknowns import Unknowns
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Near", "cost_of", "nearest", "shortlist"]
+__all__ = ["AHEAD", "Near", "cost_of", "nearest", "shortlist"]
 
 FIRST, EACH, MOST_EACH, POPULATION = 72, 9, 240, 20
 """So many are tried at first, of effects with many seeds so many around each, up to a limit; then the best live on."""
@@ -36,7 +36,7 @@ ahead, and where one is; fewer beside another one."""
 FEWEST, BEHIND = 4, 2.0
 """Behind so many, those do not go on whose cost is this many times the second best's."""
 AHEAD = 0.87
-"""Part of all others' costs, below which an effect is far ahead: the others are not followed as far then."""
+"""Part of another cost, below which one is far ahead of it."""
 WIDTH = {"d": 0.22, "alpha": 0.3, "k": 0.01, "b": 0.25, "l": 0.03}
 """Standard deviations of a first population, in logarithms."""
 BIAS_WIDTH = 0.05  # m/s²
@@ -219,11 +219,7 @@ def _opposite(model: Model, values: dict[str, float]) -> dict[str, float]:
 
 def _leading(populations: list[tuple[_Population, str]], most: int, niches: int) -> list[tuple[_Population, str]]:
     """Those of the best few effects, and of more effects those that are not far behind; so many of each."""
-    ordered = sorted(populations, key=lambda pair: float(pair[0].costs.min()))
-    of_effect: dict[str, list[tuple[_Population, str]]] = {}
-    for pair in ordered:
-        of_effect.setdefault(pair[1], []).append(pair)
-    each = list(of_effect.values())
+    each = _of_each_effect(populations)
     least = BEHIND * float(each[min(1, len(each) - 1)][0][0].costs.min())
     kept = [pairs for i, pairs in enumerate(each[:most]) if i < FEWEST or pairs[0][0].costs.min() < least]
     return [pair for pairs in kept for pair in pairs[:niches]]
@@ -231,11 +227,16 @@ def _leading(populations: list[tuple[_Population, str]], most: int, niches: int)
 
 def _is_ahead(populations: list[tuple[_Population, str]]) -> bool:
     """Whether one effect is far nearer than all others, which may be left then."""
-    costs: dict[str, float] = {}
-    for population, effect in populations:
-        costs[effect] = min(costs.get(effect, math.inf), float(population.costs.min()))
-    best, *rest = sorted(costs.values())
-    return all(best < AHEAD * cost for cost in rest)
+    costs = [float(pairs[0][0].costs.min()) for pairs in _of_each_effect(populations)]
+    return len(costs) < 2 or costs[0] < AHEAD * costs[1]
+
+
+def _of_each_effect(populations: list[tuple[_Population, str]]) -> list[list[tuple[_Population, str]]]:
+    """The populations effect by effect, best first, and so the effects."""
+    of_effect: dict[str, list[tuple[_Population, str]]] = {}
+    for pair in sorted(populations, key=lambda pair: float(pair[0].costs.min())):
+        of_effect.setdefault(pair[1], []).append(pair)
+    return list(of_effect.values())
 
 
 def _further(population: _Population, follower: Follower) -> _Population:

@@ -1,35 +1,50 @@
-"""Readings at the end of the sensor's range: seen in the recordings themselves, before any model.  No fitting here."""
+"""The end of the accelerometer's range, as the readings themselves show it.  No fitting here."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from lostmotion.lab.experiment import Experiment
+from lostmotion.lab.follow import COLUMN
 from lostmotion.model import Model
+from lostmotion.model.motion import FloatArray
 
-__all__ = ["RANGE", "at_its_rail", "rail_of"]
+__all__ = ["RANGE", "at_its_rail", "rail_of", "with_range"]
 
-COLUMN, RANGE = "accel", "sensor_saturation"
+RANGE = "sensor_saturation"
+_END = f"{RANGE}.a_max"
 RAILED = 6
 """So many readings of the very same largest size, in one recording: noise does not repeat itself like that."""
 
 
 def rail_of(experiments: Sequence[Experiment]) -> float | None:
     """The end of the accelerometer's range [m/s²], where readings stop at it; None where none do."""
-    ends = []
-    for experiment in experiments:
-        size = np.abs(experiment.measured.get(COLUMN, np.empty(0)))
-        size = size[~np.isnan(size)]
-        if size.size and int(np.sum(size >= size.max() * (1 - 1e-9))) >= RAILED:
-            ends.append(float(size.max()))
-    return max(ends, default=None)
+    ends = [size.max() for size in _sizes(experiments) if np.sum(size >= size.max() * (1 - 1e-9)) >= RAILED]
+    return float(max(ends)) if ends else None
 
 
 def at_its_rail(model: Model, experiments: Sequence[Experiment]) -> Model | None:
     """The model with a sensor whose range ends where the readings stop; None where they do not."""
     rail = rail_of(experiments)
-    if rail is None:
-        return None
-    return model.with_effect(RANGE).replace({f"{RANGE}.a_max": rail})
+    return None if rail is None else model.with_effect(RANGE).replace({_END: rail})
+
+
+def with_range(model: Model, experiments: Sequence[Experiment]) -> Model:
+    """The model, a sensor's range ending nowhere below what it has read: noise comes before the range's end, so clipped
+    readings would draw it inwards."""
+    if _END not in model.parameters or model.parameters[_END].fixed:
+        return model
+    largest = float(max((size.max() for size in _sizes(experiments)), default=0.0))
+    parameter = model.parameters[_END]
+    return model.replace(
+        {_END: replace(parameter, value=max(parameter.value, largest), low=max(parameter.low, largest))}
+    )
+
+
+def _sizes(experiments: Sequence[Experiment]) -> list[FloatArray]:
+    """Magnitudes of each one's readings [m/s²], of those that have any."""
+    read = [e.measured[COLUMN] for e in experiments if COLUMN in e.measured]
+    return [np.abs(values[~np.isnan(values)]) for values in read if not np.isnan(values).all()]

@@ -36,6 +36,7 @@ __all__ = [
     "passed",
     "predictable",
     "refined",
+    "repaired_fit",
     "seeded",
     "started",
     "subset",
@@ -150,8 +151,15 @@ def full_fit(model: Model, task: Task, hopeless: float = 1.0) -> Level:
     every = [tile for experiment in task.experiments for tile in tiles(experiment, task.halvings)]
     level = started(model, every, task)
     level = fitted(model, level.unknowns, level.stretches, task.substep_s)
-    again = repaired(level.model, level.stretches, task.substep_s, hopeless)
-    return fitted(level.model, level.unknowns, again, task.substep_s)
+    return repaired_fit(level.model, level.unknowns, level.stretches, task, hopeless)
+
+
+def repaired_fit(
+    model: Model, unknowns: Unknowns, stretches: Sequence[Stretch], task: Task, hopeless: float = 1.0
+) -> Level:
+    """The fit from these starts, those of stretches that are missed begun anew."""
+    again = repaired(model, stretches, task.substep_s, hopeless)
+    return fitted(model, unknowns, again, task.substep_s)
 
 
 def grown(level: Level, task: Task) -> Level:
@@ -175,8 +183,7 @@ def doubled(level: Level, task: Task, hopeless: float = 1.0) -> Level | None:
     stretches = _doubled(level.stretches, task)
     if not stretches or level.model.base == "joint":
         return None
-    again = repaired(level.model, stretches, task.substep_s, hopeless)
-    return fitted(level.model, level.unknowns, again, task.substep_s)
+    return repaired_fit(level.model, level.unknowns, stretches, task, hopeless)
 
 
 def _doubled(stretches: Sequence[Stretch], task: Task) -> tuple[Stretch, ...]:

@@ -20,19 +20,19 @@ from lostmotion.lab.candidates import (
     next_trials,
     others,
     pair_trials,
-    repaired_fit,
+    repaired_trial,
 )
 from lostmotion.lab.grow import Level
 from lostmotion.lab.heldout import FAR, LEAST_GAIN, LONGER, Judged, Unseen, better, misfits, trained
-from lostmotion.lab.nudge import Near, cost_of
+from lostmotion.lab.nudge import AHEAD, Near, cost_of
 from lostmotion.lab.rails import RANGE, at_its_rail
 from lostmotion.lab.scoretest import Direction, Scores, score_test
 from lostmotion.lab.task import Task
 
 __all__ = ["Step", "Tried", "further", "on_unseen", "promising", "searched", "together", "with_first"]
 
-STANDS_OUT, NEARER_BY = 0.75, 0.87
-"""An effect whose error, or cost with nudging, is below this part of the next one's is taken on trust."""
+STANDS_OUT = 0.75
+"""An effect whose error is below this part of the next one's is taken on trust."""
 NEAR_TRIALS = 6
 ALIKE = 0.02
 FULL = 3.0
@@ -86,7 +86,7 @@ class Step:
     @property
     def ahead(self) -> Near | None:
         """What brings nudged runs far nearer than all others, if anything."""
-        if len(self.near) < 2 or self.near[0].cost > NEARER_BY * self.near[1].cost:
+        if len(self.near) < 2 or self.near[0].cost > AHEAD * self.near[1].cost:
             return None
         return self.near[0]
 
@@ -100,12 +100,13 @@ def searched(level: Level, short: Level, now: Judged, unseen: Unseen, rng: np.ra
     """One more effect, if there is evidence for one: near the noise, of those that the score test asks for; far from
     it, also of what nudged runs come near to."""
     task, pool = unseen.task, unseen.pool
-    scores = score_test(level, others(level.model), task.substep_s, pool, rng)
+    effects = others(level.model)
+    scores = score_test(level, effects, task.substep_s, pool, rng)
     if not scores.directions:
         return Step(scores)
     if now.error < FAR and level.typical < FAR:
         return _near_step(level, scores, now, unseen)
-    first = score_test(short, others(level.model), task.substep_s, pool, rng) if short is not level else scores
+    first = score_test(short, effects, task.substep_s, pool, rng) if short is not level else scores
     trials, near_by = far_trials(short, _strongest(first, scores), task, unseen.horizon_s, pool)
     return replace(_ranked(scores, on_unseen(trials, now, unseen), now), near=tuple(near_by))
 
@@ -118,10 +119,13 @@ def _near_step(level: Level, scores: Scores, now: Judged, unseen: Unseen) -> Ste
     trials = near_trials(level, asked, task, unseen.pool)
     railed = at_its_rail(level.model, task.experiments) if RANGE in others(level.model) else None
     if railed:
-        trials.append(repaired_fit(RANGE, railed, level, task))
-    step = _ranked(scores, on_unseen(trials, now, unseen), now) if trials else Step(scores)
-    sure = {RANGE} if railed else set[str]()
-    return (_told_by_training(step, level, now, task, sure) if trials and not step.accepted else None) or step
+        trials.append(repaired_trial(RANGE, railed, level, task))
+    if not trials:
+        return Step(scores)
+    step = _ranked(scores, on_unseen(trials, now, unseen), now)
+    if step.accepted:
+        return step
+    return _told_by_training(step, level, now, task, [RANGE] if railed else []) or step
 
 
 def with_first(step: Step, effect: str, level: Level, unseen: Unseen) -> Step:
@@ -138,6 +142,8 @@ def further(step: Step, short: Level, now: Judged, unseen: Unseen) -> Step:
     best = sorted((one.level for one in step.tried), key=lambda level: level.typical)[:1]
     known = [level.model for level in (short, *best)]
     trials = next_trials(known, step.near, unseen.task, unseen.horizon_s, unseen.pool)
+    if not trials:
+        return step
     found = _ranked(step.scores, [*on_unseen(trials, now, unseen), *step.tried], now)
     return replace(found, near=step.near) if found.accepted else step
 
@@ -180,7 +186,7 @@ def _outstanding(step: Step, horizon_s: float) -> Tried | None:
 
 def _outstanding_nudged(step: Step, short: Level, now: Judged, unseen: Unseen) -> Tried | None:
     near = step.ahead
-    if near is None or near.cost > NEARER_BY * cost_of(short, unseen.task):
+    if near is None or near.cost > AHEAD * cost_of(short, unseen.task):
         return None
     (best,) = on_unseen([followed_fit(near, unseen.task)], now, unseen)
     return best if math.isfinite(best.judged.error) else None

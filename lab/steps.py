@@ -44,7 +44,7 @@ def _next(short: Level, level: Level, now: Judged, unseen: Unseen, rng: np.rando
     step = searched(level, short, now, unseen, rng)
     if step.accepted or len(unseen.task.added(short.model)) >= AT_LENGTH:
         return [step]
-    if step.near and (step := further(step, short, now, unseen)).accepted:
+    if (step := further(step, short, now, unseen)).accepted:
         return [step]
     if trusted := promising(step, short, now, unseen):
         first = trusted.tried[0]

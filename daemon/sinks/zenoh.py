@@ -20,7 +20,7 @@ from msgspec.structs import asdict
 from zenoh.ext import AdvancedPublisher, CacheConfig, MissDetectionConfig, declare_advanced_publisher
 
 from lostmotion.daemon import documents
-from lostmotion.daemon.database import MEANINGLESS, UNREADABLE
+from lostmotion.daemon.database import DAMAGED
 from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.records import JointRow, ScoreRow, Transition, iso
 from lostmotion.daemon.repeats import Condition
@@ -159,7 +159,7 @@ class ZenohSink:
             with query, suppress(zenoh.ZError):
                 try:
                     self._reply(query)
-                except (LostmotionError, *UNREADABLE, *MEANINGLESS) as error:
+                except (LostmotionError, *DAMAGED) as error:
                     query.reply_err(payload({"robot": self._robot, "error": str(error)}), encoding=JSON)
 
     def _reply(self, query: zenoh.Query) -> None:

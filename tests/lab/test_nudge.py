@@ -16,7 +16,7 @@ from lostmotion.lab.search import full_fit, seeded
 from lostmotion.lab.task import Task
 from lostmotion.model import Model, build_model
 from lostmotion.model.motion import FloatArray
-from tests.lab.gears import GEARS, NOISE, RATE_HZ, moved
+from tests.lab.gears import GEARS, NOISE, RATE_HZ, gears, moved
 
 SUBSTEP = 2.5e-4
 
@@ -31,11 +31,6 @@ def recorded(seed: int, hidden: dict[str, float] | None = None) -> tuple[Experim
 def rough(d: float) -> Model:
     """The gears as a user knows them."""
     return build_model("play", values={"d": d, "k": 2600.0 * 0.95, "alpha": 3000.0, "b": 0.25})
-
-
-def cut(experiment: Experiment, largest: float) -> Experiment:
-    """What a sensor of this range [m/s²] would have read."""
-    return replace(experiment, measured={"accel": np.clip(experiment.measured["accel"], -largest, largest)})
 
 
 def alone(held: list[Experiment], model: Model) -> list[Task]:
@@ -157,7 +152,7 @@ def test_where_none_is_ahead_all_are_followed_to_the_end() -> None:
         found = shortlist(base, nothing, task, pool)
     assert len({near.effect for near in found}) > 8
     half = task.experiments[0].measured["accel"].max() / 2
-    clipped = Task.of(rough(8e-5), [cut(recorded(11)[0], half)], {"accel": NOISE})
+    clipped = Task.of(rough(8e-5), experiments(build_model("play"), [gears(11, largest=half)]), {"accel": NOISE})
     with ThreadPoolExecutor(2) as pool:
         found = shortlist(base, nothing, clipped, pool)
     assert found[0].effect == "sensor_saturation"
