@@ -23,7 +23,6 @@ def test_half_of_the_time_both_joints_move_alike() -> None:
 
 def test_mujocos_arm_without_play_by_hand() -> None:
     """Slow motions: the tip accelerates by (link + bar) theta_1'' + bar theta_2'' and the bar adds (f / f_res)²."""
-    pytest.importorskip("mujoco")
     times = np.arange(2000) / 1000
     still, moved = Sine(1.0, 1e-9), Sine(1.0, 0.05)
     peak = 0.05 * (2 * np.pi) ** 2 * (1 + (1 / 58) ** 2)

@@ -17,7 +17,7 @@ from bench.hidden_effects.__main__ import main
 from bench.hidden_effects.cases import DURATION, LEAD, RATE_HZ, draw_case, read_sensor, write_case
 from bench.hidden_effects.catalogue import INSIDE
 from bench.hidden_effects.motion import hand_waved
-from bench.hidden_effects.mujoco_joint import available, write_joint
+from bench.hidden_effects.mujoco_joint import write_joint
 from bench.hidden_effects.physics import Command, follow, simulate
 from bench.hidden_effects.scoring import score
 from bench.hidden_effects.totals import Rate
@@ -232,7 +232,6 @@ def test_run_as_a_whole(tmp_path: Path, capsys: pytest.CaptureFixture[str], monk
     assert next(rate for rate in answer["rates"] if rate["what"] == "no answer")["hits"] == 1
 
 
-@pytest.mark.skipif(not available(), reason="mujoco is not installed")
 def test_mujoco_moves_the_same_joint(tmp_path: Path) -> None:
     """The base joint with the truth's values, its start fitted, meets MuJoCo's angle to within the noise."""
     write_joint("gravity_torque", 3, tmp_path)

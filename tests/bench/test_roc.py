@@ -33,7 +33,6 @@ def test_one_waveform_gives_the_likelihood_ratio() -> None:
 
 def test_both_simulators_agree_without_play() -> None:
     """With a play of a hundredth of a micrometre both tips move as if there were none, to 3 % of the motion."""
-    pytest.importorskip("mujoco")
     for make in (from_model, from_mujoco):
         windows = make(8501, 1e-7 if make is from_model else 1e-8, Bar(), 0.25)
         if make is from_mujoco:

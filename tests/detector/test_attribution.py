@@ -203,7 +203,6 @@ def test_any_bar_at_any_rate(rate: float, f_res: float, length: float) -> None:
 @pytest.mark.parametrize("worn", [0, 1])
 def test_mujoco_arm(worn: int) -> None:
     """MuJoCo's arm of two links, whose joints move together half of the time: the right one after forty windows."""
-    pytest.importorskip("mujoco")
     from bench.attribution import CASES, listen
 
     case = next(case for case in CASES if case.mujoco and case.together)
