@@ -64,7 +64,9 @@ def fill(path: Path, scores: int) -> None:
                 rows = zip(np.unique(time_us).tolist(), *(column.tolist() for column in columns), strict=False)
                 with db:
                     db.executemany(
-                        f"INSERT INTO score VALUES ({joint}, ?, 250000, ?, 8.0, 0, NULL, NULL, NULL, ?, ?, NULL)", rows
+                        "INSERT INTO score (joint_id, time_us, duration_us, score, level, impact, excitation,"
+                        f" temperature) VALUES ({joint}, ?, 250000, ?, 8.0, 0, ?, ?)",
+                        rows,
                     )
 
 

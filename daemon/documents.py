@@ -10,7 +10,10 @@ from lostmotion.daemon.records import AlarmRow, JointRow, Origin, ScoreRow, Tran
 
 __all__ = ["SCORE_KEYS", "alarm", "attribution", "history", "joint", "score", "status", "transition"]
 
-SCORE_KEYS = ("time", "score", "level", "impact", "play", "play_low", "play_high", "quality")
+SCORE_KEYS = (
+    "time", "score", "level", "impact", "play", "play_low", "play_high", "severity", "severity_low", "severity_high",
+    "quality",
+)  # fmt: skip
 
 
 def alarm(row: AlarmRow) -> dict[str, Any]:
@@ -41,6 +44,7 @@ def joint(row: JointRow, last: ScoreRow | None, alarms: list[AlarmRow]) -> dict[
         "score": last and last.score,
         "level": last and last.level,
         "play": last and last.play,
+        "severity": last and last.severity,
         "last_window": last and iso(last.time),
         "alarms": [alarm(one) for one in alarms],
     }

@@ -6,7 +6,7 @@ Base tables are compact (whole microseconds, joint numbers, NULL for the usual) 
 
 from __future__ import annotations
 
-__all__ = ["CURRENT", "MIGRATIONS"]
+__all__ = ["ADDED", "CURRENT", "MIGRATIONS"]
 
 
 def _iso(column: str) -> str:
@@ -85,6 +85,17 @@ CREATE VIEW alarm_events AS SELECT uid AS id, {_iso("time_us")} AS time, joint.n
     FROM alarm_event JOIN joint ON joint.id = alarm_event.joint_id;
 """
 
-MIGRATIONS = (FIRST, SECOND, THIRD)
+# The severity of each window, and both statistics of the detector beside the one that is the score.
+ADDED = ("severity", "severity_low", "severity_high", "band", "ringdown")
+FOURTH = f"""
+{" ".join(f"ALTER TABLE score ADD COLUMN {name} REAL;" for name in ADDED)}
+DROP VIEW scores;
+CREATE VIEW scores AS SELECT joint.name AS joint, {_iso("time_us")} AS time, score, level, impact,
+    play, play_low, play_high, severity, severity_low, severity_high, excitation, temperature,
+    coalesce(quality, 'ok') AS quality, duration_us / 1e6 AS duration, band, ringdown
+    FROM score JOIN joint ON joint.id = score.joint_id;
+"""
+
+MIGRATIONS = (FIRST, SECOND, THIRD, FOURTH)
 CURRENT = len(MIGRATIONS)
 """the schema version this program writes (PRAGMA user_version)"""

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from lostmotion.daemon.database import UNREADABLE, is_damage, newer
-from lostmotion.daemon.migrations import CURRENT, MIGRATIONS
+from lostmotion.daemon.migrations import ADDED, CURRENT, MIGRATIONS
 from lostmotion.daemon.records import (
     AlarmEvent,
     AlarmRow,
@@ -39,8 +39,13 @@ from lostmotion.drivers.errors import LostmotionError
 __all__ = ["Reader", "ReaderError", "empty_reader", "open_readonly"]
 
 
-SCORE = "time_us, duration_us, score, level, impact, play, play_low, play_high, excitation, temperature, quality"
+SCORE = (
+    "time_us, duration_us, score, level, impact, play, play_low, play_high, excitation, temperature, quality,"
+    f" {', '.join(ADDED)}"
+)
 """the columns of a score, in the order of ScoreRow's fields"""
+OLD_SCORES = f"CREATE TEMP VIEW score AS SELECT *, {', '.join(f'NULL AS {name}' for name in ADDED)} FROM main.score"
+"""what a database before version 4 lacks is unknown"""
 BATCH = 50_000
 CACHE_KB = 400
 """SQLite's own 2 MB are no quicker here, and the service would fill them over its first half hour"""
@@ -108,7 +113,7 @@ class Reader:
 
     NUMBERS = (
         "SELECT time_us, score, level, impact, quality IS NULL, ifnull(play, 9e999), ifnull(excitation, 9e999),"
-        " ifnull(temperature, 9e999) FROM score"
+        " ifnull(temperature, 9e999), ifnull(severity, 9e999) FROM score"
         " WHERE joint_id = (SELECT id FROM joint WHERE name = :joint) AND time_us >= :since AND time_us < :until"
         " AND score IS NOT NULL ORDER BY time_us"
     )
@@ -116,6 +121,9 @@ class Reader:
     def __init__(self, connection: sqlite3.Connection) -> None:
         self._db = connection
         self._version: int = connection.execute("PRAGMA user_version").fetchone()[0]
+        if self._version < 4:
+            connection.execute("PRAGMA temp_store = MEMORY")  # the file itself may be read-only
+            connection.execute(OLD_SCORES)
 
     def __enter__(self) -> Reader:
         return self
@@ -281,10 +289,10 @@ def _bounds(joint: str, since: datetime | None, until: datetime | None, limit: i
 
 def _score(joint: str, row: tuple[Any, ...]) -> ScoreRow:
     """A row of SCORE's columns, by place: there may be tens of thousands."""
-    time_us, duration_us, score, level, impact, play, low, high, excitation, temperature, quality = row
+    time_us, duration_us, score, level, impact, play, low, high, excitation, temperature, quality, *added = row
     return ScoreRow(
         joint, from_micros(time_us), duration_us / 1e6, _nan(score), level, bool(impact), _nan(play), _nan(low),
-        _nan(high), _nan(excitation), _nan(temperature), quality or "ok",
+        _nan(high), _nan(excitation), _nan(temperature), quality or "ok", *map(_nan, added),
     )  # fmt: skip
 
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from lostmotion.detector.window import Score, Window
 
 __all__ = [
+    "EPOCH",
     "AlarmEvent",
     "AlarmRow",
     "AlarmState",
@@ -112,13 +113,19 @@ class ScoreRow(msgspec.Struct, frozen=True, gc=False):
     excitation: float = math.nan
     temperature: float = math.nan
     quality: str = "ok"
+    severity: float = math.nan
+    severity_low: float = math.nan
+    severity_high: float = math.nan
+    band: float = math.nan
+    ringdown: float = math.nan
 
     @classmethod
     def of(cls, score: Score, time: datetime) -> ScoreRow:
         """The row of a score whose window began at ``time``."""
         return cls(
             score.joint, time, score.duration, score.score, score.level, score.impact, score.play, score.play_low,
-            score.play_high, score.excitation, score.temperature, score.quality,
+            score.play_high, score.excitation, score.temperature, score.quality, score.severity, score.severity_low,
+            score.severity_high, score.band, score.ringdown,
         )  # fmt: skip
 
 

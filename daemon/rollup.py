@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 __all__ = ["DAY_US", "HOUR_US", "SERIES", "Series", "one_an_hour", "roll_up"]
 
 SERIES = np.dtype([("time_us", "i8"), ("score", "f8"), ("level", "f8"), ("impact", "?"), ("sound", "?"),
-                   ("play", "f8"), ("excitation", "f8"), ("temperature", "f8")])  # fmt: skip
+                   ("play", "f8"), ("excitation", "f8"), ("temperature", "f8"), ("severity", "f8")])  # fmt: skip
 """scores that are numbers, in time order; what else is unknown is infinite"""
 Series = NDArray[Any]
 

@@ -113,7 +113,8 @@ class Writer:
         if policy.robot != self._robot:
             self._db.execute("INSERT OR REPLACE INTO meta VALUES ('robot', ?)", [policy.robot])
         scores = [self._score(row) for row in rows if isinstance(row, ScoreRow)]
-        self._db.executemany("INSERT OR REPLACE INTO score VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", scores)
+        if scores:
+            self._db.executemany(f"INSERT OR REPLACE INTO score VALUES ({_marks(scores[0])})", scores)
         for row in rows:
             match row:
                 case WindowRow():
@@ -145,11 +146,12 @@ class Writer:
 
     def _score(self, row: ScoreRow) -> tuple[object, ...]:
         numbers = (row.play, row.play_low, row.play_high, row.excitation, row.temperature)
+        added = (row.severity, row.severity_low, row.severity_high, row.band, row.ringdown)
         joint, time_us = self._id(row.joint), micros(row.time)
         self._newest[joint] = max(time_us, self._newest.get(joint, 0))
         return (
             joint, time_us, round(row.duration * 1e6), _null(row.score), row.level, row.impact,
-            *map(_null, numbers), None if row.quality == "ok" else row.quality,
+            *map(_null, numbers), None if row.quality == "ok" else row.quality, *map(_null, added),
         )  # fmt: skip
 
     def _transition(self, row: Transition) -> None:

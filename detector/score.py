@@ -10,11 +10,12 @@ from lostmotion.detector import ringdown
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.quality import LEAST_SHARE, describe, mended
 from lostmotion.detector.spectrum import bands, normalised_mask
-from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
+from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Statistic, Window
 from lostmotion.detector.windows import window_length
 
 __all__ = ["batch", "score", "score_window", "validate"]
 
+STATISTICS: tuple[Statistic, ...] = ("band", "ringdown")
 CHUNK = 4096
 """Windows scored at once: the spectra of a chunk stay in the cache."""
 
@@ -29,9 +30,7 @@ def score(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> floa
     Raises DetectorError when N samples at this rate do not tell the bands of the settings.
     """
     accel = np.asarray(accel)
-    if settings.statistic == "ringdown":
-        return float(ringdown.scores(accel[None], rate_hz, settings)[0])
-    return float(normalised_mask(accel, rate_hz, settings).sum())
+    return (_ringdown if settings.statistic == "ringdown" else _band)(accel, rate_hz, settings)
 
 
 def batch(accel2d: FloatArray, rate_hz: float, settings: DetectorSettings) -> FloatArray:
@@ -44,14 +43,14 @@ def batch(accel2d: FloatArray, rate_hz: float, settings: DetectorSettings) -> Fl
 
 
 def score_window(window: Window, settings: DetectorSettings, range_ms2: float = math.inf) -> Score:
-    """A window's score and quality; few missing samples are bridged, too many give a score of NaN.
+    """A window's score, both statistics and quality; few missing samples are bridged, too many give NaN.
 
-    range_ms2: the largest acceleration that the sensor shows [m/s²].  Raises DetectorError as ``score`` does.
+    range_ms2: the largest acceleration that the sensor shows [m/s²].  Raises DetectorError as ``score`` does; the
+    statistic that is not the score is NaN instead.
     """
     quality = describe(window, range_ms2, settings.gentle)
-    value = score(window.accel, window.rate_hz, settings)
-    if math.isnan(value):
-        value = _bridged(window, settings)
+    statistics = {name: _statistic(name, window, settings) for name in STATISTICS}
+    value = statistics[settings.statistic]
     return Score(
         joint=window.joint,
         time=window.start,
@@ -62,18 +61,37 @@ def score_window(window: Window, settings: DetectorSettings, range_ms2: float = 
         excitation=window.excitation,
         temperature=window.temperature,
         quality=quality,
+        band=statistics["band"],
+        ringdown=statistics["ringdown"],
     )
 
 
-def _bridged(window: Window, settings: DetectorSettings) -> float:
-    """The score of a window without its missing samples, NaN where there are none or too many of these."""
-    accel = window.accel
+def _statistic(name: Statistic, window: Window, settings: DetectorSettings) -> float:
+    """One statistic of a window with few missing samples; NaN where it cannot be computed, unless it is the score."""
+    accel, rate_hz = window.accel, window.rate_hz
     there = np.count_nonzero(np.isfinite(accel))
-    if there == accel.size or there < max(LEAST_SHARE * accel.size, 1):
+    if there < max(LEAST_SHARE * accel.size, 1):
         return math.nan
-    band = settings.statistic == "band"
-    whole = mended(accel) if band else ringdown.filled(accel, window.rate_hz, settings)
-    return score(whole, window.rate_hz, settings)
+    try:
+        if name == "band":
+            return _band(mended(accel), rate_hz, settings)
+        if name != settings.statistic:
+            ringdown.validate(accel.size, rate_hz, settings)
+        return _ringdown(ringdown.filled(accel, rate_hz, settings), rate_hz, settings)
+    except DetectorError:
+        if name == settings.statistic:
+            raise
+        return math.nan
+
+
+def _band(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> float:
+    """o of eq. 8."""
+    return float(normalised_mask(accel, rate_hz, settings).sum())
+
+
+def _ringdown(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> float:
+    """The statistic of ``ringdown``."""
+    return float(ringdown.scores(accel[None], rate_hz, settings)[0])
 
 
 def validate(settings: DetectorSettings, rate_hz: float) -> None:

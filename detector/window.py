@@ -100,9 +100,11 @@ class Window:
 class Score:
     """What the detector says of one window.
 
-    time: start of the window, robot time [s]; score: o of eq. 8 [-], NaN when the window cannot be scored; level: the
-    level of eq. 9 it was held against; impact: score > level; play, play_low, play_high: size of the play [rad], NaN
-    where it cannot be estimated, and play_reason says why; quality: "ok", or what is wrong with the window,
+    time: start of the window, robot time [s]; score: the statistic that the settings choose [-], NaN when the window
+    cannot be scored; level: the level of eq. 9 it was held against; impact: score > level; play, play_low, play_high:
+    size of the play [rad], NaN where it cannot be estimated, and play_reason says why; severity, severity_low,
+    severity_high: equivalent play [rad], NaN where it is unknown; band, ringdown: both statistics [-], whichever of
+    them is the score, NaN where one cannot be computed; quality: "ok", or what is wrong with the window,
     comma-separated.
     """
 
@@ -119,3 +121,8 @@ class Score:
     temperature: float = float("nan")
     quality: str = "ok"
     play_reason: str = ""
+    severity: float = float("nan")
+    severity_low: float = float("nan")
+    severity_high: float = float("nan")
+    band: float = float("nan")
+    ringdown: float = float("nan")

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lostmotion.daemon.commands import output
+from lostmotion.daemon.migrations import ADDED
 from lostmotion.daemon.reader import Reader
 from lostmotion.drivers.errors import LostmotionError
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ParquetError", "write"]
 
-NUMBERS = ("score", "level", "play", "play_low", "play_high", "excitation", "temperature")
+NUMBERS = ("play", "play_low", "play_high", "excitation", "temperature")
 
 
 class ParquetError(LostmotionError):
@@ -38,14 +39,16 @@ def write(reader: Reader, joint: str, bounds: tuple[datetime | None, datetime | 
     schema, count = _schema(reader.robot(), joint), 0
     with output.writing(path), parquet.ParquetWriter(path, schema, compression="zstd") as writer:
         for rows in reader.batches(joint, *bounds):
-            time_us, duration_us, score, level, impact, *others, quality = zip(*rows, strict=True)
-            numbers = dict(zip(NUMBERS, (score, level, *others), strict=True))
+            time_us, duration_us, score, level, impact, *others = zip(*rows, strict=True)
+            numbers = dict(zip((*NUMBERS, "quality", *ADDED), others, strict=True))
             columns = {
                 "time": time_us,
                 "duration": [value / 1e6 for value in duration_us],
                 "impact": [bool(value) for value in impact],
-                "quality": [value or "ok" for value in quality],
+                "score": score,
+                "level": level,
             } | numbers
+            columns["quality"] = [value or "ok" for value in numbers["quality"]]
             writer.write_table(pa.table({name: columns[name] for name in schema.names}, schema=schema))
             count += len(rows)
     output.print_lines([f"{path}: {count} scores of {joint}"])
@@ -57,7 +60,7 @@ def _schema(robot: str, joint: str) -> Schema:
     kinds = {
         "time": pa.timestamp("us", tz="UTC"),
         "duration": pa.float64(),
-        **dict.fromkeys(NUMBERS, pa.float64()),
+        **dict.fromkeys(("score", "level", *NUMBERS, *ADDED), pa.float64()),
         "impact": pa.bool_(),
         "quality": pa.dictionary(pa.int8(), pa.string()),
     }

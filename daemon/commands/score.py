@@ -21,7 +21,10 @@ from lostmotion.drivers.units import COLUMN_UNITS
 
 __all__ = ["ScoreError", "score"]
 
-KEYS = ("time", "duration", "score", "impact", "play", "play_low", "play_high", "quality")
+KEYS = (
+    "time", "duration", "score", "impact", "play", "play_low", "play_high", "severity", "severity_low", "severity_high",
+    "quality",
+)  # fmt: skip
 MILLISECONDS = 0.5
 """No accelerometer is so slow [s]: a usual step of the times beyond this is one in milliseconds."""
 

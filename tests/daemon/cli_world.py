@@ -89,7 +89,8 @@ def fill(path: Path, count: int = 200, per_year: float = 6.0) -> None:
     store = Store(path, "arm1")
     for k in range(count):
         time, score = START + timedelta(days=365.25 * k / count), 1 + per_year * k / count
-        store.add(ScoreRow("elbow", time, 0.25, score, 4.0, score > 4, 0.001, 0.0009, 0.0011, quality="ok"))
+        sizes = {"severity": 0.001, "severity_low": 0.0008, "severity_high": 0.002}
+        store.add(ScoreRow("elbow", time, 0.25, score, 4.0, score > 4, 0.001, 0.0009, 0.0011, **sizes))
         store.add(ScoreRow("shoulder", time, 0.25, 1.5 if k < count - 1 else math.nan, 4.0, False, quality="gap"))
     store.add(JointRow("shoulder"))
     store.add(JointRow("elbow", Health.WARNING, "half of the windows", START))

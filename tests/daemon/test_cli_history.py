@@ -43,9 +43,10 @@ def test_status_json(database: Path) -> None:
     status = document("status", "--database", database)
     assert list(status) == ["robot", "joints"]
     elbow, shoulder = status["joints"]
-    keys = ["name", "health", "score", "level", "play", "last_window", "alarms"]
+    keys = ["name", "health", "score", "level", "play", "severity", "last_window", "alarms"]
     assert list(elbow) == keys
-    assert [elbow[key] for key in keys[:6]] == ["elbow", "WARNING", 6.97, 4.0, 0.001, "2026-12-30T10:10:12.000000Z"]
+    numbers = [6.97, 4.0, 0.001, 0.001]
+    assert [elbow[key] for key in keys[:7]] == ["elbow", "WARNING", *numbers, "2026-12-30T10:10:12.000000Z"]
     assert [alarm["reason"] for alarm in elbow["alarms"]] == ["half of the windows"]
     assert (shoulder["score"], shoulder["play"], shoulder["alarms"]) == (None, None, [])
 
@@ -80,7 +81,8 @@ def test_history_json(database: Path) -> None:
     assert list(history) == ["joint", "scores"]
     assert len(history["scores"]) == 200
     first = {"time": "2026-01-01T00:00:00.000000Z", "score": 1.0, "level": 4.0, "impact": False, "play": 0.001}
-    assert history["scores"][0] == first | {"play_low": 0.0009, "play_high": 0.0011, "quality": "ok"}
+    sizes = {"play_low": 0.0009, "play_high": 0.0011, "severity": 0.001, "severity_low": 0.0008, "severity_high": 0.002}
+    assert history["scores"][0] == first | sizes | {"quality": "ok"}
     assert list(history["scores"][0])[:4] == ["time", "score", "level", "impact"]
     assert document("history", "shoulder", "--database", database)["scores"][-1]["score"] is None
 
@@ -127,7 +129,7 @@ def test_history_parquet(database: Path, tmp_path: Path) -> None:
     table = parquet.read_table(file)
     assert table.schema.metadata == {b"robot": b"arm1", b"joint": b"elbow"}
     assert [f"{time:%Y-%m-%dT%H:%M:%S.%fZ}" for time in table["time"].to_pylist()] == [row["time"] for row in scores]
-    for name in ("score", "level", "impact", "play", "play_high", "quality"):
+    for name in ("score", "level", "impact", "play", "play_high", "severity", "severity_high", "quality"):
         assert table[name].to_pylist() == [row[name] for row in scores]
     call("history", "shoulder", "--database", database, "--limit", "1", "--parquet", file)
     assert parquet.read_table(file)["score"].to_pylist() == [None]

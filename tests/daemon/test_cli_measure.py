@@ -112,7 +112,8 @@ def test_score_json(recording: Path) -> None:
     found = documents(call("score", recording, "--json"))
     assert list(found) == ["joint", "level", "windows"]
     assert (found["joint"], found["level"]) == ("elbow", 8.0)
-    keys = ["time", "duration", "score", "impact", "play", "play_low", "play_high", "quality"]
+    keys = ["time", "duration", "score", "impact", "play", "play_low", "play_high"]
+    keys += ["severity", "severity_low", "severity_high", "quality"]
     assert len(found["windows"]) > 5
     assert all(list(window) == keys for window in found["windows"])
     assert all(0 <= window["time"] < 4 for window in found["windows"])

@@ -108,7 +108,7 @@ def test_columns_choose_the_same_rows() -> None:
     """Per hour: the lower median of the sound scores, or of all where none is sound."""
     hours = {0: [(5, True), (1, True), (3, True), (9, False)], 2: [(4, False), (2, False)], 3: [(7, True)]}
     rows = [
-        (hour * HOUR_US + k, score, 8.0, False, sound, math.inf, 20.0, 40.0)
+        (hour * HOUR_US + k, score, 8.0, False, sound, math.inf, 20.0, 40.0, 1e-3)
         for hour, scores in hours.items()
         for k, (score, sound) in enumerate(scores)
     ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -91,6 +92,32 @@ def test_a_window_becomes_a_score() -> None:
     assert ringing.score > 30
     assert math.isnan(ringing.play)
     assert not score_window(window(noise), SETTINGS).impact
+
+
+def test_a_score_holds_both_statistics() -> None:
+    """Whichever statistic is the score, the other one is there too, as it would be alone, also with samples missing."""
+    accel = np.random.default_rng(7).normal(size=250)
+    holed = np.where(np.arange(250) % 100 == 7, np.nan, accel)
+    rings = replace(SETTINGS, statistic="ringdown")
+    for values in (accel, holed):
+        by_band, by_ring = score_window(window(values), SETTINGS), score_window(window(values), rings)
+        assert (by_band.band, by_band.ringdown) == (by_band.score, by_ring.score)
+        assert (by_ring.band, by_ring.ringdown) == (by_band.score, by_ring.score)
+        assert by_band.score != by_ring.score
+
+
+def test_a_statistic_that_cannot_be_computed_is_unknown() -> None:
+    """Two periods of the bar are too short for ring-down, 150 Hz too slow for eq. 8's norm: the other statistic stands
+    alone; the one that is the score still raises."""
+    noise = np.random.default_rng(8).normal(size=50)
+    short = replace(SETTINGS, f_width_hz=40.0, f_norm_hz=200.0, f_norm_width_hz=200.0)
+    assert math.isnan(score_window(window(noise[:35]), short).ringdown)
+    assert score_window(window(noise[:35]), short).score > 0
+    slow = replace(SETTINGS, statistic="ringdown")
+    assert math.isnan(score_window(window(noise, 150.0), slow).band)
+    assert score_window(window(noise, 150.0), slow).score > 0
+    with pytest.raises(DetectorError):
+        score_window(window(noise, 150.0), SETTINGS)
 
 
 def test_few_missing_samples_are_bridged_and_many_are_not() -> None:
