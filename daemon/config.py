@@ -18,7 +18,7 @@ from typing import Any, TypeVar, cast
 import msgspec
 from msgspec import inspect
 
-from lostmotion.daemon import crosscheck
+from lostmotion.daemon import config_notes, crosscheck
 from lostmotion.daemon.options import (
     AlarmOptions,
     DetectorOptions,
@@ -136,7 +136,8 @@ def loads(text: str, where: str) -> Config:
     """Checks a configuration given as text; ``where`` names it in messages.  Raises ConfigError."""
     try:
         config = _decode(tomllib.loads(text))
-        return replace(config, notes=crosscheck.check(config))
+        crosscheck.check(config)
+        return replace(config, notes=config_notes.notes(config))
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{where}: no valid TOML: {error}") from error
     except (ConfigError, crosscheck.CrossCheckError, DriverError) as error:

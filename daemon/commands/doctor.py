@@ -24,7 +24,7 @@ __all__ = ["doctor"]
 
 
 def doctor(given: Path | None, as_json: bool) -> int:
-    """Prints all checks; 1 when one of them is bad.  Raises ConfigError."""
+    """Prints all checks, and the notes on the configuration; 1 when a check is bad.  Raises ConfigError."""
     config = find_config(given)
     sys.stderr.write(f"measuring for about {PASS_S:g} s ...\n")
     clocks = ClockPair()
@@ -34,9 +34,11 @@ def doctor(given: Path | None, as_json: bool) -> int:
     checks += [*check_disk(config), *check_history(config), *check_versions()]
     bad = [check for check in checks if not check.ok]
     if as_json:
-        output.print_json({"ok": not bad, "checks": [asdict(check) for check in checks]})
+        document = {"ok": not bad, "checks": [asdict(check) for check in checks], "notes": list(config.notes)}
+        output.print_json(document)
     else:
         _print(checks, bad)
+        output.print_lines([f"note: {note}" for note in config.notes])
     return int(bool(bad))
 
 

@@ -87,6 +87,14 @@ def test_doctor_on_healthy_hardware(arm: Arm) -> None:
     assert all(check["ok"] for check in devices), devices  # a rate suffers from what else this machine does
 
 
+def test_doctor_says_what_cannot_be_told(arm: Arm) -> None:
+    """200 samples a second of a bar of 58 Hz tell no size: a note in the table's wake and in JSON, nothing bad."""
+    note = "the size of the play cannot be told: found 3.4 samples a period of the bar (200 Hz, bar of 58 Hz)"
+    found = json.loads(call("doctor", "--config", arm.config, "--json").stdout)
+    assert any(note in told for told in found["notes"])
+    assert f"note: accelerometer 'tip': {note}" in call("doctor", "--config", arm.config).stdout
+
+
 def test_a_ringing_bar_is_no_noise() -> None:
     """Any three seconds of a worn joint's bar, whose noise is 0.05 m/s²; while noise itself is measured."""
     tip = Motion().tip(200)

@@ -58,7 +58,9 @@ def quantise(angle: FloatArray, step: float) -> FloatArray:
     return angle if step == 0 else np.round(angle / step) * step
 
 
-def ring(time: FloatArray, start: FloatArray, f_res_hz: float, zeta: float, phase: float = 0.0) -> FloatArray:
+def ring(
+    time: FloatArray, start: FloatArray, f_res_hz: float, zeta: float, phase: float | FloatArray = 0.0
+) -> FloatArray:
     """Ring-downs of unit amplitude from each start [s]; shape (len(start), len(time))."""
     after = time - start[:, None]
     omega = 2 * math.pi * f_res_hz
