@@ -25,7 +25,7 @@ from pathlib import Path
 from tests.daemon.zenoh_world import session
 
 from bench.sinks import free_port
-from lostmotion.daemon.commands.fleet import Fleet, ask
+from lostmotion.daemon.commands.fleet_ask import Fleet, ask
 from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.records import JointRow, ScoreRow
 from lostmotion.daemon.sinks.zenoh import ZenohSink

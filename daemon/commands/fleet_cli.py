@@ -10,10 +10,9 @@ from typing import Any
 import click
 
 from lostmotion.daemon.cli import FILE, as_json, config_file, positive, since, until
+from lostmotion.daemon.commands import fleet as answers
 from lostmotion.daemon.commands import times
-from lostmotion.daemon.commands.fleet import Fleet
-from lostmotion.daemon.commands.fleet import history as ask_history
-from lostmotion.daemon.commands.fleet import status as ask_status
+from lostmotion.daemon.commands.fleet_ask import Fleet
 from lostmotion.daemon.crosscheck import check_endpoints
 from lostmotion.daemon.records import iso
 
@@ -25,7 +24,8 @@ def fleet() -> None:
     """Ask every robot on a Zenoh network at once.
 
     They are sought where --connect or --zenoh says, else where --config or the service's configuration connects or
-    listens, else at tcp/127.0.0.1:7447.  Exit status 1 when a robot is known and does not answer.
+    listens, else at tcp/127.0.0.1:7447.  Exit status 1 when an endpoint does not answer, or a robot that is known; 2
+    when no endpoint does.
     """
 
 
@@ -45,7 +45,10 @@ def whom(command: Callable[..., Any]) -> Callable[..., Any]:
         config_file,
         click.option("--zenoh", type=FILE, metavar="FILE", help="Zenoh's own configuration (JSON5): TLS and the like."),
         click.option(
-            "--connect", multiple=True, metavar="ENDPOINT", help="A router or robot, such as tcp/10.0.0.1:7447."
+            "--connect",
+            multiple=True,
+            metavar="ENDPOINT",
+            help="A router or robot, such as tcp/10.0.0.1:7447; each of several is asked.",
         ),
     ):
         command = option(command)
@@ -57,7 +60,15 @@ def whom(command: Callable[..., Any]) -> Callable[..., Any]:
 @as_json
 def status(as_json: bool, **given: Any) -> int:
     """Joints, their health and active alarms, of all robots."""
-    return ask_status(_fleet(**given), as_json)
+    return answers.status(_fleet(**given), as_json)
+
+
+@fleet.command("alarms")
+@whom
+@as_json
+def alarms(as_json: bool, **given: Any) -> int:
+    """Active alarms of all robots."""
+    return answers.alarms(_fleet(**given), as_json)
 
 
 @fleet.command("history")
@@ -78,7 +89,7 @@ def history(joint: str, since: datetime | None, until: datetime | None, limit: i
     """Scores of one joint, of all robots that have it."""
     times.check_order(since, until)
     bounds = {"since": since and iso(since), "until": until and iso(until), "limit": str(limit)}
-    return ask_history(_fleet(**given), joint, {key: value for key, value in bounds.items() if value}, as_json)
+    return answers.history(_fleet(**given), joint, {key: value for key, value in bounds.items() if value}, as_json)
 
 
 def _fleet(

@@ -26,6 +26,11 @@ def fake_driver(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def endpoint() -> str:
     """A TCP port of this host that nobody uses, as Zenoh writes it."""
+    return free_endpoint()
+
+
+def free_endpoint() -> str:
+    """Such a port."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"

@@ -14,7 +14,7 @@ import pytest
 from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.sinks.zenoh import ZenohSink
 from tests.daemon.cli_world import SIMULATED, call, fill, is_one_line
-from tests.daemon.conftest import wait_until
+from tests.daemon.conftest import free_endpoint, wait_until
 from tests.daemon.zenoh_world import Router, session
 
 
@@ -32,6 +32,12 @@ def fleet(tmp_path: Path, endpoint: str) -> Iterator[str]:
         wait_until(lambda: len(list(router.liveliness().get("lostmotion/*/alive"))) == 3)
         yield endpoint
         token.undeclare()
+
+
+@pytest.fixture
+def endpoints() -> list[str]:
+    """Three TCP ports of this host that nobody uses."""
+    return [free_endpoint() for _ in range(3)]
 
 
 def document(*arguments: str) -> Any:
@@ -83,6 +89,64 @@ def test_all_answered(tmp_path: Path, endpoint: str) -> None:
         result = call("fleet", "status", "--config", config)
     assert result.exit_code == 0
     assert "arm1" in result.stdout
+
+
+def test_every_endpoint_is_asked(tmp_path: Path, endpoints: list[str]) -> None:
+    """Two robots that listen themselves, and an address where nobody does: both are shown, the address is named, exit
+    status 1; without that address 0, and with nothing but that address 2."""
+    first, second, nobody = endpoints
+    with ExitStack() as stack:
+        for robot, own in (("arm1", first), ("arm2", second)):
+            fill(tmp_path / f"{robot}.db", 20)
+            options = ZenohOptions(listen=[own])
+            sink = stack.enter_context(closing(ZenohSink(robot, options, tmp_path / f"{robot}.db")))
+            wait_until(lambda sink=sink: sink.is_open)
+        both = ("--connect", first, "--connect", second)
+        result = call("fleet", "status", *both, "--json")
+        assert result.exit_code == 0
+        assert [robot["robot"] for robot in json.loads(result.stdout)["robots"]] == ["arm1", "arm2"]
+        result = call("fleet", "alarms", *both, "--connect", nobody, "--json")
+        assert result.exit_code == 1
+        found = json.loads(result.stdout)
+        assert [(robot["robot"], len(robot["alarms"])) for robot in found["robots"]] == [("arm1", 1), ("arm2", 1)]
+        assert [one["endpoint"] for one in found["unreachable"]] == [nobody]
+        assert f"{nobody}: nobody answers there" in call("fleet", "alarms", *both, "--connect", nobody).stdout
+        file = tmp_path / "operator.json5"
+        file.write_text(json.dumps({"mode": "peer", "connect": {"endpoints": [first, nobody, second]}}))
+        found = document("fleet", "status", "--zenoh", str(file))
+        assert [robot["robot"] for robot in found["robots"]] == ["arm1", "arm2"]
+        assert [one["endpoint"] for one in found["unreachable"]] == [nobody]
+    assert is_one_line(call("fleet", "status", "--connect", nobody), nobody, "nobody answers there")
+
+
+def test_robots_that_share_a_name_are_told_apart(tmp_path: Path, endpoints: list[str]) -> None:
+    """Both are shown, and the name is an error; a robot that is known to two endpoints is one robot."""
+    routers, options = endpoints[:2], ("--connect", endpoints[0], "--connect", endpoints[1])
+    with ExitStack() as stack:
+        stack.enter_context(session("router", listen=routers[:1]))
+        stack.enter_context(session("router", listen=routers[1:], connect=routers[:1]))
+        for number, own in enumerate(routers, 1):
+            fill(tmp_path / f"{number}.db", 20)
+            if number == 2:
+                wait_until(lambda: len(document("fleet", "status", *options)["robots"]) == 1)
+                assert document("fleet", "status", *options)["errors"] == []
+            arm = ZenohOptions(mode="client", connect=[own])
+            stack.enter_context(closing(ZenohSink("arm", arm, tmp_path / f"{number}.db")))
+        wait_until(lambda: len(document("fleet", "status", *options)["robots"]) == 2)
+        result = call("fleet", "alarms", "--connect", routers[0])
+    assert result.exit_code == 1
+    assert "arm: 2 robots answer to this name" in result.stdout
+
+
+def test_an_answer_of_another_version(endpoint: str) -> None:
+    """What is no document of this schema is the error of its robot."""
+    with session("router", listen=[endpoint]) as router:
+        for robot, text in (("old", "{"), ("new", '{"schema": 99, "robot": "new", "joints": [7]}')):
+            key = f"lostmotion/{robot}/status"
+            router.declare_queryable(key, lambda query, key=key, text=text: query.reply(key, text))
+        found = document("fleet", "status", "--connect", endpoint, "--timeout", "1")
+    assert [error["robot"] for error in found["errors"]] == ["new", "old"]
+    assert "schema 1" in found["errors"][0]["error"]
 
 
 def test_nobody_there(endpoint: str) -> None:

@@ -1,0 +1,175 @@
+"""One question to every robot that the endpoints of a Zenoh network know.  What is printed of the answers stands in
+``fleet.py``.
+
+A session in Zenoh's client mode uses one of its endpoints, so each endpoint is asked in a session of its own, all at
+the same time.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import zenoh
+
+from lostmotion.daemon.commands.where import find_config
+from lostmotion.daemon.options import ZenohOptions
+from lostmotion.daemon.sinks.reach import addresses
+from lostmotion.daemon.zenoh_session import SCHEMA, brief, configuration, why_closed
+from lostmotion.drivers.errors import LostmotionError
+
+__all__ = ["Fleet", "FleetError", "Heard", "ask"]
+
+HERE = "tcp/127.0.0.1:7447"
+"""where a robot or a router listens unless told otherwise"""
+AT_ONCE = 32
+"""endpoints that are asked at the same time, each by a thread"""
+
+
+class FleetError(LostmotionError):
+    """Nobody can be asked."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fleet:
+    """Whom to ask, and for how long [s].  robots: names that are expected to answer besides those that are alive."""
+
+    connect: Sequence[str] = ()
+    zenoh: str = ""
+    config: Path | None = None
+    robots: Sequence[str] = ()
+    timeout_s: float = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """Documents of the robots, sorted by the robots' names, and errors by robot; silent: robots that are known and have
+    not answered; unreachable: why no session opened, by endpoint."""
+
+    documents: Sequence[tuple[str, dict[str, Any]]]
+    errors: dict[str, str]
+    silent: Sequence[str]
+    unreachable: dict[str, str]
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether every endpoint and every robot has answered."""
+        return not (self.errors or self.silent or self.unreachable)
+
+
+@dataclass(slots=True)
+class _Answers:
+    """What came by way of one endpoint.  A robot's key holds its name and the id of its session: robots that share a
+    name stay apart, and one that is reached by two endpoints counts once."""
+
+    alive: set[str] = field(default_factory=set)
+    documents: dict[tuple[str, str], dict[str, Any]] = field(default_factory=dict)
+    errors: dict[str, str] = field(default_factory=dict)
+    unreachable: str = ""
+
+
+def ask(fleet: Fleet, selector: str) -> Heard:
+    """Asks all robots for a key, and at the same time who is alive.  Raises FleetError when nobody is there."""
+    options = _options(fleet)
+    endpoints = _endpoints(options)
+    with ThreadPoolExecutor(min(len(endpoints), AT_ONCE)) as pool:
+        answers = list(pool.map(lambda endpoint: _ask_at(fleet, options, endpoint, selector), endpoints))
+    unreachable = {
+        endpoint: answer.unreachable for endpoint, answer in zip(endpoints, answers, strict=True) if answer.unreachable
+    }
+    if len(unreachable) == len(endpoints):
+        where = ", ".join(filter(None, endpoints)) or options.config
+        why = "; ".join(dict.fromkeys(unreachable.values()))
+        raise FleetError(f"{where}: nobody answers there, expected a router or a robot ({why})")
+    return _together(fleet, answers, unreachable, ", ".join(filter(None, endpoints)) or options.config)
+
+
+def _together(fleet: Fleet, answers: Sequence[_Answers], unreachable: dict[str, str], where: str) -> Heard:
+    documents = {robot: document for answer in answers for robot, document in answer.documents.items()}
+    errors = {robot: error for answer in answers for robot, error in answer.errors.items()}
+    names = [name for name, _ in documents]
+    errors |= {
+        name: f"{names.count(name)} robots answer to this name; is robot.name the same in two configurations?"
+        for name in names
+        if names.count(name) > 1
+    }
+    known = set(fleet.robots).union(*(answer.alive for answer in answers))
+    if not (known or documents or errors or unreachable):
+        raise FleetError(f"{where}: no robot there; is its [alarm.zenoh] connected to the same router?")
+    told = sorted(((name, document) for (name, _), document in documents.items()), key=lambda pair: pair[0])
+    return Heard(told, dict(sorted(errors.items())), sorted(known - set(names) - set(errors)), unreachable)
+
+
+def _ask_at(fleet: Fleet, options: ZenohOptions, endpoint: str, selector: str) -> _Answers:
+    """Asks in a session with one endpoint; "" leaves the endpoints to Zenoh's own file."""
+    answers = _Answers()
+    try:
+        with zenoh.open(_client(fleet, options, endpoint)) as session:
+            replies = session.get(
+                f"lostmotion/*/{selector}",
+                target=zenoh.QueryTarget.ALL,
+                consolidation=zenoh.ConsolidationMode.NONE,  # else one of two robots of the same name stays unseen
+                timeout=fleet.timeout_s,
+            )
+            alive = session.liveliness().get("lostmotion/*/alive", timeout=fleet.timeout_s)
+            answers.alive = {_robot(reply.ok.key_expr) for reply in alive if reply.ok}
+            _collect(replies, answers)
+    except zenoh.ZError as error:
+        answers.unreachable = why_closed(options, error)
+    return answers
+
+
+def _collect(replies: Iterable[zenoh.Reply], answers: _Answers) -> None:
+    for reply in replies:
+        if reply.ok:
+            robot, document = _robot(reply.ok.key_expr), _document(reply.ok.payload)
+            if document:
+                answers.documents[robot, str(reply.replier_id and reply.replier_id.zid)] = document
+            else:
+                answers.errors[robot] = f"found another answer than a document with schema {SCHEMA}; another version?"
+        elif reply.err and (error := _document(reply.err.payload)):  # Zenoh's own errors are of no robot
+            answers.errors[str(error["robot"])] = str(error["error"])
+
+
+def _document(content: zenoh.ZBytes) -> dict[str, Any]:
+    """A robot's document; {} for what is none."""
+    try:
+        document = json.loads(content.to_bytes())
+    except ValueError:
+        return {}
+    return document if isinstance(document, dict) and document.get("schema") == SCHEMA else {}
+
+
+def _options(fleet: Fleet) -> ZenohOptions:
+    """A client at the endpoints that were given, else where a robot's configuration connects or listens."""
+    if fleet.zenoh:
+        return ZenohOptions(config=fleet.zenoh, connect=list(fleet.connect))
+    robot = find_config(fleet.config).zenoh or ZenohOptions()
+    connect = list(fleet.connect) or robot.connect or robot.listen or ([] if robot.config else [HERE])
+    return ZenohOptions(mode="client", connect=connect, config=robot.config)
+
+
+def _endpoints(options: ZenohOptions) -> list[str]:
+    """Where there is somebody to ask; [""]: Zenoh's own file names no endpoint, but may look for some."""
+    try:
+        return addresses(configuration(options)) or [""]
+    except zenoh.ZError as error:
+        raise FleetError(f"{options.config}: no valid configuration of Zenoh: {brief(error)}") from error
+
+
+def _client(fleet: Fleet, options: ZenohOptions, endpoint: str) -> zenoh.Config:
+    config = configuration(options)
+    config.insert_json5("transport/unicast/open_timeout", str(round(fleet.timeout_s * 1000)))
+    if endpoint:
+        config.insert_json5("mode", '"client"')
+        config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+        config.insert_json5("listen/endpoints", "[]")
+    return config
+
+
+def _robot(key: zenoh.KeyExpr) -> str:
+    return str(key).split("/")[1]
