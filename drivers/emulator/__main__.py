@@ -18,14 +18,21 @@ SHORT_NAMES = {"ax12": "AX-12A", "xl330": "XL330-M288", "xm430": "XM430-W350"}
 @click.command()
 @click.option("--servos", multiple=True, metavar="MODEL:ID,ID…", help="A line of servos, such as ax12:1,2,3.")
 @click.option("--accel", multiple=True, metavar="KIND:RATE", help="csv:1000 (t_us,value), values:1000, witmotion:200.")
-@click.option("--play", default=1.0, show_default=True, help="Size of the impacts after reversals of the last servo.")
+@click.option("--play", default=1.0, show_default=True, help="Play of the last servo, in units of 4 mrad (14').")
+@click.option(
+    "--levers",
+    default="0.1",
+    show_default=True,
+    metavar="M,M…",
+    help="Lever arms of the servos at the accelerometers, in their order; one: of the last servo only.",
+)
 @click.option("--link", type=click.Path(path_type=Path), help="Also make symbolic links LINK.0, LINK.1, …")
-def main(servos: tuple[str, ...], accel: tuple[str, ...], play: float, link: Path | None) -> None:
+def main(servos: tuple[str, ...], accel: tuple[str, ...], play: float, levers: str, link: Path | None) -> None:
     """Emulates servos and accelerometers on pseudo-terminals: one path a line, then runs until killed.
 
-    All share one motion: impacts follow the reversals of the last servo's goal.
+    All make one motion, each later than the next; the teeth of the last servo strike after the reversals of its goal.
     """
-    motion = Motion(play)
+    motion = Motion(play, levers=_levers(levers))
     devices = [_servos(text, motion) for text in servos] + [_accelerometer(text, motion) for text in accel]
     if not devices:
         raise click.UsageError("nothing to emulate; give --servos or --accel")
@@ -34,6 +41,13 @@ def main(servos: tuple[str, ...], accel: tuple[str, ...], play: float, link: Pat
         for path in emulator.paths:
             click.echo(path)
         threading.Event().wait()
+
+
+def _levers(text: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(lever) for lever in text.split(","))
+    except ValueError as error:
+        raise click.BadParameter(f"{text!r}: lever arms are numbers in metres, as in 0.25,0.1") from error
 
 
 def _servos(text: str, motion: Motion) -> Device:

@@ -1,15 +1,18 @@
-"""How an emulated robot moves, and what its accelerometer feels: closed forms, tabulated once.  No physics of contact.
+"""How an emulated robot moves, and what its accelerometer feels: tabulated once.  Hard stops, and eq. 7's bar.
 
-For the model as a robot see ``drivers/simulated.py``; this one only has to move bytes that look alike.
+For the model as a robot, with teeth that give and play that grows, see ``drivers/simulated.py``.
 """
 
 from __future__ import annotations
+
+import math
+from functools import lru_cache
 
 import numpy as np
 
 from lostmotion.drivers.base import FloatArray
 
-__all__ = ["Motion"]
+__all__ = ["PLAY_RAD", "SPREAD_S", "Motion"]
 
 PERIOD_S = 20.0
 """after this the motion begins anew; all its frequencies fit"""
@@ -18,27 +21,32 @@ WAVES = ((0.85, 0.25, 0.0), (1.35, 0.15, 1.0), (2.1, 0.08, 2.5))
 RATE_HZ = 1000
 LAG_S = 0.015
 """by which a servo follows its goal"""
-CROSSING_S = 0.004
-"""from a reversal to the impact on the other flank"""
+SPREAD_S = 1.7
+"""the servos of a line make the same motion, each this much later than the next; the last one carries the bar"""
 BAR_M, F_RES_HZ, ZETA = 0.10, 58.0, 0.012
-RING_MS2 = 6.0
-"""amplitude of the ring-down at play 1 after the mean reversal"""
+PLAY_RAD = 0.004
+"""gap of the last servo at play 1: its teeth strike with 0.2 to 0.4 rad/s, which rings the bar with 10 to 20 m/s²"""
+BOUNCE = 0.4
+"""restitution of its teeth"""
+FINE_HZ, LEAD_S = 10_000, 1.0
+"""steps of the free flight a second; how long it has gone on when the table begins"""
 NOISE_MS2 = 0.05
 
 
 class Motion:
-    """A hand-waved joint and the bar behind it.
+    """Hand-waved servos and the bar behind them.
 
-    The goal is a sum of sines; the tip feels the bar's rigid motion, noise, and, times ``play``, a ring-down
-    exp(-ζωt) sin(ωt) at ω = 2π·58 Hz shortly after each reversal of the goal's acceleration, as large as the change of
-    acceleration there.
+    The goal is a sum of sines.  The driven gear of the last servo flies freely within a gap of ``play`` times PLAY_RAD
+    and bounces off its ends, which follow the goal; the other servos have none.  The tip feels what all their
+    accelerations, times ``levers`` [m], make of the bar (eq. 7: 58 Hz, zeta 0.012), and noise.
     """
 
-    def __init__(self, play: float = 1.0, seed: int = 1) -> None:
+    def __init__(self, play: float = 1.0, seed: int = 1, levers: tuple[float, ...] = (BAR_M,)) -> None:
         self._time = np.arange(round(PERIOD_S * RATE_HZ)) / RATE_HZ
         self._goal = [float(angle) for angle in _waves(self._time, 0)]
         self._play = play
         self._seed = seed
+        self._levers = levers
 
     def goal(self, time: float) -> float:
         """The commanded angle [rad] at a time [s]."""
@@ -63,18 +71,37 @@ class Motion:
         """One period of the tip acceleration [m/s²], sampled at ``rate_hz``, shape (rate_hz × 20 s,)."""
         time = np.arange(round(PERIOD_S * rate_hz)) / rate_hz
         noise = np.random.default_rng(self._seed).normal(0, NOISE_MS2, len(time))
-        return _waves(time, 2) * BAR_M + noise + self._play * self._rings(time)
+        fine = np.arange(round(PERIOD_S * FINE_HZ)) / FINE_HZ
+        return noise + np.interp(time, fine, _felt(self._play * PLAY_RAD, self._levers), period=PERIOD_S)
 
-    def _rings(self, time: FloatArray) -> FloatArray:
-        omega = 2 * np.pi * F_RES_HZ
-        reversals = self.reversals()
-        jerk = np.abs(_waves(reversals, 3))
-        total = np.zeros(len(time))
-        for start, size in zip(reversals + CROSSING_S, jerk / jerk.mean(), strict=True):
-            since = (time - start) % PERIOD_S
-            ring = np.exp(-ZETA * omega * since) * np.sin(omega * since)
-            total += RING_MS2 * size * np.where(since < 1.0, ring, 0.0)
-        return total
+
+@lru_cache(maxsize=4)
+def _felt(gap: float, levers: tuple[float, ...]) -> FloatArray:
+    """One period of the tip acceleration [m/s²] without noise, FINE_HZ a second: eq. 7 in the frequency domain."""
+    fine = np.arange(round(PERIOD_S * FINE_HZ)) / FINE_HZ
+    last = len(levers) - 1
+    driven = levers[last] * (_driven(gap) if gap else _waves(fine, 2))
+    for i, lever in enumerate(levers[:last]):
+        driven = driven + lever * _waves(fine + SPREAD_S * (last - i), 2)
+    turn, omega = 2j * math.pi * np.fft.rfftfreq(fine.size, 1 / FINE_HZ), 2 * math.pi * F_RES_HZ
+    damped = 2 * ZETA * omega * turn + omega**2
+    return np.fft.irfft(np.fft.rfft(driven) * damped / (turn**2 + damped), fine.size)
+
+
+def _driven(gap: float) -> FloatArray:
+    """One period of the acceleration [rad/s²] of a gear that flies freely between stops ``gap`` [rad] apart."""
+    lead = round(LEAD_S * FINE_HZ)
+    time = np.arange(-lead, round(PERIOD_S * FINE_HZ)) / FINE_HZ
+    kicks = np.zeros(time.size)
+    stops, drifts = _waves(time, 0).tolist(), _waves(time, 1).tolist()
+    place, speed = stops[0], drifts[0]
+    for i, (stop, drift) in enumerate(zip(stops, drifts, strict=True)):
+        place += speed / FINE_HZ
+        beyond = place - stop
+        if abs(beyond) > gap / 2 and beyond * (speed - drift) > 0:
+            place, kicks[i] = stop + math.copysign(gap / 2, beyond), (1 + BOUNCE) * (drift - speed)
+            speed += kicks[i]
+    return kicks[lead:] * FINE_HZ
 
 
 def _waves(time: FloatArray, derivative: int) -> FloatArray:

@@ -8,15 +8,13 @@ from struct import pack_into, unpack_from
 
 from lostmotion.drivers.codec.dynamixel import BROADCAST, PING, READ, STATUS, SYNC_READ, WRITE, Packet, decoder, encode
 from lostmotion.drivers.codec.servo_state import ADDRESS, MODELS, Model, ServoState, encode_state
-from lostmotion.drivers.emulator.motion import Motion
+from lostmotion.drivers.emulator.motion import SPREAD_S, Motion
 
 __all__ = ["ServoLine", "VirtualServo"]
 
 ID_ADDRESS = {1: 3, 2: 7}
 INSTRUCTION_ERROR = {1: 0x40, 2: 0x02}
 RANGE_ERROR = {1: 0x08, 2: 0x07}
-SPREAD_S = 1.7
-"""the servos of a line make the same motion, each this much later than the next; the last one carries the bar"""
 
 
 class VirtualServo:

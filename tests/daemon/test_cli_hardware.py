@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lostmotion.daemon.commands.checks_devices import white_noise
+from lostmotion.daemon.commands.checks_devices import NOISE_MS2, white_noise
 from lostmotion.drivers.emulator import Emulator, Motion, ServoLine, TextStream, WitMotionStream
 from lostmotion.drivers.recording import read_recording
 from tests.daemon.cli_world import HARDWARE, call
@@ -96,10 +96,11 @@ def test_doctor_says_what_cannot_be_told(arm: Arm) -> None:
 
 
 def test_a_ringing_bar_is_no_noise() -> None:
-    """Any three seconds of a worn joint's bar, whose noise is 0.05 m/s²; while noise itself is measured."""
+    """Any three seconds of a worn joint's bar, whose noise is 0.05 m/s², are well within what the doctor allows; noise
+    itself is measured."""
     tip = Motion().tip(200)
     pieces = [tip[start : start + 600] for start in range(0, tip.size - 600, 100)]
-    assert max(white_noise(piece) for piece in pieces) < 1.0
+    assert max(white_noise(piece) for piece in pieces) < 0.8 * NOISE_MS2[1]
     hiss = np.random.default_rng(3).normal(0, 3.0, (20, 600))
     assert np.median([white_noise(piece) for piece in hiss]) == pytest.approx(3.0, rel=0.15)
     assert np.isnan(white_noise(tip[:100]))

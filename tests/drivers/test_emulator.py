@@ -13,8 +13,11 @@ import numpy as np
 import pytest
 from dynamixel_sdk import COMM_RX_TIMEOUT, COMM_SUCCESS, Protocol1PacketHandler, Protocol2PacketHandler
 
+from lostmotion.detector.series import score_series
+from lostmotion.detector.window import DetectorSettings
 from lostmotion.drivers.dynamixel_port import BusPort
 from lostmotion.drivers.emulator import CsvStream, Emulator, Motion, ServoLine, WitMotionStream
+from lostmotion.drivers.emulator.motion import PLAY_RAD
 from tests.drivers.rigs import accelerometer, block, servo_bus
 
 MODULE = [sys.executable, "-m", "lostmotion.drivers.emulator"]
@@ -61,6 +64,28 @@ def test_play_rings_after_reversals() -> None:
     loud, quiet = (np.median(np.abs(Motion(play).tip(1000)[windows] @ carrier)) for play in (1.0, 0.0))
     assert len(windows) > 60
     assert loud > 10 * quiet
+
+
+def test_the_play_is_that_of_the_tip() -> None:
+    """The detector tells the gap from the emulated tip and the goals: the median to a sixth, for 2 and 4 mrad."""
+    times, polls = np.arange(20_000) / 1000, np.arange(1990) / 100
+    settings = DetectorSettings(f_res_hz=58.0, flank_exponent=1e4, noise_ms2=0.05)
+    for play in (0.5, 1.0):
+        motion = Motion(play)
+        scores = score_series(polls, [motion.goal(time) for time in polls], times, motion.tip(1000), settings)
+        told = [score.play for score in scores if np.isfinite(score.play)]
+        assert len(told) > 0.5 * len(scores)
+        assert np.median(told) == pytest.approx(play * PLAY_RAD, rel=1 / 6)
+
+
+def test_all_servos_move_the_tip() -> None:
+    """Without play: each servo's acceleration times its lever arm, the first one 1.7 s ahead, to 3 %."""
+    motion, times = Motion(0.0, levers=(0.25, 0.10)), np.arange(2000) / 1000 + 1e-4
+    goal = np.array([[motion.goal(t + d) for d in (-0.02, 0.0, 0.02, 1.68, 1.7, 1.72)] for t in times])
+    felt = (
+        0.10 * (goal[:, 0] - 2 * goal[:, 1] + goal[:, 2]) + 0.25 * (goal[:, 3] - 2 * goal[:, 4] + goal[:, 5])
+    ) / 4e-4
+    assert motion.tip(1000)[:2000] == pytest.approx(felt, abs=0.03 * np.abs(felt).max() + 5 * 0.05)
 
 
 def test_the_motion_repeats_without_a_jump() -> None:
@@ -114,6 +139,7 @@ def test_the_command_line_serves_until_killed(tmp_path: Path, number: signal.Sig
         (["--servos", "ax13:1"], "no servo is called 'ax13'"),
         (["--servos", "ax12:one"], "ids are whole numbers"),
         (["--accel", "csv:fast"], "the rate is a number"),
+        (["--accel", "csv:1000", "--levers", "a"], "lever arms are numbers in metres"),
         (["--accel", "gyro:10"], "no accelerometer is called 'gyro'"),
     ],
 )

@@ -1,0 +1,56 @@
+"""README's example, from its text to the size of the play: its hardware emulated byte by byte."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lostmotion.daemon import config
+from lostmotion.daemon.reader import open_readonly
+from lostmotion.drivers.emulator import CsvStream, Emulator, Motion, ServoLine
+from lostmotion.drivers.emulator.motion import PLAY_RAD
+from tests.conftest import ROOT
+from tests.daemon.conftest import Running, wait_until
+
+EXAMPLE = (ROOT / "examples" / "arm.toml").read_text()
+LEVERS = (0.25, 0.10)
+
+
+def test_readme_shows_the_example_which_can_tell_everything() -> None:
+    """The file and what the README shows are the same; nothing is noted about it."""
+    assert EXAMPLE in (ROOT / "README.md").read_text()
+    arm = config.loads(EXAMPLE, "arm.toml")
+    assert arm.notes == ()
+    assert tuple(arm.levers(joint)["tip"] for joint in arm.joints) == LEVERS
+
+
+@pytest.mark.slow
+def test_the_example_tells_the_joint_and_its_play(tmp_path: Path, start: Callable[..., Running]) -> None:
+    """The service says that the elbow has the play, with more than 95 %, and how large it is: the median of the windows
+    within a third of the truth; of the shoulder it says none."""
+    motion = Motion(levers=LEVERS)
+    with Emulator(ServoLine.of("AX-12A", [2, 3], motion), CsvStream(motion), link=tmp_path / "ttyUSB") as robot:
+        text = EXAMPLE.partition("[alarm.zenoh]")[0].replace("/var/lib/lostmotion", str(tmp_path))
+        for name, path in zip(("/dev/ttyUSB0", "/dev/ttyUSB1"), robot.paths, strict=True):
+            text = text.replace(name, path)
+        (tmp_path / "arm.toml").write_text(text)
+        service = start(tmp_path / "arm.toml")
+        service.wait_for("alarm joint=elbow cause=play", timeout_s=60.0)
+        wait_until(lambda: len(plays(tmp_path, "elbow")) >= 12, 90.0)
+        assert service.stop(signal.SIGTERM) == 0
+    with open_readonly(tmp_path / "history.db") as reader:
+        (origin,) = reader.origins()
+    assert origin.probabilities["elbow"] > 0.95
+    assert origin.probabilities["shoulder"] < 0.5
+    assert np.median(plays(tmp_path, "elbow")) == pytest.approx(PLAY_RAD, rel=1 / 3)
+    assert plays(tmp_path, "shoulder") == []
+
+
+def plays(folder: Path, joint: str) -> list[float]:
+    """The sizes that its windows told [rad]."""
+    with open_readonly(folder / "history.db") as reader:
+        return [row.play for row in reader.scores(joint) if row.play is not None and np.isfinite(row.play)]
