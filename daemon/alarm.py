@@ -3,6 +3,7 @@
 Two causes are followed side by side: the play that is heard, and the devices that should hear it.  Each has at most one
 alarm, whose life ``lifecycle.py`` knows; how bad the play is says ``evidence.py``.  A device that fails is an alarm of
 its own and says nothing about the play: the joint's health is then DEGRADED, for nobody watches it, or what it was.
+Health is OK only with evidence: enough sound windows, the last one not long ago; without, it is DEGRADED, and no alarm.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from lostmotion.daemon.records import (
     Severity,
     Transition,
     Verb,
+    iso,
 )
 
 __all__ = ["Change", "JointMonitor"]
@@ -62,6 +64,12 @@ class JointMonitor:
         }
         self._leaning: dict[Cause, tuple[bool, datetime]] = {}
         self._other: dict[Cause, tuple[object, datetime]] = {}
+        self._update_health(row.since)
+
+    @property
+    def windows(self) -> tuple[ScoreRow, ...]:
+        """The sound windows that count at present, oldest first."""
+        return tuple(self._windows)
 
     def scored(self, score: ScoreRow, origin: Origin | None = None) -> list[Change]:
         """Takes one scored window; what its quality puts in doubt does not count.  Where joints share accelerometers,
@@ -119,11 +127,16 @@ class JointMonitor:
             changes.append(self.row)
         return changes
 
+    @property
+    def _is_enough(self) -> bool:
+        """Whether there are windows enough for a judgement."""
+        # Before joints are suspected that another one may drown out, all the windows that count are waited for.
+        least = self._options.windows if self._origin and self._origin.is_open else LEAST_WINDOWS
+        return len(self._windows) >= min(least, self._options.windows)
+
     def _judge(self) -> None:
         origin = self._origin
-        # Before joints are suspected that another one may drown out, all the windows that count are waited for.
-        least = self._options.windows if origin and origin.is_open else LEAST_WINDOWS
-        if len(self._windows) < min(least, self._options.windows):
+        if not self._is_enough:
             return
         ratios = [score.score / score.level for score in self._windows]
         plays = [score.play for score in self._windows if math.isfinite(score.play)]
@@ -143,13 +156,29 @@ class JointMonitor:
 
     def _update(self, time: datetime) -> list[Change]:
         changes: list[Change] = [self._keep(change) for cause in Cause if (change := self._follow(cause, time))]
-        play = HEALTH[self._standing(Cause.PLAY)]
-        health = Health.DEGRADED if play is Health.OK and self._standing(Cause.DEVICE) else play
-        reason = "; ".join(self._alarms[cause].reason for cause in reversed(Cause) if self._standing(cause))
-        if (health, reason) != (self.row.health, self.row.reason):
-            self.row = JointRow(self.row.name, health, reason, time)
+        if self._update_health(time):
             changes.append(self.row)
         return changes
+
+    def _update_health(self, time: datetime) -> bool:
+        """Whether the health is another one, or for another reason, than before."""
+        health = HEALTH[self._standing(Cause.PLAY)]
+        reason = "; ".join(self._alarms[cause].reason for cause in reversed(Cause) if self._standing(cause))
+        if health is Health.OK and (reason := reason or self._unjudged(time)):
+            health = Health.DEGRADED
+        if (health, reason) == (self.row.health, self.row.reason):
+            return False
+        self.row = JointRow(self.row.name, health, reason, time)
+        return True
+
+    def _unjudged(self, time: datetime) -> str:
+        """Why the windows do not tell the health at present, "" when they do."""
+        if not self._is_enough:
+            return "not judged yet: too few sound windows"
+        last, hours = self._windows[-1].time, self._options.judged_within_h
+        if hours and time - last > timedelta(hours=hours):
+            return f"not judged for more than {hours:g} h: no sound window since {iso(last)[:16]}Z"
+        return ""
 
     def _follow(self, cause: Cause, time: datetime) -> Transition | None:
         """The alarm of a cause follows it, once the cause has been worse, or better, for long enough."""

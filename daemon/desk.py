@@ -63,11 +63,12 @@ class AlarmDesk:
         return [monitor.row.health for monitor in self._monitors.values()]
 
     @property
-    def known(self) -> list[Change]:
-        """What another database needs to go on with these joints: their health, and the last word on each alarm that is
-        not over."""
+    def known(self) -> list[Change | ScoreRow]:
+        """What another database needs to go on with these joints: their health, its windows, and the last word
+        on each alarm that is not over."""
         living = [one for one in self._last.values() if one.alarm.state is not AlarmState.NORMAL]
-        return [*(monitor.row for monitor in self._monitors.values()), *living]
+        monitors = self._monitors.values()
+        return [*(row for one in monitors for row in one.windows), *(one.row for one in monitors), *living]
 
     def scored(self, row: ScoreRow, origin: Origin | None = None) -> None:
         """A window has been scored; origin: whose play it may be."""

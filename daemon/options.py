@@ -108,7 +108,8 @@ class AlarmOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     play_error: median size of the play [rad], None where size does not matter; trend_days: a trend that reaches the
     level sooner is DEGRADED, 0: none is; deadband: share of its limit by which a figure has to fall until a severity is
     left; on_delay_s, off_delay_s: how long a cause has to stand, or to be gone, before it is told [s]; remind: of an
-    alarm that nobody acknowledges.
+    alarm that nobody acknowledges; judged_within_h: a joint without a sound window for so long is DEGRADED [h]; 0:
+    no limit.
     """
 
     windows: Annotated[int, Meta(ge=3, le=10000)] = 20
@@ -122,5 +123,6 @@ class AlarmOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     on_delay_s: Annotated[float, Meta(ge=0, le=86400)] = 0.0
     off_delay_s: Annotated[float, Meta(ge=0, le=86400)] = 10.0
     remind: Literal["once", "daily", "rarer"] = "daily"
+    judged_within_h: Annotated[float, Meta(ge=0)] = 24.0
     zenoh: ZenohOptions | None = None
     can: CanOptions | None = None

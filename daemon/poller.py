@@ -10,9 +10,11 @@ import logging
 import math
 import threading
 import time
-from collections import deque
+from collections import Counter, deque
 from dataclasses import dataclass, field
 from enum import Enum
+
+import numpy as np
 
 from lostmotion.daemon.bell import Bell
 from lostmotion.daemon.repeats import Condition
@@ -53,7 +55,8 @@ class Account:
     """What has become of one device; written by its poller, read by anyone.
 
     faults: by joint or accelerometer, why it is not what was expected; heard: by the same names, host time [s]
-    (monotonic) of the last data.
+    (monotonic) of the last data; asked and usable: by the same names, how many samples were asked for and how many came
+    whole.
     """
 
     state: DeviceState = DeviceState.OPENING
@@ -65,6 +68,8 @@ class Account:
     silent: int = 0
     faults: dict[str, str] = field(default_factory=dict)
     heard: dict[str, float] = field(default_factory=dict)
+    asked: Counter[str] = field(default_factory=Counter)
+    usable: Counter[str] = field(default_factory=Counter)
 
 
 @dataclass(slots=True)
@@ -123,6 +128,10 @@ class Poller:
     def fail(self, reason: str) -> None:
         """Notes that the poller itself broke down."""
         self._now(DeviceState.WRONG, reason)
+
+    def supply(self, member: str, now: float) -> tuple[float, float]:
+        """How many samples of a member should have come by host time ``now`` [s], and how many did, since any start."""
+        return self.account.asked[member], self.account.usable[member]
 
     def named(self, reason: str) -> str:
         """A reason with the device's name before it."""
@@ -191,13 +200,17 @@ class BusPoller(Poller):
         account, now = self.account, time.monotonic()
         account.lost += reading.lost
         account.silent += len(reading.silent)
+        account.asked.update(reading.silent)
         samples = reading.samples
         if account.faults:
             samples = tuple(sample for sample in samples if sample.joint not in account.faults)
         if not samples:
             return
         account.samples += len(samples)
-        account.heard.update(dict.fromkeys([sample.joint for sample in samples], now))
+        spoken = [sample.joint for sample in samples]
+        account.heard.update(dict.fromkeys(spoken, now))
+        account.asked.update(spoken)
+        account.usable.update(spoken)
         self._inbox.servo.append((self._bus.resolution_rad, samples))
         self._inbox.bell.ring()
         while self._waits and len(self._inbox.servo) > INBOX_READINGS and not self._stop.is_set():
@@ -233,8 +246,12 @@ class AccelPoller(Poller):
         if len(block.time):
             account.samples += len(block.time)
             account.heard[self.name] = time.monotonic()
+            account.usable[self.name] += int(np.count_nonzero(np.isfinite(block.accel)))
             self._ring.range_ms2 = self._sensor.range_ms2
             self._ring.push(block, self._wait)
+
+    def supply(self, member: str, now: float) -> tuple[float, float]:
+        return now / self._period, self.account.usable[member]
 
     def _gather(self) -> None:
         """Leaves hardware alone until a window has ended: a wake-up costs more than the samples it brings."""

@@ -8,9 +8,11 @@ from collections.abc import Iterator
 
 from lostmotion.daemon.attributor import Attributor, Ear
 from lostmotion.daemon.config import Config
+from lostmotion.daemon.losses import Losses
 from lostmotion.daemon.pipeline import TOGETHER_S, TOGETHER_UNHEARD_S, JointPlan, Pipeline, Scored
 from lostmotion.daemon.poller import AccelPoller, BusPoller, DeviceState, Inbox, Poller
 from lostmotion.daemon.ring import Ring
+from lostmotion.daemon.sensorcheck import SensorCheck
 from lostmotion.drivers.base import AccelerometerOptions, Driver, JointOptions, ServoSample
 from lostmotion.drivers.clock import Clock, SystemClock
 
@@ -40,12 +42,21 @@ class Robot:
         together_s = TOGETHER_S if heard else TOGETHER_UNHEARD_S
         self.pipeline = Pipeline(plans, self.rings, self._virtual, map(Attributor, _shared(config)), together_s)
         self._by_member = {member: poller for poller in self.pollers for member in poller.members}
+        self._losses = {member: Losses() for member in self._by_member}
+        self._checks = {sensor.name: self._check(sensor.name) for sensor in config.accelerometers}
+        self._check_of = {joint.name: self._checks[joint.accelerometer] for joint in config.joints}
         self._started = time.monotonic()
 
     def step(self) -> list[Scored]:
         """Takes what came in since the last call; the windows that are done."""
         self._listen()
-        return self.pipeline.step(self.clock.now())
+        now = self.clock.now()
+        done = self.pipeline.step(now)
+        for scored in done:
+            self._check_of[scored.score.joint].scored(scored.window, scored.score)
+        for check in self._checks.values():
+            check.look(now)
+        return done
 
     def _listen(self) -> None:
         """Hands on what the joints said, the readings of one bus together."""
@@ -56,6 +67,8 @@ class Robot:
             spoken.setdefault(resolution_rad, []).extend(samples)
         for resolution_rad, together in spoken.items():
             self.pipeline.servo(together, resolution_rad)
+            for check in self._checks.values():
+                check.moved(together)
         for poller in ended:
             if isinstance(poller, BusPoller):
                 for joint in poller.members:
@@ -73,25 +86,31 @@ class Robot:
         return ended and not self.inbox.servo and not self.pipeline.open_windows
 
     def fault(self, joint: JointOptions) -> str | None:
-        """What keeps a joint from being heard, "" when nothing does; None while its devices have not shown it yet."""
+        """What keeps a joint from being measured, "" for nothing; None while its devices have not shown it yet."""
         faults = [self._fault(member) for member in (joint.name, joint.accelerometer)]
         if None in faults and not any(faults):
             return None
-        return "; ".join(dict.fromkeys(fault for fault in faults if fault))
+        told = "; ".join(dict.fromkeys(fault for fault in faults if fault))
+        return told or self._check_of[joint.name].fault(joint.name)  # bad windows follow from a bad device
 
     def _fault(self, member: str) -> str | None:
         poller = self._by_member[member]
-        account = poller.account
+        account, losses = poller.account, self._losses[member]
+        if account.state is not DeviceState.READING:
+            losses.clear()
         if account.state is not DeviceState.RETRYING and member in account.faults:
             return account.faults[member]
         if account.state in BAD:
             return poller.named(account.reason)
         if self._virtual or account.state is DeviceState.ENDED:
             return ""
-        heard = account.heard.get(member)
-        if time.monotonic() - (heard or self._started) > DEAD_S and account.state is DeviceState.READING:
+        heard, now = account.heard.get(member), time.monotonic()
+        if now - (heard or self._started) > DEAD_S and account.state is DeviceState.READING:
             return f"{member}: no data for more than {DEAD_S:g} s from {poller.name}"
-        return None if heard is None else ""
+        if heard is None:
+            return None
+        lost = losses.fault(now, *poller.supply(member, now))
+        return lost and f"{member}: {lost}: a line that is too slow or noisy, or a loose plug"
 
     @property
     def samples(self) -> int:
@@ -106,6 +125,12 @@ class Robot:
     def _ring(self, sensor: AccelerometerOptions) -> Ring:
         seconds = VIRTUAL_RING_S if self._virtual else RING_S
         return Ring(max(int(seconds * sensor.rate_hz), 1024), self.inbox.bell)
+
+    def _check(self, sensor: str) -> SensorCheck:
+        arms = {joint.name: self.config.levers(joint) for joint in self.config.joints}
+        return SensorCheck(
+            sensor, self.rings[sensor], {joint: of[sensor] for joint, of in arms.items() if sensor in of}
+        )
 
     def _buses(self) -> Iterator[BusPoller]:
         for joints in self.config.buses():

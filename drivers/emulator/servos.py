@@ -35,6 +35,10 @@ class VirtualServo:
         pack_into("<H", self._table, 0, model.number)
         self._table[ID_ADDRESS[model.protocol]] = id
 
+    def hold(self, angle: float = 0.0) -> None:
+        """From now on it stands at an angle [rad]."""
+        self._held = angle
+
     def state(self, now: float) -> ServoState:
         """What it would tell of itself at a time [s]."""
         if self._held is not None:

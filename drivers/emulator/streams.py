@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+import random
+
+import numpy as np
 
 from lostmotion.drivers.codec import witmotion
-from lostmotion.drivers.emulator.motion import Motion
+from lostmotion.drivers.emulator.motion import NOISE_MS2, Motion
 
 __all__ = ["CsvStream", "TextStream", "WitMotionStream"]
 
 COUNTER = 2**32
+GRAVITY_MS2 = 9.81
 AWAKE_S = 1.0
 """a device that has not been served for this long was off"""
 
@@ -17,7 +21,8 @@ AWAKE_S = 1.0
 class _Stream:
     """Sends sample after sample of a tabulated signal, in bursts as a USB adapter does.
 
-    ``insert`` puts foreign bytes into the stream; ``skip`` loses samples.
+    ``insert`` puts foreign bytes into the stream; ``skip`` loses samples.  Until it is taken back: ``held`` sends the
+    same sample again and again, ``lossy`` is the share of the bytes that is lost.
     """
 
     def __init__(self, table: list[bytes], rate_hz: float, burst_s: float) -> None:
@@ -27,6 +32,9 @@ class _Stream:
         self._inserted = b""
         self._next = 0
         self._due = -math.inf
+        self.held = False
+        self.lossy = 0.0
+        self._dice = random.Random(1)
 
     def insert(self, data: bytes) -> None:
         """These bytes come before the next sample."""
@@ -51,23 +59,25 @@ class _Stream:
         start, self._next = min(self._next, end), max(self._next, end)
         self._due += self._burst
         data, self._inserted = self._inserted, b""
-        return data + b"".join([self._sample(index) for index in range(start, end)])
+        data += b"".join([self._sample(index) for index in range(start, end)])
+        return bytes(byte for byte in data if self._dice.random() >= self.lossy) if self.lossy else data
 
     def _sample(self, index: int) -> bytes:
-        return self._table[index % len(self._table)]
+        return self._table[0 if self.held else index % len(self._table)]
 
 
 class WitMotionStream(_Stream):
-    """A WitMotion sensor sending acceleration frames; the bar moves along one axis, gravity lies on z."""
+    """A WitMotion sensor sending acceleration frames; the bar moves along one axis, gravity is on z, all are noisy."""
 
     def __init__(self, motion: Motion, rate_hz: float = 200.0, axis: str = "x", burst_s: float = 0.005) -> None:
-        raw = [round(value / witmotion.FULL_SCALE_MS2 * 32768) for value in motion.tip(rate_hz)]
-        at = "xyz".index(axis)
+        tip = motion.tip(rate_hz)
+        axes = np.random.default_rng(2).normal(0, NOISE_MS2, (3, tip.size))
+        axes[2] += GRAVITY_MS2
+        axes["xyz".index(axis)] = tip
+        raw = np.clip(np.rint(axes / witmotion.FULL_SCALE_MS2 * 32768), -32768, 32767).astype(int)
         frames = []
-        for value in raw:
-            values = [0, 0, 2048, 2500]
-            values[at] = max(-32768, min(32767, value))
-            frame = witmotion.WitFrame(witmotion.ACCELERATION, (values[0], values[1], values[2], values[3]))
+        for values in raw.T.tolist():
+            frame = witmotion.WitFrame(witmotion.ACCELERATION, (*values, 2500))
             frames.append(witmotion.encode(frame))
         super().__init__(frames, rate_hz, burst_s)
 
@@ -85,7 +95,7 @@ class CsvStream(_Stream):
         self._tick_us = 1e6 / rate_hz * (1 + ppm * 1e-6)
 
     def _sample(self, index: int) -> bytes:
-        value = self._table[index % len(self._table)]
+        value = super()._sample(index)
         return b"%d,%b" % ((self.clock_us + round(index * self._tick_us)) % COUNTER, value) if self._stamps else value
 
 

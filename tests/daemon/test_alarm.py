@@ -75,9 +75,11 @@ def test_the_last_windows_decide(above: int, ratio: float, health: Health) -> No
 
 
 def test_a_few_windows_say_nothing() -> None:
-    """Four loud windows after a start change nothing yet, the fifth does; three do where three are all that count."""
+    """Four loud windows after a start change nothing yet, the fifth does; three do where three are all that count.
+    Until then the joint is not OK, and there is no alarm."""
     joint = monitor()
     assert feed(joint, 9, 9, 9, 9) == []
+    assert joint.row == JointRow("elbow", Health.DEGRADED, "not judged yet: too few sound windows", NOON)
     assert feed(joint, 9) != []
     few = monitor(windows=3)
     assert feed(few, 9, 9) == []
@@ -136,7 +138,29 @@ def test_doubtful_windows_do_not_count() -> None:
     """A clipped or gappy window is stored, but no evidence."""
     joint = monitor()
     assert [change for k in range(20) for change in joint.scored(score(9.0, k, "clipped"))] == []
-    assert joint.row.health is Health.OK
+    assert joint.row.reason == "not judged yet: too few sound windows"
+
+
+def test_evidence_grows_old() -> None:
+    """A joint that was OK is DEGRADED, without an alarm, an hour after its last sound window where that is the limit;
+    the next sound window makes it OK again, and with no limit it stays OK."""
+    joint, patient = monitor(judged_within_h=1.0), monitor(judged_within_h=0.0)
+    for one in (joint, patient):
+        feed(one, *[0.5] * 5)
+        assert one.row.health is Health.OK
+        assert one.tick(at(4 + 3600)) == one.scored(score(9.0, 3610, "flat")) == []
+    assert joint.tick(at(4 + 3601)) == [joint.row]
+    reason = "not judged for more than 1 h: no sound window since 2026-01-31T12:00Z"
+    assert joint.row == JointRow("elbow", Health.DEGRADED, reason, at(3605))
+    assert joint.scored(score(0.5, 4000)) == [JointRow("elbow", Health.OK, "", at(4000))]
+    assert patient.tick(at(1e7)) == []
+
+
+@pytest.mark.parametrize(("count", "health"), [(4, Health.DEGRADED), (5, Health.OK)])
+def test_a_restart_needs_evidence(count: int, health: Health) -> None:
+    """What an earlier run called OK is so only with five sound windows among the last ones."""
+    rows = [score(0.5, second, "flat") for second in range(5)] + [score(0.5, 5 + second) for second in range(count)]
+    assert JointMonitor(JointRow("elbow", Health.OK, "", at(3)), OPTIONS, rows).row.health is health
 
 
 def test_delays_keep_chatter_away() -> None:
@@ -263,7 +287,7 @@ def test_play_of_another_joint_is_no_alarm() -> None:
     to be."""
     others = Origin({"elbow": 0.4, "wrist": 0.99}, 30)
     joint = monitor()
-    assert [change for k in range(10) for change in joint.scored(score(3, k), others)] == []
+    assert not events([change for k in range(10) for change in joint.scored(score(3, k), others)])
     assert joint.row.health is Health.OK
     unclear = Origin({"elbow": 0.6, "wrist": 0.5}, 30)
     assert (RAISED, Severity.WARNING) in events(joint.scored(score(3, 10), unclear))
@@ -276,5 +300,5 @@ def test_suspicion_waits_for_all_windows() -> None:
     unclear, named = Origin({"elbow": 0.6, "wrist": 0.5}, 3), Origin({"elbow": 0.99, "wrist": 0.5}, 3)
     for origin, needed in ((unclear, 10), (named, 5), (None, 5)):
         joint = monitor()
-        raised = [bool(joint.scored(score(3, k), origin)) for k in range(10)]
+        raised = [bool(events(joint.scored(score(3, k), origin))) for k in range(10)]
         assert raised.index(True) == needed - 1

@@ -149,7 +149,7 @@ def test_lever_arms() -> None:
         (
             "[alarm.zenoh]",
             "[alarm]\nlimit = 3\n[alarm.zenoh]",
-            "alarm.limit: unknown key; there are can, deadband, degraded, error, off_delay_s, on_delay_s, play_error, ",
+            "alarm.limit: unknown key; there are can, deadband, degraded, error, judged_within_h, off_delay_s, ",
         ),
         ("[alarm.zenoh]", "[alarm]\nof_delay_s = 3\n[alarm.zenoh]", "did you mean off_delay_s?"),
         ("[alarm.zenoh]", "[alarm]\ndeadband = 1\n[alarm.zenoh]", "alarm.deadband: found 1; expected a number < 1"),

@@ -154,8 +154,8 @@ def test_a_wrong_servo_is_an_alarm_and_the_others_go_on(tmp_path: Path, start: S
     path = tmp_path / "fake.toml"
     path.write_text(fake_config(tmp_path, joints=["elbow", "impostor"]))
     service = start(path)
-    wait_until(lambda: count(tmp_path / "history.db") >= 3)
-    service.wait_for("health joint=impostor health=DEGRADED")
+    wait_until(lambda: count(tmp_path / "history.db") >= 6)
+    service.wait_for("alarm joint=impostor")
     service.stop(signal.SIGTERM)
     with open_readonly(tmp_path / "history.db") as reader:
         healths = [(row.name, row.health) for row in reader.joints()]
@@ -266,7 +266,7 @@ oscillator = {{ f_res_hz = 58.0 }}
 def test_a_robot_is_unplugged_and_plugged_in_again(tmp_path: Path, start: Start) -> None:
     """Ports missing at the start are waited for; a bus unplugged on the way is an alarm until it is back, and all the
     while systemd hears of life."""
-    motion = Motion(play=0.0)
+    motion = Motion(play=0.0, levers=(0.1, 0.1))
     path = hardware(tmp_path, str(tmp_path / "port.0"), str(tmp_path / "port.1"))
     path.write_text(path.read_text() + "[alarm]\noff_delay_s = 0\n")
     service = start(path, NOTIFY_SOCKET=str(tmp_path / "notify"), WATCHDOG_USEC="900000")
@@ -301,7 +301,7 @@ def test_another_device_on_the_port_is_told(tmp_path: Path, start: Start) -> Non
     motion = Motion()
     with Emulator(ServoLine.of("AX-12A", [1, 2], motion), TextStream()) as emulator:
         service = start(hardware(tmp_path, *emulator.paths))
-        log = service.wait_for("health joint=elbow health=DEGRADED")
+        log = service.wait_for("alarm joint=elbow")
         assert service.stop(signal.SIGTERM) == 0
     assert re.search(r"tip: wrong device: found .*expected ", log)
     assert "tip: tip:" not in log
@@ -334,6 +334,8 @@ def test_alarms_outlive_a_database_that_is_damaged_in_use(tmp_path: Path, start:
     service.wait_for("alarm joint=impostor cause=device severity=error event=raised")
     ask(database, Request(0, "impostor", Verb.ACK, by="anna"), datetime.now(UTC))
     service.wait_for("event=acknowledged")
+    service.wait_for("health joint=elbow health=OK")
+    wait_until(lambda: known(database)[1][0].health is Health.OK)
     before = known(database)
     for file in (database, Path(f"{database}-wal")):
         with file.open("r+b") as pages:

@@ -1,0 +1,129 @@
+"""Whether an accelerometer measures its joints at all: what their windows and their motion show of it.
+
+A joint without sound evidence must not be called healthy.  Two kinds of evidence are followed here: the quality of the
+last windows, and whether the readings follow the measured motion.  What a driver itself notices (a missing port, no
+bytes) is the poller's, lost samples are ``losses.py``'s.  No clock, no I/O.
+"""
+
+from __future__ import annotations
+
+import math
+from array import array
+from bisect import bisect_left
+from collections import Counter, deque
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from lostmotion.daemon.ring import Ring
+from lostmotion.detector.lever import levers
+from lostmotion.detector.quality import FULL_SCALE
+from lostmotion.detector.window import FloatArray, Score, Window
+from lostmotion.drivers.base import ServoSample
+
+__all__ = ["LAST", "SensorCheck"]
+
+LAST, SOUND_AGAIN = 10, 5
+"""windows that are looked at; with none of them sound the sensor has failed, until so many are sound again"""
+SPAN_S = 4.0
+"""stretch of motion that is compared with the readings [s]"""
+FIRST_PACE_S, PACE_S = 5.0, 30.0
+"""how often it is compared: until the verdicts are in, and then [s]"""
+VERDICTS = 5
+"""so many comparisons in a row have to find no motion"""
+FELT = 0.25
+"""a sensor shows less than this share of the lever: it does not measure the joint's motion.  A bar mounted askew by 45
+degrees shows 0.7, a lever that nobody has configured more than 1"""
+SURE = 3.0
+"""standard errors between the lever and that share"""
+BRISK = 3.0
+"""rms of the joint's acceleration that is compared [rad/s²]: an angle that flickers by 5 mrad at rest shows 0.3"""
+LARGEST_STEP = 0.5
+"""angles that jump by more between two samples are those of a counter that has wrapped [rad]"""
+KINDS = ("flat", "clipped", "gappy", "short")
+CAUSES = {
+    "clipped": "reaches the end of its range in every window: its range is too small for this bar",
+    "gappy": "loses samples in every window: the line is too slow or noisy, or rate_hz is wrong",
+    "short": "has no samples for part of every window: the line is too slow or noisy, or rate_hz is wrong",
+}
+
+
+class SensorCheck:
+    """One accelerometer and the joints that move it; levers: their arms [m], by name."""
+
+    def __init__(self, sensor: str, ring: Ring, levers_m: Mapping[str, float]) -> None:
+        self._sensor = sensor
+        self._ring = ring
+        self._levers = dict(levers_m)
+        self._moved = {joint: (array("d"), array("d")) for joint in levers_m}
+        self._due = -math.inf
+        self._windows: dict[str, deque[str]] = {joint: deque(maxlen=LAST) for joint in levers_m}
+        self._unsound: dict[str, str] = {}
+        self._felt: dict[str, deque[bool]] = {joint: deque(maxlen=VERDICTS) for joint in levers_m}
+
+    def moved(self, samples: Iterable[ServoSample]) -> None:
+        """Takes measured angles of the joints, each in time order; others' samples are passed over."""
+        for sample in samples:
+            if sample.joint in self._moved and sample.position == sample.position:
+                times, angles = self._moved[sample.joint]
+                times.append(sample.time)
+                angles.append(sample.position)
+
+    def scored(self, window: Window, score: Score) -> None:
+        """Takes a window of one of the joints.  One of little excitation says nothing of the sensor, unless something
+        else is wrong with it."""
+        kinds = set(score.quality.split(",")) - {"gentle"}
+        if not kinds:
+            return
+        seen = self._windows[window.joint]
+        seen.append("ok" if kinds == {"ok"} else next((kind for kind in KINDS if kind in kinds), "gappy"))
+        sound = seen.count("ok")
+        if len(seen) == LAST and not sound and window.joint not in self._unsound:
+            (kind, _), *_ = Counter(seen).most_common()
+            cause = _held(window.accel, self._ring.range_ms2) if kind == "flat" else CAUSES[kind]
+            self._unsound[window.joint] = f"{self._sensor} {cause} (no sound window in {LAST})"
+        elif sound >= SOUND_AGAIN:
+            self._unsound.pop(window.joint, None)
+
+    def look(self, now: float) -> None:
+        """Compares readings and motion when that is due, at robot time ``now`` [s]."""
+        if now < self._due:
+            return
+        decided = all(len(felt) == VERDICTS and len(set(felt)) == 1 for felt in self._felt.values())
+        self._due = now + (PACE_S if decided else FIRST_PACE_S)
+        moved = self._stretch()
+        found = levers(*self._ring.slice(now - SPAN_S, math.inf), moved) if moved else None
+        for joint, lever in zip(self._moved, found, strict=True) if found else ():
+            limit = FELT * abs(self._levers[joint])
+            if lever.motion >= BRISK and abs(abs(lever.value) - limit) > SURE * lever.error:
+                self._felt[joint].append(abs(lever.value) > limit)
+
+    def fault(self, joint: str) -> str:
+        """What keeps the sensor from measuring this joint, "" for nothing known."""
+        if joint in self._unsound:
+            return self._unsound[joint]
+        felt = self._felt[joint]
+        if len(felt) == VERDICTS and not any(felt):
+            return f"{self._sensor} does not feel the motion of {joint}: wrong axis, loose, or on another link"
+        return ""
+
+    def _stretch(self) -> Sequence[tuple[FloatArray, FloatArray]]:
+        """The last angles of every joint; none where one of them is not measured, or has jumped."""
+        for times, angles in self._moved.values():
+            gone = bisect_left(times, times[-1] - SPAN_S) if times else 0
+            del times[:gone], angles[:gone]
+        stretches = [(np.array(times), np.array(angles)) for times, angles in self._moved.values()]
+        whole = all(
+            len(times) > 2 and (np.diff(times) > 0).all() and np.abs(np.diff(angles)).max() < LARGEST_STEP
+            for times, angles in stretches
+        )
+        return stretches if whole else ()
+
+
+def _held(accel: FloatArray, range_ms2: float) -> str:
+    """What a sensor that shows one value may suffer from."""
+    finite = accel[np.isfinite(accel)]
+    value = float(finite[0]) if finite.size else math.nan
+    if abs(value) >= FULL_SCALE * range_ms2:
+        return f"stays at the end of its range, {value:.3g} m/s²: a broken wire, or gravity and a small range"
+    return f"shows the same value all the time, {value:.3g} m/s²: wrong axis, a broken wire, or a sensor that hangs"

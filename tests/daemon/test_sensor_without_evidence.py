@@ -1,0 +1,240 @@
+"""A sensor that measures nothing of its joint is a device alarm with its cause, and the joint is never OK by it: the
+service on emulated hardware, asked by the command line."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lostmotion.daemon.bell import Bell
+from lostmotion.daemon.losses import Losses
+from lostmotion.daemon.reader import open_readonly
+from lostmotion.daemon.records import Health
+from lostmotion.daemon.ring import Ring
+from lostmotion.daemon.sensorcheck import FIRST_PACE_S, LAST, SensorCheck
+from lostmotion.detector.window import Score, Window
+from lostmotion.drivers.base import AccelBlock, FloatArray, ServoSample
+from lostmotion.drivers.emulator import Emulator, Motion, ServoLine, WitMotionStream
+from tests.daemon.cli_world import HARDWARE, call
+from tests.daemon.conftest import Running, wait_until
+
+Start = Callable[..., Running]
+
+
+class Railed(Motion):
+    """The sensor stays at the end of its range."""
+
+    def tip(self, rate_hz: float) -> FloatArray:
+        return np.full(round(20 * rate_hz), 400.0)
+
+
+class Loud(Motion):
+    """The bar moves far beyond the sensor's range."""
+
+    def tip(self, rate_hz: float) -> FloatArray:
+        return 100 * super().tip(rate_hz)
+
+
+def configured(folder: Path, emulator: Emulator, axis: str = "x") -> Path:
+    """An arm with one joint, on the emulator's ports."""
+    servos, sensor = emulator.paths
+    text = HARDWARE.replace("no-such-port-0", servos).replace("no-such-port-1", sensor)
+    path = folder / "robot.toml"
+    path.write_text(text.replace("history.db", str(folder / "history.db")).replace(
+        "rate_hz = 200", f'rate_hz = 200\naxis = "{axis}"') + "[alarm]\noff_delay_s = 0\n")  # fmt: skip
+    return path
+
+
+def is_healthy(folder: Path) -> bool:
+    """What `lostmotion status --fail` says by its exit status and its only joint."""
+    told = call("status", "--database", folder / "history.db", "--fail", "--json")
+    (joint,) = json.loads(told.stdout)["joints"]
+    assert told.exit_code == bool(joint["alarms"])
+    return bool(joint["health"] == "OK")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("motion", "said"),
+    [
+        (Railed(), "tip stays at the end of its range, 157 m/s²: a broken wire, or gravity and a small range"),
+        (
+            Loud(),
+            "tip reaches the end of its range in every window: its range is too small for this bar",
+        ),
+    ],
+)
+def test_a_sensor_at_the_end_of_its_range(tmp_path: Path, start: Start, motion: Motion, said: str) -> None:
+    """It stays there, or reaches it in every window: an alarm that says which after ten windows, and never OK."""
+    with Emulator(ServoLine.of("AX-12A", [3], motion), WitMotionStream(motion)) as emulator:
+        service = start(configured(tmp_path, emulator))
+        log = service.wait_for("alarm joint=elbow cause=device severity=error event=raised")
+        assert not is_healthy(tmp_path)
+        assert service.stop(signal.SIGTERM) == 0
+    assert said in log
+    assert "(no sound window in 10)" in log
+    assert "health=OK" not in service.log.read_text()
+
+
+@pytest.mark.slow
+def test_a_value_that_is_held(tmp_path: Path, start: Start) -> None:
+    """A joint that is OK is not any more when its sensor hangs, and is again when the sensor moves on."""
+    motion = Motion(play=0.0)
+    stream = WitMotionStream(motion)
+    with Emulator(ServoLine.of("AX-12A", [3], motion), stream) as emulator:
+        service = start(configured(tmp_path, emulator))
+        service.wait_for("health joint=elbow health=OK")
+        wait_until(lambda: is_healthy(tmp_path))
+        stream.held = True
+        log = service.wait_for("health joint=elbow health=DEGRADED", 2)
+        assert not is_healthy(tmp_path)
+        stream.held = False
+        service.wait_for("health joint=elbow health=OK", 2)
+        assert service.stop(signal.SIGTERM) == 0
+    assert re.search(r"tip shows the same value all the time, -?\d\.\d+ m/s²: wrong axis, a broken wire, or a", log)
+
+
+@pytest.mark.slow
+def test_the_wrong_axis_is_told_within_a_minute(tmp_path: Path, start: Start) -> None:
+    """An arm measured along y while the bar moves along x: noise looks sound, and shows none of the motion."""
+    motion = Motion()
+    with Emulator(ServoLine.of("AX-12A", [3], motion), WitMotionStream(motion)) as emulator:
+        service = start(configured(tmp_path, emulator, axis="y"))
+        log = service.wait_for("alarm joint=elbow cause=device severity=error event=raised", timeout_s=60)
+        assert not is_healthy(tmp_path)
+        assert service.stop(signal.SIGTERM) == 0
+    assert "tip does not feel the motion of elbow: wrong axis, loose, or on another link" in log
+
+
+@pytest.mark.slow
+def test_a_line_that_loses_three_bytes_of_ten(tmp_path: Path, start: Start) -> None:
+    """Hardly any frame of eleven bytes is whole: an alarm that tells the loss, or the windows that follow from it,
+    within a minute."""
+    motion = Motion(play=0.0)
+    stream = WitMotionStream(motion)
+    with Emulator(ServoLine.of("AX-12A", [3], motion), stream) as emulator:
+        service = start(configured(tmp_path, emulator))
+        service.wait_for("health joint=elbow health=OK")
+        stream.lossy = 0.3
+        log = service.wait_for("event=raised", timeout_s=60)
+        assert not is_healthy(tmp_path)
+        wait_until(lambda: "of the samples were lost within" in service.log.read_text(), 60)
+        assert service.stop(signal.SIGTERM) == 0
+    assert re.search(r"tip: \d\d% of the samples were lost|tip (loses samples|has no samples)|tip: no data", log)
+
+
+# --- without hardware: the two checks alone ---------------------------------------------------------------------------
+
+
+def check(levers: dict[str, float], felt: dict[str, float], noise: float = 0.05, seconds: float = 60.0) -> SensorCheck:
+    """A check that has seen a minute of two joints that move, and of a sensor that feels ``felt`` of them [m]."""
+    rng, rate = np.random.default_rng(7), 200.0
+    ring = Ring(8000, Bell())
+    sensor = SensorCheck("tip", ring, levers)
+    shift = {"elbow": 0.0, "wrist": 1.7}
+    times = np.arange(0, seconds, 1 / rate)
+    waves = {name: Motion().goal for name in levers}
+    accel = rng.normal(0, noise, times.size)
+    for name, arm in felt.items():
+        fine = np.array([waves[name](time + shift[name]) for time in np.arange(-0.1, seconds + 0.1, 1e-3)])
+        curved = np.gradient(np.gradient(np.convolve(fine, np.ones(20) / 20, "same"), 1e-3), 1e-3)
+        accel += arm * np.interp(times, np.arange(-0.1, seconds + 0.1, 1e-3), curved)
+    step = FIRST_PACE_S
+    for begin in np.arange(0, seconds, step):
+        at = (times >= begin) & (times < begin + step)
+        ring.push(AccelBlock(times[at], accel[at]))
+        for time in np.arange(begin, begin + step, 0.01):
+            sensor.moved(ServoSample(name, time, 0.0, waves[name](time + shift[name])) for name in levers)
+        sensor.look(begin + step)
+    return sensor
+
+
+@pytest.mark.parametrize(
+    ("felt", "missing"),
+    [
+        ({"elbow": 0.1, "wrist": 0.1}, []),
+        ({"elbow": -0.05, "wrist": 0.3}, []),
+        ({"elbow": 0.1}, ["wrist"]),
+        ({}, ["elbow", "wrist"]),
+    ],
+)
+def test_which_joints_a_sensor_feels(felt: dict[str, float], missing: list[str]) -> None:
+    """Of two joints with arms of 0.1 m those that move the sensor not at all are told, half an arm and the other sign
+    are not."""
+    sensor = check({"elbow": 0.1, "wrist": 0.1}, felt)
+    assert [joint for joint in ("elbow", "wrist") if "does not feel" in sensor.fault(joint)] == missing
+
+
+def test_a_joint_at_rest_accuses_no_sensor() -> None:
+    """An angle that flickers by a servo's step of 5 mrad, and one that hardly moves, are no motion to be felt."""
+    rng, ring = np.random.default_rng(3), Ring(8000, Bell())
+    sensor = SensorCheck("tip", ring, {"elbow": 0.1, "wrist": 0.1})
+    for begin in range(0, 100, 5):
+        times = np.arange(begin, begin + 5, 0.005)
+        ring.push(AccelBlock(times, rng.normal(0, 1e-3, times.size)))
+        flicker = rng.integers(0, 2, 500) * 5.1e-3
+        for time, angle in zip(np.arange(begin, begin + 5, 0.01), flicker, strict=True):
+            slow = 0.3 * np.sin(0.5 * time)
+            sensor.moved([ServoSample("elbow", time, 0.0, angle), ServoSample("wrist", time, 0.0, slow)])
+        sensor.look(begin + 5.0)
+    assert sensor.fault("elbow") == sensor.fault("wrist") == ""
+
+
+def window(quality: str, value: float = 0.0) -> tuple[Window, Score]:
+    """A window of this quality."""
+    accel = np.full(50, value)
+    return Window("elbow", 0.0, 0.25, np.arange(50) / 200, accel, 200.0), Score(
+        "elbow", 0.0, 0.25, 1.0, 8.0, impact=False, quality=quality
+    )
+
+
+def test_ten_unsound_windows_are_a_fault_and_five_sound_ones_its_end() -> None:
+    """Nine are none; gentle ones count as neither; the words stay the same while it lasts."""
+    sensor = SensorCheck("tip", Ring(1000, Bell()), {"elbow": 0.1})
+    for _ in range(LAST - 1):
+        sensor.scored(*window("flat"))
+        sensor.scored(*window("gentle"))
+    assert sensor.fault("elbow") == ""
+    sensor.scored(*window("flat,gentle"))
+    assert sensor.fault("elbow").startswith("tip shows the same value all the time, 0 m/s²")
+    for quality in (*["gappy"] * LAST, *["ok"] * 4):
+        sensor.scored(*window(quality))
+        assert sensor.fault("elbow").startswith("tip shows the same value all the time, 0 m/s²")
+    sensor.scored(*window("ok"))
+    assert sensor.fault("elbow") == ""
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.18, ""), (0.22, "22% of the samples were lost within 10 s")])
+def test_a_rate_of_losses(share: float, told: str) -> None:
+    """More than a fifth, over ten seconds at least, is told; it is over when under a tenth is lost in half a minute."""
+    losses = Losses()
+    said = [losses.fault(float(s), 200.0 * s, 200.0 * s * (1 - share)) for s in range(61)]
+    assert set(said[:10]) == {""}
+    assert said[60] == told
+    got = 200.0 * 60 * (1 - share)
+    later = [losses.fault(60.0 + s, 200.0 * (60 + s), got + 200.0 * s) for s in range(31)]
+    assert later[5] == told
+    assert later[-1] == ""
+
+
+def test_a_fresh_joint_is_not_ok(tmp_path: Path, start: Start) -> None:
+    """A servo that holds still: nothing is wrong and nothing is known, so no alarm, and DEGRADED with the reason."""
+    motion = Motion()
+    line, stream = ServoLine.of("AX-12A", [3], motion), WitMotionStream(motion)
+    line.servos[3].hold()
+    with Emulator(line, stream) as emulator:
+        service = start(configured(tmp_path, emulator))
+        service.wait_for("tip: reading")
+        wait_until(lambda: (tmp_path / "history.db").exists())
+        assert not is_healthy(tmp_path)
+        assert service.stop(signal.SIGTERM) == 0
+    with open_readonly(tmp_path / "history.db") as reader:
+        (row,) = reader.joints()
+        assert (row.health, row.reason) == (Health.DEGRADED, "not judged yet: too few sound windows")
+        assert reader.alarms() == []
