@@ -9,7 +9,6 @@ from __future__ import annotations
 import difflib
 import os
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,7 +17,7 @@ from typing import Any, TypeVar, cast
 import msgspec
 from msgspec import inspect
 
-from lostmotion.daemon import config_notes, crosscheck
+from lostmotion.daemon import bounds, config_notes, crosscheck
 from lostmotion.daemon.options import (
     AlarmOptions,
     DetectorOptions,
@@ -30,6 +29,7 @@ from lostmotion.daemon.options import (
 from lostmotion.detector.window import DetectorSettings
 from lostmotion.drivers import registry
 from lostmotion.drivers.base import AccelerometerOptions, Driver, JointOptions, RobotOptions
+from lostmotion.drivers.codec import toml_text
 from lostmotion.drivers.errors import DriverError, LostmotionError, UnknownDriverError
 
 __all__ = ["Config", "ConfigError", "default", "load", "loads"]
@@ -39,6 +39,8 @@ Table = dict[str, Any]
 WORDS = {"float": "a number", "int": "a whole number", "str": "a text", "bool": "true or false", "object": "a table",
          "array": "a list"}  # fmt: skip
 """what msgspec's names of types mean to a person"""
+MOST_CHARACTERS = 1_000_000
+"""in a configuration; 1000 joints take a fifth of it"""
 OWN_TABLES = ("robot", "store", "accelerometer", "joint", "detector", "alarm", "metrics")
 
 
@@ -73,8 +75,11 @@ class Config:
 
     @property
     def database(self) -> Path:
-        """Where the database lies."""
-        return Path(self.store.path).expanduser() if self.store.path else state_folder() / "history.db"
+        """Where the database lies.  Raises ConfigError when ``~`` stands for no folder."""
+        try:
+            return Path(self.store.path).expanduser() if self.store.path else state_folder() / "history.db"
+        except RuntimeError as error:  # no such user, or one without a home
+            raise ConfigError(f"store.path: found {self.store.path!r}, expected a path; {error}") from error
 
     def joint(self, name: str) -> JointOptions:
         """The joint of that name.  Raises ConfigError."""
@@ -120,10 +125,17 @@ class Config:
 def load(path: Path) -> Config:
     """Reads and checks a file.  Raises ConfigError."""
     try:
-        text = path.read_text(encoding="utf-8-sig")  # editors on Windows begin a file with a mark
+        if path.is_fifo() and not path.is_relative_to("/dev"):  # a shell's <(…) is in /dev
+            raise ConfigError(f"{path}: found a pipe, expected a file: nobody may ever write into it")
+        with path.open(encoding="utf-8-sig") as file:  # editors on Windows begin a file with a mark
+            text = file.read(MOST_CHARACTERS + 1)
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
         raise ConfigError(f"{path}: cannot be read: {reason}; a configuration file was expected here") from error
+    if len(text) > MOST_CHARACTERS:
+        raise ConfigError(
+            f"{path}: found more than {MOST_CHARACTERS} characters, expected a configuration; is it another file?"
+        )
     return loads(text, str(path))
 
 
@@ -135,12 +147,12 @@ def default() -> Config:
 def loads(text: str, where: str) -> Config:
     """Checks a configuration given as text; ``where`` names it in messages.  Raises ConfigError."""
     try:
-        config = _decode(tomllib.loads(text))
+        tables = toml_text.loads(text)
+        bounds.check(tables, "", _path)
+        config = _decode(tables)
         crosscheck.check(config)
         return replace(config, notes=config_notes.notes(config))
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{where}: no valid TOML: {error}") from error
-    except (ConfigError, crosscheck.CrossCheckError, DriverError) as error:
+    except (toml_text.TomlError, bounds.BoundsError, ConfigError, crosscheck.CrossCheckError, DriverError) as error:
         raise ConfigError(f"{where}: {error}") from error
 
 
@@ -193,8 +205,9 @@ def _list_of_tables(tables: Table, name: str) -> list[Table]:
     return found
 
 
-def _path(kind: str, index: int, table: Table) -> str:
-    name = table.get("name")
+def _path(kind: str, index: int, table: object) -> str:
+    """``joint 'elbow'``, or where there is no name, ``joint[1]``."""
+    name = table.get("name") if isinstance(table, dict) else None
     return f"{kind} {name!r}" if isinstance(name, str) else f"{kind}[{index}]"
 
 

@@ -5,14 +5,13 @@ Nothing is opened; of the file system only whether the database's path is a fold
 
 from __future__ import annotations
 
-import math
+import errno
 import os
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from ipaddress import ip_address
 from typing import TYPE_CHECKING
-
-import msgspec
 
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.score import validate
@@ -31,7 +30,7 @@ WINDOW_S = (0.02, 5.0)
 """a window has to hold a ring-down, and to fit four times into the ring of samples (robot.py)"""
 MOST_CAN_JOINTS = 255
 ENDPOINT = re.compile(r"(tcp|udp|tls|quic|ws)/\S+:\d+([?#]\S*)?|(serial|unixsock-stream|unixpipe|vsock)/\S+")
-LISTEN = re.compile(r"(\d+\.\d+\.\d+\.\d+|\[[0-9a-fA-F:.]+\]):(\d+)")
+LISTEN = re.compile(r"([\d.]+|\[[0-9a-fA-F:.]+\]):(\d{1,5})", re.ASCII)
 SAFE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
 
 
@@ -91,12 +90,6 @@ def _ranges(config: Config) -> None:
         _within(f"{path}.oscillator.f_res_hz", sensor.oscillator.f_res_hz, 0.1, 50_000.0)
         _within(f"{path}.oscillator.zeta", sensor.oscillator.zeta, 1e-5, 0.99)
         _within(f"{path}.oscillator.length_m", sensor.oscillator.length_m, 1e-3, 10.0)
-    tables = {"store": config.store, "detector": config.detector, "alarm": config.alarm}
-    tables |= {f"joint {name!r}.detector": options for name, options in config.overrides.items()}
-    for name, table in tables.items():
-        for key, value in msgspec.structs.asdict(table).items():
-            if isinstance(value, float) and not math.isfinite(value):
-                raise CrossCheckError(f"{name}.{key}: found {value}, expected a finite number")
 
 
 def _within(path: str, value: float, low: float, high: float) -> None:
@@ -151,13 +144,9 @@ def _ports(config: Config) -> None:
 
 
 def _addresses(config: Config) -> None:
-    """The database is no folder; metrics are asked for at an address; Zenoh understands its endpoints."""
-    if os.path.isdir(config.database):  # noqa: PTH112 - Path.is_dir raises where this user may not look
-        raise CrossCheckError(
-            f"store.path: found a directory, {config.database}; expected a file, such as {config.database}/history.db"
-        )
-    listen = LISTEN.fullmatch(config.metrics.listen) if config.metrics else None
-    if config.metrics and not (listen and 0 < int(listen[2]) < 65536):
+    """The database can be a file; metrics are asked for at an address; Zenoh understands its endpoints."""
+    _database(config)
+    if config.metrics and not _is_listenable(config.metrics.listen):
         raise CrossCheckError(
             f"metrics.listen: found {config.metrics.listen!r}, expected ADDRESS:PORT such as 127.0.0.1:9464 "
             "or [::1]:9464"
@@ -172,6 +161,28 @@ def _addresses(config: Config) -> None:
         )
     for key, endpoints in (("connect", zenoh.connect), ("listen", zenoh.listen)) if zenoh else ():
         check_endpoints(f"alarm.zenoh.{key}", endpoints)
+
+
+def _is_listenable(address: str) -> bool:
+    """Whether a text is an IP address and a port."""
+    parts = LISTEN.fullmatch(address)
+    try:
+        ip_address(parts[1].strip("[]") if parts else "")
+    except ValueError:
+        return False
+    return parts is not None and 0 < int(parts[2]) < 65536
+
+
+def _database(config: Config) -> None:
+    if os.path.isdir(config.database):  # noqa: PTH112 - Path.is_dir raises where this user may not look
+        raise CrossCheckError(
+            f"store.path: found a directory, {config.database}; expected a file, such as {config.database}/history.db"
+        )
+    try:
+        os.lstat(config.database)
+    except OSError as error:
+        if error.errno in (errno.ENAMETOOLONG, errno.ELOOP):
+            raise CrossCheckError(f"store.path: {error.strerror}: {config.database!s:.80}") from error
 
 
 def _is_found(zenoh: ZenohOptions) -> bool:
@@ -217,7 +228,10 @@ def _can(config: Config) -> None:
 
 
 def _drivers_agree(config: Config) -> None:
-    """Lets the drivers of hardware look at their own options; a virtual robot is costly to make and checks at start."""
+    """Lets the drivers look at their own options; a virtual robot's devices are costly to make and check at start."""
+    for driver in config.drivers.values():
+        if driver.check:
+            driver.check(config.robots[driver.name])
     for joints in config.buses():
         driver = config.drivers[joints[0].driver]
         if driver.servo and not driver.waits:

@@ -57,8 +57,8 @@ def run(config: Config, *, duration_s: float | None = None, reload: Callable[[],
     after the first device has been opened (a simulator may have to be compiled before that).
 
     SIGTERM and SIGINT finish the open windows; SIGHUP takes the configuration that ``reload`` returns, unless it raises
-    LostmotionError.  Returns the exit status: 0, or 1 when rows were lost because the disk refused them.  Raises
-    StoreError when the database cannot be opened.
+    any error or what it returns cannot be begun.  Returns the exit status: 0, or 1 when rows were lost because the disk
+    refused them.  Raises StoreError when the database cannot be opened.
     """
     logs.setup()
     flags = Flags()
@@ -130,6 +130,7 @@ class Service:
             with self._store.reader() as reader:
                 for attributor in attributors:
                     attributor.resume(reader.origins())
+        self._sinks, self._exporter = [], None
         self._sinks = _sinks(config)
         self._exporter = _exporter(config, self._store, self._robot)
         self._desk = self._open_desk()
@@ -153,6 +154,9 @@ class Service:
         self._store.add(*accounts.rows(self._robot, self._utc()))
         self._desk.tell_settled(FINISH_S)
         self._desk.close()
+        self._close_sinks()
+
+    def _close_sinks(self) -> None:
         if self._exporter is not None:
             self._guard(self._exporter.close)
         for sink in self._sinks:
@@ -168,18 +172,34 @@ class Service:
             config = self._reload()
             robot = Robot(config)
             store = self._store if config.database == self._config.database else _store(config)
-        except LostmotionError as error:
-            log.error("the old configuration stays: %s", error)
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - whatever a file, or a driver of others, raises
+            _say_that_the_old_one_stays(error)
         else:
-            self._finish()
-            if store is self._store:
-                store.configure(config.robot.name, config.store.keep_windows_mb, config.store.keep_scores_days)
-            else:
-                self._store.close()
-            self._config, self._robot, self._store = config, robot, store
-            self._begin()
-            log.info("configuration taken: robot %s, %d joints", config.robot.name, len(config.joints))
+            self._change_to(config, robot, store)
         self._notifier.ready()
+
+    def _change_to(self, config: Config, robot: Robot, store: Store) -> None:
+        """Ends what runs and begins the new; when that fails, begins the old one again."""
+        old_config, old_store = self._config, self._store
+        self._finish()
+        try:
+            self._live(config, robot, store)
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - the same
+            _say_that_the_old_one_stays(error)
+            self._robot.stop.set()
+            self._close_sinks()
+            self._live(old_config, Robot(old_config), old_store)
+            unused = store
+        else:
+            log.info("configuration taken: robot %s, %d joints", config.robot.name, len(config.joints))
+            unused = old_store
+        if unused is not self._store:
+            unused.close()
+
+    def _live(self, config: Config, robot: Robot, store: Store) -> None:
+        store.configure(config.robot.name, config.store.keep_windows_mb, config.store.keep_scores_days)
+        self._config, self._robot, self._store = config, robot, store
+        self._begin()
 
     def _leave_damaged_store(self) -> None:
         """Goes on in a new database, with the alarms that stand; the old one is moved aside when it is closed."""
@@ -294,6 +314,13 @@ class Service:
             if self._errors.is_news(f"{stage}: {place(error)}", time.monotonic()):
                 log.exception("internal error in %s", stage)
         return None
+
+
+def _say_that_the_old_one_stays(error: BaseException) -> None:
+    if isinstance(error, LostmotionError):
+        log.error("the old configuration stays: %s", error)
+    else:
+        log.error("the old configuration stays: internal error: %r", error, exc_info=error)
 
 
 def _store(config: Config) -> Store:

@@ -209,13 +209,19 @@ class ClockFactory(Protocol):
     def __call__(self, robot: RobotOptions) -> Clock: ...
 
 
+class RobotCheck(Protocol):
+    """Looks at the options of the driver's own table without opening anything.  Raises DriverError."""
+
+    def __call__(self, robot: RobotOptions) -> None: ...
+
+
 @dataclass(frozen=True, slots=True)
 class Driver:
     """One row of the driver table.
 
     A driver offers a servo bus, an accelerometer or both.  ``clock`` is None for the outside world (the system's
     clock); a virtual robot brings its own, is never ahead of its reader (``waits``: the service may let it wait), and
-    shares nothing with hardware.
+    shares nothing with hardware.  ``check`` says what is wrong with the driver's own table beyond its types.
     """
 
     name: str
@@ -226,6 +232,7 @@ class Driver:
     accelerometer_options: type[AccelerometerOptions] = AccelerometerOptions
     robot_options: type[RobotOptions] = RobotOptions
     clock: ClockFactory | None = None
+    check: RobotCheck | None = None
 
     @property
     def waits(self) -> bool:

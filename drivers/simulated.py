@@ -35,6 +35,7 @@ from lostmotion.drivers.errors import DriverError
 from lostmotion.drivers.life import YEAR_S, Step, grid, skips, step_of_life
 from lostmotion.drivers.pacing import Pace, as_utc
 from lostmotion.drivers.simulated_options import (
+    MOST_PLAY_M,
     SimulatedAccelerometerOptions,
     SimulatedJointOptions,
     SimulatedOptions,
@@ -50,6 +51,8 @@ WORTH_TELLING_S = 2.0
 STEP_S = 0.5
 """A step where time is skipped [s]."""
 KNOT_S = 2e-3
+MOST_WEAR = 100.0
+"""Exponent of the wear, at which any gap has reached its largest, and exp does not overflow."""
 RUN_UP_S = 1.5
 """Motion before a stretch that nobody sees [s]: gears and bar are then in the middle of it."""
 
@@ -153,7 +156,8 @@ class Gear:
 
     def play_m(self, robot_time: float) -> float:
         """The gap after so much operation [m]."""
-        return self.options.play_m * math.exp(self.options.wear_per_year * robot_time / YEAR_S)
+        worn = min(self.options.wear_per_year * robot_time / YEAR_S, MOST_WEAR)
+        return min(self.options.play_m * math.exp(worn), MOST_PLAY_M)
 
     def reach(self, bar: Bar) -> float:
         """The joint's lever arm at its accelerometer in lengths of the bar: so much louder it is there."""
@@ -352,6 +356,19 @@ class SimulatedAccelerometer:
         self._bar.blocks.clear()
 
 
+def check(robot: RobotOptions) -> None:
+    """Raises DriverError for a motion that the model does not have."""
+    assert isinstance(robot, SimulatedOptions)
+    if robot.motion == "hand-waved":  # the usual case: spares the commands that read a configuration a second
+        return
+    from lostmotion.model import ModelError, by_name
+
+    try:
+        by_name(robot.motion)
+    except ModelError as error:
+        raise DriverError(f"simulated.motion: {error}") from error
+
+
 DRIVER = Driver(
     name="simulated",
     summary="the model as a robot: joints with play that grows, at any speed of time",
@@ -361,4 +378,5 @@ DRIVER = Driver(
     accelerometer_options=SimulatedAccelerometerOptions,
     robot_options=SimulatedOptions,
     clock=SimulatedRobot,
+    check=check,
 )

@@ -1,0 +1,66 @@
+"""TOML that comes from outside, parsed within bounds: whatever the text holds, the result is values or one error.
+
+``tomllib`` alone follows nested values until the stack ends, takes whole numbers that Python then refuses to print, and
+needs minutes for a key of many parts.  What the values mean is the callers' business.  No file is opened here.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from datetime import datetime
+from typing import Any
+
+__all__ = ["TomlError", "loads"]
+
+MOST_LEVELS = 64
+"""of tables and lists within each other, and of parts in a key"""
+YEARS = (2, 9998)
+"""of a date and time: a day less or more in another time zone is still in the calendar"""
+WHOLE = 2**63
+"""TOML's whole numbers have 64 bits, with their sign"""
+PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
+LONG_KEY = re.compile(rf"""(?<![\w"'-])(?:{PART}[ \t]*+\.[ \t]*+){{{MOST_LEVELS},}}+""")
+
+
+class TomlError(ValueError):
+    """The text is no TOML, or holds what no reader of ours could use; the message is one line."""
+
+
+def loads(text: str) -> dict[str, Any]:
+    """The values of a TOML document.  Raises TomlError."""
+    if LONG_KEY.search(text):
+        raise TomlError(f"found a key of more than {MOST_LEVELS} parts, expected a short one")
+    try:
+        tables = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise TomlError(f"no valid TOML: {error}") from error
+    except RecursionError as error:
+        raise TomlError(f"found values that are nested too deeply, expected at most {MOST_LEVELS} levels") from error
+    except (ValueError, OverflowError) as error:  # Python converts no number of more than 4300 digits
+        raise TomlError("found a number that is too long, expected whole numbers of at most 64 bits") from error
+    _check(tables)
+    return tables
+
+
+def _check(tables: dict[str, Any]) -> None:
+    """Without recursion, which is what a deep value would break."""
+    level: list[object] = [tables]
+    for _ in range(MOST_LEVELS):
+        level = [
+            inner
+            for value in level
+            if isinstance(value, dict | list)
+            for inner in (value.values() if isinstance(value, dict) else value)
+        ]
+        for value in level:
+            _check_value(value)
+    if any(isinstance(value, dict | list) for value in level):
+        raise TomlError(f"found values that are nested too deeply, expected at most {MOST_LEVELS} levels")
+
+
+def _check_value(value: object) -> None:
+    if isinstance(value, int) and not -WHOLE <= value < WHOLE:
+        raise TomlError("found a number that is too long, expected whole numbers of at most 64 bits")
+    if isinstance(value, datetime) and not YEARS[0] <= value.year <= YEARS[1]:
+        raise TomlError(f"found a time in the year {value.year}, expected {YEARS[0]} to {YEARS[1]}")
