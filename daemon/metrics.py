@@ -10,15 +10,14 @@ import resource
 import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from threading import Thread
-from wsgiref.simple_server import WSGIServer
 
-from prometheus_client import CollectorRegistry, Metric, start_http_server
+from prometheus_client import CollectorRegistry, Metric
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, InfoMetricFamily
 from prometheus_client.registry import Collector
 
 from lostmotion import __version__
 from lostmotion.daemon.database import DAMAGED
+from lostmotion.daemon.metrics_http import MetricsServer
 from lostmotion.daemon.pipeline import Counts
 from lostmotion.daemon.reader import Reader, ReaderError, open_readonly
 from lostmotion.daemon.records import Health, ScoreRow
@@ -46,12 +45,12 @@ class Exporter:
     """
 
     def __init__(self, listen: str, store: Store, counts: Mapping[str, Counts]) -> None:
-        self._server: tuple[WSGIServer, Thread] | None = None
+        self._server: MetricsServer | None = None
         registry = CollectorRegistry()
         registry.register(_Collector(store, counts))
         host, _, port = listen.rpartition(":")
         try:
-            self._server = start_http_server(int(port), host.strip("[]"), registry)
+            self._server = MetricsServer(host.strip("[]"), int(port), registry)
             log.info("metrics: http://%s/metrics", listen)
         except OSError as error:
             log.error("metrics: found %s not to be had (%s), expected a free address of this computer", listen, error)
@@ -59,10 +58,7 @@ class Exporter:
     def close(self) -> None:
         """Gives the address back."""
         if self._server is not None:
-            server, thread = self._server
-            server.shutdown()
-            server.server_close()
-            thread.join()
+            self._server.close()
 
 
 class _Collector(Collector):

@@ -7,7 +7,9 @@ import math
 import re
 import signal
 import socket
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from urllib.request import urlopen
@@ -17,8 +19,10 @@ from prometheus_client import Metric
 from prometheus_client.parser import text_string_to_metric_families
 
 from lostmotion.daemon import config as configuration
+from lostmotion.daemon import metrics_http
 from lostmotion.daemon.config import ConfigError
 from lostmotion.daemon.metrics import Exporter
+from lostmotion.daemon.metrics_http import MOST_CONNECTIONS
 from lostmotion.daemon.pipeline import Counts
 from lostmotion.daemon.records import DeviceRow, Health, JointRow, ScoreRow
 from lostmotion.daemon.store import Store
@@ -100,6 +104,56 @@ def test_a_database_that_cannot_be_read_is_a_metric(tmp_path: Path) -> None:
     store.close()
     assert value(found["lostmotion_database_readable"]) == 0
     assert "lostmotion_joint_score" not in found
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[int]:
+    """The port of an exporter."""
+    store, port = Store(tmp_path / "history.db", "arm1"), free_port()
+    exporter = Exporter(f"127.0.0.1:{port}", store, {})
+    yield port
+    exporter.close()
+    store.close()
+
+
+def ended(connection: socket.socket) -> bool:
+    """Whether the server has ended a connection; waits for it."""
+    connection.settimeout(20)
+    with suppress(ConnectionResetError):
+        return connection.recv(1) == b""
+    return True
+
+
+def test_half_open_connections_keep_no_scrape_out(served: int) -> None:
+    """Of 300 connections that send half a request all but the newest are ended, and with them their threads; a scrape
+    is answered all the while."""
+    threads = threading.active_count()
+    with ExitStack() as stack:
+        connections = []
+        for number in range(300):
+            connections.append(stack.enter_context(socket.create_connection(("127.0.0.1", served))))
+            connections[-1].sendall(b"GET /metr")
+            if number % 100 == 99:
+                assert value(scrape(served)["lostmotion_database_readable"]) == 1
+        assert all(ended(connection) for connection in connections[:-MOST_CONNECTIONS])
+        wait_until(lambda: threading.active_count() <= threads + MOST_CONNECTIONS)
+        assert value(scrape(served)["lostmotion_database_readable"]) == 1
+
+
+def test_a_connection_that_says_nothing_is_ended(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """After its time, and without a word in the log."""
+    monkeypatch.setattr(metrics_http, "TIMEOUT_S", 0.1)
+    store, port = Store(tmp_path / "history.db", "arm1"), free_port()
+    exporter = Exporter(f"127.0.0.1:{port}", store, {})
+    with socket.create_connection(("127.0.0.1", port)) as silent, socket.create_connection(("127.0.0.1", port)) as half:
+        half.sendall(b"GET /metr")
+        assert ended(silent)
+        assert ended(half)
+    exporter.close()
+    store.close()
+    assert capfd.readouterr().err == ""
 
 
 def test_a_taken_address_is_told_and_nothing_else_happens(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
