@@ -3,7 +3,8 @@
 No transition of an alarm is lost to an advanced subscriber with recovery and history: the publisher keeps them in its
 cache and tells by heartbeat how many there were.  Who joins late gets them as well, any other program the newest ones
 by a ``get`` on the key.  The session is opened by a thread of its own, again and again while the router is away;
-transitions wait for it, scores do not.  What else can be asked stands in ``answers.py``.
+transitions wait for it, scores do not.  What else can be asked stands in ``answers.py``, who answers
+in ``queries.py``.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ import logging
 import threading
 import time
 from collections import deque
-from contextlib import suppress
 from pathlib import Path
 
 import zenoh
@@ -20,16 +20,15 @@ from msgspec.structs import asdict
 from zenoh.ext import AdvancedPublisher, CacheConfig, MissDetectionConfig, declare_advanced_publisher
 
 from lostmotion.daemon import documents
-from lostmotion.daemon.database import DAMAGED
 from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.records import JointRow, ScoreRow, Transition, iso
 from lostmotion.daemon.repeats import Condition
-from lostmotion.daemon.sinks.answers import PARAMETERS, Answers, BadQueryError, payload
+from lostmotion.daemon.sinks.answers import Answers, payload
 from lostmotion.daemon.sinks.diagnostics import Board
+from lostmotion.daemon.sinks.queries import Queries
 from lostmotion.daemon.sinks.reach import Reach, addresses
 from lostmotion.daemon.sinks.ros2 import Ros2Publisher
 from lostmotion.daemon.zenoh_session import JSON, brief, configuration, why_closed
-from lostmotion.drivers.errors import LostmotionError
 
 __all__ = ["ZenohSink"]
 
@@ -55,7 +54,7 @@ class ZenohSink:
         self._token: zenoh.LivelinessToken | None = None  # gone from the network when it is gone from here
         self._lock = threading.RLock()  # held over a whole _keep, so that no older value follows a newer one
         self._latest: dict[tuple[str, str], bytes] = {}
-        self._answers = Answers(database, self._latest)
+        self._queries = Queries(robot, Answers(database, self._latest))
         self._board = Board(robot) if options.ros2 else None
         self._ros2: Ros2Publisher | None = None
         self._reach: Reach | None = None
@@ -145,38 +144,6 @@ class ZenohSink:
             )
         return self._publishers[key]
 
-    def _answer(self, queryable: zenoh.Queryable[zenoh.handlers.Handler[zenoh.Query]]) -> None:
-        """Answers queries until the session is closed.
-
-        In a thread that ``close`` can wait for: Zenoh's own threads for Python callbacks outlive the session, and one
-        that returns while the interpreter ends aborts it.
-        """
-        while True:
-            try:
-                query = queryable.recv()
-            except zenoh.ZError:
-                return
-            with query, suppress(zenoh.ZError):
-                try:
-                    self._reply(query)
-                except (LostmotionError, *DAMAGED) as error:
-                    query.reply_err(payload({"robot": self._robot, "error": str(error)}), encoding=JSON)
-
-    def _reply(self, query: zenoh.Query) -> None:
-        asked = str(query.key_expr)
-        parameters = {key: value for key in PARAMETERS if (value := query.parameters.get(key)) is not None}
-        # History is long: only who asks for it by name gets it, not who asks for all of a joint.
-        by_name = asked.endswith("/history")
-        keys = {
-            name: f"{self._prefix}/{name}" for name in self._answers.names() if by_name is name.endswith("/history")
-        }
-        found = [name for name, key in keys.items() if query.key_expr.intersects(zenoh.KeyExpr(key))]
-        for name in found:
-            for content in self._answers.to(name, parameters):
-                query.reply(keys[name], content, encoding=JSON)
-        if by_name and not found:
-            raise BadQueryError(f"found no joint {asked.split('/')[-2]!r} here")
-
     def _open(self) -> None:
         pause = FIRST_RETRY_S
         while not self._closing.is_set():
@@ -194,7 +161,7 @@ class ZenohSink:
                 pause = min(2 * pause, LAST_RETRY_S)
                 continue
             self._use(session, addresses(config))
-            self._answer(queryable)
+            self._queries.serve(queryable)
             return
 
     def _use(self, session: zenoh.Session, endpoints: list[str]) -> None:
