@@ -24,12 +24,15 @@ from lostmotion.drivers.errors import LostmotionError
 __all__ = [
     "DAMAGED",
     "UNREADABLE",
+    "ReplacedError",
     "StoreBusyError",
     "StoreError",
     "StoreRefusedError",
     "explain",
+    "file_identity",
     "is_damage",
     "is_held",
+    "leave",
     "lock",
     "move_aside",
     "newer",
@@ -73,6 +76,19 @@ class StoreRefusedError(StoreError):
     """The disk refuses at present (full, locked): worth another try later."""
 
 
+class ReplacedError(StoreError):
+    """The file that is open is not the one at its path any more."""
+
+
+def file_identity(path: Path) -> tuple[int, int] | None:
+    """The device and inode of a file, of which a link is followed; None for no file."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino
+
+
 def lock(path: Path) -> IO[bytes]:
     """Holds ``path``.lock, in a folder that is made if need be, as long as the file is open.  Raises StoreError."""
     if path.is_dir():
@@ -101,6 +117,7 @@ def lock(path: Path) -> IO[bytes]:
 
 def is_held(path: Path) -> bool | None:
     """Whether a service, or a command in its place, writes the database; None where that cannot be seen."""
+    path = Path(os.path.realpath(path))
     try:
         file = path.with_name(f"{path.name}.lock").open("rb")
     except OSError:
@@ -159,6 +176,21 @@ def is_damage(error: Exception) -> bool:
     return getattr(error, "sqlite_errorname", "").startswith(DAMAGE) or str(error).startswith("no such ")
 
 
+def leave(path: Path, error: Exception, wal: tuple[int, int] | None) -> None:
+    """Makes room for a new database in place of a closed one that was damaged or replaced; says so as an error.
+
+    wal: the identity of the write-ahead log of the one that was replaced: a log that stays behind would be read as part
+    of the file that is there now.  Raises StoreError where that is not allowed.
+    """
+    if not isinstance(error, ReplacedError):
+        move_aside(path, error)
+        return
+    log.error("%s", error)
+    if wal is not None and file_identity(path.with_name(f"{path.name}-wal")) == wal:
+        for ending in ("-wal", "-shm"):
+            path.with_name(path.name + ending).unlink(missing_ok=True)
+
+
 def move_aside(path: Path, error: Exception) -> None:
     """Gives a damaged database another name, with the files beside it that belong to it; says so as an error.
 
@@ -180,6 +212,8 @@ def move_aside(path: Path, error: Exception) -> None:
 
 def explain(path: Path, error: Exception) -> str:
     """An error in using the file, most often SQLite's, as one line for a person."""
+    if isinstance(error, StoreError):
+        return str(error)
     name = getattr(error, "sqlite_errorname", "")
     cause = next((f"{cause} " for code, cause in CAUSES.items() if name.startswith(code)), "")
     return f"{path}: {cause}({error})" if cause else f"{path}: {error}"

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import logging
 import math
+import os
 import sqlite3
 import threading
 import time
@@ -47,6 +48,8 @@ LOOK_S = 1.0
 ACCOUNT_S = 10.0
 """how often the devices' counts go to the database [s]"""
 SUMMARY_S = 300.0
+NOTICE_S = 60.0
+"""how long an alarm stands that tells of a database that was left: when it is over it waits to be acknowledged [s]"""
 FINISH_S = 3.0
 """how long a stopping service waits for open windows [s]"""
 CRASH_PAUSE_S = 5.0
@@ -88,6 +91,7 @@ class Service:
         self._due = {period_s: time.monotonic() + period_s for period_s in (LOOK_S, ACCOUNT_S, SUMMARY_S)}
         self._fed = (time.monotonic(), 0)
         self._errors = Repeats()
+        self._notice, self._notice_ends = "", 0.0
 
     def startup(self) -> None:
         """Everything that has to be there before the first sample."""
@@ -171,7 +175,8 @@ class Service:
         try:
             config = self._reload()
             robot = Robot(config)
-            store = self._store if config.database == self._config.database else _store(config)
+            same = os.path.realpath(config.database) == os.path.realpath(self._config.database)
+            store = self._store if same else _store(config)
         except (Exception, SystemExit) as error:  # noqa: BLE001 - whatever a file, or a driver of others, raises
             _say_that_the_old_one_stays(error)
         else:
@@ -201,8 +206,10 @@ class Service:
         self._config, self._robot, self._store = config, robot, store
         self._begin()
 
-    def _leave_damaged_store(self) -> None:
-        """Goes on in a new database, with the alarms that stand; the old one is moved aside when it is closed."""
+    def _leave_damaged_store(self, damage: Exception) -> None:
+        """Goes on in a new database, with the alarms that stand and what was not written yet; an alarm says so."""
+        self._notice = f"the history begins anew: {database.explain(self._store.path, damage)}"
+        self._notice_ends = time.monotonic() + NOTICE_S
         self._finish()
         self._store.close()
         self._robot, self._store, self._errors = Robot(self._config), _store(self._config), Repeats()
@@ -249,13 +256,16 @@ class Service:
     def _look_around(self) -> None:
         """What need not be done for every window: dead devices, alarms' delays, requests, trends, systemd, counts."""
         if self._is_due(LOOK_S):
+            self._store.look()
             if self._store.damage is not None:
-                self._leave_damaged_store()
+                self._leave_damaged_store(self._store.damage)
             if self._desk.is_provisional and self._store.is_open and not self._store.waiting():
                 self._know_history()
             utc = self._utc()
+            notice = self._notice if time.monotonic() < self._notice_ends else ""
             for joint in self._config.joints:
-                self._desk.look(joint.name, self._robot.fault(joint), utc)
+                fault = self._robot.fault(joint)
+                self._desk.look(joint.name, fault or notice or fault, utc)
             self._guard(self._desk.take_requests, utc)
             self._guard(self._desk.ask_trend, utc)
             self._desk.tell_settled()

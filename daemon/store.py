@@ -9,6 +9,7 @@ reasons in docs/decisions/0004-store.md.
 from __future__ import annotations
 
 import logging
+import os
 import threading
 import time
 from collections import deque
@@ -17,7 +18,7 @@ from pathlib import Path
 from typing import IO
 
 from lostmotion.daemon import database
-from lostmotion.daemon.database import StoreError, StoreRefusedError
+from lostmotion.daemon.database import ReplacedError, StoreError, StoreRefusedError, file_identity
 from lostmotion.daemon.reader import Reader, ReaderError, empty_reader, open_readonly
 from lostmotion.daemon.records import Transition, WindowRow
 from lostmotion.daemon.repeats import Condition
@@ -45,8 +46,9 @@ class Store:
     the disk refuses to open (full, locked) is tried again with every batch of rows.
 
     ``problem`` is "" while rows reach the disk, else what keeps them from it; ``dropped`` counts rows given up because
-    the backlog was full; ``damage`` is what is wrong with the file itself: closing moves it aside.  While it is open no
-    other process gets a Store of the same path: the scores of two robots would be mixed.
+    the backlog was full; ``damage`` is what is wrong with the file itself, or that it was deleted or replaced: closing
+    makes room for a new one and writes there what waits.  While it is open no other process gets a Store of the same
+    file, by whatever links: the scores of two robots would be mixed.  ``path`` is the file itself.
     """
 
     def __init__(
@@ -58,7 +60,10 @@ class Store:
         *,
         patient: bool = False,
     ) -> None:
-        self.path = path
+        self.path = Path(os.path.realpath(path))
+        self._link = path
+        self._file: tuple[int, int] | None = None
+        self._wal: tuple[int, int] | None = None
         self.problem = ""
         self.dropped = 0
         self.damage: Exception | None = None
@@ -151,25 +156,49 @@ class Store:
             self._wake.notify()
         self._thread.join(timeout_s)
         if not self._thread.is_alive():
+            if self.damage is not None:
+                self._begin_anew(self.damage)
             if self._writer is not None:
                 self._writer.close()
-            if self.damage is not None:
-                database.move_aside(self.path, self.damage)
         self._unlock()
         lost = self.waiting() + self.dropped
         if lost:
             log.error("%s: %d rows were lost: %s", self.path, lost, self.problem or "the disk was too slow")
         return lost
 
+    def look(self) -> None:
+        """Notes as ``damage`` that the file has been deleted or replaced while it was open."""
+        if self._file is None or self.damage is not None:
+            return
+        if file_identity(self._link) == self._file:
+            self._wal = file_identity(self.path.with_name(f"{self.path.name}-wal"))
+        else:
+            what = "replaced by another file" if self._link.exists() else "deleted"
+            self.damage = ReplacedError(f"{self._link}: was {what} while it was open; the service goes on in a new one")
+
+    def _begin_anew(self, damage: Exception) -> None:
+        """Leaves the file for a new one at its path, and writes there what waits; the writer's thread has ended."""
+        if self._writer is not None:
+            self._writer.close()
+        self._unlock()
+        self._writer, self._file, self.damage = None, None, None
+        database.leave(self.path, damage, self._wal)
+        self.path = Path(os.path.realpath(self._link))
+        while self.waiting() and self._flush(self._rows) and self._flush(self._windows):
+            pass
+
     def _open(self) -> Writer:
         """Holds the lock and has the file open; raises StoreError."""
         self._lock = self._lock or database.lock(self.path)
-        self._writer = self._writer or Writer(self.path, self._policy)
+        if self._writer is None:
+            self._writer = Writer(self.path, self._policy)
+            self._file = file_identity(self.path)
         return self._writer
 
     def _unlock(self) -> None:
         if self._lock is not None:
             self._lock.close()
+            self._lock = None
 
     def _run(self) -> None:
         while True:
@@ -217,12 +246,16 @@ class Store:
         """Writes a batch; what keeps the disk from taking it, or ""."""
         policy = self._policy
         try:
-            self._open().commit(batch, policy)
+            if not isinstance(self.damage, ReplacedError):
+                self._open().commit(batch, policy)
+                self.look()
         except StoreError as error:
             return str(error)
         except database.UNREADABLE as error:
             self.damage = error if database.is_damage(error) else None
             return database.explain(self.path, error)
+        if isinstance(self.damage, ReplacedError):  # what was just written is lost with the file
+            return str(self.damage)
         self._written = policy
         return ""
 

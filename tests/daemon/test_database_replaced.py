@@ -1,0 +1,141 @@
+"""The database is deleted, replaced or reached by a link while a service runs: real processes, real files."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import signal
+import sqlite3
+import time
+from collections.abc import Callable
+from contextlib import closing
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lostmotion.daemon.database import StoreBusyError, is_held
+from lostmotion.daemon.reader import open_readonly
+from lostmotion.daemon.records import AlarmState, ScoreRow
+from lostmotion.daemon.store import Store
+from tests.daemon.cli_world import call
+from tests.daemon.conftest import Running, wait_until
+from tests.daemon.fakes import fake_config
+from tests.daemon.test_service import count
+
+Start = Callable[..., Running]
+NOON = datetime(2026, 1, 31, 12, tzinfo=UTC)
+
+
+def rows(number: int, first: int = 0) -> list[ScoreRow]:
+    """Scores a second apart."""
+    return [ScoreRow("elbow", NOON + timedelta(seconds=first + k), 0.25, 1.0, 8.0, False) for k in range(number)]
+
+
+def running(folder: Path, start: Start) -> tuple[Running, Path]:
+    """A service with a few scores on the disk, and its database."""
+    path, database = folder / "fake.toml", folder / "state" / "history.db"
+    path.write_text(fake_config(database.parent, "[alarm]\noff_delay_s = 0\n"))
+    service = start(path)
+    service.wait_for("health joint=elbow health=OK")
+    wait_until(lambda: count(database) >= 5)
+    return service, database
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("with_folder", [False, True])
+def test_a_deleted_database(tmp_path: Path, start: Start, with_folder: bool) -> None:
+    """Noticed within a second: an alarm that says so, a new file without a gap in its scores, and the joint is OK in it
+    once the alarm is over, for the windows that are known are there."""
+    service, database = running(tmp_path, start)
+    shutil.rmtree(database.parent) if with_folder else database.unlink()
+    begun = time.monotonic()
+    wait_until(lambda: count(database) >= 5)
+    assert time.monotonic() - begun < 2.5  # it is noticed within a second, and begun anew
+    log = service.wait_for("alarm joint=elbow cause=device severity=error event=raised")
+    assert f"{database}: was deleted while it was open" in log
+    told = json.loads(call("status", "--database", database, "--json").stdout)["joints"][0]
+    assert "the history begins anew" in told["alarms"][0]["reason"]
+    assert service.stop(signal.SIGTERM) == 0
+    with open_readonly(database) as reader:
+        times = np.array([row.time.timestamp() for row in reader.scores("elbow")])
+    assert np.diff(times) == pytest.approx(np.full(len(times) - 1, 0.25), abs=0.02)
+    assert "Traceback" not in service.log.read_text()
+
+
+@pytest.mark.slow
+def test_a_database_that_is_replaced_by_a_copy(tmp_path: Path, start: Start) -> None:
+    """An older copy is moved to its place: the service goes on in it, the older scores are still there, and the log of
+    the one that is gone does not get into it."""
+    service, database = running(tmp_path, start)
+    with closing(Store(tmp_path / "copy.db", "fake")) as store:
+        store.add(*rows(3000))
+    (tmp_path / "copy.db").rename(database)
+    service.wait_for("was replaced by another file while it was open")
+    wait_until(lambda: count(database) >= 3010)
+    assert service.stop(signal.SIGTERM) == 0
+    with closing(sqlite3.connect(database)) as db:
+        assert db.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
+    with open_readonly(database) as reader:
+        assert reader.scores("elbow", until=NOON + timedelta(days=1)) == rows(3000)
+        (alarm,) = reader.alarms("elbow", living=True)
+    assert alarm.state in (AlarmState.ACTIVE, AlarmState.RETURNED)
+
+
+def test_what_waits_goes_into_the_new_file(tmp_path: Path) -> None:
+    """Rows that were committed to a deleted file, and those after them, are found in the new one: none thrown away."""
+    path = tmp_path / "history.db"
+    store = Store(path, "fake")
+    store.add(*rows(5))
+    wait_until(lambda: not store.waiting())
+    path.unlink()
+    store.add(*rows(54, first=5))
+    wait_until(lambda: store.damage is not None)
+    assert store.close() == 0
+    with open_readonly(path) as reader:
+        assert reader.scores("elbow") == rows(54, first=5)
+
+
+def test_a_link_is_no_other_database(tmp_path: Path) -> None:
+    """The second service is refused whichever way it comes, and `status` sees that one runs."""
+    path, link = tmp_path / "history.db", tmp_path / "link.db"
+    link.symlink_to(path)
+    for first, second in ((path, link), (link, path)):
+        with closing(Store(first, "fake")):
+            assert is_held(second) is True
+            with pytest.raises(StoreBusyError, match=r"history\.db: another lostmotion service writes it"):
+                Store(second, "fake")
+        assert is_held(second) is False
+
+
+def test_damage_moves_the_file_and_not_the_link(tmp_path: Path) -> None:
+    """The link still leads to the database, which is the new one; the damaged file lies where it was, renamed."""
+    folder, link = tmp_path / "disk", tmp_path / "link.db"
+    folder.mkdir()
+    link.symlink_to(folder / "history.db")
+    (folder / "history.db").write_bytes(b"\xff" * 8192)
+    with closing(Store(link, "fake")) as store:
+        store.add(*rows(5))
+    assert link.is_symlink()
+    (aside,) = folder.glob("history.db.damaged-*")
+    assert aside.read_bytes() == b"\xff" * 8192
+    with open_readonly(link) as reader:
+        assert reader.scores("elbow") == rows(5)
+
+
+def test_a_link_that_leads_elsewhere(tmp_path: Path) -> None:
+    """A link that is turned to another file is a replaced database: the rows go where it leads now."""
+    link = tmp_path / "link.db"
+    link.symlink_to(tmp_path / "one.db")
+    store = Store(link, "fake")
+    store.add(*rows(5))
+    wait_until(lambda: not store.waiting())
+    link.unlink()
+    link.symlink_to(tmp_path / "two.db")
+    store.look()
+    store.add(*rows(3, first=5))
+    assert store.close() == 0
+    for name, expected in (("one.db", rows(5)), ("two.db", rows(3, first=5))):
+        with open_readonly(tmp_path / name) as reader:
+            assert reader.scores("elbow")[-3:] == expected[-3:]
