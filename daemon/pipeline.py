@@ -19,6 +19,7 @@ from lostmotion.detector.commanded import BEFORE_S
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.play_size import stretch_of, with_play
 from lostmotion.detector.score import score_window
+from lostmotion.detector.severity import with_severity
 from lostmotion.detector.trigger import Trigger
 from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
 from lostmotion.detector.windows import cut, window_length
@@ -232,10 +233,10 @@ class Pipeline:
             joint.counts.lost[score.quality] += 1
         else:
             joint.counts.scored += 1
-        return Scored(window, self._sized(joint, score, ring) if score.impact else score)
+        return Scored(window, self._sized(joint, score, ring))
 
     def _sized(self, joint: _Joint, score: Score, ring: Ring) -> Score:
-        """The score with the size of the play, from before its reversal on."""
+        """The score with the size of the play and its severity, from before its reversal on."""
         plan, period, shared = joint.plan, 1 / joint.plan.rate_hz, self._shared.get(joint.plan.joint)
         if shared and not shared.is_sure(plan.joint):
             return replace(score, play_reason="another joint may have struck")
@@ -245,7 +246,8 @@ class Pipeline:
         if alone is None:
             return replace(score, play_reason="too few commands of the other joints")
         times, angles = joint.commands
-        return with_play(score, alone, times, angles, plan.settings)
+        sized = with_play(score, alone, times, angles, plan.settings)
+        return with_severity(sized, alone, times, angles, plan.settings)
 
     def _needed(self, joint: _Joint, ring: Ring) -> float:
         """From when on a joint may still need acceleration [s]."""

@@ -10,6 +10,7 @@ from lostmotion.detector.commanded import BEFORE_S
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.play_size import stretch_of, with_play
 from lostmotion.detector.score import score_window, validate
+from lostmotion.detector.severity import with_severity
 from lostmotion.detector.trigger import Trigger
 from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
 from lostmotion.detector.windows import cut, window_length
@@ -66,7 +67,8 @@ def score_series(
         stretch = stretch_of(score, times_accel, accel, window.rate_hz)
         first, last = times_servo.searchsorted((score.time - 2 * BEFORE_S, score.time + score.duration + BEFORE_S))
         near = slice(first, last)
-        scores.append(with_play(score, stretch, times_servo[near], commands[near], settings))
+        around = (stretch, times_servo[near], commands[near], settings)
+        scores.append(with_severity(with_play(score, *around), *around))
     return scores
 
 

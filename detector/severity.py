@@ -1,0 +1,278 @@
+"""How bad the play is, of every window and for any size of it: the equivalent play, with an interval.
+
+Where ``play_size`` tells the play, this is that play.  Elsewhere two measures of the stretch from ``BEFORE_S`` before
+the reversal to the window's end tell the order of magnitude, each where the other one cannot:
+
+* the impact: teeth that leave a flank as the commanded acceleration passes zero with the jerk j meet after the gap phi
+  with the speed v = (9 j phi² / 2)^(1/3).  The bar's ring tells v: its amplitude is l omega_res v.  This reaches
+  down to the sensor's noise.  Large play, and teeth that bounce, do not come to rest before the next reversal, so v
+  then grows more slowly.
+* the relative motion of the gears, D = theta_2 - theta_1, which never leaves a range as wide as the play.  Eq. 7 gives
+  l theta_2 = (twice the integral of a) + a / omega_res² up to damping; the commands give theta_1.  An unknown offset
+  and start hide a parabola of D, so Legendre's coefficients from the third degree on are compared.  This holds without
+  impacts, with late ones and with bounces, from a few times the commands' resolution on.
+
+A likelihood over the play combines them.  The constants are the average of three simulators and four motions, none of
+which is exactly anybody's gear: the interval is as wide as they differ.  docs/decisions/0010-severity.md has the
+measurements.  No trend and no limits here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from lostmotion.detector.quality import LEAST_SHARE, mended
+from lostmotion.detector.ringdown import ring
+from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
+
+__all__ = ["Severity", "severity", "with_severity"]
+
+SMALLEST, LARGEST, STEPS = 1e-5, 0.3, 90
+"""The plays that are compared [rad]: 0.1 um to 3 mm on a gear of 10 mm."""
+FIRST_DEGREE, LAST_DEGREE = 3, 12
+"""Legendre's coefficients of D: the lower ones hide in the sensor's offset, the higher ones in the commands' steps."""
+SHARE, FALL = 0.10, 1.2
+"""The standard deviation of coefficient k of D is SHARE (3 / k)^FALL of the play, measured from 5 to 100 mrad."""
+TEMPER = 0.5
+"""The coefficients are not independent: the likelihood counts half, which made the intervals cover 95 %."""
+LAG_S, GAIN, GRAVITY = 0.02, 0.02, 5.0
+"""Standard deviations of what else makes theta_2 differ from the commands: a servo's lag [s], the error of the lever
+and of the sensor's scale, gravity along the sensor's axis [m/s² per rad]."""
+SWING_S = 0.2
+"""The trigger's swing is gathered over about so long [s]: jerk = swing / SWING_S."""
+EXCESS, KNEE_S, SLOWER = 3.0, 0.012, 0.6
+"""The impact speed is that of EXCESS phi / (1 + (phi / phi_0)^SLOWER) with phi_0 = swing KNEE_S²: teeth that bounce
+meet faster than from rest, and large play does not come to rest."""
+SPREAD, NOISE_SPREAD = 0.65, 0.35
+"""Standard deviations of ln v: between windows and gears, and of the largest ring in noise alone."""
+NOISE_RINGS = 2.2
+"""The largest ring that noise shows, in standard deviations of its amplitude."""
+UNSEEN = 0.002
+"""Weight of there being no impact within the stretch, or a late or a soft one: silence alone excludes no large play."""
+CORNER = 2.0
+"""A corner in the command, a step of its acceleration by the swing, kicks the bar by up to swing / omega_res; below so
+many times that speed the ring proves no play, and the interval begins at 0."""
+WRONG = 0.1
+"""Probability that the interval of ``play_size`` is wrong, which keeps one wrong size from deciding alone."""
+STARTS, FIRST_START, LAST_START = 40, 1.5, 1.0
+"""The ring is looked for at so many moments, from so many periods after the stretch's begin on, until so many before
+its end."""
+SLOW_HZ, SLOW_SHARE = 16.0, 0.3
+"""Below both, the latter a share of f_res, a stretch may hold anything (as in ``ringdown``)."""
+COVERED = 0.03
+"""Share of the stretch that may lie before the first command and after the last one."""
+PIECE_S, LEAST_PIECE, LEAST_NOISE = 0.075, 12, 1e-3
+"""Pieces of the stretch whose quietest tell the noise [s, samples, m/s²]."""
+UNLIKELY = 2.0
+"""Play that is so much less likely [nats] than the best one is left out of the interval."""
+QUANTILES = (0.025, 0.5, 0.975)
+
+
+@dataclass(frozen=True, slots=True)
+class Severity:
+    """Equivalent play [rad] with the ends of its 95 % interval, low 0 where there may be none; all NaN if unknown."""
+
+    value: float = math.nan
+    low: float = math.nan
+    high: float = math.nan
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rings:
+    """Ring-downs from each of K moments on, without slow motion and rings from before: orthonormal pairs (2 K, N), and
+    (K, 2, 2) what makes amplitudes [m/s²] of a pair's coordinates."""
+
+    pairs: FloatArray
+    amplitudes: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Paths:
+    """Coefficients of D, the K degrees from FIRST_DEGREE on: gain (K, N) from accelerations, its product (K, K) with
+    itself, twice (K, N) the double integral alone; basis (N, LAST_DEGREE + 1) and project (K, N), its inverse."""
+
+    basis: FloatArray
+    project: FloatArray
+    twice: FloatArray
+    gain: FloatArray
+    product: FloatArray
+
+
+GRID: FloatArray = np.geomspace(SMALLEST, LARGEST, STEPS)
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # readings beyond all numbers: unknown
+def severity(
+    stretch: Window, times: Sequence[float] | FloatArray, commands: Sequence[float] | FloatArray, swing: float,
+    settings: DetectorSettings, play: tuple[float, float] = (math.nan, math.nan), clipped: bool = False,
+) -> Severity:  # fmt: skip
+    """The equivalent play of one stretch of tip acceleration.
+
+    times [s] and commands [rad], shape (M,): theta_1 around the stretch, which may be few or none; swing: change of the
+    commanded acceleration at the reversal [rad/s²]; play: size and standard deviation of ``play_size`` [rad], NaN if
+    unknown; clipped: the sensor's range was reached, so that v is at least what the ring shows.
+    """
+    there = np.isfinite(stretch.accel)
+    if there.sum() < LEAST_SHARE * stretch.accel.size or not swing > 0 or settings.f_res_hz >= stretch.rate_hz / 2:
+        return Severity()
+    accel = mended(stretch.accel)
+    if np.ptp(accel) == 0:
+        return Severity()
+    speed, noise, least = _speed(accel, stretch.rate_hz, settings)
+    if not math.isfinite(speed):
+        return Severity()
+    likelihood = np.zeros(STEPS)
+    if not clipped:
+        likelihood = _of_motion(accel, stretch, np.asarray(times), np.asarray(commands), noise, settings)
+    if math.isfinite(play[0]):
+        size, deviation = play
+        likelihood = likelihood + np.log(WRONG + (1 - WRONG) * np.exp(-(((GRID - size) / deviation) ** 2) / 2))
+    is_clear = speed > CORNER * swing / (2 * math.pi * settings.f_res_hz) or _excludes_none(likelihood)
+    return _interval(likelihood + _of_impact(speed, least, swing, clipped), is_clear)
+
+
+def with_severity(
+    score: Score, stretch: Window, times: Sequence[float] | FloatArray, commands: Sequence[float] | FloatArray,
+    settings: DetectorSettings,
+) -> Score:  # fmt: skip
+    """The score with the severity of its stretch; ``score.play`` is that of ``play_size``, where it is known."""
+    play = (score.play, (score.play_high - score.play_low) / (2 * 1.959964))
+    found = severity(stretch, times, commands, abs(score.excitation), settings, play, "clipped" in score.quality)
+    return replace(score, severity=found.value, severity_low=found.low, severity_high=found.high)
+
+
+def _interval(likelihood: FloatArray, is_clear: bool) -> Severity:
+    """Median and 95 % interval over the grid, every order of magnitude being equally likely beforehand."""
+    density = np.exp(likelihood - likelihood.max())
+    below = np.cumsum(density) / density.sum()
+    low, middle, high = np.exp(np.interp(QUANTILES, below, np.log(GRID)))
+    return Severity(float(middle), float(low) if is_clear and _excludes_none(likelihood) else 0.0, float(high))
+
+
+def _excludes_none(likelihood: FloatArray) -> bool:
+    """Whether no play at all is unlikely."""
+    return bool(likelihood[0] < likelihood.max() - UNLIKELY)
+
+
+def _of_impact(speed: float, least: float, swing: float, clipped: bool) -> FloatArray:
+    """Log-likelihood of the impact speed [rad/s] over the grid; least: what noise alone shows."""
+    from_rest = EXCESS * GRID / (1 + (GRID / (swing * KNEE_S**2)) ** SLOWER)
+    expected = np.cbrt(4.5 * swing / SWING_S * from_rest**2)
+    whole = np.hypot(expected, least)
+    share = (expected / whole) ** 2
+    variance = SPREAD**2 * share + NOISE_SPREAD**2 * (1 - share)
+    off = math.log(max(speed, 1e-9)) - np.log(whole)
+    if clipped:
+        off = np.maximum(off, 0.0)
+    return np.asarray(np.log(UNSEEN + np.exp(-(off**2) / variance / 2) / np.sqrt(variance)))
+
+
+def _of_motion(
+    accel: FloatArray, stretch: Window, times: FloatArray, commands: FloatArray, noise: float,
+    settings: DetectorSettings,
+) -> FloatArray:  # fmt: skip
+    """Log-likelihood of the coefficients of D over the grid; 0 where the commands do not cover the stretch."""
+    place = 2 * (times - stretch.time[0]) / (stretch.time[-1] - stretch.time[0]) - 1
+    inside = np.abs(place) < 1 + 2 * COVERED
+    place, angle = place[inside], commands[inside]
+    degree = min(LAST_DEGREE + 2, place.size // 3)
+    count = min(degree, LAST_DEGREE) - FIRST_DEGREE + 1
+    if count < 2 or place.min() > -1 + 2 * COVERED or place.max() < 1 - 2 * COVERED:
+        return np.zeros(STEPS)
+    basis = _legendre(place, degree)
+    inverse = np.linalg.inv(basis.T @ basis + 1e-9 * place.size * np.eye(degree + 1))
+    fitted = inverse @ (basis.T @ angle)
+    left = angle - basis @ fitted
+    known = _paths(accel.size, stretch.rate_hz, settings)
+    commanded = known.basis[:, : degree + 1] @ fitted[: LAST_DEGREE + 1]
+    told = slice(FIRST_DEGREE, FIRST_DEGREE + count)
+    apart = known.gain[:count] @ accel - fitted[told]
+    doubt = noise**2 * known.product[:count, :count]
+    doubt = doubt + inverse[told, told] * float(left @ left) / (place.size - degree - 1)
+    for nuisance in (
+        LAG_S * stretch.rate_hz * (known.project[:count] @ np.gradient(commanded)),
+        GAIN * fitted[told],
+        GRAVITY * (known.twice[:count] @ (commanded - commanded.mean())),
+    ):
+        doubt = doubt + np.outer(nuisance, nuisance)
+    return _of_coefficients(apart, doubt)
+
+
+def _of_coefficients(apart: FloatArray, doubt: FloatArray) -> FloatArray:
+    """Log-likelihood over the grid of coefficients (K,) whose variance is doubt (K, K) and what each play adds."""
+    share = SHARE * (FIRST_DEGREE / np.arange(FIRST_DEGREE, FIRST_DEGREE + apart.size)) ** FALL
+    white = np.linalg.inv(np.linalg.cholesky(doubt + 1e-18 * np.eye(apart.size)))
+    scaled = white * share
+    power, directions = np.linalg.eigh(scaled @ scaled.T)
+    energy = (directions.T @ (white @ apart)) ** 2
+    variance = 1 + np.outer(GRID**2, np.maximum(power, 0.0))
+    return np.asarray(-TEMPER / 2 * np.sum(np.log(variance) + energy / variance, axis=1))
+
+
+def _speed(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> tuple[float, float, float]:
+    """Change of the joint's speed [rad/s] that the clearest new ring shows; the noise [m/s²]; the speed that this alone
+    shows."""
+    known = _rings(accel.size, rate_hz, settings)
+    found = (known.pairs @ accel).reshape(-1, 2)
+    best = int(np.argmax(np.sum(found**2, axis=1)))
+    noise = settings.noise_ms2 or _noise(accel, rate_hz, settings)
+    lever = abs(settings.length_m) * 2 * math.pi * settings.f_res_hz
+    amplitude = float(np.linalg.norm(known.amplitudes[best] @ found[best]))
+    deviation = noise * float(np.linalg.norm(known.amplitudes[best])) / math.sqrt(2)
+    return amplitude / lever, noise, NOISE_RINGS * deviation / lever
+
+
+def _noise(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> float:
+    """The sensor's noise [m/s²] as the second quietest of some pieces shows it: without slow motion and ring, and most
+    likely without an impact."""
+    length = max(round(PIECE_S * rate_hz), LEAST_PIECE)
+    count = accel.size // length
+    pieces = accel[: count * length].reshape(count, length)
+    held = _held(length, rate_hz, settings)
+    left = pieces - (pieces @ held) @ held.T
+    power = np.sort(np.sum(left**2, axis=1))[min(1, count - 1)]
+    return max(math.sqrt(float(power) / (length - held.shape[1])), LEAST_NOISE)
+
+
+@lru_cache(maxsize=16)
+def _held(length: int, rate_hz: float, settings: DetectorSettings) -> FloatArray:
+    """A cubic and a ring, orthonormal columns."""
+    columns = np.hstack([_legendre(np.linspace(-1, 1, length), 3), ring(np.arange(length) / rate_hz, settings)])
+    return np.asarray(np.linalg.qr(columns)[0])
+
+
+@lru_cache(maxsize=16)
+def _rings(length: int, rate_hz: float, settings: DetectorSettings) -> _Rings:
+    """The rings of stretches of ``length`` samples."""
+    time = np.arange(length) / rate_hz
+    degree = max(int(2 * min(SLOW_HZ, SLOW_SHARE * settings.f_res_hz) * time[-1]), 3)
+    before = np.linalg.qr(np.hstack([_legendre(np.linspace(-1, 1, length), degree), ring(time, settings)]))[0]
+    pairs, amplitudes = [], []
+    for start in np.linspace(FIRST_START / settings.f_res_hz, time[-1] - LAST_START / settings.f_res_hz, STARTS):
+        pair = ring(time - start, settings)
+        direction, size = np.linalg.qr(pair - before @ (before.T @ pair))
+        pairs.append(direction.T)
+        amplitudes.append(np.linalg.inv(size))
+    return _Rings(np.vstack(pairs), np.array(amplitudes))
+
+
+@lru_cache(maxsize=16)
+def _paths(length: int, rate_hz: float, settings: DetectorSettings) -> _Paths:
+    """What makes coefficients of D of stretches of ``length`` samples."""
+    basis = _legendre(np.linspace(-1, 1, length), LAST_DEGREE)
+    project: FloatArray = np.asarray(np.linalg.pinv(basis)[FIRST_DEGREE:], np.float64)
+    # theta[n] = sum over k < n of (n - k) a[k] / rate²; sums over all later samples are the transpose of an integral.
+    later = project[:, ::-1].cumsum(axis=1).cumsum(axis=1)[:, ::-1]
+    twice = np.column_stack([later[:, 1:], np.zeros(len(later))]) / rate_hz**2 / settings.length_m
+    gain = twice + project / (2 * math.pi * settings.f_res_hz) ** 2 / settings.length_m
+    return _Paths(basis, project, twice, gain, gain @ gain.T)
+
+
+def _legendre(place: FloatArray, degree: int) -> FloatArray:
+    """Legendre's polynomials of mean square 1 at places -1..1, shape (N, degree + 1)."""
+    return np.asarray(np.polynomial.legendre.legvander(place, degree) * np.sqrt(2 * np.arange(degree + 1) + 1))

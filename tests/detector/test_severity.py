@@ -1,0 +1,149 @@
+"""Severity: equivalent play that grows with the play, and an interval that says what cannot be told."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lostmotion.detector.commanded import BEFORE_S
+from lostmotion.detector.series import score_series
+from lostmotion.detector.severity import Severity, severity, with_severity
+from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
+from lostmotion.model import HandWaved, Motion, Sine, build_model
+
+SETTINGS = DetectorSettings(f_res_hz=58.0, noise_ms2=0.1, play_size=False)
+STEP = math.radians(300) / 1023
+NOISE, RADIUS_M, LENGTH_M = 0.1, 0.01, 0.10
+BAR = {"m": 0.02, "k": 0.02 * (2 * math.pi * 58) ** 2, "b": 2 * 0.012 * 0.02 * 2 * math.pi * 58, "l": LENGTH_M}
+PLAYS = (2e-4, 2e-3, 1e-2, 5e-2)
+POLLS = np.arange(0, 9, 0.01)
+
+
+def told(motion: Motion) -> FloatArray:
+    """The commands as an AX-12A has them, in steps of 0.29°."""
+    return np.round(motion.position(POLLS) / STEP) * STEP
+
+
+def scores(play: float, rate_hz: float = 1000.0, settings: DetectorSettings = SETTINGS) -> list[Score]:
+    """Nine seconds of hand-waved gears of eq. 1, with noise."""
+    times = np.arange(round(9 * rate_hz)) / rate_hz
+    motion = HandWaved(41)
+    accel = build_model("play", values={"d": play * RADIUS_M, **BAR}).simulate(motion, times)["accel"]
+    accel = accel + np.random.default_rng(1).normal(0, NOISE, times.size)
+    found = score_series(POLLS, told(motion), times, accel, settings, resolution=STEP)
+    return [score for score in found if 1 < score.time < 8.5]
+
+
+def stretch(accel: FloatArray, rate_hz: float = 1000.0, start: float = 3.0) -> Window:
+    """A stretch around a reversal at ``start``."""
+    time = start - BEFORE_S + np.arange(accel.size) / rate_hz
+    return Window("elbow", start - BEFORE_S, accel.size / rate_hz, time, accel, rate_hz)
+
+
+def noise(count: int = 450, seed: int = 5) -> FloatArray:
+    """What the sensor tells of a joint that is still."""
+    return np.random.default_rng(seed).normal(0, NOISE, count)
+
+
+@pytest.mark.parametrize("rate_hz", [200.0, 1000.0])
+def test_severity_grows_with_the_play(rate_hz: float) -> None:
+    """From 0.2 to 50 mrad each larger play has the larger median, within a factor 3, and most intervals hold it; the
+    size of the play is not asked for, so that only the ring and the motion speak."""
+    settings = replace(SETTINGS, f_norm_hz=85.0, f_norm_width_hz=25.0)
+    found = {play: scores(play, rate_hz, settings) for play in PLAYS}
+    medians = [float(np.median([score.severity for score in found[play]])) for play in PLAYS]
+    assert medians == sorted(medians)
+    assert np.abs(np.log(np.divide(medians, PLAYS))).max() < math.log(3)
+    held = [score.severity_low <= play <= score.severity_high for play in PLAYS for score in found[play]]
+    assert np.mean(held) >= 0.85
+    narrow = [0.6 * score.severity_low <= play <= 0.6 * score.severity_high for play in PLAYS for score in found[play]]
+    assert np.mean(narrow) < np.mean(held)
+
+
+def test_silence_is_an_upper_bound() -> None:
+    """A joint that follows its command without any impact: little severity, an interval from 0 to less than 2 mrad."""
+    motion = HandWaved(7, amplitude_rad=0.1)
+    times = 3.0 - BEFORE_S + np.arange(450) / 1000
+    accel = LENGTH_M * motion.acceleration(times) + noise()
+    found = severity(stretch(accel), POLLS, told(motion), 10.0, SETTINGS)
+    assert found.low == 0.0
+    assert found.value < 3e-4
+    assert found.high < 2e-3
+
+
+def test_a_joint_that_floats_between_the_flanks_is_bad() -> None:
+    """The command moves by 40 mrad to either side and the joint stays where it is, without any impact: more play."""
+    motion = Sine(6.0, 0.04)
+    found = severity(stretch(noise()), POLLS, told(motion), 100.0, SETTINGS)
+    assert found.low > 0.03
+    assert found.high > 0.08
+
+
+def test_a_servo_that_lags_has_no_play() -> None:
+    """The joint follows 15 ms late: no play is proved, although the angles differ by more than 20 mrad."""
+    motion = HandWaved(7, amplitude_rad=0.15)
+    times = 3.0 - BEFORE_S + np.arange(450) / 1000
+    late = times - 0.015
+    assert np.ptp(motion.position(times) - motion.position(late)) > 0.02
+    found = severity(stretch(LENGTH_M * motion.acceleration(late) + noise()), POLLS, told(motion), 10.0, SETTINGS)
+    assert found.low == 0.0
+    assert found.value < 1e-3
+
+
+def test_speed_of_the_impact_by_hand() -> None:
+    """One ring of amplitude A is a kick of v = A / (l omega_res), and without commands the play that this speed tells
+    is within a factor 2 of 3 phi = sqrt(2 v³ / (9 j)) with j = swing / 0.2 s; a louder one tells more."""
+    time = np.arange(450) / 1000
+    after = np.maximum(time - 0.25, 0.0)
+    omega = 2 * math.pi * 58
+    values = []
+    for amplitude in (0.5, 1.0, 2.0):
+        accel = amplitude * np.exp(-0.012 * omega * after) * np.sin(omega * after) + noise()
+        found = severity(stretch(accel), [], [], 10.0, SETTINGS)
+        speed = amplitude / (LENGTH_M * omega)
+        assert found.value == pytest.approx(math.sqrt(2 * speed**3 / (9 * 50.0)) / 3, rel=1.0)
+        values.append(found.value)
+    assert values == sorted(values)
+
+
+def test_the_size_of_the_play_leads_where_it_is_told() -> None:
+    """A play of 8 ± 0.5 mrad narrows the interval to it; one that contradicts everything else is outvoted."""
+    time = np.arange(450) / 1000
+    after = np.maximum(time - 0.25, 0.0)
+    accel = 9.0 * np.exp(-4.4 * after) * np.sin(2 * math.pi * 58 * after) + noise()
+    alone = severity(stretch(accel), [], [], 10.0, SETTINGS)
+    known = severity(stretch(accel), [], [], 10.0, SETTINGS, (8e-3, 5e-4))
+    assert known.value == pytest.approx(8e-3, rel=0.1)
+    assert known.high / known.low < 0.5 * alone.high / alone.low
+    wrong = severity(stretch(accel), [], [], 10.0, SETTINGS, (0.2, 0.002))
+    assert wrong.value < 0.05
+
+
+def test_what_is_clipped_is_at_least_as_bad() -> None:
+    """The ring of a clipped window is a lower bound: neither value nor upper end fall below those of the ring."""
+    time = np.arange(450) / 1000
+    accel = 2.0 * np.exp(-4.4 * time) * np.sin(2 * math.pi * 58 * np.maximum(time - 0.1, 0)) + noise()
+    plain, cut = (severity(stretch(accel), [], [], 10.0, SETTINGS, clipped=clipped) for clipped in (False, True))
+    assert cut.value > plain.value
+    assert cut.high > 10 * plain.high
+    score = Score("elbow", 3.0, 0.25, 20.0, 8.0, True, excitation=10.0, quality="clipped")
+    assert with_severity(score, stretch(accel), [], [], SETTINGS).severity == cut.value
+
+
+@pytest.mark.parametrize(
+    ("accel", "swing", "rate_hz"),
+    [
+        (noise(), math.nan, 1000.0),
+        (np.where(np.arange(450) < 150, np.nan, noise()), 10.0, 1000.0),
+        (np.zeros(450), 10.0, 1000.0),
+        (noise(50), 10.0, 110.0),
+    ],
+)
+def test_what_cannot_be_told_is_unknown(accel: FloatArray, swing: float, rate_hz: float) -> None:
+    """Unknown excitation, a third of the samples missing, a flat sensor, one slower than twice the bar: NaN."""
+    found = severity(stretch(accel, rate_hz), [], [], swing, SETTINGS)
+    assert np.isnan([found.value, found.low, found.high]).all()
+    assert Severity().value != Severity().value
