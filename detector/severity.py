@@ -57,8 +57,8 @@ UNSEEN = 0.002
 CORNER = 2.0
 """A corner in the command, a step of its acceleration by the swing, kicks the bar by up to swing / omega_res; below so
 many times that speed the ring proves no play, and the interval begins at 0."""
-WRONG = 0.1
-"""Probability that the interval of ``play_size`` is wrong, which keeps one wrong size from deciding alone."""
+WRONG = 0.003
+"""Weight of the interval of ``play_size`` being wrong, which keeps a wrong size from deciding alone."""
 STARTS, FIRST_START, LAST_START = 40, 1.5, 1.0
 """The ring is looked for at so many moments, from so many periods after the stretch's begin on, until so many before
 its end."""
@@ -131,7 +131,7 @@ def severity(
         likelihood = _of_motion(accel, stretch, np.asarray(times), np.asarray(commands), noise, settings)
     if math.isfinite(play[0]):
         size, deviation = play
-        likelihood = likelihood + np.log(WRONG + (1 - WRONG) * np.exp(-(((GRID - size) / deviation) ** 2) / 2))
+        likelihood = likelihood + np.log(WRONG + np.exp(-(((GRID - size) / deviation) ** 2) / 2))
     is_clear = speed > CORNER * swing / (2 * math.pi * settings.f_res_hz) or _excludes_none(likelihood)
     return _interval(likelihood + _of_impact(speed, least, swing, clipped), is_clear)
 
