@@ -27,10 +27,10 @@ from lostmotion.daemon.options import (
     ZenohOptions,
 )
 from lostmotion.detector.window import DetectorSettings
-from lostmotion.drivers import registry
+from lostmotion.drivers import registry, toml_text
 from lostmotion.drivers.base import AccelerometerOptions, Driver, JointOptions, RobotOptions
-from lostmotion.drivers.codec import toml_text
 from lostmotion.drivers.errors import DriverError, LostmotionError, UnknownDriverError
+from lostmotion.drivers.textfile import TextFileError, read_text
 
 __all__ = ["Config", "ConfigError", "default", "load", "loads"]
 
@@ -39,8 +39,6 @@ Table = dict[str, Any]
 WORDS = {"float": "a number", "int": "a whole number", "str": "a text", "bool": "true or false", "object": "a table",
          "array": "a list"}  # fmt: skip
 """what msgspec's names of types mean to a person"""
-MOST_CHARACTERS = 1_000_000
-"""in a configuration; 1000 joints take a fifth of it"""
 OWN_TABLES = ("robot", "store", "accelerometer", "joint", "detector", "alarm", "metrics")
 
 
@@ -125,17 +123,9 @@ class Config:
 def load(path: Path) -> Config:
     """Reads and checks a file.  Raises ConfigError."""
     try:
-        if path.is_fifo() and not path.is_relative_to("/dev"):  # a shell's <(…) is in /dev
-            raise ConfigError(f"{path}: found a pipe, expected a file: nobody may ever write into it")
-        with path.open(encoding="utf-8-sig") as file:  # editors on Windows begin a file with a mark
-            text = file.read(MOST_CHARACTERS + 1)
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
-        raise ConfigError(f"{path}: cannot be read: {reason}; a configuration file was expected here") from error
-    if len(text) > MOST_CHARACTERS:
-        raise ConfigError(
-            f"{path}: found more than {MOST_CHARACTERS} characters, expected a configuration; is it another file?"
-        )
+        text = read_text(path)
+    except TextFileError as error:
+        raise ConfigError(f"{error}; a configuration file was expected here") from error
     return loads(text, str(path))
 
 

@@ -25,6 +25,13 @@ from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
 __all__ = ["Recording", "merge", "read_recording", "replacing", "toml_value", "write_recording"]
 
+LARGEST = 1e12
+"""of a number in the metadata, in any unit"""
+LATEST_S = 1e12
+"""beyond it a time cannot be told to a tenth of a millisecond; seconds since 1970 are 2e9"""
+SHORTEST_S = 1e-9
+"""between rows, as a rule; sensors of bars take some 1e-3"""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
@@ -63,9 +70,11 @@ class Recording:
 
     def number(self, key: str, default: float) -> float:
         """A number of the metadata, 0 or more, or else the default.  Raises RecordingError for anything else."""
-        value = self.metadata.get(key, default)
-        if isinstance(value, bool) or not isinstance(value, int | float) or value < 0:
-            raise RecordingError(f"{self.name}: # {key}: found {value!r}, expected a number of at least 0")
+        if key not in self.metadata:
+            return default
+        value = self.metadata[key]
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= LARGEST:
+            raise RecordingError(f"{self.name}: # {key}: found {value!r}, expected a number from 0 to {LARGEST:g}")
         return float(value)
 
     def unit(self, column: str) -> str:
@@ -88,7 +97,8 @@ def read_recording(path: str | Path) -> Recording:
     try:
         with path.open("rb") as file:
             ends_in_newline = _ends_in_newline(file)
-            lines = io.TextIOWrapper(file, encoding="utf-8-sig", newline="")
+            text = io.TextIOWrapper(file, encoding="utf-8-sig", newline="")
+            lines = recording_csv.text_lines(text, str(path))
             table = recording_csv.parse(lines, str(path), ends_in_newline=ends_in_newline)
     except UnicodeDecodeError as error:
         raise RecordingError(
@@ -103,7 +113,19 @@ def read_recording(path: str | Path) -> Recording:
         )
     _check_times(times, str(path), table.first_line)
     recording = Recording(times, table.columns, table.metadata, table.extra, int(table.truncated), str(path))
-    return _in_si(recording)
+    recording = _in_si(recording)
+    latest = recording.time[np.argmax(np.abs(recording.time))]
+    if abs(latest) > LATEST_S:
+        raise RecordingError(
+            f"{path}: found the time {latest:g} s, expected at most {LATEST_S:g} s; if the times are in nanoseconds, "
+            'say # time_unit = "ns" at the top'
+        )
+    steps = np.diff(recording.time)
+    if steps.any() and (step := np.median(steps[steps > 0])) < SHORTEST_S:
+        raise RecordingError(
+            f"{path}: found times that are {step:g} s apart, expected at least {SHORTEST_S:g} s; is their unit right?"
+        )
+    return recording
 
 
 def _ends_in_newline(file: BinaryIO) -> bool:

@@ -14,7 +14,6 @@ is listed as "file.py:function", the file being relative to the model file's fol
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,8 +21,10 @@ from typing import Any
 
 import msgspec
 
+from lostmotion.drivers import toml_text
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.recording import replacing, toml_value
+from lostmotion.drivers.textfile import TextFileError, read_text
 from lostmotion.lab.errors import EffectFileError, ModelFileError
 from lostmotion.lab.own import OwnEffect, is_reference, load_effect, reference
 from lostmotion.model import BASES, Model, ModelError, Parameter, build_model
@@ -64,12 +65,10 @@ def load(path: str | Path) -> ModelFile:
     if str(path) in BASES and not Path(path).exists():
         return ModelFile(str(path))
     try:
-        return loads(Path(path).read_text(encoding="utf-8"), str(path), Path(path).parent)
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
-        raise ModelFileError(
-            f"{path}: cannot be read: {reason}; expected a model file or a base ({', '.join(BASES)})"
-        ) from error
+        text = read_text(Path(path))
+    except TextFileError as error:
+        raise ModelFileError(f"{error}; expected a model file or a base ({', '.join(BASES)})") from error
+    return loads(text, str(path), Path(path).parent)
 
 
 def loads(text: str, where: str, folder: Path = Path()) -> ModelFile:
@@ -78,15 +77,13 @@ def loads(text: str, where: str, folder: Path = Path()) -> ModelFile:
     Raises ModelFileError.
     """
     try:
-        file = msgspec.convert(tomllib.loads(text), _File)
+        file = msgspec.convert(toml_text.loads(text), _File)
         effects = tuple(load_effect(name, folder).id if is_reference(name) else name for name in file.effects)
         defaults = build_model(file.base, effects=effects).parameters
         given = {name: _parameter(name, value, defaults) for name, value in _flat(file.parameters)}
         model = ModelFile(file.base, effects, given)
         model.build()
-    except tomllib.TOMLDecodeError as error:
-        raise ModelFileError(f"{where}: no valid TOML: {error}") from error
-    except (msgspec.ValidationError, ModelError, EffectFileError) as error:
+    except (toml_text.TomlError, msgspec.ValidationError, ModelError, EffectFileError) as error:
         raise ModelFileError(f"{where}: {error}") from error
     return model
 

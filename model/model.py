@@ -245,7 +245,7 @@ class Model:
         for effect in own(self.effects):
             for term in effect.terms.get(self.base, ()):
                 error = term.kernel.take_error()
-                if not isinstance(error, Exception | None):
+                if isinstance(error, KeyboardInterrupt):
                     raise error
                 if error is not None:
                     found.append(ModelError(f"effect {effect.id}: its function raised {error!r}"))

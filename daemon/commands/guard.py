@@ -106,6 +106,10 @@ def _explain(error: Exception) -> int:
         return _say(f"the database cannot be read: {error}; is it damaged, or locked by another program?")
     if isinstance(error, OSError) and error.strerror:
         return _say(f"{error.filename}: {error.strerror}" if error.filename else error.strerror)
+    if isinstance(error, MemoryError):
+        return _say(
+            f"not enough memory: {error or 'none left'}; is the input far longer, or its times wider, than meant?"
+        )
     return _say(f"internal error: {type(error).__name__}: {error}; set LOSTMOTION_DEBUG=1 for the traceback")
 
 

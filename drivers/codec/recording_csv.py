@@ -9,22 +9,26 @@ import csv
 import json
 import math
 import re
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, time
 from itertools import chain, islice
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 
+from lostmotion.drivers import toml_text
 from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.units import COLUMN_UNITS
 
-__all__ = ["ROWS_AT_ONCE", "Table", "cells", "head_text", "parse", "toml_value"]
+__all__ = ["ROWS_AT_ONCE", "Table", "cells", "head_text", "parse", "text_lines", "toml_value"]
 
 ROWS_AT_ONCE = 16384  # bounds the text held in memory while a file of any length is read or written
+LARGEST = 1e30
+"""in a cell, in any unit; sums of squares of such numbers are finite"""
+LONGEST_LINE = 100_000
+"""characters; a thousand columns take a fifth of it"""
 CUT = '"'  # no number: stands for what was cut off
 
 
@@ -67,6 +71,16 @@ def parse(lines: Iterator[str], name: str, *, ends_in_newline: bool) -> Table:
     return Table(columns, metadata, extra, truncated, header_line + 1)
 
 
+def text_lines(file: TextIO, name: str) -> Iterator[str]:
+    """The lines of a file.  Raises RecordingError for one without an end, as a device's."""
+    while line := file.readline(LONGEST_LINE + 1):
+        if len(line) > LONGEST_LINE:
+            raise RecordingError(
+                f"{name}: found a line of more than {LONGEST_LINE} characters, expected a recording; is it one?"
+            )
+        yield line
+
+
 def _head(lines: Iterator[str], name: str) -> tuple[dict[str, Any], str, int]:
     """The metadata, and the header with its line number."""
     settings = []
@@ -75,8 +89,8 @@ def _head(lines: Iterator[str], name: str) -> tuple[dict[str, Any], str, int]:
             settings.append(_checked_setting(text[1:].strip(), f"{name}: line {number}"))
         elif text.strip():
             try:
-                return tomllib.loads("\n".join(settings)), text, number
-            except tomllib.TOMLDecodeError as error:
+                return toml_text.loads("\n".join(settings)), text, number
+            except toml_text.TomlError as error:
                 raise RecordingError(
                     f"{name}: the '#' lines do not go together: {error}; is a key there twice?"
                 ) from error
@@ -85,8 +99,8 @@ def _head(lines: Iterator[str], name: str) -> tuple[dict[str, Any], str, int]:
 
 def _checked_setting(text: str, where: str) -> str:
     try:
-        tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        toml_text.loads(text)
+    except toml_text.TomlError as error:
         raise RecordingError(
             f'{where}: found {text[:60]!r}, expected key = value in TOML ({error}); does a text lack its "quotes"?'
         ) from error
@@ -158,15 +172,15 @@ def _numbers(cells: Sequence[str], column: str, name: str, line: int) -> FloatAr
         if index is not None:
             raise _bad_cell(cells[index], column, f"{name}: line {line + index}") from None
         numbers = np.array([float(cell) if cell.strip() else math.nan for cell in cells])  # blanks in an empty cell
-    infinite = np.flatnonzero(np.isinf(numbers))
-    if infinite.size:
-        raise _bad_cell(cells[infinite[0]], column, f"{name}: line {line + infinite[0]}")
+    beyond = np.flatnonzero(np.abs(numbers) > LARGEST)  # not so of NaN: an empty cell
+    if beyond.size:
+        raise _bad_cell(cells[beyond[0]], column, f"{name}: line {line + beyond[0]}")
     return numbers
 
 
 def _bad_cell(cell: str, column: str, where: str) -> RecordingError:
     return RecordingError(
-        f"{where}: found {cell[:40]!r} in the column {column!r}, expected a finite number; "
+        f"{where}: found {cell[:40]!r} in the column {column!r}, expected a finite number up to {LARGEST:g}; "
         "is a decimal comma or a word in it, or did a division by zero make it?"
     )
 

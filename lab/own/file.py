@@ -14,6 +14,7 @@ from types import ModuleType
 from typing import Any
 
 from lostmotion.drivers.errors import LostmotionError
+from lostmotion.drivers.textfile import TextFileError, read_text
 from lostmotion.lab.errors import EffectFileError
 from lostmotion.lab.own.decorator import ORIGIN, Origin, OwnEffect
 from lostmotion.model import ModelError
@@ -60,10 +61,9 @@ def restored(origin: Origin, name: str) -> OwnEffect:
 
 def _text(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
-        raise EffectFileError(f"{path}: cannot be read: {reason}; expected a Python file with an effect") from error
+        return read_text(path)
+    except TextFileError as error:
+        raise EffectFileError(f"{error}; expected a Python file with an effect") from error
 
 
 def _effect(functions: dict[str, Any], name: str) -> OwnEffect | None:
@@ -90,7 +90,9 @@ def _run(origin: Origin) -> dict[str, Any]:
         raise EffectFileError(f"{_place(origin, error.lineno)}: no valid Python: {error.msg}") from error
     except (LostmotionError, ModelError) as error:
         raise EffectFileError(f"{_place(origin, _line(path, error))}: {error}") from error
-    except (Exception, SystemExit) as error:  # the user's file may raise anything
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # the user's file may raise anything
         hint = "; an effect file stands alone, expected only imports of what is installed"
         hint = hint if isinstance(error, ImportError) else ""
         raise EffectFileError(f"{_place(origin, _line(path, error))}: {type(error).__name__}: {error}{hint}") from error

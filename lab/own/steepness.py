@@ -79,7 +79,9 @@ def _part(function: Callable[..., Any], point: FloatArray, which: int) -> float:
     try:
         found = function(*point.tolist())
         return float(found[which] if isinstance(found, tuple) else found)
-    except Exception:  # noqa: BLE001 - the user's function may raise anything; where it has no value it has no slope
+    except KeyboardInterrupt:
+        raise
+    except BaseException:  # noqa: BLE001 - the user's function may raise anything; where it has no value it has no slope
         return math.nan
 
 

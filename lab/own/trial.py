@@ -38,7 +38,9 @@ def _try(name: str, function: Callable[..., Any], arguments: Arguments, point: M
     try:
         with np.errstate(all="ignore"):
             found = function(**point)
-    except Exception as error:  # the user's function may raise anything
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # the user's function may raise anything
         raise EffectFileError(f"{name}: raised {type(error).__name__}: {error}, at {at}") from error
     count = 1 + len(arguments.states)
     parts = found if arguments.states and isinstance(found, tuple) else (found,)

@@ -16,7 +16,7 @@ from lostmotion.daemon.config import ConfigError
 from lostmotion.daemon.database import StoreError
 from lostmotion.daemon.robot import Robot
 from lostmotion.daemon.signals import Flags
-from lostmotion.drivers.codec import toml_text
+from lostmotion.drivers import toml_text
 from tests.daemon.conftest import Running, wait_until
 from tests.daemon.fakes import fake_config
 from tests.daemon.test_service import count
@@ -80,7 +80,8 @@ ATTACKS = {
 }
 VALUES = ("1e308", "-1e308", "1e-320", "inf", "nan", "0", "-1", "1e12", "9" * 30, DIGITS, '""', r'"\u0000"',
           f'"{LONG}"', '"~nosuchuser/x"', '"/"', "[]", "{}", "[[[1]]]", "true", "0001-01-01T00:00:00+23:59",
-          "9998-12-31T23:59:59Z", "1979-05-27", "07:32:00", '"max"', '"auto"', '"sine:1e308,1e308"', '"hand-waved:1e300"')  # fmt: skip
+          "9998-12-31T23:59:59Z", "1979-05-27", "07:32:00", '"max"', '"auto"', '"sine:1e308,1e308"',
+          '"hand-waved:1e300"')  # fmt: skip
 LINES = tuple(SIMULATED.splitlines())
 
 Start = Callable[..., Running]

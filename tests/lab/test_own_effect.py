@@ -126,6 +126,14 @@ def test_what_a_function_raises_on_the_way_is_told(tmp_path: Path) -> None:
     assert np.all(np.isfinite(model.simulate(MOTION, TIMES[:50])["accel"]))
 
 
+def test_a_function_that_wants_to_end_the_program_is_told(tmp_path: Path) -> None:
+    """SystemExit within the motion is the effect's error, and no end of the program."""
+    body = "if time > 0.1: raise SystemExit(0)\n    return -tau * omega"
+    loaded(tmp_path, f"@effect('joint', parameters=TAU)\ndef mine(time, omega, tau):\n    {body}\n")
+    with pytest.raises(ModelError, match=r"mine: its function raised SystemExit\(0\)"):
+        build_model("play", ["mine"]).simulate(MOTION, TIMES)
+
+
 def test_what_compiled_code_raises_is_no_number(tmp_path: Path) -> None:
     """A table that is read beyond its end within the motion ends the simulation, instead of counting as 0."""
     body = "return -tau * [1.0, 2.0][int(20 * time) if 0 < time < 1 else 0]"
@@ -207,6 +215,8 @@ GOOD = "@effect('joint', parameters=TAU)\n"
         ("import nowhere\n", "line 5: ModuleNotFoundError: No module named 'nowhere'; an effect file stands alone"),
         ("1 / 0\n", "line 5: ZeroDivisionError: division by zero"),
         ("raise SystemExit(3)\n", "line 5: SystemExit: 3"),
+        ("raise BaseException('no more')\n", "line 5: BaseException: no more"),
+        (GOOD + "def mine(omega, tau):\n    raise GeneratorExit\n", "mine: raised GeneratorExit: , at omega = 0"),
         ("def mine(omega, tau):\n    return 1.0\n", "mine is a plain function, expected @effect(…) above it"),
         (GOOD + "def other(omega, tau):\n    return -tau\n", "there is no function mine; expected one of other"),
         ("", "there is no function mine; expected one of none: nothing in this file stands under @effect"),
@@ -264,6 +274,8 @@ def test_missing_file_and_function(tmp_path: Path) -> None:
     (tmp_path / "binary.py").write_bytes(b"\xff\xfe")
     with pytest.raises(EffectFileError, match="no UTF-8 text"):
         load_effect("binary.py:mine", tmp_path)
+    with pytest.raises(EffectFileError, match="/dev/zero: found more than 1000000 characters; expected a Python file"):
+        load_effect("/dev/zero:mine")
     with pytest.raises(EffectFileError, match=r"names no function, expected .*:FUNCTION with one of tight_spot"):
         load_effect(str(EXAMPLE))
 

@@ -1,0 +1,31 @@
+"""Small text files of people, read whole within a bound: configurations, models, effects; recordings: recording.py."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from lostmotion.drivers.errors import LostmotionError
+
+__all__ = ["TextFileError", "read_text"]
+
+MOST_CHARACTERS = 1_000_000
+"""a configuration of 1000 joints takes a fifth of it"""
+
+
+class TextFileError(LostmotionError):
+    """The file cannot be read, or is no such file; the one-line message says why."""
+
+
+def read_text(path: Path) -> str:
+    """The text, without the mark with which editors on Windows begin a file.  Raises TextFileError."""
+    try:
+        if path.is_fifo() and not path.is_relative_to("/dev"):  # a shell's <(…) is in /dev
+            raise TextFileError(f"{path}: found a pipe, expected a file: nobody may ever write into it")
+        with path.open(encoding="utf-8-sig") as file:
+            text = file.read(MOST_CHARACTERS + 1)
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
+        raise TextFileError(f"{path}: cannot be read: {reason}") from error
+    if len(text) > MOST_CHARACTERS:
+        raise TextFileError(f"{path}: found more than {MOST_CHARACTERS} characters")
+    return text
