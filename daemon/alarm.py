@@ -12,7 +12,6 @@ import math
 from collections import deque
 from collections.abc import Iterable
 from datetime import datetime, timedelta
-from statistics import median
 
 from lostmotion.daemon.evidence import LEAST_WINDOWS, RANK, Evidence, grade
 from lostmotion.daemon.lifecycle import happen, is_possible, raised, reminder_due
@@ -138,11 +137,7 @@ class JointMonitor:
         origin = self._origin
         if not self._is_enough:
             return
-        ratios = [score.score / score.level for score in self._windows]
-        plays = [score.play for score in self._windows if math.isfinite(score.play)]
-        share = sum(ratio > 1 for ratio in ratios) / len(ratios)
-        play = median(plays) if plays else math.nan
-        evidence = Evidence(len(ratios), share, median(ratios), play, self._days, origin)
+        evidence = Evidence.of(self._windows, self._days, origin)
         severity = grade(evidence, self._options, self._wanted[Cause.PLAY])
         self._want(Cause.PLAY, None if origin and origin.spares(self.row.name) else severity, evidence)
 

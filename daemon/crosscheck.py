@@ -100,7 +100,7 @@ def _within(path: str, value: float, low: float, high: float) -> None:
 def _limits(config: Config) -> None:
     """A milder alarm has the smaller limit."""
     alarm = config.alarm
-    for mild, bad in (("degraded", "warning"), ("play_warning", "play_error")):
+    for mild, bad in (("degraded", "warning"), ("play_warning", "play_error"), ("severity_warning", "severity_error")):
         low, high = getattr(alarm, mild), getattr(alarm, bad)
         if low is not None and high is not None and low > high:
             raise CrossCheckError(f"alarm.{mild}: found {low:g}, expected at most {high:g}, the value of {bad}")

@@ -43,6 +43,7 @@ class AlarmDesk:
         self.is_provisional = not store.is_open
         self._store = store
         self._tell = tell
+        self._options = options
         self._reader = store.reader()
         self._monitors = {joint: requests.resume(self._reader, joint, options, utc) for joint in joints}
         self._trend_due = dict.fromkeys(self._monitors, utc)
@@ -92,7 +93,8 @@ class AlarmDesk:
         joint = next((joint for joint, due in self._trend_due.items() if due <= utc), None)
         if joint is not None:
             self._trend_due[joint] = utc + TREND
-            self._change(self._monitors[joint].trend(outlook.days_to_level(self._reader, joint, utc), utc))
+            days = outlook.days_to_limit(self._reader, joint, utc, self._options.severity_warning)
+            self._change(self._monitors[joint].trend(days, utc))
 
     def tell_settled(self, wait_s: float = TELL_S) -> None:
         """Tells the alarms that are on the disk, or are there within ``wait_s``: one wait for all of them."""

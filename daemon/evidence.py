@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from statistics import median
 
 from lostmotion.daemon.options import AlarmOptions
-from lostmotion.daemon.records import Origin, Severity
+from lostmotion.daemon.records import Origin, ScoreRow, Severity
 
 __all__ = ["LEAST_WINDOWS", "RANK", "Evidence", "grade"]
 
@@ -18,8 +19,9 @@ LEAST_WINDOWS = 5
 @dataclass(frozen=True, slots=True)
 class Evidence:
     """windows: how many count; share: of them above the level; ratio: median of score / level; play: its median size
-    [rad]; days: until the score reaches the level as its trend goes.  NaN is unknown, and leads nowhere.  origin: whose
-    play it is, where joints share accelerometers."""
+    [rad]; days: until the limit as the trend goes; origin: whose play it is, where joints share accelerometers;
+    severity, severity_low: median equivalent play [rad] and median lower end of its interval, 0 where most windows may
+    have no play.  NaN is unknown, and leads nowhere."""
 
     windows: int
     share: float
@@ -27,19 +29,44 @@ class Evidence:
     play: float = math.nan
     days: float = math.nan
     origin: Origin | None = None
+    severity: float = math.nan
+    severity_low: float = math.nan
+
+    @classmethod
+    def of(cls, windows: Sequence[ScoreRow], days: float, origin: Origin | None) -> Evidence:
+        """What these windows, at least one, and the trend say."""
+        ratios = [score.score / score.level for score in windows]
+        plays = [score.play for score in windows if math.isfinite(score.play)]
+        known = [score for score in windows if math.isfinite(score.severity)]
+        severity = severity_low = math.nan
+        if len(known) >= LEAST_WINDOWS or len(known) == len(windows):
+            severity = median(score.severity for score in known)
+            severity_low = median(score.severity_low for score in known)
+        return cls(
+            len(ratios), sum(ratio > 1 for ratio in ratios) / len(ratios), median(ratios),
+            median(plays) if plays else math.nan, days, origin, severity, severity_low,
+        )  # fmt: skip
+
+    @property
+    def proved(self) -> float:
+        """The severity where most windows exclude that there is no play, else 0."""
+        return self.severity if self.severity_low > 0 else 0.0
 
     def __str__(self) -> str:
         share = f"{self.share:.0%} of the last {self.windows} windows above the level"
-        size = f", {math.degrees(self.play) * 60:.1f}' wide" if self.play == self.play else ""
-        trend = f", reaching it in {self.days:.0f} days as its trend goes" if self.days == self.days else ""
+        severity = f", severity {_arcmin(self.severity)}" if self.proved > 0 else ""
+        size = f", play {_arcmin(self.play)}" if self.play == self.play else ""
+        trend = f", at its limit in {self.days:.0f} days as its trend goes" if self.days == self.days else ""
         origin = f", {self.origin}" if self.origin else ""
-        return f"play: {share}, median {self.ratio:.2g} x level{size}{trend}{origin}"
+        return f"play: {share}, median {self.ratio:.2g} x level{severity}{size}{trend}{origin}"
 
 
 # From worst to best: which figure leads to a severity, and which option is its limit (None: no limit).
 GRADES: tuple[tuple[Severity, Callable[[Evidence], float], Callable[[AlarmOptions], float | None]], ...] = (
+    (Severity.ERROR, lambda evidence: evidence.proved, lambda options: options.severity_error),
     (Severity.ERROR, lambda evidence: evidence.ratio, lambda options: options.error),
     (Severity.ERROR, lambda evidence: evidence.play, lambda options: options.play_error),
+    (Severity.WARNING, lambda evidence: evidence.proved, lambda options: options.severity_warning),
     (Severity.WARNING, lambda evidence: evidence.share, lambda options: options.warning),
     (Severity.WARNING, lambda evidence: evidence.play, lambda options: options.play_warning),
     (Severity.DEGRADED, lambda evidence: evidence.share, lambda options: options.degraded),
@@ -62,6 +89,10 @@ def grade(evidence: Evidence, options: AlarmOptions, before: Severity | None) ->
         if bound is not None and figure(evidence) >= bound * (1 - options.deadband if held else 1.0):
             return severity
     return None
+
+
+def _arcmin(angle: float) -> str:
+    return f"{math.degrees(angle) * 60:.1f}'"
 
 
 def _per(days: float) -> float | None:

@@ -104,18 +104,21 @@ class MetricsOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 class AlarmOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """``[alarm]``: the last ``windows`` scored windows of a joint decide on its health (``evidence.py``).
 
-    degraded, warning: share of them above the level; error: median score as a multiple of the level; play_warning,
-    play_error: median size of the play [rad], None where size does not matter; trend_days: a trend that reaches the
-    level sooner is DEGRADED, 0: none is; deadband: share of its limit by which a figure has to fall until a severity is
-    left; on_delay_s, off_delay_s: how long a cause has to stand, or to be gone, before it is told [s]; remind: of an
-    alarm that nobody acknowledges; judged_within_h: a joint without a sound window for so long is DEGRADED [h]; 0:
-    no limit.
+    degraded, warning: share of them above the level; severity_warning, severity_error: median equivalent play [rad],
+    where most windows exclude that there is none; play_warning, play_error: median size of the play [rad], None for no
+    limit; error: median score as a multiple of the level, None for no limit; trend_days: a trend that reaches
+    severity_warning sooner (of the score: the level) is DEGRADED, 0: none is; deadband: share of its limit by which
+    a figure has to fall until a severity is left; on_delay_s, off_delay_s: how long a cause has to stand, or to be
+    gone, before it is told [s]; remind: of an alarm that nobody acknowledges; judged_within_h: a joint without a
+    sound window for so long is DEGRADED [h]; 0: no limit.
     """
 
     windows: Annotated[int, Meta(ge=3, le=10000)] = 20
     degraded: Share = 0.2
     warning: Share = 0.5
-    error: Annotated[float, Meta(gt=1)] = 15.0
+    severity_warning: Positive = 5.8e-3
+    severity_error: Positive = 17.5e-3
+    error: Annotated[float, Meta(gt=1)] | None = None
     play_warning: Positive | None = None
     play_error: Positive | None = None
     trend_days: Annotated[float, Meta(ge=0)] = 30.0

@@ -1,4 +1,4 @@
-"""When a joint's score will reach its level, as its trend goes: asked of the database now and then by the service."""
+"""When a joint will reach its limit, as its trend goes: asked of the database now and then by the service."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lostmotion.daemon.reader import Reader
 from lostmotion.detector.normalise import normalised
 from lostmotion.detector.trend import mann_kendall, theil_sen, time_to_limit
 
-__all__ = ["days_to_level"]
+__all__ = ["days_to_limit"]
 
 LOOK_BACK = timedelta(days=180)
 LEAST_SPAN_S = 7 * 86400.0
@@ -22,21 +22,26 @@ LEAST_SCORES = 30
 ALPHA = 0.01
 
 
-def days_to_level(reader: Reader, joint: str, now: datetime) -> float:
-    """Days until the median line through the last half year meets the level; NaN when nothing tells that it will.
+def days_to_limit(reader: Reader, joint: str, now: datetime, severity_limit: float) -> float:
+    """Days until the median line through the severities of the last half year meets ``severity_limit`` [rad]; NaN when
+    nothing tells that it will.
 
-    The rise has to be significant (Mann-Kendall, 1 %), and the line is not drawn on for longer than it has been seen.
+    Where most of the scores are from before there were severities, their line until the level counts.  The rise has to
+    be significant (Mann-Kendall, 1 %), and the line is not drawn on for longer than it has been seen.
     """
     scores = reader.sampled(joint, now - LOOK_BACK, now, SAMPLES)
     if len(scores) < LEAST_SCORES or (scores[-1].time - scores[0].time).total_seconds() < LEAST_SPAN_S:
         return math.nan
+    known = [score for score in scores if math.isfinite(score.severity)]
+    is_known = len(known) >= max(LEAST_SCORES, len(scores) / 2)
+    scores = known if is_known else scores
     times = [(score.time - scores[0].time).total_seconds() for score in scores]
     moved = {"excitation": np.log([score.excitation for score in scores]),
              "temperature": np.array([score.temperature for score in scores])}  # fmt: skip
-    values, _ = normalised(np.array([score.score for score in scores]), moved)
+    values, _ = normalised(np.array([score.severity if is_known else score.score for score in scores]), moved)
     if mann_kendall(values, ALPHA).direction != "rising":
         return math.nan
-    left = time_to_limit(theil_sen(times, values), times[-1], scores[-1].level)
+    left = time_to_limit(theil_sen(times, values), times[-1], severity_limit if is_known else scores[-1].level)
     if left is None or left.likely > times[-1]:
         return math.nan
     return max(left.likely - (now - scores[-1].time).total_seconds(), 0.0) / 86400

@@ -40,9 +40,9 @@ def monitor(**options: Any) -> JointMonitor:
     return JointMonitor(JointRow("elbow", since=NOON), msgspec.structs.replace(OPTIONS, **options))
 
 
-def score(ratio: float, second: float = 0, quality: str = "ok", play: float = math.nan) -> ScoreRow:
+def score(ratio: float, second: float = 0, quality: str = "ok", play: float = math.nan, **more: float) -> ScoreRow:
     """A score of ``ratio`` times its level."""
-    return ScoreRow("elbow", at(second), 0.25, 8.0 * ratio, 8.0, ratio > 1, play, quality=quality)
+    return ScoreRow("elbow", at(second), 0.25, 8.0 * ratio, 8.0, ratio > 1, play, quality=quality, **more)
 
 
 def feed(joint: JointMonitor, *ratios: float, start: float = 0) -> list[Change]:
@@ -96,12 +96,55 @@ def test_the_size_of_the_play_counts_where_it_has_limits(size: float, health: He
     assert (limited.row.health, free.row.health) == (health, Health.OK)
 
 
+@pytest.mark.parametrize(
+    ("arc_minutes", "low", "health"),
+    [
+        (19.0, 8.0, Health.OK),
+        (21.0, 8.0, Health.WARNING),
+        (36.0, 8.0, Health.WARNING),
+        (61.0, 8.0, Health.ERROR),
+        (61.0, 0.0, Health.OK),
+    ],
+)
+def test_a_worn_joint_is_never_well(arc_minutes: float, low: float, health: Health) -> None:
+    """Quiet scores do not hide a large equivalent play: beyond 20' it warns, beyond 1° it is an error, and 0.6° is
+    never OK; where most windows may have no play at all it leads nowhere."""
+    joint = monitor()
+    for second in range(10):
+        angle = math.radians(arc_minutes / 60)
+        joint.scored(score(0.5, second, severity=angle, severity_low=math.radians(low / 60), severity_high=2 * angle))
+    assert joint.row.health is health
+    if health is not Health.OK:
+        reason = f"play: 0% of the last 5 windows above the level, median 0.5 x level, severity {arc_minutes:.1f}'"
+        assert joint.row.reason == reason
+
+
+def test_severity_needs_windows_that_know_it() -> None:
+    """Four of ten windows with a severity say nothing, five do, and those without one do not count."""
+    joint, large = monitor(), {"severity": 0.03, "severity_low": 0.01, "severity_high": 0.05}
+    for second in range(6):
+        joint.scored(score(0.5, second))
+    for second in range(4):
+        joint.scored(score(0.5, 6 + second, **large))
+    assert joint.row.health is Health.OK
+    joint.scored(score(0.5, 10, **large))
+    assert joint.row.health is Health.ERROR
+
+
+def test_the_multiple_of_the_level_counts_where_it_is_given() -> None:
+    """Without ``error`` in the configuration a median of nine levels is a warning, with 5 an error."""
+    usual, old = monitor(error=None), monitor(error=5.0)
+    for joint in (usual, old):
+        feed(joint, *[9.0] * 10)
+    assert (usual.row.health, old.row.health) == (Health.WARNING, Health.ERROR)
+
+
 def test_a_trend_that_nears_the_level_degrades() -> None:
     """20 days left of 30 degrade a quiet joint, its deadband holds until 50 days, and NaN is no trend."""
     joint = monitor(trend_days=30.0)
     feed(joint, *[0.5] * 10)
     assert events(joint.trend(20.0, at(20))) == [(RAISED, Severity.DEGRADED)]
-    assert joint.row.reason.endswith("reaching it in 20 days as its trend goes")
+    assert joint.row.reason.endswith("at its limit in 20 days as its trend goes")
     assert joint.trend(45.0, at(21)) == []
     assert events(joint.trend(math.nan, at(22))) == [(CLEARED, Severity.DEGRADED)]
     off = monitor(trend_days=0.0)

@@ -104,6 +104,6 @@ def test_the_trend_is_asked_of_the_database(store: Store) -> None:
     assert world.events() == [AlarmEvent.RAISED]
     (raised,) = [change for change, _ in world.told if isinstance(change, Transition)]
     assert (raised.event, raised.alarm.severity) == (AlarmEvent.RAISED, Severity.DEGRADED)
-    assert "reaching it in 20 days" in raised.alarm.reason
+    assert "at its limit in 20 days" in raised.alarm.reason
     world.desk.ask_trend(NOON + timedelta(minutes=59))
     assert len(world.events()) == 1
