@@ -34,6 +34,7 @@ from lostmotion.daemon.records import (
     micros,
 )
 from lostmotion.daemon.rollup import SERIES, Series
+from lostmotion.daemon.timekeeper import ClockRow
 from lostmotion.drivers.errors import LostmotionError
 
 __all__ = ["Reader", "ReaderError", "empty_reader", "open_readonly"]
@@ -140,6 +141,18 @@ class Reader:
     def robot(self) -> str:
         """The robot's name."""
         return str(next((row["value"] for row in self._rows("SELECT value FROM meta WHERE key = 'robot'")), ""))
+
+    def clock(self) -> ClockRow | None:
+        """What the service last knew of the time."""
+        told = next((row["value"] for row in self._rows("SELECT value FROM meta WHERE key = 'clock'")), None)
+        return None if told is None else ClockRow(*map(int, json.loads(told)))
+
+    def newest(self) -> datetime | None:
+        """The latest stamp of any score."""
+        (row,) = self._rows(
+            "SELECT max((SELECT max(time_us) FROM score WHERE joint_id = joint.id)) AS time_us FROM joint"
+        )
+        return _maybe(row["time_us"])
 
     def origins(self) -> list[Origin]:
         """Where play comes from, for each group of joints that share accelerometers, as the service last wrote it."""

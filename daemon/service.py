@@ -15,6 +15,8 @@ from collections.abc import Callable
 from datetime import datetime
 from typing import TYPE_CHECKING, TypeVar
 
+from msgspec.structs import replace
+
 from lostmotion.daemon import accounts, database, logs
 from lostmotion.daemon.alarm import Change
 from lostmotion.daemon.config import Config
@@ -22,12 +24,15 @@ from lostmotion.daemon.desk import AlarmDesk
 from lostmotion.daemon.notify import Notifier
 from lostmotion.daemon.poller import Poller
 from lostmotion.daemon.records import JointRow, ScoreRow, WindowRow
-from lostmotion.daemon.repeats import Repeats, place
+from lostmotion.daemon.repeats import Condition, Repeats, place
 from lostmotion.daemon.robot import Robot
 from lostmotion.daemon.signals import Flags
 from lostmotion.daemon.sinks import Sink
 from lostmotion.daemon.sinks.log import LogSink
 from lostmotion.daemon.store import Store
+from lostmotion.daemon.timekeeper import DOUBTFUL, Timekeeper
+from lostmotion.drivers import clock
+from lostmotion.drivers.clock import SystemClock
 from lostmotion.drivers.errors import LostmotionError
 
 if TYPE_CHECKING:
@@ -47,6 +52,8 @@ LOOK_S = 1.0
 """how often devices are looked at [s]"""
 ACCOUNT_S = 10.0
 """how often the devices' counts go to the database [s]"""
+LATE_S = 60.0
+"""by how much stamps may be ahead of what the database has of the time [s]"""
 SUMMARY_S = 300.0
 NOTICE_S = 60.0
 """how long an alarm stands that tells of a database that was left: when it is over it waits to be acknowledged [s]"""
@@ -92,9 +99,13 @@ class Service:
         self._fed = (time.monotonic(), 0)
         self._errors = Repeats()
         self._notice, self._notice_ends = "", 0.0
+        self._time: Timekeeper | None = None  # a virtual robot's clock needs none
+        self._clock_told = Condition(told="")
 
     def startup(self) -> None:
         """Everything that has to be there before the first sample."""
+        if isinstance(self._robot.clock, SystemClock):
+            self._time = _timekeeper(self._store)
         self._begin()
         self._notifier.ready()
         config = self._config
@@ -155,7 +166,7 @@ class Service:
         self._robot.stop.set()
         for thread in self._threads:
             thread.join(1.0)
-        self._store.add(*accounts.rows(self._robot, self._utc()))
+        self._store.add(*accounts.rows(self._robot, self._utc()), *([self._time.row] if self._time else []))
         self._desk.tell_settled(FINISH_S)
         self._desk.close()
         self._close_sinks()
@@ -228,18 +239,39 @@ class Service:
 
     def _utc(self) -> datetime:
         """The robot's time."""
-        return self._robot.clock.utc(self._robot.clock.now())
+        return self._stamp(self._robot.clock.now())
+
+    def _stamp(self, robot_time: float) -> datetime:
+        """The UTC of a robot time [s]."""
+        return (self._time or self._robot.clock).utc(robot_time)
+
+    def _look_at_clock(self, keeper: Timekeeper) -> None:
+        """Follows the system's clock where it is to be believed, and says what becomes of a step."""
+        now = time.monotonic()
+        mend = keeper.look(now, clock.wall(), clock.is_synchronised)
+        if mend is not None:
+            self._store.add(mend)
+            log.warning("the system's clock is right now: stamps since the start are moved by %s", mend.shift)
+        problem = ""
+        if keeper.is_doubtful:
+            problem = "is far from the last known time: stamps go on from that one, and are marked 'clock'"
+        elif keeper.step:
+            problem = f"has stepped by {keeper.step:+.0f} s: stamps go on as before until it is confirmed"
+        if self._clock_told.is_news("wrong" if problem else "", now):
+            log.warning("the system's clock %s", problem or "is followed again")
 
     # --- the data's way ---------------------------------------------------------------------------------------------
 
     def _step(self) -> None:
         """Samples to windows, windows to scores, scores to store, alarm state and sinks."""
+        if self._time is not None:
+            self._look_at_clock(self._time)
         for scored in self._guard(self._robot.step) or ():
-            utc = self._robot.clock.utc(scored.score.time)
+            utc = self._stamp(scored.score.time)
             row = ScoreRow.of(scored.score, utc)
             for sink in self._sinks:
                 self._guard(sink.score, row)
-            self._store.add(row)
+            self._store.add(_marked(row) if self._time is not None and self._time.is_doubtful else row)
             if self._config.store.keep_windows_mb:
                 self._store.add(WindowRow.of(scored.window, row.impact, utc))
             self._guard(self._desk.scored, row, scored.origin)
@@ -272,6 +304,8 @@ class Service:
             self._notifier.status(accounts.status_line(self._robot, self._store, self._desk.healths))
         if self._is_due(ACCOUNT_S):
             self._store.add(*accounts.rows(self._robot, self._utc()))
+            if self._time is not None:
+                self._store.add(self._time.row)
         if self._is_due(SUMMARY_S):
             accounts.log_summary(self._robot, self._store)
         self._feed_watchdog()
@@ -331,6 +365,25 @@ def _say_that_the_old_one_stays(error: BaseException) -> None:
         log.error("the old configuration stays: %s", error)
     else:
         log.error("the old configuration stays: internal error: %r", error, exc_info=error)
+
+
+def _timekeeper(store: Store) -> Timekeeper:
+    """Goes on from what earlier runs knew of the time; a database of an older version knows only its newest stamp."""
+    with store.reader() as reader:
+        row, newest = reader.clock(), reader.newest()
+    known, bound = None, newest.timestamp() if newest else None
+    if row is not None:
+        known, bound = row.known_us / 1e6, row.bound_us / 1e6
+        if newest is not None and 0 < newest.timestamp() - known < LATE_S:  # a kill let the stamps get ahead
+            known = newest.timestamp()
+    keeper = Timekeeper(time.monotonic(), clock.wall(), clock.is_synchronised, known, bound)
+    store.add(keeper.row)
+    return keeper
+
+
+def _marked(row: ScoreRow) -> ScoreRow:
+    """The score with a mark that its time is in doubt."""
+    return replace(row, quality=DOUBTFUL if row.quality == "ok" else f"{row.quality},{DOUBTFUL}")
 
 
 def _store(config: Config) -> Store:

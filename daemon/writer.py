@@ -8,7 +8,7 @@ import sqlite3
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 
 from lostmotion.daemon import database
@@ -25,6 +25,7 @@ from lostmotion.daemon.records import (
     micros,
 )
 from lostmotion.daemon.rollup import HOUR_US, roll_up
+from lostmotion.daemon.timekeeper import DOUBTFUL, ClockRow, Mend
 
 __all__ = ["Policy", "Row", "Writer"]
 
@@ -35,7 +36,7 @@ LOOK = (
     "SELECT total(score) FROM (SELECT score FROM score WHERE joint_id = (SELECT id FROM joint WHERE name = ?)"
     " ORDER BY time_us DESC LIMIT ?)"
 )
-Row = ScoreRow | WindowRow | Transition | JointRow | DeviceRow | Origins | Answer
+Row = ScoreRow | WindowRow | Transition | JointRow | DeviceRow | Origins | Answer | ClockRow | Mend
 ALARM = (
     "joint_id, cause, severity, state, raised_us, acknowledged_us, cleared_us, shelved_until_us, told_us, reminders,"
     " reason"
@@ -64,6 +65,7 @@ class Writer:
         self._joints: dict[str, int] = {}
         self._rolled: dict[int, int] = {}
         self._kept_bytes = 0
+        self._bound_us = math.inf
         self._begin(path, policy)
 
     def _begin(self, path: Path, policy: Policy) -> None:
@@ -100,7 +102,7 @@ class Writer:
         """Goes on making old scores fewer, for so long."""
         end = time.monotonic() + seconds
         for joint, newest in self._newest.items() if policy.scores_us else ():
-            old_us = newest - policy.scores_us
+            old_us = round(min(newest, self._bound_us)) - policy.scores_us
             if self._rolled.get(joint) == old_us // HOUR_US:
                 continue  # nothing more until another hour is old
             with self._db:
@@ -134,9 +136,24 @@ class Writer:
                     values = [row.name, micros(row.time), row.state, row.reason, row.samples, row.lost, row.late]
                     values += [row.broken, row.silent, row.overwritten]
                     self._db.execute("INSERT OR REPLACE INTO device VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", values)
+                case ClockRow():
+                    self._bound_us = row.bound_us
+                    values = [json.dumps([row.known_us, row.bound_us])]
+                    self._db.execute("INSERT OR REPLACE INTO meta VALUES ('clock', ?)", values)
+                case Mend():
+                    self._mend(row)
                 case Origins():
                     groups = [[dict(origin.probabilities), origin.windows] for origin in row.groups]
                     self._db.execute("INSERT OR REPLACE INTO meta VALUES ('origins', ?)", [json.dumps(groups)])
+
+    def _mend(self, row: Mend) -> None:
+        """Moves what was stamped by a wrong clock."""
+        span = {"since": micros(row.since), "until": micros(row.until), "shift": row.shift // timedelta(microseconds=1)}
+        unmarked = f"nullif(trim(replace(quality, '{DOUBTFUL}', ''), ','), '')"
+        where = "WHERE time_us BETWEEN :since AND :until"
+        self._db.execute(f"UPDATE OR REPLACE score SET time_us = time_us + :shift, quality = {unmarked} {where}", span)
+        self._db.execute(f"UPDATE OR REPLACE window SET time_us = time_us + :shift {where}", span)
+        self._newest = {joint: min(newest, micros(row.until + row.shift)) for joint, newest in self._newest.items()}
 
     def _id(self, joint: str) -> int:
         if joint not in self._joints:

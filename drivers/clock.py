@@ -6,12 +6,26 @@ clock of their own, which may run faster.  UTC is made from it only at the edge,
 
 from __future__ import annotations
 
+import ctypes
 import threading
 import time
 from datetime import UTC, datetime, timedelta
 from typing import Protocol
 
-__all__ = ["Clock", "SystemClock", "VirtualClock"]
+__all__ = ["Clock", "SystemClock", "VirtualClock", "is_synchronised", "wall"]
+
+TIMEX_BYTES = 1024
+"""more than a struct timex has"""
+UNSYNCHRONISED = 5
+"""TIME_ERROR of adjtimex(2)"""
+
+wall = time.time
+"""the system's clock [s since 1970], looked up here by those who stamp rows, so that a test can set it"""
+
+
+def is_synchronised() -> bool:
+    """Whether the kernel says that network time has set the system's clock."""
+    return bool(ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(TIMEX_BYTES)) != UNSYNCHRONISED)
 
 
 class Clock(Protocol):
@@ -33,7 +47,7 @@ class SystemClock:
     now = staticmethod(time.monotonic)
 
     def utc(self, robot_time: float) -> datetime:
-        return datetime.fromtimestamp(time.time() - time.monotonic() + robot_time, UTC)
+        return datetime.fromtimestamp(wall() - time.monotonic() + robot_time, UTC)
 
 
 class VirtualClock:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
 import platform
 import re
@@ -23,6 +22,7 @@ from lostmotion.daemon.config import Config
 from lostmotion.daemon.migrations import CURRENT, MIGRATIONS
 from lostmotion.daemon.reader import open_readonly
 from lostmotion.drivers.base import AccelerometerOptions, JointOptions
+from lostmotion.drivers.clock import is_synchronised
 from lostmotion.drivers.errors import LostmotionError
 
 if TYPE_CHECKING:
@@ -34,10 +34,6 @@ SYSTEM = "system"
 USB_SERIAL = Path("/sys/bus/usb-serial/devices")
 YEARS = (2025, 2100)
 DRIFT_S = 0.05
-UNSYNCHRONISED = 5
-"""TIME_ERROR of adjtimex(2)."""
-TIMEX_BYTES = 512
-"""More than struct timex has on any machine; with modes = 0 nothing is changed."""
 SPARE_MB = 200.0
 LASTS_DAYS = 90.0
 ROW_BYTES = 100.0
@@ -65,14 +61,9 @@ def check_clock(since: ClockPair, virtual: bool) -> Iterator[Check]:
     cause = "the clock was stepped during the pass; scores stay right, their UTC jumps"
     yield within(SYSTEM, "clock step during the pass", abs(since.drift()), "s", None, DRIFT_S, cause)
     if not virtual:
-        ok = _is_synchronised()
+        ok = is_synchronised()
         cause = "" if ok else "no network time: is systemd-timesyncd or chrony running, and the network up?"
         yield Check(SYSTEM, "clock", "synchronised" if ok else "not synchronised", "", "synchronised", ok, cause)
-
-
-def _is_synchronised() -> bool:
-    buffer = ctypes.create_string_buffer(TIMEX_BYTES)
-    return bool(ctypes.CDLL(None).adjtimex(buffer) != UNSYNCHRONISED)
 
 
 def check_disk(config: Config) -> Iterator[Check]:

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+import os
 import resource
 import sys
 import time
@@ -16,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from lostmotion.daemon import config, service
-from lostmotion.drivers import registry
+from lostmotion.drivers import clock, registry
 from lostmotion.drivers.base import (
     AccelBlock,
     AccelerometerOptions,
@@ -150,6 +151,14 @@ def files_may_grow() -> None:
 def install() -> None:
     """Puts the fake driver into the table."""
     registry.BUILT_IN["fake"] = "tests.daemon.fakes:DRIVER"
+    if path := os.environ.get("FAKE_CLOCK"):
+        set_clock(Path(path))
+
+
+def set_clock(ahead: Path) -> None:
+    """The system's clock is ahead by the seconds that stand in a file, and no network time has set it."""
+    clock.wall = lambda: time.time() + float(ahead.read_text() or 0)
+    clock.is_synchronised = lambda: False
 
 
 if __name__ == "__main__":
