@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from lostmotion.daemon.sockets import sockets
 from lostmotion.detector.limits import poll_limit, rate_limit, window_limit
 
 if TYPE_CHECKING:
@@ -18,10 +19,11 @@ def notes(config: Config) -> tuple[str, ...]:
     """One line each, none twice."""
     found = [note for sensor in config.accelerometers for note in _of_sensor(config, sensor)]
     found += [note for joint in config.joints for note in _of_joint(config, joint.name)]
-    if config.metrics and not config.metrics.listen.startswith(("127.", "[::1]")):
-        found.append(
-            f"metrics.listen: whoever reaches {config.metrics.listen} can read the metrics; there is no password"
-        )
+    found += [
+        f"{socket.of} listens at {socket.address}: open to {socket.reach}; there is no password"
+        for socket in sockets(config)
+        if socket.plain
+    ]
     return tuple(dict.fromkeys(found))
 
 

@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator
 from ipaddress import ip_address
 from typing import TYPE_CHECKING
 
+from lostmotion.daemon import sockets
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.score import validate
 from lostmotion.detector.windows import window_length
@@ -154,9 +155,10 @@ def _addresses(config: Config) -> None:
     zenoh = config.zenoh
     if zenoh and zenoh.config:
         _zenoh_file(zenoh)
-    if zenoh and not (zenoh.config or zenoh.connect or zenoh.multicast_scouting or _is_found(zenoh)):
+    if zenoh and not (zenoh.multicast_scouting or any(sockets.endpoints(zenoh))):
+        file = f", nor in {zenoh.config}" if zenoh.config else ""
         raise CrossCheckError(
-            "alarm.zenoh.connect: found none, so that nobody would hear the robot; expected a router such as "
+            f"alarm.zenoh.connect: found none{file}, so that nobody would hear the robot; expected a router such as "
             '["tcp/10.0.0.1:7447"], or listen = ["tcp/127.0.0.1:7447"] in mode "peer"'
         )
     for key, endpoints in (("connect", zenoh.connect), ("listen", zenoh.listen)) if zenoh else ():
@@ -183,11 +185,6 @@ def _database(config: Config) -> None:
     except OSError as error:
         if error.errno in (errno.ENAMETOOLONG, errno.ELOOP):
             raise CrossCheckError(f"store.path: {error.strerror}: {config.database!s:.80}") from error
-
-
-def _is_found(zenoh: ZenohOptions) -> bool:
-    """Whether others can connect to this robot."""
-    return bool(zenoh.listen) and zenoh.mode != "client"
 
 
 def check_endpoints(name: str, endpoints: Iterable[str]) -> None:

@@ -10,7 +10,7 @@ import zenoh
 
 from lostmotion.daemon.options import ZenohOptions
 
-__all__ = ["JSON", "SCHEMA", "brief", "configuration", "why_closed"]
+__all__ = ["JSON", "SCHEMA", "brief", "configuration", "opened", "why_closed"]
 
 SCHEMA = 1
 """version of the payloads: grows when a key changes its meaning or goes away"""
@@ -25,12 +25,16 @@ TLS_FILES = (
 
 
 def configuration(options: ZenohOptions) -> zenoh.Config:
-    """Zenoh's configuration: its own file first, if one is named, then what the options say.  Raises zenoh.ZError."""
+    """Zenoh's configuration: its own file first, if one is named, then what the options say.  Raises zenoh.ZError.
+
+    Where neither says where to listen, Zenoh would listen on all interfaces, in plain text; ours does not listen.
+    """
     config = zenoh.Config.from_file(options.config) if options.config else zenoh.Config()
+    mode = options.mode or json.loads(config.get_json("mode")) or "peer"
     settings = {
-        "mode": options.mode or (None if options.config else "peer"),
+        "mode": mode,
         "connect/endpoints": options.connect or None,
-        "listen/endpoints": options.listen or (None if options.config else []),
+        "listen/endpoints": options.listen or _asked_to_listen(config, mode),
         "scouting/multicast/enabled": options.multicast_scouting,
         "timestamping/enabled": True,  # the publishers' cache orders by it
     }
@@ -38,6 +42,26 @@ def configuration(options: ZenohOptions) -> zenoh.Config:
         if value is not None:
             config.insert_json5(key, json.dumps(value))
     return config
+
+
+def opened(options: ZenohOptions) -> tuple[list[str], list[str]]:
+    """The endpoints where the session connects to, and where it listens.  Raises zenoh.ZError."""
+    config = configuration(options)
+    mode = json.loads(config.get_json("mode"))
+    listen = [] if mode == "client" else _of_mode(json.loads(config.get_json("listen/endpoints")), mode)
+    return _of_mode(json.loads(config.get_json("connect/endpoints")), mode), listen
+
+
+def _asked_to_listen(config: zenoh.Config, mode: str) -> list[str]:
+    """The endpoints that a file of Zenoh's asks for; its defaults nobody has asked for."""
+    found, unasked = (json.loads(one.get_json("listen/endpoints")) for one in (config, zenoh.Config()))
+    return [] if found == unasked else _of_mode(found, mode)
+
+
+def _of_mode(value: object, mode: str) -> list[str]:
+    """Endpoints that may differ by mode."""
+    found = value.get(mode) if isinstance(value, dict) else value
+    return [str(endpoint) for endpoint in (found if isinstance(found, list) else [found] if found else [])]
 
 
 def brief(error: zenoh.ZError) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 from lostmotion.daemon import config as configuration
 from lostmotion.daemon.commands import output
 from lostmotion.daemon.config import Config
+from lostmotion.daemon.sockets import sockets
 
 __all__ = ["check"]
 
@@ -42,6 +43,7 @@ def _document(config: Config) -> dict[str, Any]:
             }
             for joint in config.joints
         ],
+        "sockets": [asdict(socket) for socket in sockets(config)],
         "notes": list(config.notes),
     }
 
@@ -58,10 +60,16 @@ def _print(path: Path, config: Config) -> None:
     columns = ("accelerometer", "driver", "port", "rate [Hz]", "f_res [Hz]", "zeta")
     output.print_table(columns, sensors, columns[3:])
     output.print_lines([""])
+    rows = [[socket.of, socket.does, socket.address, socket.reach] for socket in sockets(config)]
+    if rows:
+        output.print_table(("socket of", "does", "address", "open to"), rows)
+    else:
+        output.print_lines(["sockets: none; nothing listens, and nothing is connected to"])
+    output.print_lines([""])
     settings = {joint.name: asdict(config.settings(joint.name)) for joint in config.joints}
     keys = list(next(iter(settings.values())))
-    rows = [[key, *(_shown(values[key]) for values in settings.values())] for key in keys]
-    output.print_table(("detector", *settings), rows, tuple(settings))
+    table = [[key, *(_shown(values[key]) for values in settings.values())] for key in keys]
+    output.print_table(("detector", *settings), table, tuple(settings))
     output.print_lines([f"note: {note}" for note in config.notes])
 
 

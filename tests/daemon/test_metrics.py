@@ -179,7 +179,7 @@ def test_an_open_address_is_worth_a_note() -> None:
     text = (ROOT / "examples/arm.toml").read_text() + "\n[metrics]\n"
     assert not any("metrics" in note for note in configuration.loads(text, "arm.toml").notes)
     notes = configuration.loads(text + 'listen = "0.0.0.0:9464"\n', "arm.toml").notes
-    assert any("whoever reaches 0.0.0.0:9464" in note for note in notes)
+    assert any("metrics listens at 0.0.0.0:9464: open to everybody" in note for note in notes)
 
 
 def test_the_service_answers_and_gives_the_address_back(tmp_path: Path, start: Callable[..., Running]) -> None:

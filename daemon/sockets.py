@@ -1,0 +1,81 @@
+"""Which sockets a service with a configuration opens, and who can reach them.  Nothing is opened here.
+
+Serial ports, files and systemd's notification socket are no sockets that others can reach; they are not listed.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from lostmotion.daemon.config import Config
+    from lostmotion.daemon.options import CanOptions, ZenohOptions
+
+__all__ = ["Socket", "endpoints", "sockets"]
+
+SCOUTING = "udp/224.0.0.224:7446"
+"""where Zenoh looks for others by multicast"""
+LOCAL = re.compile(r"(\w+/)?(127\.[\d.]+|\[::1\]|localhost):\d+.*|(unixsock-stream|unixpipe|serial|vsock)/.*")
+ENCRYPTED = re.compile(r"(tls|quic)/.*")
+THIS_COMPUTER = "this computer"
+
+
+@dataclass(frozen=True, slots=True)
+class Socket:
+    """of: the part of the service that opens it; reach: who can connect to it, "" where nobody can; plain: whether all
+    who can do so without a certificate, and read what passes by."""
+
+    of: Literal["zenoh", "metrics", "can"]
+    does: Literal["listens", "connects", "sends"]
+    address: str
+    reach: str = ""
+    plain: bool = False
+
+
+def sockets(config: Config) -> tuple[Socket, ...]:
+    """All of them, those that listen first."""
+    found = [*(_of_zenoh(config.zenoh) if config.zenoh else ())]
+    if config.metrics:
+        found.append(_listening("metrics", config.metrics.listen))
+    if config.alarm.can:
+        found.append(_of_can(config.alarm.can))
+    return tuple(sorted(found, key=lambda socket: socket.does != "listens"))
+
+
+def endpoints(options: ZenohOptions) -> tuple[list[str], list[str]]:
+    """Where the session connects to, and where it listens, with what Zenoh's own file says."""
+    if not options.config:
+        return options.connect, options.listen if options.mode != "client" else []
+    from lostmotion.daemon.zenoh_session import opened  # many do without Zenoh, and without its third of a second
+
+    return opened(options)
+
+
+def _of_zenoh(options: ZenohOptions) -> Iterator[Socket]:
+    connect, listen = endpoints(options)
+    yield from (_listening("zenoh", endpoint) for endpoint in listen)
+    if options.multicast_scouting:
+        yield Socket("zenoh", "listens", SCOUTING, "everybody on its networks", plain=True)
+    yield from (Socket("zenoh", "connects", endpoint) for endpoint in connect)
+
+
+def _listening(of: Literal["zenoh", "metrics"], address: str) -> Socket:
+    if LOCAL.fullmatch(address):
+        return Socket(of, "listens", address, THIS_COMPUTER)
+    if ENCRYPTED.fullmatch(address):
+        return Socket(of, "listens", address, "who has a certificate, where Zenoh's file asks for one")
+    return Socket(of, "listens", address, f"everybody who reaches {_host(address)}, in plain text", plain=True)
+
+
+def _host(address: str) -> str:
+    host = address.partition("/")[2] or address
+    host = host.partition("#")[0].rpartition(":")[0]
+    return "this computer" if host in ("0.0.0.0", "[::]") else host
+
+
+def _of_can(options: CanOptions) -> Socket:
+    where = " ".join(str(options.options[key]) for key in ("host", "port") if key in options.options)
+    return Socket("can", "sends", " ".join(part for part in (options.interface, options.channel, where) if part))
