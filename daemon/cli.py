@@ -155,13 +155,17 @@ def history(
 @database
 @since
 @until
-@click.option("--of", type=click.Choice(["score", "play"]), default="score", help="Scores, or the size of the play.")
+@click.option(
+    "--of",
+    type=click.Choice(["severity", "score", "play"]),
+    help="Equivalent play (the default where there is one), scores, or the size of the play.",
+)
 @click.option(
     "--level",
     type=float,
     callback=positive,
     metavar="X",
-    help="The limit, instead of the newest score's level, or of alarm.play_error or play_warning [rad].",
+    help="The limit, instead of alarm.severity_error [rad], the newest score's level, or alarm.play_error [rad].",
 )
 @click.option("--png", type=FILE, metavar="FILE", help="Draw the plot into a picture (png, svg, pdf).")
 @as_json
@@ -171,7 +175,7 @@ def trend(
     database: Path | None,
     since: datetime | None,
     until: datetime | None,
-    of: Literal["score", "play"],
+    of: Literal["severity", "score", "play"] | None,
     level: float | None,
     png: Path | None,
     as_json: bool,

@@ -114,7 +114,8 @@ class JointOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     """What every ``[[joint]]`` table has; a driver adds its own keys in a subclass.
 
     levers_m: how far the joint's axis is from the accelerometers that feel it [m], by their names, negative where the
-    joint turns the other way round; its own accelerometer's, unless given, is the length of the bar.
+    joint turns the other way round; its own accelerometer's, unless given, is the length of the bar.  gear_radius_m: of
+    the joint's last gear [m], where play is also to be told as the gap between its teeth.
     """
 
     name: str
@@ -123,6 +124,7 @@ class JointOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     poll_hz: float = 100.0
     accelerometer: str
     levers_m: dict[str, float] = {}
+    gear_radius_m: Annotated[float, msgspec.Meta(gt=0, le=10)] | None = None
 
 
 class AccelerometerOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -23,11 +23,12 @@ MOST_SPEED = 1e7
 class SimulatedJointOptions(JointOptions, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """play_m: the gap between the teeth at the start [m], 0 for none; wear_per_year: it grows as exp(wear_per_year t),
     t in years of operation, up to MOST_PLAY_M, for the larger the gap, the harder the teeth hit; resolution_rad: steps
-    of command and position [rad], by default an AX-12A's 300°/1023."""
+    of command and position [rad], by default an AX-12A's 300°/1023; gear_radius_m: that of the model unless given."""
 
     play_m: Annotated[float, msgspec.Meta(ge=0, le=MOST_PLAY_M)] = 0.0
     wear_per_year: Annotated[float, msgspec.Meta(ge=0, le=100)] = 2.0
     resolution_rad: NotNegative = math.radians(300) / 1023
+    gear_radius_m: Annotated[float, msgspec.Meta(gt=0, le=10)] | None = 0.010
 
 
 class SimulatedAccelerometerOptions(AccelerometerOptions, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -57,8 +57,8 @@ def _print_table(joint: str, scores: list[ScoreRow]) -> None:
         output.print_lines([f"no scores of {joint} in that time"])
         return
     full = max((score.score for score in scores if math.isfinite(score.score)), default=1.0)
-    columns = ("time (UTC)", "score", "", "level", "impact", "play", "quality")
-    output.print_table(columns, [_row(score, full) for score in scores], right=("score", "level", "play"))
+    columns = ("time (UTC)", "score", "", "level", "impact", "play", "severity", "quality")
+    output.print_table(columns, [_row(score, full) for score in scores], right=("score", "level", "play", "severity"))
 
 
 def _row(score: ScoreRow, full: float) -> list[str]:
@@ -70,5 +70,6 @@ def _row(score: ScoreRow, full: float) -> list[str]:
         f"{score.level:.2f}",
         "impact" if score.impact else "",
         output.arcmin(score.play),
+        output.arcmin(score.severity),
         score.quality,
     ]

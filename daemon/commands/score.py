@@ -74,7 +74,7 @@ def _print(name: str, settings: DetectorSettings, scores: list[Score]) -> None:
     held_against = f"(f_res {settings.f_res_hz:g} Hz, level {settings.level:g})"
     output.print_lines([f"joint {name}: {len(scores)} windows, {impacts} with impact {held_against}"])
     if scores:
-        columns = ("time [s]", "duration [s]", "score", "impact", "play", "quality")
+        columns = ("time [s]", "duration [s]", "score", "impact", "play", "severity", "quality")
         output.print_table(columns, [_row(window) for window in scores], right=columns[:3])
     if impacts:
         output.print_lines([_play(scores)])
@@ -98,5 +98,6 @@ def _row(window: Score) -> list[str]:
         output.number(window.score),
         "impact" if window.impact else "",
         output.arcmin(window.play),
+        output.arcmin(window.severity),
         window.quality,
     ]

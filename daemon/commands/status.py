@@ -59,9 +59,9 @@ def _print(
 
     output.print_markup(f"robot [bold]{escape(robot)}[/bold]" + ("" if joints else ": no joint has been seen yet"))
     if joints:
-        columns = ("joint", "health", "score", "level", "play", "last window", "why")
+        columns = ("joint", "health", "score", "level", "play", "severity", "last window", "why")
         rows = [_row(joint, now) for joint in joints]
-        output.print_table(columns, rows, right=("score", "level", "play"))
+        output.print_table(columns, rows, right=("score", "level", "play", "severity"))
     for alarm in (alarm for joint in joints for alarm in joint.alarms):
         output.print_lines([_alarm(alarm)])
     output.print_lines([f"play: {origin}, after {origin.windows} windows" for origin in origins])
@@ -82,10 +82,16 @@ def _row(status: JointStatus, now: datetime) -> list[str]:
 
     joint, last = status.joint, status.last
     colour = COLOURS[joint.health]
-    numbers = ["-", "-", "-", "none yet"]
+    numbers = ["-", "-", "-", "-", "none yet"]
     if last:
         when = times.ago(last.time, now)
-        numbers = [output.number(last.score), f"{last.level:.2f}", output.arcmin(last.play), when]
+        numbers = [
+            output.number(last.score),
+            f"{last.level:.2f}",
+            output.arcmin(last.play),
+            output.arcmin(last.severity),
+            when,
+        ]
     return [escape(joint.name), f"[{colour}]{joint.health.value}[/{colour}]", *numbers, escape(joint.reason)]
 
 

@@ -26,7 +26,8 @@ from lostmotion.drivers.errors import LostmotionError
 
 __all__ = ["History", "TrendError", "trend"]
 
-Of = Literal["score", "play"]
+Of = Literal["score", "play", "severity"]
+MANY = {"score": "scores", "play": "plays", "severity": "severities"}
 DAY = 86400.0
 RADIANS, ARC_MINUTES = 1.0, 60 * 180 / math.pi
 UNITS = (("year", 365.25 * DAY), ("month", 30.4375 * DAY), ("day", DAY), ("hour", 3600.0), ("minute", 60.0))
@@ -40,14 +41,16 @@ class TrendError(LostmotionError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class History:
-    """The scores of a joint that are numbers, or the sizes of its play, and their trend: what a plot shows.
+    """The severities of a joint, its scores that are numbers, or the sizes of its play, and their trend: what a plot
+    shows.
 
-    what: the quantity and its unit, in words; start: UTC of time 0; time [s] and value, shape (N,), at the median
-    excitation and temperature; laws: what of these it was freed of (``normalised``); impact, shape (N,); wear: with
-    times from ``start``.
+    of, what: the quantity, and with its unit in words; start: UTC of time 0; time [s] and value, shape (N,), at the
+    median excitation and temperature; laws: what of these it was freed of (``normalised``); impact, shape (N,); wear:
+    with times from ``start``.
     """
 
     joint: str
+    of: Of
     what: str
     start: datetime
     time: FloatArray
@@ -55,6 +58,11 @@ class History:
     laws: dict[str, float]
     impact: np.ndarray[Any, np.dtype[np.bool_]]
     wear: WearTrend
+
+    @property
+    def many(self) -> str:
+        """The quantity's name in the plural."""
+        return MANY[self.of]
 
     @property
     def span(self) -> float:
@@ -81,19 +89,21 @@ def trend(
     config: Path | None,
     database: Path | None,
     bounds: tuple[datetime | None, datetime | None],
-    of: Of,
+    asked: Of | None,
     level: float | None,
     png: Path | None,
     as_json: bool,
 ) -> None:
-    """Prints the trend of scores or plays with since <= time < until against ``level``; draws ``png`` when given."""
+    """Prints the trend of severities, scores or plays with since <= time < until against ``level``; draws ``png`` when
+    given.  asked: which of them; None: severities where at least half of the rows have one, else scores."""
     times.check_order(*bounds)
     if png and png.suffix.lower() not in PICTURES:
         raise TrendError(f"--png: found the name {str(png)!r}, expected one that ends with {', '.join(PICTURES)}")
     with open_joint(joint, config, database) as reader:
         series = reader.series(joint, *bounds)
-    if of == "play":
-        level = level or _play_limit(config)
+    of = asked or _best(series)
+    if of != "score":
+        level = level or _limit(config, of)
     history = _history(joint, series, of, level)
     if png:
         from lostmotion.daemon.commands.trend_picture import draw
@@ -105,12 +115,38 @@ def trend(
         return
     from lostmotion.daemon.commands.trend_terminal import plot
 
-    output.print_lines([*_words(history), "", plot(history), *([f"picture: {png}"] if png else [])])
+    told = [] if asked or of == "severity" else ["too few of these scores have a severity: the trend is that of scores"]
+    is_ours = config is not None or database is None  # else nobody says whose database it is
+    size = _sizes(history, _radius(config, joint) if is_ours else math.nan) if of != "score" else []
+    output.print_lines([*told, *_words(history), *size, "", plot(history), *([f"picture: {png}"] if png else [])])
 
 
-def _play_limit(config: Path | None) -> float:
-    """The size of the play that is an alarm [rad]."""
+def _best(series: Series) -> Of:
+    """What there is enough of: rows of earlier versions have no severity."""
+    return "severity" if np.mean(np.isfinite(series["severity"]) if series.size else [0.0]) >= 0.5 else "score"
+
+
+def _radius(config: Path | None, joint: str) -> float:
+    """The radius of the joint's gear [m], NaN where nobody says it."""
+    return next((j.gear_radius_m for j in find_config(config).joints if j.name == joint), None) or math.nan
+
+
+def _sizes(history: History, radius_m: float) -> list[str]:
+    """How large the play was at first and is now: medians of the first and last tenth [arc-minutes]."""
+    tenth = max(history.value.size // 10, 1)
+    ends = [float(np.median(part)) / ARC_MINUTES for part in (history.value[:tenth], history.value[-tenth:])]
+    words = [f"{output.arcmin(end)}" for end in ends]
+    if math.isfinite(radius_m):
+        words = [f"{word} ({end * radius_m * 1e6:.3g} µm)" for word, end in zip(words, ends, strict=True)]
+        words[1] += f" on a gear of {radius_m * 1e3:g} mm"
+    return [f"wear           from {words[0]} to {words[1]}"]
+
+
+def _limit(config: Path | None, of: Of) -> float:
+    """The severity, or the size of the play, that is an alarm [rad]."""
     alarm = find_config(config).alarm
+    if of == "severity":
+        return alarm.severity_error
     limit = alarm.play_error or alarm.play_warning
     if limit is None:
         raise TrendError("found no limit of the play; give --level [rad], or set alarm.play_error in the configuration")
@@ -118,13 +154,13 @@ def _play_limit(config: Path | None) -> float:
 
 
 def _history(joint: str, series: Series, of: Of, level: float | None, unit: float = ARC_MINUTES) -> History:
-    """unit: of a play, in a rad."""
+    """unit: of a play and a severity, in a rad."""
     if series.size > MOST:
         series = one_an_hour(series)  # as old ones are kept: a trend must not change when they are rolled up
     series = series[np.isfinite(series[of])]
     if not series.size:
-        raise TrendError(f"found no {of}s of {joint!r} in that time, expected at least 3; try an earlier --since")
-    scale = unit if of == "play" else 1.0
+        raise TrendError(f"found no {MANY[of]} of {joint!r} in that time, expected at least 3; try an earlier --since")
+    scale = 1.0 if of == "score" else unit
     limit = scale * (level or float(series["level"][-1]))
     with np.errstate(invalid="ignore", divide="ignore"):
         moved = {"excitation": np.log(series["excitation"]), "temperature": series["temperature"]}
@@ -134,14 +170,15 @@ def _history(joint: str, series: Series, of: Of, level: float | None, unit: floa
         wear = summarise(time, value, limit)
     except DetectorError as error:
         raise TrendError(f"joint {joint!r}: {error}; let it run for longer, or try an earlier --since") from error
-    what = "score o of eq. 8 [-]" if of == "score" else "play [arc-minutes]"
-    return History(joint, what, from_micros(int(series["time_us"][0])), time, value, laws, series["impact"], wear)
+    what = "score [-]" if of == "score" else f"{of} [arc-minutes]"
+    return History(joint, of, what, from_micros(int(series["time_us"][0])), time, value, laws, series["impact"], wear)
 
 
 def _document(history: History) -> dict[str, Any]:
     wear = history.wear
     return {
         "joint": history.joint,
+        "of": history.of,
         "count": wear.count,
         "first": iso(history.utc(wear.first)),
         "last": iso(history.utc(wear.last)),
@@ -174,7 +211,7 @@ def _words(history: History) -> list[str]:
     first, last = (f"{history.utc(time).astimezone(UTC):%Y-%m-%d %H:%M}" for time in (wear.first, wear.last))
     found = f"{wear.trend.direction} (p = {wear.trend.p_value:.2g})" if wear.trend.direction != "none" else "none found"
     lines = [
-        f"{history.joint}: {wear.count} {history.what.split()[0]}s, {first} to {last} UTC",
+        f"{history.joint}: {wear.count} {history.many}, {first} to {last} UTC",
         *_laws(history.laws),
         f"trend          {found}, Mann-Kendall tau {wear.trend.tau:+.2f}",
         f"slope          {_slope(wear.slope, history.span)}",

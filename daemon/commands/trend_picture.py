@@ -89,6 +89,6 @@ def _finish(axes: Axes, history: History) -> None:
     axes.set_ylim(min(0.0, float(history.value.min())), 1.08 * top)
     trend = history.wear.trend
     found = f"{trend.direction}, p = {trend.p_value:.2g}" if trend.direction != "none" else "no trend"
-    axes.set_title(f"{history.joint}: {history.wear.count} {history.what.split()[0]}s, {found}", loc="left")
+    axes.set_title(f"{history.joint}: {history.wear.count} {history.many}, {found}", loc="left")
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)

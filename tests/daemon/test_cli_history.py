@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import math
+import re
 import sys
 from contextlib import closing
 from datetime import UTC, datetime, timedelta
@@ -109,7 +110,7 @@ def test_history_csv(database: Path) -> None:
 def test_history_table(database: Path) -> None:
     """People see a bar, a mark at impacts and the play in arc-minutes."""
     lines = call("history", "elbow", "--database", database, "--limit", "2").stdout.splitlines()
-    assert lines[-1].split() == ["2026-12-30", "10:10:12.0", "6.97", "█" * 12, "4.00", "impact", "3.4'", "ok"]
+    assert lines[-1].split() == ["2026-12-30", "10:10:12.0", "6.97", "█" * 12, "4.00", "impact", "3.4'", "3.4'", "ok"]
 
 
 def test_a_long_table_looks_the_same(database: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -207,7 +208,7 @@ def test_reading_while_the_service_writes(tmp_path: Path) -> None:
 
 def test_trend_json(database: Path) -> None:
     """A line of slope 6 a year is found as such, with its significance and the time at which it met the level."""
-    trend = document("trend", "elbow", "--database", database, "--level", "8.97")
+    trend = document("trend", "elbow", "--of", "score", "--database", database, "--level", "8.97")
     assert trend["slope"]["per_month"] == pytest.approx(0.5, rel=1e-6)
     assert trend["slope"]["low"] <= 0.5000001
     assert trend["slope"]["high"] >= 0.4999999
@@ -249,6 +250,51 @@ def test_trend_of_the_play(warm: Path) -> None:
     assert is_one_line(call("trend", "elbow", "--of", "play", "--database", warm / "h.db"), "--level")
 
 
+@pytest.fixture(scope="module")
+def wearing(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A year of a joint whose severity grows from 2 to 12 mrad while its score falls; rows of the first tenth are from
+    before there were severities."""
+    folder = tmp_path_factory.mktemp("wearing")
+    store, rng = Store(folder / "h.db", "arm1"), np.random.default_rng(6)
+    for k in range(800):
+        share = k / 800
+        severity = (0.002 + 0.01 * share) * math.exp(rng.normal(0, 0.3)) if k >= 80 else math.nan
+        time = START + timedelta(days=365 * share)
+        store.add(ScoreRow("elbow", time, 0.25, 17 - 10 * share, 8.0, True, severity=severity))
+        store.add(ScoreRow("wrist", time, 0.25, 17 - 10 * share, 8.0, True, severity=severity if k > 700 else math.nan))
+    store.close()
+    (folder / "r.toml").write_text(SIMULATED.replace("history.db", f"{folder}/h.db"))
+    return folder
+
+
+def test_trend_is_that_of_the_severity(wearing: Path) -> None:
+    """10 mrad a year against an error at 17.5 mrad, reached in about 200 days, in rad as JSON; arc-minutes, and
+    micrometres on the simulated robot's gear of 10 mm, for people; the falling score is there when it is asked for."""
+    told = document("trend", "elbow", "--config", wearing / "r.toml")
+    assert (told["of"], told["count"], told["level"]) == ("severity", 720, 0.0175)
+    assert told["slope"]["per_month"] * 12 == pytest.approx(0.01, rel=0.1)
+    assert told["time_to_limit"]["likely_s"] == pytest.approx(0.55 * 365 * 86400, rel=0.25)
+    text = call("trend", "elbow", "--config", wearing / "r.toml").stdout
+    assert "elbow: 720 severities" in text
+    found = re.search(
+        r"wear           from ([\d.]+)' \(([\d.]+) µm\) to ([\d.]+)' \(([\d.]+) µm\) on a gear of 10 mm", text
+    )
+    assert found
+    assert [float(found[k]) for k in (1, 3)] == pytest.approx([12.0, 39.5], rel=0.15)
+    assert float(found[4]) == pytest.approx(math.radians(float(found[3]) / 60) * 1e4, abs=0.6)
+    assert "µm" not in call("trend", "elbow", "--database", wearing / "h.db").stdout
+    assert document("trend", "elbow", "--of", "score", "--config", wearing / "r.toml")["slope"]["per_month"] < 0
+
+
+def test_trend_falls_back_to_the_score(wearing: Path) -> None:
+    """Where most rows have no severity yet the score counts, and a line says so; not when it was asked for."""
+    told = document("trend", "wrist", "--config", wearing / "r.toml")
+    assert (told["of"], told["count"]) == ("score", 800)
+    lines = call("trend", "wrist", "--config", wearing / "r.toml").stdout.splitlines()
+    assert lines[0] == "too few of these scores have a severity: the trend is that of scores"
+    assert "too few" not in call("trend", "wrist", "--of", "score", "--config", wearing / "r.toml").stdout
+
+
 def test_trend_is_freed_of_warmth(warm: Path) -> None:
     """Scores that rise by 3 % a °C in a year that grows warmer: JSON tells the dependence, and no trend is left."""
     told = document("trend", "elbow", "--config", warm / "r.toml")
@@ -266,7 +312,7 @@ def test_trend_leaves_out_unknown_scores(database: Path) -> None:
 
 def test_trend_in_the_terminal(database: Path) -> None:
     """Words first, then a plot with level and dates; no escape codes without a terminal."""
-    text = call("trend", "elbow", "--database", database).stdout
+    text = call("trend", "elbow", "--of", "score", "--database", database).stdout
     assert "slope          +6 per year" in text
     assert "limit          reached" in text
     assert "level 4" in text
