@@ -19,11 +19,15 @@ from typing import Protocol
 import serial
 
 from lostmotion.drivers.errors import PortError
+from lostmotion.drivers.holders import holders
 
 __all__ = ["Exchange", "SerialPort"]
 
 CHUNK = 4096
 """as many bytes as a Linux tty holds"""
+
+
+HUNG_UP = select.POLLHUP | select.POLLERR | select.POLLNVAL
 
 
 class Exchange(Protocol):
@@ -35,8 +39,10 @@ class Exchange(Protocol):
 
 
 class SerialPort:
-    """A serial port held by this process alone.
+    """A serial port that no other process has open, as far as this one may see (``holders.py``).
 
+    While it is open the kernel refuses it to other programs (TIOCEXCL), but not to root's (CAP_SYS_ADMIN); a program
+    that reads from it all the same is noticed by bytes that are announced and then not there.
     ``close`` may come from another thread at any time: a ``read`` under way ends first, the next raises PortError.
     """
 
@@ -51,11 +57,17 @@ class SerialPort:
     def open(self) -> None:
         """Takes the port, raw, and forgets what had come in before.  Raises PortError with the likely cause."""
         self.close()
+        self._refuse_a_second_master()  # before opening, which restarts some microcontrollers
         try:
             device = serial.Serial(self.path, self.baudrate, timeout=0, exclusive=True)
             fcntl.ioctl(device.fileno(), termios.TIOCEXCL)
         except (OSError, ValueError, termios.error) as error:
             raise PortError(self._explain(error)) from error
+        try:
+            self._refuse_a_second_master()  # from here on only root can open it
+        except PortError:
+            _release(device)
+            raise
         self._poll = select.poll()
         self._poll.register(device.fileno(), select.POLLIN)
         self._serial, self._number = device, device.fileno()
@@ -125,9 +137,7 @@ class SerialPort:
         if device is None:
             return
         with self._busy:
-            with contextlib.suppress(OSError):  # unplugged: there is nothing left to give back
-                fcntl.ioctl(device.fileno(), termios.TIOCNXCL)
-            device.close()
+            _release(device)
 
     def _receive(self, fd: int, timeout_ms: float) -> bytes:
         try:
@@ -155,7 +165,19 @@ class SerialPort:
             raise PortError(f"port {self.path} is not open")
         return self._number
 
+    def _refuse_a_second_master(self) -> None:
+        if others := holders(self.path):
+            raise PortError(
+                f"port {self.path} is open in another program, process {', '.join(others)}; expected it free: two that "
+                "read from one port take each other's answers"
+            )
+
     def _gone(self, error: Exception | None) -> PortError:
+        if error is None and not any(what & HUNG_UP for _, what in self._poll.poll(0)):
+            return PortError(
+                f"port {self.path} is read by another program, too: what had come in was gone; likely cause: the "
+                f"robot's controller (sudo fuser {self.path} names it)"
+            )
         return PortError(
             f"port {self.path} went away ({error or 'end of file'}); likely cause: unplugged or lost power"
         )
@@ -173,7 +195,16 @@ class SerialPort:
         if number in (errno.EACCES, errno.EPERM):
             return f"{name} may not be opened by this user; likely cause: the user is not in the group dialout"
         if number in (errno.EBUSY, errno.EAGAIN):
-            return f"{name} is busy; likely cause: another program holds it (the robot's controller, ModemManager)"
+            return (
+                f"{name} is busy; likely cause: another program holds it (the robot's controller, ModemManager; "
+                f"sudo fuser {self.path} names it)"
+            )
         if isinstance(error, ValueError):
             return f"{name} cannot run at {self.baudrate} baud: {error}"
         return f"{name} is no usable serial port ({error}); expected a tty; likely cause: a wrong name"
+
+
+def _release(device: serial.Serial) -> None:
+    with contextlib.suppress(OSError):  # unplugged: there is nothing left to give back
+        fcntl.ioctl(device.fileno(), termios.TIOCNXCL)
+    device.close()
