@@ -46,6 +46,8 @@ GLANCE_S = 0.02
 """``is_held`` may have the lock for a moment"""
 BUSY_S = 2.0
 """how long another program's lock is waited for [s]"""
+WAL_BYTES = 16_000_000
+"""the log does not stay larger than this, once a reader has let SQLite write it back"""
 FULL = (errno.ENOSPC, errno.EDQUOT)
 DAMAGE = ("SQLITE_CORRUPT", "SQLITE_NOTADB")
 UNREADABLE = (sqlite3.Error, UnicodeDecodeError)
@@ -230,11 +232,20 @@ def newer(path: Path, version: int) -> str:
     )
 
 
+def _private(path: Path) -> None:
+    """Makes the file, if it is not there, for its owner and group only, less where the umask says so: SQLite would let
+    everybody read it."""
+    with suppress(OSError):  # SQLite tells it better
+        os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o640))
+
+
 def _open(path: Path) -> sqlite3.Connection:
+    _private(path)
     db = sqlite3.connect(path, timeout=BUSY_S, check_same_thread=False)
     try:
         db.execute("PRAGMA journal_mode = WAL")
         db.execute("PRAGMA synchronous = NORMAL")
+        db.execute(f"PRAGMA journal_size_limit = {WAL_BYTES}")
         _migrate(db, path)
     except BaseException:
         db.close()
@@ -249,7 +260,11 @@ def _migrate(db: sqlite3.Connection, path: Path) -> None:
     if version == 0 and db.execute("SELECT count(*) FROM sqlite_schema").fetchone()[0]:
         raise StoreError(f"{path}: is the database of another program; choose another store.path")
     if 0 < version < CURRENT:
-        _copy(db, path, version)
+        with closing(sqlite3.connect(path, timeout=BUSY_S)) as guard:
+            guard.execute(
+                "BEGIN IMMEDIATE"
+            )  # before the copy: where another program writes, there would be one a retry
+            _copy(db, path, version)
     for number, script in enumerate(MIGRATIONS[version:], start=version + 1):
         db.executescript(f"BEGIN IMMEDIATE; {script} PRAGMA user_version = {number}; COMMIT;")
 
@@ -261,6 +276,7 @@ def _copy(db: sqlite3.Connection, path: Path, version: int) -> None:
     if shutil.disk_usage(path.parent).free < 2 * size:
         raise StoreRefusedError(f"{path}: no room for a copy before its schema changes; free {size / 5e5:.0f} MB")
     unfinished = copy.with_name(f"{copy.name}.unfinished")
+    _private(unfinished)
     with closing(sqlite3.connect(unfinished)) as target:
         db.backup(target)
     unfinished.rename(copy)

@@ -6,7 +6,7 @@ Base tables are compact (whole microseconds, joint numbers, NULL for the usual) 
 
 from __future__ import annotations
 
-__all__ = ["ADDED", "CURRENT", "MIGRATIONS"]
+__all__ = ["ADDED", "AS_ALARM", "CURRENT", "MIGRATIONS"]
 
 
 def _iso(column: str) -> str:
@@ -60,13 +60,16 @@ _ALARM = """
     joint_id INTEGER NOT NULL REFERENCES joint(id), cause TEXT NOT NULL, severity TEXT NOT NULL, state TEXT NOT NULL,
     raised_us INTEGER NOT NULL, acknowledged_us INTEGER, cleared_us INTEGER, shelved_until_us INTEGER,
     told_us INTEGER NOT NULL, reminders INTEGER NOT NULL, reason TEXT NOT NULL"""
+# An alarm of schema 1 and 2 as one of the third; readers of a database that has not been migrated yet ask so, too.
+_NEW_FORM = """id, joint_id, cause, severity,
+    iif(cleared_us IS NOT NULL, 'normal', iif(acknowledged_us IS NULL, 'active', 'acknowledged')) AS state,
+    raised_us, acknowledged_us, cleared_us, NULL AS shelved_until_us, raised_us AS told_us, 0 AS reminders, reason"""
+AS_ALARM = f"SELECT {_NEW_FORM} FROM alarm"
 THIRD = f"""
 DROP VIEW alarms;
 ALTER TABLE alarm RENAME TO old_alarm;
 CREATE TABLE alarm (id INTEGER PRIMARY KEY, {_ALARM}, UNIQUE (joint_id, cause, raised_us));
-INSERT OR REPLACE INTO alarm SELECT id, joint_id, cause, severity,
-    iif(cleared_us IS NOT NULL, 'normal', iif(acknowledged_us IS NULL, 'active', 'acknowledged')),
-    raised_us, acknowledged_us, cleared_us, NULL, raised_us, 0, reason FROM old_alarm ORDER BY id;
+INSERT OR REPLACE INTO alarm SELECT {_NEW_FORM} FROM old_alarm ORDER BY id;
 DROP TABLE old_alarm;
 CREATE INDEX alarm_that_lives ON alarm (joint_id) WHERE state != 'normal';
 CREATE TABLE alarm_event (

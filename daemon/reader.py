@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from lostmotion.daemon.database import UNREADABLE, is_damage, newer
-from lostmotion.daemon.migrations import ADDED, CURRENT, MIGRATIONS
+from lostmotion.daemon.migrations import ADDED, AS_ALARM, CURRENT, MIGRATIONS
 from lostmotion.daemon.records import (
     AlarmEvent,
     AlarmRow,
@@ -193,10 +193,9 @@ class Reader:
 
     def alarms(self, joint: str | None = None, *, living: bool = False) -> list[AlarmRow]:
         """Alarms of one joint or of all, oldest first; living: only those that are not normal again."""
-        if self._version < 3:
-            return []
+        table = "alarm" if self._version >= 3 else f"({AS_ALARM}) AS alarm"
         rows = self._rows(
-            "SELECT alarm.*, joint.name AS joint FROM alarm JOIN joint ON joint.id = joint_id"
+            f"SELECT alarm.*, joint.name AS joint FROM {table} JOIN joint ON joint.id = joint_id"
             " WHERE (:joint IS NULL OR joint.name = :joint) AND (NOT :living OR state != 'normal')"
             " ORDER BY raised_us, alarm.id",
             {"joint": joint, "living": living},

@@ -13,6 +13,7 @@ from datetime import datetime, timedelta
 from pathlib import Path
 
 from lostmotion.daemon.alarm import Change, JointMonitor
+from lostmotion.daemon.database import explain
 from lostmotion.daemon.migrations import CURRENT
 from lostmotion.daemon.options import AlarmOptions
 from lostmotion.daemon.reader import Reader, open_readonly
@@ -45,9 +46,12 @@ def ask(database: Path, request: Request, now: datetime) -> int:
                 [micros(now), request.joint, request.verb.value, cause, request.for_s, request.by],
             )
     except sqlite3.Error as error:
-        raise RequestError(
-            f"{database}: cannot be written ({error}); the service's user may write it: try sudo"
-        ) from error
+        name = getattr(error, "sqlite_errorname", "")
+        if name.startswith(("SQLITE_READONLY", "SQLITE_CANTOPEN", "SQLITE_PERM")):
+            advice = f"{database}: cannot be written ({error}); the service's user may write it: try sudo"
+        else:
+            advice = f"{explain(database, error)}, and try again"
+        raise RequestError(advice) from error
     return int(cursor.lastrowid or 0)
 
 

@@ -37,6 +37,8 @@ BATCH = 5000
 """rows in one transaction at most"""
 ROLL_UP_S = 0.005
 """how long old scores are rolled up after each batch [s]"""
+MOST_WAL_BYTES = 64_000_000
+"""SQLite writes its log back from 4 MB on; a backlog of an hour makes 30"""
 BACKLOG_ROWS = 200_000
 BACKLOG_WINDOWS = 2_000
 
@@ -67,7 +69,7 @@ class Store:
         self.problem = ""
         self.dropped = 0
         self.damage: Exception | None = None
-        self._condition = Condition(told="")
+        self._condition, self._wal_condition = Condition(told=""), Condition(told="")
         self.configure(robot, keep_windows_mb, keep_scores_days)
         self._rows: deque[Row] = deque()
         self._windows: deque[Row] = deque()
@@ -171,10 +173,25 @@ class Store:
         if self._file is None or self.damage is not None:
             return
         if file_identity(self._link) == self._file:
-            self._wal = file_identity(self.path.with_name(f"{self.path.name}-wal"))
+            wal = self.path.with_name(f"{self.path.name}-wal")
+            self._wal = file_identity(wal)
+            self._look_at_size(wal)
         else:
             what = "replaced by another file" if self._link.exists() else "deleted"
             self.damage = ReplacedError(f"{self._link}: was {what} while it was open; the service goes on in a new one")
+
+    def _look_at_size(self, wal: Path) -> None:
+        """Says so when the log cannot be written back, which only a reader that never ends keeps SQLite from."""
+        try:
+            size = wal.stat().st_size
+        except OSError:
+            size = 0
+        grows = size > MOST_WAL_BYTES
+        if self._wal_condition.is_news("grows" if grows else "", time.monotonic()):
+            told = (
+                f"has grown to {size / 1e6:.0f} MB: another program keeps a transaction open; end it, or the disk fills"
+            )
+            log.warning("%s: %s", wal, told if grows else "is small again")
 
     def _begin_anew(self, damage: Exception) -> None:
         """Leaves the file for a new one at its path, and writes there what waits; the writer's thread has ended."""

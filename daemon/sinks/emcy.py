@@ -50,17 +50,20 @@ class EmcyNode:
     def alarm(self, transition: Transition) -> list[Frame]:
         """The frames that a transition calls for.
 
-        An error that goes while others stand is "error reset" with the register of those that stand; they are told
-        again, since many a consumer forgets all errors at a reset.
+        An error that goes, or becomes another code, while others stand is "error reset" with the register of those that
+        stand; they are told again, since many a consumer forgets all errors at a reset.  Without the reset a consumer
+        would keep the code that was.
         """
         alarm = transition.alarm
         key, code = (alarm.joint, alarm.cause), _code(alarm)
         if alarm.joint not in self._index or self._standing.get(key, CLEARED) == code:
             return [self._emcy(code, alarm.joint)] if transition.event is AlarmEvent.REMINDED and code else []
-        if code:
+        if key not in self._standing:
             self._standing[key] = code
             return [self._emcy(code, alarm.joint)]
         del self._standing[key]
+        if code:
+            self._standing[key] = code
         return [self._emcy(CLEARED, alarm.joint), *self._errors()]
 
     def everything(self) -> list[Frame]:

@@ -75,7 +75,8 @@ def test_the_frames_to_the_letter() -> None:
     node.score(SCORE)
     (frame,) = node.alarm(WARNING)
     assert (frame.cob_id, frame.data.hex(" ")) == (0xA1, "01 ff 81 01 af 00 22 00")
-    assert codes(node, later(WARNING, AlarmEvent.ESCALATED, Severity.ERROR)) == ["02 ff 81 01 af 00 22 00"]
+    escalated = codes(node, later(WARNING, AlarmEvent.ESCALATED, Severity.ERROR))
+    assert escalated == ["00 00 81 01 af 00 22 00", "02 ff 81 01 af 00 22 00"]
     assert codes(node, FAULT) == ["03 ff 81 00 ff ff ff ff"]
     beat = node.heartbeat()
     assert (beat.cob_id, beat.data) == (0x721, b"\x05")
@@ -92,6 +93,24 @@ def test_a_cleared_error_leaves_the_others_standing() -> None:
     assert cleared == ["00 00 81 01 ff ff ff ff", "03 ff 81 00 ff ff ff ff"]
     assert codes(node, later(FAULT, AlarmEvent.SHELVED)) == ["00 00 00 00 ff ff ff ff"]
     assert [frame.data.hex() for frame in node.everything()] == ["000000ffffffffff"]
+
+
+def test_an_error_that_eases_is_forgotten_by_a_master() -> None:
+    """A consumer that keeps every code until a reset holds what stands and nothing else, after each transition."""
+    node, kept = EmcyNode(0x21, JOINTS), set[tuple[int, int]]()
+
+    def hear(change: Transition) -> set[tuple[int, int]]:
+        for frame in node.alarm(change):
+            code, joint = int.from_bytes(frame.data[:2], "little"), frame.data[3]
+            kept.clear() if code == 0 else kept.add((code, joint))
+        return kept
+
+    assert hear(WARNING) == {(0xFF01, 1)}
+    assert hear(FAULT) == {(0xFF01, 1), (0xFF03, 0)}
+    assert hear(later(WARNING, AlarmEvent.ESCALATED, Severity.ERROR)) == {(0xFF02, 1), (0xFF03, 0)}
+    assert hear(later(WARNING, AlarmEvent.EASED, Severity.WARNING)) == {(0xFF01, 1), (0xFF03, 0)}
+    assert hear(later(WARNING, AlarmEvent.EASED, Severity.DEGRADED)) == {(0xFF03, 0)}
+    assert hear(later(FAULT, AlarmEvent.CLEARED)) == set()
 
 
 def test_what_changes_nothing_on_the_bus_is_not_sent() -> None:

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from lostmotion.daemon.lifecycle import raised
-from lostmotion.daemon.migrations import CURRENT
+from lostmotion.daemon.migrations import CURRENT, MIGRATIONS
 from lostmotion.daemon.reader import open_readonly
 from lostmotion.daemon.records import AlarmState, Cause, Request, Severity, Verb
 from lostmotion.daemon.requests import RequestError, ask
@@ -51,6 +51,38 @@ def test_a_locked_database_is_told(database: Path, monkeypatch: pytest.MonkeyPat
         other.execute("BEGIN IMMEDIATE")
         assert is_one_line(call("alarms", "ack", "elbow", "--database", database), "another program holds the database")
     assert states(database) == [AlarmState.ACTIVE]
+
+
+def test_a_lock_is_no_matter_for_sudo(database: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """While a service runs and another program holds the database locked: that is said, and nobody is sent to root."""
+    monkeypatch.setattr("lostmotion.daemon.requests.BUSY_S", 0.05)
+    with closing(Store(database, "arm1")), closing(sqlite3.connect(database)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        refused = call("alarms", "ack", "elbow", "--database", database)
+    assert is_one_line(
+        refused, "another program holds the database locked; close it (database is locked), and try again"
+    )
+    assert "sudo" not in refused.stderr
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_alarms_of_a_database_that_is_not_migrated_yet(tmp_path: Path, version: int) -> None:
+    """A new program beside a service of an older version: `status --fail` and `alarms` see the alarm that stands."""
+    path = tmp_path / "old.db"
+    with closing(sqlite3.connect(path)) as db:
+        db.executescript("".join(MIGRATIONS[:version]) + f"PRAGMA user_version = {version};")
+        db.execute("INSERT INTO joint (id, name, health, reason) VALUES (1, 'elbow', 'WARNING', 'much')")
+        for moments in ((1_000_000, None, None), (2_000_000, None, 4_000_000)):
+            row = (1, "play", "warning", *moments, "much")
+            db.execute(f"INSERT INTO alarm VALUES (NULL, {', '.join('?' * len(row))})", row)
+        db.commit()
+    told = call("status", "--database", path, "--fail")
+    assert told.exit_code == 1
+    assert "alarm: elbow: warning: much" in told.stdout
+    (alarm,) = document("alarms", "--database", path)["alarms"]
+    assert (alarm["state"], alarm["raised"]) == ("active", "1970-01-01T00:00:01.000000Z")
+    with closing(sqlite3.connect(path)) as db:
+        assert db.execute("PRAGMA user_version").fetchone()[0] == version
 
 
 def test_list_is_what_alarms_does(database: Path) -> None:

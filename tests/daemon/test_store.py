@@ -5,7 +5,9 @@ from __future__ import annotations
 import logging
 import math
 import os
+import re
 import sqlite3
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import replace
@@ -270,6 +272,69 @@ def test_alarms_of_an_older_database_are_kept(path: Path) -> None:
         alarms = reader.alarms("elbow")
     assert [alarm.state for alarm in alarms] == [AlarmState.ACTIVE, AlarmState.ACKNOWLEDGED, AlarmState.NORMAL]
     assert [alarm.told.timestamp() for alarm in alarms] == [1.0, 2.0, 3.0]
+
+
+def test_a_migration_under_a_lock_makes_one_copy(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """While another program writes nothing is copied, however often it is tried; afterwards there is one copy."""
+    monkeypatch.setattr("lostmotion.daemon.database.BUSY_S", 0.01)
+    monkeypatch.setattr("lostmotion.daemon.store.RETRY_S", 0.02)
+    copied = list[Path]()
+    monkeypatch.setattr("lostmotion.daemon.database._copy", lambda db, path, version: copied.append(path))
+    with closing(sqlite3.connect(path)) as db:
+        db.executescript("".join(MIGRATIONS[:2]) + "PRAGMA journal_mode = WAL; PRAGMA user_version = 2;")
+    with closing(sqlite3.connect(path)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        store = Store(path, "arm1", patient=True)
+        store.add(FULL)
+        time.sleep(0.5)
+        assert (store.is_open, copied) == (False, [])
+        other.rollback()
+        wait_until(lambda: store.is_open and not store.waiting())
+    assert store.close() == 0
+    assert copied == [path]
+
+
+def test_a_new_database_is_not_for_everybody(path: Path) -> None:
+    """Owner and group, less by the umask; the log beside it and the copy before a migration too; an old file's stay."""
+    for mask, mode in ((0o022, 0o640), (0o077, 0o600)):
+        before = os.umask(mask)
+        try:
+            database = path.with_name(f"{mask:o}.db")
+            with closing(sqlite3.connect(database)) as db:
+                db.executescript("".join(MIGRATIONS[:2]) + "PRAGMA user_version = 2;")
+            database.chmod(0o644)
+            filled(database, FULL)
+            assert database.stat().st_mode & 0o777 == 0o644
+            assert database.with_name(f"{database.name}.version2").stat().st_mode & 0o777 == mode
+            store = Store(path.with_name(f"{mask:o}-new.db"), "arm1")
+            store.add(FULL)
+            wait_until(lambda store=store: not store.waiting())
+            assert {file.stat().st_mode & 0o777 for file in path.parent.glob(f"{mask:o}-new.db*[!k]")} == {mode}
+            store.close()
+        finally:
+            os.umask(before)
+
+
+def test_a_log_that_a_reader_lets_grow_is_told(
+    path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A transaction that another program keeps open: one line with the size; when it ends the log is small again."""
+    monkeypatch.setattr("lostmotion.daemon.store.MOST_WAL_BYTES", 2_000_000)
+    monkeypatch.setattr("lostmotion.daemon.database.WAL_BYTES", 1_000_000)
+    caplog.set_level(logging.WARNING)
+    store = Store(path, "arm1")
+    with closing(sqlite3.connect(path)) as other:
+        other.execute("BEGIN")
+        other.execute("SELECT count(*) FROM score").fetchone()
+        store.add(*scores(100_000))
+        wait_until(lambda: not store.waiting())
+        (line,) = [line for line in caplog.messages if "has grown" in line]
+        assert re.search(r"history\.db-wal: has grown to \d+ MB: another program keeps a transaction open", line)
+    store.add(*scores(5000))
+    wait_until(lambda: not store.waiting())
+    store.add(FULL)
+    wait_until(lambda: "is small again" in caplog.text)
+    store.close()
 
 
 def test_a_newer_database_is_refused_and_untouched(path: Path) -> None:
