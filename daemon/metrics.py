@@ -28,12 +28,17 @@ __all__ = ["Exporter"]
 log = logging.getLogger(__name__)
 
 LAST: tuple[tuple[str, str, Callable[[ScoreRow], float]], ...] = (
-    ("score", "Score of the last window (eq. 8)", lambda row: row.score),
+    ("score", "Score of the last window", lambda row: row.score),
     ("level", "Level above which a score is an impact (eq. 9)", lambda row: row.level),
     ("play_radians", "Size of the play; NaN where it cannot be estimated", lambda row: row.play),
     ("play_low_radians", "Lower end of its 95 % interval", lambda row: row.play_low),
     ("play_high_radians", "Upper end of its 95 % interval", lambda row: row.play_high),
     ("last_window_timestamp_seconds", "When the last window began", lambda row: row.time.timestamp()),
+)
+SEVERITY: tuple[tuple[str, str, Callable[[ScoreRow], float]], ...] = (
+    ("severity_rad", "Equivalent play of the last window; NaN where it is unknown", lambda row: row.severity),
+    ("severity_low_rad", "Lower end of its 95 % interval, 0 where there may be none", lambda row: row.severity_low),
+    ("severity_high_rad", "Upper end of its 95 % interval", lambda row: row.severity_high),
 )
 LOSSES = ("lost", "late", "broken", "silent", "overwritten")
 
@@ -109,7 +114,8 @@ def _windows(counts: Mapping[str, Counts]) -> Iterator[Metric]:
 
 def _joints(reader: Reader) -> Iterator[Metric]:
     health = GaugeMetricFamily("lostmotion_joint_health", "1 for the joint's health", labels=["joint", "health"])
-    last = [(GaugeMetricFamily(f"lostmotion_joint_{name}", text, labels=["joint"]), of) for name, text, of in LAST]
+    rows = [(f"joint_{name}", text, of) for name, text, of in LAST] + list(SEVERITY)
+    last = [(GaugeMetricFamily(f"lostmotion_{name}", text, labels=["joint"]), of) for name, text, of in rows]
     for joint in reader.joints():
         for state in Health:
             health.add_metric([joint.name, state.value], joint.health is state)

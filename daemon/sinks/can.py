@@ -1,4 +1,4 @@
-"""CAN as a sink: a thread that owns the bus, sends heartbeats and what ``emcy.py`` makes of alarms.
+"""CAN as a sink: a thread that owns the bus, sends heartbeats and what ``emcy.py`` makes of alarms and states.
 
 The caller never waits for the bus.  Whatever goes wrong there (adapter unplugged, bus off, nobody acknowledges, queue
 full) has one answer: close it, open it again after a pause, and tell every error that stands.
@@ -40,12 +40,16 @@ READ_AT_ONCE = 1000
 
 
 class CanSink:
-    """Tells one node's alarms.  joints: all of the robot, whose order gives their indices on the bus."""
+    """Tells one node's alarms, and of each joint the newest state.
+
+    joints: all of the robot, whose order gives their indices on the bus.
+    """
 
     def __init__(self, joints: Sequence[str], options: CanOptions) -> None:
         self._options = options
         self._node = EmcyNode(options.node_id, joints)
         self._waiting: deque[Frame] = deque()
+        self._changed: dict[str, None] = {}
         self._wake = threading.Condition()
         self._closing = False
         self._condition = Condition()
@@ -55,6 +59,7 @@ class CanSink:
     def score(self, row: ScoreRow) -> None:
         with self._wake:
             self._node.score(row)
+            self._has_changed(row.joint)
 
     def alarm(self, transition: Transition, again: bool = False) -> None:
         with self._wake:
@@ -64,7 +69,9 @@ class CanSink:
             self._wake.notify()
 
     def health(self, row: JointRow) -> None:
-        """EMCY tells errors; health has no frame of its own."""
+        with self._wake:
+            self._node.health(row.name, row.health)
+            self._has_changed(row.name)
 
     def close(self) -> None:
         """Sends what is waiting, and leaves the bus.  A bus that hangs is left hanging."""
@@ -91,6 +98,7 @@ class CanSink:
         """The node is there; what stands is told, whatever was told before."""
         with self._wake:
             self._waiting = deque([self._node.heartbeat(BOOT_UP), *self._node.everything()])
+            self._changed = dict.fromkeys(self._node.states())
         self._send_waiting(bus)
         self._say("")
 
@@ -102,14 +110,27 @@ class CanSink:
                 _drain(bus)
                 _send(bus, self._node.heartbeat())
             with self._wake:
-                self._wake.wait_for(lambda: self._waiting or self._closing, beat - time.monotonic())
+                self._wake.wait_for(lambda: self._waiting or self._changed or self._closing, beat - time.monotonic())
             self._send_waiting(bus)
 
     def _send_waiting(self, bus: can.BusABC) -> None:
-        while self._waiting:
-            with self._wake:
-                frame = self._waiting.popleft()
-            _send(bus, frame)
+        while frames := self._next():
+            for frame in frames:
+                _send(bus, frame)
+
+    def _next(self) -> Sequence[Frame]:
+        """What has waited longest, alarms before states."""
+        with self._wake:
+            if self._waiting:
+                return [self._waiting.popleft()]
+            frames = [frame for joint in self._changed for frame in self._node.state(joint)]
+            self._changed = {}
+            return frames
+
+    def _has_changed(self, joint: str) -> None:
+        """Only the newest state of a joint waits, so that many scores are no flood."""
+        self._changed[joint] = None
+        self._wake.notify()
 
     def _say(self, problem: str) -> None:
         """Logs when the bus begins to fail and when it works again, not every time: one on which nobody answers opens

@@ -1,8 +1,11 @@
-"""CANopen frames of alarms (CiA 301): EMCY objects and NMT heartbeats as bytes.  No I/O, no clock.
+"""CANopen frames (CiA 301): EMCY objects of alarms, a TPDO of each joint's state, heartbeats, as bytes.  No I/O, no
+clock.
 
 EMCY, COB-ID 0x80 + node, 8 bytes, little-endian: error code (u16), error register (u8), then five of the vendor's:
 joint index (u8, in the order of the configuration), score x 10 (u16), play in arc-minutes x 10 (u16); 0xFFFF is
-unknown, 0xFFFE that or more.  Heartbeat, COB-ID 0x700 + node: one byte, the NMT state.  ``lostmotion.dbc`` has it too.
+unknown, 0xFFFE that or more. TPDO1, COB-ID 0x180 + node, 6 bytes: joint index (u8), health (u8, 0 OK to 3 ERROR),
+severity and play in arc-minutes x 10 (u16 each) of the last window. Heartbeat, COB-ID 0x700 + node: one byte, the NMT
+state. ``lostmotion.dbc`` has it too.
 """
 
 from __future__ import annotations
@@ -12,16 +15,17 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lostmotion.daemon.records import AlarmEvent, AlarmRow, Cause, ScoreRow, Severity, Transition
+from lostmotion.daemon.records import AlarmEvent, AlarmRow, Cause, Health, ScoreRow, Severity, Transition
 
 __all__ = ["BOOT_UP", "OPERATIONAL", "EmcyNode", "Frame"]
 
-EMCY, HEARTBEAT = 0x080, 0x700
+EMCY, TPDO1, HEARTBEAT = 0x080, 0x180, 0x700
 CLEARED, PLAY_WARNING, PLAY_ERROR, DEVICE_FAULT = 0x0000, 0xFF01, 0xFF02, 0xFF03
 REGISTER = 0x81
 """object 0x1001 while an error stands: generic (bit 0), manufacturer specific (bit 7)"""
 BOOT_UP, OPERATIONAL = 0x00, 0x05
-LAYOUT = struct.Struct("<HBBHH")
+LAYOUT, STATE_LAYOUT = struct.Struct("<HBBHH"), struct.Struct("<BBHH")
+HEALTHS = {health: number for number, health in enumerate(Health)}
 ALL_JOINTS = 0xFF
 UNKNOWN, MOST = 0xFFFF, 0xFFFE
 
@@ -35,17 +39,36 @@ class Frame:
 
 
 class EmcyNode:
-    """What one node has to say of its joints' alarms.  DEGRADED has no code: it counts as no error here."""
+    """What one node has to say of its joints' alarms and states.  A DEGRADED alarm has no code: it counts as no error
+    here."""
 
     def __init__(self, node_id: int, joints: Sequence[str]) -> None:
         self._node = node_id
         self._index = {joint: index for index, joint in enumerate(joints)}
         self._scores: dict[str, ScoreRow] = {}
+        self._healths: dict[str, Health] = {}
         self._standing: dict[tuple[str, Cause], int] = {}
 
     def score(self, row: ScoreRow) -> None:
         """The figures that the joint's next frame tells."""
         self._scores[row.joint] = row
+
+    def health(self, joint: str, health: Health) -> None:
+        """The health that the joint's next state tells."""
+        self._healths[joint] = health
+
+    def state(self, joint: str) -> list[Frame]:
+        """TPDO1 of a joint; none of one that is not in the configuration."""
+        if joint not in self._index:
+            return []
+        last = self._scores.get(joint)
+        severity, play = (_arcmin(last.severity), _arcmin(last.play)) if last else (UNKNOWN, UNKNOWN)
+        health = HEALTHS[self._healths.get(joint, Health.OK)]
+        return [Frame(TPDO1 + self._node, STATE_LAYOUT.pack(self._index[joint], health, severity, play))]
+
+    def states(self) -> list[str]:
+        """The joints of which something is known."""
+        return [joint for joint in self._index if joint in self._scores or joint in self._healths]
 
     def alarm(self, transition: Transition) -> list[Frame]:
         """The frames that a transition calls for.
@@ -80,7 +103,7 @@ class EmcyNode:
     def _emcy(self, code: int, joint: str | None) -> Frame:
         last = self._scores.get(joint or "")
         index = ALL_JOINTS if joint is None else self._index[joint]
-        score, play = (_tenths(last.score), _tenths(math.degrees(last.play) * 60)) if last else (UNKNOWN, UNKNOWN)
+        score, play = (_tenths(last.score), _arcmin(last.play)) if last else (UNKNOWN, UNKNOWN)
         register = REGISTER if self._standing else 0
         return Frame(EMCY + self._node, LAYOUT.pack(code, register, index, score, play))
 
@@ -91,6 +114,10 @@ def _code(alarm: AlarmRow) -> int:
     if alarm.cause is Cause.DEVICE:
         return DEVICE_FAULT
     return PLAY_ERROR if alarm.severity is Severity.ERROR else PLAY_WARNING
+
+
+def _arcmin(angle: float) -> int:
+    return _tenths(math.degrees(angle) * 60)
 
 
 def _tenths(value: float) -> int:

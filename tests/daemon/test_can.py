@@ -8,6 +8,7 @@ import logging
 import math
 import os
 import signal
+import struct
 import time
 import tty
 from collections.abc import Callable, Iterator
@@ -18,12 +19,13 @@ from pathlib import Path
 import can
 import canopen
 import cantools
+import msgspec
 import pytest
 from can import interfaces
 
 from lostmotion.daemon.lifecycle import happen, raised
 from lostmotion.daemon.options import CanOptions
-from lostmotion.daemon.records import AlarmEvent, Cause, ScoreRow, Severity, Transition
+from lostmotion.daemon.records import AlarmEvent, Cause, Health, JointRow, ScoreRow, Severity, Transition
 from lostmotion.daemon.sinks import can as sinking
 from lostmotion.daemon.sinks.can import CanSink
 from lostmotion.daemon.sinks.emcy import EmcyNode
@@ -82,6 +84,41 @@ def test_the_frames_to_the_letter() -> None:
     assert (beat.cob_id, beat.data) == (0x721, b"\x05")
     node.score(ScoreRow("elbow", NOON, 0.25, 7000.0, 8.0, True, play=math.inf))
     assert node.everything()[1].data.hex(" ") == "02 ff 81 01 fe ff ff ff"
+
+
+def test_the_state_to_the_letter() -> None:
+    """TPDO1: joint, health, severity x 10, play x 10, little-endian; 0xFFFF where nothing is known; cantools reads it
+    by the DBC file."""
+    node = EmcyNode(0x21, JOINTS)
+    assert node.states() == node.state("stranger") == []
+    node.score(msgspec.structs.replace(SCORE, severity=math.radians(36.1 / 60)))
+    node.health("elbow", Health.WARNING)
+    node.health("shoulder", Health.OK)
+    assert node.states() == ["shoulder", "elbow"]
+    (frame,), (other,) = node.state("elbow"), node.state("shoulder")
+    assert (frame.cob_id, frame.data.hex(" ")) == (0x1A1, "01 02 69 01 22 00")
+    assert other.data.hex(" ") == "00 00 ff ff ff ff"
+    database = cantools.database.load_file(DBC, strict=True)
+    assert database.decode_message(frame.cob_id, frame.data) == {
+        "StateJointIndex": 1, "Health": "WARNING", "Severity": pytest.approx(36.1), "StatePlay": pytest.approx(3.4),
+    }  # fmt: skip
+
+
+def test_canopen_receives_the_states(request: pytest.FixtureRequest) -> None:
+    """The canopen library's TPDO1 of the node tells the newest state; a thousand scores at once are no flood, and
+    alarms go before them."""
+    network = canopen.Network()
+    network.connect(interface="virtual", channel=request.node.name)
+    found: list[bytes] = []
+    network.subscribe(0x1A1, lambda number, data, stamp: found.append(bytes(data)))
+    with closing(CanSink(JOINTS, options(request.node.name))) as sink:
+        for k in range(1000):
+            sink.score(msgspec.structs.replace(SCORE, severity=1e-5 * k))
+        sink.health(JointRow("elbow", Health.ERROR))
+        last = struct.pack("<BBHH", 1, 3, round(math.degrees(9.99e-3) * 600), 34)
+        wait_until(lambda: found and found[-1] == last)
+        assert len(found) < 1000
+    network.disconnect()
 
 
 def test_a_cleared_error_leaves_the_others_standing() -> None:

@@ -55,7 +55,10 @@ def value(family: Metric, **labels: str) -> float:
 def test_numbers_are_those_of_the_database(tmp_path: Path) -> None:
     """Score, level, play, time, health, counts and losses arrive as they were stored; unknown is NaN."""
     store, port = Store(tmp_path / "history.db", "arm1"), free_port()
-    store.add(ScoreRow("elbow", NOON, 0.25, 17.5, 8.0, True, 1e-3, 9e-4, 1.1e-3), JointRow("elbow", Health.WARNING))
+    store.add(
+        ScoreRow("elbow", NOON, 0.25, 17.5, 8.0, True, 1e-3, 9e-4, 1.1e-3, severity=2e-3, severity_high=4e-3),
+        JointRow("elbow", Health.WARNING),
+    )
     store.add(ScoreRow("wrist", NOON, 0.25, 2.5, 8.0, False), DeviceRow("tip", NOON, "reading", "", 200, 3, 0, 0, 0, 0))
     counts = Counts(triggered=9, scored=7)
     counts.lost["gap"] = 2
@@ -66,6 +69,10 @@ def test_numbers_are_those_of_the_database(tmp_path: Path) -> None:
     assert value(found["lostmotion_joint_score"], joint="elbow") == 17.5
     assert value(found["lostmotion_joint_level"], joint="wrist") == 8.0
     assert value(found["lostmotion_joint_play_high_radians"], joint="elbow") == 1.1e-3
+    assert value(found["lostmotion_severity_rad"], joint="elbow") == 2e-3
+    assert value(found["lostmotion_severity_high_rad"], joint="elbow") == 4e-3
+    assert math.isnan(value(found["lostmotion_severity_low_rad"], joint="elbow"))
+    assert found["lostmotion_severity_rad"].documentation.startswith("Equivalent play")
     assert math.isnan(value(found["lostmotion_joint_play_radians"], joint="wrist"))
     assert value(found["lostmotion_joint_last_window_timestamp_seconds"], joint="elbow") == NOON.timestamp()
     healths = {sample.labels["health"]: sample.value for sample in found["lostmotion_joint_health"].samples[:4]}
