@@ -24,6 +24,7 @@ from lostmotion.daemon.reader import open_readonly
 from lostmotion.daemon.records import from_micros, micros
 from lostmotion.daemon.rollup import roll_up
 from lostmotion.daemon.store import Store
+from lostmotion.detector.trend import MOST
 
 JOINTS, YEARS = 6, 10
 YEAR_US = int(365.25 * 86400e6)
@@ -91,7 +92,7 @@ def questions(path: Path) -> None:
         show("history --limit 100", 100, lambda: reader.scores("joint3", limit=100))
         show("status: last window of six joints", 6, lambda: [reader.last_window(j.name) for j in reader.joints()])
         years = reader.series("joint3").size
-        show("trend: all years of a joint, as columns", years, lambda: reader.series("joint3"), times=3)
+        show("trend: all years of a joint, one an hour", years, lambda: reader.series("joint3", most=MOST), times=3)
     since = f"{end - timedelta(days=30):%Y-%m-%d}"
     for form in ("--csv", "--json"):
         ask = ("history", "joint3", "--since", since, form)

@@ -33,11 +33,11 @@ from lostmotion.daemon.records import (
     from_micros,
     micros,
 )
-from lostmotion.daemon.rollup import SERIES, Series
+from lostmotion.daemon.rollup import SERIES, Series, hourly
 from lostmotion.daemon.timekeeper import ClockRow
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["Reader", "ReaderError", "empty_reader", "open_readonly"]
+__all__ = ["Bounds", "Reader", "ReaderError", "empty_reader", "open_readonly"]
 
 
 SCORE = (
@@ -47,10 +47,17 @@ SCORE = (
 """the columns of a score, in the order of ScoreRow's fields"""
 OLD_SCORES = f"CREATE TEMP VIEW score AS SELECT *, {', '.join(f'NULL AS {name}' for name in ADDED)} FROM main.score"
 """what a database before version 4 lacks is unknown"""
-BATCH = 50_000
+NUMBERS = (
+    "time_us, score, level, impact, quality IS NULL, ifnull(play, 9e999), ifnull(excitation, 9e999),"
+    " ifnull(temperature, 9e999), ifnull(severity, 9e999)"
+)
+"""the columns of a series, in the order of its fields"""
+BATCH = 5000
 CACHE_KB = 400
 """SQLite's own 2 MB are no quicker here, and the service would fill them over its first half hour"""
 NAN = math.nan
+Bounds = tuple[datetime | None, datetime | None, int | None]
+"""since, until, and how many of the newest; None: no bound"""
 
 
 class ReaderError(LostmotionError):
@@ -107,17 +114,11 @@ def _connect(path: Path, mode: str) -> tuple[sqlite3.Connection, int]:
 class Reader:
     """An open database; a context manager."""
 
-    SCORES = (
-        f"SELECT {SCORE} FROM score WHERE joint_id = (SELECT id FROM joint WHERE name = :joint)"
-        " AND time_us >= :since AND time_us < :until ORDER BY time_us DESC LIMIT :limit"
+    OF = (
+        "FROM score WHERE joint_id = (SELECT id FROM joint WHERE name = :joint)"
+        " AND time_us >= :since AND time_us < :until"
     )
-
-    NUMBERS = (
-        "SELECT time_us, score, level, impact, quality IS NULL, ifnull(play, 9e999), ifnull(excitation, 9e999),"
-        " ifnull(temperature, 9e999), ifnull(severity, 9e999) FROM score"
-        " WHERE joint_id = (SELECT id FROM joint WHERE name = :joint) AND time_us >= :since AND time_us < :until"
-        " AND score IS NOT NULL ORDER BY time_us"
-    )
+    SCORES = f"SELECT {SCORE} {OF} ORDER BY time_us DESC LIMIT :limit"
 
     def __init__(self, connection: sqlite3.Connection) -> None:
         self._db = connection
@@ -173,18 +174,45 @@ class Reader:
         rows = self._db.execute(self.SCORES, _bounds(joint, since, until, limit)).fetchall()
         return [_score(joint, row) for row in reversed(rows)]
 
-    def batches(
-        self, joint: str, since: datetime | None = None, until: datetime | None = None, limit: int | None = None
-    ) -> Iterator[list[tuple[Any, ...]]]:
-        """The same rows as the database has them (SCORE), many at a time."""
-        rows = self._db.execute(f"SELECT * FROM ({self.SCORES}) ORDER BY time_us", _bounds(joint, since, until, limit))
-        while batch := rows.fetchmany(BATCH):
+    def batches(self, joint: str, bounds: Bounds, size: int = BATCH) -> Iterator[list[tuple[Any, ...]]]:
+        """The same rows as the database has them (SCORE), oldest first, so many at a time: each batch is a question of
+        its own, so that nobody who writes has to keep old pages for a reader that takes its time."""
+        found = _bounds(joint, *bounds) | {"size": size}
+        newest = f"SELECT min(time_us), max(time_us) FROM (SELECT time_us {self.OF} ORDER BY time_us DESC LIMIT :limit)"
+        first, last = self._db.execute(newest, found).fetchone()
+        if first is None:
+            return
+        found |= {"since": first, "until": last + 1}  # what is added meanwhile is not waited for
+        query = f"SELECT {SCORE} {self.OF} ORDER BY time_us LIMIT :size"
+        while batch := self._db.execute(query, found).fetchall():
             yield batch
+            found["since"] = batch[-1][0] + 1
 
-    def series(self, joint: str, since: datetime | None = None, until: datetime | None = None) -> Series:
-        """The scores that are numbers, as columns: years of them in a second."""
-        rows = self._db.execute(self.NUMBERS, _bounds(joint, since, until, None))
-        return np.fromiter(rows, SERIES)
+    def stream(self, joint: str, bounds: Bounds) -> Iterator[list[ScoreRow]]:
+        """What ``scores`` would return, a few thousand at a time."""
+        for batch in self.batches(joint, bounds):
+            yield [_score(joint, row) for row in batch]
+
+    def largest(self, joint: str, bounds: Bounds) -> float:
+        """The largest finite score within the bounds; NaN without any."""
+        query = (
+            f"SELECT max(score) FROM (SELECT score {self.OF} ORDER BY time_us DESC LIMIT :limit) WHERE score < 9e999"
+        )
+        return _nan(self._db.execute(query, _bounds(joint, *bounds)).fetchone()[0])
+
+    def series(
+        self, joint: str, since: datetime | None = None, until: datetime | None = None, most: int | None = None
+    ) -> Series:
+        """The scores that are numbers, as columns; where there are more than ``most``, one an hour, as old ones are
+        kept."""
+        bounds = _bounds(joint, since, until, -1 if most is None else most + 1)
+        rows = f"{self.OF} AND score IS NOT NULL"
+        count = self._db.execute(f"SELECT count(*) FROM (SELECT 1 {rows} LIMIT :limit)", bounds).fetchone()[0]
+        if most is None or count <= most:
+            return np.fromiter(self._db.execute(f"SELECT {NUMBERS} {rows} ORDER BY time_us", bounds), SERIES)
+        (number,) = self._db.execute("SELECT id FROM joint WHERE name = ?", [joint]).fetchone()
+        chosen = hourly(self._db, NUMBERS, number, bounds["since"], bounds["until"])
+        return np.fromiter((row for row in chosen if row[1] is not None), SERIES)
 
     def last_window(self, joint: str) -> ScoreRow | None:
         """The newest scored window of a joint."""

@@ -5,44 +5,42 @@ from __future__ import annotations
 import csv
 import math
 import sys
-from datetime import datetime
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from lostmotion.daemon import documents
 from lostmotion.daemon.commands import output, times
 from lostmotion.daemon.commands.where import open_joint
+from lostmotion.daemon.reader import Bounds
 from lostmotion.daemon.records import ScoreRow
 
 __all__ = ["history"]
 
-Bounds = tuple[datetime | None, datetime | None, int | None]
-
 
 def history(joint: str, config: Path | None, database: Path | None, bounds: Bounds, form: str | Path) -> None:
     """Prints the scores with since <= time < until, the newest ``limit`` of them; form: table, csv or json, or the
-    Parquet file to write."""
+    Parquet file to write.  However many there are, a few thousand are in memory at a time."""
     times.check_order(*bounds[:2])
     with open_joint(joint, config, database) as reader:
         if isinstance(form, Path):
             from lostmotion.daemon.commands.history_parquet import write
 
             write(reader, joint, bounds, form)
-            return
-        scores = reader.scores(joint, *bounds)
-    if form == "json":
-        output.print_json(documents.history(joint, scores))
-    elif form == "csv":
-        _print_csv(scores)
-    else:
-        _print_table(joint, scores)
+        elif form == "json":
+            told = ([documents.score(score) for score in scores] for scores in reader.stream(joint, bounds))
+            output.print_json_list({"joint": joint}, "scores", told)
+        elif form == "csv":
+            _print_csv(reader.stream(joint, bounds))
+        else:
+            _print_table(joint, reader.stream(joint, bounds), reader.largest(joint, bounds))
 
 
-def _print_csv(scores: list[ScoreRow]) -> None:
+def _print_csv(batches: Iterator[list[ScoreRow]]) -> None:
     writer = csv.writer(sys.stdout, lineterminator="\n")
     writer.writerow(documents.SCORE_KEYS)
-    for score in scores:
-        writer.writerow([_cell(value) for value in documents.score(score).values()])
+    for scores in batches:
+        writer.writerows([_cell(value) for value in documents.score(score).values()] for score in scores)
 
 
 def _cell(value: Any) -> Any:
@@ -52,13 +50,11 @@ def _cell(value: Any) -> Any:
     return "" if isinstance(value, float) and math.isnan(value) else value
 
 
-def _print_table(joint: str, scores: list[ScoreRow]) -> None:
-    if not scores:
-        output.print_lines([f"no scores of {joint} in that time"])
-        return
-    full = max((score.score for score in scores if math.isfinite(score.score)), default=1.0)
+def _print_table(joint: str, batches: Iterator[list[ScoreRow]], largest: float) -> None:
     columns = ("time (UTC)", "score", "", "level", "impact", "play", "severity", "quality")
-    output.print_table(columns, [_row(score, full) for score in scores], right=("score", "level", "play", "severity"))
+    rows = ([_row(score, largest) for score in scores] for scores in batches)
+    if not output.print_long_table(columns, rows, right=("score", "level", "play", "severity")):
+        output.print_lines([f"no scores of {joint} in that time"])
 
 
 def _row(score: ScoreRow, full: float) -> list[str]:

@@ -5,13 +5,12 @@ Needs pyarrow, which comes with ``lostmotion[parquet]`` and is imported only her
 
 from __future__ import annotations
 
-from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lostmotion.daemon.commands import output
 from lostmotion.daemon.migrations import ADDED
-from lostmotion.daemon.reader import Reader
+from lostmotion.daemon.reader import Bounds, Reader
 from lostmotion.drivers.errors import LostmotionError
 
 if TYPE_CHECKING:
@@ -20,13 +19,15 @@ if TYPE_CHECKING:
 __all__ = ["ParquetError", "write"]
 
 NUMBERS = ("play", "play_low", "play_high", "excitation", "temperature")
+ROW_GROUP = 50_000
+"""rows that are compressed together"""
 
 
 class ParquetError(LostmotionError):
     """The library that writes the file is not there."""
 
 
-def write(reader: Reader, joint: str, bounds: tuple[datetime | None, datetime | None, int | None], path: Path) -> None:
+def write(reader: Reader, joint: str, bounds: Bounds, path: Path) -> None:
     """Writes a row for each score, oldest first, unknown as null; SI units, times in UTC.
 
     Raises ParquetError, OutputError.
@@ -38,7 +39,7 @@ def write(reader: Reader, joint: str, bounds: tuple[datetime | None, datetime | 
         raise ParquetError("--parquet: found no pyarrow, expected it: pip install 'lostmotion[parquet]'") from error
     schema, count = _schema(reader.robot(), joint), 0
     with output.writing(path), parquet.ParquetWriter(path, schema, compression="zstd") as writer:
-        for rows in reader.batches(joint, *bounds):
+        for rows in reader.batches(joint, bounds, ROW_GROUP):
             time_us, duration_us, score, level, impact, *others = zip(*rows, strict=True)
             numbers = dict(zip((*NUMBERS, "quality", *ADDED), others, strict=True))
             columns = {

@@ -6,8 +6,9 @@ from __future__ import annotations
 import math
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,9 @@ __all__ = [
     "bar",
     "number",
     "print_json",
+    "print_json_list",
     "print_lines",
+    "print_long_table",
     "print_markup",
     "print_table",
     "writing",
@@ -31,6 +34,7 @@ MOST_IN_COLOUR = 500
 """Rows of a table that a person looks at; more are for paging and searching."""
 WIDE = 160
 """Columns of a table that goes to a file or a pipe: wide enough that nothing is cut off."""
+Row = Sequence[str]
 
 
 class OutputError(LostmotionError):
@@ -53,6 +57,18 @@ def print_json(document: Any) -> None:
     sys.stdout.write(text.decode() + "\n")
 
 
+def print_json_list(head: Mapping[str, Any], key: str, batches: Iterable[list[Any]]) -> None:
+    """The document ``head | {key: all batches together}`` as ``print_json`` prints it, a batch in memory at a time."""
+    before, after = msgspec.json.format(msgspec.json.encode(dict(head) | {key: []}), indent=2).decode().rsplit("[]", 1)
+    sys.stdout.write(before + "[")
+    comma = ""
+    for batch in filter(None, batches):
+        text = msgspec.json.format(msgspec.json.encode(batch), indent=2).decode()
+        sys.stdout.write(comma + text[1:-2].replace("\n", "\n  "))
+        comma = ","
+    sys.stdout.write(f"\n  ]{after}\n" if comma else f"]{after}\n")
+
+
 def print_lines(lines: Sequence[str]) -> None:
     """Plain lines on stdout."""
     sys.stdout.write("".join(f"{line}\n" for line in lines))
@@ -63,10 +79,10 @@ def print_markup(*lines: str) -> None:
     _print(*lines)
 
 
-def print_table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str] = ()) -> None:
+def print_table(columns: Sequence[str], rows: Sequence[Row], right: Sequence[str] = ()) -> None:
     """A table in the one style of all commands; ``right`` names the columns of numbers.  Cells may hold rich markup."""
     if len(rows) > MOST_IN_COLOUR:
-        print_lines(_plain(columns, rows, right))
+        _print_plain(columns, [rows], right)
         return
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
@@ -79,21 +95,40 @@ def print_table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Se
     _print(table)
 
 
-def _plain(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str]) -> list[str]:
-    """The same table without colours: rich takes a millisecond a row."""
+def print_long_table(columns: Sequence[str], batches: Iterator[Sequence[Row]], right: Sequence[str] = ()) -> bool:
+    """The same of rows that come in batches, of which two are in memory at a time; False when there are none."""
+    first, second = next(batches, ()), next(batches, ())
+    if second:
+        _print_plain(columns, chain([first, second], batches), right)
+    elif first:
+        print_table(columns, first, right)
+    return bool(first)
+
+
+def _print_plain(columns: Sequence[str], batches: Iterable[Sequence[Row]], right: Sequence[str]) -> None:
+    """The same table without colours: rich takes a millisecond a row.  A column is as wide as its cells so far."""
     from rich.cells import cell_len
     from rich.markup import render
 
-    cells = [columns, *([render(cell).plain if "[" in cell else cell for cell in row] for row in rows)]
-    widths = [max(map(cell_len, column)) for column in zip(*cells, strict=True)]
-    lines = []
-    for row in cells:
-        gaps = [" " * (width - cell_len(cell)) for cell, width in zip(row, widths, strict=True)]
-        aligned = (
-            gap + cell if name in right else cell + gap for name, cell, gap in zip(columns, row, gaps, strict=True)
-        )
-        lines.append("   ".join(aligned).rstrip())
-    return [lines[0], "─" * (sum(widths) + 3 * (len(widths) - 1)), *lines[1:]]
+    widths, head = [0] * len(columns), [columns]
+    for rows in batches:
+        cells = [*head, *([render(cell).plain if "[" in cell else cell for cell in row] for row in rows)]
+        columns_of_cells = zip(widths, *cells, strict=True)
+        widths = [max(width, *map(cell_len, column)) for width, *column in columns_of_cells]
+        lines = [_aligned(row, columns, right, widths) for row in cells]
+        lines[len(head) : len(head)] = ["─" * (sum(widths) + 3 * (len(widths) - 1))] * len(head)
+        print_lines(lines)
+        head = []
+
+
+def _aligned(row: Row, columns: Sequence[str], right: Sequence[str], widths: Sequence[int]) -> str:
+    from rich.cells import cell_len
+
+    cells = []
+    for name, cell, width in zip(columns, row, widths, strict=True):
+        gap = " " * (width - cell_len(cell))
+        cells.append(gap + cell if name in right else cell + gap)
+    return "   ".join(cells).rstrip()
 
 
 def _print(*items: object) -> None:

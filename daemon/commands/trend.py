@@ -16,7 +16,7 @@ import numpy as np
 from lostmotion.daemon.commands import output, times
 from lostmotion.daemon.commands.where import find_config, open_joint
 from lostmotion.daemon.records import from_micros, iso
-from lostmotion.daemon.rollup import Series, one_an_hour
+from lostmotion.daemon.rollup import Series
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.forecast import TimeToLimit
 from lostmotion.detector.normalise import normalised
@@ -100,7 +100,7 @@ def trend(
     if png and png.suffix.lower() not in PICTURES:
         raise TrendError(f"--png: found the name {str(png)!r}, expected one that ends with {', '.join(PICTURES)}")
     with open_joint(joint, config, database) as reader:
-        series = reader.series(joint, *bounds)
+        series = reader.series(joint, *bounds, most=MOST)
     of = asked or _best(series)
     if of != "score":
         level = level or _limit(config, of)
@@ -155,8 +155,6 @@ def _limit(config: Path | None, of: Of) -> float:
 
 def _history(joint: str, series: Series, of: Of, level: float | None, unit: float = ARC_MINUTES) -> History:
     """unit: of a play and a severity, in a rad."""
-    if series.size > MOST:
-        series = one_an_hour(series)  # as old ones are kept: a trend must not change when they are rolled up
     series = series[np.isfinite(series[of])]
     if not series.size:
         raise TrendError(f"found no {MANY[of]} of {joint!r} in that time, expected at least 3; try an earlier --since")

@@ -15,13 +15,14 @@ import pytest
 
 from lostmotion.daemon.reader import open_readonly
 from lostmotion.daemon.records import ScoreRow, micros
-from lostmotion.daemon.rollup import HOUR_US, SERIES, one_an_hour, roll_up
+from lostmotion.daemon.rollup import roll_up
 from lostmotion.daemon.store import Store
 from tests.daemon.cli_world import call
 
 START = datetime(2020, 1, 1, tzinfo=UTC)
 DAYS = 120
 A_DAY = 30
+NAN, QUALITY = math.nan, {True: "ok", False: "gap"}
 HOURS = 5
 """in which a day's scores lie"""
 
@@ -104,13 +105,23 @@ def test_a_running_store_rolls_up(tmp_path: Path, rows: list[ScoreRow]) -> None:
     store.close()
 
 
-def test_columns_choose_the_same_rows() -> None:
-    """Per hour: the lower median of the sound scores, or of all where none is sound."""
-    hours = {0: [(5, True), (1, True), (3, True), (9, False)], 2: [(4, False), (2, False)], 3: [(7, True)]}
+def test_a_long_series_is_one_an_hour(tmp_path: Path) -> None:
+    """Per hour: the lower median of the sound scores, or of all numbers where none is sound; nothing where there is no
+    number.  A short series is whole."""
+    hours = {
+        0: [(5, True), (1, True), (3, True), (9, False)],
+        2: [(4, False), (2, False)],
+        3: [(7, True)],
+        4: [(NAN, True)],
+    }
     rows = [
-        (hour * HOUR_US + k, score, 8.0, False, sound, math.inf, 20.0, 40.0, 1e-3)
+        ScoreRow("elbow", START + timedelta(hours=hour, seconds=k), 0.25, score, 8.0, False, quality=QUALITY[sound])
         for hour, scores in hours.items()
         for k, (score, sound) in enumerate(scores)
     ]
-    assert one_an_hour(np.array(rows, SERIES))["score"].tolist() == [3.0, 2.0, 7.0]
-    assert one_an_hour(np.array([], SERIES)).size == 0
+    with open_readonly(stored(tmp_path / "history.db", rows)) as reader:
+        assert reader.series("elbow", most=6)["score"].tolist() == [3.0, 2.0, 7.0]
+        assert reader.series("elbow", most=7)["score"].tolist() == [5.0, 1.0, 3.0, 9.0, 4.0, 2.0, 7.0]
+        within = START + timedelta(seconds=1), START + timedelta(hours=2, seconds=1)
+        assert reader.series("elbow", *within, most=1)["score"].tolist() == [1.0, 4.0]
+        assert reader.series("elbow", START + timedelta(hours=4), most=0).size == 0
