@@ -15,6 +15,7 @@ from typing import Any, Literal
 import click
 
 from lostmotion import __version__
+from lostmotion.daemon.commands.completion import accelerometers, joints
 from lostmotion.daemon.commands.guard import LateCommand, RootGroup
 
 __all__ = ["cli", "main"]
@@ -120,7 +121,7 @@ def status(config: Path | None, database: Path | None, fail: bool, as_json: bool
 
 
 @cli.command()
-@click.argument("joint")
+@click.argument("joint", shell_complete=joints)
 @config_file
 @database
 @since
@@ -150,7 +151,7 @@ def history(
 
 
 @cli.command(short_help="Wear of a joint: slope, changes, time until the limit.")
-@click.argument("joint")
+@click.argument("joint", shell_complete=joints)
 @config_file
 @database
 @since
@@ -190,19 +191,26 @@ def trend(
 @click.option("--config", type=FILE, metavar="FILE", required=True, help="Configuration (TOML).")
 @click.option("--duration", type=float, callback=positive, metavar="S", required=True, help="Seconds to record.")
 @click.option("-o", "--output", type=FILE, metavar="REC", required=True, help="Recording to write (CSV).")
-@click.option("--joint", metavar="NAME", help="Which joint; needed when there are several.")
+@click.option("--joint", metavar="NAME", help="Which joint; needed when there are several.", shell_complete=joints)
+@click.option(
+    "--accelerometer", metavar="NAME", help="This one alone, as for calibrate tap.", shell_complete=accelerometers
+)
 @as_json
-def record(config: Path, duration: float, output: Path, joint: str | None, as_json: bool) -> None:
-    """Measure a joint into a recording.  Ctrl-C ends it early; what was measured stays."""
+def record(
+    config: Path, duration: float, output: Path, joint: str | None, accelerometer: str | None, as_json: bool
+) -> None:
+    """Measure a joint, or an accelerometer alone, into a recording.  Ctrl-C ends it early; what was measured stays."""
     from lostmotion.daemon.commands.record import record
 
-    record(config, duration, output, joint, as_json)
+    if joint is not None and accelerometer is not None:
+        raise click.UsageError("found --joint and --accelerometer, expected one of them")
+    record(config, duration, output, joint, accelerometer, as_json)
 
 
 @cli.command()
 @click.argument("recording", type=FILE)
 @config_file
-@click.option("--joint", metavar="NAME", help="The joint whose settings count, and its name in the output.")
+@click.option("--joint", metavar="NAME", help="Its settings count; its name is shown.", shell_complete=joints)
 @click.option("--column", default="accel", help="The column that rings: accel (default), force, displacement …")
 @click.option("--f-res-hz", type=float, callback=positive, metavar="X", help="Resonance of the oscillator [Hz].")
 @click.option("--zeta", type=float, callback=positive, metavar="X", help="Damping ratio of the oscillator [-].")

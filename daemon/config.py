@@ -10,6 +10,7 @@ import difflib
 import os
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -204,14 +205,27 @@ def _path(kind: str, index: int, table: object) -> str:
 def _driver(table: Table, path: str, role: str) -> Driver:
     name = table.get("driver")
     if not isinstance(name, str):
-        raise ConfigError(f"{path}.driver: found {_shown(name)}, expected one of {', '.join(registry.names())}")
+        raise ConfigError(f"{path}.driver: found {_shown(name)}, expected one of {', '.join(_drivers_of(role))}")
+    if name not in registry.names():
+        raise ConfigError(f"{path}.driver: no driver is called {name!r}{_near(name, _drivers_of(role))}")
     try:
         driver = registry.get_driver(name)
     except UnknownDriverError as error:
-        raise ConfigError(f"{path}.driver: {error}{_near(name, registry.names())}") from error
+        raise ConfigError(f"{path}.driver: {error}") from error
     if getattr(driver, role) is None:
-        raise ConfigError(f"{path}.driver: found {name!r}, which is no {role} ({driver.summary}); expected one that is")
+        there = ", ".join(_drivers_of(role))
+        raise ConfigError(f"{path}.driver: found {name!r}, which is no {role} ({driver.summary}); there are {there}")
     return driver
+
+
+def _drivers_of(role: str) -> list[str]:
+    """The names of the drivers that are a servo, or an accelerometer."""
+    names = []
+    for name in registry.names():
+        with suppress(UnknownDriverError):  # another package's, which is broken
+            if getattr(registry.get_driver(name), role) is not None:
+                names.append(name)
+    return names
 
 
 def _refuse_unknown_tables(tables: Table, drivers: Mapping[str, Driver]) -> None:

@@ -11,6 +11,7 @@ import click
 from lostmotion.daemon.cli import as_json, config_file, database, positive
 from lostmotion.daemon.commands import times
 from lostmotion.daemon.commands.alarms import change, show, watch
+from lostmotion.daemon.commands.completion import joints
 from lostmotion.daemon.records import Cause, Request, Verb
 
 __all__ = ["alarms"]
@@ -68,7 +69,7 @@ def alarms_watch(config: Path | None, database: Path | None, duration: float | N
 
 
 @alarms.command("ack")
-@click.argument("joint")
+@click.argument("joint", shell_complete=joints)
 @cause
 @config_file
 @database
@@ -79,7 +80,7 @@ def alarms_ack(joint: str, cause: str | None, config: Path | None, database: Pat
 
 
 @alarms.command("shelve")
-@click.argument("joint")
+@click.argument("joint", shell_complete=joints)
 @click.option(
     "--for", "length", default="8h", show_default=True, callback=seconds, metavar="TIME", help="30min, 8h, 2d."
 )
@@ -95,7 +96,7 @@ def alarms_shelve(
 
 
 @alarms.command("unshelve")
-@click.argument("joint")
+@click.argument("joint", shell_complete=joints)
 @cause
 @config_file
 @database

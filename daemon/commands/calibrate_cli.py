@@ -14,6 +14,7 @@ from lostmotion.daemon.commands.calibrate_healthy import calibrate_healthy as he
 from lostmotion.daemon.commands.calibrate_level import CRITERIA
 from lostmotion.daemon.commands.calibrate_level import calibrate_level as level
 from lostmotion.daemon.commands.calibrate_tap import calibrate_tap as tap
+from lostmotion.daemon.commands.completion import joints
 
 __all__ = ["calibrate"]
 
@@ -46,7 +47,7 @@ def about_settings(command: Callable[..., None]) -> Callable[..., None]:
     """The options that say which settings are meant."""
     options = (
         config_file,
-        click.option("--joint", metavar="NAME", help="The joint whose settings count."),
+        click.option("--joint", metavar="NAME", help="The joint whose settings count.", shell_complete=joints),
         click.option(
             "--f-res-hz", type=float, callback=positive, metavar="X", help="Resonance of the oscillator [Hz]."
         ),

@@ -1,4 +1,4 @@
-"""``lostmotion record``: raw measurement of one joint to a recording."""
+"""``lostmotion record``: raw measurement of one joint, or of an accelerometer alone, to a recording."""
 
 from __future__ import annotations
 
@@ -45,13 +45,17 @@ class Tally:
         return ", ".join(f"{count} {kind}" for kind, count in self.counts.items() if count)
 
 
-def record(given: Path, duration_s: float, output: Path, joint: str | None, as_json: bool) -> None:
-    """Measures for ``duration_s`` seconds of robot time from when both devices have said who they are; Ctrl-C, or a
+def record(
+    given: Path, duration_s: float, output: Path, joint: str | None, accelerometer: str | None, as_json: bool
+) -> None:
+    """Measures for ``duration_s`` seconds of robot time from when the devices have said who they are; Ctrl-C, or a
     device that goes away, leaves what came until then.  ``as_json``: prints what was measured.
 
     Raises RecordError, ConfigError, DriverError.
     """
-    config = _alone(configuration.load(given), joint)
+    config = configuration.load(given)
+    config = _alone(config, joint) if accelerometer is None else _sensor_alone(config, accelerometer)
+    what = f"joint {config.joints[0].name}" if config.joints else f"accelerometer {accelerometer}"
     devices, tally = Devices(config), Tally()
     with devices:
         for event in devices.identities():
@@ -68,12 +72,14 @@ def record(given: Path, duration_s: float, output: Path, joint: str | None, as_j
             tally.counts["late"] += recorder.late
             measured_s = min(devices.clock.now() - start, duration_s)
             missing = f" ({tally})" if str(tally) else ""
-            sys.stderr.write(f"{output}: {recorder.rows} rows of joint {config.joints[0].name}{missing}\n")
+            sys.stderr.write(f"{output}: {recorder.rows} rows of {what}{missing}\n")
     if recorder.rows == 0:
         raise RecordError(f"{output}: found no samples in {duration_s:g} s; try `lostmotion doctor --config {given}`")
     if as_json:
         rates = {device: count / measured_s for device, count in tally.samples.items()}
-        document = {"path": str(output), "joint": config.joints[0].name, "rows": recorder.rows, "duration": measured_s}
+        names = {"joint": config.joints[0].name} if config.joints else {}
+        names["accelerometer"] = config.accelerometers[0].name
+        document = {"path": str(output), **names, "rows": recorder.rows, "duration": measured_s}
         print_json(document | {"rates": rates, "losses": tally.counts})
 
 
@@ -86,9 +92,18 @@ def _alone(config: Config, asked: str | None) -> Config:
     return replace(config, joints=(joint,), accelerometers=(config.accelerometer(joint.accelerometer),))
 
 
+def _sensor_alone(config: Config, name: str) -> Config:
+    """The configuration with one accelerometer and nothing else: what moves it need not be there yet."""
+    there = [sensor.name for sensor in config.accelerometers]
+    if name not in there:
+        raise RecordError(f"--accelerometer: found {name!r}, expected one of {', '.join(there)}")
+    return replace(config, joints=(), accelerometers=(config.accelerometer(name),))
+
+
 def _metadata(config: Config, devices: Devices) -> dict[str, Any]:
-    (joint,), (sensor,) = config.joints, config.accelerometers
-    settings = config.settings(joint.name)
+    (sensor,) = config.accelerometers
+    joint = next(iter(config.joints), None)
+    bar = sensor.oscillator
     limits = {
         key: getattr(device.port, key)
         for device in devices.all
@@ -97,15 +112,14 @@ def _metadata(config: Config, devices: Devices) -> dict[str, Any]:
     }
     return {
         "robot": config.robot.name,
-        "joint": joint.name,
+        **({"joint": joint.name, "servo_driver": joint.driver, "poll_hz": joint.poll_hz} if joint else {}),
         "start": iso(devices.clock.utc(devices.clock.now())),
-        "servo_driver": joint.driver,
+        "accelerometer": sensor.name,
         "accelerometer_driver": sensor.driver,
-        "poll_hz": joint.poll_hz,
         "rate_hz": sensor.rate_hz,
-        "f_res_hz": settings.f_res_hz,
-        "zeta": settings.zeta,
-        "length_m": sensor.oscillator.length_m,
+        "f_res_hz": bar.f_res_hz,
+        "zeta": bar.zeta,
+        "length_m": bar.length_m,
         **limits,
     }
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import resource
 import sqlite3
+import subprocess
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -16,8 +18,9 @@ import pytest
 from lostmotion.daemon import config as configuration
 from lostmotion.daemon.commands.checks import within
 from lostmotion.daemon.commands.checks_system import ClockPair, check_adapters, check_clock, check_disk, check_history
+from lostmotion.drivers.emulator import Emulator, Motion, WitMotionStream
 from lostmotion.drivers.recording import read_recording
-from tests.daemon.cli_world import HARDWARE, SECOND_JOINT, SIMULATED, call, fill, is_one_line
+from tests.daemon.cli_world import HARDWARE, PROGRAM, SECOND_JOINT, SIMULATED, call, fill, is_one_line
 
 
 @pytest.fixture
@@ -88,6 +91,44 @@ def test_record_wants_one_joint(robot: Path) -> None:
     assert read_recording("r.csv").metadata["joint"] == "wrist"
 
 
+def test_an_accelerometer_alone_is_recorded_and_calibrated(robot: Path) -> None:
+    """The first step of calibrating: no servo is opened, which may be missing, and calibrate tap takes the file; a name
+    that is not there, and a joint beside it, are refused."""
+    with Emulator(WitMotionStream(Motion())) as emulator:
+        robot.write_text(HARDWARE.replace("no-such-port-1", emulator.paths[0]))
+        arguments = ["record", "--config", str(robot), "--duration", "0.5", "-o", "taps.csv"]
+        result = call(*arguments, "--accelerometer", "tip")
+    assert result.exit_code == 0, result.stderr
+    assert "rows of accelerometer tip" in result.stderr
+    found = read_recording("taps.csv")
+    assert found.signal("accel")[0].size == pytest.approx(100, abs=15)
+    assert found.metadata["accelerometer"] == "tip"
+    assert "joint" not in found.metadata
+    assert is_one_line(call("calibrate", "tap", "taps.csv"), "taps.csv", "expected")
+    assert is_one_line(call(*arguments, "--accelerometer", "tap"), "found 'tap', expected one of tip")
+    assert is_one_line(call(*arguments, "--accelerometer", "tip", "--joint", "elbow"), "expected one of them")
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ("lostmotion history e", ["elbow"]),
+        ("lostmotion record --config robot.toml --joint ", ["elbow", "wrist"]),
+        ("lostmotion record --config robot.toml --accelerometer ", ["tip"]),
+        ("lostmotion alarms ack --config robot.toml w", ["wrist"]),
+        ("lostmotion history --config broken.toml ", []),
+    ],
+)
+def test_names_are_completed(robot: Path, words: str, expected: list[str]) -> None:
+    """What a shell asks for at the end of these words, in a process as the shell starts it."""
+    robot.write_text(SIMULATED + SECOND_JOINT)
+    Path("broken.toml").write_text("[robot")
+    environment = {"_LOSTMOTION_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
+    done = subprocess.run(PROGRAM, env=os.environ | environment, capture_output=True, text=True)
+    assert done.stderr == ""
+    assert [line.partition(",")[2] for line in done.stdout.split()] == expected
+
+
 def test_record_json(robot: Path) -> None:
     """One document says what was measured: file, joint, rows, length and the rates of both devices."""
     found = documents(call("record", "--config", robot, "--duration", "1.5", "-o", "r.csv", "--json"))
@@ -153,7 +194,7 @@ GOOD_ROWS = "time,command,accel\n" + "".join(f"{t / 200},0,0\n" for t in range(9
         ("time,command,accel\n0,0,0\n", [], ["x.csv: found 1 commands", "at least 3"]),
         ("time,command,accel\n" + "".join(f"{t * 5},0,0\n" for t in range(90)), [], ["x.csv: ", 'time_unit = "ms"']),
         ("# f_res_hz = 5000\n" + GOOD_ROWS, [], ["x.csv: the mask 4994-5006 Hz"]),
-        ("time,command,accel\n" + "".join(f"{10**15 + t / 200!r},0,0\n" for t in range(90)), [], ["x.csv: ", "large"]),
+        ("time,command,accel\n" + "".join(f"{10**15 + t / 200!r},0,0\n" for t in range(90)), [], ["x.csv: found the time 1e+15 s"]),
         (GOOD_ROWS + "0.45,inf,0\n0.455,0,0\n", [], ["x.csv: line 92: found 'inf' in the column 'command'"]),
         ("time,command\n0,0\n1,0\n2,0\n3,0\n", [], ["'accel'", "command"]),
         ("time,accel\n0,0\n1,0\n2,0\n3,0\n", [], ["'command'"]),
