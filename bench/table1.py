@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.roc.waveforms import Bar, Windows, from_model, joined
+from bench.roc.waveforms import Bar, Windows, joined, windows_of
 from lostmotion.detector.level import level
 from lostmotion.detector.score import batch
 from lostmotion.detector.tuning import noisy
@@ -51,7 +51,7 @@ def main() -> None:
     arguments = parser.parse_args()
     rng = np.random.default_rng(9200)
     tuning, tested = (
-        measured(joined([from_model(seed, PLAY_M, BAR, WINDOW_S) for seed in seeds]), rng) for seeds in (TUNING, TESTED)
+        measured(joined([windows_of(seed, PLAY_M, BAR, WINDOW_S) for seed in seeds]), rng) for seeds in (TUNING, TESTED)
     )
     print(f"{len(tested[0])} windows of each class; level from eq. 9 on {len(tuning[0])} others\n")
     print(f"{'':10}{'play':>10}{'detected right [%]':>28}{'wrong [%]':>28}")

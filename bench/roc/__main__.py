@@ -7,7 +7,9 @@ import math
 import time
 from pathlib import Path
 
-from bench.roc.trials import ORDER, Condition, Outcome, run
+from bench.roc.needed import shown
+from bench.roc.rivals import RIVALS, SHIPPED
+from bench.roc.trials import BOUNDS, TOP_DB, Condition, Outcome, run
 from bench.roc.waveforms import Bar
 
 CONDITIONS = (
@@ -42,22 +44,36 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="two conditions only")
     parser.add_argument("--figures", type=Path, help="write roc.png there")
     arguments = parser.parse_args()
-    print("SNR [dB] for 90 % found at 1 % false alarms\n")
-    print(f"{'rate, f_res':26}" + "".join(f"{name[:13]:>14}" for name in ORDER))
+    print("SNR [dB] for 90 % found at 1 % false alarms, ± its standard error (bootstrap over windows and motions)\n")
+    print(_row("rate, f_res", [*BOUNDS, *RIVALS]))
+    print(_row("---", ["---"] * (len(BOUNDS) + len(RIVALS))))
     outcomes = []
     for condition in QUICK if arguments.quick else CONDITIONS:
         begin = time.perf_counter()
         outcomes.append(run(condition))
-        print(_row(outcomes[-1]), f"  {time.perf_counter() - begin:.0f} s", flush=True)
+        cells = [shown(outcomes[-1].needed[name], TOP_DB) for name in (*BOUNDS, *RIVALS)]
+        print(_row(condition.name, cells), f" {outcomes[-1].waveforms} waveforms,",
+              f"{time.perf_counter() - begin:.0f} s", flush=True)  # fmt: skip
+    _print_shipped(outcomes)
     if arguments.figures:
         from bench.roc.figure import draw
 
         draw(outcomes, arguments.figures)
 
 
-def _row(outcome: Outcome) -> str:
-    cells = (outcome.needed[name] for name in ORDER)
-    return f"{outcome.condition.name:26}" + "".join(f"{'> 32' if math.isnan(x) else f'{x:.1f}':>14}" for x in cells)
+def _print_shipped(outcomes: list[Outcome]) -> None:
+    """What the levels of the defaults do, which nobody has calibrated."""
+    print("\nwith the level that is shipped: false alarms [%], and SNR [dB] for 90 % found\n")
+    print(_row("rate, f_res", list(SHIPPED)))
+    print(_row("---", ["---"] * len(SHIPPED)))
+    for outcome in outcomes:
+        told = [outcome.shipped[name] for name in SHIPPED]
+        cells = [f"{100 * a:.2f}, " + (f"> {TOP_DB:g}" if math.isnan(db) else f"{db:.1f}") for a, db in told]
+        print(_row(outcome.condition.name, cells))
+
+
+def _row(first: str, cells: list[str]) -> str:
+    return f"| {first} | " + " | ".join(cells) + " |"
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ import matplotlib as mpl
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.roc.trials import Outcome
+from bench.roc.trials import BOUNDS, Outcome
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
@@ -17,10 +17,17 @@ __all__ = ["draw"]
 
 FloatArray = NDArray[np.float64]
 STYLES = {
-    "knows all": ("0.6", "--"), "knows all but when": ("0.3", ":"), "ringdown": ("#b2182b", "-"),
-    "band (eq. 8)": ("#2166ac", "-"), "rms": ("#1b7837", "-"), "envelope": ("#762a83", "-"), "peak": ("#e08214", "-"),
-    "kurtosis": ("0.75", "-"),
-}  # fmt: skip
+    BOUNDS[0]: ("0.6", "--", "knows all"),
+    BOUNDS[2]: ("0.3", ":", "knows all but when"),
+    "ring-down, calibrated": ("#b2182b", "-", ""),
+    "ring-down, own noise": ("#ef8a62", "-", ""),
+    "eq. 8": ("#2166ac", "-", ""),
+    "RMS": ("#1b7837", "-", "RMS, f_res ± 20 %"),
+    "peak": ("#e08214", "-", "peak, f_res ± 20 %"),
+    "envelope": ("#762a83", "-", "envelope, f_res ± 20 %"),
+    "spectral kurtosis": ("0.75", "-", ""),
+}
+"""Colour, line and label (the rival's own name where it is empty)."""
 SHOWN = ("1 kHz, 58 Hz", "200 Hz, 58 Hz")
 
 
@@ -29,9 +36,9 @@ def draw(outcomes: list[Outcome], folder: Path) -> None:
     chosen = [outcome for outcome in outcomes if outcome.condition.name in SHOWN]
     figure, axes = plt.subplots(1, len(chosen), figsize=(4.6 * len(chosen), 4.2), sharey=True, squeeze=False)
     for axis, outcome in zip(axes[0], chosen, strict=True):
-        for name, (colour, style) in STYLES.items():
+        for name, (colour, style, label) in STYLES.items():
             alarms, found = curve(outcome.healthy[name], outcome.worn[name])
-            axis.plot(alarms, found, color=colour, ls=style, label=name, lw=1.8 if style == "-" else 1.3)
+            axis.plot(alarms, found, color=colour, ls=style, label=label or name, lw=1.8 if style == "-" else 1.3)
         axis.set_xscale("log")
         axis.set_xlim(1e-3, 1)
         axis.set_ylim(0, 1)

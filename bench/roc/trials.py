@@ -3,35 +3,34 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from statistics import NormalDist
 
 import numpy as np
+from numpy.typing import NDArray
 
+from bench.roc.bounds import likelihoods
+from bench.roc.needed import FALSE_ALARM, FOUND, Needed, crossing, needed
 from bench.roc.noises import covariance, draw
-from bench.roc.rivals import CLASSICS, average_likelihood, envelope_line
-from bench.roc.waveforms import Bar, FloatArray, Windows, from_model, from_mujoco, joined
-from lostmotion.detector import ringdown
-from lostmotion.detector.quality import mended
-from lostmotion.detector.score import batch
-from lostmotion.detector.tuning import noisy
-from lostmotion.detector.window import DetectorSettings
+from bench.roc.rivals import RIVALS, SHIPPED, Known, Statistic
+from bench.roc.waveforms import Bar, FloatArray, Windows, joined, windows_of
+from lostmotion.detector.window import LEVELS
 
-__all__ = ["ORDER", "Condition", "Outcome", "run"]
+__all__ = ["BOUNDS", "TOP_DB", "Condition", "Outcome", "run"]
 
 PLAYS = (5e-6, 20e-6, 60e-6, 200e-6)
-LIBRARY_SEEDS, TEST_SEEDS = range(1000, 1006), range(5000, 5004)
-COUNT, HEALTHY_FOR_CALIBRATION = 4000, 1000
-DB = np.arange(8.0, 33.0)
-FALSE_ALARM, FOUND = 0.01, 0.9
+LIBRARY_SEEDS, TEST_SEEDS = range(20000, 20036), range(21000, 21012)
+MUJOCO_LIBRARY_SEEDS, MUJOCO_TEST_SEEDS = range(20000, 20010), range(21000, 21006)
+"""MuJoCo takes ten times as long."""
+COUNT, CALIBRATION = 4000, 1000
+DB, TOP_DB = np.arange(8.0, 33.0), 32.0
+BOUND_DB = np.arange(10.0, 21.0)
 MOTION = 10.0
 """Root mean square of the arm's own motion in a window, in standard deviations of the white noise."""
 SHOWN_DB, ENOUGH = 15.0, 0.97
+BOUNDS = ("knows all", "knows all but when, from below", "from above")
 NORMAL = NormalDist()
-Statistic = Callable[[FloatArray, float], FloatArray]
-ORDER = ("knows all", "knows all but when", "ringdown", "ringdown, own noise", "band (eq. 8)", *CLASSICS, "envelope")
 
 
 @dataclass(frozen=True)
@@ -52,129 +51,136 @@ class Condition:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """needed: SNR [dB] for 90 % found at 1 % false alarms, NaN where 32 dB do not do; healthy and worn: scores at
-    15 dB, of each statistic."""
+    """needed: of each bound and rival; healthy and worn: scores at 15 dB, of each rival and of BOUNDS[0] and the last;
+    shipped: of each rival with a level of its own, the rate of false alarms and the SNR [dB] for 90 % found with it;
+    waveforms: how many the bounds know."""
 
     condition: Condition
-    needed: dict[str, float]
+    needed: dict[str, Needed]
     healthy: dict[str, FloatArray]
     worn: dict[str, FloatArray]
+    shipped: dict[str, tuple[float, float]]
+    waveforms: int
 
 
-@lru_cache(maxsize=4)
-def waveforms(bar: Bar, plays: tuple[float, ...], seeds: range, mujoco: bool, window_s: float) -> Windows:
-    """All windows of these motions and plays."""
-    make = from_mujoco if mujoco else from_model
-    return joined([make(seed, play, bar, window_s) for seed in seeds for play in plays])
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """Windows of one condition as a sensor shows them; all randomness comes from rng.
+
+    root: of the noise's covariance; signals: differences between worn and healthy of unit whitened energy; motions: the
+    arm's own; which: of the windows, the signal and motion.
+    """
+
+    condition: Condition
+    rng: np.random.Generator
+    root: FloatArray
+    signals: FloatArray
+    motions: FloatArray
+    which: NDArray[np.intp]
+
+    def noise(self, count: int) -> FloatArray:
+        bar = self.condition.bar
+        return draw(self.rng, self.condition.noise, count, self.signals.shape[1], bar.rate_hz, bar.f_res_hz)
+
+    def windows(self, size: float, which: NDArray[np.intp]) -> FloatArray:
+        """Windows with an impact of energy size², clipped and with holes as the condition has it."""
+        clip = self.condition.clip
+        told = np.clip(self.noise(len(which)) + size * self.signals[which], -clip, clip) + self.motions[which]
+        return np.where(self.rng.random(told.shape) < self.condition.holes, np.nan, told)
 
 
 def run(condition: Condition) -> Outcome:
     """Every difference between worn and healthy is scaled to the same energy in whitened noise, the SNR."""
+    bar, rng = condition.bar, np.random.default_rng(6000)
+    seeds = (MUJOCO_TEST_SEEDS, MUJOCO_LIBRARY_SEEDS) if condition.mujoco else (TEST_SEEDS, LIBRARY_SEEDS)
+    (tested, motion), (known, _) = (_waveforms(condition, some) for some in seeds)
+    root = np.linalg.cholesky(covariance(condition.noise, tested.worn.shape[1], bar.rate_hz, bar.f_res_hz))
+    library = _whitened(_unit(known.worn - known.healthy, root), root)
+    trial = _Trial(condition, rng, root, _unit(tested.worn - tested.healthy, root), _moved(tested),
+                   rng.integers(len(motion), size=COUNT))  # fmt: skip
+    statistics = {name: make(_calibration(trial, known)) for name, make in RIVALS.items()}
+    scores = _scored(statistics, trial)
+    found = {name: needed(quiet, loud, DB, motion[trial.which]) for name, (quiet, loud) in scores.items()}
+    bounds = _bounds(trial, library, motion[trial.which])
+    at = int(np.flatnonzero(DB == SHOWN_DB)[0])
+    healthy, worn = ({name: pair[0] if i == 0 else pair[1][at] for name, pair in scores.items()} for i in (0, 1))
+    healthy[BOUNDS[0]], worn[BOUNDS[0]] = rng.normal(size=COUNT), rng.normal(10 ** (SHOWN_DB / 20), 1.0, COUNT)
+    healthy[BOUNDS[2]], worn[BOUNDS[2]] = bounds[2]
+    sure = 20 * math.log10(NORMAL.inv_cdf(1 - FALSE_ALARM) + NORMAL.inv_cdf(FOUND))
+    found = {BOUNDS[0]: Needed(sure, 0.0), BOUNDS[1]: bounds[0], BOUNDS[2]: bounds[1]} | found
+    return Outcome(condition, found, healthy, worn, _shipped(scores), len(library))
+
+
+def _waveforms(condition: Condition, seeds: Sequence[int]) -> tuple[Windows, NDArray[np.intp]]:
+    """All windows of these motions and plays, and the number of the motion of each."""
+    parts = [
+        (windows_of(seed, play, condition.bar, condition.window_s, condition.mujoco), number)
+        for number, seed in enumerate(seeds)
+        for play in condition.plays
+    ]
+    return joined([part for part, _ in parts]), np.concatenate([np.full(len(p.play), number) for p, number in parts])
+
+
+def _calibration(trial: _Trial, known: Windows) -> Known:
+    """What a user would have: windows of other motions, without play, and with impacts of 15 dB."""
+    condition = trial.condition
+    other = _Trial(condition, np.random.default_rng(6001), trial.root, _unit(known.worn - known.healthy, trial.root),
+                   _moved(known), trial.which)  # fmt: skip
+    some = other.rng.integers(len(other.signals), size=CALIBRATION)
+    healthy, worn = (other.windows(size, some) for size in (0.0, 10 ** (SHOWN_DB / 20)))
     bar = condition.bar
-    rng = np.random.default_rng(6000)
-    tested, known = (
-        waveforms(bar, condition.plays, seeds, condition.mujoco, condition.window_s)
-        for seeds in (TEST_SEEDS, LIBRARY_SEEDS)
-    )
-    length = tested.worn.shape[1]
-    root = np.linalg.cholesky(covariance(condition.noise, length, bar.rate_hz, bar.f_res_hz))
-    signals, library = (_unit(windows.worn - windows.healthy, root) for windows in (tested, known))
-    which = rng.integers(len(signals), size=COUNT)
-    motion = MOTION * tested.healthy / np.sqrt(np.mean(tested.healthy**2, axis=1, keepdims=True))
-
-    def windows(size: float, count: int = COUNT) -> FloatArray:
-        chosen = rng.integers(len(signals), size=count) if count != COUNT else which
-        noise = draw(rng, condition.noise, count, length, bar.rate_hz, bar.f_res_hz)
-        told = np.clip(noise + size * signals[chosen], -condition.clip, condition.clip) + motion[chosen]
-        return np.where(rng.random(told.shape) < condition.holes, np.nan, told)
-
-    statistics = _statistics(condition, windows(0.0, HEALTHY_FOR_CALIBRATION), root, library @ np.linalg.inv(root).T,
-                             motion[which])  # fmt: skip
-    quiet = windows(0.0)
-    needed = _needed(statistics, windows, quiet)
-    size = 10 ** (SHOWN_DB / 20)
-    loud = windows(size)
-    healthy, worn = ({name: of(told, size) for name, of in statistics.items()} for told in (quiet, loud))
-    healthy["knows all"], worn["knows all"] = rng.normal(size=COUNT), rng.normal(size, 1.0, COUNT)
-    return Outcome(condition, needed, healthy, worn)
+    return Known(bar.rate_hz, bar.f_res_hz * condition.off, bar.zeta, condition.window_s, healthy, worn)
 
 
-def _needed(
-    statistics: dict[str, Statistic], windows: Callable[[float], FloatArray], quiet: FloatArray
-) -> dict[str, float]:
-    """SNR [dB] by statistic; the bounds know the size, so their limits depend on it."""
-    limits = {name: np.quantile(of(quiet, 0.0), 1 - FALSE_ALARM) for name, of in statistics.items()}
-    found: dict[str, list[float]] = {name: [] for name in statistics}
-    for db in DB:
-        size = 10 ** (db / 20)
-        loud = windows(size)
-        for name, statistic in statistics.items():
-            if found[name] and found[name][-1] > ENOUGH:
-                found[name].append(1.0)
-                continue
-            limit = np.quantile(statistic(quiet, size), 1 - FALSE_ALARM) if name.startswith("knows") else limits[name]
-            found[name].append(float(np.mean(statistic(loud, size) > limit)))
-    needed = {name: _crossing(shares) for name, shares in found.items()}
-    needed["knows all"] = 20 * math.log10(NORMAL.inv_cdf(1 - FALSE_ALARM) + NORMAL.inv_cdf(FOUND))
-    return needed
+def _scored(statistics: dict[str, Statistic], trial: _Trial) -> dict[str, tuple[FloatArray, FloatArray]]:
+    """Scores without impacts, shape (M,), and with, (SNR, M), of each; inf once nearly all are found."""
+    quiet = trial.windows(0.0, trial.which)
+    healthy = {name: of(quiet) for name, of in statistics.items()}
+    worn = {name: np.full((DB.size, COUNT), math.inf) for name in statistics}
+    going = set(statistics)
+    for row, db in enumerate(DB):
+        loud = trial.windows(10 ** (db / 20), trial.which)
+        for name in sorted(going):
+            worn[name][row] = statistics[name](loud)
+            if db >= SHOWN_DB and np.mean(worn[name][row] > np.quantile(healthy[name], 1 - FALSE_ALARM / 4)) > ENOUGH:
+                going.remove(name)
+    return {name: (healthy[name], worn[name]) for name in statistics}
 
 
-def _statistics(
-    condition: Condition, healthy: FloatArray, root: FloatArray, library: FloatArray, motion: FloatArray
-) -> dict[str, Statistic]:
-    """By name; the second argument is the true size, which only the bound may use."""
-    bar = condition.bar
-    f_set = bar.f_res_hz * condition.off
-    own = DetectorSettings(f_res_hz=f_set, zeta=bar.zeta, statistic="ringdown", window_s=condition.window_s)
-    slow = ringdown.bank(healthy.shape[1], bar.rate_hz, own).slow
-    taught = noisy(_filled(healthy, bar.rate_hz, own), bar.rate_hz, own)
-    band = _band(f_set, bar, condition.window_s)
-
-    def calm(windows: FloatArray) -> FloatArray:
-        whole = np.array([mended(window) for window in windows]) if condition.holes else windows
-        return np.asarray(whole - (whole @ slow) @ slow.T)
-
-    def bound(windows: FloatArray, size: float) -> FloatArray:
-        whole = np.array([mended(window) for window in windows]) if condition.holes else windows
-        return average_likelihood(np.linalg.solve(root, (whole - motion).T).T, library, size)
-
-    return {
-        "knows all but when": bound,
-        "ringdown": lambda w, s: batch(_filled(w, bar.rate_hz, taught), bar.rate_hz, taught),
-        "ringdown, own noise": lambda w, s: batch(_filled(w, bar.rate_hz, own), bar.rate_hz, own),
-        "band (eq. 8)": lambda w, s: batch(np.array([mended(x) for x in w]), bar.rate_hz, band),
-        **{name: lambda w, s, of=of: of(calm(w)) for name, of in CLASSICS.items()},
-        "envelope": lambda w, s: envelope_line(calm(w), bar.rate_hz, f_set),
-    }
+def _bounds(
+    trial: _Trial, library: FloatArray, motion: NDArray[np.intp]
+) -> tuple[Needed, Needed, tuple[FloatArray, FloatArray]]:
+    """Who knows all but when, from below and from above; the latter's scores at 15 dB.  Of whole, unclipped windows."""
+    sizes = 10 ** (BOUND_DB / 20)
+    quiet, loud = (_whitened(trial.noise(COUNT), trial.root) for _ in range(2))
+    healthy = likelihoods(quiet, None, library, sizes)
+    inside = trial.rng.integers(len(library), size=COUNT)
+    same = likelihoods(loud, library[inside], library, sizes)
+    fresh = likelihoods(loud, _whitened(trial.signals[trial.which], trial.root), library, sizes)
+    at = int(np.flatnonzero(BOUND_DB == SHOWN_DB)[0])
+    blocks = inside * len(set(motion.tolist())) // len(library)  # neighbours are of one motion
+    return (needed(healthy, same, BOUND_DB, blocks), needed(healthy, fresh, BOUND_DB, motion),
+            (healthy[at], fresh[at]))  # fmt: skip
 
 
-def _band(f_set: float, bar: Bar, window_s: float) -> DetectorSettings:
-    """Eq. 8 as the defaults have it, the norm band moved below half of a slow sensor's rate."""
-    usual = DetectorSettings(f_res_hz=f_set, zeta=bar.zeta, window_s=window_s, f_width_hz=0.2 * f_set,
-                             f_norm_hz=1.72 * f_set, f_norm_width_hz=0.7 * f_set)  # fmt: skip
-    if 1.55 * f_set < bar.rate_hz / 2:
-        return usual
-    width = min(0.2 * f_set, 1.8 * (bar.rate_hz / 2 - f_set))
-    return replace(usual, f_width_hz=width, f_norm_hz=0.65 * f_set, f_norm_width_hz=0.5 * f_set)
+def _shipped(scores: dict[str, tuple[FloatArray, FloatArray]]) -> dict[str, tuple[float, float]]:
+    told = {}
+    for name, key in SHIPPED.items():
+        level = LEVELS[key]  # type: ignore[index]
+        healthy, worn = scores[name]
+        told[name] = float(np.mean(healthy > level)), crossing(np.mean(worn > level, axis=1), DB)
+    return told
 
 
-def _filled(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -> FloatArray:
-    if np.isfinite(windows).all():
-        return windows
-    return np.array([ringdown.filled(window, rate_hz, settings) for window in windows])
+def _moved(windows: Windows) -> FloatArray:
+    """The arm's own motion, MOTION times as loud as the noise."""
+    return MOTION * windows.healthy / np.sqrt(np.mean(windows.healthy**2, axis=1, keepdims=True))
+
+
+def _whitened(windows: FloatArray, root: FloatArray) -> FloatArray:
+    return np.linalg.solve(root, windows.T).T
 
 
 def _unit(signals: FloatArray, root: FloatArray) -> FloatArray:
     """Scaled to unit energy after whitening."""
-    return np.asarray(signals / np.linalg.norm(np.linalg.solve(root, signals.T), axis=0)[:, None])
-
-
-def _crossing(shares: list[float]) -> float:
-    """SNR [dB] from which the share stays above FOUND; NaN when it does not get there."""
-    below = np.flatnonzero(np.array(shares) < FOUND)
-    if below.size == 0:
-        return float(DB[0])
-    i = int(below[-1])
-    if i + 1 >= DB.size:
-        return math.nan
-    return float(DB[i] + (FOUND - shares[i]) / (shares[i + 1] - shares[i]))
+    return np.asarray(signals / np.linalg.norm(_whitened(signals, root), axis=1)[:, None])

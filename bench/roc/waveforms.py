@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,11 +26,10 @@ __all__ = [
     "STEP_RAD",
     "Bar",
     "Windows",
-    "from_model",
-    "from_mujoco",
     "joined",
     "tip",
     "tip_without_play",
+    "windows_of",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -68,20 +68,22 @@ class Windows:
     jerk: FloatArray
 
 
-def from_model(seed: int, play_m: float, bar: Bar, window_s: float) -> Windows:
-    """The windows of twelve seconds of hand-waved motion, by eqs. 1-7."""
+@lru_cache(maxsize=320)
+def windows_of(seed: int, play_m: float, bar: Bar, window_s: float, mujoco: bool = False) -> Windows:
+    """The windows of twelve seconds of hand-waved motion: by eqs. 1-7, or by MuJoCo's joint with hard stops."""
     motion = HandWaved(seed)
-    times = np.arange(round(RECORD_S * bar.rate_hz)) / bar.rate_hz
-    worn = tip(motion, times, play_m, bar, mujoco=False)
-    return _cut(motion, times, worn, tip_without_play(motion, times, bar), play_m, bar, window_s)
+    worn = tip(motion, _times(bar), play_m, bar, mujoco)
+    return _cut(motion, _times(bar), worn, _healthy(seed, bar), play_m, bar, window_s)
 
 
-def from_mujoco(seed: int, play_m: float, bar: Bar, window_s: float) -> Windows:
-    """The same, with the joint of MuJoCo: hard stops instead of eq. 1."""
-    motion = HandWaved(seed)
-    times = np.arange(round(RECORD_S * bar.rate_hz)) / bar.rate_hz
-    return _cut(motion, times, tip(motion, times, play_m, bar, mujoco=True), tip_without_play(motion, times, bar),
-                play_m, bar, window_s)  # fmt: skip
+@lru_cache(maxsize=2)
+def _healthy(seed: int, bar: Bar) -> FloatArray:
+    """The same motion of a joint without play, for all of its plays."""
+    return tip_without_play(HandWaved(seed), _times(bar), bar)
+
+
+def _times(bar: Bar) -> FloatArray:
+    return np.arange(round(RECORD_S * bar.rate_hz)) / bar.rate_hz
 
 
 def tip(motion: Motion, times: FloatArray, play_m: float, bar: Bar, mujoco: bool) -> FloatArray:
