@@ -2,7 +2,7 @@
 
 The paper gives no values but the 6 Hz of its sine.  These are the defaults of the base `play` (AX-12A-like); figures 1
 and 2 have a quarter of its play and a sine of 0.1 rad, so that the sine can still be seen below the impacts.  Figures 4
-and 5 are spectra of a hand-waved motion without and with play, as an accelerometer with noise would show them.
+and 5 are ``table1_figures``'.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ import numpy as np
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from lostmotion.model import HandWaved, Motion, Sensor, Sine, Trajectory, build_model
+from bench.table1_figures import draw_spectra
+from lostmotion.model import Motion, Sine, Trajectory, build_model
 
 __all__ = ["main"]
 
@@ -27,7 +27,6 @@ SHOWN = (1.0, 1.5)
 """The stretch [s] of figures 1 and 2: three periods, long after the start."""
 WITHOUT_PLAY = 1e-8
 """Play [m] of a joint that has none: its impacts are lost in the noise."""
-DEFAULT_PLAY = build_model("play").parameters["d"].value
 SINE, PLAY = Sine(6.0, 0.1), 2e-5
 """Motion and play [m] of figures 1 and 2."""
 
@@ -98,52 +97,6 @@ def finish(axes: np.ndarray) -> None:
         axis.legend(loc="upper right", fontsize=8, ncols=3, framealpha=0.9)
     axes[-1].set_xlim(0, SHOWN[1] - SHOWN[0])
     axes[-1].set_xlabel("time [s]")
-
-
-def figure_spectrum(number: int, play: float, what: str) -> Figure:
-    """Spectrum of the accelerometer's readings over windows of 1 s, mean over a hand-waved record."""
-    run = simulated(play, HandWaved(seed=1))
-    readings = Sensor(noise=0.15, resolution=9.80665 * 16 / 32768).apply(
-        run["accel"][2000::2], np.random.default_rng(0)
-    )
-    frequency, amplitude = mean_spectrum(readings, 1000.0, 1.0)
-    figure, axis = plt.subplots(figsize=(8, 4))
-    axis.plot(frequency, amplitude, color=DRIVEN if number == 5 else PLAIN)
-    axis.set_xlim(0, 150)
-    axis.set_ylim(0.005, 60)
-    axis.set_yscale("log")
-    axis.axvspan(52, 64, color=GREY, alpha=0.25, label=r"mask of eq. 10: $f_{res} \pm f_{width}/2$ = 58 ± 6 Hz")
-    axis.set_xlabel("frequency [Hz]")
-    axis.set_ylabel("amplitude of tip acceleration [m/s²]")
-    axis.set_title(f"Figure {number}: spectrum during a hand-waved motion {what}")
-    axis.grid(alpha=0.2, which="both")
-    axis.legend(loc="upper right")
-    annotate(axis, frequency, amplitude, number == 5)
-    return figure
-
-
-def annotate(axis: Axes, frequency: np.ndarray, amplitude: np.ndarray, line: bool) -> None:
-    """Says what stands at f_res."""
-    inside = (frequency > 52) & (frequency < 64)
-    top = frequency[inside][np.argmax(amplitude[inside])], np.max(amplitude[inside])
-    text = f"the bar rings:\n{top[1]:.2g} m/s² at {top[0]:.0f} Hz" if line else "nothing but noise"
-    axis.annotate(text, top, (80, top[1] if line else 0.06), arrowprops={"arrowstyle": "->"}, va="center")
-
-
-def mean_spectrum(values: np.ndarray, rate_hz: float, window_s: float) -> tuple[np.ndarray, np.ndarray]:
-    """Root mean square over half-overlapping Hann windows of the amplitude [unit of values] at each frequency [Hz]."""
-    n = round(window_s * rate_hz)
-    window = np.hanning(n)
-    pieces = np.lib.stride_tricks.sliding_window_view(values, n)[:: n // 2]
-    spectra = 2 * np.abs(np.fft.rfft(pieces * window, axis=1)) / window.sum()
-    return np.fft.rfftfreq(n, 1 / rate_hz), np.sqrt(np.mean(spectra**2, axis=0))
-
-
-def draw_spectra(folder: Path) -> None:
-    """Writes fig4.png and fig5.png."""
-    write(
-        {4: figure_spectrum(4, WITHOUT_PLAY, "without play"), 5: figure_spectrum(5, DEFAULT_PLAY, "with play")}, folder
-    )
 
 
 def write(figures: dict[int, Figure], folder: Path) -> None:

@@ -54,9 +54,9 @@ def _filtered(rng: np.random.Generator, count: int, length: int, pole: complex) 
     """The real part of stationary first-order noise of unit variance (complex pole: half of it)."""
     from scipy.signal import lfilter
 
-    lead = min(round(8 / (1 - abs(pole))), 4000)
-    kicks = rng.normal(size=(count, lead + length)).astype(complex)
-    if pole.imag:
-        kicks += 1j * rng.normal(size=kicks.shape)
-    moved = lfilter([math.sqrt((1 - abs(pole) ** 2) / (2 if pole.imag else 1))], [1, -pole], kicks, axis=1)
-    return np.asarray(moved[:, lead:].real)
+    turns = bool(pole.imag)
+    kicks, before = rng.normal(size=(count, length)).astype(complex), rng.normal(size=(count, 1)).astype(complex)
+    if turns:
+        kicks, before = ((one + 1j * rng.normal(size=one.shape)) / math.sqrt(2) for one in (kicks, before))
+    moved, _ = lfilter([math.sqrt(1 - abs(pole) ** 2)], [1, -pole], kicks, axis=1, zi=pole * before)
+    return np.asarray(moved.real)
