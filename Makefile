@@ -44,14 +44,14 @@ bench-soak: $(READY)  ## whether the service's memory grows: twenty minutes at 2
 bench-hidden: $(READY)  ## recordings with a hidden effect: what lab explain makes of them (table and figure, takes long)
 	$(BIN)/python -m bench.hidden_effects run --seed $(or $(SEED),0) --figures docs/figures
 
-bench-detector: $(READY)  ## the detector against its rivals and the bounds: table, ROC pictures, size of the play, which joint
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,bench]'
+bench-detector: $(READY)  ## the detector against its rivals and the bounds: table, ROC pictures, size of the play, which joint, promises kept
 	$(BIN)/python -m bench.roc --figures docs/figures
 	$(BIN)/python -m bench.play_size
 	$(BIN)/python -m bench.attribution
+	$(BIN)/python -m bench.promises
 	$(BIN)/python -m bench.detector
 
-table1: $(READY)  ## the paper's section 4 again: table 1 with confidence intervals, figures 4 and 5
+table1: $(READY)  ## the paper's section 4 again: table 1 over noise, rates and small plays, figures 4 and 5
 	$(BIN)/python -m bench.table1 --figures docs/figures
 
 figures: $(READY)  ## the paper's figures 1, 2, 4 and 5 from the model, into docs/figures

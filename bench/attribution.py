@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from bench.arm import arm
-from bench.roc.waveforms import LENGTH_M, POLL_HZ, STEP_RAD, Bar, FloatArray, tip, tip_without_play
+from bench.roc.waveforms import LENGTH_M, POLL_HZ, STEP_RAD, Bar, FloatArray, Gear, tip, tip_without_play
 from lostmotion.detector.attribution import Evidence, Mover, attribute, evidence
 from lostmotion.detector.commanded import BEFORE_S
 from lostmotion.detector.trigger import Trigger
@@ -36,7 +36,7 @@ KINDS = {"one": ((0,), (1,)), "none": ((),), "both": ((0, 1),)}
 BINS = (0.5, 0.8, 0.95, 0.99, 1.0001)
 
 
-USUAL = Bar()
+USUAL, USUAL_GEAR = Bar(), Gear()
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,7 @@ class Case:
     levers: tuple[tuple[float, ...], ...] = ((LENGTH_M,), (LENGTH_M,))
     together: bool = True
     mujoco: bool = False
+    gear: Gear = USUAL_GEAR
 
 
 FAR = ((0.25,), (0.10,))
@@ -83,7 +84,7 @@ def heard(case: Case, moved: tuple[Motion, Motion], worn: Sequence[int], seed: i
         tips = arm(moved, times, [case.play_m if joint in worn else 0.0 for joint in (0, 1)], case.bar)[None]
     else:
         felt = [
-            tip(motion, times, case.play_m, case.bar, mujoco=False)
+            tip(motion, times, case.play_m, case.bar, False, case.gear)
             if joint in worn
             else tip_without_play(motion, times, case.bar)
             for joint, motion in enumerate(moved)
@@ -116,12 +117,14 @@ def listen(case: Case, seed: int, worn: Sequence[int]) -> tuple[list[Evidence], 
     return found, float(np.mean([np.any(np.abs(others - at) < SAME_S) for at in reversals[0]]))
 
 
-def answers(case: Case, kind: str, claims: list[tuple[float, bool]]) -> tuple[list[float], float]:
+def answers(
+    case: Case, kind: str, claims: list[tuple[float, bool]], seeds: Sequence[int] = ()
+) -> tuple[list[float], float]:
     """Share of right answers after COUNTS windows, and of reversals that fall together; adds to claims how sure each
     answer on a joint was, and whether it was right."""
     right: list[list[bool]] = []
     shares = []
-    for seed in MUJOCO_SEEDS if case.mujoco else SEEDS:
+    for seed in seeds or (MUJOCO_SEEDS if case.mujoco else SEEDS):
         for worn in KINDS[kind]:
             told, share = listen(case, seed, worn)
             shares.append(share)

@@ -33,7 +33,7 @@ __all__ = ["HEALTHY_M", "RATES_HZ", "SNR_DB", "STATISTICS", "Cell", "cells", "me
 
 PLAY_M, WINDOW_S, F_RES_HZ, ZETA = 80e-6, 0.25, 58.0, 0.012
 RATES_HZ, SNR_DB, HEALTHY_M = (200.0, 500.0, 1000.0, 3200.0), (20.0, 30.0, 40.0, 50.0, 60.0), (0.0, 1e-6, 5e-6, 10e-6)
-LEARNT, TESTED = range(9000, 9006), range(9100, 9124)
+LEARNT, TESTED = range(9000, 9006), range(9100, 9118)
 RESOLUTION = 9.80665 * 16 / 32768
 STATISTICS = ("band", "ringdown")
 NAMES = {"band": "eq. 8", "ringdown": "ring-down, calibrated"}

@@ -25,6 +25,7 @@ __all__ = [
     "RECORD_S",
     "STEP_RAD",
     "Bar",
+    "Gear",
     "Windows",
     "joined",
     "tip",
@@ -56,6 +57,17 @@ class Bar:
         return {"m": MASS_KG, "k": MASS_KG * omega**2, "b": 2 * self.zeta * MASS_KG * omega, "l": LENGTH_M}
 
 
+@dataclass(frozen=True)
+class Gear:
+    """What of eqs. 1-5 and the catalogue's effects is not the model's default."""
+
+    values: tuple[tuple[str, float], ...] = ()
+    effects: tuple[str, ...] = ()
+
+
+USUAL = Gear()
+
+
 @dataclass(frozen=True, eq=False)
 class Windows:
     """Tip acceleration [m/s²] with play and without, shape (M, N) each, of the same reversals; play [m], swing
@@ -69,10 +81,12 @@ class Windows:
 
 
 @lru_cache(maxsize=320)
-def windows_of(seed: int, play_m: float, bar: Bar, window_s: float, mujoco: bool = False) -> Windows:
+def windows_of(
+    seed: int, play_m: float, bar: Bar, window_s: float, mujoco: bool = False, gear: Gear = USUAL
+) -> Windows:
     """The windows of twelve seconds of hand-waved motion: by eqs. 1-7, or by MuJoCo's joint with hard stops."""
     motion = HandWaved(seed)
-    worn = tip(motion, _times(bar), play_m, bar, mujoco)
+    worn = tip(motion, _times(bar), play_m, bar, mujoco, gear)
     return _cut(motion, _times(bar), worn, _healthy(seed, bar), play_m, bar, window_s)
 
 
@@ -86,11 +100,13 @@ def _times(bar: Bar) -> FloatArray:
     return np.arange(round(RECORD_S * bar.rate_hz)) / bar.rate_hz
 
 
-def tip(motion: Motion, times: FloatArray, play_m: float, bar: Bar, mujoco: bool) -> FloatArray:
-    """Tip acceleration [m/s²] at times [s], evenly spaced from 0, of a joint with play, without noise."""
+def tip(motion: Motion, times: FloatArray, play_m: float, bar: Bar, mujoco: bool, gear: Gear = USUAL) -> FloatArray:
+    """Tip acceleration [m/s²] at times [s], evenly spaced from 0, of a joint with play, without noise.  MuJoCo's joint
+    has hard stops instead of a gear."""
     if mujoco:
         return _mujoco(motion, times, play_m, bar)
-    return build_model("play", values={"d": play_m, **bar.values}).simulate(motion, times)["accel"]
+    model = build_model("play", gear.effects, values={"d": play_m, **bar.values, **dict(gear.values)})
+    return model.simulate(motion, times)["accel"]
 
 
 def joined(parts: Iterator[Windows] | list[Windows]) -> Windows:

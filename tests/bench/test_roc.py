@@ -9,7 +9,6 @@ from bench.roc.needed import needed
 from bench.roc.noises import KINDS, covariance, draw
 from bench.roc.rivals import RIVALS, Known, crest, kurtosis, peak, rms
 from bench.roc.waveforms import Bar, windows_of
-from bench.table1 import wilson
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -91,8 +90,3 @@ def test_both_simulators_agree_without_play() -> None:
             assert left < 0.03 * np.sqrt(np.mean(windows.healthy**2))
         assert windows.worn.shape == windows.healthy.shape
         assert len(windows.worn) > 20
-
-
-def test_wilson_by_hand() -> None:
-    """98 of 100: 93.00 to 99.45 %."""
-    assert wilson(98, 100) == " 98.00 (93.00 to 99.45)"
