@@ -9,6 +9,7 @@ import csv
 import json
 import math
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, time
@@ -117,7 +118,7 @@ def _header(row: list[str], where: str) -> list[str]:
             f"{where}: found the columns {shown!r}, expected one called 'time'; "
             "is it a recording of another program, or not separated by commas?"
         )
-    twice = sorted({column for column in header if header.count(column) > 1})
+    twice = sorted(column for column, times in Counter(header).items() if times > 1)
     if twice:
         raise RecordingError(f"{where}: found the column {twice[0]!r} twice, expected each once; rename one of them")
     return header

@@ -140,6 +140,7 @@ def test_the_end_is_found_wherever_it_falls(rest: str, tmp_path: Path) -> None:
         ("0,1\n1,2\n", "line 1: found '0,1', expected a header"),
         ("# a = 1\nt;accel\n1;2\n", "line 2: found the columns 't;accel', expected one called 'time'"),
         ("time,accel,accel\n0,1,2\n", "line 1: found the column 'accel' twice"),
+        (f"time,{','.join(f'c{k}' for k in range(15_000))},c7\n", "line 1: found the column 'c7' twice"),
         ("time,accel\n0,1\n1,x7\n2,3\n", "line 3: found 'x7' in the column 'accel', expected a finite number"),
         ("time,accel\n0,1\n1,-inf\n2,3\n", "line 3: found '-inf' in the column 'accel', expected a finite number"),
         ("time,accel\n0,1\n1,1e999\n2,3\n", "line 3: found '1e999' in the column 'accel', expected a finite"),
