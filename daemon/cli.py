@@ -47,6 +47,18 @@ database = click.option(
 since = click.option("--since", callback=moment, metavar="TIME", help="From here on: 30d, 12h, 2w, or ISO 8601.")
 until = click.option("--until", callback=moment, metavar="TIME", help="Up to here: as --since.")
 
+trend_of = click.option(
+    "--of",
+    type=click.Choice(["severity", "score", "play"]),
+    help="Equivalent play (the default where there is one), scores, or the size of the play.",
+)
+trend_level = click.option(
+    "--level",
+    type=float,
+    callback=positive,
+    metavar="X",
+    help="The limit, instead of alarm.severity_error [rad], the newest score's level, or alarm.play_error [rad].",
+)
 statistic = click.option(
     "--statistic", type=click.Choice(("band", "ringdown")), help="Eq. 8, or what knows the whole ring-down."
 )
@@ -156,18 +168,8 @@ def history(
 @database
 @since
 @until
-@click.option(
-    "--of",
-    type=click.Choice(["severity", "score", "play"]),
-    help="Equivalent play (the default where there is one), scores, or the size of the play.",
-)
-@click.option(
-    "--level",
-    type=float,
-    callback=positive,
-    metavar="X",
-    help="The limit, instead of alarm.severity_error [rad], the newest score's level, or alarm.play_error [rad].",
-)
+@trend_of
+@trend_level
 @click.option("--png", type=FILE, metavar="FILE", help="Draw the plot into a picture (png, svg, pdf).")
 @as_json
 def trend(

@@ -2,14 +2,29 @@
 
 from __future__ import annotations
 
+import math
 from datetime import datetime
 from typing import Any
 
+import numpy as np
+
 from lostmotion.daemon.reader import Reader
-from lostmotion.daemon.records import AlarmRow, JointRow, Origin, ScoreRow, Transition, iso
+from lostmotion.daemon.records import (
+    AlarmRow,
+    JointRow,
+    Origin,
+    ScoreRow,
+    Transition,
+    from_micros,
+    iso,
+    micros,
+)
+from lostmotion.daemon.rollup import SERIES, Series
 
-__all__ = ["SCORE_KEYS", "alarm", "attribution", "history", "joint", "score", "status", "transition"]
+__all__ = ["SCORE_KEYS", "alarm", "attribution", "history", "joint", "score", "series", "status", "to_series",
+           "transition"]  # fmt: skip
 
+COLUMNS = tuple(name for name in SERIES.names or () if name != "time_us")
 SCORE_KEYS = (
     "time", "score", "level", "impact", "play", "play_low", "play_high", "severity", "severity_low", "severity_high",
     "quality",
@@ -70,6 +85,25 @@ def history(joint: str, scores: list[ScoreRow]) -> dict[str, Any]:
 def score(row: ScoreRow) -> dict[str, Any]:
     """One score."""
     return {key: iso(row.time) if key == "time" else getattr(row, key) for key in SCORE_KEYS}
+
+
+def series(joint: str, columns: Series) -> dict[str, Any]:
+    """What a trend is computed from, a list for each column."""
+    lists = {name: [_known(value) for value in columns[name].tolist()] for name in COLUMNS}
+    return {"joint": joint, "time": [iso(from_micros(time)) for time in columns["time_us"].tolist()]} | lists
+
+
+def to_series(document: dict[str, Any]) -> Series:
+    """The columns of such a document.  Raises ValueError, KeyError or TypeError for another one."""
+    columns = np.empty(len(document["time"]), SERIES)
+    columns["time_us"] = [micros(datetime.fromisoformat(time)) for time in document["time"]]
+    for name in COLUMNS:
+        columns[name] = [math.inf if value is None else value for value in document[name]]
+    return columns
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _time(time: datetime | None) -> str | None:

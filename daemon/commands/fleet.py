@@ -5,13 +5,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
 
+from lostmotion.daemon import documents
 from lostmotion.daemon.commands import output, times
 from lostmotion.daemon.commands.fleet_ask import Fleet, Heard, ask
+from lostmotion.daemon.commands.trend import (
+    ARC_MINUTES,
+    COLUMNS,
+    RADIANS,
+    Of,
+    TrendError,
+    document,
+    history_of,
+    table_row,
+)
 
-__all__ = ["alarms", "history", "status"]
+__all__ = ["alarms", "history", "status", "trend"]
 
 
 def status(fleet: Fleet, as_json: bool) -> int:
@@ -24,7 +36,7 @@ def status(fleet: Fleet, as_json: bool) -> int:
         return _json(heard, {})
     columns = ("robot", "joint", "health", "score", "level", "last window", "alarms")
     rows = [_status_row(robot, joint) for robot, of in heard.documents for joint in of["joints"]]
-    return _table(heard, columns, rows, right=("score", "level"))
+    return _table(heard, columns, rows, "no joint", right=("score", "level"))
 
 
 def alarms(fleet: Fleet, as_json: bool) -> int:
@@ -37,7 +49,7 @@ def alarms(fleet: Fleet, as_json: bool) -> int:
         return _json(heard, {})
     columns = ("robot", "joint", "cause", "severity", "state", "raised (UTC)", "reason")
     rows = [_alarm_row(robot, alarm) for robot, of in heard.documents for alarm in of["alarms"]]
-    return _table(heard, columns, rows, nothing="no active alarm")
+    return _table(heard, columns, rows, "no active alarm")
 
 
 def history(fleet: Fleet, joint: str, parameters: dict[str, str], as_json: bool) -> int:
@@ -45,13 +57,41 @@ def history(fleet: Fleet, joint: str, parameters: dict[str, str], as_json: bool)
 
     A robot without such a joint has not answered.  Raises FleetError.
     """
-    selector = f"{joint}/history?" + ";".join(f"{key}={value}" for key, value in parameters.items())
-    heard = ask(fleet, selector)
+    heard = ask(fleet, f"{joint}/history?{_text(parameters)}")
     if as_json:
         return _json(heard, {"joint": joint})
     columns = ("robot", "time (UTC)", "score", "level", "impact", "play", "quality")
     rows = [_score_row(robot, score) for robot, of in heard.documents for score in of["scores"]]
-    return _table(heard, columns, rows, right=("score", "level"))
+    return _table(heard, columns, rows, "no scores in that time", right=("score", "level"))
+
+
+def trend(
+    fleet: Fleet, joint: str, parameters: dict[str, str], of: Of | None, level: float | None, as_json: bool
+) -> int:
+    """Prints the trend of one joint of all robots; 1 when one of them, or an endpoint, did not answer.
+
+    A robot whose history is too short for a trend has not answered.  Raises FleetError.
+    """
+    heard = ask(fleet, f"{joint}/series?{_text(parameters)}")
+    trends, errors = [], dict(heard.errors)
+    unit = RADIANS if as_json else ARC_MINUTES
+    for robot, answer in heard.documents:
+        try:
+            series = documents.to_series(answer)
+            trends.append((robot, history_of(joint, series, fleet.config, of, level, unit)))
+        except (KeyError, TypeError, ValueError):
+            errors[robot] = "found another answer than a series of scores; another version?"
+        except TrendError as error:
+            errors[robot] = str(error)
+    told = replace(heard, documents=[(robot, document(one)) for robot, one in trends], errors=errors)
+    if as_json:
+        return _json(told, {"joint": joint})
+    rows = [[robot, *table_row(one)] for robot, one in trends]
+    return _table(told, ("robot", *COLUMNS), rows, "no trend", right=("count", "now", "level"))
+
+
+def _text(parameters: dict[str, str]) -> str:
+    return ";".join(f"{key}={value}" for key, value in parameters.items())
 
 
 def _json(heard: Heard, about: dict[str, Any]) -> int:
@@ -68,12 +108,12 @@ def _json(heard: Heard, about: dict[str, Any]) -> int:
 
 
 def _table(
-    heard: Heard, columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str] = (), nothing: str = ""
+    heard: Heard, columns: Sequence[str], rows: Sequence[Sequence[str]], nothing: str, right: Sequence[str] = ()
 ) -> int:
     """Prints the table of an answer, or that there is nothing, and who is missing in it; the exit status."""
     from rich.markup import escape
 
-    if rows or not nothing:
+    if rows:
         output.print_table(columns, [[escape(cell) for cell in row] for row in rows], right)
     elif heard.documents:
         output.print_lines([f"{', '.join(robot for robot, _ in heard.documents)}: {nothing}"])

@@ -4,19 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import click
 
-from lostmotion.daemon.cli import FILE, as_json, config_file, positive, since, until
+from lostmotion.daemon.cli import FILE, as_json, config_file, positive, since, trend_level, trend_of, until
 from lostmotion.daemon.commands import fleet as answers
 from lostmotion.daemon.commands import times
 from lostmotion.daemon.commands.fleet_ask import Fleet
+from lostmotion.daemon.commands.trend import Of
 from lostmotion.daemon.crosscheck import check_endpoints
 from lostmotion.daemon.records import iso
 
 __all__ = ["fleet"]
+
+
+TREND_S = 20.0
+"""two million scores take a small computer that long"""
 
 
 @click.group()
@@ -29,13 +35,13 @@ def fleet() -> None:
     """
 
 
-def whom(command: Callable[..., Any]) -> Callable[..., Any]:
+def whom(command: Callable[..., Any], timeout_s: float = 2.0) -> Callable[..., Any]:
     """The options that say whom to ask."""
     for option in (
         click.option(
             "--timeout",
             type=float,
-            default=2.0,
+            default=timeout_s,
             show_default=True,
             callback=positive,
             metavar="S",
@@ -87,9 +93,34 @@ def alarms(as_json: bool, **given: Any) -> int:
 @as_json
 def history(joint: str, since: datetime | None, until: datetime | None, limit: int, as_json: bool, **given: Any) -> int:
     """Scores of one joint, of all robots that have it."""
+    return answers.history(_fleet(**given), joint, _bounds(since, until) | {"limit": str(limit)}, as_json)
+
+
+@fleet.command("trend")
+@click.argument("joint")
+@since
+@until
+@trend_of
+@trend_level
+@partial(whom, timeout_s=TREND_S)
+@as_json
+def trend(
+    joint: str,
+    since: datetime | None,
+    until: datetime | None,
+    of: Of | None,
+    level: float | None,
+    as_json: bool,
+    **given: Any,
+) -> int:
+    """Wear of one joint, of all robots that have it."""
+    return answers.trend(_fleet(**given), joint, _bounds(since, until), of, level, as_json)
+
+
+def _bounds(since: datetime | None, until: datetime | None) -> dict[str, str]:
+    """As parameters of a query."""
     times.check_order(since, until)
-    bounds = {"since": since and iso(since), "until": until and iso(until), "limit": str(limit)}
-    return answers.history(_fleet(**given), joint, {key: value for key, value in bounds.items() if value}, as_json)
+    return {key: iso(value) for key, value in (("since", since), ("until", until)) if value}
 
 
 def _fleet(

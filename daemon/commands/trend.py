@@ -24,7 +24,18 @@ from lostmotion.detector.trend import MOST, Slope, WearTrend, summarise
 from lostmotion.detector.window import FloatArray
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["History", "TrendError", "trend"]
+__all__ = [
+    "ARC_MINUTES",
+    "COLUMNS",
+    "RADIANS",
+    "History",
+    "Of",
+    "TrendError",
+    "document",
+    "history_of",
+    "table_row",
+    "trend",
+]
 
 Of = Literal["score", "play", "severity"]
 MANY = {"score": "scores", "play": "plays", "severity": "severities"}
@@ -32,6 +43,7 @@ DAY = 86400.0
 RADIANS, ARC_MINUTES = 1.0, 60 * 180 / math.pi
 UNITS = (("year", 365.25 * DAY), ("month", 30.4375 * DAY), ("day", DAY), ("hour", 3600.0), ("minute", 60.0))
 MONTH = UNITS[1][1]
+COLUMNS = ("of", "count", "now", "level", "slope", "direction", "limit")
 PICTURES = (".png", ".svg", ".pdf")
 
 
@@ -101,17 +113,15 @@ def trend(
         raise TrendError(f"--png: found the name {str(png)!r}, expected one that ends with {', '.join(PICTURES)}")
     with open_joint(joint, config, database) as reader:
         series = reader.series(joint, *bounds, most=MOST)
-    of = asked or _best(series)
-    if of != "score":
-        level = level or _limit(config, of)
-    history = _history(joint, series, of, level)
+    history = history_of(joint, series, config, asked, level)
+    of = history.of
     if png:
         from lostmotion.daemon.commands.trend_picture import draw
 
         with output.writing(png):
             draw(history, png)
     if as_json:
-        output.print_json(_document(history if of == "score" else _history(joint, series, of, level, RADIANS)))
+        output.print_json(document(history_of(joint, series, config, asked, level, RADIANS)))
         return
     from lostmotion.daemon.commands.trend_terminal import plot
 
@@ -119,6 +129,17 @@ def trend(
     is_ours = config is not None or database is None  # else nobody says whose database it is
     size = _sizes(history, _radius(config, joint) if is_ours else math.nan) if of != "score" else []
     output.print_lines([*told, *_words(history), *size, "", plot(history), *([f"picture: {png}"] if png else [])])
+
+
+def history_of(
+    joint: str, series: Series, config: Path | None, asked: Of | None, level: float | None, unit: float = ARC_MINUTES
+) -> History:
+    """The values that are asked for, or those there is enough of, and their trend against ``level``, or against the
+    limit that the configuration has.  unit: of a play and a severity, in a rad.  Raises TrendError."""
+    of = asked or _best(series)
+    if of != "score":
+        level = level or _limit(config, of)
+    return _history(joint, series, of, level, unit)
 
 
 def _best(series: Series) -> Of:
@@ -153,8 +174,7 @@ def _limit(config: Path | None, of: Of) -> float:
     return limit
 
 
-def _history(joint: str, series: Series, of: Of, level: float | None, unit: float = ARC_MINUTES) -> History:
-    """unit: of a play and a severity, in a rad."""
+def _history(joint: str, series: Series, of: Of, level: float | None, unit: float) -> History:
     series = series[np.isfinite(series[of])]
     if not series.size:
         raise TrendError(f"found no {MANY[of]} of {joint!r} in that time, expected at least 3; try an earlier --since")
@@ -172,7 +192,8 @@ def _history(joint: str, series: Series, of: Of, level: float | None, unit: floa
     return History(joint, of, what, from_micros(int(series["time_us"][0])), time, value, laws, series["impact"], wear)
 
 
-def _document(history: History) -> dict[str, Any]:
+def document(history: History) -> dict[str, Any]:
+    """The trend as JSON."""
     wear = history.wear
     return {
         "joint": history.joint,
@@ -230,6 +251,13 @@ def _laws(laws: dict[str, float]) -> list[str]:
     words = {"excitation": "excitation^{:+.2f}", "temperature": "{:+.2%} a °C"}
     found = [words[name].format(slope) for name, slope in laws.items()]
     return [f"freed of       {', '.join(found)}: values at the median motion and temperature"] if found else []
+
+
+def table_row(history: History) -> list[str]:
+    """The trend in the cells of ``COLUMNS``."""
+    wear = history.wear
+    numbers = [str(wear.count), f"{wear.current:.2f}", f"{wear.limit:.2f}"]
+    return [history.what, *numbers, _slope(wear.slope, history.span), wear.trend.direction, _left(wear)]
 
 
 def _slope(slope: Slope, span: float) -> str:

@@ -1,6 +1,7 @@
 """What a robot answers on Zenoh: its alarms, status and history from the database, and the newest word on each key.
 
 Keys under ``lostmotion/<robot>/``: ``status``, ``alarms``, ``<joint>/history?since=…;until=…;limit=…``,
+``<joint>/series?since=…;until=…``,
 ``<joint>/alarm``, ``<joint>/health``.  Payloads only; who asked, and how, is the sink's.
 """
 
@@ -18,13 +19,16 @@ from lostmotion.daemon import documents
 from lostmotion.daemon.commands import times
 from lostmotion.daemon.reader import Reader, open_readonly
 from lostmotion.daemon.zenoh_session import SCHEMA
+from lostmotion.detector.trend import MOST
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["DEFAULT_ROWS", "MOST_ROWS", "PARAMETERS", "Answers", "BadQueryError", "payload"]
+__all__ = ["DEFAULT_ROWS", "LONG", "MOST_ROWS", "PARAMETERS", "Answers", "BadQueryError", "payload"]
 
 PARAMETERS = ("since", "until", "limit")
 DEFAULT_ROWS, MOST_ROWS = 1000, 10_000
 """scores in one answer: unless asked for, and at most"""
+LONG = ("/history", "/series")
+"""keys whose answers may be long: only who asks for them by name gets them"""
 
 
 class BadQueryError(LostmotionError):
@@ -41,8 +45,8 @@ class Answers:
     def names(self) -> list[str]:
         """The keys of which there is something to say now."""
         with closing(open_readonly(self._database)) as reader:
-            history = [f"{row.name}/history" for row in reader.joints()]
-        return [*dict.fromkeys(key for key, _ in list(self._latest)), *history, "alarms", "status"]
+            long = [f"{row.name}{ending}" for row in reader.joints() for ending in LONG]
+        return [*dict.fromkeys(key for key, _ in list(self._latest)), *long, "alarms", "status"]
 
     def to(self, key: str, parameters: Mapping[str, str]) -> Iterator[bytes]:
         """The payloads for one of these keys.  Raises BadQueryError or ReaderError."""
@@ -56,7 +60,8 @@ class Answers:
             elif key == "status":
                 yield payload(documents.status(reader))
             else:
-                yield payload(_history(reader, key.removesuffix("/history"), parameters))
+                joint, _, kind = key.rpartition("/")
+                yield payload((_history if kind == "history" else _series)(reader, joint, parameters))
 
 
 def payload(document: Mapping[str, Any]) -> bytes:
@@ -66,15 +71,25 @@ def payload(document: Mapping[str, Any]) -> bytes:
 
 def _history(reader: Reader, joint: str, parameters: Mapping[str, str]) -> dict[str, Any]:
     """The newest scores with since <= time < until, oldest first; complete: whether these are all."""
+    since, until = _span(f"{joint}/history", parameters)
+    limit = _limit(joint, parameters.get("limit", str(DEFAULT_ROWS)))
+    scores = reader.scores(joint, since, until, limit + 1)
+    return documents.history(joint, scores[-limit:]) | {"complete": len(scores) <= limit}
+
+
+def _series(reader: Reader, joint: str, parameters: Mapping[str, str]) -> dict[str, Any]:
+    """What a trend of the scores with since <= time < until is computed from: one an hour where there are many."""
+    return documents.series(joint, reader.series(joint, *_span(f"{joint}/series", parameters), most=MOST))
+
+
+def _span(key: str, parameters: Mapping[str, str]) -> tuple[datetime | None, datetime | None]:
     now = datetime.now(UTC)
     try:
         since, until = (times.parse(parameters[key], now) if key in parameters else None for key in ("since", "until"))
         times.check_order(since, until)
     except times.TimeError as error:
-        raise BadQueryError(f"{joint}/history: {error}") from error
-    limit = _limit(joint, parameters.get("limit", str(DEFAULT_ROWS)))
-    scores = reader.scores(joint, since, until, limit + 1)
-    return documents.history(joint, scores[-limit:]) | {"complete": len(scores) <= limit}
+        raise BadQueryError(f"{key}: {error}") from error
+    return since, until
 
 
 def _limit(joint: str, asked: str) -> int:

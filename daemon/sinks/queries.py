@@ -14,7 +14,7 @@ from contextlib import suppress
 import zenoh
 
 from lostmotion.daemon.database import DAMAGED
-from lostmotion.daemon.sinks.answers import PARAMETERS, Answers, BadQueryError, payload
+from lostmotion.daemon.sinks.answers import LONG, PARAMETERS, Answers, BadQueryError, payload
 from lostmotion.daemon.zenoh_session import JSON
 from lostmotion.drivers.errors import LostmotionError
 
@@ -45,7 +45,7 @@ class Queries:
         try:
             while True:
                 query = queryable.recv()
-                (long if _is_history(query) else short).submit(self, query)
+                (long if _is_long(query) else short).submit(self, query)
         except zenoh.ZError:
             return
         finally:
@@ -62,11 +62,8 @@ class Queries:
 
     def _reply(self, query: zenoh.Query) -> None:
         parameters = {key: value for key in PARAMETERS if (value := query.parameters.get(key)) is not None}
-        # History is long: only who asks for it by name gets it, not who asks for all of a joint.
-        by_name = _is_history(query)
-        keys = {
-            name: f"{self._prefix}/{name}" for name in self._answers.names() if by_name is name.endswith("/history")
-        }
+        by_name = _is_long(query)
+        keys = {name: f"{self._prefix}/{name}" for name in self._answers.names() if by_name is name.endswith(LONG)}
         found = [name for name, key in keys.items() if query.key_expr.intersects(zenoh.KeyExpr(key))]
         for name in found:
             for content in self._answers.to(name, parameters):
@@ -93,5 +90,6 @@ class _Pool:
         self._threads.shutdown(cancel_futures=True)
 
 
-def _is_history(query: zenoh.Query) -> bool:
-    return str(query.key_expr).endswith("/history")
+def _is_long(query: zenoh.Query) -> bool:
+    """Whether a long answer is asked for by its name, not with all else of a joint."""
+    return str(query.key_expr).endswith(LONG)

@@ -78,6 +78,21 @@ def test_history_of_a_joint_of_all_robots(fleet: str) -> None:
     assert "arm2    2026-05-" in text
 
 
+def test_trend_of_a_joint_of_all_robots(fleet: str, tmp_path: Path) -> None:
+    """Each robot's trend is what `trend` says beside its database; a history that is too short is its robot's error."""
+    asked = ("--connect", fleet, "--timeout", "2", "--of", "score")
+    found = document("fleet", "trend", "elbow", *asked)
+    alone = document("trend", "elbow", "--of", "score", "--database", str(tmp_path / "arm1.db"))
+    assert found["robots"] == [{"robot": "arm1"} | alone, {"robot": "arm2"} | alone]
+    assert (found["joint"], found["silent"], found["errors"]) == ("elbow", ["mute"], [])
+    short = document("fleet", "trend", "elbow", *asked, "--since", "2026-12-20")
+    assert [error["robot"] for error in short["errors"]] == ["arm1", "arm2"]
+    assert "found no scores of 'elbow'" in short["errors"][0]["error"]
+    text = call("fleet", "trend", "elbow", *asked).stdout
+    assert "arm2    score [-]      20" in text
+    assert "rising" in text
+
+
 def test_all_answered(tmp_path: Path, endpoint: str) -> None:
     """When everybody answers the exit status is 0; a robot that listens itself needs no router, and its configuration
     says where it is."""
