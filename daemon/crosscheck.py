@@ -20,6 +20,7 @@ from lostmotion.detector.windows import window_length
 from lostmotion.drivers.base import AccelerometerOptions, JointOptions
 from lostmotion.drivers.clock import SystemClock
 from lostmotion.drivers.errors import LostmotionError
+from lostmotion.drivers.packages import is_there, missing
 
 if TYPE_CHECKING:
     from lostmotion.daemon.config import Config
@@ -41,6 +42,7 @@ class CrossCheckError(LostmotionError):
 
 def check(config: Config) -> None:
     """Raises CrossCheckError at the first contradiction."""
+    _packages(config)
     _names(config)
     _ranges(config)
     _limits(config)
@@ -51,6 +53,17 @@ def check(config: Config) -> None:
     _can(config)
     for joint in config.joints:
         _bands(config, joint)
+
+
+def _packages(config: Config) -> None:
+    """What the sinks that are asked for need is installed."""
+    for key, table, package in (
+        ("alarm.zenoh", config.zenoh, "zenoh"),
+        ("alarm.can", config.alarm.can, "can"),
+        ("metrics", config.metrics, "prometheus_client"),
+    ):
+        if table and not is_there(package):
+            raise CrossCheckError(f"{key}: {missing(package, f'[{key}]')}")
 
 
 def _names(config: Config) -> None:

@@ -74,7 +74,7 @@ def check_reachable(places: Iterable[Path]) -> None:
             if place.is_relative_to(folder):
                 raise ServiceError(
                     f"{place}: found the program below {folder}, which is hidden from the service; expected it where "
-                    "all may read: python3 -m venv /opt/lostmotion && /opt/lostmotion/bin/pip install lostmotion"
+                    "all may read: python3 -m venv /opt/lostmotion && /opt/lostmotion/bin/pip install ."
                 )
         for part, needed in ((place, READ), *((parent, ENTER) for parent in place.parents)):
             if not part.stat().st_mode & needed:

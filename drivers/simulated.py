@@ -34,6 +34,7 @@ from lostmotion.drivers.clock import Clock, VirtualClock
 from lostmotion.drivers.errors import DriverError
 from lostmotion.drivers.life import YEAR_S, Step, grid, skips, step_of_life
 from lostmotion.drivers.pacing import Pace, as_utc
+from lostmotion.drivers.packages import is_there, missing
 from lostmotion.drivers.simulated_options import (
     MOST_PLAY_M,
     SimulatedAccelerometerOptions,
@@ -357,8 +358,11 @@ class SimulatedAccelerometer:
 
 
 def check(robot: RobotOptions) -> None:
-    """Raises DriverError for a motion that the model does not have."""
+    """Raises DriverError for a motion that the model does not have, and where the model's packages are missing."""
     assert isinstance(robot, SimulatedOptions)
+    for package in ("numba", "scipy"):
+        if not is_there(package):
+            raise DriverError(f"driver: {missing(package, 'the simulated robot')}")
     if robot.motion == "hand-waved":  # the usual case: spares the commands that read a configuration a second
         return
     from lostmotion.model import ModelError, by_name

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-import sysconfig
+import sys
+import tarfile
 import venv
 from pathlib import Path
 
@@ -20,7 +21,8 @@ def installed(folder: Path) -> Path:
     venv.create(folder / "env", with_pip=True)
     run(folder / "env/bin/pip", "install", "--no-deps", "--no-index", wheel, cwd=folder)
     (packages,) = (folder / "env/lib").glob("python*/site-packages")
-    (packages / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    here = [path for path in sys.path if path.endswith("site-packages")]
+    (packages / "dependencies.pth").write_text("\n".join(here) + "\n")
     return folder / "env"
 
 
@@ -41,3 +43,11 @@ def test_wheel_is_whole_and_runs_the_simulated_robot(tmp_path: Path) -> None:
     assert (package / "daemon/simulated.toml").is_file()
     assert (package / "systemd/lostmotion.service").is_file()
     assert list(package.parent.glob("lostmotion-*.dist-info/licenses/LICENSE"))
+    (licences,) = package.parent.glob("lostmotion-*.dist-info/licenses")
+    assert (licences / "lab/report/assets/uPlot.LICENSE.txt").is_file()
+    assert "License-Expression: Apache-2.0 AND MIT\n" in (licences.parent / "METADATA").read_text()
+    with tarfile.open(next(tmp_path.glob("*.tar.gz"))) as sdist:
+        names = {name.partition("/")[2] for name in sdist.getnames()}
+    wanted = ("docs/installing.md", "docs/figures/fig1.png", "tests/test_package.py", "tests/daemon/conftest.py",
+              "examples/arm.toml", "bench/__main__.py", "Makefile", "SECURITY.md")  # fmt: skip
+    assert not set(wanted) - names

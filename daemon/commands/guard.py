@@ -95,6 +95,7 @@ def _explain(error: Exception) -> int:
 
     from lostmotion.detector.errors import DetectorError
     from lostmotion.drivers.errors import LostmotionError
+    from lostmotion.drivers.packages import missing
 
     if os.environ.get("LOSTMOTION_DEBUG"):
         import traceback
@@ -106,6 +107,8 @@ def _explain(error: Exception) -> int:
         return _say(f"the database cannot be read: {error}; is it damaged, or locked by another program?")
     if isinstance(error, OSError) and error.strerror:
         return _say(f"{error.filename}: {error.strerror}" if error.filename else error.strerror)
+    if isinstance(error, ModuleNotFoundError) and (line := missing(error.name, "this command")):
+        return _say(line)
     if isinstance(error, MemoryError):
         return _say(
             f"not enough memory: {error or 'none left'}; is the input far longer, or its times wider, than meant?"
