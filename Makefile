@@ -47,6 +47,9 @@ bench-hidden: $(READY)  ## recordings with a hidden effect: what lab explain mak
 bench-detector: $(READY)  ## the detector against its rivals and the bounds: table, ROC pictures, size of the play, which joint, promises kept
 	$(BIN)/python -m bench.roc --figures docs/figures
 	$(BIN)/python -m bench.play_size
+	$(BIN)/python -m bench.severity
+	$(BIN)/python -m bench.severity --rate 200
+	$(BIN)/python -m bench.forecasts
 	$(BIN)/python -m bench.attribution
 	$(BIN)/python -m bench.promises
 	$(BIN)/python -m bench.detector

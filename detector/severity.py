@@ -57,7 +57,7 @@ UNSEEN = 0.002
 CORNER = 2.0
 """A corner in the command, a step of its acceleration by the swing, kicks the bar by up to swing / omega_res; below so
 many times that speed the ring proves no play, and the interval begins at 0."""
-WRONG = 0.003
+WRONG = 0.1
 """Weight of the interval of ``play_size`` being wrong, which keeps a wrong size from deciding alone."""
 STARTS, FIRST_START, LAST_START = 40, 1.5, 1.0
 """The ring is looked for at so many moments, from so many periods after the stretch's begin on, until so many before
@@ -66,8 +66,10 @@ SLOW_HZ, SLOW_SHARE = 16.0, 0.3
 """Below both, the latter a share of f_res, a stretch may hold anything (as in ``ringdown``)."""
 COVERED = 0.03
 """Share of the stretch that may lie before the first command and after the last one."""
-PIECE_S, LEAST_PIECE, LEAST_NOISE = 0.075, 12, 1e-3
+PIECE_S, LEAST_PIECE, LEAST_NOISE = 0.03, 15, 1e-3
 """Pieces of the stretch whose quietest tell the noise [s, samples, m/s²]."""
+DIFFERENCES = 0.6745 * math.sqrt(70)
+"""Median size of white noise's fourth differences, in its standard deviations."""
 UNLIKELY = 2.0
 """Play that is so much less likely [nats] than the best one is left out of the interval."""
 QUANTILES = (0.025, 0.5, 0.975)
@@ -169,7 +171,8 @@ def _of_impact(speed: float, least: float, swing: float, clipped: bool) -> Float
     off = math.log(max(speed, 1e-9)) - np.log(whole)
     if clipped:
         off = np.maximum(off, 0.0)
-    return np.asarray(np.log(UNSEEN + np.exp(-(off**2) / variance / 2) / np.sqrt(variance)))
+    density = -(off**2) / variance / 2 - np.log(variance) / 2
+    return np.where(off < 0, np.logaddexp(density, math.log(UNSEEN)), density)
 
 
 def _of_motion(
@@ -228,15 +231,17 @@ def _speed(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> tup
 
 
 def _noise(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> float:
-    """The sensor's noise [m/s²] as the second quietest of some pieces shows it: without slow motion and ring, and most
-    likely without an impact."""
+    """The sensor's noise [m/s²]: what fourth differences show, or, where these hold the ring because it has few samples
+    a period, the second quietest of some pieces, without slow motion and ring, and most likely without an impact."""
     length = max(round(PIECE_S * rate_hz), LEAST_PIECE)
     count = accel.size // length
     pieces = accel[: count * length].reshape(count, length)
     held = _held(length, rate_hz, settings)
     left = pieces - (pieces @ held) @ held.T
     power = np.sort(np.sum(left**2, axis=1))[min(1, count - 1)]
-    return max(math.sqrt(float(power) / (length - held.shape[1])), LEAST_NOISE)
+    found = math.sqrt(float(power) / (length - held.shape[1]))
+    rough = float(np.median(np.abs(np.diff(accel, 4)))) / DIFFERENCES
+    return max(min(found, rough), LEAST_NOISE)
 
 
 @lru_cache(maxsize=16)

@@ -33,7 +33,7 @@ def plot(history: History) -> str:
     lowest, highest = min(score.min(), 0.0), 1.05 * max(score.max(), wear.limit)
     figure.ruler("y").lim(lowest, highest)
     level = figure.segment((wear.first, wear.last), (wear.limit, wear.limit), marker="─")
-    figure.draw(level.label(f"level {wear.limit:g}"))
+    figure.draw(level.label(f"level {wear.limit:.4g}"))
     for change in wear.change_points:  # figure.line would paint a white background
         figure.draw(figure.segment((change, change), (lowest, highest), marker="┊"))
     ends = [wear.first if wear.recent is wear.slope else wear.change_points[-1], wear.last]

@@ -67,7 +67,8 @@ class Board:
         values = [("health", row.health.value)]
         if last := self._scores.get(row.name):
             values += [("score", f"{last.score:.4g}"), ("level", f"{last.level:.4g}")]
-            values += [("play [arcmin]", f"{math.degrees(last.play) * 60:.3g}")] if math.isfinite(last.play) else []
+            sizes = {"play [arcmin]": last.play, "severity [arcmin]": last.severity}
+            values += [(name, f"{math.degrees(size) * 60:.3g}") for name, size in sizes.items() if math.isfinite(size)]
         for cause in Cause:
             if (alarm := self._alarms.get((row.name, cause))) and alarm.is_active:
                 values.append((f"alarm {cause.value}", f"{alarm.severity.value}, {alarm.state.value}"))

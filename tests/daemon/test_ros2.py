@@ -24,7 +24,7 @@ from tests.daemon.zenoh_world import session
 NAME = "diagnostic_msgs/msg/DiagnosticArray"
 ROS = get_typestore(Stores.ROS2_JAZZY)
 NOON = datetime(2026, 1, 31, 12, 0, 0, 123456, tzinfo=UTC)
-SCORE = ScoreRow("elbow", NOON, 0.25, 17.54, 8.0, True, play=math.radians(3.4 / 60))
+SCORE = ScoreRow("elbow", NOON, 0.25, 17.54, 8.0, True, play=math.radians(3.4 / 60), severity=math.radians(3.6 / 60))
 WARNING = raised("elbow", Cause.PLAY, Severity.WARNING, "play: much", NOON)
 FAULT = raised("wrist", Cause.DEVICE, Severity.ERROR, "no data", NOON)
 
@@ -61,7 +61,8 @@ def test_rosbags_reads_the_message() -> None:
     assert {status.hardware_id for status in message.status} == {"arm1"}
     values = {pair.key: pair.value for pair in message.status[1].values}
     assert values == {
-        "health": "WARNING", "score": "17.54", "level": "8", "play [arcmin]": "3.4", "alarm play": "warning, active",
+        "health": "WARNING", "score": "17.54", "level": "8", "play [arcmin]": "3.4", "severity [arcmin]": "3.6",
+        "alarm play": "warning, active",
     }  # fmt: skip
 
 
