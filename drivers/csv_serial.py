@@ -60,6 +60,7 @@ class CsvFormat:
         self._unit = SECONDS[options.time_unit]
         whole_numbers = options.time_unit != "s"
         self.wraps = None if options.time_column is None else COUNTER * self._unit if whole_numbers else math.inf
+        self.tick = self._unit if whole_numbers else 0.0
         self._decoder = CsvDecoder()
 
     def feed(self, data: bytes) -> Readings:

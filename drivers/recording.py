@@ -21,6 +21,7 @@ from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.codec import recording_csv
 from lostmotion.drivers.codec.recording_csv import toml_value
 from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.ticks import evened
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
 __all__ = ["Recording", "merge", "read_recording", "replacing", "toml_value", "write_recording"]
@@ -55,7 +56,8 @@ class Recording:
         return float(self.time[-1] - self.time[0])
 
     def signal(self, column: str) -> tuple[FloatArray, FloatArray]:
-        """Times [s] and values of one column where it was sampled, shape (M,) each, M >= 1.
+        """Times [s] and values of one column where it was sampled, shape (M,) each, M >= 1; times that were rounded to
+        coarse ticks are evened (``ticks.py``).
 
         Raises RecordingError when the recording has no such column, or nothing in it.
         """
@@ -66,7 +68,7 @@ class Recording:
             raise RecordingError(
                 f"{self.name}: found samples of {there}, expected {column!r}; this signal was not recorded"
             )
-        return self.time[sampled], values[sampled]
+        return evened(self.time[sampled]), values[sampled]
 
     def number(self, key: str, default: float) -> float:
         """A number of the metadata, 0 or more, or else the default.  Raises RecordingError for anything else."""

@@ -41,7 +41,7 @@ class Readings:
 class Format(Protocol):
     """How one kind of sensor speaks.
 
-    name: as a person calls it; range_ms2: the largest acceleration it can show [m/s²]; wraps: see ``Timeline``.
+    name: as a person calls it; range_ms2: the largest acceleration it can show [m/s²]; wraps, tick: see ``Timeline``.
     """
 
     @property
@@ -52,6 +52,9 @@ class Format(Protocol):
 
     @property
     def wraps(self) -> float | None: ...
+
+    @property
+    def tick(self) -> float: ...
 
     def feed(self, data: bytes) -> Readings:
         """The readings that are complete now."""
@@ -79,14 +82,14 @@ class SerialAccelerometer:
         self._form = form
         self._clock = clock
         self._port = SerialPort(options.port, baudrate)
-        self._timeline = Timeline(1 / rate, form.wraps)
+        self._timeline = Timeline(1 / rate, form.wraps, form.tick)
         self._fresh = True
         self._looked = -math.inf
 
     def open(self) -> None:
         """Takes the port.  Raises PortError."""
         self._port.open()
-        self._timeline = Timeline(1 / self._rate, self._form.wraps)
+        self._timeline = Timeline(1 / self._rate, self._form.wraps, self._form.tick)
         self._fresh = True
 
     def identify(self) -> tuple[Identity, ...]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from lostmotion.drivers.base import AccelBlock, FloatArray
 from lostmotion.drivers.clockmap import ClockMap
+from lostmotion.drivers.ticks import COARSE, Ticks
 
 __all__ = ["Timeline"]
 
@@ -19,6 +20,8 @@ MAX_GAP_S = 1.0
 LATE_S, LATE_PERIODS = 0.25, 3
 """a sample is late when it comes this long after it was measured, and at least that many periods"""
 LEAST_STEP_S = 3e-3
+TINY = 1e-9
+"""the least step between two stamps of a fine clock [s]"""
 NOTHING = np.empty(0)
 
 
@@ -28,13 +31,18 @@ class Timeline:
     ``period`` [s] is the nominal sample period; ``wraps`` [s] the time after which the sensor's clock begins at 0 again
     (inf: never), None for a sensor that sends no time.
 
+    ``tick`` [s]: in such steps the sensor's clock goes on; where they are coarse, the times between are evened
+    (``ticks.py``).
+
     ``stamped`` takes samples with the sensor's own times: a gap in them is filled with NaN and counted as lost.
     ``counted`` takes samples without: the clock is the number of samples so far times the period.  Samples that
     vanished without a trace show up as a step of that clock about a second later, and are counted then.
     """
 
-    def __init__(self, period: float, wraps: float | None = None) -> None:
+    def __init__(self, period: float, wraps: float | None = None, tick: float = 0.0) -> None:
         self._period = period
+        self._least = 0.0 if tick > COARSE * period else TINY
+        self._ticks = Ticks(period, tick) if tick > COARSE * period else None
         self._counts = wraps is None
         self._wraps = math.inf if wraps is None else wraps
         self._late = max(LATE_S, LATE_PERIODS * period)
@@ -42,6 +50,7 @@ class Timeline:
         self._count = 0
         self._time = math.nan  # of the last sample on the sensor's clock without wraps
         self._stamp = math.nan  # the same as it was sent
+        self._even = math.nan  # of the last sample, evened
         self._odd: float | None = None  # the last stamp, if it did not follow the one before
 
     def counted(self, accel: Sequence[float] | FloatArray, arrival: float, broken: int = 0) -> AccelBlock:
@@ -60,7 +69,12 @@ class Timeline:
         first, last, steps = float(stamps[0]), float(stamps[-1]), stamps[1:] - stamps[:-1]
         longest = 1.5 * self._period
         # So it nearly always is; NaN compares false.
-        if 0 < first - before < longest and steps.min(initial=longest) > 0 and steps.max(initial=0.0) < longest:
+        if (
+            self._ticks is None
+            and 0 < first - before < longest
+            and steps.min(initial=longest) > 0
+            and steps.max(initial=0.0) < longest
+        ):
             self._stamp, self._time, self._odd = last, start + (last - before), None
             return self._block(stamps + (start - before), accel, arrival, 0, broken)
         kept = [
@@ -74,7 +88,12 @@ class Timeline:
         advances, values = np.array(kept).T
         start, self._time = self._time, self._time + float(advances.sum())
         sensor = start + np.cumsum(advances)
-        missing = np.maximum(np.rint(advances / self._period).astype(int) - 1, 0)
+        if self._ticks is None:
+            missing = np.maximum(np.rint(advances / self._period).astype(int) - 1, 0)
+        else:
+            before_first = self._even
+            sensor, told = self._ticks.feed(sensor)
+            start, self._even, missing = before_first, float(sensor[-1]), told.astype(int)
         lost = int(missing.sum())
         if lost:
             sensor, values = _fill(start, sensor, values, missing)
@@ -90,8 +109,8 @@ class Timeline:
             self._time = self._stamp = stamp
             return 0.0
         advance = self._forward(stamp, self._stamp)
-        if not 0 < advance <= MAX_GAP_S:
-            follows = self._odd is not None and 0 < self._forward(stamp, self._odd) <= MAX_GAP_S
+        if not self._least <= advance <= MAX_GAP_S:
+            follows = self._odd is not None and self._least <= self._forward(stamp, self._odd) <= MAX_GAP_S
             self._odd = stamp
             if not follows:
                 return None

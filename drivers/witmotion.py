@@ -47,6 +47,7 @@ class WitMotionFormat:
     name = "WitMotion sensor"
     range_ms2 = codec.FULL_SCALE_MS2
     wraps = None
+    tick = 0.0
 
     def __init__(self, axis: str) -> None:
         self._index = AXES[axis[-1]]

@@ -25,6 +25,27 @@ def form(**options: object) -> CsvFormat:
     return made
 
 
+class MillisStream(CsvStream):
+    """A microcontroller that prints ``millis(),value``."""
+
+    def _sample(self, index: int) -> bytes:
+        micros, _, value = super()._sample(index).partition(b",")
+        return b"%d,%b" % (int(micros) // 1000, value)
+
+
+def test_millis_at_800_hz_loses_nothing() -> None:
+    """Stamps of 0, 1, 2, 3, 5 ms: no sample is told lost or broken, and the times are 1.25 ms apart."""
+    with Emulator(MillisStream(MOTION, 800)) as emulator:
+        sensor = accelerometer("csv_serial", emulator.paths[0], 800, time_column=0, time_unit="ms")
+        sensor.open()
+        got = block(sensor, 1.5)
+        sensor.close()
+    assert (got.lost, got.broken) == (0, 0)
+    assert np.isfinite(got.accel).all()
+    assert len(got.time) > 900
+    assert np.median(np.abs(np.diff(got.time) - 1.25e-3)) < 2e-5
+
+
 @pytest.mark.parametrize("stamps", [True, False])
 def test_a_kilohertz_comes_through_whole(stamps: bool) -> None:
     """1 kHz with or without the sensor's clock: all samples in order, at their times to 12 ms, evenly spaced."""
