@@ -89,6 +89,18 @@ def test_notes_say_what_cannot_be_told() -> None:
     assert config.loads(good, "").notes == ()
 
 
+def test_a_sensor_of_200_hz_on_a_bar_of_58_is_valid_with_its_notes() -> None:
+    """One joint, the norm's band of the defaults: valid, with a note on the size of the play and one on the band."""
+    joint = GOOD.replace('level = 5.5\nwindow_s = "auto"', "").replace("f_norm_hz = 85.0", "f_norm_hz = 100.0")
+    joint = joint.replace("f_norm_width_hz = 20.0", "f_norm_width_hz = 40.0")
+    one, _, rest = joint.partition('[[joint]]\nname = "wrist"')
+    told = config.loads(one + rest[rest.index("[detector]") :], "").notes
+    assert [note.split(":")[0] for note in told] == ["accelerometer 'tip'", "joint 'elbow'"]
+    assert "the size of the play cannot be told: found 3.4 samples" in told[0]
+    assert "which joint" not in told[0]
+    assert "the norm's band reaches beyond 100 Hz" in told[1]
+
+
 def test_no_play_size_asked_for_needs_no_fast_sensor() -> None:
     """One joint on a sensor and `play_size = false`: 200 samples a second leave nothing untold."""
     alone = GOOD.replace("[detector]\nwindow_s", "[detector]\nplay_size = false\nwindow_s")
