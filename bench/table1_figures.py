@@ -55,7 +55,7 @@ def draw(found: Sequence[Cell], folder: Path) -> None:
         axis.set_title(NAMES[statistic], fontsize=10)
         axis.grid(alpha=0.2, which="both")
     axes[0].set_ylabel("wrong answers [%] (lowest: none)")
-    axes[0].legend(fontsize=7)
+    axes[1].legend(fontsize=6.5, loc="upper right")
     _write(figure, folder / "table1.png")
 
 
@@ -64,12 +64,12 @@ def draw_spectra(folder: Path) -> None:
     figure, axis = _axes(f"Figure 4: without play, and with little (SNR {SPECTRUM_DB:g} dB, {RATE_HZ:g} Hz)")
     for play, colour in zip(HEALTHY_M, COLOURS, strict=True):
         _spectrum(axis, measured(RATE_HZ, SPECTRUM_DB, play, TESTED), f"play {play * 1e6:g} µm", colour)
-    axis.legend(loc="lower left", fontsize=8)
+    axis.legend(loc="upper left", fontsize=8)
     _write(figure, folder / "fig4.png")
     figure, axis = _axes(f"Figure 5: with play of {PLAY_M * 1e6:g} µm ({RATE_HZ:g} Hz)")
     for snr, colour in zip(LOUD_DB, ("0.6", "#ef8a62", "#b2182b"), strict=True):
         _spectrum(axis, measured(RATE_HZ, snr, PLAY_M, TESTED), f"SNR {snr:g} dB", colour)
-    axis.legend(loc="lower left", fontsize=8)
+    axis.legend(loc="upper left", fontsize=8)
     _write(figure, folder / "fig5.png")
 
 
