@@ -22,7 +22,7 @@ GRID = np.geomspace(NEW, LIMIT, 6)
 SEEDS = range(8450, 8452)
 MOTIONS = ("hand-waved", "sines to 2.4 Hz", "sines to 6 Hz")
 SEEN = (0.4, 0.6, 0.8)
-LIVES, WINDOWS, DAY = 60, 400, 86400.0
+LIVES, WINDOWS, DAY = 30, 4000, 86400.0
 LAWS: dict[str, Callable[[FloatArray], FloatArray]] = {
     "even": lambda x: x,
     "quadratic": lambda x: x**2,

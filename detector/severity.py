@@ -64,8 +64,9 @@ STARTS, FIRST_START, LAST_START = 40, 1.5, 1.0
 its end."""
 SLOW_HZ, SLOW_SHARE = 16.0, 0.3
 """Below both, the latter a share of f_res, a stretch may hold anything (as in ``ringdown``)."""
-COVERED = 0.03
-"""Share of the stretch that may lie before the first command and after the last one."""
+COVERED, BEYOND, PARTS = 0.6, 0.03, 20
+"""The share of the stretch that commands have to cover, from its begin on; what lies behind the last one by more than
+BEYOND is left out, in so many steps of length, each of which is prepared once."""
 PIECE_S, LEAST_PIECE, LEAST_NOISE = 0.03, 15, 1e-3
 """Pieces of the stretch whose quietest tell the noise [s, samples, m/s²]."""
 DIFFERENCES = 0.6745 * math.sqrt(70)
@@ -179,13 +180,23 @@ def _of_motion(
     accel: FloatArray, stretch: Window, times: FloatArray, commands: FloatArray, noise: float,
     settings: DetectorSettings,
 ) -> FloatArray:  # fmt: skip
-    """Log-likelihood of the coefficients of D over the grid; 0 where the commands do not cover the stretch."""
-    place = 2 * (times - stretch.time[0]) / (stretch.time[-1] - stretch.time[0]) - 1
-    inside = np.abs(place) < 1 + 2 * COVERED
+    """Log-likelihood of the coefficients of D over the grid; 0 where the commands do not cover the stretch.
+
+    The service decodes commands in bunches: the last ones of a stretch may not be there yet.
+    """
+    span = stretch.time[-1] - stretch.time[0]
+    place = (times - stretch.time[0]) / span
+    before = place[place < 1 + BEYOND]
+    known_part = min(math.floor((before.max() + BEYOND) * PARTS) / PARTS, 1.0) if before.size else 0.0
+    if known_part < COVERED or before[before > -BEYOND].min(initial=1.0) > BEYOND:
+        return np.zeros(STEPS)
+    accel = accel[: round(known_part * accel.size)]
+    place = 2 * place / known_part - 1
+    inside = np.abs(place) < 1 + 2 * BEYOND
     place, angle = place[inside], commands[inside]
     degree = min(LAST_DEGREE + 2, place.size // 3)
     count = min(degree, LAST_DEGREE) - FIRST_DEGREE + 1
-    if count < 2 or place.min() > -1 + 2 * COVERED or place.max() < 1 - 2 * COVERED:
+    if count < 2:
         return np.zeros(STEPS)
     basis = _legendre(place, degree)
     inverse = np.linalg.inv(basis.T @ basis + 1e-9 * place.size * np.eye(degree + 1))

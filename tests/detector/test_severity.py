@@ -82,6 +82,18 @@ def test_a_joint_that_floats_between_the_flanks_is_bad() -> None:
     assert found.high > 0.08
 
 
+def test_commands_may_end_before_the_stretch() -> None:
+    """Without the last 0.1 s of commands, as in the service, the rest of the motion still tells that the joint floats;
+    with half of them nothing does."""
+    motion, most, half = Sine(6.0, 0.04), POLLS[:315], POLLS[:300]
+    found = severity(stretch(noise()), most, told(motion)[: most.size], 100.0, SETTINGS)
+    assert found.low > 0.03
+    assert found.high > 0.08
+    unknown = severity(stretch(noise()), half, told(motion)[: half.size], 100.0, SETTINGS)
+    assert unknown.low == 0.0
+    assert unknown.value < 0.003
+
+
 def test_a_servo_that_lags_has_no_play() -> None:
     """The joint follows 15 ms late: no play is proved, although the angles differ by more than 20 mrad."""
     motion = HandWaved(7, amplitude_rad=0.15)
