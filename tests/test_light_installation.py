@@ -18,6 +18,7 @@ import pytest
 
 from lostmotion.drivers.emulator import CsvStream, Emulator, Motion, ServoLine
 from tests.conftest import ROOT
+from tests.daemon.test_service import hardware
 
 LEFT_OUT = ("numba", "llvmlite", "scipy", "matplotlib", "mpl_toolkits", "PIL", "fontTools", "kiwisolver", "contourpy")
 MOST_RESIDENT = 60e6
@@ -114,27 +115,8 @@ def test_a_sink_without_its_package_is_refused(light: dict[str, str], tmp_path: 
 def test_the_service_scores_hardware_and_stays_small(light: dict[str, str], tmp_path: Path) -> None:
     """An emulated servo and accelerometer are scored without the packages that are left out, within 60 MB."""
     motion = Motion(play=1.0)
-    with Emulator(ServoLine.of("AX-12A", [3], motion), CsvStream(motion, 1000, stamps=False)) as emulator:
-        config = tmp_path / "robot.toml"
-        config.write_text(f"""
-[robot]
-name = "small"
-[store]
-path = "{tmp_path / "history.db"}"
-[[accelerometer]]
-name = "tip"
-driver = "csv_serial"
-port = "{emulator.paths[1]}"
-rate_hz = 1000
-oscillator = {{ f_res_hz = 58.0 }}
-[[joint]]
-name = "elbow"
-driver = "dynamixel"
-port = "{emulator.paths[0]}"
-model = "AX-12A"
-id = 3
-accelerometer = "tip"
-""")
+    with Emulator(ServoLine.of("AX-12A", [1, 2], motion), CsvStream(motion)) as emulator:
+        config = hardware(tmp_path, *emulator.paths)
         log = tmp_path / "log"
         with log.open("w") as sink:
             process = subprocess.Popen(command("run", "--config", config), env=light, stderr=sink)
