@@ -32,6 +32,7 @@ __all__ = [
     "file_identity",
     "is_damage",
     "is_held",
+    "is_lock_of",
     "leave",
     "lock",
     "move_aside",
@@ -115,6 +116,12 @@ def lock(path: Path) -> IO[bytes]:
         f"{path}: another lostmotion service writes it, expected to be the only one; stop that one, or choose another "
         "store.path"
     )
+
+
+def is_lock_of(file: IO[bytes], path: Path) -> bool:
+    """Whether an open lock is that of this database: its folder may have gone, or a link may lead elsewhere."""
+    found = os.fstat(file.fileno())
+    return file_identity(path.with_name(f"{path.name}.lock")) == (found.st_dev, found.st_ino)
 
 
 def is_held(path: Path) -> bool | None:

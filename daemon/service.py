@@ -222,10 +222,9 @@ class Service:
         self._notice = f"the history begins anew: {database.explain(self._store.path, damage)}"
         self._notice_ends = time.monotonic() + NOTICE_S
         self._finish()
-        self._store.close()
-        self._robot, self._store, self._errors = Robot(self._config), _store(self._config), Repeats()
-        self._store.add(*self._desk.known)
+        self._store.begin_anew(self._desk.known)
         self._store.settled(FINISH_S)
+        self._robot, self._errors = Robot(self._config), Repeats()
         self._begin()
 
     def _open_desk(self) -> AlarmDesk:

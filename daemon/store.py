@@ -88,8 +88,7 @@ class Store:
                 raise
             self._say(str(error))
         self._written = self._policy
-        self._thread = threading.Thread(target=self._run, name="store", daemon=True)
-        self._thread.start()
+        self._thread = self._start_thread()
 
     def configure(self, robot: str, keep_windows_mb: float, keep_scores_days: float) -> None:
         """Sets what a new configuration may change.
@@ -153,13 +152,9 @@ class Store:
 
         Returns how many rows were lost: not written now, or given up before.
         """
-        with self._wake:
-            self._closing = True
-            self._wake.notify()
-        self._thread.join(timeout_s)
-        if not self._thread.is_alive():
+        if self._end_thread(timeout_s):
             if self.damage is not None:
-                self._begin_anew(self.damage)
+                self._leave(self.damage)
             if self._writer is not None:
                 self._writer.close()
         self._unlock()
@@ -167,6 +162,32 @@ class Store:
         if lost:
             log.error("%s: %d rows were lost: %s", self.path, lost, self.problem or "the disk was too slow")
         return lost
+
+    def begin_anew(self, known: Sequence[Row], timeout_s: float = 5.0) -> None:
+        """Goes on in a new file in place of one that has ``damage``: first with ``known``, then with what waits.
+
+        No other store gets the lock meanwhile.  Raises StoreError where a damaged file cannot be moved aside.
+        """
+        if not self._end_thread(timeout_s):
+            return  # the disk hangs: tried again
+        self._rows.extendleft(reversed(known))
+        if self.damage is not None:
+            self._leave(self.damage)
+        self._closing = False
+        self._thread = self._start_thread()
+
+    def _start_thread(self) -> threading.Thread:
+        thread = threading.Thread(target=self._run, name="store", daemon=True)
+        thread.start()
+        return thread
+
+    def _end_thread(self, timeout_s: float) -> bool:
+        """Lets the writer's thread write what waits, and end; whether it has."""
+        with self._wake:
+            self._closing = True
+            self._wake.notify()
+        self._thread.join(timeout_s)
+        return not self._thread.is_alive()
 
     def look(self) -> None:
         """Notes as ``damage`` that the file has been deleted or replaced while it was open."""
@@ -193,14 +214,15 @@ class Store:
             )
             log.warning("%s: %s", wal, told if grows else "is small again")
 
-    def _begin_anew(self, damage: Exception) -> None:
+    def _leave(self, damage: Exception) -> None:
         """Leaves the file for a new one at its path, and writes there what waits; the writer's thread has ended."""
         if self._writer is not None:
             self._writer.close()
-        self._unlock()
         self._writer, self._file, self.damage = None, None, None
         database.leave(self.path, damage, self._wal)
         self.path = Path(os.path.realpath(self._link))
+        if self._lock is not None and not database.is_lock_of(self._lock, self.path):
+            self._unlock()
         while self.waiting() and self._flush(self._rows) and self._flush(self._windows):
             pass
 

@@ -139,3 +139,23 @@ def test_a_link_that_leads_elsewhere(tmp_path: Path) -> None:
     for name, expected in (("one.db", rows(5)), ("two.db", rows(3, first=5))):
         with open_readonly(tmp_path / name) as reader:
             assert reader.scores("elbow")[-3:] == expected[-3:]
+
+
+def test_nobody_gets_in_while_the_file_changes(tmp_path: Path) -> None:
+    """The lock is held from the deleted file to the new one, what is known comes first, and rows are taken on."""
+    path = tmp_path / "history.db"
+    store = Store(path, "fake")
+    store.add(*rows(5))
+    wait_until(lambda: not store.waiting())
+    held = (path.parent / "history.db.lock").stat().st_ino
+    path.unlink()
+    store.look()
+    store.add(*rows(3, first=5))
+    store.begin_anew(rows(5))
+    with pytest.raises(StoreBusyError):
+        Store(path, "fake")
+    assert (path.parent / "history.db.lock").stat().st_ino == held
+    store.add(*rows(2, first=8))
+    assert store.close() == 0
+    with open_readonly(path) as reader:
+        assert reader.scores("elbow") == rows(10)

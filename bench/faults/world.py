@@ -1,0 +1,150 @@
+"""One robot under attack: emulated devices, a service in a process of its own, and a witness of its database."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import sqlite3
+import subprocess
+import sys
+import threading
+from contextlib import closing, suppress
+from pathlib import Path
+from types import TracebackType
+
+from tests.daemon.canbus import SlcanAdapter
+
+from bench.sinks import CAN_TABLE
+from lostmotion.drivers.emulator import CsvStream, Emulator, Motion, ServoLine
+
+__all__ = ["NODE", "Witness", "World"]
+
+NODE = 0x21
+SERVOS, SENSOR, CAN = range(3)
+ROBOT = """
+[robot]
+name = "arm"
+[store]
+path = "{folder}/state/history.db"
+[[accelerometer]]
+name = "tip"
+driver = "csv_serial"
+port = "{folder}/port.1"
+rate_hz = 1000
+time_column = 0
+column = 1
+oscillator = {{ f_res_hz = 58.0 }}
+[[joint]]
+name = "elbow"
+driver = "dynamixel"
+port = "{folder}/port.0"
+model = "AX-12A"
+id = 3
+accelerometer = "tip"
+[alarm]
+off_delay_s = 0
+"""
+LOOK_S = 0.25
+
+
+class World:
+    """Devices and service; ``said`` is all that every service of this world has logged."""
+
+    def __init__(self, folder: Path, dice: random.Random) -> None:
+        self.folder, self.dice = folder, dice
+        self.config, self.ahead = folder / "robot.toml", folder / "ahead"
+        self.database = folder / "state" / "history.db"
+        motion = Motion(play=dice.choice((0.0, 1.0)))
+        self.line, self.stream, self.adapter = ServoLine.of("AX-12A", [3], motion), CsvStream(motion), SlcanAdapter()
+        self.emulator = Emulator(self.line, self.stream, self.adapter, link=folder / "port")
+        self.text = ROBOT.format(folder=folder) + CAN_TABLE.format(port=f"{folder}/port.2")
+        self.said = ""
+        self.exits: list[int] = []
+        self.process: subprocess.Popen[str] | None = None
+
+    def __enter__(self) -> World:
+        self.config.write_text(self.text)
+        self.ahead.write_text("0")
+        self.emulator.__enter__()
+        self.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.kill()
+        self.emulator.__exit__(kind, error, trace)
+
+    @property
+    def pid(self) -> int:
+        """Of the service that runs."""
+        assert self.process is not None
+        return self.process.pid
+
+    def start(self) -> None:
+        """Starts the service, with a clock that ``ahead`` sets."""
+        command = [sys.executable, "-m", "tests.daemon.fakes", str(self.config)]
+        environment = os.environ | {"FAKE_CLOCK": str(self.ahead), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        self.process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment)
+        threading.Thread(target=self._listen, args=(self.process,), daemon=True).start()
+
+    def kill(self) -> None:
+        """Ends it at once."""
+        assert self.process is not None
+        self.process.kill()
+        self.process.wait()
+
+    def stop(self) -> int:
+        """Ends it as systemd does; its exit status."""
+        assert self.process is not None
+        self.process.send_signal(signal.SIGTERM)
+        return self.process.wait(30)
+
+    def _listen(self, process: subprocess.Popen[str]) -> None:
+        assert process.stderr is not None
+        for line in process.stderr:
+            self.said += line
+
+
+class Witness:
+    """Reads the database all the while: ``seen`` are the scores committed to each file, by its inode; ``wrong`` what
+    must not be."""
+
+    def __init__(self, database: Path) -> None:
+        self._database = database
+        self._done = threading.Event()
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+        self.seen: dict[int, set[float]] = {}
+        self.wrong: set[str] = set()
+        self._thread.start()
+
+    def close(self) -> None:
+        """Looks no more."""
+        self._done.set()
+        self._thread.join()
+
+    def _watch(self) -> None:
+        while not self._done.wait(LOOK_S):
+            with suppress(sqlite3.Error, OSError):
+                self.look()
+
+    def look(self) -> None:
+        """One look, in one transaction."""
+        inode = self._database.stat().st_ino
+        with closing(sqlite3.connect(f"{self._database.as_uri()}?mode=ro", uri=True, timeout=1.0)) as db:
+            db.execute("BEGIN")
+            scores = {row[0] for row in db.execute("SELECT score FROM scores WHERE score IS NOT NULL")}
+            sound = db.execute("SELECT count(*) FROM scores WHERE quality = 'ok' OR quality = 'clock'").fetchone()[0]
+            healths = [row[0] for row in db.execute("SELECT health FROM joints")]
+            faults = db.execute(
+                "SELECT count(*) FROM alarms WHERE cause = 'device' AND state IN ('active', 'acknowledged')"
+            ).fetchone()[0]
+        if self._database.stat().st_ino != inode:
+            return  # which file was read is not known
+        if "OK" in healths and (sound < 5 or faults):
+            self.wrong.add(f"OK with {sound} sound windows and {faults} device alarms")
+        before = self.seen.get(inode, set())
+        if lost := before - scores:
+            self.wrong.add(f"{len(lost)} committed scores are gone")
+        self.seen[inode] = before | scores
