@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 
-.PHONY: help demo test test-vm check format bench bench-soak bench-detector table1 bench-hidden figures clean
+.PHONY: help demo test test-vm check format bench bench-soak bench-faults bench-detector table1 bench-hidden figures clean
 help:
 	@grep -E '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
@@ -40,6 +40,9 @@ bench: $(READY)  ## speed and memory as ratios, side by side in one run
 
 bench-soak: $(READY)  ## whether the service's memory grows: twenty minutes at 20 times real speed, all sinks on
 	$(BIN)/python -m bench.soak
+
+bench-faults: $(READY)  ## random faults against the service, 200 campaigns: what holds, and how soon each is told (an hour and a half)
+	$(BIN)/python -m bench.faults
 
 bench-hidden: $(READY)  ## recordings with a hidden effect: what lab explain makes of them (table and figure, takes long)
 	$(BIN)/python -m bench.hidden_effects run --seed $(or $(SEED),0) --figures docs/figures

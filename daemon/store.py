@@ -314,7 +314,7 @@ class Store:
     def _say(self, problem: str) -> None:
         """Logs when the disk begins to refuse and when it takes rows again, not every time: a disk that is nearly full
         may take scores and refuse windows."""
-        if self._condition.is_news("refuses" if problem else "", time.monotonic()):
+        if self._condition.is_news(problem, time.monotonic()):
             if problem:
                 log.error("%s; scoring goes on, rows wait in memory", problem)
             else:

@@ -10,6 +10,7 @@ import ctypes
 import threading
 import time
 from datetime import UTC, datetime, timedelta
+from functools import lru_cache
 from typing import Protocol
 
 __all__ = ["Clock", "SystemClock", "VirtualClock", "is_synchronised", "wall"]
@@ -25,7 +26,12 @@ wall = time.time
 
 def is_synchronised() -> bool:
     """Whether the kernel says that network time has set the system's clock."""
-    return bool(ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(TIMEX_BYTES)) != UNSYNCHRONISED)
+    return bool(_libc().adjtimex(ctypes.create_string_buffer(TIMEX_BYTES)) != UNSYNCHRONISED)
+
+
+@lru_cache(maxsize=1)
+def _libc() -> ctypes.CDLL:
+    return ctypes.CDLL(None)
 
 
 class Clock(Protocol):

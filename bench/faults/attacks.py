@@ -72,7 +72,7 @@ def _clock(world: World) -> Undo:
 
 def _full(world: World) -> Undo:
     pid, (_, hard) = world.pid, resource.prlimit(world.pid, resource.RLIMIT_FSIZE)
-    resource.prlimit(pid, resource.RLIMIT_FSIZE, (10_000, hard))
+    resource.prlimit(pid, resource.RLIMIT_FSIZE, (1_000, hard))
 
     def end() -> None:
         with suppress(ProcessLookupError):  # killed meanwhile

@@ -9,6 +9,7 @@ import sqlite3
 import subprocess
 import sys
 import threading
+import time
 from contextlib import closing, suppress
 from pathlib import Path
 from types import TracebackType
@@ -45,7 +46,7 @@ accelerometer = "tip"
 [alarm]
 off_delay_s = 0
 """
-LOOK_S = 0.25
+LOOK_S, START_S = 0.25, 60.0
 
 
 class World:
@@ -83,11 +84,16 @@ class World:
         return self.process.pid
 
     def start(self) -> None:
-        """Starts the service, with a clock that ``ahead`` sets."""
+        """Starts the service, with a clock that ``ahead`` sets, and waits until it has started: before that SIGHUP ends
+        it as it ends any program."""
+        length = len(self.said)
         command = [sys.executable, "-m", "tests.daemon.fakes", str(self.config)]
         environment = os.environ | {"FAKE_CLOCK": str(self.ahead), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
         self.process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment)
         threading.Thread(target=self._listen, args=(self.process,), daemon=True).start()
+        end = time.monotonic() + START_S
+        while "started: robot" not in self.said[length:] and self.process.poll() is None and time.monotonic() < end:
+            time.sleep(0.05)
 
     def kill(self) -> None:
         """Ends it at once."""

@@ -1,0 +1,43 @@
+"""Campaigns of random faults: one of them, and that the checks can fail."""
+
+from __future__ import annotations
+
+import sqlite3
+from contextlib import closing
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+from bench.faults.campaign import run
+from bench.faults.world import Witness
+
+from lostmotion.daemon.records import Health, JointRow, ScoreRow
+from lostmotion.daemon.store import Store
+
+NOON = datetime(2026, 1, 31, 12, tzinfo=UTC)
+
+
+@pytest.mark.slow
+def test_one_campaign_holds() -> None:
+    """Four faults against a real service: everything that has to hold does, and scores come again."""
+    outcome = run(7)
+    assert outcome.failures == []
+    assert len(outcome.told) == 4
+    assert outcome.scores >= 8
+
+
+def test_the_witness_notices_what_must_not_be(tmp_path: Path) -> None:
+    """A joint that is OK with four sound windows, and a committed score that has gone."""
+    path = tmp_path / "history.db"
+    with closing(Store(path, "arm")) as store:
+        times = [NOON + timedelta(seconds=k) for k in range(4)]
+        store.add(*(ScoreRow("elbow", time, 0.25, time.second + 1.0, 8.0, False) for time in times))
+        store.add(JointRow("elbow", Health.OK))
+    witness = Witness(path)
+    witness.close()
+    witness.look()
+    with closing(sqlite3.connect(path)) as db, db:
+        db.execute("DELETE FROM score WHERE score = 2.0")
+    witness.look()
+    assert any(text.startswith("OK with 4 sound windows") for text in witness.wrong)
+    assert "1 committed scores are gone" in witness.wrong
