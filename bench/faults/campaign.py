@@ -25,8 +25,9 @@ from lostmotion.daemon.sinks.emcy import _code
 __all__ = ["Outcome", "run"]
 
 FAULTS = 4
-READY_S, TOLD_S, LASTS_S, CALM_S = 60.0, 30.0, (1.5, 5.0), 60.0
-"""until the first scores; until a fault is told; how long one lasts that need not be; until all works again [s]"""
+READY_S, TOLD_S, HIDDEN_S, LASTS_S, CALM_S = 60.0, 30.0, 10.0, (1.5, 5.0), 60.0
+"""until the first scores; until a fault is told; until one on top of another is; how long one lasts that need
+not be told; until all works again [s]"""
 MOST_MB, MOST_FILES, MOST_THREADS, MOST_LINES = 100.0, 64, 24, 200
 
 
@@ -70,7 +71,7 @@ def _attack(world: World, outcome: Outcome) -> None:
         length = len(world.said)
         began = time.monotonic()
         end = attack.begin(world)
-        outcome.told.append((attack.name, _told(world, attack, length, began, outcome)))
+        outcome.told.append((attack.name, _told(world, attack, length, began, outcome, waiting)))
         time.sleep(world.dice.uniform(*LASTS_S) if not attack.told else 0.5)
         if world.dice.random() < 0.3 and attack.name != "service killed" and not waiting:
             waiting.append(end)  # the next one comes on top
@@ -85,9 +86,17 @@ def _attack(world: World, outcome: Outcome) -> None:
         done()
 
 
-def _told(world: World, attack: Attack, length: int, began: float, outcome: Outcome) -> float | None:
+def _told(
+    world: World, attack: Attack, length: int, began: float, outcome: Outcome, waiting: list[Callable[[], None]]
+) -> float | None:
+    """How long it took [s]; a fault that another one hides has to be told when that one is over."""
     if not attack.told:
         return None
+    if waiting and not _wait(lambda: re.search(attack.told, world.said[length:]), HIDDEN_S):
+        for done in waiting:
+            done()
+        waiting.clear()
+        began = time.monotonic()
     if not _wait(lambda: re.search(attack.told, world.said[length:]), TOLD_S):
         outcome.failures.append(f"{attack.name}: not told within {TOLD_S:g} s; the log: {world.said[length:][-300:]}")
     return time.monotonic() - began
