@@ -25,6 +25,7 @@ from lostmotion.drivers.emulator import CsvStream, Emulator, Motion, ServoLine, 
 from tests.daemon.cli_world import SECOND_JOINT, SIMULATED, call
 from tests.daemon.conftest import Running, SmallDisk, wait_until
 from tests.daemon.fakes import fake_config, files_up_to
+from tests.drivers.test_holders import SLEEPING, program
 
 Start = Callable[..., Running]
 
@@ -305,6 +306,20 @@ def test_another_device_on_the_port_is_told(tmp_path: Path, start: Start) -> Non
         assert service.stop(signal.SIGTERM) == 0
     assert re.search(r"tip: wrong device: found .*expected ", log)
     assert "tip: tip:" not in log
+
+
+def test_the_robots_controller_on_the_same_port_is_told_by_name(tmp_path: Path, start: Start) -> None:
+    """A program that has the servos' port open, without any lock: the joints' alarm names it, not a byte is sent, and
+    both joints are scored once it has ended."""
+    motion = Motion(play=1.0)
+    with Emulator(ServoLine.of("AX-12A", [1, 2], motion), CsvStream(motion)) as emulator:
+        with program(SLEEPING, emulator.paths[0]) as controller:
+            service = start(hardware(tmp_path, *emulator.paths))
+            service.wait_for(f"is open in another program, process {controller.pid} (")
+            service.wait_for("alarm joint=elbow cause=device")
+            assert count(tmp_path / "history.db") == 0
+        wait_until(lambda: count(tmp_path / "history.db") > 1 and count(tmp_path / "history.db", "shoulder") > 1, 40)
+        assert service.stop(signal.SIGTERM) == 0
 
 
 @pytest.mark.slow
