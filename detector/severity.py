@@ -26,7 +26,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from lostmotion.detector.quality import LEAST_SHARE, mended
+from lostmotion.detector.quality import mended
 from lostmotion.detector.ringdown import ring
 from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
 
@@ -71,6 +71,8 @@ PIECE_S, LEAST_PIECE, LEAST_NOISE = 0.03, 15, 1e-3
 """Pieces of the stretch whose quietest tell the noise [s, samples, m/s²]."""
 DIFFERENCES = 0.6745 * math.sqrt(70)
 """Median size of white noise's fourth differences, in its standard deviations."""
+PRESENT = 0.95
+"""Share of a stretch's samples that have to be there: an acceleration drawn over a gap integrates to a false motion."""
 UNLIKELY = 2.0
 """Play that is so much less likely [nats] than the best one is left out of the interval."""
 QUANTILES = (0.025, 0.5, 0.975)
@@ -121,7 +123,7 @@ def severity(
     unknown; clipped: the sensor's range was reached, so that v is at least what the ring shows.
     """
     there = np.isfinite(stretch.accel)
-    if there.sum() < LEAST_SHARE * stretch.accel.size or not swing > 0 or settings.f_res_hz >= stretch.rate_hz / 2:
+    if there.sum() < PRESENT * stretch.accel.size or not swing > 0 or settings.f_res_hz >= stretch.rate_hz / 2:
         return Severity()
     accel = mended(stretch.accel)
     if np.ptp(accel) == 0:
