@@ -20,13 +20,13 @@ test: $(READY)  ## everything: format, lint, types, all tests
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy -p lostmotion
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 3 --dist worksteal -rs
 
 check: $(READY)  ## the same with the fast tests only, in under two minutes
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy -p lostmotion
-	$(BIN)/python -m pytest -q -n 3 -m "not slow"
+	$(BIN)/python -m pytest -q -n 3 --dist worksteal -m "not slow"
 
 test-vm: $(READY)  ## a real CAN interface, in a virtual machine (qemu; some minutes, root, x86_64)
 	LOSTMOTION_VM=1 $(BIN)/python -m pytest -n 0 tests/system/test_can_bus.py

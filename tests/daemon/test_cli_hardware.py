@@ -16,6 +16,7 @@ from lostmotion.daemon.commands.checks_devices import NOISE_MS2, white_noise
 from lostmotion.drivers.emulator import Emulator, Motion, ServoLine, TextStream, WitMotionStream
 from lostmotion.drivers.recording import read_recording
 from tests.daemon.cli_world import HARDWARE, call
+from tests.daemon.conftest import wait_until
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,13 @@ def test_recording_of_hardware(arm: Arm) -> None:
 
 def test_unplugged_while_recording(arm: Arm) -> None:
     """The error is told, and what came before it stays."""
-    pull = threading.Timer(1.5, arm.emulator.unplug, [1])
+    recording = Path("r.csv")
+
+    def unplug() -> None:
+        wait_until(lambda: recording.exists() and recording.stat().st_size > 16_000)
+        arm.emulator.unplug(1)
+
+    pull = threading.Thread(target=unplug)
     pull.start()
     result = call("record", "--config", arm.config, "--duration", "30", "-o", "r.csv")
     pull.join()

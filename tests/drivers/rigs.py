@@ -65,7 +65,7 @@ def block(sensor: Accelerometer, seconds: float) -> AccelBlock:
     )
 
 
-def until(condition: Callable[[], object], seconds: float = 5.0) -> None:
+def until(condition: Callable[[], object], seconds: float = 20.0) -> None:
     """Tries again until something is so; fails when it takes too long."""
     end = time.monotonic() + seconds
     while not condition():
