@@ -81,11 +81,11 @@ def ask(fleet: Fleet, selector: str) -> Heard:
     unreachable = {
         endpoint: answer.unreachable for endpoint, answer in zip(endpoints, answers, strict=True) if answer.unreachable
     }
+    where = ", ".join(filter(None, endpoints)) or options.config
     if len(unreachable) == len(endpoints):
-        where = ", ".join(filter(None, endpoints)) or options.config
         why = "; ".join(dict.fromkeys(unreachable.values()))
         raise FleetError(f"{where}: nobody answers there, expected a router or a robot ({why})")
-    return _together(fleet, answers, unreachable, ", ".join(filter(None, endpoints)) or options.config)
+    return _together(fleet, answers, unreachable, where)
 
 
 def _together(fleet: Fleet, answers: Sequence[_Answers], unreachable: dict[str, str], where: str) -> Heard:
