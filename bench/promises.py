@@ -29,7 +29,7 @@ from lostmotion.detector.tuning import noisy
 from lostmotion.detector.window import DetectorSettings
 from lostmotion.model import HandWaved
 
-PROMISED, LEVELS, FRESH = 0.01, 20, 10_000
+PROMISED, LEVELS, FRESH = 0.01, 20, 40_000
 RATE_HZ, WINDOW, F_RES_HZ = 200.0, 50, 58.0
 BAND = DetectorSettings(f_res_hz=F_RES_HZ, f_norm_hz=85.0, f_norm_width_hz=30.0)
 RINGDOWN = DetectorSettings(f_res_hz=F_RES_HZ, statistic="ringdown")
