@@ -21,7 +21,7 @@ from lostmotion.detector.window import DetectorSettings, FloatArray, Window
 
 __all__ = ["main"]
 
-SETTINGS = DetectorSettings(f_res_hz=58.0)
+SETTINGS = DetectorSettings(f_res_hz=58.0, statistic="band")
 RINGDOWN = DetectorSettings(f_res_hz=58.0, statistic="ringdown", noise_ms2=1.0)
 JOINTS, POLL_HZ = 6, 100
 JOINTS_TOLD = ((1.5, 0.10), (1.1, 0.25))

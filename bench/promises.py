@@ -31,7 +31,7 @@ from lostmotion.model import HandWaved
 
 PROMISED, LEVELS, FRESH = 0.01, 20, 40_000
 RATE_HZ, WINDOW, F_RES_HZ = 200.0, 50, 58.0
-BAND = DetectorSettings(f_res_hz=F_RES_HZ, f_norm_hz=85.0, f_norm_width_hz=30.0)
+BAND = DetectorSettings(f_res_hz=F_RES_HZ, f_norm_hz=85.0, f_norm_width_hz=30.0, statistic="band")
 RINGDOWN = DetectorSettings(f_res_hz=F_RES_HZ, statistic="ringdown")
 DAY_S = 86400.0
 FIRST_M, LAST_M, PLAYS = 10e-6, 80e-6, 8

@@ -84,8 +84,8 @@ def settings(statistic: str, rate_hz: float, healthy: FloatArray) -> DetectorSet
     if statistic == "ringdown":
         return noisy(healthy, rate_hz, DetectorSettings(f_res_hz=F_RES_HZ, zeta=ZETA, statistic="ringdown"))
     if rate_hz < 400:
-        return DetectorSettings(f_res_hz=F_RES_HZ, zeta=ZETA, f_norm_hz=85.0, f_norm_width_hz=30.0)
-    return DetectorSettings(f_res_hz=F_RES_HZ, zeta=ZETA)
+        return DetectorSettings(f_res_hz=F_RES_HZ, zeta=ZETA, f_norm_hz=85.0, f_norm_width_hz=30.0, statistic="band")
+    return DetectorSettings(f_res_hz=F_RES_HZ, zeta=ZETA, statistic="band")
 
 
 def cells(rate_hz: float, snr_db: float, plays: Sequence[float] = HEALTHY_M) -> Iterator[Cell]:

@@ -12,6 +12,7 @@ from lostmotion.daemon.reader import Reader
 from lostmotion.daemon.records import (
     AlarmRow,
     JointRow,
+    NoiseRow,
     Origin,
     ScoreRow,
     Transition,
@@ -21,7 +22,7 @@ from lostmotion.daemon.records import (
 )
 from lostmotion.daemon.rollup import SERIES, Series
 
-__all__ = ["SCORE_KEYS", "alarm", "attribution", "history", "joint", "score", "series", "status", "to_series",
+__all__ = ["SCORE_KEYS", "alarm", "attribution", "history", "joint", "noise", "score", "series", "status", "to_series",
            "transition"]  # fmt: skip
 
 COLUMNS = tuple(name for name in SERIES.names or () if name != "time_us")
@@ -68,13 +69,27 @@ def joint(row: JointRow, last: ScoreRow | None, alarms: list[AlarmRow]) -> dict[
 def status(reader: Reader) -> dict[str, Any]:
     """All joints, their health and their active alarms; where joints share accelerometers, whose play it is."""
     joints = [joint(row, reader.last_window(row.name), reader.active_alarms(row.name)) for row in reader.joints()]
-    return {"robot": reader.robot(), "joints": joints} | attribution(reader.origins())
+    return {"robot": reader.robot(), "joints": joints} | attribution(reader.origins()) | noise(reader.noises())
 
 
 def attribution(origins: list[Origin]) -> dict[str, Any]:
     """The probability that each joint has play, for each group that shares accelerometers; nothing without any."""
     told = [{"joints": dict(origin.probabilities), "windows": origin.windows} for origin in origins]
     return {"attribution": told} if told else {}
+
+
+def noise(rows: list[NoiseRow]) -> dict[str, Any]:
+    """The noise that each joint's windows are held against, where it has been learnt; nothing where none has."""
+    told = [
+        {
+            "joint": row.joint,
+            "noise_ms2": row.deviation,
+            "windows": row.seen,
+            "changes": [{"time": iso(change.time), "text": change.text} for change in row.changes],
+        }
+        for row in rows
+    ]
+    return {"noise": told} if told else {}
 
 
 def history(joint: str, scores: list[ScoreRow]) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from lostmotion.daemon.records import Origin
 from lostmotion.daemon.ring import Ring
 from lostmotion.detector.commanded import BEFORE_S
 from lostmotion.detector.errors import DetectorError
+from lostmotion.detector.learner import Change, Learner, is_learning
 from lostmotion.detector.play_size import stretch_of, with_play
 from lostmotion.detector.score import score_window
 from lostmotion.detector.severity import with_severity
@@ -25,7 +26,7 @@ from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Wind
 from lostmotion.detector.windows import cut, window_length
 from lostmotion.drivers.base import ServoSample
 
-__all__ = ["TOGETHER_S", "TOGETHER_UNHEARD_S", "Counts", "JointPlan", "Pipeline", "Scored"]
+__all__ = ["TOGETHER_S", "TOGETHER_UNHEARD_S", "Counts", "JointPlan", "Learnt", "Pipeline", "Scored"]
 
 LOOK_BACK_S, LOOK_BACK_POLLS = 2.0, 10
 """a reversal is certain only some time after it; the acceleration is kept for so many seconds and polls longer"""
@@ -60,6 +61,16 @@ class Scored:
     origin: Origin | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class Learnt:
+    """The noise of a joint's windows has been learnt again at that robot time [s]; change: whether it is another."""
+
+    joint: str
+    time: float
+    learner: Learner
+    change: Change | None
+
+
 @dataclass(slots=True)
 class Counts:
     """Windows of one joint: opened, scored, and lost by reason."""
@@ -91,6 +102,13 @@ class _Joint:
         self.temperature = math.nan
         self._times, self._angles = array("d"), array("d")
         self.counts = Counts()
+        count = round(self.length * plan.rate_hz)
+        self.learner = Learner(plan.settings, plan.rate_hz, count) if is_learning(plan.settings) else None
+
+    @property
+    def settings(self) -> DetectorSettings:
+        """Those of the plan, with the noise as it is known by now."""
+        return self.learner.settings if self.learner else self.plan.settings
 
     def take(self, samples: list[ServoSample], resolution_rad: float, since: float) -> None:
         """Opens a window for every reversal in the commands of these samples that is not before ``since``."""
@@ -136,6 +154,7 @@ class Pipeline:
         self._together_s = together_s
         self._closed = False
         self.attributors = tuple(attributors)
+        self._learnt: list[Learnt] = []
         self._shared = {joint: attributor for attributor in self.attributors for joint in attributor.joints}
         self._behind = {
             name: [joint for joint in self._joints.values() if self._is_felt(joint, name)] for name in rings
@@ -145,6 +164,16 @@ class Pipeline:
     def counts(self) -> dict[str, Counts]:
         """What became of the windows, by joint."""
         return {name: joint.counts for name, joint in self._joints.items()}
+
+    @property
+    def learners(self) -> dict[str, Learner]:
+        """What learns the noise of each joint's windows; none for a joint whose noise has been calibrated."""
+        return {name: joint.learner for name, joint in self._joints.items() if joint.learner}
+
+    def learnt(self) -> list[Learnt]:
+        """What has been learnt since this was last asked."""
+        told, self._learnt = self._learnt, []
+        return told
 
     @property
     def open_windows(self) -> int:
@@ -225,7 +254,7 @@ class Pipeline:
             plan.joint, times, accel, pending.start, joint.length, plan.rate_hz, pending.excitation, pending.temperature
         )
         try:
-            score = score_window(window, plan.settings, ring.range_ms2)
+            score = score_window(window, joint.settings, ring.range_ms2)
         except DetectorError as error:
             joint.counts.lost[str(error)] += 1
             return None
@@ -233,7 +262,18 @@ class Pipeline:
             joint.counts.lost[score.quality] += 1
         else:
             joint.counts.scored += 1
-        return Scored(window, self._sized(joint, score, ring))
+        scored = Scored(window, self._sized(joint, score, ring))
+        self._learn(joint, window)
+        return scored
+
+    def _learn(self, joint: _Joint, window: Window) -> None:
+        """Holds the windows to come against the noise of those so far."""
+        if joint.learner is None:
+            return
+        known = joint.learner.background
+        change = joint.learner.hear(window.accel)
+        if joint.learner.background is not known:
+            self._learnt.append(Learnt(joint.plan.joint, window.start + window.duration, joint.learner, change))
 
     def _sized(self, joint: _Joint, score: Score, ring: Ring) -> Score:
         """The score with the size of the play and its severity, from before its reversal on."""

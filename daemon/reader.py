@@ -11,6 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from lostmotion.daemon.database import UNREADABLE, is_damage, newer
@@ -24,6 +25,7 @@ from lostmotion.daemon.records import (
     DeviceRow,
     Health,
     JointRow,
+    NoiseRow,
     Origin,
     Request,
     ScoreRow,
@@ -37,7 +39,7 @@ from lostmotion.daemon.rollup import SERIES, Series, hourly
 from lostmotion.daemon.timekeeper import ClockRow
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["Bounds", "Reader", "ReaderError", "empty_reader", "open_readonly"]
+__all__ = ["NOISE", "Bounds", "Reader", "ReaderError", "empty_reader", "open_readonly"]
 
 
 SCORE = (
@@ -58,6 +60,8 @@ CACHE_KB = 400
 NAN = math.nan
 Bounds = tuple[datetime | None, datetime | None, int | None]
 """since, until, and how many of the newest; None: no bound"""
+NOISE = "noise/"
+"""begin of the keys of ``meta`` under which noises are kept, by joint"""
 
 
 class ReaderError(LostmotionError):
@@ -159,6 +163,11 @@ class Reader:
         """Where play comes from, for each group of joints that share accelerometers, as the service last wrote it."""
         told = next((row["value"] for row in self._rows("SELECT value FROM meta WHERE key = 'origins'")), "[]")
         return [Origin(probabilities, windows) for probabilities, windows in json.loads(told)]
+
+    def noises(self) -> list[NoiseRow]:
+        """The noise of each joint's windows, as far as the service has learnt it."""
+        rows = self._rows(f"SELECT value FROM meta WHERE key GLOB '{NOISE}*' ORDER BY key")
+        return [msgspec.json.decode(row["value"], type=NoiseRow) for row in rows]
 
     def joints(self) -> list[JointRow]:
         """All joints ever seen and their health, by name."""

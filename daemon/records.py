@@ -27,6 +27,8 @@ __all__ = [
     "DeviceRow",
     "Health",
     "JointRow",
+    "NoiseChange",
+    "NoiseRow",
     "Origin",
     "Origins",
     "Request",
@@ -259,6 +261,36 @@ class Origins:
     """All that is known of where play comes from, as far as joints share accelerometers."""
 
     groups: tuple[Origin, ...]
+
+
+class NoiseChange(msgspec.Struct, frozen=True):
+    """The noise of a joint's windows was learnt, or became another one: when, and how in words."""
+
+    time: datetime
+    text: str
+
+
+class NoiseRow(msgspec.Struct, frozen=True):
+    """The noise of a joint's windows as the service has learnt it, and for what it holds.
+
+    f_res_hz, rate_hz and length: of the bar, the accelerometer and the windows that it was learnt from; covariance,
+    told and ringing: a ``detector.background.Background``; seen: windows so far; changes: the last ones.
+    """
+
+    joint: str
+    f_res_hz: float
+    rate_hz: float
+    length: int
+    covariance: tuple[float, ...]
+    told: float
+    ringing: float
+    seen: int
+    changes: tuple[NoiseChange, ...] = ()
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation of the noise [m/s²]."""
+        return math.sqrt(self.covariance[0])
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,6 +21,7 @@ from lostmotion.daemon import accounts, database, logs
 from lostmotion.daemon.alarm import Change
 from lostmotion.daemon.config import Config
 from lostmotion.daemon.desk import AlarmDesk
+from lostmotion.daemon.noises import Noises
 from lostmotion.daemon.notify import Notifier
 from lostmotion.daemon.poller import Poller
 from lostmotion.daemon.records import JointRow, ScoreRow, WindowRow
@@ -141,10 +142,10 @@ class Service:
         config = self._config
         for note in config.notes:
             log.warning("%s", note)
-        if attributors := self._robot.pipeline.attributors:
-            with self._store.reader() as reader:
-                for attributor in attributors:
-                    attributor.resume(reader.origins())
+        with self._store.reader() as reader:
+            for attributor in self._robot.pipeline.attributors:
+                attributor.resume(reader.origins())
+            self._noises = Noises(self._robot, reader.noises())
         self._sinks, self._exporter = [], None
         self._sinks = _sinks(config)
         self._exporter = _exporter(config, self._store, self._robot)
@@ -274,6 +275,7 @@ class Service:
             if self._config.store.keep_windows_mb:
                 self._store.add(WindowRow.of(scored.window, row.impact, utc))
             self._guard(self._desk.scored, row, scored.origin)
+        self._store.add(*self._noises.rows())
         if self._store.is_settling:
             self._desk.tell_settled()
 

@@ -16,7 +16,7 @@ from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.whitening import whiten
 from lostmotion.detector.window import DetectorSettings, FloatArray
 
-__all__ = ["Bank", "bank", "filled", "ring", "scores", "validate"]
+__all__ = ["Bank", "bank", "build", "filled", "leftover", "ring", "scores", "slow_motion", "validate"]
 
 SLOW_HZ, SLOW_SHARE = 16.0, 0.3
 """Below both, the latter a share of f_res, a window may hold anything: an arm's motion up to 3 Hz to 1e-4."""
@@ -57,7 +57,7 @@ class Bank:
     raw: FloatArray
 
 
-def scores(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -> FloatArray:
+def scores(windows: FloatArray, rate_hz: float, settings: DetectorSettings, chosen: Bank | None = None) -> FloatArray:
     """How far windows, shape (M, N), stand out of the noise [-], shape (M,): about the ring's amplitude in its own
     standard deviations, 0.5 to 2 in noise alone; NaN for a window of one value.
 
@@ -69,9 +69,10 @@ def scores(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -> F
     The log-likelihood ratio of a hypothesis that explains the energy E of the whitened window's total T, with
     n degrees of freedom, is -(n + v)/2 ln(1 - E / (T + v)), v = 100 where the noise is calibrated, else 0: Student's t
     for a noise whose variance is known about as well as from v samples.  ``settings.noise_ms2`` is the standard
-    deviation [m/s²] of what cannot be foretold of the noise, ``settings.noise_colour`` tells the rest.
+    deviation [m/s²] of what cannot be foretold of the noise, ``settings.noise_colour`` tells the rest.  chosen: the
+    bank of these settings where it is at hand.
     """
-    chosen = bank(windows.shape[1], rate_hz, settings)
+    chosen = chosen or bank(windows.shape[1], rate_hz, settings)
     parts = [_scores(windows[i : i + CHUNK], chosen, settings) for i in range(0, len(windows), CHUNK)]
     return np.concatenate(parts) if parts else np.empty(0)
 
@@ -93,6 +94,16 @@ def _scores(windows: FloatArray, chosen: Bank, settings: DetectorSettings) -> Fl
     # ln(1 + sum exp): the 1 is "only noise".
     likelihood = top + np.log(np.exp(-top) + np.sum(np.exp(evidence - top[:, None]), axis=1))
     return np.where(silent, np.nan, np.sqrt(freedom * np.expm1(2 * likelihood / freedom)))
+
+
+def leftover(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -> float:
+    """What neither slow motion nor the best rings explain of windows, shape (M, N): the median of the mean squares of
+    whitened samples [m²/s⁴]."""
+    chosen = bank(windows.shape[1], rate_hz, settings)
+    white = whiten(windows, settings.noise_colour)
+    white -= (white @ chosen.slow) @ chosen.slow.T
+    explained = np.add.reduceat(((white @ chosen.rings) @ chosen.mixes) ** 2, chosen.begins, axis=1).max(axis=1)
+    return float(np.median((np.sum(white**2, axis=1) - explained) / windows.shape[1]))
 
 
 def filled(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> FloatArray:
@@ -131,9 +142,14 @@ def validate(length: int, rate_hz: float, settings: DetectorSettings) -> None:
 
 @lru_cache(maxsize=16)
 def bank(length: int, rate_hz: float, settings: DetectorSettings) -> Bank:
-    """The bank for windows of ``length`` samples, at least 16."""
+    """The bank for windows of ``length`` samples, at least 16; kept."""
+    return build(length, rate_hz, settings)
+
+
+def build(length: int, rate_hz: float, settings: DetectorSettings) -> Bank:
+    """The same, not kept."""
     time = np.arange(length) / rate_hz
-    slow_raw = _slow(length, rate_hz, min(SLOW_HZ, SLOW_SHARE * settings.f_res_hz))
+    slow_raw = slow_motion(length, rate_hz, settings)
     starts = _starts(length / rate_hz, settings)
     pairs_raw = [ring(time - start, settings) for start in starts]
     slow = _orthonormal(whiten(slow_raw.T, settings.noise_colour).T, 1e-9)
@@ -163,9 +179,10 @@ def ring(after: FloatArray, settings: DetectorSettings) -> FloatArray:
     return np.column_stack([wave.real, wave.imag])
 
 
-def _slow(length: int, rate_hz: float, top_hz: float) -> FloatArray:
-    """Polynomials, the highest with zeros as close as a sine of top_hz has them, at least cubic; shape (N, P)."""
-    degree = max(min(int(2 * top_hz * length / rate_hz), length // 4), 3)
+def slow_motion(length: int, rate_hz: float, settings: DetectorSettings) -> FloatArray:
+    """Polynomials, the highest with zeros as close as a sine of 16 Hz or 0.3 f_res has them, at least cubic; (N, P)."""
+    top_hz = min(SLOW_HZ, SLOW_SHARE * settings.f_res_hz)
+    degree = max(min(int(2 * top_hz * length / rate_hz + 1e-6), length // 4), 3)  # whatever a rate is rounded to
     return np.asarray(np.polynomial.legendre.legvander(np.linspace(-1, 1, length), degree))
 
 

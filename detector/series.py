@@ -8,6 +8,7 @@ import numpy as np
 
 from lostmotion.detector.commanded import BEFORE_S
 from lostmotion.detector.errors import DetectorError
+from lostmotion.detector.learner import settled
 from lostmotion.detector.play_size import stretch_of, with_play
 from lostmotion.detector.score import score_window, validate
 from lostmotion.detector.severity import with_severity
@@ -57,13 +58,15 @@ def score_series(
     times_servo [s] and commands [rad], shape (N,); times_accel [s], ascending, and accel [m/s²], shape (M,): on one
     clock, at rates of their own.  resolution: quantisation of the commands [rad], 0 if none, NaN if unknown;
     range_ms2: the accelerometer's largest acceleration [m/s²].  Accelerations beyond 1e100 m/s² count as missing.
+    The noise is learnt from all windows before the first is scored, unless the settings give it.
 
     Raises DetectorError when there is too little data to tell a rate, or the settings do not fit the rate.
     """
     windows = windows_of(times_servo, commands, times_accel, accel, settings, joint, resolution)
+    known = settled((window.accel for window in windows), windows[0].rate_hz, settings) if windows else settings
     scores = []
     for window in windows:
-        score = score_window(window, settings, range_ms2)
+        score = score_window(window, known, range_ms2)
         stretch = stretch_of(score, times_accel, accel, window.rate_hz)
         first, last = times_servo.searchsorted((score.time - 2 * BEFORE_S, score.time + score.duration + BEFORE_S))
         near = slice(first, last)

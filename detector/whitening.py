@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.window import FloatArray
 
-__all__ = ["Noise", "fit_noise", "whiten"]
+__all__ = ["MOST_ORDER", "Noise", "fit_noise", "levinson", "spectrum", "whiten"]
 
 LEAST_LENGTH = 16
 ROUNDS = 8
@@ -50,11 +51,11 @@ def fit_noise(windows: FloatArray, slow: FloatArray) -> Noise:
         gain = np.linalg.solve(seen.T @ model @ seen, seen.T @ model).T
         whole = gain @ power @ gain.T + model - gain @ (seen.T @ model)
         covariance = np.array([np.trace(whole, lag) / (length - lag) for lag in range(most + 1)])
-        noise = _levinson(covariance, len(windows) * (length - lost))
+        noise = levinson(covariance, len(windows) * (length - lost))
     return noise
 
 
-def _levinson(covariance: FloatArray, count: int) -> Noise:
+def levinson(covariance: FloatArray, count: float) -> Noise:
     """The model of the order with the least criterion for autocovariances told by ``count`` samples."""
     error, weights, colour = float(covariance[0]), np.ones(1), list[float]()
     criterion, best = 0.0, Noise(math.sqrt(error), ())
@@ -73,6 +74,13 @@ def _levinson(covariance: FloatArray, count: int) -> Noise:
     return best
 
 
+def spectrum(noise: Noise, points: int) -> FloatArray:
+    """Power of the process at ``points`` + 1 even frequencies from 0 to half of the rate; the mean over all, also the
+    negative ones, is its variance."""
+    taps = _filters(noise.colour)[-1, ::-1]
+    return np.asarray(noise.deviation**2 / np.abs(np.fft.rfft(taps, 2 * points)) ** 2)
+
+
 def _covariance(noise: Noise, length: int) -> FloatArray:
     """Covariance (length, length) of the process: the inverse of what ``whiten`` does, squared."""
     whitener = whiten(np.eye(length), noise.colour).T
@@ -83,15 +91,33 @@ def _covariance(noise: Noise, length: int) -> FloatArray:
 def whiten(values: FloatArray, reflections: Sequence[float]) -> FloatArray:
     """What cannot be foretold from the samples before, scaled to the noise's one-step error; shape (..., N) kept.
 
-    The lattice filter of the reflection coefficients; the first samples are foretold from the fewer that there are, and
-    scaled up to the same variance, so white noise of that model comes out white from the first sample on.
+    The prediction-error filter of the reflection coefficients (Levinson's recursion); the first samples are foretold
+    from the fewer that there are, and scaled up to the same variance, so white noise of that model comes out white from
+    the first sample on.
     """
-    forward = np.array(values, dtype=float)
-    backward = forward.copy()
-    scale = np.ones(values.shape[-1])
+    whole = np.array(values, dtype=float)
+    if not reflections:
+        return whole
+    filters = _filters(tuple(reflections))
+    order, length = len(reflections), whole.shape[-1]
+    begin = min(order, length)
+    head = whole[..., :begin] @ filters[:begin, :begin].T
+    if length > order:
+        taps = filters[order, ::-1]
+        for row in whole.reshape(-1, length):
+            row[order:] = np.convolve(row, taps, mode="valid")
+    whole[..., :begin] = head
+    return whole
+
+
+@lru_cache(maxsize=16)
+def _filters(reflections: tuple[float, ...]) -> FloatArray:
+    """Prediction-error filters of orders 0 to P, shape (P + 1, P + 1): row k makes the error of sample k from samples 0
+    to k, all scaled to the error of order P."""
+    filters = np.eye(len(reflections) + 1)
     for order, reflection in enumerate(reflections):
-        ahead, behind = forward[..., order + 1 :].copy(), backward[..., order:-1].copy()
-        forward[..., order + 1 :] = ahead + reflection * behind
-        backward[..., order + 1 :] = behind + reflection * ahead
-        scale[: order + 1] *= np.sqrt(1 - reflection**2)
-    return forward * scale
+        weights = filters[order, : order + 1]
+        filters[order + 1, 1 : order + 2] = weights
+        filters[order + 1, : order + 1] += reflection * weights[::-1]
+        filters[: order + 1] *= math.sqrt(1 - reflection**2)
+    return filters

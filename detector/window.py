@@ -35,8 +35,9 @@ class DetectorSettings:
     f_width_hz: silence scores about as much as the mask has bins, which is f_width_hz times the window's length.
 
     statistic: "band", eq. 8, or "ringdown" (``ringdown.scores``), which alone looks at the noise: noise_ms2 [m/s²] is
-    the standard deviation of what cannot be foretold of a healthy window's noise, None if unknown; noise_colour its
-    reflection coefficients (``whitening.fit_noise``), () for white.  length_m: from the joint's axis to the
+    the standard deviation of what cannot be foretold of a healthy window's noise; noise_colour its reflection
+    coefficients (``whitening.fit_noise``), () for white.  With neither given a ``learner.Learner`` learns both from the
+    windows.  length_m: from the joint's axis to the
     accelerometer [m], negative where the joint turns the other way round; flank_exponent: n of eq. 1 (``play_size``);
     play_size: whether it is estimated, which needs an accelerometer and a command in rad; gentle: windows of less
     excitation [rad/s²] prove nothing (``quality``).
@@ -50,7 +51,7 @@ class DetectorSettings:
     f_norm_width_hz: float = 40.0
     level: float = math.nan
     min_acceleration: float | None = None
-    statistic: Statistic = "band"
+    statistic: Statistic = "ringdown"
     noise_ms2: float | None = None
     noise_colour: tuple[float, ...] = ()
     length_m: float = 0.10

@@ -43,6 +43,7 @@ play_m = 2e-6                      # gap between the teeth when new
 wear_per_year = 4.0                # it grows as exp(4 t): to 110 um in a year
 
 [detector]
+statistic = "band"                 # eq. 8; the default would hear the first micrometre, in the first minute
 level = 60                         # no gap is heard as 3, a gap of 10 um (3 arc-minutes) as 60
 
 [alarm]

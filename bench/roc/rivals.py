@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.detector import ringdown
+from lostmotion.detector.learner import settled
 from lostmotion.detector.quality import mended
 from lostmotion.detector.score import batch
 from lostmotion.detector.tuning import found_share, noisy
@@ -148,7 +149,7 @@ def eq8(known: Known) -> Statistic:
     """The paper's o with the bands of the defaults, the norm's moved below half of a slow sensor's rate."""
     f_set, nyquist = known.f_res_hz, known.rate_hz / 2
     settings = DetectorSettings(f_res_hz=f_set, zeta=known.zeta, window_s=known.window_s, f_width_hz=0.2 * f_set,
-                                f_norm_hz=1.72 * f_set, f_norm_width_hz=0.7 * f_set)  # fmt: skip
+                                f_norm_hz=1.72 * f_set, f_norm_width_hz=0.7 * f_set, statistic="band")  # fmt: skip
     if 1.55 * f_set >= nyquist:
         width = min(0.2 * f_set, 1.8 * (nyquist - f_set))
         settings = replace(settings, f_width_hz=width, f_norm_hz=0.65 * f_set, f_norm_width_hz=0.5 * f_set)
@@ -166,9 +167,21 @@ def ringdown_calibrated(known: Known) -> Statistic:
     return _ringdown(known, noisy(healthy, known.rate_hz, known.ringdown))
 
 
+def ringdown_learnt(known: Known) -> Statistic:
+    """The default: noise learnt from windows of which nobody says whether the joint is worn; here it is not."""
+    return _ringdown(known, settled(known.healthy, known.rate_hz, known.ringdown))
+
+
+def ringdown_learnt_worn(known: Known) -> Statistic:
+    """The same on a robot whose joint is worn from the first day on."""
+    return _ringdown(known, settled(known.worn, known.rate_hz, known.ringdown))
+
+
 RIVALS: Mapping[str, Callable[[Known], Statistic]] = MappingProxyType(
     {
         "ring-down, calibrated": ringdown_calibrated,
+        "ring-down, learnt": ringdown_learnt,
+        "... of a worn joint": ringdown_learnt_worn,
         "ring-down, own noise": ringdown_own_noise,
         "eq. 8": eq8,
         "RMS": in_band(rms),
@@ -181,7 +194,7 @@ RIVALS: Mapping[str, Callable[[Known], Statistic]] = MappingProxyType(
         "crest factor": in_band(crest),
     }
 )
-SHIPPED = MappingProxyType({"ring-down, own noise": "ringdown", "eq. 8": "band"})
+SHIPPED = MappingProxyType({"ring-down, learnt": "ringdown", "ring-down, own noise": "ringdown", "eq. 8": "band"})
 """Those that come with a level, and its key in ``window.LEVELS``."""
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from lostmotion.daemon.commands.asked import Asked
 from lostmotion.daemon.commands.calibrate_windows import read_all, read_settings
 from lostmotion.daemon.commands.calibrated import CalibrationError, lines_of, tell
+from lostmotion.detector.learner import settled
 from lostmotion.detector.level import Level, from_healthy, level, windows_needed, youden
 from lostmotion.detector.score import batch
 from lostmotion.detector.window import FloatArray
@@ -38,6 +39,7 @@ def calibrate_level(
     """
     settings = read_settings(paths[0], config, asked)
     cut = read_all(paths, settings, None)
+    settings = settled(cut.accel, cut.rate_hz, settings)
     healthy = _finite(batch(cut.accel, cut.rate_hz, settings))
     if worn:
         bad = read_all(worn, settings, None)

@@ -11,7 +11,7 @@ from lostmotion.daemon.commands import output, times
 from lostmotion.daemon.commands.where import find_database, open_reader
 from lostmotion.daemon.database import is_held
 from lostmotion.daemon.reader import Reader
-from lostmotion.daemon.records import AlarmRow, AlarmState, DeviceRow, Health, JointRow, Origin, ScoreRow
+from lostmotion.daemon.records import AlarmRow, AlarmState, DeviceRow, Health, JointRow, NoiseRow, Origin, ScoreRow
 
 __all__ = ["status"]
 
@@ -35,12 +35,16 @@ def status(config: Path | None, database: Path | None, fail: bool, as_json: bool
     """Prints it; 1 when ``fail`` is asked for and an alarm is active."""
     with open_reader(config, database) as reader:
         robot, joints, devices, origins = reader.robot(), _joints(reader), reader.devices(), reader.origins()
+        noises = reader.noises()
     is_watched = is_held(find_database(config, database)) is not False
     if as_json:
         documented = [documents.joint(joint.joint, joint.last, joint.active) for joint in joints]
-        output.print_json({"robot": robot, "joints": documented} | documents.attribution(origins))
+        output.print_json(
+            {"robot": robot, "joints": documented} | documents.attribution(origins) | documents.noise(noises)
+        )
     else:
         _print(robot, joints, devices, origins, datetime.now(UTC))
+        output.print_lines([line for row in noises if (line := _noise(row))])
         output.print_lines([] if is_watched else ["no service runs: this is how the last one left it"])
     return int(fail and any(joint.active for joint in joints))
 
@@ -93,6 +97,14 @@ def _row(status: JointStatus, now: datetime) -> list[str]:
             when,
         ]
     return [escape(joint.name), f"[{colour}]{joint.health.value}[/{colour}]", *numbers, escape(joint.reason)]
+
+
+def _noise(row: NoiseRow) -> str:
+    """How the noise of a joint last changed, "" when it never did since it was first learnt."""
+    if len(row.changes) < 2:
+        return ""
+    last = row.changes[-1]
+    return f"{row.joint}: {last.text} ({times.local(last.time)} UTC): another tool, a fan, a loose sensor or bar?"
 
 
 def _complaint(device: DeviceRow) -> str:

@@ -152,7 +152,7 @@ def test_score_json(recording: Path) -> None:
     """The keys are those of the interface; the recording's head gives joint and oscillator."""
     found = documents(call("score", recording, "--json"))
     assert list(found) == ["joint", "level", "windows"]
-    assert (found["joint"], found["level"]) == ("elbow", 8.0)
+    assert (found["joint"], found["level"]) == ("elbow", 4.5)
     keys = ["time", "duration", "score", "impact", "play", "play_low", "play_high"]
     keys += ["severity", "severity_low", "severity_high", "quality"]
     assert len(found["windows"]) > 5
@@ -175,7 +175,7 @@ def test_score_for_people(recording: Path) -> None:
     windows = documents(call("score", recording, "--json"))["windows"]
     lines = call("score", recording).stdout.splitlines()
     impacts = sum(window["impact"] for window in windows)
-    assert lines[0] == f"joint elbow: {len(windows)} windows, {impacts} with impact (f_res 58 Hz, level 8)"
+    assert lines[0] == f"joint elbow: {len(windows)} windows, {impacts} with impact (f_res 58 Hz, level 4.5)"
     assert len(lines) == 4 + len(windows)
     play = re.fullmatch(r"play: ([\d.]+)', ([\d.]+)° \(95 %: ([\d.]+) to ([\d.]+)\).*", lines[-1])
     assert play
@@ -193,7 +193,7 @@ GOOD_ROWS = "time,command,accel\n" + "".join(f"{t / 200},0,0\n" for t in range(9
         ("time,command,accel\n", [], ["x.csv", "no rows"]),
         ("time,command,accel\n0,0,0\n", [], ["x.csv: found 1 commands", "at least 3"]),
         ("time,command,accel\n" + "".join(f"{t * 5},0,0\n" for t in range(90)), [], ["x.csv: ", 'time_unit = "ms"']),
-        ("# f_res_hz = 5000\n" + GOOD_ROWS, [], ["x.csv: the mask 4994-5006 Hz"]),
+        ("# f_res_hz = 5000\n" + GOOD_ROWS, [], ["x.csv: f_res_hz is 5000; expected less than half of the rate"]),
         ("time,command,accel\n" + "".join(f"{10**15 + t / 200!r},0,0\n" for t in range(90)), [], ["time 1e+15"]),
         (GOOD_ROWS + "0.45,inf,0\n0.455,0,0\n", [], ["x.csv: line 92: found 'inf' in the column 'command'"]),
         ("time,command\n0,0\n1,0\n2,0\n3,0\n", [], ["'accel'", "command"]),
@@ -201,7 +201,7 @@ GOOD_ROWS = "time,command,accel\n" + "".join(f"{t / 200},0,0\n" for t in range(9
         ("time,command,accel\n0,0,0\n2,0,0\n1,0,0\n", [], ["order"]),
         ("# f_res_hz = \"x\"\ntime,command,accel\n0,0,0\n", [], ["f_res_hz", "number"]),
         ("time,command,accel\n0,0,0\n", ["--column", "speed"], ["speed", "accel"]),
-        ("time,command,accel\n" + "".join(f"{t / 10},0,0\n" for t in range(90)), [], ["52-64 Hz", "too slow"]),
+        ("time,command,accel\n" + "".join(f"{t / 10},0,0\n" for t in range(90)), [], ["f_res_hz is 58", "faster"]),
     ],
 )  # fmt: skip
 def test_bad_recording_is_one_line(tmp_path: Path, content: str, arguments: list[str], words: list[str]) -> None:

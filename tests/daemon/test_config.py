@@ -92,7 +92,7 @@ def test_notes_say_what_cannot_be_told() -> None:
 def test_a_sensor_of_200_hz_on_a_bar_of_58_is_valid_with_its_notes() -> None:
     """One joint, the norm's band of the defaults: valid, with a note on the size of the play and one on the band."""
     joint = GOOD.replace('level = 5.5\nwindow_s = "auto"', "").replace("f_norm_hz = 85.0", "f_norm_hz = 100.0")
-    joint = joint.replace("f_norm_width_hz = 20.0", "f_norm_width_hz = 40.0")
+    joint = joint.replace("f_norm_width_hz = 20.0", 'statistic = "band"\nf_norm_width_hz = 40.0')
     one, _, rest = joint.partition('[[joint]]\nname = "wrist"')
     told = config.loads(one + rest[rest.index("[detector]") :], "").notes
     assert [note.split(":")[0] for note in told] == ["accelerometer 'tip'", "joint 'elbow'"]
@@ -157,7 +157,11 @@ def test_lever_arms() -> None:
         ('port = "/dev/ttyUSB1"', 'port = "/dev/ttyUSB0"', "already belongs to joint 'elbow'; a port has one master"),
         ("baudrate = 1000000\nmodel", "baudrate = 57600\nmodel", "expected 57600 as for joint 'elbow'"),
         ("f_res_hz = 58.0", "f_res_hz = 98.0", "the oscillator rings up to 104 Hz, but rate_hz = 200 shows only"),
-        ("f_norm_hz = 85.0", "f_norm_hz = 150.0", "joint 'elbow': the norm band 140-160 Hz has 0 bins"),
+        (
+            "f_norm_hz = 85.0",
+            'statistic = "band"\nf_norm_hz = 150.0',
+            "joint 'elbow': the norm band 140-160 Hz has 0 bins",
+        ),
         ('mode = "peer"', 'mode = "mesh"', "alarm.zenoh.mode: found 'mesh'; expected 'client', 'peer', 'router'"),
         ('mode = "peer"', 'mode = "client"', "alarm.zenoh.connect: found none, so that nobody would hear"),
         ('listen = ["tcp/127.0.0.1:7447"]', "", "alarm.zenoh.connect: found none, so that nobody would hear"),
@@ -232,7 +236,7 @@ def test_a_byte_order_mark_is_taken(tmp_path: Path) -> None:
 def test_can_and_a_norm_band_beyond_nyquist() -> None:
     """[alarm.can] is validated down to the name of the interface; a norm band beyond Nyquist is a note."""
     can = '[alarm.can]\ninterface = "socketcan"\nchannel = "can0"\nnode_id = 0x21\n'
-    wide = GOOD.replace("f_norm_width_hz = 20.0", "f_norm_width_hz = 40.0")
+    wide = GOOD.replace("f_norm_width_hz = 20.0", 'statistic = "band"\nf_norm_width_hz = 40.0')
     assert any("joint 'elbow': the norm's band reaches beyond 100 Hz" in n for n in config.loads(wide + can, "x").notes)
     with pytest.raises(
         ConfigError, match=r"alarm\.can\.interface: found 'socketcam', expected one that python-can knows"

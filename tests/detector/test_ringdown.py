@@ -65,7 +65,7 @@ def test_fewer_misses_than_eq_8(rate: float) -> None:
     rng = np.random.default_rng(8003)
     scene = Scene(impact=4.0)
     healthy, worn = scene.healthy(rng, 2000, rate, 0.25), scene.worn(rng, 2000, rate, 0.25)
-    band = DetectorSettings(f_res_hz=58.0)
+    band = DetectorSettings(f_res_hz=58.0, statistic="band")
     ours = missed(batch(healthy, rate, SETTINGS), batch(worn, rate, SETTINGS))
     assert ours < 0.67 * missed(batch(healthy, rate, band), batch(worn, rate, band))
 

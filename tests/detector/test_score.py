@@ -17,7 +17,7 @@ from lostmotion.detector.spectrum import bands
 from lostmotion.detector.window import DetectorSettings, Window
 from tests.detector.synthetic import Scene
 
-SETTINGS = DetectorSettings(f_res_hz=58.0)
+SETTINGS = DetectorSettings(f_res_hz=58.0, statistic="band")
 
 
 def window(accel: np.ndarray, rate_hz: float = 1000.0, excitation: float = 10.0) -> Window:

@@ -1,0 +1,281 @@
+"""The noise around a joint's bar, learnt from the joint's own windows, worn or not.
+
+Pure functions of windows: when they are called, and what is kept, is the caller's.  docs/decisions/0005-ringdown.md has
+the measurements.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lostmotion.detector import ringdown
+from lostmotion.detector.errors import DetectorError
+from lostmotion.detector.whitening import MOST_ORDER, Noise, levinson, spectrum, whiten
+from lostmotion.detector.window import DetectorSettings, FloatArray
+
+__all__ = ["LEAST_WINDOWS", "Background", "applied", "distance", "followed", "learn"]
+
+LEAST_WINDOWS = 20
+ROUNDS = 8
+"""Of expectation and maximisation: the likelihood rises by less than 0.1 nats a window after them."""
+LOUD = 2.0
+"""A window whose rings hold so many times the energy that is left tells nothing of the noise: what the rings do not
+explain of an impact is then as loud as the noise (at 30 dB)."""
+CALM = 0.25
+"""Share of windows that have to tell of the noise: of rings at 30 dB the few quiet ones are no fair sample."""
+SILENT = 0.8
+"""Share of such windows below which windows without rings are not believed: 0.88 of those of a bar that a rough gear
+shakes as loud as the noise, nearly all with hum or a fan, 0.45 of those with rings at 25 dB in coloured noise."""
+NOTCH = 1.5
+"""Half-width of the band around f_res from which one start leaves out what stands out, in units of 1 / window_s."""
+RINGING, LEAST_RINGING = 0.5, 0.02
+POWER, LEAST_POWER = 20.0, 3.0
+"""First guess and bounds of the share of windows that ring, and of the rings' variance over that of the noise."""
+HEALTHY_SCORE, HEALTHY_SHARE = 3.0, 0.02
+"""Noise without rings scores above the first in less than 0.3 % of the windows (white, coloured, hum, fan, shaken bar);
+of windows with rings at 25 dB that are taken for noise 5 to 7 % do."""
+RARE = 0.45
+"""Rings that make fewer windows score so are none: an autoregressive model of few orders is helped by them to describe
+hum (at 200 Hz up to 43 % of healthy windows); of windows with rings at 15 dB mostly more than 54 % do."""
+MEMORY = 1000.0
+"""Windows for which the past counts at most."""
+CHANGED = 0.1
+"""Distance [nats a sample] from which a noise is another one: half again as loud is 0.06, mains hum that comes 1.1."""
+POINTS = 2048
+"""Frequencies at which spectra are looked at."""
+FREEDOM = ringdown.TRUST
+"""Degrees of freedom of Student's t for the loudness of each window."""
+
+
+@dataclass(frozen=True, slots=True)
+class Background:
+    """covariance: of the noise at lags of 0, 1, ... samples [m²/s⁴]; windows: how many tell it; ringing: share of the
+    last ones that hold a ring."""
+
+    covariance: tuple[float, ...]
+    windows: float
+    length: int
+    ringing: float
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation of the noise [m/s²]."""
+        return math.sqrt(self.covariance[0])
+
+    @property
+    def noise(self) -> Noise:
+        """The autoregressive model of these covariances; its order has the least Bayesian information criterion."""
+        return levinson(np.array(self.covariance), self.windows * self.length)
+
+
+@dataclass(frozen=True, slots=True)
+class _Model:
+    """A noise, the share of windows that ring, and the variance of the rings' amplitudes over that of the noise."""
+
+    noise: Noise
+    ringing: float = RINGING
+    power: float = POWER
+
+
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """likelihood: ln of that of all windows under the model; covariance: of the noise, as expected under it."""
+
+    model: _Model
+    likelihood: float
+    covariance: FloatArray
+
+
+def applied(background: Background, settings: DetectorSettings) -> DetectorSettings:
+    """The settings with that noise, in few digits."""
+    noise = background.noise
+    colour = tuple(round(reflection, 4) for reflection in noise.colour)
+    return replace(settings, noise_ms2=float(f"{noise.deviation:.4g}"), noise_colour=colour)
+
+
+def learn(
+    windows: FloatArray, rate_hz: float, settings: DetectorSettings, earlier: Background | None = None
+) -> Background | None:
+    """The noise in windows [m/s²], shape (M, N), none missing, in which the joint may be worn or not.
+
+    A window is slow motion, rings with a certain probability (the hypotheses of ``ringdown``, their amplitudes normal),
+    and autoregressive noise whose loudness follows Student's t.  The model's likelihood is maximised by expectation and
+    maximisation (Dempster, Laird and Rubin 1977) from several starts: noise without rings; rings in white noise, or in
+    the ``earlier`` noise; rings in the first noise without what stands out around f_res.  The likeliest wins, so hum
+    is learnt as noise and rings are not: hum neither begins nor decays.  "No rings at all" is believed only when the
+    windows then score like noise.
+
+    None when the windows tell nothing of the noise: rings are too loud in all of them.  Raises DetectorError for fewer
+    than 20 windows.
+    """
+    count, length = windows.shape
+    if count < LEAST_WINDOWS or not np.all(np.isfinite(windows)):
+        raise DetectorError(f"found {count} windows, expected at least {LEAST_WINDOWS}, without missing samples")
+    bare = replace(settings, noise_ms2=None, noise_colour=())
+    white = _white(windows, rate_hz, bare)
+    if white.deviation**2 <= ringdown.DUST * float(np.mean(windows**2)):
+        return None
+    silent = _fitted(windows, rate_hz, bare, _Model(white, 0.0))
+    calm = windows[_loudness(windows, rate_hz, bare) < LOUD]
+    quiet = len(calm)
+    if quiet < max(LEAST_WINDOWS, CALM * count):
+        return None
+    notched = _notched(silent.model.noise, settings.f_res_hz, rate_hz, length)
+    starts = [_white(calm, rate_hz, bare), notched, *([earlier.noise] if earlier else [])]
+    fits = [_fitted(calm, rate_hz, bare, _Model(start)) for start in starts]
+    if quiet < count:
+        fits = [_weighed(windows, rate_hz, bare, fit) for fit in fits]
+    best = max(fits, key=lambda fit: fit.likelihood)
+    if (
+        quiet >= SILENT * count
+        and _share_above(HEALTHY_SCORE, windows, rate_hz, bare, silent) < HEALTHY_SHARE
+        and (silent.likelihood > best.likelihood or _share_above(HEALTHY_SCORE, windows, rate_hz, bare, best) < RARE)
+    ):
+        best, quiet = silent, count
+    return Background(tuple(best.covariance.tolist()), float(quiet), length, best.model.ringing)
+
+
+def followed(earlier: Background | None, new: Background) -> tuple[Background, bool]:
+    """Both together, the past counting for 1000 windows at most; and whether the new noise is another one, which
+    then stands alone."""
+    if earlier is None or len(earlier.covariance) != len(new.covariance):
+        return new, False
+    if distance(new.noise, earlier.noise) > CHANGED:
+        return new, True
+    past = min(earlier.windows, MEMORY)
+    share = new.windows / (past + new.windows)
+    old, now = np.array(earlier.covariance), np.array(new.covariance)
+    pooled = (1 - share) * old + share * now
+    return replace(new, covariance=tuple(pooled.tolist()), windows=past + new.windows), False
+
+
+def distance(one: Noise, other: Noise) -> float:
+    """How badly the other noise foretells this one [nats a sample], 0 if as well as itself (Itakura, Saito 1968)."""
+    ratio = spectrum(one, POINTS) / spectrum(other, POINTS)
+    return float(np.mean(ratio - 1 - np.log(ratio))) / 2
+
+
+def _white(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -> Noise:
+    """As if all that is left beside slow motion were white, in the middle one of the windows."""
+    slow = ringdown.bank(windows.shape[1], rate_hz, settings).slow
+    energy = np.sum((windows - (windows @ slow) @ slow.T) ** 2, axis=1)
+    return Noise(math.sqrt(float(np.median(energy)) / (windows.shape[1] - slow.shape[1])), ())
+
+
+def _loudness(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -> FloatArray:
+    """Energy of the best rings over what they leave, in white noise; shape (M,)."""
+    bank = ringdown.bank(windows.shape[1], rate_hz, settings)
+    left = windows - (windows @ bank.slow) @ bank.slow.T
+    total = np.sum(left**2, axis=1)
+    energy = np.add.reduceat(((left @ bank.rings) @ bank.mixes) ** 2, bank.begins, axis=1).max(axis=1)
+    return np.asarray(energy / np.maximum(total - energy, ringdown.DUST * total + np.finfo(float).tiny))
+
+
+def _notched(noise: Noise, f_res_hz: float, rate_hz: float, length: int) -> Noise:
+    """The noise with its spectrum around f_res cut down to that of the band's lower edge."""
+    power = spectrum(noise, POINTS)
+    frequency = np.linspace(0.0, rate_hz / 2, POINTS + 1)
+    half = NOTCH * rate_hz / length
+    edges = [edge for edge in (f_res_hz - half, f_res_hz + half) if 0 < edge < rate_hz / 2]
+    floor = float(np.interp(edges, frequency, power).min())
+    inside = np.abs(frequency - f_res_hz) <= half
+    covariance = np.fft.irfft(np.where(inside, np.minimum(power, floor), power))
+    return levinson(covariance[: _orders(length) + 1], 1e6)
+
+
+def _orders(length: int) -> int:
+    return min(length // 3, MOST_ORDER)
+
+
+def _fitted(windows: FloatArray, rate_hz: float, settings: DetectorSettings, start: _Model) -> _Fit:
+    """Rounds of expectation and maximisation; ringing of 0 stays 0: the model without rings."""
+    model = start
+    for _ in range(ROUNDS):
+        model = _expected(windows, rate_hz, settings, model)[1]
+    return _expected(windows, rate_hz, settings, model)[0]
+
+
+def _weighed(windows: FloatArray, rate_hz: float, settings: DetectorSettings, fit: _Fit) -> _Fit:
+    """The likelihood of all windows under the noise of some; share and power of the rings are those of all."""
+    model = fit.model
+    for _ in range(ROUNDS // 2):
+        told, new = _expected(windows, rate_hz, settings, model)
+        model = replace(new, noise=fit.model.noise)
+    return _Fit(model, told.likelihood, fit.covariance)
+
+
+def _expected(windows: FloatArray, rate_hz: float, settings: DetectorSettings, model: _Model) -> tuple[_Fit, _Model]:
+    """The likelihood under a model, and the model that is best for what is expected under this one.
+
+    With whitened samples z, of which slow motion and the rings of a hypothesis with orthonormal basis B are unknown,
+    the noise's expected z zᵀ is that of what is left, weighted by Student's t, plus its variance in B, which B hides.
+    """
+    count, length = windows.shape
+    noise, variance = model.noise, model.noise.deviation**2
+    known = replace(settings, noise_colour=noise.colour, noise_ms2=noise.deviation)
+    bank = ringdown.build(length, rate_hz, known)
+    whitener = whiten(np.eye(length), noise.colour).T
+    white = windows @ whitener.T
+    white -= (white @ bank.slow) @ bank.slow.T
+    freedom = length - bank.slow.shape[1] + FREEDOM
+    whole = np.sum(white**2, axis=1) + FREEDOM * variance
+    likelihood = -freedom / 2 * np.log(whole) + FREEDOM / 2 * math.log(FREEDOM * variance)
+    slow = np.linalg.qr(ringdown.slow_motion(length, rate_hz, settings))[0]
+    hidden = whitener @ slow
+    likelihood += float(np.sum(np.log(np.diag(whitener)))) - float(np.linalg.slogdet(hidden.T @ hidden)[1]) / 2
+    left, ring, bases = white, np.zeros(count), np.zeros((0, length))
+    power = model.power
+    if model.ringing:
+        told = _rings(white, whole, freedom, bank, model)
+        likelihood, ring, left, bases, power = likelihood + told[0], *told[1:]
+    energy = np.sum(left**2, axis=1) + FREEDOM * variance
+    gram = (white * ((1 - ring) * freedom * variance / whole)[:, None]).T @ white
+    gram += (left * (ring * freedom * variance / energy)[:, None]).T @ left
+    gram += variance * (count * bank.slow @ bank.slow.T + bases.T @ bases)
+    undo = np.linalg.solve(whitener, np.eye(length))
+    covariance = undo @ (gram / count) @ undo.T
+    lags = np.array([np.trace(covariance, lag) / (length - lag) for lag in range(_orders(length) + 1)])
+    share = min(max(float(ring.mean()), LEAST_RINGING), 1 - LEAST_RINGING) if model.ringing else 0.0
+    better = _Model(levinson(lags, count * (length - bank.slow.shape[1])), share, power)
+    return _Fit(model, float(np.sum(likelihood)), lags), better
+
+
+def _rings(
+    white: FloatArray, whole: FloatArray, freedom: float, bank: ringdown.Bank, model: _Model
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
+    """Of each window: ln of the likelihood's gain by rings, probability of one, what the likeliest one leaves; basis of
+    all these rings, weighted by the root of the probability, (R, N); the variance of their amplitudes."""
+    amplitudes = (white @ bank.rings) @ bank.mixes
+    energy = np.add.reduceat(amplitudes**2, bank.begins, axis=1)
+    ends = np.append(bank.begins[1:], bank.mixes.shape[1])
+    sizes = ends - bank.begins
+    # Normal amplitudes of variance S² cost ln(1 + S²)/2 each, and what is explained counts for S² / (1 + S²) of it.
+    price = ringdown.PENALTY - math.log1p(model.power) / 2
+    share = np.minimum(model.power / (1 + model.power) * energy / whole[:, None], 1 - ringdown.DUST)
+    evidence = -freedom / 2 * np.log1p(-share) + bank.prior + sizes * price
+    top = evidence.max(axis=1)
+    odds = np.exp(evidence - top[:, None])
+    log_ring = math.log(model.ringing) + top + np.log(odds.sum(axis=1))
+    gain = np.logaddexp(math.log1p(-model.ringing), log_ring)
+    ring = np.exp(log_ring - gain)
+    odds *= (ring / odds.sum(axis=1))[:, None]
+    power = float(np.sum(odds * energy)) / max(float(np.sum(odds @ sizes)) * model.noise.deviation**2, 1e-300) - 1
+    left, bases = white.copy(), [np.zeros((0, white.shape[1]))]
+    best = evidence.argmax(axis=1)
+    for i in np.flatnonzero(ring > LEAST_RINGING):
+        own = slice(bank.begins[best[i]], ends[best[i]])
+        basis = (bank.rings @ bank.mixes[:, own]).T
+        left[i] -= amplitudes[i, own] @ basis
+        bases.append(math.sqrt(ring[i]) * basis)
+    return gain, ring, left, np.vstack(bases), max(power, LEAST_POWER)
+
+
+def _share_above(score: float, windows: FloatArray, rate_hz: float, settings: DetectorSettings, fit: _Fit) -> float:
+    """Share of the windows that score more where this is the noise."""
+    noise = fit.model.noise
+    known = replace(settings, noise_ms2=noise.deviation, noise_colour=noise.colour)
+    bank = ringdown.build(windows.shape[1], rate_hz, known)
+    return float(np.mean(ringdown.scores(windows, rate_hz, known, bank) > score))

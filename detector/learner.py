@@ -1,0 +1,145 @@
+"""When the noise of a joint is learnt, and from which of its windows.  How it is learnt is ``background``'s."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from lostmotion.detector import ringdown
+from lostmotion.detector.background import LEAST_WINDOWS, Background, applied, followed, learn
+from lostmotion.detector.quality import LEAST_SHARE
+from lostmotion.detector.whitening import spectrum
+from lostmotion.detector.window import DetectorSettings, FloatArray
+
+__all__ = ["Change", "Learner", "is_learning", "settled"]
+
+DUE = (20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000)
+"""After so many windows the noise is learnt again, then every 10 000: an hour of motion or two."""
+BLOCK = 100
+"""Windows of each time, taken evenly from all since the last one."""
+LOOK = 500
+"""After so many windows the noise is compared with the one that is known."""
+MOVED = 1.3
+"""A noise that is so many times as loud as it was, or as quiet, is learnt at once."""
+POINTS = 512
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """The noise of a joint is another one: standard deviations before (NaN: none was known) and after [m/s²], and where
+    in the spectrum the difference is largest [Hz]."""
+
+    before: float
+    after: float
+    near_hz: float
+
+    @property
+    def is_first(self) -> bool:
+        """Whether no noise was known before."""
+        return math.isnan(self.before)
+
+    def __str__(self) -> str:
+        if self.is_first:
+            return f"noise learnt: {self.after:.3g} m/s²"
+        return f"noise has changed from {self.before:.3g} to {self.after:.3g} m/s², most near {self.near_hz:.0f} Hz"
+
+
+def is_learning(settings: DetectorSettings) -> bool:
+    """Whether the noise is to be learnt: not where it has been calibrated."""
+    return settings.noise_ms2 is None and not settings.noise_colour
+
+
+def settled(windows: Iterable[FloatArray], rate_hz: float, settings: DetectorSettings) -> DetectorSettings:
+    """The settings with the noise that a ``Learner`` knows after all these windows of one length; as they are where
+    the noise has been calibrated."""
+    learner: Learner | None = None
+    for accel in windows if is_learning(settings) else ():
+        learner = learner or Learner(settings, rate_hz, accel.size)
+        learner.hear(accel)
+    return learner.settings if learner else settings
+
+
+class Learner:
+    """The noise of one joint's windows of ``length`` samples, from the windows that it hears.
+
+    settings: those given, with the noise as it is known by now; seen: how many windows; background: None until the
+    first 20 windows have told it.
+    """
+
+    def __init__(self, settings: DetectorSettings, rate_hz: float, length: int) -> None:
+        self.settings = settings
+        self.background: Background | None = None
+        self.seen = 0
+        self._given = settings
+        self.rate_hz = rate_hz
+        self._length = length
+        self._usual = math.nan
+        self._begin_block()
+
+    def resume(self, background: Background, seen: int) -> None:
+        """Goes on from what an earlier run has learnt of windows of the same rate and length."""
+        if background.length == self._length:
+            self._take(background)
+            self.seen = seen
+            self._begin_block()
+
+    def hear(self, accel: FloatArray) -> Change | None:
+        """Takes the tip acceleration [m/s²] of a window, shape (N,); what has changed, if anything."""
+        there = np.isfinite(accel)
+        if accel.size != self._length or there.sum() < LEAST_SHARE * accel.size or np.ptp(accel[there]) == 0:
+            return None
+        self.seen += 1
+        if self.seen % self._stride == 0 and len(self._block) < BLOCK:
+            self._block.append(ringdown.filled(accel, self.rate_hz, self.settings).astype(np.float32))
+        if self.seen < self._next or len(self._block) < LEAST_WINDOWS:
+            return None
+        return self._learn()
+
+    def _learn(self) -> Change | None:
+        windows = np.array(self._block, dtype=float)
+        is_due = self.seen >= self._due
+        known = self.background
+        if not is_due and self._is_usual(windows):
+            self._begin_block()
+            return None
+        found = learn(windows, self.rate_hz, self._given, known)
+        change = None
+        if found is not None:
+            pooled, is_other = followed(known, found)
+            if is_other or known is None:
+                change = self._change(known, pooled)
+            self._take(pooled)
+        self._usual = self._leftover(windows)
+        self._begin_block()
+        return change
+
+    def _take(self, background: Background) -> None:
+        self.background = background
+        self.settings = applied(background, self._given)
+
+    def _begin_block(self) -> None:
+        """The next windows to learn from: evenly from now until it is next looked at."""
+        self._due = next((due for due in DUE if due > self.seen), (self.seen // DUE[-1] + 1) * DUE[-1])
+        self._next = min(self._due, self.seen + LOOK)
+        self._stride = max((self._next - self.seen) // BLOCK, 1)
+        self._block: list[np.ndarray[tuple[int], np.dtype[np.float32]]] = []
+
+    def _is_usual(self, windows: FloatArray) -> bool:
+        """Whether what neither motion nor rings explain is about as loud as when the noise was last learnt."""
+        now = self._leftover(windows)
+        if math.isnan(self._usual):
+            self._usual = now
+        return 1 / MOVED < now / self._usual < MOVED
+
+    def _leftover(self, windows: FloatArray) -> float:
+        return ringdown.leftover(windows, self.rate_hz, self.settings)
+
+    def _change(self, before: Background | None, after: Background) -> Change:
+        if before is None:
+            return Change(math.nan, after.deviation, math.nan)
+        apart = np.abs(spectrum(after.noise, POINTS) - spectrum(before.noise, POINTS))
+        near_hz = float(np.argmax(apart)) / POINTS * self.rate_hz / 2
+        return Change(before.deviation, after.deviation, near_hz)

@@ -1,0 +1,93 @@
+"""When the noise is learnt, what is said of it, and that wear is not learnt away."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lostmotion.detector import learner as module
+from lostmotion.detector import ringdown
+from lostmotion.detector.learner import Change, Learner, is_learning, settled
+from lostmotion.detector.window import DetectorSettings, FloatArray
+from tests.detector.test_background import LENGTH, RATE, SETTINGS, hum, rings
+
+
+def white(rng: np.random.Generator, count: int) -> FloatArray:
+    """Windows of white noise of 1 m/s²."""
+    return np.asarray(rng.normal(size=(count, LENGTH)))
+
+
+def heard(learner: Learner, windows: FloatArray) -> list[Change]:
+    """What the learner says of windows."""
+    return [change for window in windows if (change := learner.hear(window)) is not None]
+
+
+def test_what_is_calibrated_is_not_learnt_over() -> None:
+    """A noise given, or a colour, stays; with neither the noise is learnt from the twentieth window on."""
+    windows = white(np.random.default_rng(8810), 25)
+    for given in (replace(SETTINGS, noise_ms2=3.0), replace(SETTINGS, noise_colour=(0.5,))):
+        assert not is_learning(given)
+        assert settled(windows, RATE, given) is given
+    assert settled(windows[:19], RATE, SETTINGS) == SETTINGS
+    assert settled(windows, RATE, SETTINGS).noise_ms2 == pytest.approx(1.0, rel=0.05)
+
+
+def test_the_first_noise_and_another_one_are_told() -> None:
+    """White noise of 1 m/s²: said once; then hum comes: said once more, with its frequency, within 600 windows, and few
+    windows score above the level from then on."""
+    rng = np.random.default_rng(8811)
+    learner = Learner(SETTINGS, RATE, LENGTH)
+    (first,) = heard(learner, white(rng, 220))
+    assert str(first).startswith("noise learnt: 1")
+    assert first.is_first
+    (other,) = heard(learner, hum(rng, 600))
+    assert other.near_hz == pytest.approx(50, abs=3)
+    assert (other.before, other.after) == (pytest.approx(1.0, rel=0.1), pytest.approx(math.sqrt(5), rel=0.1))
+    assert np.mean(ringdown.scores(hum(rng, 200), RATE, learner.settings) > SETTINGS.level) < 0.01
+
+
+def test_a_restart_goes_on() -> None:
+    """With what was learnt a new learner knows the noise at once, counts on, and says nothing; windows of another
+    length begin anew."""
+    rng = np.random.default_rng(8812)
+    learner, resumed, other = (Learner(SETTINGS, RATE, length) for length in (LENGTH, LENGTH, 200))
+    heard(learner, white(rng, 60))
+    assert learner.background is not None
+    for one in (resumed, other):
+        one.resume(learner.background, learner.seen)
+    assert (resumed.settings, resumed.seen) == (learner.settings, 60)
+    assert heard(resumed, white(rng, 60)) == []
+    assert (other.settings, other.background) == (SETTINGS, None)
+
+
+@pytest.mark.slow
+def test_wear_is_not_learnt_away(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A life in which rings grow from 6 to 24 dB while the noise is followed: the worn windows score as with the
+    noise of the first day, within 10 %, and no change of the noise is told."""
+    monkeypatch.setattr(module, "DUE", (20, 100))  # learnt again every hundred windows
+    rng = np.random.default_rng(8813)
+    learner = Learner(SETTINGS, RATE, LENGTH)
+    heard(learner, white(rng, 100))
+    first_day = learner.settings
+    for snr in np.geomspace(2, 16, 7):
+        assert heard(learner, white(rng, 100) + rings(rng, 100, snr)) == []
+    worn = white(rng, 200) + rings(rng, 200, 12.0)
+    then, now = (np.median(ringdown.scores(worn, RATE, known)) for known in (first_day, learner.settings))
+    assert now == pytest.approx(then, rel=0.1)
+
+
+def test_windows_that_tell_nothing_are_not_heard() -> None:
+    """Silence, holes and another length do not count; a few missing samples do not matter."""
+    learner = Learner(DetectorSettings(f_res_hz=58.0), RATE, LENGTH)
+    rng = np.random.default_rng(8814)
+    holed = white(rng, 1)[0]
+    holed[::2] = np.nan
+    for bad in (np.zeros(LENGTH), holed, np.zeros(10)):
+        assert learner.hear(bad) is None
+    assert learner.seen == 0
+    few = white(rng, 20)
+    few[:, 7] = np.nan
+    assert len(heard(learner, few)) == 1
