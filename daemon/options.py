@@ -55,6 +55,7 @@ class DetectorOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     noise_ms2: Positive | UnsetType = UNSET
     noise_colour: tuple[float, ...] | UnsetType = UNSET
     flank_exponent: Annotated[float, Meta(ge=1)] | UnsetType = UNSET
+    contact_accel: Positive | UnsetType = UNSET
     play_size: bool | UnsetType = UNSET
     gentle: Annotated[float, Meta(ge=0)] | UnsetType = UNSET
 

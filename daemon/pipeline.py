@@ -17,8 +17,9 @@ from lostmotion.daemon.records import Origin
 from lostmotion.daemon.ring import Ring
 from lostmotion.detector.commanded import BEFORE_S
 from lostmotion.detector.errors import DetectorError
+from lostmotion.detector.flank import law_of
 from lostmotion.detector.learner import Change, Learner, is_learning
-from lostmotion.detector.play_size import stretch_of, with_play
+from lostmotion.detector.play_size import learnt_play, stretch_of
 from lostmotion.detector.score import score_window
 from lostmotion.detector.severity import with_severity
 from lostmotion.detector.trigger import Trigger
@@ -100,6 +101,7 @@ class _Joint:
         self.pending: list[_Pending] = []
         self.heard = -math.inf
         self.temperature = math.nan
+        self.law = law_of(plan.settings)
         self._times, self._angles = array("d"), array("d")
         self.counts = Counts()
         count = round(self.length * plan.rate_hz)
@@ -286,7 +288,7 @@ class Pipeline:
         if alone is None:
             return replace(score, play_reason="too few commands of the other joints")
         times, angles = joint.commands
-        sized = with_play(score, alone, times, angles, plan.settings)
+        sized, joint.law = learnt_play(score, alone, times, angles, plan.settings, joint.law)
         return with_severity(sized, alone, times, angles, plan.settings)
 
     def _needed(self, joint: _Joint, ring: Ring) -> float:

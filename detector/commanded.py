@@ -1,9 +1,15 @@
-"""The commands around a stretch of acceleration as one smooth motion that can be differentiated.  Knows no sensor."""
+"""The commands around a stretch of acceleration as one smooth motion that can be differentiated.  Knows no sensor.
+
+The prior of the motion is white jerk of unknown strength q (a smoothing spline of degree five); commands carry white
+noise of unknown variance s², at least that of their quantisation.  Both come from the marginal likelihood of the
+commands themselves (Wahba 1985, generalised maximum likelihood), so a slow sway is smoothed far and a move of 10 Hz
+little.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -16,8 +22,20 @@ BEFORE_S = 0.2
 """The flank that is left is heard so long before the reversal [s]."""
 COVERED = 0.7
 """Share of the stretch that commands must cover; what lies behind them is left out."""
-FASTEST_HZ = 3.5
-"""Commands are smoothed by polynomials that follow a motion up to this."""
+FASTEST_HZ = 15.0
+"""Polynomials follow a motion up to this; the prior of the jerk decides how much of it is believed."""
+MOST_DEGREE = 60
+LEAST_COMMANDS = 20
+ORDERS = (3, 5)
+"""The derivative that is white: jerk, for profiles whose acceleration jumps, or a higher one for smooth motions."""
+FREE = 0.2
+"""Usual size of the polynomial's part that is free [rad]."""
+SMOOTHNESS = 10.0 ** np.arange(-16.0, 3.0, 0.5)
+"""Values of s² / q, in units of the stretch's half length, that are tried."""
+EXACT = 1e-7
+"""Noise of commands that are not quantised [rad]."""
+WHOLE = 0.02
+"""Commands are quantised where all their changes are whole multiples of the smallest, to this share of it."""
 MOST_POWERS = 20
 """Up to this degree powers serve, in a tenth of the time of the recursion; they lose six digits of sixteen there."""
 RIDGE = 1e-9
@@ -34,19 +52,30 @@ class Commanded:
     covariance: FloatArray
 
     @property
+    def start(self) -> float:
+        """From here on it is known [s]."""
+        return self.middle - self.half
+
+    @property
     def end(self) -> float:
         """Up to here it is known [s]."""
         return self.middle + self.half
 
-    def basis(self, time: FloatArray) -> FloatArray:
-        """Legendre's polynomials at times [s], shape (N, degree + 1)."""
-        return _basis((time - self.middle) / self.half, len(self.coefficients) - 1)
+    def basis(self, time: FloatArray, order: int = 0) -> FloatArray:
+        """Legendre's polynomials at times [s], or their derivative of that order [1/s^order], shape (N, degree + 1)."""
+        degree = len(self.coefficients) - 1
+        place = (time - self.middle) / self.half
+        if order == 0:
+            return _basis(place, degree)
+        return np.asarray(_basis(place, degree - order) @ _derivative(degree, order) / self.half**order)
+
+    def delayed(self, seconds: float) -> Commanded:
+        """The motion of a servo that follows so long behind."""
+        return replace(self, middle=self.middle + seconds)
 
     def acceleration(self, time: FloatArray) -> FloatArray:
         """theta_1'' [rad/s²] at times [s]."""
-        degree = len(self.coefficients) - 1
-        curved = _basis((time - self.middle) / self.half, degree - 2) @ (_curving(degree) @ self.coefficients)
-        return np.asarray(curved / self.half**2)
+        return np.asarray(self.basis(time, 2) @ self.coefficients)
 
 
 def smoothed(times: FloatArray, commands: FloatArray, stretch: Window) -> Commanded | None:
@@ -55,17 +84,72 @@ def smoothed(times: FloatArray, commands: FloatArray, stretch: Window) -> Comman
     near = (times >= first - BEFORE_S) & (times <= last + BEFORE_S / 4)
     local, angle = times[near] - first, commands[near]
     length = last - first
-    if local.size == 0 or local[0] > 0.05 * length or local[-1] < COVERED * length:
+    if local.size < LEAST_COMMANDS or local[0] > 0.05 * length or local[-1] < COVERED * length:
         return None
     middle, half = (local[-1] + local[0]) / 2, (local[-1] - local[0]) / 2
-    degree = math.ceil(4 * FASTEST_HZ * half) + 5
-    if local.size < 2 * degree:
-        return None
+    degree = min(math.ceil(4 * FASTEST_HZ * half) + 5, MOST_DEGREE, local.size - 4)
     basis = _basis((local - middle) / half, degree)
-    inverse = np.linalg.inv(basis.T @ basis + RIDGE * local.size * np.eye(degree + 1))
-    coefficients = inverse @ (basis.T @ angle)
-    left = angle - basis @ coefficients
-    return Commanded(middle, half, coefficients, inverse * float(left @ left) / (local.size - degree - 1))
+    return Commanded(middle, half, *_fitted(basis, angle))
+
+
+def _fitted(basis: FloatArray, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Coefficients and their covariance at the most likely smoothness and noise."""
+    weight, least = _weights(angle)
+    size = basis.shape[1]
+    centre = float(angle.mean())
+    away = angle - centre
+    gram = (basis.T * weight) @ basis + RIDGE * angle.size * np.eye(size)
+    whitening = np.linalg.inv(np.linalg.cholesky(gram))
+    plain = whitening @ (basis.T @ (weight * away))
+    power = float(weight @ away**2)
+    told = [_smoothest(plain, whitening, order, power, angle.size, least) for order in ORDERS]
+    _, noise, kept, mixed = min(told, key=lambda one: one[0])
+    coefficients = mixed.T @ (kept * (mixed @ (basis.T @ (weight * away))))
+    coefficients[0] += centre
+    return coefficients, np.asarray((mixed.T * kept) @ mixed * noise)
+
+
+def _smoothest(
+    plain: FloatArray, whitening: FloatArray, order: int, power: float, count: int, least: float
+) -> tuple[float, float, FloatArray, FloatArray]:
+    """-2 ln of the marginal likelihood at the best smoothness, with the noise's variance, the share of each eigenmode
+    that is believed and the modes."""
+    rough, turned = np.linalg.eigh(whitening @ _penalty(plain.size - 1, order) @ whitening.T)
+    told = turned.T @ plain
+    stiff = SMOOTHNESS[:, None] * np.maximum(rough[order:], 0.0)
+    shrink = stiff / (1 + stiff)
+    misfit = max(power - float(told @ told), 0.0) + shrink @ told[order:] ** 2
+    noise = np.maximum(misfit / (count - order), least**2)
+    cost = count * np.log(noise) + misfit / noise - np.sum(np.log(np.maximum(shrink, 1e-300)), axis=1)
+    cost += order * np.log(FREE**2 * count / noise)
+    best = int(np.argmin(cost))
+    return (
+        float(cost[best]),
+        float(noise[best]),
+        np.concatenate([np.ones(order), 1 - shrink[best]]),
+        turned.T @ whitening,
+    )
+
+
+def _weights(angle: FloatArray) -> tuple[FloatArray, float]:
+    """The weight of each command, and the least noise [rad].
+
+    A goal that stays on one level tells as much as one command on it: the error of quantisation stays the same.
+    """
+    change = np.abs(np.diff(angle))
+    moved = change[change > EXACT]
+    step = float(moved.min()) if moved.size else EXACT
+    if np.max(np.abs(moved / step - np.round(moved / step)), initial=0.0) > WHOLE:
+        step = EXACT
+    run = np.cumsum(np.concatenate([[0], change > EXACT]))
+    return 1.0 / np.bincount(run)[run], max(step / math.sqrt(12), EXACT)
+
+
+@lru_cache(maxsize=16)
+def _penalty(degree: int, order: int) -> FloatArray:
+    """Integral over -1..1 of the square of a polynomial's derivative, as a matrix of its coefficients."""
+    derived = _derivative(degree, order)
+    return np.asarray(derived.T * (2 / (2 * np.arange(degree + 1 - order) + 1)) @ derived)
 
 
 def _basis(place: FloatArray, degree: int) -> FloatArray:
@@ -82,7 +166,7 @@ def _powers(degree: int) -> FloatArray:
     return np.column_stack([np.pad(row, (0, degree + 1 - row.size)) for row in rows])
 
 
-@lru_cache(maxsize=16)
-def _curving(degree: int) -> FloatArray:
-    """Coefficients of the second derivative from those of a polynomial, shape (degree - 1, degree + 1)."""
-    return np.asarray(np.polynomial.legendre.legder(np.eye(degree + 1), 2))
+@lru_cache(maxsize=32)
+def _derivative(degree: int, order: int) -> FloatArray:
+    """Coefficients of a derivative from those of a polynomial, shape (degree + 1 - order, degree + 1)."""
+    return np.asarray(np.polynomial.legendre.legder(np.eye(degree + 1), order))

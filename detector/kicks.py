@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from lostmotion.detector.ringdown import ring
 from lostmotion.detector.window import DetectorSettings, FloatArray
 
-__all__ = ["Edges", "Inverse", "edges", "inverse", "noise_of"]
+__all__ = ["STEP", "Edges", "Inverse", "edges", "inverse", "mistuned", "noise_of"]
 
 STEP = 0.145
 """Grid of the kicks in periods of the bar."""
@@ -26,7 +26,8 @@ LEAST_WIDTH, SAMPLES_WIDE = 3, 3.0
 @dataclass(frozen=True, slots=True, eq=False)
 class Inverse:
     """Kicks at times (K,) from accelerations (N,): gain (K, N), covariance (K, K), twice (K, K) making angles of kicks,
-    sums (K, K) of three neighbours and the standard deviation (K,) of these."""
+    sums (K, K) of three neighbours and the standard deviation (K,) of these; doubt (K, K): covariance of these angles;
+    slow_deviation (K,): that of the acceleration [rad/s²] averaged over a period of the bar."""
 
     times: FloatArray
     gain: FloatArray
@@ -34,6 +35,8 @@ class Inverse:
     twice: FloatArray
     sums: FloatArray
     deviation: FloatArray
+    doubt: FloatArray
+    slow_deviation: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,7 +79,21 @@ def _inverse(length: int, rate_hz: float, noise: float, settings: DetectorSettin
     sums = np.eye(count) + np.eye(count, k=1) + np.eye(count, k=-1)
     own = np.asarray(covariance[:count, :count], dtype=np.float64)
     twice = np.maximum(kicks[:, None] - kicks, 0.0)
-    return Inverse(kicks, gain[:count], own, twice, sums, _deviation(sums, own))
+    index, period = np.arange(count), round(1 / STEP)
+    slow = (np.abs(index[:, None] - index) <= period // 2) / (period * step)
+    doubt = np.asarray(twice @ own @ twice.T)
+    return Inverse(kicks, gain[:count], own, twice, sums, _deviation(sums, own), doubt, _deviation(slow, own))
+
+
+@lru_cache(maxsize=16)
+def mistuned(length: int, rate_hz: float, noise: float, settings: DetectorSettings, share: float) -> FloatArray:
+    """What a resonance set wrong by that share adds to the angles that accelerations (N,) give, shape (K, N)."""
+    right = inverse(length, rate_hz, noise, settings)
+    wrong = _inverse(length, rate_hz, noise, replace(settings, f_res_hz=settings.f_res_hz * (1 + share)))
+    angles = wrong.twice @ wrong.gain
+    place = np.minimum(np.searchsorted(wrong.times, right.times, side="right"), wrong.times.size - 1)
+    after = ((right.times - wrong.times[place - 1]) / (wrong.times[1] - wrong.times[0]))[:, None]
+    return np.asarray((1 - after) * angles[place - 1] + after * angles[place] - right.twice @ right.gain)
 
 
 @lru_cache(maxsize=16)

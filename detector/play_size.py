@@ -1,15 +1,16 @@
 """How large the play is, from one reversal: the bar's ring tells how the joint moved, the command how the gear did.
 
-The accelerometer at the bar's tip knows every kick that the joint gets: eq. 7 turned round.  Between kicks the driven
-gear flies freely, so its angle follows from them by integration, up to a constant speed and angle.  Each kick is a
-contact, on the flank that its sign tells, and there
+The accelerometer at the bar's tip knows every kick that the joint gets: eq. 7 turned round, which holds whatever pushes
+the joint, the bar's own reaction too.  Kicks integrated twice are the joint's angle theta_2, up to a constant speed and
+angle, so D = theta_2 - theta_1 is known but for a + b t and with the covariance of kicks and command.  Where the joint
+touches a flank (``contacts``: it is struck, or pushed along) and is accelerated in the direction s,
 
-    theta_2(t_k) + a + b t_k = theta_1(t_k) - sign_k X_k phi / 2,    X = (|theta_2''| / A)^(1/n),
+    D(t_k) = a + b t_k - s_k X_k phi / 2,    X = (|theta_2''| / A)^(1/n),
 
-of which a, b and the play phi are found by generalised least squares.  X is eq. 1's: d is the gap at which the force
-reaches beta, and at less force the teeth meet before; n is ``settings.flank_exponent`` (11 as in the model; 1000 and
-more for teeth without give), A = beta R2 / J2 = 1000 rad/s² as in the model.  Nothing here depends on friction,
-restitution or the order of bounces; docs/decisions/0007-play-size.md has the measurements.  No trigger, no trend.
+of which a, b and the play phi are found by generalised least squares.  The fit says where D was meanwhile; contacts
+that it contradicts go, and rests grow to where the command's acceleration ends, until nothing changes.  X is eq. 1's,
+see ``flank``.  Friction, restitution and the order of bounces play no part.  docs/decisions/0007-play-size.md has the
+measurements.  No trigger, no trend.
 """
 
 from __future__ import annotations
@@ -17,32 +18,58 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lostmotion.detector.commanded import BEFORE_S, Commanded, smoothed
-from lostmotion.detector.kicks import Inverse, inverse, noise_of
+from lostmotion.detector.contacts import LEAST_PUSH, Contacts, averaged, contacts
+from lostmotion.detector.flank import CONTACT_ACCEL, SOFTNESS, FlankLaw, Sized, law_of
+from lostmotion.detector.kicks import Inverse, inverse, mistuned, noise_of
 from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
 from lostmotion.detector.windows import cut
 
-__all__ = ["PlaySize", "play_size", "pooled", "stretch_of", "with_play"]
+__all__ = ["PlaySize", "learnt_play", "play_size", "pooled", "stretch_of", "with_play"]
 
 LEAST_RATE = 8.0
 """Samples a period of the bar: with fewer, kicks cannot be told from each other."""
-LEAST_KICK, SIGNIFICANT = 0.02, 6.0
-"""A contact changes the speed by so much [rad/s] within three steps, and stands out by so many standard deviations."""
 LEAST_CONTACTS = 4
-CONTACT_ACCEL = 1000.0
-"""Acceleration of the joint under the force beta at the teeth [rad/s²]: beta R2 / J2 of the model."""
-FLANK, GRAIN = 0.06, 5e-5
-"""Where on a flank a contact is: standard deviation as a share of half the play, and least [rad]."""
+FLANK, POINT, GRAIN = 0.03, 0.02, 5e-5
+"""Where on a flank a contact is: standard deviation of a whole rest and of each point, as shares of half the play, and
+least [rad]."""
+TIMING, ROUNDED = 0.15, 0.1
+"""A blow's place is uncertain by, and is rounded off by, so many steps of the grid times its kick."""
+FIRST_TIMING = 0.3
+"""The same before the fit says which of three steps comes closest to the flank."""
 BIAS, GRAVITY = 0.1, 10.0
 """What may remain of an offset, and gravity along the sensor's axis [m/s²], standard deviations."""
-ROUNDS = 3
-LEAST_PLAY, MOST_PLAY = 5e-4, 0.05
+LENGTH, MISTUNED = 0.02, 0.005
+"""Standard deviations of the shares by which length or sensitivity, and the resonance, are wrong."""
+DELAYS = np.arange(0.0, 0.061, 0.004)
+"""Delays of the joint behind the command that are tried [s]."""
+FOLLOWED = 0.85
+"""A delay is believed that leaves less than this share of the difference between commanded and felt acceleration: play
+itself leaves 86 to 100 %, a servo that follows 26 ms behind 35 to 82 %."""
+LATE, LATER = 0.003, 0.008
+"""Standard deviation of a delay [s] that is not seen, and of one that is."""
+THIN = 3
+"""Of rests every third step is used; the others say the same."""
+ROUNDS = 8
+AWAY = 0.25
+"""A contact that is farther from the flank than this share of the play and three standard deviations is none."""
+BESIDE = 0.12
+"""The same for the ends of rests, with two standard deviations."""
+LEAST_DRIVE = 1.0
+"""A rest ends where the command pushes less [rad/s²]."""
+REBOUND = 1.7
+"""Kick of a blow over its speed of approach."""
+BEYOND = 0.1
+"""Share of the stretch in which the joint may seem to be beyond a flank: more, and model and data do not fit."""
+LEAST_PLAY, MOST_PLAY = 1e-4, 0.1
 """Play that scales the flanks' error [rad]."""
 Z = 1.959964
+
+Places = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,44 +82,69 @@ class PlaySize:
     reason: str = ""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Apart:
+    """The joint's angle against the gear, but for a + b t: angle and covariance at times (K,)."""
+
+    time: FloatArray
+    angle: FloatArray
+    covariance: FloatArray
+    known: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Touch:
+    """Contacts: their places on the grid, the flank (+1 where D is + phi/2) and the blow's kick [rad/s], 0 in rests."""
+
+    at: Places
+    flank: FloatArray
+    kick: FloatArray
+
+    @property
+    def enough(self) -> bool:
+        return self.at.size >= LEAST_CONTACTS and float(np.ptp(self.flank)) > 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    """start, speed and play, their covariance, what contacts tell (their place, weights and residuals)."""
+
+    values: FloatArray
+    covariance: FloatArray
+    weight: FloatArray
+    observed: FloatArray
+    left: FloatArray
+    play: float
+
+
 def play_size(
     stretch: Window, servo_times: Sequence[float] | FloatArray, commands: Sequence[float] | FloatArray,
-    settings: DetectorSettings,
+    settings: DetectorSettings, law: FlankLaw | None = None,
 ) -> PlaySize:  # fmt: skip
     """The play that one stretch of tip acceleration shows, from ``BEFORE_S`` before a reversal to the window's end.
 
     servo_times [s] and commands [rad], shape (M,): what was commanded during the stretch and somewhat before; stretch:
-    none of its samples missing.  With the settings' noise and bar the median error is near 10 % from 2 mrad up.
+    none of its samples missing; law: what earlier windows told of the joint's flanks.
     """
-    rate_hz = stretch.rate_hz
-    if rate_hz < LEAST_RATE * settings.f_res_hz:
-        return _unknown(f"the sensor is too slow: {LEAST_RATE:g} samples a period of the bar are needed")
-    if not np.isfinite(stretch.accel).all():
-        return _unknown("samples are missing")
-    command = smoothed(np.asarray(servo_times), np.asarray(commands), stretch)
-    if command is None:
-        return _unknown("too few commands during the stretch")
-    local = stretch.time - stretch.time[0]
-    told = local <= command.end
-    offset = float(np.mean(stretch.accel[told] - settings.length_m * command.acceleration(local[told])))
-    undone = inverse(stretch.accel.size, rate_hz, noise_of(stretch.accel, settings), settings)
-    kicks = undone.gain @ (stretch.accel - offset)
-    together = np.convolve(kicks, np.ones(3), "same")
-    where = _contacts(together, np.abs(together) / undone.deviation)
-    where = where[undone.times[where] <= command.end]
-    if where.size < LEAST_CONTACTS or np.ptp(np.sign(together[where])) == 0:
-        return _unknown("the teeth did not strike both flanks clearly")
-    return _solve(undone, kicks, together, where, command, settings)
+    told = _told(stretch, np.asarray(servo_times), np.asarray(commands), settings)
+    return told if isinstance(told, PlaySize) else _under(told, law or law_of(settings))
 
 
-def pooled(values: Sequence[float] | FloatArray) -> PlaySize:
-    """The median of many windows' plays [rad], NaN left out, with its 95 % interval (binomial; needs 6 windows)."""
+def pooled(values: Sequence[float] | FloatArray, halves: Sequence[float] | FloatArray = ()) -> PlaySize:
+    """The median of many windows' plays [rad], NaN left out, with its 95 % interval (binomial; needs 6 windows).
+
+    halves: half the windows' own intervals [rad]; what is uncertain in all of them alike, as the gear's stiffness, is
+    at most the tenth of them that are narrowest, and is added.
+    """
     known = np.sort([value for value in values if math.isfinite(value)])
     if known.size < 6:
         return _unknown(f"{known.size} windows tell a play; expected at least 6")
     reach = Z * math.sqrt(known.size) / 2
     low, high = math.floor(known.size / 2 - reach), math.ceil(known.size / 2 + reach) - 1
-    return PlaySize(float(np.median(known)), float(known[max(low, 0)]), float(known[min(high, known.size - 1)]))
+    middle, own = float(np.median(known)), [half for half in halves if math.isfinite(half)]
+    common = float(np.quantile(own, 0.1)) if own else 0.0
+    below, above = middle - float(known[max(low, 0)]), float(known[min(high, known.size - 1)]) - middle
+    return PlaySize(middle, max(middle - math.hypot(below, common), 0.0), middle + math.hypot(above, common))
 
 
 def stretch_of(score: Score, times: FloatArray, accel: FloatArray, rate_hz: float) -> Window:
@@ -104,57 +156,205 @@ def with_play(
     score: Score, stretch: Window, servo_times: Sequence[float] | FloatArray, commands: Sequence[float] | FloatArray,
     settings: DetectorSettings,
 ) -> Score:  # fmt: skip
-    """The score with the play that its stretch shows, or the reason why it cannot be told."""
+    """The score with the play that its stretch alone shows, or the reason why it cannot be told."""
+    return learnt_play(score, stretch, servo_times, commands, settings, law_of(settings))[0]
+
+
+def learnt_play(
+    score: Score, stretch: Window, servo_times: Sequence[float] | FloatArray, commands: Sequence[float] | FloatArray,
+    settings: DetectorSettings, law: FlankLaw,
+) -> tuple[Score, FlankLaw]:  # fmt: skip
+    """The score with the play that its stretch shows to one who knows the law of the flanks, and the law with what this
+    window adds to it."""
     if not settings.play_size or not score.impact or "clipped" in score.quality:
         reason = "not asked for" if not settings.play_size else "clipped" if score.impact else "no impact"
-        return replace(score, play_reason=reason)
-    size = play_size(stretch, servo_times, commands, settings)
-    return replace(score, play=size.value, play_low=size.low, play_high=size.high, play_reason=size.reason)
+        return replace(score, play_reason=reason), law
+    told = _told(stretch, np.asarray(servo_times), np.asarray(commands), settings)
+    if isinstance(told, Sized):
+        law = law.updated(told)
+        told = _under(told, law)
+    return replace(score, play=told.value, play_low=told.low, play_high=told.high, play_reason=told.reason), law
 
 
 def _unknown(reason: str) -> PlaySize:
     return PlaySize(math.nan, math.nan, math.nan, reason)
 
 
-def _contacts(kicks: FloatArray, clarity: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-    """Where kicks are largest among their neighbours, and clear."""
-    size = np.abs(kicks)
-    peak = (size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:])
-    return np.flatnonzero(peak & (size[1:-1] > LEAST_KICK) & (clarity[1:-1] > SIGNIFICANT)) + 1
-
-
-@lru_cache(maxsize=16)
-def _doubt(undone: Inverse) -> FloatArray:
-    """Covariance of the angles that kicks make, shape (K, K)."""
-    return np.asarray(undone.twice @ undone.covariance @ undone.twice.T)
-
-
-def _solve(
-    undone: Inverse, kicks: FloatArray, together: FloatArray, where: np.ndarray[tuple[int], np.dtype[np.intp]],
-    command: Commanded, settings: DetectorSettings,
-) -> PlaySize:  # fmt: skip
-    """Generalised least squares for a, b and phi, the flanks' error growing with phi."""
-    time = undone.times[where]
-    basis = command.basis(np.minimum(undone.times, command.end))
-    commanded = basis @ command.coefficients
-    twice = undone.twice[where]
-    apart = twice @ kicks - commanded[where]
-    step = float(undone.times[1] - undone.times[0])
-    curve = (time - time.mean()) ** 2 * (BIAS / settings.length_m / 2)
-    tilt = twice @ (commanded - commanded.mean()) * step * (GRAVITY / settings.length_m)
-    known = _doubt(undone)[np.ix_(where, where)] + basis[where] @ command.covariance @ basis[where].T
-    known += np.outer(curve, curve) + np.outer(tilt, tilt) + GRAIN**2 * np.eye(where.size)
-    # Three steps of the grid hold a contact whose force has about the shape of a half sine.
-    closed = np.minimum(np.abs(together[where]) / (2 * step) / CONTACT_ACCEL, 1.0) ** (1 / settings.flank_exponent)
-    design = np.column_stack([np.ones(where.size), time, np.sign(together[where]) * closed / 2])
-    both, one = np.column_stack([design, apart]), np.eye(where.size)
-    play = LEAST_PLAY
-    for _ in range(ROUNDS):
-        flank = FLANK * min(max(play, LEAST_PLAY), MOST_PLAY) / 2
-        weighted = design.T @ np.linalg.solve(known + flank**2 * one, both)
-        covariance = np.linalg.inv(weighted[:, :3])
-        play = float(-(covariance @ weighted[:, 3])[2])
-    half = Z * math.sqrt(float(covariance[2, 2]))
-    if play <= half:
+def _under(told: Sized, law: FlankLaw) -> PlaySize:
+    """The play under a law of the flanks; none where its interval reaches zero."""
+    value, low, high = law.interval(told, Z)
+    if low <= 0:
         return _unknown("the play is lost in its own uncertainty")
-    return PlaySize(play, play - half, play + half)
+    return PlaySize(value, low, high)
+
+
+def _told(stretch: Window, times: FloatArray, commands: FloatArray, settings: DetectorSettings) -> Sized | PlaySize:
+    """What one stretch tells, or why it tells nothing."""
+    rate_hz = stretch.rate_hz
+    if rate_hz < LEAST_RATE * settings.f_res_hz:
+        return _unknown(f"the sensor is too slow: {LEAST_RATE:g} samples a period of the bar are needed")
+    if not np.isfinite(stretch.accel).all():
+        return _unknown("samples are missing")
+    command = smoothed(times, commands, stretch)
+    if command is None:
+        return _unknown("too few commands during the stretch")
+    local = stretch.time - stretch.time[0]
+    told = local <= command.end
+    accel = stretch.accel - np.mean(stretch.accel[told] - settings.length_m * command.acceleration(local[told]))
+    noise = noise_of(stretch.accel, settings)
+    undone = inverse(accel.size, rate_hz, noise, settings)
+    kicks = undone.gain @ accel
+    command, late = _followed(undone, kicks, command)
+    within = np.minimum(undone.times, command.end)
+    apart = _apart(
+        undone, kicks, command, late, mistuned(accel.size, rate_hz, noise, settings, MISTUNED) @ accel, settings
+    )
+    found = contacts(undone, kicks, command.acceleration(within), apart.known)
+    return _solve(apart, found)
+
+
+def _followed(undone: Inverse, kicks: FloatArray, command: Commanded) -> tuple[Commanded, float]:
+    """The command with the delay that it shows against the joint's acceleration, and how uncertain that is [s]."""
+    step = float(undone.times[1] - undone.times[0])
+    felt = averaged(kicks) / step
+    known = np.arange(command.start, command.end, step)
+    driven = averaged(command.acceleration(known))
+    late = np.interp(undone.times - DELAYS[:, None], known, driven)
+    apart = np.mean(np.minimum(np.abs(felt - late), 4 * LEAST_PUSH), axis=1)
+    best = int(np.argmin(apart))
+    if apart[best] > FOLLOWED * apart[0]:
+        return command, LATE
+    return command.delayed(float(DELAYS[best])), LATER
+
+
+def _apart(
+    undone: Inverse, kicks: FloatArray, command: Commanded, late: float, astray: FloatArray, settings: DetectorSettings
+) -> _Apart:
+    """D and what is uncertain about it: a delay by ``late`` [s], and the angles [rad] that a wrong resonance adds."""
+    time = undone.times
+    within = np.minimum(time, command.end)
+    basis = command.basis(within)
+    driven, speed = basis @ command.coefficients, command.basis(within, 1) @ command.coefficients
+    driven, speed = driven - driven.mean(), speed - speed.mean()
+    step = float(time[1] - time[0])
+    columns = np.column_stack([
+        (time - time.mean()) ** 2 * (BIAS / settings.length_m / 2),
+        undone.twice @ driven * step * (GRAVITY / settings.length_m),
+        LENGTH * driven,
+        late * speed,
+        astray,
+    ])  # fmt: skip
+    covariance = undone.doubt + basis @ command.covariance @ basis.T + columns @ columns.T
+    return _Apart(time, undone.twice @ kicks - basis @ command.coefficients, covariance, time <= command.end)
+
+
+def _solve(apart: _Apart, found: Contacts) -> Sized | PlaySize:
+    """Fits and chooses contacts in turn."""
+    flank = np.where(found.hard, -np.sign(found.kick), -np.sign(found.push))
+    sure = found.hard | (found.rests & _thinned(found.rests.size))
+    touch = _Touch(np.flatnonzero(sure), flank[sure], np.where(found.hard, np.abs(found.kick), 0.0)[sure])
+    if not touch.enough:
+        return _unknown("the teeth did not touch both flanks clearly")
+    play, step = 20 * LEAST_PLAY, float(apart.time[1] - apart.time[0])
+    for turn in range(ROUNDS):
+        fit = _fit(apart, touch, play, TIMING if turn else FIRST_TIMING)
+        play = fit.play
+        place, deviation = _between(apart, touch, fit)
+        chosen = _chosen(found, place, deviation, play, step, grown=turn > 0)
+        if not chosen.enough:
+            return _unknown("contacts and command do not fit together")
+        if turn > 2 and np.array_equal(chosen.at, touch.at) and np.array_equal(chosen.flank, touch.flank):
+            break
+        touch = chosen
+    outside = (np.abs(place) - play / 2 > np.maximum(0.15 * play, 3 * deviation)) & apart.known
+    if np.mean(outside) > BEYOND:
+        return _unknown("contacts and command do not fit together")
+    return _sized(apart, touch, found, play)
+
+
+def _thinned(count: int) -> NDArray[np.bool_]:
+    return np.asarray(np.arange(count) % THIN == 0)
+
+
+def _fit(apart: _Apart, touch: _Touch, play: float, timing: float) -> _Fit:
+    """Generalised least squares of a, b and phi, the flanks' error in proportion to ``play`` [rad]."""
+    step = float(apart.time[1] - apart.time[0])
+    half = min(max(play, LEAST_PLAY), MOST_PLAY) / 2
+    run = np.cumsum(np.concatenate([[True], (np.diff(touch.at) > THIN + 1) | (np.diff(touch.flank) != 0)]))
+    noise = apart.covariance[np.ix_(touch.at, touch.at)] + (run[:, None] == run) * (FLANK * half) ** 2
+    noise[np.diag_indices_from(noise)] += (POINT * half) ** 2 + GRAIN**2 + (timing * step * touch.kick) ** 2
+    weight = np.linalg.inv(noise)
+    observed = apart.angle[touch.at] + touch.flank * ROUNDED * step * touch.kick
+    values, covariance, left = _least(_design(apart, touch), weight, observed)
+    # A play that is lost in its uncertainty must not make the search for contacts narrow.
+    return _Fit(values, covariance, weight, observed, left,
+                max(float(values[2]), 2 * math.sqrt(covariance[2, 2]), LEAST_PLAY))  # fmt: skip
+
+
+def _design(apart: _Apart, touch: _Touch) -> FloatArray:
+    return np.column_stack([np.ones(touch.at.size), apart.time[touch.at], touch.flank / 2])
+
+
+def _least(design: FloatArray, weight: FloatArray, observed: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Coefficients, their covariance and the residuals."""
+    weighted = design.T @ weight
+    covariance = np.asarray(np.linalg.inv(weighted @ design), np.float64)
+    values = covariance @ (weighted @ observed)
+    return values, covariance, observed - design @ values
+
+
+def _between(apart: _Apart, touch: _Touch, fit: _Fit) -> tuple[FloatArray, FloatArray]:
+    """D at all times given the contacts, without a + b t, and its standard deviation against the flank (kriging)."""
+    shared = apart.covariance[:, touch.at]
+    gain = shared @ fit.weight
+    place = apart.angle - fit.values[0] - fit.values[1] * apart.time - gain @ fit.left
+    rows = np.column_stack([np.ones(apart.time.size), apart.time, np.full(apart.time.size, -0.5)])
+    rows -= gain @ _design(apart, touch)
+    variance = np.diag(apart.covariance) - np.sum(gain * shared, axis=1)
+    variance = np.maximum(variance + np.sum((rows @ fit.covariance) * rows, axis=1), 0.0)
+    return place, np.sqrt(variance + GRAIN**2)
+
+
+def _chosen(found: Contacts, place: FloatArray, deviation: FloatArray, play: float, step: float, grown: bool) -> _Touch:
+    """The contacts that a place between the flanks allows; grown: rests reach as far as the command pushes."""
+    pushed = -np.sign(found.push)
+    side = np.where(np.abs(place) > 2 * deviation, np.sign(place), pushed)
+    off, near = np.abs(side * place - play / 2), np.maximum(AWAY * play, 3 * deviation)
+    rests = found.rests & (off < near) & (side == pushed)
+    if grown:
+        loose = found.loose & (off < np.maximum(BESIDE * play, 2 * deviation))
+        for flank in (-1.0, 1.0):
+            core = rests & (side == flank)
+            row = core | (loose & (side == flank) & (-flank * found.push > LEAST_DRIVE))
+            label = np.cumsum(np.concatenate([[True], row[1:] != row[:-1]]))
+            rests = rests | (row & np.isin(label, label[core]))
+    rests &= _thinned(place.size)
+    kick = np.zeros(place.size)
+    for blow in np.flatnonzero(found.blows):
+        flank, size = -float(np.sign(found.kick[blow])), abs(float(found.kick[blow]))
+        closest = blow - 1 + int(np.argmax(flank * place[blow - 1 : blow + 2]))
+        allowed = max(near[closest], 0.5 * step * size + 0.1 * play)
+        if abs(flank * place[closest] - play / 2) < allowed:
+            kick[closest], side[closest], rests[closest] = size, flank, True
+    at = np.flatnonzero(rests)
+    return _Touch(at, side[at], kick[at])
+
+
+def _sized(apart: _Apart, touch: _Touch, found: Contacts, play: float) -> Sized:
+    """The play for each softness of the flanks, all with the same weights so that they can be compared."""
+    fit = _fit(apart, touch, play, TIMING)
+    step = float(apart.time[1] - apart.time[0])
+    pushed = np.maximum(np.abs(found.push[touch.at]), 1.0)
+    told = []
+    for softness in SOFTNESS:
+        size = fit.play
+        for _ in range(2):
+            # A blow's force lasts as long as it takes to stop on the flank: (n + 1) v² / (X phi) of eq. 1.
+            struck = np.maximum(touch.kick / (2 * step), (touch.kick / REBOUND) ** 2 / (max(softness, 0.01) * size))
+            load = np.where(touch.kick > 0, struck, pushed)
+            design = _design(apart, touch)
+            design[:, 2] *= (load / CONTACT_ACCEL) ** softness
+            values, covariance, left = _least(design, fit.weight, fit.observed)
+            size = max(float(values[2]), math.sqrt(covariance[2, 2]), LEAST_PLAY)
+        told.append((float(values[2]), math.sqrt(covariance[2, 2]), -float(left @ fit.weight @ left) / 2))
+    return Sized(*(np.array(column) for column in zip(*told, strict=True)))

@@ -8,8 +8,9 @@ import numpy as np
 
 from lostmotion.detector.commanded import BEFORE_S
 from lostmotion.detector.errors import DetectorError
+from lostmotion.detector.flank import law_of
 from lostmotion.detector.learner import settled
-from lostmotion.detector.play_size import stretch_of, with_play
+from lostmotion.detector.play_size import learnt_play, stretch_of
 from lostmotion.detector.score import score_window, validate
 from lostmotion.detector.severity import with_severity
 from lostmotion.detector.trigger import Trigger
@@ -64,14 +65,15 @@ def score_series(
     """
     windows = windows_of(times_servo, commands, times_accel, accel, settings, joint, resolution)
     known = settled((window.accel for window in windows), windows[0].rate_hz, settings) if windows else settings
-    scores = []
+    scores, law = [], law_of(settings)
     for window in windows:
         score = score_window(window, known, range_ms2)
         stretch = stretch_of(score, times_accel, accel, window.rate_hz)
         first, last = times_servo.searchsorted((score.time - 2 * BEFORE_S, score.time + score.duration + BEFORE_S))
         near = slice(first, last)
         around = (stretch, times_servo[near], commands[near], settings)
-        scores.append(with_severity(with_play(score, *around), *around))
+        sized, law = learnt_play(score, *around, law)
+        scores.append(with_severity(sized, *around))
     return scores
 
 

@@ -37,10 +37,10 @@ class DetectorSettings:
     statistic: "band", eq. 8, or "ringdown" (``ringdown.scores``), which alone looks at the noise: noise_ms2 [m/s²] is
     the standard deviation of what cannot be foretold of a healthy window's noise; noise_colour its reflection
     coefficients (``whitening.fit_noise``), () for white.  With neither given a ``learner.Learner`` learns both from the
-    windows.  length_m: from the joint's axis to the
-    accelerometer [m], negative where the joint turns the other way round; flank_exponent: n of eq. 1 (``play_size``);
-    play_size: whether it is estimated, which needs an accelerometer and a command in rad; gentle: windows of less
-    excitation [rad/s²] prove nothing (``quality``).
+    windows.  length_m: from the joint's axis to the accelerometer [m], negative where the joint turns the other way
+    round; flank_exponent and contact_accel: n of eq. 1 and beta R2 / J2 [rad/s²], the joint's acceleration under the
+    force beta, None if unknown (``flank``); play_size: whether it is estimated, which needs an accelerometer and a
+    command in rad; gentle: windows of less excitation [rad/s²] prove nothing (``quality``).
     """
 
     f_res_hz: float
@@ -55,7 +55,8 @@ class DetectorSettings:
     noise_ms2: float | None = None
     noise_colour: tuple[float, ...] = ()
     length_m: float = 0.10
-    flank_exponent: float = 11.0
+    flank_exponent: float | None = None
+    contact_accel: float | None = None
     play_size: bool = True
     gentle: float = GENTLE
 

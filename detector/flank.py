@@ -1,0 +1,87 @@
+"""How the flanks of a joint's teeth give way under load, learnt from many windows.  No samples, no commands here.
+
+Eq. 1 lets the flank yield: under the acceleration a of the joint its teeth are X = (|a| / A)^(1/n) of half the play
+away from the middle.  Hard teeth have 1/n = 0.  Equation 1 stays the same when the play is multiplied by c and beta by
+c^n, so motion alone tells n and the play times A^(-1/n), never the play of soft teeth itself.  A = beta R2 / J2 is
+therefore uncertain, from a hundredth to ten times the model's value, unless the settings give it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lostmotion.detector.window import DetectorSettings, FloatArray
+
+__all__ = ["CONTACT_ACCEL", "SOFTNESS", "FlankLaw", "Sized", "law_of"]
+
+SOFTNESS = np.array([0.0, 0.02, 0.04, 0.065, 1 / 11, 0.12, 0.16, 0.2])
+"""Values of 1/n that are compared: from hard teeth to n = 5."""
+CONTACT_ACCEL = 1000.0
+"""A of the model [rad/s²]: beta R2 / J2 = 20 N * 10 mm / 2e-4 kg m²."""
+DECADES = (-2.0, 1.0)
+"""A lies between so many decades below and above that: a gear stiffer or lighter than the model's, or one whose teeth
+give like springs, so that the play is the gap under the loads of the motion itself."""
+MEMORY = 0.998
+"""Weight of what earlier windows told of 1/n after each window: teeth change as they wear, over some 500 windows."""
+PLACES = 7
+"""So many values of A are averaged over."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sized:
+    """What one window tells for each value of SOFTNESS: play [rad], its standard deviation, log-likelihood; (S,)."""
+
+    play: FloatArray
+    deviation: FloatArray
+    likelihood: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class FlankLaw:
+    """Log-likelihood of each value of SOFTNESS after a joint's windows so far, and how uncertain A is [decades]."""
+
+    likelihood: tuple[float, ...] = (0.0,) * len(SOFTNESS)
+    decades: tuple[float, float] = DECADES
+
+    @property
+    def weights(self) -> FloatArray:
+        """Probability of each value of SOFTNESS, shape (S,)."""
+        odds = np.exp(np.array(self.likelihood) - max(self.likelihood))
+        return np.asarray(odds / odds.sum())
+
+    def updated(self, told: Sized) -> FlankLaw:
+        """The law after one more window; a law that the settings fix stays what it is."""
+        if -math.inf in self.likelihood:
+            return self
+        gained = MEMORY * np.array(self.likelihood) + told.likelihood - np.max(told.likelihood)
+        return FlankLaw(tuple((gained - np.max(gained)).tolist()), self.decades)
+
+    def interval(self, told: Sized, z: float) -> tuple[float, float, float]:
+        """Median, low and high end of the play [rad] under this law, the interval that of ± z of a normal value."""
+        factor = 10.0 ** (SOFTNESS[:, None] * np.linspace(*self.decades, PLACES))
+        means, spreads = told.play[:, None] * factor, told.deviation[:, None] * factor
+        values = np.linspace(float(np.min(means - 4 * spreads)), float(np.max(means + 4 * spreads)), 200)
+        below = np.sum(self.weights[:, None] / PLACES * _normal((values[:, None, None] - means) / spreads), axis=(1, 2))
+        share = math.erf(z / math.sqrt(2)) / 2
+        middle, low, high = np.interp((0.5, 0.5 - share, 0.5 + share), below, values)
+        return float(middle), float(low), float(high)
+
+
+def law_of(settings: DetectorSettings) -> FlankLaw:
+    """What is known of the flanks before the first window."""
+    decades, likelihood = DECADES, (0.0,) * SOFTNESS.size
+    if settings.contact_accel is not None:
+        decades = (math.log10(settings.contact_accel / CONTACT_ACCEL),) * 2
+    if settings.flank_exponent is not None:
+        nearest = int(np.argmin(np.abs(SOFTNESS - 1 / settings.flank_exponent)))
+        likelihood = tuple(0.0 if i == nearest else -math.inf for i in range(SOFTNESS.size))
+    return FlankLaw(likelihood, decades)
+
+
+def _normal(u: FloatArray) -> FloatArray:
+    """The normal distribution function to 2e-4."""
+    u = np.clip(u, -6.0, 6.0)
+    return np.asarray(1 / (1 + np.exp(-u * (1.5976 + 0.070566 * u**2))))
