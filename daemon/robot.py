@@ -110,7 +110,7 @@ class Robot:
         if heard is None:
             return None
         lost = losses.fault(now, *poller.supply(member, now))
-        return lost and f"{member}: {lost}: a line that is too slow or noisy, or a loose plug"
+        return lost and f"{member}: {lost}: a slow or noisy line, a loose plug, or a busy computer"
 
     @property
     def samples(self) -> int:

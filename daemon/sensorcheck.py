@@ -58,7 +58,7 @@ class SensorCheck:
         self._moved = {joint: (array("d"), array("d")) for joint in levers_m}
         self._due = -math.inf
         self._windows: dict[str, deque[str]] = {joint: deque(maxlen=LAST) for joint in levers_m}
-        self._unsound: dict[str, str] = {}
+        self._unsound: dict[str, tuple[str, str]] = {}
         self._felt: dict[str, deque[bool]] = {joint: deque(maxlen=VERDICTS) for joint in levers_m}
 
     def moved(self, samples: Iterable[ServoSample]) -> None:
@@ -78,10 +78,12 @@ class SensorCheck:
         seen = self._windows[window.joint]
         seen.append("ok" if kinds == {"ok"} else next((kind for kind in KINDS if kind in kinds), "gappy"))
         sound = seen.count("ok")
-        if len(seen) == LAST and not sound and window.joint not in self._unsound:
-            (kind, _), *_ = Counter(seen).most_common()
+        (kind, often), *_ = Counter(seen).most_common()
+        told, _ = self._unsound.get(window.joint, ("", ""))
+        # A cause is told at first as the most frequent one, and another one only when it is that of all windows.
+        if len(seen) == LAST and not sound and (not told or (kind != told and often == LAST)):
             cause = _held(window.accel, self._ring.range_ms2) if kind == "flat" else CAUSES[kind]
-            self._unsound[window.joint] = f"{self._sensor} {cause} (no sound window in {LAST})"
+            self._unsound[window.joint] = (kind, f"{self._sensor} {cause} (no sound window in {LAST})")
         elif sound >= SOUND_AGAIN:
             self._unsound.pop(window.joint, None)
 
@@ -101,7 +103,7 @@ class SensorCheck:
     def fault(self, joint: str) -> str:
         """What keeps the sensor from measuring this joint, "" for nothing known."""
         if joint in self._unsound:
-            return self._unsound[joint]
+            return self._unsound[joint][1]
         felt = self._felt[joint]
         if len(felt) == VERDICTS and not any(felt):
             return f"{self._sensor} does not feel the motion of {joint}: wrong axis, loose, or on another link"

@@ -14,10 +14,11 @@ from dataclasses import dataclass
 
 from bench.faults.world import CAN, SENSOR, SERVOS, World
 
-__all__ = ["ATTACKS", "Attack"]
+__all__ = ["ATTACKS", "LOSS", "Attack"]
 
 Undo = Callable[[], None]
 DEVICE = r"cause=device severity=error event=(raised|changed)"
+LOSS = r"event=(raised|changed).*(samples were lost|loses samples|has no samples|no data for|broken)"
 YEAR_S = 365.25 * 86400
 BAD_LINES = ("x = ", "[[[", "\0", "path = 1e999", "rate_hz = -1", "=" * 5000)
 
@@ -154,7 +155,7 @@ def _stopped(world: World) -> Undo:
 
 
 ATTACKS = (
-    Attack("three bytes of ten of the sensor lost", _lossy, DEVICE),
+    Attack("three bytes of ten of the sensor lost", _lossy, LOSS),
     Attack("sensor's value held", _held, "shows the same value all the time"),
     Attack("foreign bytes on both lines", _garbage),
     Attack("servo's checksums wrong", _corrupt, DEVICE),

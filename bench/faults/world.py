@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from contextlib import closing, suppress
 from pathlib import Path
 from types import TracebackType
@@ -114,14 +115,17 @@ class World:
 
 
 class Witness:
-    """Reads the database all the while: ``seen`` are the scores committed to each file, by its inode; ``wrong`` what
-    must not be."""
+    """Reads the database all the while: ``seen`` are the scores committed to each file; ``wrong`` what must not be.
 
-    def __init__(self, database: Path) -> None:
+    file: a number that changes with each file that the service begins: a filesystem gives inodes anew.
+    """
+
+    def __init__(self, database: Path, file: Callable[[], int] = lambda: 0) -> None:
         self._database = database
+        self._file = file
         self._done = threading.Event()
         self._thread = threading.Thread(target=self._watch, daemon=True)
-        self.seen: dict[int, set[float]] = {}
+        self.seen: dict[tuple[int, int], set[float]] = {}
         self.wrong: set[str] = set()
         self._thread.start()
 
@@ -137,7 +141,7 @@ class Witness:
 
     def look(self) -> None:
         """One look, in one transaction."""
-        inode = self._database.stat().st_ino
+        inode = (self._file(), self._database.stat().st_ino)
         with closing(sqlite3.connect(f"{self._database.as_uri()}?mode=ro", uri=True, timeout=1.0)) as db:
             db.execute("BEGIN")
             scores = {row[0] for row in db.execute("SELECT score FROM scores WHERE score IS NOT NULL")}
@@ -146,7 +150,7 @@ class Witness:
             faults = db.execute(
                 "SELECT count(*) FROM alarms WHERE cause = 'device' AND state IN ('active', 'acknowledged')"
             ).fetchone()[0]
-        if self._database.stat().st_ino != inode:
+        if (self._file(), self._database.stat().st_ino) != inode:
             return  # which file was read is not known
         if "OK" in healths and (sound < 5 or faults):
             self.wrong.add(f"OK with {sound} sound windows and {faults} device alarms")

@@ -195,7 +195,7 @@ def window(quality: str, value: float = 0.0) -> tuple[Window, Score]:
 
 
 def test_ten_unsound_windows_are_a_fault_and_five_sound_ones_its_end() -> None:
-    """Nine are none; gentle ones count as neither; the words stay the same while it lasts."""
+    """Nine are none; gentle ones count as neither; the words stay the same until all ten have another cause."""
     sensor = SensorCheck("tip", Ring(1000, Bell()), {"elbow": 0.1})
     for _ in range(LAST - 1):
         sensor.scored(*window("flat"))
@@ -203,9 +203,14 @@ def test_ten_unsound_windows_are_a_fault_and_five_sound_ones_its_end() -> None:
     assert sensor.fault("elbow") == ""
     sensor.scored(*window("flat,gentle"))
     assert sensor.fault("elbow").startswith("tip shows the same value all the time, 0 m/s²")
-    for quality in (*["gappy"] * LAST, *["ok"] * 4):
+    for quality in (*["gappy"] * 9, *["ok"] * 4):
         sensor.scored(*window(quality))
         assert sensor.fault("elbow").startswith("tip shows the same value all the time, 0 m/s²")
+    for _ in range(LAST):
+        sensor.scored(*window("gappy"))
+    assert sensor.fault("elbow").startswith("tip loses samples in every window")
+    for _ in range(4):
+        sensor.scored(*window("ok"))
     sensor.scored(*window("ok"))
     assert sensor.fault("elbow") == ""
 
