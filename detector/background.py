@@ -118,11 +118,11 @@ def learn(
     white = _white(windows, rate_hz, bare)
     if white.deviation**2 <= ringdown.DUST * float(np.mean(windows**2)):
         return None
-    silent = _fitted(windows, rate_hz, bare, _Model(white, 0.0))
     calm = windows[_loudness(windows, rate_hz, bare) < LOUD]
     quiet = len(calm)
     if quiet < max(LEAST_WINDOWS, CALM * count):
         return None
+    silent = _fitted(windows, rate_hz, bare, _Model(white, 0.0))
     notched = _notched(silent.model.noise, settings.f_res_hz, rate_hz, length)
     starts = [_white(calm, rate_hz, bare), notched, *([earlier.noise] if earlier else [])]
     fits = [_fitted(calm, rate_hz, bare, _Model(start)) for start in starts]
