@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 
-.PHONY: help demo test test-vm check format bench bench-soak bench-faults bench-detector table1 bench-hidden figures clean
+.PHONY: help demo test test-vm check format bench bench-soak bench-faults bench-detector table1 bench-hidden bench-real figures clean
 help:
 	@grep -E '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
@@ -46,6 +46,9 @@ bench-faults: $(READY)  ## random faults against the service, 200 campaigns: wha
 
 bench-hidden: $(READY)  ## recordings with a hidden effect: what lab explain makes of them (table and figure, takes long)
 	$(BIN)/python -m bench.hidden_effects run --seed $(or $(SEED),0) --figures docs/figures
+
+bench-real: $(READY)  ## real measurements of others: what lab explain says of each, cold, through the command line
+	$(BIN)/python -m bench.real
 
 bench-detector: $(READY)  ## the detector against its rivals and the bounds: table, ROC pictures, size of the play, which joint, promises kept
 	$(BIN)/python -m bench.roc --figures docs/figures

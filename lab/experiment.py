@@ -32,6 +32,7 @@ LEAST_SAMPLES = 50
 LONGEST_GAP = 20.0  # times the usual spacing of the input: further apart, the motion in between is anybody's guess
 FLAT_SHARE = 1e-9
 RAILS_SHARE = 0.5
+LENGTHS = ("m", "mm", "µm", "um", "in")
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +50,8 @@ class Experiment:
     given: Mapping[str, float] = field(default_factory=dict)
     clock_zero: float = 0.0
     """When the clocks of sensor and host showed the same time [s]: the first row of the recording."""
+    is_linear: bool = False
+    """Whether the position is a length, as the metadata of a linear axis state, and no angle."""
 
     @property
     def duration(self) -> float:
@@ -93,8 +96,9 @@ def _experiment(model: Model, recording: Recording) -> Experiment:
     for name, values in measured.items():
         _check_output(recording.name, name, values)
     return Experiment(
-        recording.name, drive, recording.time[rows], measured, _given(model, recording), float(recording.time[0])
-    )
+        recording.name, drive, recording.time[rows], measured, _given(model, recording), float(recording.time[0]),
+        recording.metadata.get("position_unit") in LENGTHS,
+    )  # fmt: skip
 
 
 def _sampled(recording: Recording, column: str) -> bool:

@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -26,7 +27,9 @@ from lostmotion.lab.describe import described
 from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.fit import Progress, fit_of, noise_of, refined_fit
 from lostmotion.lab.grow import Level, followed, residuals
+from lostmotion.lab.held import with_scale
 from lostmotion.lab.heldout import Judged, Unseen, is_left, trained_each
+from lostmotion.lab.inverse.explain import explained, is_invertible
 from lostmotion.lab.noise import innovation_noise
 from lostmotion.lab.results import Errors, Explanation, Finding, Fit, Ranked, Verdict
 from lostmotion.lab.scoretest import Scores
@@ -40,6 +43,8 @@ from lostmotion.model import Model, ModelError
 
 __all__ = ["explain", "is_idle"]
 
+BUDGET_S = 60.0
+"""What a person waits for an answer [s]."""
 IDLE = 1.5
 """Half widths of its interval, within which an amplitude may as well be zero: three standard deviations."""
 BY_FAR = 4.0
@@ -52,20 +57,26 @@ def explain(
     pool: Executor,
     progress: Progress = lambda what, part: None,
     seed: int = 0,
+    budget_s: float = BUDGET_S,
 ) -> Explanation:
     """What these experiments say is missing from the model.
 
-    The last experiment is kept for judging (the last third of a single one).  seed: of the bootstrap.  Raises
-    ModelError where the model cannot be run on the experiments at all.
+    The last experiment is kept for judging (the last third of a single one).  seed: of the bootstrap; budget_s: no
+    further effect is looked for after so long [s].  Raises ModelError where the model cannot be run on the experiments
+    at all.
     """
+    until = time.monotonic() + budget_s
     train, last = _split(experiments)
+    if is_invertible(model, experiments):
+        return explained(model, train, last, noise_of(experiments), pool, progress, budget_s)
+    model, held = with_scale(model, experiments)
     task = Task.of(model, train, noise_of(experiments))
     rng = np.random.default_rng(seed)
     progress("fitting what is there", 0.0)
     short = first_fit(model, task, pool)
     base = grown(short, task)
     unseen = Unseen(last, task, predictable(short, task), pool)
-    last_short, level, descent, steps = descended(short, base, unseen, rng, progress)
+    last_short, level, descent, steps = descended(short, base, unseen, rng, progress, until)
     level, descent = simplified(level, descent, unseen, _blind(steps))
     if idle := is_idle(level, task):
         last_short, level, descent, steps = short, base, descent[:1], [replace(steps[0], accepted=False)]
@@ -73,7 +84,7 @@ def explain(
     progress("refining", 0.9)
     found = _explanation(base, level, short, descent, steps, unseen, outside=idle)
     progress("done", 1.0)
-    return found
+    return replace(found, held=held, complete=found.verdict != "outside_catalogue" and found.residual is None)
 
 
 def _split(experiments: Sequence[Experiment]) -> tuple[list[Experiment], Experiment]:
@@ -109,7 +120,7 @@ def _explanation(
         verdict = "missing"
     elif left:
         verdict = "outside_catalogue"
-    floor = min(unit, after.error * unit) if left else after.error * unit
+    errors = Errors(before.error * unit, after.error * unit, unit, words.column(column)[1])
     residual = _residual(short, best, task) if left else None
     best_fit = refined.result()
     return Explanation(
@@ -117,12 +128,13 @@ def _explanation(
         missing=named if verdict == "missing" else (),
         confusable=_confusable(named, steps),
         ranking=_with_intervals(_ranking(steps, before, unit), best_fit),
-        error=Errors(before.error * unit, after.error * unit, floor, words.column(column)[1]),
+        error=errors,
         residual=residual,
         advice=_advice(named, steps, unseen),
         detectable=_detectable(steps[-1].scores) if verdict == "nothing_missing" else {},
         base=fit_of(base, task),
         best=best_fit,
+        columns={column: errors},
         descent=tuple(judged.error * unit for judged in descent),
         unshown=tuple(effect for effect in _blind(steps) if effect in named) if verdict == "missing" else (),
     )

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -165,6 +166,22 @@ class Explanation:
     """Errors on unseen data without, and with one, two, … of what is missing."""
     unshown: tuple[str, ...] = ()
     """Of what is missing, what the unseen data are free of: those of the fit tell it, the error stays."""
+    complete: bool = False
+    """Whether only noise is left with what is missing."""
+    columns: Mapping[str, Errors] = field(default_factory=dict)
+    """The errors of each measured column in its own unit."""
+    held: tuple[Estimate, ...] = ()
+    """Parameters that these recordings cannot tell, at the value at which they were held."""
+    untried: tuple[str, ...] = ()
+    """Effects that were not tried because the time was up."""
+
+    @property
+    def share(self) -> dict[str, float]:
+        """For each effect that is missing, the part of the squared error on unseen data that it takes."""
+        squares = [error**2 for error in self.descent]
+        first = squares[0] if squares else 0.0
+        falls = (before - after for before, after in itertools.pairwise(squares))
+        return {effect: fall / first if first > 0 else 0.0 for effect, fall in zip(self.missing, falls, strict=False)}
 
     def document(self) -> dict[str, Any]:
         """The keys of ``lab explain --json``."""
@@ -174,6 +191,11 @@ class Explanation:
             "confusable": [list(group) for group in self.confusable],
             "ranking": [entry.document() for entry in self.ranking],
             "error": self.error.document(),
+            "complete": self.complete,
+            "share": {effect: _number(share) for effect, share in self.share.items()},
+            "columns": {name: errors.document() for name, errors in self.columns.items()},
+            "scale": [{"parameter": e.name, "value": _number(e.value), "unit": e.unit} for e in self.held],
+            "untried": list(self.untried),
             "residual": self.residual.document() if self.residual else None,
             "advice": self.advice,
             "detectable": {effect: {name: _number(size)} for effect, (name, size) in self.detectable.items()},

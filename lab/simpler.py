@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from lostmotion.model import Model, build_model
 
-__all__ = ["contained", "in_place", "simpler", "wider", "with_effects", "without"]
+__all__ = ["SIMPLER", "contained", "in_place", "simpler", "wider", "with_effects", "without"]
 
 SIMPLER = {"stribeck_friction": "coulomb_friction"}
 """What an effect is when one of its parameters says nothing."""

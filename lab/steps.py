@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from operator import attrgetter
 
 import numpy as np
@@ -20,13 +22,16 @@ MOST_MISSING, AT_LENGTH = 3, 2
 
 
 def descended(
-    short: Level, level: Level, unseen: Unseen, rng: np.random.Generator, progress: Progress
+    short: Level, level: Level, unseen: Unseen, rng: np.random.Generator, progress: Progress, until: float = math.inf
 ) -> tuple[Level, Level, list[Judged], list[Step]]:
-    """The last fits on short and on grown stretches, how the error fell, and what was tried."""
+    """The last fits on short and on grown stretches, how the error fell, and what was tried.
+
+    No further step begins after time.monotonic() has passed ``until`` [s].
+    """
     descent, steps = [unseen.judge(level.model)], list[Step]()
-    while len(descent) <= MOST_MISSING:
+    while len(descent) <= MOST_MISSING and (not steps or time.monotonic() < until):
         progress("looking for more" if steps else "looking for what is missing", 0.15 + 0.25 * len(steps))
-        found = _next(short, level, descent[-1], unseen, rng)
+        found = _next(short, level, descent[-1], unseen, rng, until)
         steps += found
         if not found[-1].accepted:
             break
@@ -39,10 +44,12 @@ def descended(
     return short, level, descent, steps
 
 
-def _next(short: Level, level: Level, now: Judged, unseen: Unseen, rng: np.random.Generator) -> list[Step]:
+def _next(
+    short: Level, level: Level, now: Judged, unseen: Unseen, rng: np.random.Generator, until: float
+) -> list[Step]:
     """One step; or two, of which the first, or each, explains too little alone.  The last may not be accepted."""
     step = searched(level, short, now, unseen, rng)
-    if step.accepted or len(unseen.task.added(short.model)) >= AT_LENGTH:
+    if step.accepted or len(unseen.task.added(short.model)) >= AT_LENGTH or time.monotonic() > until:
         return [step]
     if (step := further(step, short, now, unseen)).accepted:
         return [step]

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 from lostmotion.lab import words
 from lostmotion.lab.compare import Comparison
-from lostmotion.lab.quantity import number, quantities, with_unit
-from lostmotion.lab.results import Errors, Explanation, Finding, Fit, Ladder
+from lostmotion.lab.quantity import number, quantities, quantity, with_unit
+from lostmotion.lab.results import Errors, Estimate, Explanation, Finding, Fit, Ladder
 
 __all__ = ["added", "detectable", "joined", "of_comparison", "of_explanation", "of_finding", "of_fit", "of_ladder"]
 
@@ -31,6 +31,14 @@ def of_explanation(explanation: Explanation) -> tuple[str, ...]:
         sentences.append("Something is missing that no effect of the catalogue explains.")
         sentences += of_finding(found) if found else ()
     sentences += [f"These recordings cannot tell {_apart(group)}." for group in explanation.confusable]
+    if explanation.missing and not explanation.complete and found:
+        sentences.append("Something more is missing that no effect of the catalogue explains.")
+        sentences += of_finding(found)
+    sentences += [_held(one) for one in explanation.held]
+    if explanation.untried:
+        sentences.append(
+            f"Not tried for want of time: {joined([words.name(effect) for effect in explanation.untried])}."
+        )
     if explanation.unshown:
         effects = joined([words.name(effect) for effect in explanation.unshown])
         sentences.append(f"Of {effects} the recording kept for judging is free: only the others tell it.")
@@ -118,6 +126,13 @@ def _falls(error: Errors, count: int) -> str:
     (before, after, noise), unit = quantities(error.unit, error.before, error.after, error.noise)
     them = "it" if count == 1 else "them"
     return f"Adding {them} brings the error from {before} to {with_unit(after, unit)}; the sensor's noise is {noise}."
+
+
+def _held(one: Estimate) -> str:
+    return (
+        f"Only ratios to {one.name} can be told: {one.name} stays at {quantity(one.value, one.unit)}; "
+        "name it in the model file, or record the input."
+    )
 
 
 def _against(error: Errors) -> str:

@@ -183,6 +183,7 @@ _COLUMNS = {
     "position": ("angle", "rad"),
     "force": ("force", "N"),
     "displacement": ("displacement", "m"),
+    "torque": ("torque", "N m"),
 }
 
 

@@ -63,7 +63,8 @@ class Base:
     states: the solver integrates them; input_signals: signals that carry the input, with the order of the derivative
     (0 or 1); presets: signals that begin at a parameter's value (the inertia) or at a number; outputs: the names under
     which signals leave; rate: the fastest rate [rad/s] of the base, of which a sub-step covers at most a quarter;
-    watched: the signal that tells the solver how hard it got; start: states that move along with
+    watched: the signal that tells the solver how hard it got; scale: the parameter with which all forces can be scaled
+    without a change of the motion, where no input drives it; start: states that move along with
     an input, from the values, the input and its two derivatives.
     """
 
@@ -79,5 +80,6 @@ class Base:
     start: Callable[[Mapping[str, float], float, float, float], tuple[float, ...]]
     input_signals: tuple[tuple[int, int], ...] = ()
     presets: Mapping[int, str | float] = field(default_factory=dict)
+    scale: str = ""
     fusions: tuple[Fusion, ...] = ()
     """Those that cover most first."""

@@ -33,8 +33,8 @@ BASE = Base(
     equation="J theta_2'' = tau + bias",
     summary="a joint turned by a torque, or swinging freely",
     parameters={
-        "J": Parameter(2e-4, "kg m^2", 1e-8, 1e4, False, "guess: 20 g at 0.1 m", "inertia", Domain.POSITIVE),
-        "bias": Parameter(0.0, "N m", -1e3, 1e3, False, "none expected", "constant torque, an offset of the input"),
+        "J": Parameter(2e-4, "kg m^2", 1e-12, 1e9, False, "guess: 20 g at 0.1 m", "inertia", Domain.POSITIVE),
+        "bias": Parameter(0.0, "N m", -1e9, 1e9, False, "none expected", "constant torque, an offset of the input"),
     },
     states=(State("theta_2", THETA2, OMEGA2), State("omega_2", OMEGA2, ALPHA2)),
     terms=(Term(TORQUE, applied, ("bias",)), Term(ALPHA2, acceleration)),
@@ -44,4 +44,5 @@ BASE = Base(
     start=_start,
     input_signals=((FORCE, 0),),
     presets={INERTIA: "J"},
+    scale="J",
 )

@@ -130,4 +130,5 @@ BASE = Base(
     rate=bar_rate,
     start=_start,
     input_signals=((FORCE, 0),),
+    scale="m",
 )

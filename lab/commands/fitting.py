@@ -11,6 +11,8 @@ from typing import Any
 
 import click
 
+from lostmotion.lab.commands.duration import DURATION
+
 __all__ = ["explain", "fit", "improve"]
 
 Progress = Callable[[str, float], None]
@@ -26,6 +28,13 @@ executor_option = click.option(
 )
 report_option = click.option(
     "--report", type=click.Path(path_type=Path), metavar="F.html", help="Write a report to open in a browser."
+)
+budget_option = click.option(
+    "--budget", "budget_s", type=DURATION, default="60s", show_default=True, metavar="TIME",
+    help="After so long no further effect is looked for; the answer says what was not tried.",
+)  # fmt: skip
+effect_option = click.option(
+    "--effect", "effects", multiple=True, metavar="FILE.py:FUNCTION", help="Your own effect, beside the catalogue."
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else there.")
 
@@ -58,13 +67,18 @@ def fit(
 @recordings_argument
 @executor_option
 @report_option
+@budget_option
+@effect_option
 @json_option
-def explain(model: str, recordings: tuple[Path, ...], executor: str | None, report: Path | None, as_json: bool) -> None:
+def explain(
+    model: str, recordings: tuple[Path, ...], executor: str | None, report: Path | None, budget_s: float,
+    effects: tuple[str, ...], as_json: bool,
+) -> None:  # fmt: skip
     """Say which physical effect MODEL lacks, judged on the last recording, which the fit does not see."""
     from lostmotion.lab.explain import explain as explained
 
-    with _prepared(model, recordings, executor) as (built, experiments, pool, progress):
-        found = explained(built, experiments, pool, progress)
+    with _beside(effects), _prepared(model, recordings, executor) as (built, experiments, pool, progress):
+        found = explained(built, experiments, pool, progress, budget_s=budget_s)
     if _told(found, report, as_json, "explanation"):
         return
     from lostmotion.lab.commands.fitting_terminal import show_explanation
@@ -78,22 +92,41 @@ def explain(model: str, recordings: tuple[Path, ...], executor: str | None, repo
 @output_option
 @executor_option
 @report_option
+@budget_option
+@effect_option
 @json_option
 def improve(
-    model: str, recordings: tuple[Path, ...], output: Path, executor: str | None, report: Path | None, as_json: bool
-) -> None:
+    model: str, recordings: tuple[Path, ...], output: Path, executor: str | None, report: Path | None,
+    budget_s: float, effects: tuple[str, ...], as_json: bool,
+) -> None:  # fmt: skip
     """Explain, add and fit until nothing significant is missing; print how the error falls; write MODEL2."""
     from lostmotion.lab.explain import explain as explained
     from lostmotion.lab.ladder import ladder_of
 
-    with _prepared(model, recordings, executor) as (built, experiments, pool, progress):
-        found = ladder_of(explained(built, experiments, pool, progress))
+    with _beside(effects), _prepared(model, recordings, executor) as (built, experiments, pool, progress):
+        found = ladder_of(explained(built, experiments, pool, progress, budget_s=budget_s))
     _save(found.last.best.model, output)
     if _told(found, report, as_json, "ladder"):
         return
     from lostmotion.lab.commands.fitting_terminal import show_ladder
 
     show_ladder(found, output)
+
+
+@contextmanager
+def _beside(references: tuple[str, ...]) -> Iterator[None]:
+    """Effects of the user's own among the candidates."""
+    from lostmotion.lab.own.file import load_effect
+    from lostmotion.model.effects import register, unregister
+
+    loaded = [load_effect(reference) for reference in references]
+    for effect in loaded:
+        register(effect)
+    try:
+        yield
+    finally:
+        for effect in loaded:
+            unregister(effect.id)
 
 
 @contextmanager

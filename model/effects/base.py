@@ -16,8 +16,9 @@ from lostmotion.model.parameter import Parameter
 
 __all__ = ["ActsOn", "Effect", "EffectInfo", "joint_sized", "omega_0", "on", "servo_sized"]
 
-JOINT_MOST = 1e4
-"""[N m], or that per speed: the base ``joint`` stands for a finger as well as for a crane."""
+JOINT_MOST = 1e9
+"""[N m], or that per speed: the base ``joint`` stands for a finger as well as for a crane, in whatever unit its torque
+was recorded."""
 SERVO_SIZE = 200.0
 """A servo's torques over those on the bar's small inertia."""
 
@@ -53,6 +54,7 @@ class Effect(EffectInfo):
     signal's place begins where that stood *without* this effect.  rate: the fastest rate [rad/s] of the effect for its
     own and the base's values.  delay [s] shifts the input, clock_rate stretches the sensor's time stamps; both are
     plain functions of the effect's values, outside the kernels.  defaults: other values of the parameters on one base.
+    is_apt: whether values of its parameters are what its name says: a Stribeck friction is largest near rest.
     """
 
     terms: Mapping[str, tuple[Term, ...]] = field(default_factory=dict)
@@ -61,6 +63,7 @@ class Effect(EffectInfo):
     delay: Callable[[Mapping[str, float]], float] | None = None
     clock_rate: Callable[[Mapping[str, float]], float] | None = None
     defaults: Mapping[str, Mapping[str, Parameter]] = field(default_factory=dict)
+    is_apt: Callable[[Mapping[str, float]], bool] = lambda values: True
 
     def parameters_on(self, base: str) -> dict[str, Parameter]:
         """Its parameters with their defaults on that base.  Raises ModelError when it does not act there."""

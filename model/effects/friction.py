@@ -112,6 +112,7 @@ STRIBECK = Effect(
         "joint": {"tau_c": joint_sized(_TAU_C), "tau_s": joint_sized(_TAU_S), **_SLOW["joint"]},
         "servo": {"tau_c": servo_sized(_TAU_C), "tau_s": servo_sized(_TAU_S), **_SLOW["servo"]},
     },
+    is_apt=lambda values: values["tau_s"] >= values["tau_c"],
 )
 LOAD_DEPENDENT = Effect(
     id="load_dependent_friction",

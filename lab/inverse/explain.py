@@ -1,0 +1,249 @@
+"""What is missing from the model of a joint whose torque was measured: the inverse model's answer.
+
+1. Angle and torque are filtered to the band in which the motion stands out of its noise (signals.py).
+2. The model is fitted to the torque by least squares (regression.py).
+3. Effects are added as long as one predicts samples better that its fit has not seen, significantly for the whole
+   catalogue; those that have become superfluous are taken out again (selection.py).
+4. The last recording is used once, for the errors that are reported.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import t as student
+
+from lostmotion.lab import words
+from lostmotion.lab.advice import what_to_record
+from lostmotion.lab.experiment import Experiment
+from lostmotion.lab.held import is_driven, with_scale
+from lostmotion.lab.inverse.regression import Data, Regression, blocks_of, regressed
+from lostmotion.lab.inverse.selection import LIMIT, Selection, Step, selected
+from lostmotion.lab.inverse.signals import Signals
+from lostmotion.lab.inverse.swing import Swings
+from lostmotion.lab.inverse.torques import can_invert
+from lostmotion.lab.results import Curve, Errors, Estimate, Explanation, Finding, Fit, Ranked, Verdict
+from lostmotion.lab.rough import from_spectra
+from lostmotion.lab.seeds import AMPLITUDE
+from lostmotion.lab.shape import shapes
+from lostmotion.lab.task import Task, coarse_substep
+from lostmotion.model import Model, build_model
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["explained", "is_invertible"]
+
+STRUCTURED = 1.6
+"""Times the noise within the band, from which on the residual holds more than noise."""
+PIECE_S, PIECES = 1.0, 16
+"""Length and number of the pieces that are simulated to show the motion of a fit."""
+TOLD = 0.5
+"""A parameter is told when its standard deviation is below this share of its value."""
+LEAST_SHARE = 0.15
+"""Of the residual's variance on blocks that were left out: less says that it depends on nothing in particular."""
+
+Progress = Callable[[str, float], None]
+
+
+def is_invertible(model: Model, experiments: Sequence[Experiment]) -> bool:
+    """Whether the torque that moves a joint is known in every recording: measured, or none as it swings freely."""
+    return can_invert(model) and len({is_driven(one) for one in experiments}) == 1
+
+
+def explained(
+    model: Model, train: Sequence[Experiment], last: Experiment, noise: dict[str, float], pool: Executor,
+    progress: Progress, budget_s: float,
+) -> Explanation:  # fmt: skip
+    """What is missing, found on ``train`` and reported on ``last``.
+
+    noise: floor of each column; budget_s: no further effect is looked for after so long [s].
+    """
+    progress("fitting what is there", 0.0)
+    until = time.monotonic() + budget_s
+    model, held = with_scale(model, train)
+    rough = from_spectra(model, train)
+    is_free = not is_driven(last)
+    selection = selected(rough, [Signals.of(one) for one in train], is_free, until, progress)
+    progress("judging", 0.9)
+    unseen = Signals.of(last)
+    fits = [one.judged for one in selection.fits]
+    base, best = fits[0], fits[-1]
+    descent = tuple(_error(fit, unseen) for fit in fits)
+    column = "position" if is_free else "torque"
+    floors = {
+        "torque": max(_floor(one, best.model) for one in (unseen, *best.data.signals)),
+        "position": noise["position"],
+    }
+    complete = best.rms < STRUCTURED * floors[column]
+    verdict: Verdict = "missing" if selection.added else "nothing_missing" if complete else "outside_catalogue"
+    errors = Errors(descent[0], descent[-1], floors[column], words.column(column)[1])
+    found = Explanation(
+        verdict=verdict,
+        missing=selection.added,
+        confusable=_confusable(selection),
+        ranking=_ranking(selection, unseen, descent[0]),
+        error=errors,
+        residual=None if complete else _finding(selection.fits[-1].inverse),
+        advice=_advice(selection, train, noise, pool),
+        detectable=_detectable(selection.steps[-1]) if verdict == "nothing_missing" else {},
+        base=_fit(base, model, {**noise, column: floors[column]}, column),
+        best=_fit(best, model, {**noise, column: floors[column]}, column),
+        descent=descent,
+        complete=complete,
+        columns={column: errors},
+        held=held,
+        untried=() if selection.complete else tuple(one.effect for one in selection.steps[-1].judged[1:]),
+    )
+    progress("done", 1.0)
+    return found
+
+
+def _error(fit: Regression, unseen: Signals) -> float:
+    """Root mean square of what a fit lacks in a recording that it has not seen [N m or rad]: only the initial state of
+    a free motion is fitted there."""
+    known = fit.model.replace({name: replace(fit.model.parameters[name], fixed=True) for name in fit.unknowns.names})
+    if isinstance(fit.data, Swings):
+        return regressed(known, Swings.of([unseen], known)).rms
+    return regressed(known, Data.of([unseen], known)).rms
+
+
+def _floor(signals: Signals, model: Model) -> float:
+    """What sensors of torque and angle leave within the band [N m]."""
+    return math.hypot(signals.torque_noise, model.parameters["J"].value * signals.acceleration_noise)
+
+
+def _confusable(selection: Selection) -> tuple[tuple[str, ...], ...]:
+    firsts = [(step.judged[0].effect, *step.confusable) for step in selection.steps if step.confusable]
+    return tuple(group for group in firsts if group[0] in selection.added)
+
+
+def _ranking(selection: Selection, unseen: Signals, before: float) -> tuple[Ranked, ...]:
+    """The candidates of the first step, best first; those that are in the last fit with its values."""
+    final = {e.name: (e.value, e.low, e.high) for e in _estimates(selection.fits[-1].judged)}
+
+    def values(effect: str, fit: Regression) -> dict[str, tuple[float, float, float]]:
+        own = {e.name: (e.value, e.low, e.high) for e in _estimates(fit)} | (final if effect in selection.added else {})
+        return {name.removeprefix(f"{effect}."): v for name, v in own.items() if name.startswith(f"{effect}.")}
+
+    return tuple(
+        Ranked(one.effect, before, _error(one.fit, unseen), one.p_value, values(one.effect, one.fit))
+        for one in selection.steps[0].judged
+    )
+
+
+def _advice(selection: Selection, train: Sequence[Experiment], noise: dict[str, float], pool: Executor) -> str:
+    """What to record to tell apart the first effects that these recordings confuse."""
+    for step in selection.steps:
+        if step.confusable and step.judged[0].effect in selection.added:
+            alike = [one.fit.model for one in step.judged if one.effect in (step.judged[0].effect, *step.confusable)]
+            return what_to_record(alike, Task.of(alike[0], train, noise), pool)
+    return ""
+
+
+def _detectable(step: Step) -> dict[str, tuple[str, float]]:
+    """The size of each effect that would have been significant with an even chance."""
+    sizes = {}
+    for one in step.judged:
+        names = [name for name in AMPLITUDE.get(one.effect, ()) if f"{one.effect}.{name}" in one.fit.unknowns.names]
+        if not names:
+            continue
+        block = blocks_of(one.fit)
+        at = one.fit.unknowns.names.index(f"{one.effect}.{names[0]}")
+        slope = float(one.fit.unknowns.slopes(one.fit.z)[at])
+        deviation = abs(slope) * math.sqrt(max(float(one.fit.covariance(block)[at, at]), 0.0))
+        limit = float(student.isf(LIMIT / len(step.judged), int(block.max())))
+        sizes[one.effect] = (names[0], limit * deviation)
+    return sizes
+
+
+def _estimates(fit: Regression) -> list[Estimate]:
+    """With intervals that hold whatever the residual's correlation within blocks."""
+    block = blocks_of(fit)
+    deviation = np.sqrt(np.maximum(np.diag(fit.covariance(block)), 0.0))
+    factor = float(student.isf(0.025, max(int(block.max()), 1)))
+    low, high = fit.unknowns.bounds
+    found = []
+    for item, z, sd, a, b in zip(fit.unknowns.items, fit.z.tolist(), deviation.tolist(), low, high, strict=True):
+        value, slope = item.value(z), abs(item.slope(z)) * sd
+        ends = sorted((item.value(z - factor * sd), item.value(z + factor * sd))) if item.logarithmic else (
+            value - factor * slope, value + factor * slope)  # fmt: skip
+        told = sd < TOLD if item.logarithmic else slope < TOLD * max(abs(value), item.scale)
+        found.append(Estimate(item.name, value, ends[0], ends[1], fit.model.parameters[item.name].unit, told,
+                              bool(z <= a or z >= b)))  # fmt: skip
+    return found
+
+
+def _fit(fit: Regression, rough: Model, noise: dict[str, float], column: str) -> Fit:
+    """The regression as a result, with pieces of the motion to be simulated from the filtered state."""
+    block = blocks_of(fit)
+    covariance = fit.covariance(block)
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    model = _sharp(fit.model, rough)
+    pieces = [piece for signals in fit.data.signals for piece in _pieces(signals)]
+    chosen = [pieces[i] for i in np.unique(np.linspace(0, len(pieces) - 1, min(PIECES, len(pieces))).astype(int))]
+    experiments, starts = zip(*chosen, strict=True)
+    substep = coarse_substep(model, experiments, 1.0)
+    return Fit(
+        model=model,
+        experiments=tuple(experiments),
+        starts=tuple(starts),
+        estimates=tuple(_estimates(fit)),
+        correlation=np.asarray(covariance / np.outer(deviation, deviation)),
+        noise=noise,
+        rms={"position": _position_rms(model, experiments, starts, substep), column: fit.rms},
+        substep_s=substep,
+    )
+
+
+def _sharp(model: Model, rough: Model) -> Model:
+    """The model with the widths of dry friction that its file or its effects state, not those of the filter."""
+    bare = build_model(model.base, model.effects)
+    widths = {name: p for name, p in {**bare.parameters, **rough.parameters}.items() if name.endswith(".omega_0")}
+    return replace(model, parameters={name: widths.get(name, p) for name, p in model.parameters.items()})
+
+
+def _pieces(signals: Signals) -> list[tuple[Experiment, FloatArray]]:
+    """Stretches of a second, each with the filtered angle and speed at its first sample."""
+    whole, found = signals.experiment, []
+    for start in np.arange(whole.time[0], whole.time[-1] - PIECE_S / 2, PIECE_S):
+        piece = whole.between(float(start), float(start) + PIECE_S)
+        at = piece.time[0]
+        state = [np.interp(at, signals.time, values) for values in (signals.position, signals.velocity)]
+        found.append((piece, np.array(state)))
+    return found
+
+
+def _position_rms(model: Model, pieces: Sequence[Experiment], starts: Sequence[FloatArray], substep: float) -> float:
+    """Error of the angle, simulated over the pieces [rad]."""
+    parts = []
+    for piece, start in zip(pieces, starts, strict=True):
+        own = piece.model(model)
+        motion = own.simulate(piece.drive, piece.time, start, substep_s=substep)
+        parts.append((piece.measured["position"] - motion["position"]) ** 2)
+    return float(np.sqrt(np.nanmean(np.concatenate(parts))))
+
+
+def _finding(fit: Regression) -> Finding:
+    """What the torque that is left depends on."""
+    data = fit.data
+    assert isinstance(data, Data)
+    residuals = np.split(fit.residual, np.cumsum(data.counts)[:-1])
+    variables = [
+        {
+            "theta_2": one.position[one.kept], "omega_2": one.velocity[one.kept], "torque": one.filtered(load),
+            "acceleration": one.acceleration[one.kept], "time": one.time[one.kept],
+        }
+        for one, load in zip(data.signals, data.transmitted, strict=True)
+    ]  # fmt: skip
+    found = shapes(residuals, [np.full(r.size, fit.rms) for r in residuals], variables)
+    size = f"a torque on the joint of about {fit.rms:.2g} N m is missing"
+    if not found or found[0].explained < LEAST_SHARE:
+        return Finding("joint", (), f"{size}; it follows no single state")
+    best = found[0]
+    curve = Curve(best.variable, best.unit, best.x, best.mean, best.mean - best.half_width, best.mean + best.half_width)
+    text = f"{size}; {100 * best.explained:.0f} % of it follows {words.variable(best.variable)[0]}"
+    return Finding("joint", (best.variable,), text, curve)

@@ -1,0 +1,177 @@
+"""Least squares of the torque, its intervals, and how well it predicts samples that it was not fitted to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from lostmotion.lab.inverse.signals import Signals
+from lostmotion.lab.inverse.torques import needed
+from lostmotion.lab.unknowns import Unknowns
+from lostmotion.model import Model
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["Data", "Problem", "Regression", "blocks_of", "regressed"]
+
+STEP = 1e-6
+"""Finite difference in numbers of order one: the torque is a smooth function of its parameters."""
+PER_CORRELATION = 4.0
+"""Correlation times of the residual in a block: the means of neighbouring blocks are then nearly independent."""
+LEAST_BLOCKS = 12
+"""Blocks in all recordings together; with fewer, a t-test tells nothing."""
+FOLDS = 3
+"""Parts of the samples, each predicted by a fit to the others."""
+
+
+class Problem(Protocol):
+    """What a model is fitted to."""
+
+    @property
+    def signals(self) -> tuple[Signals, ...]: ...
+    @property
+    def nuisance(self) -> FloatArray: ...
+    @property
+    def counts(self) -> list[int]: ...
+    def residual(self, model: Model, nuisance: FloatArray) -> FloatArray: ...
+    def usual(self, model: Model) -> float: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Data:
+    """Recordings and, for each, the torque [N m] (N,) on which friction that grows with load depends."""
+
+    signals: tuple[Signals, ...]
+    transmitted: tuple[FloatArray, ...]
+
+    @classmethod
+    def of(cls, signals: Sequence[Signals], model: Model) -> Data:
+        """With the transmitted torque that a model needs for the motion."""
+        measured = cls(tuple(signals), tuple(one.torque for one in signals))
+        return cls(measured.signals, tuple(measured.needed(model)))
+
+    def needed(self, model: Model) -> list[FloatArray]:
+        """The torque that the motion of each recording needs of a model, (N,) each [N m]."""
+        pairs = zip(self.signals, self.transmitted, strict=True)
+        return [needed(one.experiment.model(model), one, torque) for one, torque in pairs]
+
+    @property
+    def nuisance(self) -> FloatArray:
+        """Initial values of what is fitted beside the model's parameters: nothing."""
+        return np.empty(0)
+
+    def residual(self, model: Model, nuisance: FloatArray) -> FloatArray:
+        """Measured less modelled torque within the band, all recordings one after the other (M,) [N m]."""
+        pairs = zip(self.signals, self.needed(model), strict=True)
+        return np.concatenate([one.filtered(one.torque - torque) for one, torque in pairs])
+
+    def usual(self, model: Model) -> float:
+        """Root mean square of what moves the joint [N m]: the torque, or inertia where it swings freely."""
+        inertia = model.parameters["J"].value
+        moving = [np.where(one.torque.any(), one.torque, inertia * one.acceleration) for one in self.signals]
+        return float(np.sqrt(np.mean(np.concatenate(moving) ** 2)))
+
+    @cached_property
+    def counts(self) -> list[int]:
+        """Samples of each recording that count."""
+        return [len(range(*one.kept.indices(one.time.size))) for one in self.signals]
+
+
+@dataclass(frozen=True, eq=False)
+class Regression:
+    """A model fitted to the torque or the angle of some recordings.
+
+    unknowns, z: its free parameters, (P,); residual: measured less modelled (M,) [N m or rad]; jacobian: its
+    derivatives by z, and by what was fitted beside the parameters (M, P + E).
+    """
+
+    model: Model
+    data: Problem
+    unknowns: Unknowns
+    z: FloatArray
+    residual: FloatArray
+    jacobian: FloatArray
+
+    @property
+    def rms(self) -> float:
+        """Of the residual [N m]."""
+        return float(np.sqrt(np.mean(self.residual**2)))
+
+    @property
+    def count(self) -> int:
+        """P, the number of free parameters."""
+        return len(self.unknowns.items)
+
+    def predicted(self, fold: NDArray[np.intp]) -> FloatArray:
+        """The residual of each sample (M,) by a fit to all samples of other folds; one Gauss-Newton step from here."""
+        found = np.empty_like(self.residual)
+        size = np.maximum(np.linalg.norm(self.jacobian, axis=0), 1e-300)
+        scaled = self.jacobian / size
+        for k in np.unique(fold):
+            out = fold == k
+            step = np.linalg.lstsq(scaled[~out], -self.residual[~out], rcond=1e-9)[0]
+            found[out] = self.residual[out] + scaled[out] @ step
+        return found
+
+    def covariance(self, block: NDArray[np.intp]) -> FloatArray:
+        """Of z (P, P), whatever the residual's correlation within blocks of samples (cluster-robust; Liang and Zeger
+        1986)."""
+        size = np.maximum(np.linalg.norm(self.jacobian, axis=0), 1e-300)
+        scaled = self.jacobian / size
+        inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-9, hermitian=True)
+        numbers, at = np.unique(block, return_inverse=True)
+        scores = np.zeros((numbers.size, size.size))
+        np.add.at(scores, at, scaled * self.residual[:, None])
+        spread = numbers.size / max(numbers.size - 1, 1) * (scores.T @ scores)
+        whole = (inverse @ spread @ inverse) / np.outer(size, size)
+        return np.asarray(whole[: self.count, : self.count])
+
+
+def regressed(model: Model, data: Problem) -> Regression:
+    """The model with its free parameters fitted, within their bounds."""
+    unknowns = Unknowns.of(model)
+    low, high = unknowns.bounds
+    beside = data.nuisance
+    count, usual = len(unknowns.items), max(data.usual(model), 1e-300)
+    free = np.full(beside.size, np.inf)
+    z = np.concatenate([np.clip(unknowns.z(model), low, high), beside])
+
+    def residual(at: FloatArray) -> FloatArray:
+        return data.residual(unknowns.put(model, at[:count]), at[count:]) / usual
+
+    if not z.size:
+        return Regression(model, data, unknowns, z, residual(z) * usual, np.empty((sum(data.counts), 0)))
+    bounds = (np.concatenate([low, -free]), np.concatenate([high, free]))
+    found = least_squares(residual, z, bounds=bounds, x_scale="jac", diff_step=np.full(z.size, STEP), max_nfev=30)
+    fitted = unknowns.put(model, found.x[:count])
+    return Regression(fitted, data, unknowns, found.x[:count], found.fun * usual, np.asarray(found.jac) * usual)
+
+
+def blocks_of(regression: Regression) -> NDArray[np.intp]:
+    """A number for each sample (M,): that of its block, in which the residual has about four correlation times."""
+    counts, numbers, first = regression.data.counts, [], 0
+    parts = np.split(regression.residual, np.cumsum(counts)[:-1])
+    length = PER_CORRELATION * max(_correlation(part) for part in parts)
+    longest = max(sum(counts) / LEAST_BLOCKS, 1.0)
+    for count in counts:
+        many = max(round(count / min(max(length, 1.0), longest)), 1)
+        numbers.append(first + np.arange(count) * many // count)
+        first += many
+    return np.concatenate(numbers)
+
+
+def _correlation(residual: FloatArray) -> float:
+    """Integral correlation time in samples: 1 + 2 sum of the autocorrelation up to its first zero."""
+    centred = residual - residual.mean()
+    power = np.abs(np.fft.rfft(centred, 2 * centred.size)) ** 2
+    raw = np.fft.irfft(power)[: centred.size // 2]
+    if not raw[0] > 0:
+        return 1.0
+    own = raw / raw[0]
+    zero = np.flatnonzero(own <= 0)
+    return float(1 + 2 * own[1 : zero[0] if zero.size else None].sum())

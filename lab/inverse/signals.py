@@ -1,0 +1,130 @@
+"""Motion and torque of a recording within the band in which the angle stands out of its noise.  Nothing is fitted here.
+
+Every signal of the regression goes through one and the same zero-phase low-pass filter (parallel filtering), which
+leaves a linear relation between them as it is, and is then sampled at the rate that the band needs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+from scipy.signal import butter, sosfiltfilt, welch
+
+from lostmotion.lab.experiment import Experiment
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["Signals"]
+
+CLEAR = 30.0
+"""The band ends where the angle's power density falls to this many times its noise.  Amplitudes stand out of the noise
+by a factor of five there; the acceleration's error is largest at the end of the band, about a fifth of its signal."""
+MOTION = 0.9
+"""Share of the power of the speed that lies within the band: below, a swing has nothing but noise too."""
+FASTEST = 0.2
+"""Of the rate: the highest end of a band, where the second derivative of the spline is still right to 1 %."""
+SPLINE = 5
+"""Degree of the spline that is differentiated.  Central differences are 3 % too small at a twentieth of the rate."""
+SLOWEST = 4.0
+"""Periods in the recording: the lowest end of a band."""
+PER_PERIOD = 2.5
+"""Samples that are kept per period of the end of the band."""
+EDGE = 2.0
+"""Periods of the end of the band that are left out at both ends of a recording."""
+SEGMENT = 1024
+"""Samples of a segment of the power density."""
+ORDER = 4
+"""Of the Butterworth filter, which runs forwards and backwards."""
+
+
+@dataclass(frozen=True, eq=False)
+class Signals:
+    """time [s], position [rad], velocity, acceleration and torque [N m], each (N,) on the recording's grid, filtered;
+    band_hz: the end of the band; position_density: power density of the angle's noise [rad²/Hz]; torque_noise: root
+    mean square of the torque's noise within the band [N m]."""
+
+    experiment: Experiment
+    time: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    torque: FloatArray
+    band_hz: float
+    position_density: float
+    torque_noise: float
+
+    @classmethod
+    def of(cls, experiment: Experiment) -> Signals:
+        """Of an experiment of the base ``joint``; without a torque, the joint swings freely and there is none."""
+        step = 1 / experiment.rate_hz
+        seen = ~np.isnan(experiment.measured["position"])
+        measured, at = experiment.measured["position"][seen], experiment.time[seen]
+        time = np.arange(at[0], at[-1] + step / 2, step)
+        position = np.interp(time, at, measured)
+        drive = experiment.drive
+        torque = np.asarray(drive.position(np.clip(time, at[0], at[-1]))) if drive else np.zeros_like(time)
+        band, density = _band(position, 1 / step)
+        smooth = _lowpass(position, band * step)
+        spline = make_interp_spline(time, smooth, k=SPLINE)
+        velocity, acceleration = (np.asarray(spline.derivative(order)(time)) for order in (1, 2))
+        noise = _torque_noise(torque, 1 / step, band)
+        return cls(
+            experiment, time, smooth, velocity, acceleration, _lowpass(torque, band * step), band, density, noise
+        )
+
+    @cached_property
+    def kept(self) -> slice:
+        """The samples that count: none near the ends, where the filter knows one side only."""
+        per_period = self._rate / self.band_hz
+        edge = min(round(EDGE * per_period), self.time.size // 8)
+        return slice(edge, self.time.size - edge, max(round(per_period / PER_PERIOD), 1))
+
+    @property
+    def _rate(self) -> float:
+        return float(1 / (self.time[1] - self.time[0]))
+
+    def filtered(self, signals: FloatArray) -> FloatArray:
+        """Signals (..., N) through the filter, at the samples that count (..., M)."""
+        return _lowpass(signals, self.band_hz / self._rate)[..., self.kept]
+
+    @property
+    def acceleration_noise(self) -> float:
+        """Root mean square of the acceleration's error within the band [rad/s²], by the angle's noise: the integral of
+        (2 pi f)^4 times its density."""
+        return float(np.sqrt(self.position_density * (2 * np.pi) ** 4 * self.band_hz**5 / 5))
+
+
+def _lowpass(values: FloatArray, band: float) -> FloatArray:
+    """Zero-phase; band: its end in cycles per sample."""
+    sos = butter(ORDER, 2 * band, output="sos")
+    return np.asarray(sosfiltfilt(sos, values, axis=-1, padlen=min(values.shape[-1] - 1, round(3 / band))))
+
+
+def _density(values: FloatArray, rate: float) -> tuple[FloatArray, FloatArray]:
+    """Frequencies [Hz] and one-sided power density."""
+    length = min(values.size, SEGMENT)
+    found: tuple[FloatArray, FloatArray] = welch(  # type: ignore[call-overload]  # the stubs lack detrend="linear"
+        values, rate, "blackmanharris", length, detrend="linear"
+    )
+    return found
+
+
+def _band(position: FloatArray, rate: float) -> tuple[float, float]:
+    """Where the angle falls into its noise [Hz], and the noise's density, that of the upper quarter of frequencies."""
+    frequency, power = _density(position, rate)
+    noise = float(np.median(power[3 * power.size // 4 :]))
+    moving = np.cumsum(power * frequency**2)
+    lost = np.flatnonzero((power < CLEAR * noise) & (moving >= MOTION * moving[-1]))
+    end = float(frequency[lost[0]]) if lost.size else float(frequency[-1])
+    return min(max(end, SLOWEST * rate / position.size), FASTEST * rate), noise
+
+
+def _torque_noise(torque: FloatArray, rate: float, band: float) -> float:
+    """Root mean square of the torque's own noise within the band [N m]: its density where no motion is, above the band,
+    taken as white."""
+    frequency, power = _density(torque, rate)
+    above = power[frequency > 2 * band]
+    floor = float(np.median(above)) if above.size >= 3 else float(power.min())
+    return float(np.sqrt(floor * band))
