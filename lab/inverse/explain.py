@@ -88,7 +88,7 @@ def explained(
         ranking=_ranking(selection, unseen, descent[0]),
         error=errors,
         residual=None if complete else _finding(selection.fits[-1].inverse),
-        advice=_advice(selection, train, noise, pool),
+        advice="" if is_free else _advice(selection, train, noise, pool),
         detectable=_detectable(selection.steps[-1]) if verdict == "nothing_missing" else {},
         base=_fit(base, model, {**noise, column: floors[column]}, column),
         best=_fit(best, model, {**noise, column: floors[column]}, column),
