@@ -26,14 +26,13 @@ LEAST_WIDTH, SAMPLES_WIDE = 3, 3.0
 @dataclass(frozen=True, slots=True, eq=False)
 class Inverse:
     """Kicks at times (K,) from accelerations (N,): gain (K, N), covariance (K, K), twice (K, K) making angles of kicks,
-    sums (K, K) of three neighbours and the standard deviation (K,) of these; doubt (K, K): covariance of these angles;
-    slow_deviation (K,): that of the acceleration [rad/s²] averaged over a period of the bar."""
+    deviation (K,) of the sum of three neighbours; doubt (K, K): covariance of these angles; slow_deviation (K,): that
+    of the acceleration [rad/s²] averaged over a period of the bar."""
 
     times: FloatArray
     gain: FloatArray
     covariance: FloatArray
     twice: FloatArray
-    sums: FloatArray
     deviation: FloatArray
     doubt: FloatArray
     slow_deviation: FloatArray
@@ -82,7 +81,7 @@ def _inverse(length: int, rate_hz: float, noise: float, settings: DetectorSettin
     index, period = np.arange(count), round(1 / STEP)
     slow = (np.abs(index[:, None] - index) <= period // 2) / (period * step)
     doubt = np.asarray(twice @ own @ twice.T)
-    return Inverse(kicks, gain[:count], own, twice, sums, _deviation(sums, own), doubt, _deviation(slow, own))
+    return Inverse(kicks, gain[:count], own, twice, _deviation(sums, own), doubt, _deviation(slow, own))
 
 
 @lru_cache(maxsize=16)
