@@ -181,7 +181,7 @@ def _fit(fit: Regression, rough: Model, noise: dict[str, float], column: str) ->
     """The regression as a result, with pieces of the motion to be simulated from the filtered state."""
     block = blocks_of(fit)
     covariance = fit.covariance(block)
-    deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-100))
     model = _sharp(fit.model, rough)
     pieces = [piece for signals in fit.data.signals for piece in _pieces(signals)]
     chosen = [pieces[i] for i in np.unique(np.linspace(0, len(pieces) - 1, min(PIECES, len(pieces))).astype(int))]

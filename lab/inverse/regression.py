@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -21,10 +21,14 @@ __all__ = ["Data", "Problem", "Regression", "blocks_of", "regressed"]
 
 STEP = 1e-6
 """Finite difference in numbers of order one: the torque is a smooth function of its parameters."""
+LEAST_SCALE = 0.01
+"""Of the largest torque, or of a radian: the least scale of a parameter that may be zero."""
 PER_CORRELATION = 4.0
 """Correlation times of the residual in a block: the means of neighbouring blocks are then nearly independent."""
 LEAST_BLOCKS = 12
 """Blocks in all recordings together; with fewer, a t-test tells nothing."""
+MOST_STEPS = 60
+"""Of a fit."""
 FOLDS = 3
 """Parts of the samples, each predicted by a fit to the others."""
 
@@ -110,7 +114,7 @@ class Regression:
     def predicted(self, fold: NDArray[np.intp]) -> FloatArray:
         """The residual of each sample (M,) by a fit to all samples of other folds; one Gauss-Newton step from here."""
         found = np.empty_like(self.residual)
-        size = np.maximum(np.linalg.norm(self.jacobian, axis=0), 1e-300)
+        size = np.maximum(np.linalg.norm(self.jacobian, axis=0), 1e-100)
         scaled = self.jacobian / size
         for k in np.unique(fold):
             out = fold == k
@@ -121,7 +125,7 @@ class Regression:
     def covariance(self, block: NDArray[np.intp]) -> FloatArray:
         """Of z (P, P), whatever the residual's correlation within blocks of samples (cluster-robust; Liang and Zeger
         1986)."""
-        size = np.maximum(np.linalg.norm(self.jacobian, axis=0), 1e-300)
+        size = np.maximum(np.linalg.norm(self.jacobian, axis=0), 1e-100)
         scaled = self.jacobian / size
         inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-9, hermitian=True)
         numbers, at = np.unique(block, return_inverse=True)
@@ -134,7 +138,7 @@ class Regression:
 
 def regressed(model: Model, data: Problem) -> Regression:
     """The model with its free parameters fitted, within their bounds."""
-    unknowns = Unknowns.of(model)
+    unknowns = _scaled(Unknowns.of(model), model, data)
     low, high = unknowns.bounds
     beside = data.nuisance
     count, usual = len(unknowns.items), max(data.usual(model), 1e-300)
@@ -147,9 +151,26 @@ def regressed(model: Model, data: Problem) -> Regression:
     if not z.size:
         return Regression(model, data, unknowns, z, residual(z) * usual, np.empty((sum(data.counts), 0)))
     bounds = (np.concatenate([low, -free]), np.concatenate([high, free]))
-    found = least_squares(residual, z, bounds=bounds, x_scale="jac", diff_step=np.full(z.size, STEP), max_nfev=30)
+    found = least_squares(
+        residual, z, bounds=bounds, x_scale="jac", diff_step=np.full(z.size, STEP), max_nfev=MOST_STEPS
+    )
     fitted = unknowns.put(model, found.x[:count])
     return Regression(fitted, data, unknowns, found.x[:count], found.fun * usual, np.asarray(found.jac) * usual)
+
+
+def _scaled(unknowns: Unknowns, model: Model, data: Problem) -> Unknowns:
+    """With scales that no value near zero makes too small for finite differences: a share of the torque that moves the
+    joint, and of a radian."""
+    moving = model.parameters["J"].value * max(float(np.abs(one.acceleration).max()) for one in data.signals)
+    torque = max(moving, *(float(np.abs(one.torque).max()) for one in data.signals))
+    usual = {"N m": LEAST_SCALE * torque, "rad": LEAST_SCALE}
+    items = [
+        item
+        if item.logarithmic
+        else replace(item, scale=max(item.scale, usual.get(model.parameters[item.name].unit, 0.0)))
+        for item in unknowns.items
+    ]
+    return replace(unknowns, items=tuple(items))
 
 
 def blocks_of(regression: Regression) -> NDArray[np.intp]:

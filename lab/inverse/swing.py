@@ -40,6 +40,14 @@ class Swings:
         moving = tuple(replace(one, experiment=_until_rest(one)) for one in signals)
         return cls(moving, coarse_substep(model, [one.experiment for one in moving], STEPS))
 
+    def first(self, share: float) -> Swings:
+        """The beginnings of the recordings."""
+        parts = [
+            replace(one, experiment=one.experiment.between(one.time[0], one.time[0] + share * one.experiment.duration))
+            for one in self.signals
+        ]
+        return Swings(tuple(parts), self.substep_s)
+
     @property
     def nuisance(self) -> FloatArray:
         """Initial angle and speed of each recording as the filtered signals have them (2 R,)."""

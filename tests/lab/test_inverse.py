@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 from lostmotion.daemon.cli import cli
 from lostmotion.drivers.recording import Recording, write_recording
 from lostmotion.lab.experiment import Experiment, experiments
+from lostmotion.lab.held import with_scale
 from lostmotion.lab.inverse.regression import Data, blocks_of, regressed
 from lostmotion.lab.inverse.selection import selected
 from lostmotion.lab.inverse.signals import Signals
@@ -68,6 +69,7 @@ def pendulum(seed: int, drag: float = 0.02, inertia: float = 1.0) -> Recording:
 def named(model: Model, recordings: list[Recording]) -> tuple[str, ...]:
     """The effects that the selection adds."""
     held = experiments(model, recordings)
+    model, _ = with_scale(model, held)
     free = held[0].drive is None
     return selected(model, [Signals.of(one) for one in held], free, np.inf, lambda what, part: None).added
 
