@@ -58,7 +58,10 @@ CORNER = 2.0
 """A corner in the command, a step of its acceleration by the swing, kicks the bar by up to swing / omega_res; below so
 many times that speed the ring proves no play, and the interval begins at 0."""
 WRONG = 0.1
-"""Weight of the interval of ``play_size`` being wrong, which keeps a wrong size from deciding alone."""
+"""Weight of the interval of ``play_size`` being wrong, which keeps a wrong size from deciding alone: 12 % of these
+intervals do not hold, half of them at 1 mrad and less, where windows that err upwards tell a size and others none.
+With 0.1, 0.02 and 0.003 of the severities' 95 % intervals 93.1, 90.7 and 88.7 % hold on eq. 1's gears, 95.7, 94.6 and
+93.3 % on MuJoCo's stops, 97.0, 96.3 and 94.0 % on hard stops; Spearman's correlation is the same within 0.001."""
 STARTS, FIRST_START, LAST_START = 40, 1.5, 1.0
 """The ring is looked for at so many moments, from so many periods after the stretch's begin on, until so many before
 its end."""
