@@ -113,10 +113,11 @@ def _promise(name: str, start: Model, now: Regression) -> tuple[float, Model] | 
 
 
 def _covers(name: str, model: Model, data: Problem) -> bool:
-    """Whether the motion covers some periods of an effect that repeats N times a turn."""
+    """Whether the motion covers some periods of an effect that repeats N times a turn; once a turn it has the shape of
+    a weight, and is told as what cannot be told from one."""
     turns = model.parameters.get(f"{name}.N")
     span = max(float(np.ptp(one.position)) for one in data.signals)
-    return turns is None or turns.value * span > PERIODS * 2 * np.pi
+    return turns is None or turns.value == 1 or turns.value * span > PERIODS * 2 * np.pi
 
 
 def _tried(model: Model, data: Problem) -> Regression | None:

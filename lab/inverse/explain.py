@@ -37,8 +37,9 @@ from lostmotion.model.motion import FloatArray
 
 __all__ = ["explained", "is_invertible"]
 
-STRUCTURED = 1.6
-"""Times the noise within the band, from which on the residual holds more than noise."""
+STRUCTURED = 2.0
+"""Times the noise within the band, from which on the residual holds more than noise: two seconds of noise alone leave
+up to 1.8 times the floor, of which few samples and the ends of the filter are the cause."""
 PIECE_S, PIECES = 1.0, 16
 """Length and number of the pieces that are simulated to show the motion of a fit."""
 TOLD = 0.5
@@ -78,7 +79,7 @@ def explained(
         "torque": max(_floor(one, best.model) for one in (unseen, *best.data.signals)),
         "position": noise["position"],
     }
-    complete = best.rms < STRUCTURED * floors[column]
+    complete = _usual(best.residual) < STRUCTURED * floors[column]
     verdict: Verdict = "missing" if selection.added else "nothing_missing" if complete else "outside_catalogue"
     errors = Errors(descent[0], descent[-1], floors[column], words.column(column)[1])
     found = Explanation(
@@ -114,6 +115,11 @@ def _error(fit: Regression, unseen: Signals) -> float:
 def _floor(signals: Signals, model: Model) -> float:
     """What sensors of torque and angle leave within the band [N m]."""
     return math.hypot(signals.torque_noise, model.parameters["J"].value * signals.acceleration_noise)
+
+
+def _usual(residual: FloatArray) -> float:
+    """Standard deviation by the median: transients of the filter at the ends of short recordings do not change it."""
+    return float(1.4826 * np.median(np.abs(residual - np.median(residual))))
 
 
 def _confusable(selection: Selection) -> tuple[tuple[str, ...], ...]:

@@ -78,7 +78,7 @@ class Signals:
     def kept(self) -> slice:
         """The samples that count: none near the ends, where the filter knows one side only."""
         per_period = self._rate / self.band_hz
-        edge = min(round(EDGE * per_period), self.time.size // 8)
+        edge = min(round(EDGE * per_period), self.time.size // 4)
         return slice(edge, self.time.size - edge, max(round(per_period / PER_PERIOD), 1))
 
     @property

@@ -18,7 +18,7 @@ from tests.daemon.conftest import ROOT
 from tests.daemon.fakes import fake_config
 
 JOINTS = tuple(f"j{k}" for k in range(6))
-RESTLESS = "level = 2.1\n[alarm]\nwindows = 3\noff_delay_s = 0\ndeadband = 0\n"
+RESTLESS = 'statistic = "band"\nlevel = 2.1\n[alarm]\nwindows = 3\noff_delay_s = 0\ndeadband = 0\n'
 """about half of the fake robot's windows lie above the level, and three of them decide"""
 
 

@@ -50,7 +50,7 @@ def test_a_database_damaged_at_rest_is_moved_aside(machine: Machine) -> None:
     damage(machine)
     machine.run("systemctl", "start", "lostmotion")
     (line,) = machine.said("the history begins anew", "-p", "err")
-    assert line.startswith("/var/lib/lostmotion/history.db: is damaged")
+    assert "lostmotion/history.db: is damaged" in line
     assert "history.db.damaged-" in machine.run("ls", FOLDER)
     wait_for_scores(machine)
 

@@ -114,7 +114,7 @@ def test_a_bad_configuration_is_refused(machine: Machine) -> None:
     expected = f"{CONFIG}: accelerometer 'tip'.rate_hertz: unknown key; did you mean rate_hz?"
     assert "failed" in machine.run("systemctl", "reload", "lostmotion", check=False)
     assert machine.said(f"lostmotion: {expected}")
-    machine.run("kill", "-HUP", before)
+    machine.run("sh", "-c", f"kill -HUP {before}")
     machine.wait_until(lambda: len(machine.journal("-p", ERROR)) > told)
     (line,) = machine.journal("-p", ERROR)[told:]
     assert line["MESSAGE"] == f"the old configuration stays: {expected}"
