@@ -70,7 +70,7 @@ class Running:
                 cwd=ROOT, stderr=sink, env=os.environ | environment,
             )  # fmt: skip
 
-    def wait_for(self, text: str, times: int = 1, timeout_s: float = 20.0) -> str:
+    def wait_for(self, text: str, times: int = 1, timeout_s: float = 60.0) -> str:
         """Waits until the log holds the text so often; the log."""
         wait_until(lambda: self.log.read_text().count(text) >= times, timeout_s, lambda: self.log.read_text())
         return self.log.read_text()
@@ -81,7 +81,7 @@ class Running:
         return self.process.wait(20)
 
 
-def wait_until(condition: Callable[[], object], timeout_s: float = 20.0, state: Callable[[], str] = str) -> None:
+def wait_until(condition: Callable[[], object], timeout_s: float = 60.0, state: Callable[[], str] = str) -> None:
     """Waits until the condition holds; fails with the state when it never does."""
     end = time.monotonic() + timeout_s
     while not condition():
