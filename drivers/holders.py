@@ -17,6 +17,8 @@ __all__ = ["holders"]
 PROC = Path("/proc")
 PTMX = os.makedev(5, 2)
 """the device of which every open file is the far end of a pseudo-terminal"""
+PTYS = range(136, 144)
+"""major numbers of pseudo-terminals, which every container numbers anew"""
 LONGEST_NAME = 60
 
 
@@ -33,26 +35,31 @@ def holders(path: str) -> list[str]:
     if not stat.S_ISCHR(device.st_mode):
         return []
     pids = (int(entry.name) for entry in os.scandir(PROC) if entry.name.isdigit())
-    return [_named(pid) for pid in sorted(pids) if pid != os.getpid() and _holds(pid, device.st_rdev)]
+    return [_named(pid) for pid in sorted(pids) if pid != os.getpid() and _holds(pid, _identity(device))]
 
 
-def _holds(pid: int, device: int) -> bool:
+def _identity(device: os.stat_result) -> tuple[int, int]:
+    """The device's number, and for a pseudo-terminal the file system that numbers it."""
+    return device.st_rdev, device.st_dev if os.major(device.st_rdev) in PTYS else 0
+
+
+def _holds(pid: int, device: tuple[int, int]) -> bool:
     numbers = dict(_devices(pid))
     if device not in numbers.values():
         return False
-    masters = (number for number, rdev in numbers.items() if rdev == PTMX)
-    return not any(_far_end(pid, number) == os.minor(device) for number in masters)
+    masters = (number for number, (rdev, _) in numbers.items() if rdev == PTMX)
+    return not any(_far_end(pid, number) == os.minor(device[0]) for number in masters)
 
 
-def _devices(pid: int) -> Iterator[tuple[str, int]]:
-    """The device numbers of all devices that a process has open, by file descriptor; none where nothing may be seen."""
+def _devices(pid: int) -> Iterator[tuple[str, tuple[int, int]]]:
+    """The identities of all devices that a process has open, by file descriptor; none where nothing may be seen."""
     folder = PROC / str(pid) / "fd"
     with suppress(OSError):  # it has ended, or is another user's
         for entry in folder.iterdir():
             with suppress(OSError):
                 found = entry.stat()
                 if stat.S_ISCHR(found.st_mode):
-                    yield entry.name, found.st_rdev
+                    yield entry.name, _identity(found)
 
 
 def _far_end(pid: int, number: str) -> int | None:

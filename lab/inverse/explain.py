@@ -37,9 +37,9 @@ from lostmotion.model.motion import FloatArray
 
 __all__ = ["explained", "is_invertible"]
 
-STRUCTURED = 2.0
-"""Times the noise within the band, from which on the residual holds more than noise: two seconds of noise alone leave
-up to 1.8 times the floor, of which few samples and the ends of the filter are the cause."""
+STRUCTURED = 3.0
+"""Times the noise within the band, from which on the residual holds more than noise: with two recordings of two
+seconds, noise alone leaves up to 2.5 times the floor, by the ends of the filter and the few samples."""
 PIECE_S, PIECES = 1.0, 16
 """Length and number of the pieces that are simulated to show the motion of a fit."""
 TOLD = 0.5
