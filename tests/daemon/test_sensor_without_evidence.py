@@ -122,11 +122,10 @@ def test_a_line_that_loses_three_bytes_of_ten(tmp_path: Path, start: Start) -> N
         service = start(configured(tmp_path, emulator))
         service.wait_for("health joint=elbow health=OK")
         stream.lossy = 0.3
-        log = service.wait_for("event=raised", timeout_s=60)
+        service.wait_for("event=raised", timeout_s=60)
         assert not is_healthy(tmp_path)
-        wait_until(lambda: "of the samples were lost within" in service.log.read_text(), 60)
+        wait_until(lambda: re.search(r"tip: \d\d% of the samples were lost within", service.log.read_text()), 60)
         assert service.stop(signal.SIGTERM) == 0
-    assert re.search(r"tip: \d\d% of the samples were lost|tip (loses samples|has no samples)|tip: no data", log)
 
 
 # --- without hardware: the two checks alone ---------------------------------------------------------------------------
