@@ -37,9 +37,9 @@ from lostmotion.model.motion import FloatArray
 
 __all__ = ["explained", "is_invertible"]
 
-STRUCTURED = 3.0
-"""Times the noise within the band, from which on the residual holds more than noise: with two recordings of two
-seconds, noise alone leaves up to 2.5 times the floor, by the ends of the filter and the few samples."""
+STRUCTURED = 1.6
+"""Times the noise within the band, from which on the residual holds more than noise: the error of the floor itself,
+which is an extrapolation from above the band."""
 PIECE_S, PIECES = 1.0, 16
 """Length and number of the pieces that are simulated to show the motion of a fit."""
 TOLD = 0.5
@@ -79,7 +79,7 @@ def explained(
         "torque": max(_floor(one, best.model) for one in (unseen, *best.data.signals)),
         "position": noise["position"],
     }
-    complete = _usual(best.residual) < STRUCTURED * floors[column]
+    complete = _least_spread(best.residual) < STRUCTURED * floors[column]
     verdict: Verdict = "missing" if selection.added else "nothing_missing" if complete else "outside_catalogue"
     errors = Errors(descent[0], descent[-1], floors[column], words.column(column)[1])
     found = Explanation(
@@ -117,9 +117,12 @@ def _floor(signals: Signals, model: Model) -> float:
     return math.hypot(signals.torque_noise, model.parameters["J"].value * signals.acceleration_noise)
 
 
-def _usual(residual: FloatArray) -> float:
-    """Standard deviation by the median: transients of the filter at the ends of short recordings do not change it."""
-    return float(1.4826 * np.median(np.abs(residual - np.median(residual))))
+def _least_spread(residual: FloatArray) -> float:
+    """Lower end of a 95 % interval of the standard deviation, by the median absolute deviation: its relative standard
+    error is 1.17 / sqrt(N) for N independent normal values (asymptotic efficiency 37 %), and transients of the filter
+    at the ends of a recording do not change it."""
+    spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
+    return spread / (1 + 1.645 * 1.17 / math.sqrt(residual.size))
 
 
 def _confusable(selection: Selection) -> tuple[tuple[str, ...], ...]:
