@@ -61,13 +61,15 @@ class Commanded:
         """Up to here it is known [s]."""
         return self.middle + self.half
 
-    def basis(self, time: FloatArray, order: int = 0) -> FloatArray:
-        """Legendre's polynomials at times [s], or their derivative of that order [1/s^order], shape (N, degree + 1)."""
+    def basis(self, time: FloatArray) -> FloatArray:
+        """Legendre's polynomials at times [s], shape (N, degree + 1)."""
+        return _basis((time - self.middle) / self.half, len(self.coefficients) - 1)
+
+    def derivative(self, basis: FloatArray, order: int) -> FloatArray:
+        """The derivative of theta_1 of that order [rad/s^order] at the times of a basis, shape (N,)."""
         degree = len(self.coefficients) - 1
-        place = (time - self.middle) / self.half
-        if order == 0:
-            return _basis(place, degree)
-        return np.asarray(_basis(place, degree - order) @ _derivative(degree, order) / self.half**order)
+        derived = _derivative(degree, order) @ self.coefficients / self.half**order
+        return np.asarray(basis[:, : degree + 1 - order] @ derived)
 
     def delayed(self, seconds: float) -> Commanded:
         """The motion of a servo that follows so long behind."""
@@ -75,7 +77,7 @@ class Commanded:
 
     def acceleration(self, time: FloatArray) -> FloatArray:
         """theta_1'' [rad/s²] at times [s]."""
-        return np.asarray(self.basis(time, 2) @ self.coefficients)
+        return self.derivative(self.basis(time), 2)
 
 
 def smoothed(times: FloatArray, commands: FloatArray, stretch: Window) -> Commanded | None:

@@ -205,11 +205,10 @@ def _told(stretch: Window, times: FloatArray, commands: FloatArray, settings: De
     undone = inverse(accel.size, rate_hz, noise, settings)
     kicks = undone.gain @ accel
     command, late = _followed(undone, kicks, command)
-    within = np.minimum(undone.times, command.end)
-    apart = _apart(
-        undone, kicks, command, late, mistuned(accel.size, rate_hz, noise, settings, MISTUNED) @ accel, settings
-    )
-    found = contacts(undone, kicks, command.acceleration(within), apart.known)
+    basis = command.basis(np.minimum(undone.times, command.end))
+    astray = mistuned(accel.size, rate_hz, noise, settings, MISTUNED) @ accel
+    apart = _apart(undone, kicks, command, basis, late, astray, settings)
+    found = contacts(undone, kicks, command.derivative(basis, 2), apart.known)
     return _solve(apart, found)
 
 
@@ -228,13 +227,15 @@ def _followed(undone: Inverse, kicks: FloatArray, command: Commanded) -> tuple[C
 
 
 def _apart(
-    undone: Inverse, kicks: FloatArray, command: Commanded, late: float, astray: FloatArray, settings: DetectorSettings
-) -> _Apart:
-    """D and what is uncertain about it: a delay by ``late`` [s], and the angles [rad] that a wrong resonance adds."""
+    undone: Inverse, kicks: FloatArray, command: Commanded, basis: FloatArray, late: float, astray: FloatArray,
+    settings: DetectorSettings,
+) -> _Apart:  # fmt: skip
+    """D and what is uncertain about it: a delay by ``late`` [s], and the angles [rad] that a wrong resonance adds.
+
+    basis: of the command at the times of the kicks.
+    """
     time = undone.times
-    within = np.minimum(time, command.end)
-    basis = command.basis(within)
-    driven, speed = basis @ command.coefficients, command.basis(within, 1) @ command.coefficients
+    driven, speed = basis @ command.coefficients, command.derivative(basis, 1)
     driven, speed = driven - driven.mean(), speed - speed.mean()
     step = float(time[1] - time[0])
     columns = np.column_stack([
@@ -296,11 +297,11 @@ def _design(apart: _Apart, touch: _Touch) -> FloatArray:
 
 
 def _least(design: FloatArray, weight: FloatArray, observed: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Coefficients, their covariance and the residuals."""
-    weighted = design.T @ weight
+    """Coefficients, their covariance and the residuals, of one design (K, 3) or of several (S, K, 3)."""
+    weighted = np.swapaxes(design, -1, -2) @ weight
     covariance = np.asarray(np.linalg.inv(weighted @ design), np.float64)
-    values = covariance @ (weighted @ observed)
-    return values, covariance, observed - design @ values
+    values = (covariance @ (weighted @ observed)[..., None])[..., 0]
+    return values, covariance, observed - (design @ values[..., None])[..., 0]
 
 
 def _between(apart: _Apart, touch: _Touch, fit: _Fit) -> tuple[FloatArray, FloatArray]:
@@ -327,7 +328,7 @@ def _chosen(found: Contacts, place: FloatArray, deviation: FloatArray, play: flo
             core = rests & (side == flank)
             row = core | (loose & (side == flank) & (-flank * found.push > LEAST_DRIVE))
             label = np.cumsum(np.concatenate([[True], row[1:] != row[:-1]]))
-            rests = rests | (row & np.isin(label, label[core]))
+            rests = rests | (row & (np.bincount(label, core)[label] > 0))
     rests &= _thinned(place.size)
     kick = np.zeros(place.size)
     for blow in np.flatnonzero(found.blows):
@@ -345,16 +346,15 @@ def _sized(apart: _Apart, touch: _Touch, found: Contacts, play: float) -> Sized:
     fit = _fit(apart, touch, play, TIMING)
     step = float(apart.time[1] - apart.time[0])
     pushed = np.maximum(np.abs(found.push[touch.at]), 1.0)
-    told = []
-    for softness in SOFTNESS:
-        size = fit.play
-        for _ in range(2):
-            # A blow's force lasts as long as it takes to stop on the flank: (n + 1) v² / (X phi) of eq. 1.
-            struck = np.maximum(touch.kick / (2 * step), (touch.kick / REBOUND) ** 2 / (max(softness, 0.01) * size))
-            load = np.where(touch.kick > 0, struck, pushed)
-            design = _design(apart, touch)
-            design[:, 2] *= (load / CONTACT_ACCEL) ** softness
-            values, covariance, left = _least(design, fit.weight, fit.observed)
-            size = max(float(values[2]), math.sqrt(covariance[2, 2]), LEAST_PLAY)
-        told.append((float(values[2]), math.sqrt(covariance[2, 2]), -float(left @ fit.weight @ left) / 2))
-    return Sized(*(np.array(column) for column in zip(*told, strict=True)))
+    softness, size = SOFTNESS[:, None], np.full((SOFTNESS.size, 1), fit.play)
+    design = np.repeat(_design(apart, touch)[None], SOFTNESS.size, axis=0)
+    yielded = design[0, :, 2].copy()
+    for _ in range(2):
+        # A blow's force lasts as long as it takes to stop on the flank: (n + 1) v² / (X phi) of eq. 1.
+        struck = np.maximum(touch.kick / (2 * step), (touch.kick / REBOUND) ** 2 / (np.maximum(softness, 0.01) * size))
+        load = np.where(touch.kick > 0, struck, pushed)
+        design[:, :, 2] = yielded * (load / CONTACT_ACCEL) ** softness
+        values, covariance, left = _least(design, fit.weight, fit.observed)
+        deviation = np.sqrt(covariance[:, 2, 2])
+        size = np.maximum(np.maximum(values[:, 2], deviation), LEAST_PLAY)[:, None]
+    return Sized(values[:, 2], deviation, -np.sum((left @ fit.weight) * left, axis=1) / 2)
