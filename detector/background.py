@@ -7,16 +7,17 @@ the measurements.
 from __future__ import annotations
 
 import math
+from collections.abc import Generator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lostmotion.detector import ringdown
 from lostmotion.detector.errors import DetectorError
-from lostmotion.detector.whitening import MOST_ORDER, Noise, levinson, spectrum, whiten
+from lostmotion.detector.whitening import MOST_ORDER, Noise, levinson, rounded, spectrum, whitener
 from lostmotion.detector.window import DetectorSettings, FloatArray
 
-__all__ = ["LEAST_WINDOWS", "Background", "applied", "distance", "followed", "learn"]
+__all__ = ["LEAST_WINDOWS", "Background", "applied", "distance", "followed", "learn", "learning"]
 
 LEAST_WINDOWS = 20
 ROUNDS = 8
@@ -91,9 +92,8 @@ class _Fit:
 
 def applied(background: Background, settings: DetectorSettings) -> DetectorSettings:
     """The settings with that noise, in few digits."""
-    noise = background.noise
-    colour = tuple(round(reflection, 4) for reflection in noise.colour)
-    return replace(settings, noise_ms2=float(f"{noise.deviation:.4g}"), noise_colour=colour)
+    noise = rounded(background.noise)
+    return replace(settings, noise_ms2=noise.deviation, noise_colour=noise.colour)
 
 
 def learn(
@@ -111,6 +111,19 @@ def learn(
     None when the windows tell nothing of the noise: rings are too loud in all of them.  Raises DetectorError for fewer
     than 20 windows.
     """
+    work = learning(windows, rate_hz, settings, earlier)
+    while True:
+        try:
+            next(work)
+        except StopIteration as finished:
+            result: Background | None = finished.value
+            return result
+
+
+def learning(
+    windows: FloatArray, rate_hz: float, settings: DetectorSettings, earlier: Background | None = None
+) -> Generator[None, None, Background | None]:
+    """The same as ``learn`` in rounds: yields after each, about 30 times, and returns the result."""
     count, length = windows.shape
     if count < LEAST_WINDOWS or not np.all(np.isfinite(windows)):
         raise DetectorError(f"found {count} windows, expected at least {LEAST_WINDOWS}, without missing samples")
@@ -122,12 +135,13 @@ def learn(
     quiet = len(calm)
     if quiet < max(LEAST_WINDOWS, CALM * count):
         return None
-    silent = _fitted(windows, rate_hz, bare, _Model(white, 0.0))
+    silent = yield from _fitted(windows, rate_hz, bare, _Model(white, 0.0))
     notched = _notched(silent.model.noise, settings.f_res_hz, rate_hz, length)
     starts = [_white(calm, rate_hz, bare), notched, *([earlier.noise] if earlier else [])]
-    fits = [_fitted(calm, rate_hz, bare, _Model(start)) for start in starts]
-    if quiet < count:
-        fits = [_weighed(windows, rate_hz, bare, fit) for fit in fits]
+    fits = []
+    for start in starts:
+        fit = yield from _fitted(calm, rate_hz, bare, _Model(start))
+        fits.append((yield from _weighed(windows, rate_hz, bare, fit)) if quiet < count else fit)
     best = max(fits, key=lambda fit: fit.likelihood)
     if (
         quiet >= SILENT * count
@@ -190,20 +204,24 @@ def _orders(length: int) -> int:
     return min(length // 3, MOST_ORDER)
 
 
-def _fitted(windows: FloatArray, rate_hz: float, settings: DetectorSettings, start: _Model) -> _Fit:
+def _fitted(
+    windows: FloatArray, rate_hz: float, settings: DetectorSettings, start: _Model
+) -> Generator[None, None, _Fit]:
     """Rounds of expectation and maximisation; ringing of 0 stays 0: the model without rings."""
     model = start
     for _ in range(ROUNDS):
         model = _expected(windows, rate_hz, settings, model)[1]
+        yield
     return _expected(windows, rate_hz, settings, model)[0]
 
 
-def _weighed(windows: FloatArray, rate_hz: float, settings: DetectorSettings, fit: _Fit) -> _Fit:
+def _weighed(windows: FloatArray, rate_hz: float, settings: DetectorSettings, fit: _Fit) -> Generator[None, None, _Fit]:
     """The likelihood of all windows under the noise of some; share and power of the rings are those of all."""
     model = fit.model
     for _ in range(ROUNDS // 2):
         told, new = _expected(windows, rate_hz, settings, model)
         model = replace(new, noise=fit.model.noise)
+        yield
     return _Fit(model, told.likelihood, fit.covariance)
 
 
@@ -216,30 +234,30 @@ def _expected(windows: FloatArray, rate_hz: float, settings: DetectorSettings, m
     count, length = windows.shape
     noise, variance = model.noise, model.noise.deviation**2
     known = replace(settings, noise_colour=noise.colour, noise_ms2=noise.deviation)
-    bank = ringdown.build(length, rate_hz, known)
-    whitener = whiten(np.eye(length), noise.colour).T
-    white = windows @ whitener.T
-    white -= (white @ bank.slow) @ bank.slow.T
-    freedom = length - bank.slow.shape[1] + FREEDOM
+    whitening = whitener(length, noise.colour)
+    motion = ringdown.slow_basis(length, rate_hz, known)
+    white = windows @ whitening.T
+    white -= (white @ motion) @ motion.T
+    freedom = length - motion.shape[1] + FREEDOM
     whole = np.sum(white**2, axis=1) + FREEDOM * variance
     likelihood = -freedom / 2 * np.log(whole) + FREEDOM / 2 * math.log(FREEDOM * variance)
     slow = np.linalg.qr(ringdown.slow_motion(length, rate_hz, settings))[0]
-    hidden = whitener @ slow
-    likelihood += float(np.sum(np.log(np.diag(whitener)))) - float(np.linalg.slogdet(hidden.T @ hidden)[1]) / 2
+    hidden = whitening @ slow
+    likelihood += float(np.sum(np.log(np.diag(whitening)))) - float(np.linalg.slogdet(hidden.T @ hidden)[1]) / 2
     left, ring, bases = white, np.zeros(count), np.zeros((0, length))
     power = model.power
     if model.ringing:
-        told = _rings(white, whole, freedom, bank, model)
+        told = _rings(white, whole, freedom, ringdown.build(length, rate_hz, known), model)
         likelihood, ring, left, bases, power = likelihood + told[0], *told[1:]
     energy = np.sum(left**2, axis=1) + FREEDOM * variance
     gram = (white * ((1 - ring) * freedom * variance / whole)[:, None]).T @ white
     gram += (left * (ring * freedom * variance / energy)[:, None]).T @ left
-    gram += variance * (count * bank.slow @ bank.slow.T + bases.T @ bases)
-    undo = np.linalg.solve(whitener, np.eye(length))
+    gram += variance * (count * motion @ motion.T + bases.T @ bases)
+    undo = np.linalg.inv(whitening)
     covariance = undo @ (gram / count) @ undo.T
     lags = np.array([np.trace(covariance, lag) / (length - lag) for lag in range(_orders(length) + 1)])
     share = min(max(float(ring.mean()), LEAST_RINGING), 1 - LEAST_RINGING) if model.ringing else 0.0
-    better = _Model(levinson(lags, count * (length - bank.slow.shape[1])), share, power)
+    better = _Model(levinson(lags, count * (length - motion.shape[1])), share, power)
     return _Fit(model, float(np.sum(likelihood)), lags), better
 
 

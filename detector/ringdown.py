@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,8 @@ from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.whitening import whiten
 from lostmotion.detector.window import DetectorSettings, FloatArray
 
-__all__ = ["Bank", "bank", "build", "filled", "leftover", "ring", "scores", "slow_motion", "validate"]
+__all__ = ["Bank", "bank", "build", "filled", "leftover", "ring", "scores", "slow_basis", "slow_motion",
+           "validate"]  # fmt: skip
 
 SLOW_HZ, SLOW_SHARE = 16.0, 0.3
 """Below both, the latter a share of f_res, a window may hold anything: an arm's motion up to 3 Hz to 1e-4."""
@@ -44,8 +46,7 @@ class Bank:
 
     slow: orthonormal, (N, P), what the arm's motion may be; rings: ring-downs from each start on, without their slow
     parts, in orthonormal pairs, (N, 2 K); starts: [s] from the window's begin, (K,); mixes: (2 K, C), what makes
-    orthonormal coordinates of each hypothesis, begins: (H,) its first column, prior: (H,) minus its price [nats];
-    raw: orthonormal, (N, R), slow motion and rings before whitening.
+    orthonormal coordinates of each hypothesis, begins: (H,) its first column, prior: (H,) minus its price [nats].
     """
 
     slow: FloatArray
@@ -54,7 +55,6 @@ class Bank:
     mixes: FloatArray
     begins: NDArray[np.intp]
     prior: FloatArray
-    raw: FloatArray
 
 
 def scores(windows: FloatArray, rate_hz: float, settings: DetectorSettings, chosen: Bank | None = None) -> FloatArray:
@@ -111,7 +111,7 @@ def filled(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> Flo
     missing = ~np.isfinite(accel)
     if not missing.any() or missing.all():
         return accel
-    raw = bank(accel.size, rate_hz, settings).raw
+    raw = _raw(accel.size, rate_hz, settings)
     index = np.arange(accel.size)
     values = np.interp(index, index[~missing], accel[~missing])
     for _ in range(FILLS):
@@ -149,18 +149,25 @@ def bank(length: int, rate_hz: float, settings: DetectorSettings) -> Bank:
 def build(length: int, rate_hz: float, settings: DetectorSettings) -> Bank:
     """The same, not kept."""
     time = np.arange(length) / rate_hz
-    slow_raw = slow_motion(length, rate_hz, settings)
+    slow = slow_basis(length, rate_hz, settings)
     starts = _starts(length / rate_hz, settings)
-    pairs_raw = [ring(time - start, settings) for start in starts]
-    slow = _orthonormal(whiten(slow_raw.T, settings.noise_colour).T, 1e-9)
-    pairs = []
-    for pair in pairs_raw:
-        white = whiten(pair.T, settings.noise_colour).T
-        pairs.append(np.linalg.qr(white - slow @ (slow.T @ white))[0])
-    rings = np.hstack(pairs)
-    mixes, begins, prior = _hypotheses(rings.T @ rings)
-    raw = _orthonormal(np.hstack([slow_raw, *pairs_raw]), 1e-3)
-    return Bank(slow, rings, starts, mixes, begins, prior, raw)
+    pairs = np.stack([ring(time - start, settings).T for start in starts])
+    white = whiten(pairs, settings.noise_colour).transpose(0, 2, 1)
+    rings = np.hstack(list(np.linalg.qr(white - slow @ (slow.T @ white))[0]))
+    return Bank(slow, rings, starts, *_hypotheses(rings.T @ rings))
+
+
+def slow_basis(length: int, rate_hz: float, settings: DetectorSettings) -> FloatArray:
+    """What the arm's motion may be, whitened: orthonormal, shape (N, P)."""
+    return _orthonormal(whiten(slow_motion(length, rate_hz, settings).T, settings.noise_colour).T, 1e-9)
+
+
+@lru_cache(maxsize=16)
+def _raw(length: int, rate_hz: float, settings: DetectorSettings) -> FloatArray:
+    """Slow motion and rings before whitening: orthonormal, shape (N, R)."""
+    time = np.arange(length) / rate_hz
+    pairs = [ring(time - start, settings) for start in _starts(length / rate_hz, settings)]
+    return _orthonormal(np.hstack([slow_motion(length, rate_hz, settings), *pairs]), 1e-3)
 
 
 def _starts(duration: float, settings: DetectorSettings) -> FloatArray:
@@ -188,27 +195,26 @@ def slow_motion(length: int, rate_hz: float, settings: DetectorSettings) -> Floa
 
 def _hypotheses(gram: FloatArray) -> tuple[FloatArray, NDArray[np.intp], FloatArray]:
     """mixes, begins and prior of a Bank from the products (2 K, 2 K) of its rings."""
-    starts = range(gram.shape[0] // 2)
-    later = [k for k in starts if k > 0]
+    size = gram.shape[0]
+    starts = range(size // 2)
     families: list[list[tuple[int, ...]]] = [
         [(k,) for k in starts],
-        [(0, k) for k in later],
-        [(0, k, n) for k in later for n in later if k < n],
+        [(0, k) for k in starts[1:]],
+        [(0, *later) for later in combinations(starts[1:], 2)],
     ]
-    columns, begins, prior = [], [], []
-    at = 0
+    columns, sizes, prior = [], [], []
     for family in families:
-        for members in family:
-            chosen = [2 * k + side for k in members for side in (0, 1)]
-            power, directions = np.linalg.eigh(gram[np.ix_(chosen, chosen)])
-            told = power > LEAST_NEW
-            mix = np.zeros((gram.shape[0], int(told.sum())))
-            mix[chosen] = directions[:, told] / np.sqrt(power[told])
-            columns.append(mix)
-            begins.append(at)
-            prior.append(-PENALTY * mix.shape[1] - math.log(len(family)))
-            at += mix.shape[1]
-    return np.hstack(columns), np.array(begins), np.array(prior)
+        members = np.array(family)
+        chosen = (2 * members[:, :, None] + (0, 1)).reshape(len(family), -1)
+        power, directions = np.linalg.eigh(gram[chosen[:, :, None], chosen[:, None, :]])
+        told = power > LEAST_NEW
+        mix = np.zeros((len(family), size, chosen.shape[1]))
+        mix[np.arange(len(family))[:, None], chosen] = directions / np.sqrt(np.maximum(power, LEAST_NEW))[:, None, :]
+        columns.append(mix.transpose(1, 0, 2)[:, told])
+        sizes.append(told.sum(axis=1))
+        prior.append(-PENALTY * sizes[-1] - math.log(len(family)))
+    ends = np.cumsum(np.concatenate(sizes))
+    return np.hstack(columns), np.concatenate([[0], ends[:-1]]), np.concatenate(prior)
 
 
 def _orthonormal(columns: FloatArray, least: float) -> FloatArray:

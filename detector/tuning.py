@@ -13,7 +13,7 @@ from lostmotion.detector import ringdown
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.score import batch, validate
 from lostmotion.detector.spectrum import amplitudes, bands, transform
-from lostmotion.detector.whitening import fit_noise
+from lostmotion.detector.whitening import fit_noise, rounded
 from lostmotion.detector.window import LEVELS, DetectorSettings, FloatArray, Statistic
 
 __all__ = ["LEAST_WINDOWS", "LONGEST_S", "Tuned", "found_share", "least_acceleration", "least_amplitude", "tune"]
@@ -217,6 +217,6 @@ def _knowing(
 def noisy(healthy: FloatArray, rate_hz: float, settings: DetectorSettings) -> DetectorSettings:
     """The settings with the noise of healthy windows, shape (M, N), their slow motion taken out."""
     length = min(healthy.shape[1], NOISE_SAMPLES)
-    noise = fit_noise(healthy[:, :length], ringdown.bank(length, rate_hz, replace(settings, noise_colour=())).slow)
-    colour = tuple(round(reflection, 4) for reflection in noise.colour)
-    return replace(settings, noise_colour=colour, noise_ms2=float(f"{noise.deviation:.4g}"))
+    slow = ringdown.slow_basis(length, rate_hz, replace(settings, noise_colour=()))
+    noise = rounded(fit_noise(healthy[:, :length], slow))
+    return replace(settings, noise_colour=noise.colour, noise_ms2=noise.deviation)

@@ -12,10 +12,11 @@ import numpy as np
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.window import FloatArray
 
-__all__ = ["MOST_ORDER", "Noise", "fit_noise", "levinson", "spectrum", "whiten"]
+__all__ = ["MOST_ORDER", "Noise", "fit_noise", "levinson", "rounded", "spectrum", "whiten", "whitener"]
 
 LEAST_LENGTH = 16
 ROUNDS = 8
+DIGITS = 4
 MOST_ORDER = 64
 """A kilohertz needs as many to tell a bar's own hum from the noise around it."""
 
@@ -74,6 +75,16 @@ def levinson(covariance: FloatArray, count: float) -> Noise:
     return best
 
 
+def rounded(noise: Noise) -> Noise:
+    """The same in few digits: four significant ones of the deviation and of 1 - |k| of each reflection coefficient k.
+
+    A coefficient close to ±1 thus stays inside of them, which a stable process needs, and keeps its peak's height.
+    """
+    decimals = [DIGITS - 1 - math.floor(math.log10(1 - abs(reflection))) for reflection in noise.colour]
+    colour = tuple(round(reflection, places) for reflection, places in zip(noise.colour, decimals, strict=True))
+    return Noise(float(f"{noise.deviation:.{DIGITS}g}"), colour)
+
+
 def spectrum(noise: Noise, points: int) -> FloatArray:
     """Power of the process at ``points`` + 1 even frequencies from 0 to half of the rate; the mean over all, also the
     negative ones, is its variance."""
@@ -83,8 +94,7 @@ def spectrum(noise: Noise, points: int) -> FloatArray:
 
 def _covariance(noise: Noise, length: int) -> FloatArray:
     """Covariance (length, length) of the process: the inverse of what ``whiten`` does, squared."""
-    whitener = whiten(np.eye(length), noise.colour).T
-    root = np.linalg.solve(whitener, np.eye(length)) * noise.deviation
+    root = np.linalg.inv(whitener(length, noise.colour)) * noise.deviation
     return np.asarray(root @ root.T)
 
 
@@ -95,7 +105,7 @@ def whiten(values: FloatArray, reflections: Sequence[float]) -> FloatArray:
     from the fewer that there are, and scaled up to the same variance, so white noise of that model comes out white from
     the first sample on.
     """
-    whole = np.array(values, dtype=float)
+    whole = np.array(values, dtype=float, order="C")
     if not reflections:
         return whole
     filters = _filters(tuple(reflections))
@@ -108,6 +118,17 @@ def whiten(values: FloatArray, reflections: Sequence[float]) -> FloatArray:
             row[order:] = np.convolve(row, taps, mode="valid")
     whole[..., :begin] = head
     return whole
+
+
+def whitener(length: int, reflections: Sequence[float]) -> FloatArray:
+    """The same as a lower triangular matrix, shape (length, length): ``whiten(v)`` is its product with v."""
+    filters = _filters(tuple(reflections))
+    order = min(len(reflections), length - 1)
+    matrix = np.zeros((length, length))
+    matrix[: order + 1, : order + 1] = filters[: order + 1, : order + 1]
+    later = np.arange(length - order)[:, None]
+    matrix[order + later, later + np.arange(order + 1)] = filters[order, : order + 1]
+    return matrix
 
 
 @lru_cache(maxsize=16)

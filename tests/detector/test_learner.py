@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Generator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from lostmotion.detector import learner as module
 from lostmotion.detector import ringdown
+from lostmotion.detector.background import Background, learn, learning
 from lostmotion.detector.learner import Change, Learner, is_learning, settled
 from lostmotion.detector.window import DetectorSettings, FloatArray
 from tests.detector.test_background import LENGTH, RATE, SETTINGS, hum, rings
@@ -63,6 +66,36 @@ def test_a_restart_goes_on() -> None:
     assert (other.settings, other.background) == (SETTINGS, None)
 
 
+def test_a_window_costs_one_round(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each window does at most three rounds of the work, and one once a noise is known; in the end the noise is that
+    of ``learn``, which does all at once."""
+    rounds = [0]
+
+    def counted(*given: Any) -> Generator[None, None, Background | None]:
+        work = learning(*given)
+        while True:
+            try:
+                next(work)
+            except StopIteration as finished:
+                return finished.value
+            rounds[-1] += 1
+            yield
+
+    monkeypatch.setattr(module, "learning", counted)
+    windows = white(np.random.default_rng(8815), 110)
+    learner = Learner(SETTINGS, RATE, LENGTH)
+    for window in windows:
+        is_known = learner.background is not None
+        learner.hear(window)
+        assert rounds[-1] <= (1 if is_known else 3)
+        rounds.append(0)
+    assert sum(rounds) > 50
+    single = windows[:20].astype(np.float32).astype(float)
+    first = Learner(SETTINGS, RATE, LENGTH)
+    heard(first, windows[:35])
+    assert first.background == learn(single, RATE, SETTINGS)
+
+
 @pytest.mark.slow
 def test_wear_is_not_learnt_away(monkeypatch: pytest.MonkeyPatch) -> None:
     """A life in which rings grow from 6 to 24 dB while the noise is followed: the worn windows score as with the
@@ -88,6 +121,6 @@ def test_windows_that_tell_nothing_are_not_heard() -> None:
     for bad in (np.zeros(LENGTH), holed, np.zeros(10)):
         assert learner.hear(bad) is None
     assert learner.seen == 0
-    few = white(rng, 20)
+    few = white(rng, 30)
     few[:, 7] = np.nan
     assert len(heard(learner, few)) == 1

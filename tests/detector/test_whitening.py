@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lostmotion.detector.errors import DetectorError
-from lostmotion.detector.whitening import fit_noise, whiten
+from lostmotion.detector.whitening import Noise, fit_noise, rounded, spectrum, whiten, whitener
 
 SLOW = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1, 1, 250), 8))[0]
 
@@ -53,3 +53,33 @@ def test_too_little_is_said() -> None:
     for windows in (np.zeros((5, 12)), np.full((5, 200), np.nan)):
         with pytest.raises(DetectorError, match="at least 16 samples"):
             fit_noise(windows, SLOW[: windows.shape[1]])
+
+
+@pytest.mark.parametrize("colour", [(), (0.5,), (-1.2 / 1.8, 0.8), tuple(np.linspace(-0.3, 0.3, 9))])
+@pytest.mark.parametrize("length", [1, 6, 40])
+def test_whitening_is_a_matrix(colour: tuple[float, ...], length: int) -> None:
+    """``whitener`` times a window is the whitened window, also where it is shorter than the filter."""
+    window = np.random.default_rng(7910).normal(size=length)
+    assert whitener(length, colour) @ window == pytest.approx(whiten(window, colour), abs=1e-12)
+
+
+def test_whitening_does_not_depend_on_the_order_in_memory() -> None:
+    """Windows that lie column by column are whitened alike."""
+    windows = np.random.default_rng(7911).normal(size=(3, 2, 40))
+    across = np.transpose(np.ascontiguousarray(np.transpose(windows, (2, 0, 1))), (1, 2, 0))
+    assert np.array_equal(whiten(across, (0.5,)), whiten(windows, (0.5,)))
+
+
+@pytest.mark.parametrize("close", [0.99996, -0.999999, 0.999999999999, -(1 - 2.0**-53)])
+def test_few_digits_keep_a_process_stable(close: float) -> None:
+    """A line is a reflection close to ±1, which no rounding may make ±1: the peak keeps its power within 0.2 %; others
+    have four decimals."""
+    noise = Noise(0.123456, (0.612345, close))
+    found = rounded(noise)
+    assert (found.deviation, found.colour[0]) == (0.1235, 0.6123)
+    assert abs(found.colour[1]) < 1
+    assert 1 - abs(found.colour[1]) == pytest.approx(1 - abs(close), rel=1e-3)
+    exact = Noise(noise.deviation, (0.6123, close))
+    alike = Noise(noise.deviation, found.colour)
+    if abs(close) < 0.9999999:
+        assert spectrum(alike, 4096).sum() == pytest.approx(spectrum(exact, 4096).sum(), rel=2e-3)
