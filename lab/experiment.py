@@ -13,6 +13,7 @@ import numpy as np
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.errors import ExperimentError
+from lostmotion.lab.supply import of_voltage
 from lostmotion.model import Model, Motion, Sampled
 from lostmotion.model.motion import FloatArray
 
@@ -161,10 +162,12 @@ def _check_output(name: str, column: str, values: FloatArray) -> None:
 
 
 def _given(model: Model, recording: Recording) -> dict[str, float]:
-    """Metadata that name a fixed parameter of the model: each recording its own gain, mass, supply."""
+    """Metadata that name a fixed parameter of the model, and what the voltage of a servo says: each recording its own
+    gain, mass, supply."""
     found = {name: recording.metadata[name] for name, p in model.parameters.items()
              if p.fixed and name in recording.metadata}  # fmt: skip
     for name, value in found.items():
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise ExperimentError(f"{recording.name}: # {name}: found {value!r}, expected a number")
-    return {name: float(value) for name, value in found.items()}
+    stated = {name: float(value) for name, value in found.items()}
+    return {**of_voltage(model, recording), **stated}

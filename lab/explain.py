@@ -29,7 +29,7 @@ from lostmotion.lab.fit import Progress, fit_of, noise_of, refined_fit
 from lostmotion.lab.grow import Level, followed, residuals
 from lostmotion.lab.held import with_scale
 from lostmotion.lab.heldout import Judged, Unseen, is_left, trained_each
-from lostmotion.lab.inverse.explain import explained, is_invertible
+from lostmotion.lab.inverse.explain import explained, method_of
 from lostmotion.lab.noise import innovation_noise
 from lostmotion.lab.results import Errors, Explanation, Finding, Fit, Ranked, Verdict
 from lostmotion.lab.scoretest import Scores
@@ -67,8 +67,8 @@ def explain(
     """
     until = time.monotonic() + budget_s
     train, last = _split(experiments)
-    if is_invertible(model, experiments):
-        return explained(model, train, last, noise_of(experiments), pool, progress, budget_s)
+    if method := method_of(model, experiments):
+        return explained(model, train, last, method, noise_of(experiments), pool, progress, budget_s)
     model, held = with_scale(model, experiments)
     task = Task.of(model, train, noise_of(experiments))
     rng = np.random.default_rng(seed)

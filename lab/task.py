@@ -11,7 +11,7 @@ from lostmotion.lab.grow import first_level
 from lostmotion.lab.rough import from_spectra, usual_torque
 from lostmotion.model import Model
 
-__all__ = ["Task", "coarse_substep"]
+__all__ = ["Task", "coarse_substep", "rubbing"]
 
 SEARCH_STEPS = {"play": 8.0, "oscillator": 2.0, "joint": 4.0, "servo": 2.0}  # times the model's own choice of step
 LONGEST_STEP_S = {"play": 5e-4}
@@ -39,11 +39,11 @@ class Task:
         """For these experiments, the step chosen for a search unless given."""
         halvings = max(first_level(model.base, experiment) for experiment in experiments)
         rough = from_spectra(model, experiments)
-        step = substep_s or coarse_substep(_rubbing(rough, experiments), experiments)
+        step = substep_s or coarse_substep(rubbing(rough, experiments), experiments)
         return cls(rough, tuple(experiments), noise, step, halvings)
 
 
-def _rubbing(model: Model, experiments: Sequence[Experiment]) -> Model:
+def rubbing(model: Model, experiments: Sequence[Experiment]) -> Model:
     """A joint or servo with friction: what the search will add is stiffer than what is there."""
     if model.base not in ("joint", "servo") or "coulomb_friction" in model.effects:
         return model

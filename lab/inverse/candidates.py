@@ -2,24 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from lostmotion.lab.candidates import others
-from lostmotion.lab.inverse.regression import Problem, Regression, regressed
+from lostmotion.lab.inverse.output_error import OutputError
+from lostmotion.lab.inverse.regression import MOST_STEPS, Data, Problem, Regression, inertia_of, regressed
+from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import is_static
+from lostmotion.lab.rough import usual_torque
 from lostmotion.lab.seeds import AMPLITUDE, Sizes, seeds
 from lostmotion.lab.simpler import SIMPLER, wider
 from lostmotion.model import Model, ModelError
 from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["candidates", "fitted_with", "sizes_of", "softened"]
+__all__ = ["candidates", "fitted_with", "refined", "sizes_of", "softened", "starts"]
 
 STARTS = 3
 """Initial values of an effect from which it is fitted."""
+ROUNDING = 1e-6
+"""Of the residual: an effect that changes the motion by less is one of a sensor that was not recorded."""
+PARTS = (1.0, 0.5, 0.25, 0.1, 0.03)
+"""Of the amplitude that a linear extrapolation says."""
+SHORT = 7
+"""Steps of the first fit of an effect to a simulated motion."""
 UNSURE_SPEED = 0.02
 """Of the usual speed: below it the filtered speed does not tell the sign of the speed, whatever a model's omega_0."""
 SLOW = 0.5
@@ -39,25 +48,56 @@ def softened(model: Model, data: Problem) -> Model:
     return model.replace(widths)
 
 
+def starts(model: Model, signals: Sequence[Signals]) -> list[Model]:
+    """Models from which the base is fitted to a simulated motion: the file's, and a servo's with the inertia and the
+    motor constant that a regression of its acceleration on the measured speed and position error says."""
+    if model.base != "servo" or model.parameters["J"].fixed or model.parameters["kt"].fixed:
+        return [model]
+    rows, wanted = [], []
+    for one in signals:
+        value = {name: p.value for name, p in one.experiment.model(model).parameters.items()}
+        assert one.experiment.drive is not None
+        error = one.experiment.drive.position(np.clip(one.time, *one.experiment.time[[0, -1]])) - one.position
+        voltage = value["U"] * np.clip(value["kp"] * value["error_gain"] * error, -value["cap"], value["cap"])
+        beside = (-one.velocity, -np.sign(one.velocity), np.sin(one.position), np.cos(one.position))
+        rows.append(one.filtered(np.stack([voltage, *beside])))
+        wanted.append(one.acceleration[one.kept])
+    per_volt, per_speed = np.linalg.lstsq(np.concatenate(rows, axis=1).T, np.concatenate(wanted))[0][:2]
+    if not (per_volt > 0 and per_speed > 0):
+        return [model]
+    constant = per_speed / per_volt
+    inertia = constant / (model.parameters["R"].value * per_volt)
+    return [model, model.replace({name: _within(model, name, v) for name, v in (("J", inertia), ("kt", constant))})]
+
+
 def sizes_of(model: Model, data: Problem) -> Sizes:
     """Usual magnitudes in the motion."""
     signals = data.signals
-    span = max(float(np.ptp(one.position)) for one in signals)
+    position, speed, acceleration = (
+        [getattr(one, what) for one in signals] for what in ("position", "velocity", "acceleration")
+    )
+    driving = [usual_torque(model, one.experiment) for one in signals if model.base == "servo"]
+    torque = data.usual(model) if isinstance(data, Data) else max(inertia_of(model) * _rms(acceleration), *driving, 0.0)
+    stiffness, damping = (model.parameters[name].value if name in model.parameters else 0.0 for name in ("k", "b"))
     return Sizes(
-        torque=data.usual(model), speed=_rms([one.velocity for one in signals]), span=span,
-        bend=0.0, swing=0.0, reading=0.0, peak=0.0, k=0.0, b=0.0, d=0.0, inertia=model.parameters["J"].value,
+        torque=torque, speed=_rms(speed), span=max(float(np.ptp(one)) for one in position),
+        bend=_rms([one - one.mean() for one in position]), swing=_rms(speed) if stiffness else 0.0,
+        reading=_rms(acceleration),
+        peak=max(float(np.nanmax(np.abs(one.experiment.measured[one.column]))) for one in signals),
+        k=stiffness, b=damping, d=0.0, inertia=inertia_of(model),
         length=max(float(one.time[-1]) for one in signals),
     )  # fmt: skip
 
 
 def candidates(model: Model, added: tuple[str, ...], data: Problem) -> Iterator[tuple[str, Model]]:
-    """Effects that the model may have beside its own, with the model that has them: static ones, and those of an angle
-    only where the position is one.  Of nested laws the simple one comes first; once it was added, the wide one may take
-    its place."""
+    """Effects that the model may have beside its own, with the model that has them: static ones where nothing is
+    simulated, and those of an angle only where the position is one.  Of nested laws the simple one comes first; once it
+    was added, the wide one may take its place."""
+    is_simulated = isinstance(data, OutputError)
     is_linear = any(one.experiment.is_linear for one in data.signals)
     nested = dict(found for part in added if (found := wider(model, part)))
     for name in others(model):
-        if not is_static(get_effect(name)) or (is_linear and _needs_angle(name)):
+        if not (is_static(get_effect(name)) or is_simulated) or (is_linear and _needs_angle(name)):
             continue
         if name in nested:
             yield name, nested[name]
@@ -69,10 +109,14 @@ def fitted_with(name: str, wide: Model, now: Regression) -> Regression | None:
     """The best fit of a model with one more effect, from several initial values; None where nothing can be fitted or
     the effect would not be what its name says."""
     size = sizes_of(now.model, now.data)
-    soft = _within_speeds(softened(wide, now.data), name, size)
+    soft = _within_speeds(wide if isinstance(now.data, OutputError) else softened(wide, now.data), name, size)
     starts = [soft.replace(values) for values in seeds(soft, name, size)]
-    ranked = sorted((entry for start in starts if (entry := _promise(name, start, now))), key=lambda pair: -pair[0])
-    fits = [found for _, start in ranked[:STARTS] if (found := _tried(start, now.data))]
+    data = now.data.suited(starts)
+    ranked = sorted(
+        (entry for start in starts if (entry := _promise(name, start, now, data))), key=lambda pair: -pair[0]
+    )
+    most, steps = (1, SHORT) if isinstance(data, OutputError) else (STARTS, MOST_STEPS)
+    fits = [found for _, start in ranked[:most] if (found := _tried(start, data, now.nuisance, steps))]
     possible = [one for one in fits if get_effect(name).is_apt(_own(one.model, name))]
     return min(possible, key=lambda one: one.rms, default=None)
 
@@ -89,13 +133,13 @@ def _within_speeds(model: Model, name: str, size: Sizes) -> Model:
     return model.replace(speeds)
 
 
-def _promise(name: str, start: Model, now: Regression) -> tuple[float, Model] | None:
+def _promise(name: str, start: Model, now: Regression, data: Problem) -> tuple[float, Model] | None:
     """How much of the residual an effect explains, in the shape of this start and of the size that suits best, and the
     start with that size."""
     if not _covers(name, start, now.data):
         return None
-    column = now.data.residual(start, now.data.nuisance) - now.residual
-    if not (np.isfinite(column).all() and column.any()):
+    column = data.residual(start, now.nuisance) - now.residual
+    if not np.isfinite(column).all() or column @ column <= ROUNDING**2 * (now.residual @ now.residual):
         return None
     own = _off(now.jacobian, column)
     power = float(own @ own)
@@ -105,11 +149,21 @@ def _promise(name: str, start: Model, now: Regression) -> tuple[float, Model] | 
     names = [f"{name}.{part}" for part in AMPLITUDE.get(name, ()) if f"{name}.{part}" in start.parameters]
     signed = all(start.parameters[full].low < 0 for full in names)
     if names and (factor > 0 or signed):
-        sized = {full: start.parameters[full].value * factor for full in names}
-        start = start.replace({full: _within(start, full, value) for full, value in sized.items()})
+        start = _sized(start, {full: start.parameters[full].value * factor for full in names}, now, data)
     elif names:
         factor = 0.0
     return factor**2 * power, start
+
+
+def _sized(start: Model, sizes: dict[str, float], now: Regression, data: Problem) -> Model:
+    """The start with amplitudes that a linear extrapolation says, or parts of them: the largest with which the error
+    is below that without the effect, so that a fit goes down from there."""
+    for part in PARTS:
+        sized = start.replace({name: _within(start, name, part * value) for name, value in sizes.items()})
+        residual = data.residual(sized, now.nuisance)
+        if np.isfinite(residual).all() and float(residual @ residual) < float(now.residual @ now.residual):
+            break
+    return sized
 
 
 def _covers(name: str, model: Model, data: Problem) -> bool:
@@ -120,9 +174,14 @@ def _covers(name: str, model: Model, data: Problem) -> bool:
     return turns is None or turns.value == 1 or turns.value * span > PERIODS * 2 * np.pi
 
 
-def _tried(model: Model, data: Problem) -> Regression | None:
+def refined(fit: Regression) -> Regression:
+    """A fit that was ended after a few steps, finished."""
+    return _tried(fit.model, fit.data, fit.nuisance, MOST_STEPS) or fit
+
+
+def _tried(model: Model, data: Problem, nuisance: FloatArray, steps: int) -> Regression | None:
     try:
-        found = regressed(model, data)
+        found = regressed(model, data, nuisance, steps)
     except (ModelError, ValueError, np.linalg.LinAlgError):
         return None
     return found if np.isfinite(found.residual).all() else None

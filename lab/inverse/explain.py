@@ -22,10 +22,10 @@ from lostmotion.lab import words
 from lostmotion.lab.advice import what_to_record
 from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.held import is_driven, with_scale
+from lostmotion.lab.inverse.output_error import OutputError, initial_state
 from lostmotion.lab.inverse.regression import Data, Regression, blocks_of, regressed
-from lostmotion.lab.inverse.selection import LIMIT, Selection, Step, selected
-from lostmotion.lab.inverse.signals import Signals
-from lostmotion.lab.inverse.swing import Swings
+from lostmotion.lab.inverse.selection import LIMIT, Method, Selection, Step, selected
+from lostmotion.lab.inverse.signals import COLUMNS, Signals
 from lostmotion.lab.inverse.torques import can_invert
 from lostmotion.lab.results import Curve, Errors, Estimate, Explanation, Finding, Fit, Ranked, Verdict
 from lostmotion.lab.rough import from_spectra
@@ -35,11 +35,13 @@ from lostmotion.lab.task import Task, coarse_substep
 from lostmotion.model import Model, build_model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["explained", "is_invertible"]
+__all__ = ["explained", "method_of"]
 
 STRUCTURED = 1.6
 """Times the noise within the band, from which on the residual holds more than noise: the error of the floor itself,
 which is an extrapolation from above the band."""
+SIMULATED = ("servo", "oscillator")
+"""Bases whose input does not follow the disturbances."""
 PIECE_S, PIECES = 1.0, 16
 """Length and number of the pieces that are simulated to show the motion of a fit."""
 TOLD = 0.5
@@ -50,14 +52,20 @@ LEAST_SHARE = 0.15
 Progress = Callable[[str, float], None]
 
 
-def is_invertible(model: Model, experiments: Sequence[Experiment]) -> bool:
-    """Whether the torque that moves a joint is known in every recording: measured, or none as it swings freely."""
-    return can_invert(model) and len({is_driven(one) for one in experiments}) == 1
+def method_of(model: Model, experiments: Sequence[Experiment]) -> Method | None:
+    """Whose error is judged: the torque's where the torque of a joint was measured, the motion's where it follows from
+    a command or a force; None for gears with play, whose impacts make the whole motion unpredictable."""
+    driven = {is_driven(one) for one in experiments}
+    if len(driven) != 1 or any(len(set(one.measured) & set(COLUMNS)) != 1 for one in experiments):
+        return None
+    if model.base in SIMULATED:
+        return Method.MOTION
+    return (Method.TORQUE if driven == {True} else Method.FREE) if can_invert(model) else None
 
 
 def explained(
-    model: Model, train: Sequence[Experiment], last: Experiment, noise: dict[str, float], pool: Executor,
-    progress: Progress, budget_s: float,
+    model: Model, train: Sequence[Experiment], last: Experiment, method: Method, noise: dict[str, float],
+    pool: Executor, progress: Progress, budget_s: float,
 ) -> Explanation:  # fmt: skip
     """What is missing, found on ``train`` and reported on ``last``.
 
@@ -67,18 +75,20 @@ def explained(
     until = time.monotonic() + budget_s
     model, held = with_scale(model, train)
     rough = from_spectra(model, train)
-    is_free = not is_driven(last)
-    selection = selected(rough, [Signals.of(one) for one in train], is_free, until, progress)
+    is_force = model.base != "servo"
+    signals = [Signals.of(one, is_force) for one in train]
+    selection = selected(rough, signals, method, until, progress, pool)
     progress("judging", 0.9)
-    unseen = Signals.of(last)
+    unseen = Signals.of(last, is_force)
     fits = [one.judged for one in selection.fits]
     base, best = fits[0], fits[-1]
     descent = tuple(_error(fit, unseen) for fit in fits)
-    column = "position" if is_free else "torque"
-    floors = {
-        "torque": max(_floor(one, best.model) for one in (unseen, *best.data.signals)),
-        "position": noise["position"],
-    }
+    column = "torque" if method is Method.TORQUE else unseen.column
+    floors = dict(noise)
+    if method is Method.TORQUE:
+        floors["torque"] = max(_floor(one, best.model) for one in (unseen, *best.data.signals))
+    elif column != "accel":
+        floors[column] = min(noise[column], max(one.position_noise for one in (unseen, *best.data.signals)))
     complete = _least_spread(best.residual) < STRUCTURED * floors[column]
     verdict: Verdict = "missing" if selection.added else "nothing_missing" if complete else "outside_catalogue"
     errors = Errors(descent[0], descent[-1], floors[column], words.column(column)[1])
@@ -89,7 +99,7 @@ def explained(
         ranking=_ranking(selection, unseen, descent[0]),
         error=errors,
         residual=None if complete else _finding(selection.fits[-1].inverse),
-        advice="" if is_free else _advice(selection, train, noise, pool),
+        advice="" if method is Method.FREE else _advice(selection, train, noise, pool),
         detectable=_detectable(selection.steps[-1]) if verdict == "nothing_missing" else {},
         base=_fit(base, model, {**noise, column: floors[column]}, column),
         best=_fit(best, model, {**noise, column: floors[column]}, column),
@@ -107,8 +117,8 @@ def _error(fit: Regression, unseen: Signals) -> float:
     """Root mean square of what a fit lacks in a recording that it has not seen [N m or rad]: only the initial state of
     a free motion is fitted there."""
     known = fit.model.replace({name: replace(fit.model.parameters[name], fixed=True) for name in fit.unknowns.names})
-    if isinstance(fit.data, Swings):
-        return regressed(known, Swings.of([unseen], known)).rms
+    if isinstance(fit.data, OutputError):
+        return regressed(known, OutputError.of([unseen], known)).rms
     return regressed(known, Data.of([unseen], known)).rms
 
 
@@ -192,9 +202,7 @@ def _fit(fit: Regression, rough: Model, noise: dict[str, float], column: str) ->
     covariance = fit.covariance(block)
     deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-100))
     model = _sharp(fit.model, rough)
-    pieces = [piece for signals in fit.data.signals for piece in _pieces(signals)]
-    chosen = [pieces[i] for i in np.unique(np.linspace(0, len(pieces) - 1, min(PIECES, len(pieces))).astype(int))]
-    experiments, starts = zip(*chosen, strict=True)
+    experiments, starts = zip(*_simulated(fit), strict=True)
     substep = coarse_substep(model, experiments, 1.0)
     return Fit(
         model=model,
@@ -203,7 +211,7 @@ def _fit(fit: Regression, rough: Model, noise: dict[str, float], column: str) ->
         estimates=tuple(_estimates(fit)),
         correlation=np.asarray(covariance / np.outer(deviation, deviation)),
         noise=noise,
-        rms={"position": _position_rms(model, experiments, starts, substep), column: fit.rms},
+        rms={**_motion_rms(fit, model, experiments, starts, substep), column: fit.rms},
         substep_s=substep,
     )
 
@@ -213,6 +221,18 @@ def _sharp(model: Model, rough: Model) -> Model:
     bare = build_model(model.base, model.effects)
     widths = {name: p for name, p in {**bare.parameters, **rough.parameters}.items() if name.endswith(".omega_0")}
     return replace(model, parameters={name: widths.get(name, p) for name, p in model.parameters.items()})
+
+
+def _simulated(fit: Regression) -> list[tuple[Experiment, FloatArray]]:
+    """What is simulated to show the motion of a fit: whole recordings with their fitted initial states, or where the
+    torque was fitted, pieces from the filtered state."""
+    signals = fit.data.signals
+    if fit.nuisance.size:
+        states = np.split(fit.nuisance, len(signals))
+        pairs = zip((one.experiment for one in signals), states, strict=True)
+        return [(one, initial_state(one.model(fit.model), one, state)) for one, state in pairs]
+    pieces = [piece for one in signals for piece in _pieces(one)]
+    return [pieces[i] for i in np.unique(np.linspace(0, len(pieces) - 1, min(PIECES, len(pieces))).astype(int))]
 
 
 def _pieces(signals: Signals) -> list[tuple[Experiment, FloatArray]]:
@@ -226,20 +246,23 @@ def _pieces(signals: Signals) -> list[tuple[Experiment, FloatArray]]:
     return found
 
 
-def _position_rms(model: Model, pieces: Sequence[Experiment], starts: Sequence[FloatArray], substep: float) -> float:
-    """Error of the angle, simulated over the pieces [rad]."""
-    parts = []
+def _motion_rms(
+    fit: Regression, model: Model, pieces: Sequence[Experiment], starts: Sequence[FloatArray], substep: float
+) -> dict[str, float]:
+    """Error of the motion, simulated over the pieces [rad or m]."""
+    column, parts = fit.data.signals[0].column, []
     for piece, start in zip(pieces, starts, strict=True):
         own = piece.model(model)
         motion = own.simulate(piece.drive, piece.time, start, substep_s=substep)
-        parts.append((piece.measured["position"] - motion["position"]) ** 2)
-    return float(np.sqrt(np.nanmean(np.concatenate(parts))))
+        parts.append((piece.measured[column] - motion[column]) ** 2)
+    return {column: float(np.sqrt(np.nanmean(np.concatenate(parts))))}
 
 
 def _finding(fit: Regression) -> Finding:
-    """What the torque that is left depends on."""
+    """What the torque or motion that is left depends on."""
     data = fit.data
-    assert isinstance(data, Data)
+    if not isinstance(data, Data):
+        return _finding_of_motion(fit)
     residuals = np.split(fit.residual, np.cumsum(data.counts)[:-1])
     variables = [
         {
@@ -256,3 +279,26 @@ def _finding(fit: Regression) -> Finding:
     curve = Curve(best.variable, best.unit, best.x, best.mean, best.mean - best.half_width, best.mean + best.half_width)
     text = f"{size}; {100 * best.explained:.0f} % of it follows {words.variable(best.variable)[0]}"
     return Finding("joint", (best.variable,), text, curve)
+
+
+def _finding_of_motion(fit: Regression) -> Finding:
+    """What the motion that is left depends on."""
+    unit = words.column(fit.data.signals[0].column)[1]
+    residuals = np.split(fit.residual, np.cumsum(fit.data.counts)[:-1])
+    names = ("theta_2", "omega_2", "acceleration") if "J" in fit.model.parameters else ("q", "q'", "q''")
+    variables = []
+    for one in fit.data.signals:
+        seen = ~np.isnan(one.experiment.measured[one.column])
+        at = one.experiment.time[seen]
+        states = (one.position, one.velocity, one.acceleration)
+        columns = {name: np.interp(at, one.time, values) for name, values in zip(names, states, strict=True)}
+        variables.append({**columns, "time": at})
+    found = shapes(residuals, [np.full(r.size, fit.rms) for r in residuals], variables)
+    acts_on = "joint" if "J" in fit.model.parameters else "oscillator"
+    size = f"an error of the motion of about {fit.rms:.2g} {unit} is left"
+    if not found or found[0].explained < LEAST_SHARE:
+        return Finding(acts_on, (), f"{size}; it follows no single state")
+    best = found[0]
+    curve = Curve(best.variable, best.unit, best.x, best.mean, best.mean - best.half_width, best.mean + best.half_width)
+    text = f"{size}; {100 * best.explained:.0f} % of it follows {words.variable(best.variable)[0]}"
+    return Finding(acts_on, (best.variable,), text, curve)

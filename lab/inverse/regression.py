@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
@@ -17,8 +17,12 @@ from lostmotion.lab.unknowns import Unknowns
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Data", "Problem", "Regression", "blocks_of", "regressed"]
+__all__ = ["Data", "Problem", "Regression", "blocks_of", "inertia_of", "regressed"]
 
+PRIOR = 0.1
+"""Weight of a parameter's change, by a factor e or by its scale, in units of one sample that is off by the usual
+torque or motion.  Where nothing tells a parameter, it stays where it began: without this the inertia of a servo that
+moves slowly went to its lower bound, and the phase of a weight, hardly told from a bias, to 1.4 rad."""
 STEP = 1e-6
 """Finite difference in numbers of order one: the torque is a smooth function of its parameters."""
 LEAST_SCALE = 0.01
@@ -41,9 +45,14 @@ class Problem(Protocol):
     @property
     def nuisance(self) -> FloatArray: ...
     @property
+    def nuisances(self) -> int: ...
+    @property
+    def freedom(self) -> FloatArray: ...
+    @property
     def counts(self) -> list[int]: ...
     def residual(self, model: Model, nuisance: FloatArray) -> FloatArray: ...
     def usual(self, model: Model) -> float: ...
+    def suited(self, models: Sequence[Model]) -> Problem: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,14 +78,28 @@ class Data:
         """Initial values of what is fitted beside the model's parameters: nothing."""
         return np.empty(0)
 
+    @property
+    def freedom(self) -> FloatArray:
+        """Of nothing."""
+        return np.empty(0)
+
+    @property
+    def nuisances(self) -> int:
+        """Of one recording."""
+        return 0
+
     def residual(self, model: Model, nuisance: FloatArray) -> FloatArray:
         """Measured less modelled torque within the band, all recordings one after the other (M,) [N m]."""
         pairs = zip(self.signals, self.needed(model), strict=True)
         return np.concatenate([one.filtered(one.torque - torque) for one, torque in pairs])
 
+    def suited(self, models: Sequence[Model]) -> Data:
+        """For these models, too: nothing is integrated."""
+        return self
+
     def usual(self, model: Model) -> float:
         """Root mean square of what moves the joint [N m]: the torque, or inertia where it swings freely."""
-        inertia = model.parameters["J"].value
+        inertia = inertia_of(model)
         moving = [np.where(one.torque.any(), one.torque, inertia * one.acceleration) for one in self.signals]
         return float(np.sqrt(np.mean(np.concatenate(moving) ** 2)))
 
@@ -100,6 +123,8 @@ class Regression:
     z: FloatArray
     residual: FloatArray
     jacobian: FloatArray
+    nuisance: FloatArray
+    """(E,) what was fitted beside the parameters."""
 
     @property
     def rms(self) -> float:
@@ -112,10 +137,11 @@ class Regression:
         return len(self.unknowns.items)
 
     def predicted(self, fold: NDArray[np.intp]) -> FloatArray:
-        """The residual of each sample (M,) by a fit to all samples of other folds; one Gauss-Newton step from here."""
+        """The residual of each sample (M,) by a fit to all samples of other folds; one Gauss-Newton step from here, in
+        which initial values stay: the samples that tell them may all be in one fold."""
         found = np.empty_like(self.residual)
-        size = np.maximum(np.linalg.norm(self.jacobian, axis=0), 1e-100)
-        scaled = self.jacobian / size
+        own = self.jacobian[:, : self.count]
+        scaled = own / np.maximum(np.linalg.norm(own, axis=0), 1e-100)
         for k in np.unique(fold):
             out = fold == k
             step = np.linalg.lstsq(scaled[~out], -self.residual[~out], rcond=1e-9)[0]
@@ -136,34 +162,69 @@ class Regression:
         return np.asarray(whole[: self.count, : self.count])
 
 
-def regressed(model: Model, data: Problem) -> Regression:
-    """The model with its free parameters fitted, within their bounds."""
+def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, steps: int = MOST_STEPS) -> Regression:
+    """The model with its free parameters fitted, within their bounds, in so many steps at most.  nuisance: where
+    what is fitted beside them begins."""
     unknowns = _scaled(Unknowns.of(model), model, data)
     low, high = unknowns.bounds
-    beside = data.nuisance
+    beside = data.nuisance if nuisance is None else nuisance
     count, usual = len(unknowns.items), max(data.usual(model), 1e-300)
-    free = np.full(beside.size, np.inf)
-    z = np.concatenate([np.clip(unknowns.z(model), low, high), beside])
+    least, most = data.nuisance - data.freedom, data.nuisance + data.freedom
+    z = np.concatenate([np.clip(unknowns.z(model), low, high), np.clip(beside, least, most)])
+
+    first = z[:count].copy()
 
     def residual(at: FloatArray) -> FloatArray:
-        return data.residual(unknowns.put(model, at[:count]), at[count:]) / usual
+        error = data.residual(unknowns.put(model, at[:count]), at[count:]) / usual
+        return np.concatenate([error, PRIOR * (at[:count] - first)])
 
+    size = sum(data.counts)
     if not z.size:
-        return Regression(model, data, unknowns, z, residual(z) * usual, np.empty((sum(data.counts), 0)))
-    bounds = (np.concatenate([low, -free]), np.concatenate([high, free]))
-    found = least_squares(
-        residual, z, bounds=bounds, x_scale="jac", diff_step=np.full(z.size, STEP), max_nfev=MOST_STEPS
-    )
+        return Regression(model, data, unknowns, z, residual(z) * usual, np.empty((size, 0)), z)
+    bounds = (np.concatenate([low, least]), np.concatenate([high, most]))
+
+    def jacobian(at: FloatArray) -> FloatArray:
+        return _jacobian(residual, at, bounds[1], data)
+
+    found = least_squares(residual, z, jacobian, bounds, x_scale="jac", max_nfev=steps)
     fitted = unknowns.put(model, found.x[:count])
-    return Regression(fitted, data, unknowns, found.x[:count], found.fun * usual, np.asarray(found.jac) * usual)
+    error, slopes = found.fun[:size] * usual, np.asarray(found.jac)[:size] * usual
+    return Regression(fitted, data, unknowns, found.x[:count], error, slopes, found.x[count:])
+
+
+def _jacobian(
+    residual: Callable[[FloatArray], FloatArray], z: FloatArray, high: FloatArray, data: Problem
+) -> FloatArray:
+    """Forward differences (M, P + E), backward at an upper bound; all recordings move their initial values at once,
+    as each has its own."""
+    here = residual(z)
+    recordings = len(data.signals)
+    count, found = z.size - recordings * data.nuisances, np.zeros((here.size, z.size))
+    parts = np.split(np.arange(here.size), np.cumsum(data.counts)[:-1])
+    for at in range(count):
+        step = STEP * max(1.0, abs(z[at]))
+        step = -step if z[at] + step > high[at] else step
+        found[:, at] = (residual(z + step * (np.arange(z.size) == at)) - here) / step
+    for k in range(data.nuisances):
+        mine = count + k + data.nuisances * np.arange(recordings)
+        step = STEP * max(1.0, float(np.abs(z[mine]).max()))
+        change = (residual(z + step * np.isin(np.arange(z.size), mine)) - here) / step
+        for rows, column in zip(parts, mine, strict=True):
+            found[rows, column] = change[rows]
+    return found
+
+
+def inertia_of(model: Model) -> float:
+    """J [kg m²], or m [kg]."""
+    return next(model.parameters[name].value for name in ("J", "m") if name in model.parameters)
 
 
 def _scaled(unknowns: Unknowns, model: Model, data: Problem) -> Unknowns:
     """With scales that no value near zero makes too small for finite differences: a share of the torque that moves the
     joint, and of a radian."""
-    moving = model.parameters["J"].value * max(float(np.abs(one.acceleration).max()) for one in data.signals)
+    moving = inertia_of(model) * max(float(np.abs(one.acceleration).max()) for one in data.signals)
     torque = max(moving, *(float(np.abs(one.torque).max()) for one in data.signals))
-    usual = {"N m": LEAST_SCALE * torque, "rad": LEAST_SCALE}
+    usual = {"N m": LEAST_SCALE * torque, "N": LEAST_SCALE * torque, "rad": LEAST_SCALE}
     items = [
         item
         if item.logarithmic

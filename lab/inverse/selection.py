@@ -13,19 +13,21 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 from scipy.stats import t as student
 
-from lostmotion.lab.inverse.candidates import candidates, fitted_with, softened
+from lostmotion.lab.inverse.candidates import candidates, fitted_with, refined, softened, starts
+from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.regression import FOLDS, Data, Problem, Regression, blocks_of, regressed
 from lostmotion.lab.inverse.signals import Signals
-from lostmotion.lab.inverse.swing import Swings
 from lostmotion.lab.simpler import without
 from lostmotion.model import Model
 
-__all__ = ["LIMIT", "Judged", "Selection", "selected"]
+__all__ = ["LIMIT", "Judged", "Method", "Selection", "selected"]
 
 LIMIT = 0.05
 """Chance of a false name in one step of the search."""
@@ -36,24 +38,35 @@ ALIKE = 0.05
 HORIZONS = (0.2, 0.5)
 """Shares of a free swing that are fitted before the whole: a frequency that is 2 % off is out of phase after ten
 swings, and a fit to all of them ends in another minimum."""
+FINISHED = 5
+"""Effects whose fit to a simulated motion is finished after all have had a few steps (successive halving)."""
 MOST = 6
 """Effects that are added at most."""
 
 
+class Method(Enum):
+    """Whose error is judged: that of the torque, which a controller made; that of a free motion, whose effects are
+    looked for in the acceleration; that of a motion whose input follows no disturbance."""
+
+    TORQUE = "torque"
+    FREE = "free"
+    MOTION = "motion"
+
+
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """inverse: the fit to the torque; judged: the fit whose predictions count, the same where a torque was measured,
-    and that to the simulated angle where the joint swings freely."""
+    """inverse: the fit in which effects are looked for; judged: the fit whose predictions count, the same one except
+    where a joint swings freely."""
 
     inverse: Regression
     judged: Regression
 
     @classmethod
-    def of(cls, inverse: Regression, is_free: bool) -> Fitted:
-        """Beginning with a fit to the torque."""
-        if not is_free:
+    def of(cls, inverse: Regression, method: Method) -> Fitted:
+        """Beginning with the fit in which effects are looked for."""
+        if method is not Method.FREE:
             return cls(inverse, inverse)
-        swings, model = Swings.of(inverse.data.signals, inverse.model), inverse.model
+        swings, model = OutputError.of(inverse.data.signals, inverse.model), inverse.model
         for share in HORIZONS:
             model = regressed(model, swings.first(share)).model
         return cls(inverse, regressed(model, swings))
@@ -99,37 +112,59 @@ class Selection:
 
 
 def selected(
-    model: Model, signals: Sequence[Signals], is_free: bool, until: float, progress: Callable[[str, float], None]
-) -> Selection:
-    """Adds effects as long as one is significant and time.monotonic() is below ``until`` [s].
-
-    is_free: no torque acts.
-    """
-    measured = Data(tuple(signals), tuple(one.torque for one in signals))
-    now = Fitted.of(_with_load(softened(model, measured), measured), is_free)
+    model: Model, signals: Sequence[Signals], method: Method, until: float, progress: Callable[[str, float], None],
+    pool: Executor | None = None,
+) -> Selection:  # fmt: skip
+    """Adds effects as long as one is significant and time.monotonic() is below ``until`` [s]."""
+    now = _first(model, signals, method)
     fits, added, steps, complete = [now], list[str](), list[Step](), True
     while len(added) < MOST:
         progress("looking for more" if added else "looking for what is missing", 0.15 + 0.12 * len(added))
-        step = _step(now, tuple(added), is_free)
+        step = _step(now, tuple(added), method, pool)
         steps.append(step)
         if not step.judged or not _is_significant(step.judged[0]):
             break
         best = step.judged[0]
-        now = Fitted(_with_load(best.fit.model, now.inverse.data), best.fit)
-        now = now if is_free else Fitted(now.inverse, now.inverse)
+        now = _with(best, now, method)
         added = [effect for effect in added if effect in now.model.effects] + [best.effect]
         fits.append(now)
         if time.monotonic() > until:
             complete = False
             break
-    return _eliminated(fits, added, steps, complete, is_free)
+    return _eliminated(fits, added, steps, complete, method)
 
 
-def _step(now: Fitted, added: tuple[str, ...], is_free: bool) -> Step:
+def _first(model: Model, signals: Sequence[Signals], method: Method) -> Fitted:
+    """The fit of the model as it is."""
+    if method is Method.MOTION:
+        fits = [regressed(start, OutputError.of(signals, start)) for start in starts(model, signals)]
+        best = min(fits, key=lambda fit: fit.rms)
+        return Fitted(best, best)
+    measured = Data(tuple(signals), tuple(one.torque for one in signals))
+    return Fitted.of(_with_load(softened(model, measured), measured), method)
+
+
+def _with(best: Judged, now: Fitted, method: Method) -> Fitted:
+    """The fit with what was added."""
+    if method is Method.MOTION:
+        return best.fitted
+    inverse = _with_load(best.fit.model, now.inverse.data)
+    return Fitted(inverse, best.fit if method is Method.FREE else inverse)
+
+
+def _step(now: Fitted, added: tuple[str, ...], method: Method, pool: Executor | None) -> Step:
     """All candidates, judged against the present fit; of those alike, the one with the fewest parameters first."""
     wide = list(candidates(now.model, added, now.inverse.data))
-    inverse = [(name, fit) for name, model in wide if (fit := fitted_with(name, model, now.inverse))]
-    fits = [(name, Fitted.of(fit, is_free)) for name, fit in inverse]
+    each = pool.map if isinstance(pool, ThreadPoolExecutor) else map
+    short = list(each(lambda one: fitted_with(one[0], one[1], now.inverse), wide))
+    inverse = [(name, fit) for (name, _), fit in zip(wide, short, strict=True) if fit]
+    if method is Method.MOTION:
+        inverse.sort(key=lambda one: one[1].rms)
+        finished = list(each(lambda one: refined(one[1]), inverse[:FINISHED]))
+        inverse = [(name, fit) for (name, _), fit in zip(inverse[:FINISHED], finished, strict=True)] + inverse[
+            FINISHED:
+        ]
+    fits = [(name, Fitted.of(fit, method)) for name, fit in inverse]
     judged = sorted((_judged(name, fit, now, len(wide)) for name, fit in fits), key=lambda one: -one.gain)
     good = [one for one in judged if _is_significant(one)]
     if not good:
@@ -176,13 +211,13 @@ def _with_load(model: Model, data: Problem) -> Regression:
     return regressed(once.model, Data.of(data.signals, once.model))
 
 
-def _eliminated(fits: list[Fitted], added: list[str], steps: list[Step], complete: bool, is_free: bool) -> Selection:
+def _eliminated(fits: list[Fitted], added: list[str], steps: list[Step], complete: bool, method: Method) -> Selection:
     """Without those effects that the later ones have made superfluous."""
     for effect in list(added):
         if len(added) < 2:
             break
         now = fits[-1]
-        less = Fitted.of(regressed(without(now.model, effect), now.inverse.data), is_free)
+        less = Fitted.of(regressed(without(now.model, effect), now.inverse.data), method)
         if _p(less.judged, now.judged) > LIMIT:
             at = added.index(effect)
             added.remove(effect)

@@ -16,7 +16,7 @@ from scipy.signal import butter, sosfiltfilt, welch
 from lostmotion.lab.experiment import Experiment
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Signals"]
+__all__ = ["COLUMNS", "Signals"]
 
 CLEAR = 30.0
 """The band ends where the angle's power density falls to this many times its noise.  Amplitudes stand out of the noise
@@ -35,15 +35,17 @@ EDGE = 2.0
 """Periods of the end of the band that are left out at both ends of a recording."""
 SEGMENT = 1024
 """Samples of a segment of the power density."""
+COLUMNS = ("position", "displacement", "accel")
+"""What may be measured of a moving part, the most direct first."""
 ORDER = 4
 """Of the Butterworth filter, which runs forwards and backwards."""
 
 
 @dataclass(frozen=True, eq=False)
 class Signals:
-    """time [s], position [rad], velocity, acceleration and torque [N m], each (N,) on the recording's grid, filtered;
-    band_hz: the end of the band; position_density: power density of the angle's noise [rad²/Hz]; torque_noise: root
-    mean square of the torque's noise within the band [N m]."""
+    """time [s], position [rad or m], velocity, acceleration and torque [N m or N], each (N,) on the recording's grid,
+    filtered; band_hz: the end of the band; position_density: power density of the angle's noise [rad²/Hz];
+    torque_noise: root mean square of the torque's noise within the band [N m]; column: what was measured."""
 
     experiment: Experiment
     time: FloatArray
@@ -54,16 +56,21 @@ class Signals:
     band_hz: float
     position_density: float
     torque_noise: float
+    column: str = "position"
 
     @classmethod
-    def of(cls, experiment: Experiment) -> Signals:
-        """Of an experiment of the base ``joint``; without a torque, the joint swings freely and there is none."""
-        step = 1 / experiment.rate_hz
-        seen = ~np.isnan(experiment.measured["position"])
-        measured, at = experiment.measured["position"][seen], experiment.time[seen]
+    def of(cls, experiment: Experiment, is_force: bool = True) -> Signals:
+        """Of an experiment with one moving part.  is_force: the input is a torque or force; without one the part moves
+        freely and there is none."""
+        column = next(name for name in COLUMNS if name in experiment.measured)
+        seen = ~np.isnan(experiment.measured[column])
+        measured, at = experiment.measured[column][seen], experiment.time[seen]
+        step = float(np.median(np.diff(at)))
         time = np.arange(at[0], at[-1] + step / 2, step)
         position = np.interp(time, at, measured)
-        drive = experiment.drive
+        if column == "accel":
+            position = _integrated_twice(position, step)
+        drive = experiment.drive if is_force else None
         torque = np.asarray(drive.position(np.clip(time, at[0], at[-1]))) if drive else np.zeros_like(time)
         band, density = _band(position, 1 / step)
         smooth = _lowpass(position, band * step)
@@ -71,8 +78,9 @@ class Signals:
         velocity, acceleration = (np.asarray(spline.derivative(order)(time)) for order in (1, 2))
         noise = _torque_noise(torque, 1 / step, band)
         return cls(
-            experiment, time, smooth, velocity, acceleration, _lowpass(torque, band * step), band, density, noise
-        )
+            experiment, time, smooth, velocity, acceleration, _lowpass(torque, band * step), band, density, noise,
+            column,
+        )  # fmt: skip
 
     @cached_property
     def kept(self) -> slice:
@@ -90,10 +98,26 @@ class Signals:
         return _lowpass(signals, self.band_hz / self._rate)[..., self.kept]
 
     @property
+    def position_noise(self) -> float:
+        """Root mean square of the angle's noise [rad], if it is white."""
+        return float(np.sqrt(self.position_density * self._rate / 2))
+
+    @property
     def acceleration_noise(self) -> float:
         """Root mean square of the acceleration's error within the band [rad/s²], by the angle's noise: the integral of
         (2 pi f)^4 times its density."""
         return float(np.sqrt(self.position_density * (2 * np.pi) ** 4 * self.band_hz**5 / 5))
+
+
+def _integrated_twice(acceleration: FloatArray, step: float) -> FloatArray:
+    """Position without what is slower than ``SLOWEST`` periods in the recording, of which an accelerometer's offset
+    makes more than the motion."""
+    frequency = np.fft.rfftfreq(acceleration.size, step)
+    spectrum = np.fft.rfft(acceleration - acceleration.mean())
+    slow = frequency < SLOWEST / (acceleration.size * step)
+    spectrum[~slow] /= -((2 * np.pi * frequency[~slow]) ** 2)
+    spectrum[slow] = 0.0
+    return np.asarray(np.fft.irfft(spectrum, acceleration.size))
 
 
 def _lowpass(values: FloatArray, band: float) -> FloatArray:

@@ -1,0 +1,131 @@
+"""The measured motion of whole recordings, simulated from an initial state of each: the output-error method.
+
+It is right where the input does not follow the disturbances: the command of a servo, whose controller is a part of the
+model, the force on an oscillator, and a joint that swings freely.  What a damping takes from one swing to the next is
+too little to be seen in the acceleration; over all swings it adds up.  No selection here.
+
+References: L. Ljung, System Identification (1999), section 4.3; J. Schoukens and L. Ljung, "Nonlinear system
+identification: a user-oriented road map", IEEE Control Systems 39 (2019).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lostmotion.lab.experiment import Experiment
+from lostmotion.lab.inverse.signals import Signals
+from lostmotion.lab.task import coarse_substep, rubbing
+from lostmotion.model import Model, ModelError
+from lostmotion.model.bases import get_base
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["OutputError"]
+
+REST = 0.1
+"""Of the largest speed: below, a free recording has ended.  How a joint comes to rest depends on how its friction is
+smoothed; with 0.02 to 0.2 the same effects are found in drops of a servo, in another order."""
+SCATTERS = 3.0
+"""Standard deviations of the readings about the filtered signals within which a motion begins."""
+STEPS = 4.0
+"""Integration steps of a fit, times the model's own choice."""
+
+
+@dataclass(frozen=True, eq=False)
+class OutputError:
+    """Recordings whose motion is simulated; substep_s: integration step of a fit [s]."""
+
+    signals: tuple[Signals, ...]
+    substep_s: float
+
+    @classmethod
+    def of(cls, signals: Sequence[Signals], model: Model) -> OutputError:
+        """With the step that this model needs; a joint that has come to rest tells no more."""
+        moving = tuple(replace(one, experiment=_until_rest(one)) for one in signals)
+        experiments = [one.experiment for one in moving]
+        return cls(moving, coarse_substep(rubbing(model, experiments), experiments, STEPS))
+
+    def first(self, share: float) -> OutputError:
+        """The beginnings of the recordings."""
+        parts = [
+            replace(one, experiment=one.experiment.between(one.time[0], one.time[0] + share * one.experiment.duration))
+            for one in self.signals
+        ]
+        return replace(self, signals=tuple(parts))
+
+    @property
+    def nuisance(self) -> FloatArray:
+        """Initial angle and speed of each recording as the filtered signals have them (2 R,)."""
+        return np.concatenate([[one.position[0], one.velocity[0]] for one in self.signals])
+
+    @property
+    def freedom(self) -> FloatArray:
+        """How far the initial values may be from these (2 R,): what the readings scatter about the filtered signals,
+        which is their noise.  A start that may be anywhere takes the place of effects."""
+        return np.concatenate([_freedom(one) for one in self.signals])
+
+    @property
+    def nuisances(self) -> int:
+        """Initial values of one recording."""
+        return 2
+
+    def residual(self, model: Model, nuisance: FloatArray) -> FloatArray:
+        """Measured less simulated motion, all recordings one after the other (M,) [rad or m]."""
+        parts = []
+        for one, start in zip(self.signals, np.split(nuisance, len(self.signals)), strict=True):
+            experiment = one.experiment
+            own, measured = experiment.model(model), experiment.measured[one.column]
+            state = initial_state(own, experiment, start)
+            try:
+                run = own.simulate(experiment.drive, experiment.time, state, substep_s=self.substep_s)
+                motion = run[one.column]
+            except ModelError:
+                motion = np.full(experiment.time.size, np.inf)
+            parts.append((measured - motion)[~np.isnan(measured)])
+        return np.concatenate(parts)
+
+    def suited(self, models: Sequence[Model]) -> OutputError:
+        """With the integration step that these models need, too."""
+        experiments = [one.experiment for one in self.signals]
+        return replace(
+            self, substep_s=min(self.substep_s, *(coarse_substep(one, experiments, STEPS) for one in models))
+        )
+
+    def usual(self, model: Model) -> float:
+        """Root mean square of the motion's deviation from its mean [rad or m]."""
+        return float(
+            np.sqrt(np.mean(np.concatenate([one.position - one.position.mean() for one in self.signals]) ** 2))
+        )
+
+    @property
+    def counts(self) -> list[int]:
+        """Samples of each recording that count."""
+        return [int((~np.isnan(one.experiment.measured[one.column])).sum()) for one in self.signals]
+
+
+def _freedom(one: Signals) -> FloatArray:
+    """Of the initial angle and speed; nothing bounds those of a free motion, of which all is made, nor those that were
+    integrated from an accelerometer."""
+    if one.column == "accel" or one.experiment.drive is None:
+        return np.full(2, np.inf)
+    scatter = SCATTERS * float(np.nanstd(one.experiment.measured[one.column] - np.interp(
+        one.experiment.time, one.time, one.position)))  # fmt: skip
+    return np.maximum(scatter * np.array([1.0, 2 * np.pi * one.band_hz]), 1e-9 * np.ptp(one.position))
+
+
+def initial_state(model: Model, experiment: Experiment, start: FloatArray) -> FloatArray:
+    """The state that begins with this position and speed; states of effects begin where these put the signals."""
+    first, second = (state.name for state in get_base(model.base).states)
+    given = {first: float(start[0]), second: float(start[1])}
+    return model.initial_state(experiment.drive, float(experiment.time[0]), **given)
+
+
+def _until_rest(signals: Signals) -> Experiment:
+    """A free recording without its end, in which the speed stays below a share of its largest."""
+    if signals.experiment.drive is not None:
+        return signals.experiment
+    speed = np.abs(signals.velocity)
+    last = float(signals.time[np.flatnonzero(speed > REST * speed.max())[-1]])
+    return signals.experiment.between(signals.experiment.time[0], last)
