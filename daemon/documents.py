@@ -11,6 +11,7 @@ import numpy as np
 from lostmotion.daemon.reader import Reader
 from lostmotion.daemon.records import (
     AlarmRow,
+    FlankRow,
     JointRow,
     NoiseRow,
     Origin,
@@ -22,7 +23,7 @@ from lostmotion.daemon.records import (
 )
 from lostmotion.daemon.rollup import SERIES, Series
 
-__all__ = ["SCORE_KEYS", "alarm", "attribution", "history", "joint", "noise", "score", "series", "status", "to_series",
+__all__ = ["SCORE_KEYS", "alarm", "attribution", "history", "joint", "learnt", "score", "series", "status", "to_series",
            "transition"]  # fmt: skip
 
 COLUMNS = tuple(name for name in SERIES.names or () if name != "time_us")
@@ -69,7 +70,11 @@ def joint(row: JointRow, last: ScoreRow | None, alarms: list[AlarmRow]) -> dict[
 def status(reader: Reader) -> dict[str, Any]:
     """All joints, their health and their active alarms; where joints share accelerometers, whose play it is."""
     joints = [joint(row, reader.last_window(row.name), reader.active_alarms(row.name)) for row in reader.joints()]
-    return {"robot": reader.robot(), "joints": joints} | attribution(reader.origins()) | noise(reader.noises())
+    return (
+        {"robot": reader.robot(), "joints": joints}
+        | attribution(reader.origins())
+        | learnt(reader.noises(), reader.flanks())
+    )
 
 
 def attribution(origins: list[Origin]) -> dict[str, Any]:
@@ -78,18 +83,22 @@ def attribution(origins: list[Origin]) -> dict[str, Any]:
     return {"attribution": told} if told else {}
 
 
-def noise(rows: list[NoiseRow]) -> dict[str, Any]:
-    """The noise that each joint's windows are held against, where it has been learnt; nothing where none has."""
+def learnt(rows: list[NoiseRow], flanks: list[FlankRow]) -> dict[str, Any]:
+    """The noise that each joint's windows are held against, with the bar, and how its teeth give, where these have been
+    learnt; nothing where they have not."""
     told = [
         {
             "joint": row.joint,
-            "noise_ms2": row.deviation,
+            "noise_ms2": row.deviation if row.covariance else None,
             "windows": row.seen,
+            "f_res_hz": row.bar.used_hz if row.bar else row.f_res_hz,
+            "zeta": row.bar.used_zeta if row.bar else row.zeta,
             "changes": [{"time": iso(change.time), "text": change.text} for change in row.changes],
         }
         for row in rows
     ]
-    return {"noise": told} if told else {}
+    teeth = [{"joint": row.joint, "softness": row.softness, "windows": row.windows} for row in flanks]
+    return ({"noise": told} if told else {}) | ({"flanks": teeth} if teeth else {})
 
 
 def history(joint: str, scores: list[ScoreRow]) -> dict[str, Any]:

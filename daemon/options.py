@@ -58,6 +58,7 @@ class DetectorOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     contact_accel: Positive | UnsetType = UNSET
     play_size: bool | UnsetType = UNSET
     gentle: Annotated[float, Meta(ge=0)] | UnsetType = UNSET
+    follow_bar: bool | UnsetType = UNSET
 
     def given(self) -> dict[str, object]:
         """The keys that were given, in the names and values of DetectorSettings."""

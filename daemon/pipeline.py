@@ -17,8 +17,8 @@ from lostmotion.daemon.records import Origin
 from lostmotion.daemon.ring import Ring
 from lostmotion.detector.commanded import BEFORE_S
 from lostmotion.detector.errors import DetectorError
-from lostmotion.detector.flank import law_of
-from lostmotion.detector.learner import Change, Learner, is_learning
+from lostmotion.detector.flank import FlankLaw, law_of
+from lostmotion.detector.learner import BarChange, Change, Learner, is_learning
 from lostmotion.detector.play_size import learnt_play, stretch_of
 from lostmotion.detector.score import score_window
 from lostmotion.detector.severity import with_severity
@@ -64,12 +64,12 @@ class Scored:
 
 @dataclass(frozen=True, slots=True)
 class Learnt:
-    """The noise of a joint's windows has been learnt again at that robot time [s]; change: whether it is another."""
+    """Noise or bar of a joint have been learnt again at that robot time [s]; change: whether it is another one."""
 
     joint: str
     time: float
     learner: Learner
-    change: Change | None
+    change: Change | BarChange | None
 
 
 @dataclass(slots=True)
@@ -101,7 +101,7 @@ class _Joint:
         self.pending: list[_Pending] = []
         self.heard = -math.inf
         self.temperature = math.nan
-        self.law = law_of(plan.settings)
+        self.law, self.law_windows = law_of(plan.settings), 0
         self._times, self._angles = array("d"), array("d")
         self.counts = Counts()
         count = round(self.length * plan.rate_hz)
@@ -109,8 +109,16 @@ class _Joint:
 
     @property
     def settings(self) -> DetectorSettings:
-        """Those of the plan, with the noise as it is known by now."""
+        """Those of the plan, with noise and bar as they are known by now."""
         return self.learner.settings if self.learner else self.plan.settings
+
+    @property
+    def bar_settings(self) -> DetectorSettings:
+        """Those of the plan, with the bar as it is known by now."""
+        given, known = self.plan.settings, self.settings
+        if (given.f_res_hz, given.zeta) == (known.f_res_hz, known.zeta):
+            return given
+        return replace(given, f_res_hz=known.f_res_hz, zeta=known.zeta)
 
     def take(self, samples: list[ServoSample], resolution_rad: float, since: float) -> None:
         """Opens a window for every reversal in the commands of these samples that is not before ``since``."""
@@ -171,6 +179,17 @@ class Pipeline:
     def learners(self) -> dict[str, Learner]:
         """What learns the noise of each joint's windows; none for a joint whose noise has been calibrated."""
         return {name: joint.learner for name, joint in self._joints.items() if joint.learner}
+
+    @property
+    def laws(self) -> dict[str, tuple[FlankLaw, int]]:
+        """How each joint's flanks give way, and how many windows have told it; none that the settings fix."""
+        return {name: (joint.law, joint.law_windows) for name, joint in self._joints.items() if joint.law.is_learnt}
+
+    def resume_law(self, joint: str, likelihood: tuple[float, ...], windows: int) -> None:
+        """Goes on from what an earlier run has learnt of a joint's flanks, unless the settings fix it."""
+        known = self._joints.get(joint)
+        if known and known.law.is_learnt and len(likelihood) == len(known.law.likelihood):
+            known.law, known.law_windows = replace(known.law, likelihood=likelihood), windows
 
     def learnt(self) -> list[Learnt]:
         """What has been learnt since this was last asked."""
@@ -272,9 +291,10 @@ class Pipeline:
         """Holds the windows to come against the noise of those so far."""
         if joint.learner is None:
             return
-        known = joint.learner.background
+        known = joint.learner.background, joint.learner.bar
         change = joint.learner.hear(window.accel)
-        if joint.learner.background is not known:
+        now = joint.learner.background, joint.learner.bar
+        if any(one is not other for one, other in zip(known, now, strict=True)):
             self._learnt.append(Learnt(joint.plan.joint, window.start + window.duration, joint.learner, change))
 
     def _sized(self, joint: _Joint, score: Score, ring: Ring) -> Score:
@@ -288,8 +308,10 @@ class Pipeline:
         if alone is None:
             return replace(score, play_reason="too few commands of the other joints")
         times, angles = joint.commands
-        sized, joint.law = learnt_play(score, alone, times, angles, plan.settings, joint.law)
-        return with_severity(sized, alone, times, angles, plan.settings)
+        settings, before = joint.bar_settings, joint.law
+        sized, joint.law = learnt_play(score, alone, times, angles, settings, joint.law)
+        joint.law_windows += joint.law is not before
+        return with_severity(sized, alone, times, angles, settings)
 
     def _needed(self, joint: _Joint, ring: Ring) -> float:
         """From when on a joint may still need acceleration [s]."""

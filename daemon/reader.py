@@ -23,6 +23,7 @@ from lostmotion.daemon.records import (
     Answer,
     Cause,
     DeviceRow,
+    FlankRow,
     Health,
     JointRow,
     NoiseRow,
@@ -62,6 +63,8 @@ Bounds = tuple[datetime | None, datetime | None, int | None]
 """since, until, and how many of the newest; None: no bound"""
 NOISE = "noise/"
 """begin of the keys of ``meta`` under which noises are kept, by joint"""
+FLANK = "flank/"
+"""likewise of those under which laws of the flanks are kept"""
 
 
 class ReaderError(LostmotionError):
@@ -168,6 +171,11 @@ class Reader:
         """The noise of each joint's windows, as far as the service has learnt it."""
         rows = self._rows(f"SELECT value FROM meta WHERE key GLOB '{NOISE}*' ORDER BY key")
         return [msgspec.json.decode(row["value"], type=NoiseRow) for row in rows]
+
+    def flanks(self) -> list[FlankRow]:
+        """How the flanks of each joint's teeth give way, as far as the service has learnt it."""
+        rows = self._rows(f"SELECT value FROM meta WHERE key GLOB '{FLANK}*' ORDER BY key")
+        return [msgspec.json.decode(row["value"], type=FlankRow) for row in rows]
 
     def joints(self) -> list[JointRow]:
         """All joints ever seen and their health, by name."""

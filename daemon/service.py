@@ -145,7 +145,7 @@ class Service:
         with self._store.reader() as reader:
             for attributor in self._robot.pipeline.attributors:
                 attributor.resume(reader.origins())
-            self._noises = Noises(self._robot, reader.noises())
+            self._noises = Noises(self._robot, reader.noises(), reader.flanks())
         self._sinks, self._exporter = [], None
         self._sinks = _sinks(config)
         self._exporter = _exporter(config, self._store, self._robot)

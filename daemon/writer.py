@@ -14,11 +14,12 @@ from pathlib import Path
 import msgspec
 
 from lostmotion.daemon import database
-from lostmotion.daemon.reader import NOISE, Reader
+from lostmotion.daemon.reader import FLANK, NOISE, Reader
 from lostmotion.daemon.records import (
     Answer,
     Cause,
     DeviceRow,
+    FlankRow,
     JointRow,
     NoiseRow,
     Origins,
@@ -39,7 +40,9 @@ LOOK = (
     "SELECT total(score) FROM (SELECT score FROM score WHERE joint_id = (SELECT id FROM joint WHERE name = ?)"
     " ORDER BY time_us DESC LIMIT ?)"
 )
-Row = ScoreRow | WindowRow | Transition | JointRow | DeviceRow | Origins | NoiseRow | Answer | ClockRow | Mend
+Row = (
+    ScoreRow | WindowRow | Transition | JointRow | DeviceRow | Origins | NoiseRow | FlankRow | Answer | ClockRow | Mend
+)
 ALARM = (
     "joint_id, cause, severity, state, raised_us, acknowledged_us, cleared_us, shelved_until_us, told_us, reminders,"
     " reason"
@@ -148,6 +151,9 @@ class Writer:
                 case NoiseRow():
                     told = [f"{NOISE}{row.joint}", msgspec.json.encode(row).decode()]
                     self._db.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", told)
+                case FlankRow():
+                    told = [f"{FLANK}{row.joint}", msgspec.json.encode(row).decode()]
+                    self._db.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", told)
                 case Origins():
                     groups = [[dict(origin.probabilities), origin.windows] for origin in row.groups]
                     self._db.execute("INSERT OR REPLACE INTO meta VALUES ('origins', ?)", [json.dumps(groups)])
@@ -218,7 +224,7 @@ class Writer:
 def _read_newest(db: sqlite3.Connection) -> None:
     """Reads what a service goes on from; raises one of DAMAGED where a page or a value of it is bad."""
     reader = Reader(db)
-    for read in (reader.devices, reader.requests, reader.alarms, reader.origins, reader.noises):
+    for read in (reader.devices, reader.requests, reader.alarms, reader.origins, reader.noises, reader.flanks):
         read()
     for joint in reader.joints():
         reader.scores(joint.name, limit=NEWEST)

@@ -52,9 +52,21 @@ class FlankLaw:
         odds = np.exp(np.array(self.likelihood) - max(self.likelihood))
         return np.asarray(odds / odds.sum())
 
+    @property
+    def is_learnt(self) -> bool:
+        """Whether windows may tell it: not where the settings fix it."""
+        return -math.inf not in self.likelihood
+
+    @property
+    def softness(self) -> tuple[float, float, float]:
+        """Median of 1/n and the ends of its 95 % interval, as far as SOFTNESS is fine."""
+        below = np.cumsum(self.weights)
+        low, middle, high = (float(SOFTNESS[int(np.searchsorted(below, share))]) for share in (0.025, 0.5, 0.975))
+        return middle, low, high
+
     def updated(self, told: Sized) -> FlankLaw:
         """The law after one more window; a law that the settings fix stays what it is."""
-        if -math.inf in self.likelihood:
+        if not self.is_learnt:
             return self
         gained = MEMORY * np.array(self.likelihood) + told.likelihood - np.max(told.likelihood)
         return FlankLaw(tuple((gained - np.max(gained)).tolist()), self.decades)

@@ -146,10 +146,10 @@ def bank(length: int, rate_hz: float, settings: DetectorSettings) -> Bank:
     return build(length, rate_hz, settings)
 
 
-def build(length: int, rate_hz: float, settings: DetectorSettings) -> Bank:
-    """The same, not kept."""
+def build(length: int, rate_hz: float, settings: DetectorSettings, line_hz: float = 0.0) -> Bank:
+    """The same, not kept; line_hz: a steady line of that frequency may be in the windows, too, 0 for none."""
     time = np.arange(length) / rate_hz
-    slow = slow_basis(length, rate_hz, settings)
+    slow = slow_basis(length, rate_hz, settings, line_hz)
     starts = _starts(length / rate_hz, settings)
     pairs = np.stack([ring(time - start, settings).T for start in starts])
     white = whiten(pairs, settings.noise_colour).transpose(0, 2, 1)
@@ -157,9 +157,13 @@ def build(length: int, rate_hz: float, settings: DetectorSettings) -> Bank:
     return Bank(slow, rings, starts, *_hypotheses(rings.T @ rings))
 
 
-def slow_basis(length: int, rate_hz: float, settings: DetectorSettings) -> FloatArray:
-    """What the arm's motion may be, whitened: orthonormal, shape (N, P)."""
-    return _orthonormal(whiten(slow_motion(length, rate_hz, settings).T, settings.noise_colour).T, 1e-9)
+def slow_basis(length: int, rate_hz: float, settings: DetectorSettings, line_hz: float = 0.0) -> FloatArray:
+    """What the arm's motion, and a steady line [Hz], may be, whitened: orthonormal, shape (N, P)."""
+    columns = slow_motion(length, rate_hz, settings)
+    if line_hz:
+        turn = 2 * math.pi * line_hz * np.arange(length) / rate_hz
+        columns = np.column_stack([columns, np.cos(turn), np.sin(turn)])
+    return _orthonormal(whiten(columns.T, settings.noise_colour).T, 1e-9)
 
 
 @lru_cache(maxsize=16)

@@ -40,7 +40,8 @@ class DetectorSettings:
     windows.  length_m: from the joint's axis to the accelerometer [m], negative where the joint turns the other way
     round; flank_exponent and contact_accel: n of eq. 1 and beta R2 / J2 [rad/s²], the joint's acceleration under the
     force beta, None if unknown (``flank``); play_size: whether it is estimated, which needs an accelerometer and a
-    command in rad; gentle: windows of less excitation [rad/s²] prove nothing (``quality``).
+    command in rad; gentle: windows of less excitation [rad/s²] prove nothing (``quality``); follow_bar: whether a
+    learner follows f_res_hz and zeta too (``bar``).
     """
 
     f_res_hz: float
@@ -59,6 +60,7 @@ class DetectorSettings:
     contact_accel: float | None = None
     play_size: bool = True
     gentle: float = GENTLE
+    follow_bar: bool = True
 
     def __post_init__(self) -> None:
         if math.isnan(self.level):

@@ -16,6 +16,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
+import msgspec
+
 from lostmotion import __version__
 from lostmotion.daemon.commands.checks import Check, within
 from lostmotion.daemon.config import Config
@@ -28,7 +30,16 @@ from lostmotion.drivers.errors import LostmotionError
 if TYPE_CHECKING:
     from sqlite_utils import Database
 
-__all__ = ["ClockPair", "check_adapters", "check_can", "check_clock", "check_disk", "check_history", "check_versions"]
+__all__ = [
+    "ClockPair",
+    "check_adapters",
+    "check_can",
+    "check_clock",
+    "check_disk",
+    "check_history",
+    "check_learnt",
+    "check_versions",
+]
 
 SYSTEM = "system"
 USB_SERIAL = Path("/sys/bus/usb-serial/devices")
@@ -40,6 +51,9 @@ ROW_BYTES = 100.0
 """A score in the database, measured 80 to 95."""
 BUSY_S = 5.0
 TRIED_BYTES = 1_000_000
+OFF = 0.04
+"""Share by which the resonance that windows show may differ from the file's: beyond, scores of new joints, the size of
+the play and `score` suffer until it has been followed."""
 WINDOWS_A_DAY = 86400.0
 """A joint that reverses once a second all day, where no history tells better."""
 
@@ -137,6 +151,27 @@ def check_history(config: Config) -> Iterator[Check]:
     gone = sorted(own - there)
     cause = f"another program has changed it: {', '.join(gone)} is gone" if gone else ""
     yield Check(subject, "tables", "changed" if gone else "as written", "", "as written", not gone, cause)
+
+
+def check_learnt(config: Config) -> Iterator[Check]:
+    """What the service has learnt of each joint; none where there is no database."""
+    if not config.database.is_file():
+        return
+    try:
+        with open_readonly(config.database) as reader:
+            noises, flanks = reader.noises(), reader.flanks()
+    except (sqlite3.Error, LostmotionError, msgspec.MsgspecError):
+        return  # the checks of disk and pages have said it
+    for row in noises:
+        if row.covariance:
+            yield Check(row.joint, "noise learnt", row.deviation, "m/s²", "", ok=True)
+        off = row.bar.used_hz / row.f_res_hz - 1 if row.bar else 0.0
+        ok = abs(off) <= OFF
+        cause = f"{off:+.1%} off: another bar, a loose one? `calibrate tap`, or correct f_res_hz in the file"
+        allowed = f"within {OFF:.0%} of the file's"
+        yield Check(row.joint, "bar", row.resonance, "", allowed, ok, "" if ok else cause)
+    for flank in flanks:
+        yield Check(flank.joint, "teeth", str(flank), "", "", ok=True)
 
 
 def _columns(db: Database) -> set[str]:

@@ -16,6 +16,7 @@ from lostmotion.daemon.commands.checks_system import (
     check_clock,
     check_disk,
     check_history,
+    check_learnt,
     check_versions,
 )
 from lostmotion.daemon.commands.where import find_config
@@ -31,7 +32,7 @@ def doctor(given: Path | None, as_json: bool) -> int:
     checks = check_devices(config)
     virtual = any(driver.waits for driver in config.drivers.values())
     checks += [*check_adapters(config), *check_can(config), *check_clock(clocks, virtual)]
-    checks += [*check_disk(config), *check_history(config), *check_versions()]
+    checks += [*check_disk(config), *check_history(config), *check_learnt(config), *check_versions()]
     bad = [check for check in checks if not check.ok]
     if as_json:
         document = {"ok": not bad, "checks": [asdict(check) for check in checks], "notes": list(config.notes)}

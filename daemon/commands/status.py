@@ -35,16 +35,17 @@ def status(config: Path | None, database: Path | None, fail: bool, as_json: bool
     """Prints it; 1 when ``fail`` is asked for and an alarm is active."""
     with open_reader(config, database) as reader:
         robot, joints, devices, origins = reader.robot(), _joints(reader), reader.devices(), reader.origins()
-        noises = reader.noises()
+        noises, flanks = reader.noises(), reader.flanks()
     is_watched = is_held(find_database(config, database)) is not False
     if as_json:
         documented = [documents.joint(joint.joint, joint.last, joint.active) for joint in joints]
         output.print_json(
-            {"robot": robot, "joints": documented} | documents.attribution(origins) | documents.noise(noises)
+            {"robot": robot, "joints": documented} | documents.attribution(origins) | documents.learnt(noises, flanks)
         )
     else:
         _print(robot, joints, devices, origins, datetime.now(UTC))
-        output.print_lines([line for row in noises if (line := _noise(row))])
+        output.print_lines([line for row in noises for line in _learnt(row)])
+        output.print_lines([f"{row.joint}: {row}" for row in flanks])
         output.print_lines([] if is_watched else ["no service runs: this is how the last one left it"])
     return int(fail and any(joint.active for joint in joints))
 
@@ -99,12 +100,16 @@ def _row(status: JointStatus, now: datetime) -> list[str]:
     return [escape(joint.name), f"[{colour}]{joint.health.value}[/{colour}]", *numbers, escape(joint.reason)]
 
 
-def _noise(row: NoiseRow) -> str:
-    """How the noise of a joint last changed, "" when it never did since it was first learnt."""
-    if len(row.changes) < 2:
-        return ""
-    last = row.changes[-1]
-    return f"{row.joint}: {last.text} ({times.local(last.time)} UTC): another tool, a fan, a loose sensor or bar?"
+def _learnt(row: NoiseRow) -> list[str]:
+    """Noise and bar of a joint, and how they last changed since they were first learnt."""
+    lines = [f"{row.joint}: {row.resonance}"]
+    if row.covariance:
+        lines.insert(0, f"{row.joint}: noise {row.deviation:.3g} m/s², learnt from {row.seen} windows")
+    if len(row.changes) > 1:
+        last = row.changes[-1]
+        cause = "another tool, a fan, a loose sensor or bar?"
+        lines.append(f"{row.joint}: {last.text} ({times.local(last.time)} UTC): {cause}")
+    return lines
 
 
 def _complaint(device: DeviceRow) -> str:

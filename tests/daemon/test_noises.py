@@ -14,12 +14,13 @@ from lostmotion.daemon import config as configuration
 from lostmotion.daemon import documents
 from lostmotion.daemon.noises import Noises
 from lostmotion.daemon.pipeline import Learnt
-from lostmotion.daemon.records import EPOCH, NoiseChange, NoiseRow
+from lostmotion.daemon.records import EPOCH, BarRow, FlankRow, NoiseChange, NoiseRow
 from lostmotion.daemon.robot import Robot
 from lostmotion.daemon.store import Store, open_readonly
 from lostmotion.detector.learner import Change
 from tests.daemon.cli_world import SIMULATED
 
+BAR = BarRow(61.0, 0.2, 0.011, 0.1, 90, 61.0, 0.012)
 FIRST = NoiseChange(EPOCH, "noise learnt: 0.2 m/s²")
 ROW = NoiseRow("elbow", 58.0, 1000.0, 250, (0.04, 0.01), 100.0, 0.5, 220, (FIRST,))
 
@@ -44,6 +45,51 @@ def test_noises_are_kept(tmp_path: Path) -> None:
 def replace_seen(row: NoiseRow, seen: int) -> NoiseRow:
     """The same after so many windows."""
     return msgspec.structs.replace(row, seen=seen)
+
+
+def test_bar_and_flanks_survive_a_restart(tmp_path: Path) -> None:
+    """Resonance, damping and the law of the flanks are those of the earlier run, from the first window on; with another
+    zeta in the file the bar is the file's, and a law that the file gives stays."""
+    flanks = FlankRow("elbow", tuple(-float(i) for i in range(8)), 60, (0.02, 0.0, 0.065))
+    store = Store(tmp_path / "history.db", "arm")
+    store.add(msgspec.structs.replace(ROW, zeta=0.012, bar=BAR), flanks)
+    assert store.close() == 0
+    with open_readonly(tmp_path / "history.db") as reader:
+        noises, kept = reader.noises(), reader.flanks()
+        assert documents.status(reader)["flanks"] == [{"joint": "elbow", "softness": (0.02, 0.0, 0.065), "windows": 60}]
+        assert documents.status(reader)["noise"][0]["f_res_hz"] == 61.0
+    found = robot()
+    learnt = Noises(found, noises, kept)
+    learner = found.pipeline.learners["elbow"]
+    assert (learner.settings.f_res_hz, learner.settings.zeta) == (61.0, 0.012)
+    law, windows = found.pipeline.laws["elbow"]
+    assert (law.likelihood, windows) == (flanks.likelihood, 60)
+    assert law.softness == (0.0, 0.0, 0.065)
+    assert learnt.rows() == []
+    text = SIMULATED.replace("f_res_hz = 58.0", "f_res_hz = 58.0, zeta = 0.02")
+    other = robot(text.replace("level = 5.5", "level = 5.5\nflank_exponent = 11"))
+    Noises(other, noises, kept)
+    assert other.pipeline.learners["elbow"].settings.f_res_hz == 58.0
+    assert other.pipeline.laws == {}
+
+
+def test_laws_of_flanks_are_written_now_and_then() -> None:
+    """A row after every 20 windows that have told something, not before."""
+    found = robot()
+    noises, rows = Noises(found, []), []
+    for windows in range(1, 46):
+        found.pipeline.resume_law("elbow", (0.0,) * 8, windows)
+        rows += noises.rows()
+    assert [row.windows for row in rows if isinstance(row, FlankRow)] == [20, 40]
+
+
+def test_what_is_told_of_a_bar() -> None:
+    """What the scores are made with, what the file says, and what the windows show."""
+    told = msgspec.structs.replace(ROW, zeta=0.012, bar=BAR).resonance
+    assert told == (
+        "resonance 61 Hz, damping 0.012, followed; in the file 58 Hz, 0.012; windows show 61 ± 0.4 Hz, 0.011"
+    )
+    assert msgspec.structs.replace(ROW, zeta=0.012).resonance == "resonance 58 Hz, damping 0.012, as in the file"
 
 
 @pytest.mark.parametrize(("old", "new", "seen"), [("", "", 220), ("f_res_hz = 58.0", "f_res_hz = 50.0", 0)])

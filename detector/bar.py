@@ -1,0 +1,192 @@
+"""Resonance and damping of a joint's bar, found in the windows after the joint's own reversals.
+
+Pure functions of windows: when they are called, and what becomes of the values, is ``learner``'s.  A tap that somebody
+gives to the bar is ``oscillator_id``'s.  docs/decisions/0012-following-the-bar.md has the measurements.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lostmotion.detector import ringdown
+from lostmotion.detector.window import DetectorSettings, FloatArray
+
+__all__ = ["Bar", "finding", "moved", "used"]
+
+REACH = 0.2
+"""The resonance is looked for within this share of the configured value."""
+COARSE, FINE, FINE_STEPS = 0.02, 0.005, 5
+"""Steps of the search, as shares of the resonance (a window of 0.25 s resolves 4 Hz), and how many fine ones a side."""
+CLEAR = 10.0
+"""A window counts whose rings are so many nats likelier than white noise alone."""
+LEAST_WINDOWS = 20
+NEW = 0.15
+"""Share of the log-likelihood that new rings within the window contribute at least, beside one from before it: 0.26 to
+0.65 for rings after reversals, 0.09 and less for steady hum or a fan."""
+FOREIGN, APART = 0.025, 0.75
+"""Where a steady line farther away than APART / (length of the window) adds this share of the log-likelihood, something
+else sounds there as well, and the resonance is not told: hum beside rings would draw it 2 to 15 % away."""
+MISFIT, ZETA_MISFIT = 0.003, 0.1
+"""Standard deviations, as shares, of what bounces and the colour of the noise do to resonance and damping."""
+SURE = 3.0
+"""A value is used that is so many standard deviations from the configured one."""
+SHARE, STEP, ZETA_STEP = 0.5, 0.02, 0.25
+"""One look moves what is known by this share of the way to what it found, resonance and ln zeta by at most so much."""
+ZETAS = 2.0 ** np.arange(-1.0, 2.1, 0.5)
+"""Damping ratios that are compared, over the configured one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bar:
+    """Resonance [Hz] and its standard deviation; damping ratio and the standard deviation of its logarithm; windows:
+    how many of the last block showed it."""
+
+    f_res_hz: float
+    f_deviation: float
+    zeta: float
+    zeta_deviation: float
+    windows: int
+
+
+def used(known: Bar | None, given: DetectorSettings) -> DetectorSettings:
+    """The settings with the resonance and the damping that are known, each where it is clearly another than the given
+    one.  A damping below the given one is not believed: teeth that bounce keep a ring alive."""
+    if known is None:
+        return given
+    f_res, zeta = given.f_res_hz, given.zeta
+    if abs(known.f_res_hz - f_res) > SURE * known.f_deviation:
+        f_res = round(known.f_res_hz, 2)
+    if known.zeta > zeta and math.log(known.zeta / zeta) > SURE * known.zeta_deviation:
+        zeta = float(f"{known.zeta:.3g}")
+    return replace(given, f_res_hz=f_res, zeta=zeta)
+
+
+def moved(known: Bar | None, found: Bar, given: DetectorSettings) -> Bar:
+    """What is known after one more look: half of the way to what it found, in steps that are no jumps."""
+    f_res, zeta = (known.f_res_hz, known.zeta) if known else (given.f_res_hz, given.zeta)
+    f_res *= 1 + _limited(SHARE * (found.f_res_hz / f_res - 1), STEP)
+    zeta *= math.exp(_limited(SHARE * math.log(found.zeta / zeta), ZETA_STEP))
+    return replace(found, f_res_hz=f_res, zeta=zeta)
+
+
+def _limited(value: float, most: float) -> float:
+    return min(max(value, -most), most)
+
+
+def finding(windows: FloatArray, rate_hz: float, given: DetectorSettings) -> Generator[None, None, Bar | None]:
+    """The bar that windows [m/s²], shape (M, N), show, none of their samples missing; in rounds, each as long as the
+    scores of all windows with a new bank take.
+
+    The log-likelihood of a resonance and a damping ratio is the sum over the windows of ln(1 + Lambda) of
+    ``ringdown.scores`` in white noise of unknown size.  It is searched within ``REACH`` of the given resonance, and for
+    the damping from half of the given one to four times.  Standard deviations are those of an M-estimator (Huber 1967):
+    the scatter of the windows' slopes over the curvature, so that windows that disagree widen them.
+
+    None where fewer than 20 windows show a ring, or no decaying one that begins within the window, or where a steady
+    line sounds beside it, or where the best value lies at an end of the search.
+    """
+    # What stands out of white noise may be hum; nothing that has been learnt with a wrong resonance is relied on.
+    bare = replace(given, noise_ms2=None, noise_colour=())
+    tried = given.f_res_hz * (1 + np.arange(-REACH, REACH + COARSE / 2, COARSE))
+    coarse = []
+    for f_res in tried:
+        coarse.append(_evidence(windows, rate_hz, replace(bare, f_res_hz=float(f_res))))
+        yield
+    clear = np.max(coarse, axis=0) > CLEAR
+    if clear.sum() < LEAST_WINDOWS:
+        return None
+    windows = windows[clear]
+    best = int(np.argmax(np.sum(coarse, axis=1, where=clear)))
+    if best in (0, tried.size - 1):
+        return None
+    settings = replace(bare, f_res_hz=float(tried[best]))
+    settings, zeta_deviation = yield from _damping(windows, rate_hz, settings)
+    if not math.isfinite(zeta_deviation):
+        return None
+    fine = settings.f_res_hz * (1 + FINE * np.arange(-FINE_STEPS, FINE_STEPS + 1))
+    told = []
+    for f_res in fine:
+        told.append(_evidence(windows, rate_hz, replace(settings, f_res_hz=float(f_res))))
+        yield
+    f_res, deviation = _top(np.array(told), fine)
+    settings = replace(settings, f_res_hz=f_res)
+    if not math.isfinite(deviation) or not (yield from _is_alone(windows, rate_hz, settings)):
+        return None
+    deviation, zeta_deviation = math.hypot(deviation, MISFIT * f_res), math.hypot(zeta_deviation, ZETA_MISFIT)
+    return Bar(f_res, deviation, settings.zeta, zeta_deviation, int(clear.sum()))
+
+
+def _damping(
+    windows: FloatArray, rate_hz: float, settings: DetectorSettings
+) -> Generator[None, None, tuple[DetectorSettings, float]]:
+    """The settings with the likeliest damping ratio, and the standard deviation of its logarithm; those given and NaN
+    where it lies at an end of what is compared."""
+    told = []
+    for factor in ZETAS:
+        told.append(_evidence(windows, rate_hz, replace(settings, zeta=settings.zeta * float(factor))))
+        yield
+    size, deviation = _top(np.array(told), np.log(ZETAS))
+    if not math.isfinite(deviation):
+        return settings, math.nan
+    return replace(settings, zeta=settings.zeta * math.exp(size)), deviation
+
+
+def _top(told: FloatArray, at: NDArray[np.floating[Any]]) -> tuple[float, float]:
+    """Place of the largest sum of log-likelihoods, shape (P, M), at even places (P,), and its standard deviation; NaN
+    where it is at an end."""
+    best = int(np.argmax(told.sum(axis=1)))
+    if best in (0, at.size - 1):
+        return math.nan, math.nan
+    step = float(at[1] - at[0])
+    slope = (told[best + 1] - told[best - 1]) / (2 * step)
+    bend = float(np.sum(2 * told[best] - told[best + 1] - told[best - 1])) / step**2
+    if not bend > 0:
+        return math.nan, math.nan
+    return float(at[best] + np.sum(slope) / bend), math.sqrt(float(slope @ slope)) / bend
+
+
+def _evidence(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -> FloatArray:
+    """ln(1 + Lambda) of each window, shape (M,)."""
+    bank = ringdown.build(windows.shape[1], rate_hz, settings)
+    return _told(windows, rate_hz, settings, bank)
+
+
+def _told(windows: FloatArray, rate_hz: float, settings: DetectorSettings, bank: ringdown.Bank) -> FloatArray:
+    freedom = windows.shape[1] - bank.slow.shape[1]
+    return np.asarray(freedom / 2 * np.log1p(ringdown.scores(windows, rate_hz, settings, bank) ** 2 / freedom))
+
+
+def _is_alone(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -> Generator[None, None, bool]:
+    """Whether the ring begins anew within the windows, and no steady line elsewhere adds to it."""
+    length = windows.shape[1]
+    bank = ringdown.build(length, rate_hz, settings)
+    whole = float(_told(windows, rate_hz, settings, bank).sum())
+    before = replace(bank, mixes=bank.mixes[:, : bank.begins[1]], begins=bank.begins[:1],
+                     prior=bank.prior[:1] + math.log(bank.starts.size))  # fmt: skip
+    if whole - float(_told(windows, rate_hz, settings, before).sum()) < NEW * whole:
+        return False
+    yield
+    apart = APART * rate_hz / length
+    tried = settings.f_res_hz * (1 + np.arange(-1.5 * REACH, 1.5 * REACH, COARSE))
+    for line in tried[(np.abs(tried - settings.f_res_hz) > apart) & (tried < rate_hz / 2)]:
+        with_line = ringdown.build(length, rate_hz, settings, float(line))
+        gain = _told(windows, rate_hz, settings, with_line).sum() + _line(windows, bank.slow, with_line.slow)
+        if gain - whole > FOREIGN * whole:
+            return False
+        yield
+    return True
+
+
+def _line(windows: FloatArray, slow: FloatArray, with_line: FloatArray) -> float:
+    """What a steady line adds to the log-likelihood of all windows, minus the price of its amplitudes."""
+    without, left = (np.sum((windows - (windows @ basis) @ basis.T) ** 2, axis=1) for basis in (slow, with_line))
+    freedom = windows.shape[1] - slow.shape[1]
+    return float(
+        np.sum(freedom / 2 * np.log(without / np.maximum(left, ringdown.DUST * without)) - 2 * ringdown.PENALTY)
+    )
