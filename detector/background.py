@@ -21,7 +21,9 @@ __all__ = ["LEAST_WINDOWS", "Background", "applied", "distance", "followed", "le
 
 LEAST_WINDOWS = 20
 ROUNDS = 8
-"""Of expectation and maximisation: the likelihood rises by less than 0.1 nats a window after them."""
+"""Of expectation and maximisation at most: the likelihood rises by less than 0.1 nats a window after them."""
+SETTLED = 0.02
+"""A round that raises the likelihood by less than so many nats a window is the last."""
 LOUD = 2.0
 """A window whose rings hold so many times the energy that is left tells nothing of the noise: what the rings do not
 explain of an impact is then as loud as the noise (at 30 dB)."""
@@ -208,9 +210,12 @@ def _fitted(
     windows: FloatArray, rate_hz: float, settings: DetectorSettings, start: _Model
 ) -> Generator[None, None, _Fit]:
     """Rounds of expectation and maximisation; ringing of 0 stays 0: the model without rings."""
-    model = start
+    model, before = start, -math.inf
     for _ in range(ROUNDS):
-        model = _expected(windows, rate_hz, settings, model)[1]
+        fit, better = _expected(windows, rate_hz, settings, model)
+        if fit.likelihood - before < SETTLED * len(windows):
+            return fit
+        model, before = better, fit.likelihood
         yield
     return _expected(windows, rate_hz, settings, model)[0]
 

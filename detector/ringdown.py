@@ -146,11 +146,13 @@ def bank(length: int, rate_hz: float, settings: DetectorSettings) -> Bank:
     return build(length, rate_hz, settings)
 
 
-def build(length: int, rate_hz: float, settings: DetectorSettings, line_hz: float = 0.0) -> Bank:
+def build(
+    length: int, rate_hz: float, settings: DetectorSettings, most_starts: int = MOST_STARTS, line_hz: float = 0.0
+) -> Bank:
     """The same, not kept; line_hz: a steady line of that frequency may be in the windows, too, 0 for none."""
     time = np.arange(length) / rate_hz
     slow = slow_basis(length, rate_hz, settings, line_hz)
-    starts = _starts(length / rate_hz, settings)
+    starts = _starts(length / rate_hz, settings, most_starts)
     pairs = np.stack([ring(time - start, settings).T for start in starts])
     white = whiten(pairs, settings.noise_colour).transpose(0, 2, 1)
     rings = np.hstack(list(np.linalg.qr(white - slow @ (slow.T @ white))[0]))
@@ -174,11 +176,11 @@ def _raw(length: int, rate_hz: float, settings: DetectorSettings) -> FloatArray:
     return _orthonormal(np.hstack([slow_motion(length, rate_hz, settings), *pairs]), 1e-3)
 
 
-def _starts(duration: float, settings: DetectorSettings) -> FloatArray:
+def _starts(duration: float, settings: DetectorSettings, most: int = MOST_STARTS) -> FloatArray:
     """The window's begin, and moments spread evenly over it [s]."""
     tau = 1 / (2 * math.pi * settings.zeta * settings.f_res_hz)
     last = max(duration - LAST_CYCLES / settings.f_res_hz, 0.5 * duration)
-    count = round(min(max(STEPS_PER_TAU * last / tau, LEAST_STARTS), MOST_STARTS))
+    count = round(min(max(STEPS_PER_TAU * last / tau, LEAST_STARTS), most))
     return np.linspace(0.0, last, count)
 
 
