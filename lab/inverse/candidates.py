@@ -9,12 +9,13 @@ import numpy as np
 
 from lostmotion.lab.candidates import others
 from lostmotion.lab.inverse.output_error import OutputError
-from lostmotion.lab.inverse.regression import MOST_STEPS, Data, Problem, Regression, inertia_of, regressed
+from lostmotion.lab.inverse.regression import MOST_STEPS, Data, EquationError, Problem, Regression, regressed
 from lostmotion.lab.inverse.signals import Signals
-from lostmotion.lab.inverse.torques import is_static
+from lostmotion.lab.inverse.torques import inertia_of, is_static
 from lostmotion.lab.rough import usual_torque
 from lostmotion.lab.seeds import AMPLITUDE, Sizes, seeds
 from lostmotion.lab.simpler import SIMPLER, wider
+from lostmotion.lab.unknowns import free_names
 from lostmotion.model import Model, ModelError
 from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray
@@ -49,25 +50,10 @@ def softened(model: Model, data: Problem) -> Model:
 
 
 def starts(model: Model, signals: Sequence[Signals]) -> list[Model]:
-    """Models from which the base is fitted to a simulated motion: the file's, and a servo's with the inertia and the
-    motor constant that a regression of its acceleration on the measured speed and position error says."""
-    if model.base != "servo" or model.parameters["J"].fixed or model.parameters["kt"].fixed:
-        return [model]
-    rows, wanted = [], []
-    for one in signals:
-        value = {name: p.value for name, p in one.experiment.model(model).parameters.items()}
-        assert one.experiment.drive is not None
-        error = one.experiment.drive.position(np.clip(one.time, *one.experiment.time[[0, -1]])) - one.position
-        voltage = value["U"] * np.clip(value["kp"] * value["error_gain"] * error, -value["cap"], value["cap"])
-        beside = (-one.velocity, -np.sign(one.velocity), np.sin(one.position), np.cos(one.position))
-        rows.append(one.filtered(np.stack([voltage, *beside])))
-        wanted.append(one.acceleration[one.kept])
-    per_volt, per_speed = np.linalg.lstsq(np.concatenate(rows, axis=1).T, np.concatenate(wanted))[0][:2]
-    if not (per_volt > 0 and per_speed > 0):
-        return [model]
-    constant = per_speed / per_volt
-    inertia = constant / (model.parameters["R"].value * per_volt)
-    return [model, model.replace({name: _within(model, name, v) for name, v in (("J", inertia), ("kt", constant))})]
+    """Models from which the base is fitted to a simulated motion: the file's, and what the acceleration says."""
+    error = EquationError.driven(signals)
+    found = _tried(softened(model, error), error, error.nuisance, MOST_STEPS) if _is_static(model) else None
+    return [model, _with_values(model, found.model)] if found else [model]
 
 
 def sizes_of(model: Model, data: Problem) -> Sizes:
@@ -108,17 +94,46 @@ def candidates(model: Model, added: tuple[str, ...], data: Problem) -> Iterator[
 def fitted_with(name: str, wide: Model, now: Regression) -> Regression | None:
     """The best fit of a model with one more effect, from several initial values; None where nothing can be fitted or
     the effect would not be what its name says."""
+    if not isinstance(now.data, OutputError):
+        return _fitted_from_seeds(name, softened(wide, now.data), now, STARTS, MOST_STEPS)
+    fits = [_fitted_from_seeds(name, wide, now, 1, SHORT)]
+    if _is_static(wide):
+        fits.append(_fitted_from_acceleration(name, wide, now))
+    return min((one for one in fits if one), key=lambda one: one.rms, default=None)
+
+
+def _fitted_from_seeds(name: str, wide: Model, now: Regression, most: int, steps: int) -> Regression | None:
+    """From those initial values that explain most of what is left."""
     size = sizes_of(now.model, now.data)
-    soft = _within_speeds(wide if isinstance(now.data, OutputError) else softened(wide, now.data), name, size)
-    starts = [soft.replace(values) for values in seeds(soft, name, size)]
-    data = now.data.suited(starts)
-    ranked = sorted(
-        (entry for start in starts if (entry := _promise(name, start, now, data))), key=lambda pair: -pair[0]
-    )
-    most, steps = (1, SHORT) if isinstance(data, OutputError) else (STARTS, MOST_STEPS)
+    wide = _within_speeds(wide, name, size)
+    begin = [wide.replace(values) for values in seeds(wide, name, size)]
+    data = now.data.suited(begin)
+    ranked = sorted((entry for start in begin if (entry := _promise(name, start, now, data))), key=lambda one: -one[0])
     fits = [found for _, start in ranked[:most] if (found := _tried(start, data, now.nuisance, steps))]
     possible = [one for one in fits if get_effect(name).is_apt(_own(one.model, name))]
     return min(possible, key=lambda one: one.rms, default=None)
+
+
+def _fitted_from_acceleration(name: str, wide: Model, now: Regression) -> Regression | None:
+    """From what the acceleration says of the whole model with the effect."""
+    error = EquationError.driven(now.data.signals)
+    base = _tried(softened(now.model, error), error, error.nuisance, MOST_STEPS)
+    found = base and _fitted_from_seeds(name, _with_values(softened(wide, error), base.model), base, STARTS, MOST_STEPS)
+    if not found:
+        return None
+    start = _with_values(wide, found.model)
+    fit = _tried(start, now.data.suited([start]), now.data.nuisance, SHORT)
+    return fit if fit and get_effect(name).is_apt(_own(fit.model, name)) else None
+
+
+def _is_static(model: Model) -> bool:
+    return all(is_static(get_effect(name)) for name in model.effects)
+
+
+def _with_values(model: Model, other: Model) -> Model:
+    """The model with the free parameters of another one that it has."""
+    names = set(free_names(model)) & set(free_names(other))
+    return model.replace({name: other.parameters[name].value for name in names})
 
 
 def _within_speeds(model: Model, name: str, size: Sizes) -> Model:

@@ -10,12 +10,14 @@ identification: a user-oriented road map", IEEE Control Systems 39 (2019).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lostmotion.lab.experiment import Experiment
+from lostmotion.lab.held import is_driven
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.task import coarse_substep, rubbing
 from lostmotion.model import Model, ModelError
@@ -28,24 +30,29 @@ REST = 0.1
 """Of the largest speed: below, a free recording has ended.  How a joint comes to rest depends on how its friction is
 smoothed; with 0.02 to 0.2 the same effects are found in drops of a servo, in another order."""
 SCATTERS = 3.0
-"""Standard deviations of the readings about the filtered signals within which a motion begins."""
+"""Standard deviations of the readings about the filtered signals, of all or of those in the first period of the band,
+within which a motion begins: near its end the filter bends what it smooths."""
 STEPS = 4.0
 """Integration steps of a fit, times the model's own choice."""
 
 
 @dataclass(frozen=True, eq=False)
 class OutputError:
-    """Recordings whose motion is simulated; substep_s: integration step of a fit [s]."""
+    """Recordings whose motion is simulated.
+
+    substep_s: integration step of a fit [s]; centre: the model near which parameters stay that nothing tells.
+    """
 
     signals: tuple[Signals, ...]
     substep_s: float
+    centre: Model
 
     @classmethod
     def of(cls, signals: Sequence[Signals], model: Model) -> OutputError:
         """With the step that this model needs; a joint that has come to rest tells no more."""
         moving = tuple(replace(one, experiment=_until_rest(one)) for one in signals)
         experiments = [one.experiment for one in moving]
-        return cls(moving, coarse_substep(rubbing(model, experiments), experiments, STEPS))
+        return cls(moving, coarse_substep(rubbing(model, experiments), experiments, STEPS), model)
 
     def first(self, share: float) -> OutputError:
         """The beginnings of the recordings."""
@@ -108,10 +115,11 @@ class OutputError:
 def _freedom(one: Signals) -> FloatArray:
     """Of the initial angle and speed; nothing bounds those of a free motion, of which all is made, nor those that were
     integrated from an accelerometer."""
-    if one.column == "accel" or one.experiment.drive is None:
+    if one.column == "accel" or not is_driven(one.experiment):
         return np.full(2, np.inf)
-    scatter = SCATTERS * float(np.nanstd(one.experiment.measured[one.column] - np.interp(
-        one.experiment.time, one.time, one.position)))  # fmt: skip
+    off = one.experiment.measured[one.column] - np.interp(one.experiment.time, one.time, one.position)
+    first = one.experiment.time - one.experiment.time[0] < 1 / one.band_hz
+    scatter = SCATTERS * math.sqrt(max(np.nanmean(off**2), np.nanmean(off[first] ** 2)))
     return np.maximum(scatter * np.array([1.0, 2 * np.pi * one.band_hz]), 1e-9 * np.ptp(one.position))
 
 
@@ -124,7 +132,7 @@ def initial_state(model: Model, experiment: Experiment, start: FloatArray) -> Fl
 
 def _until_rest(signals: Signals) -> Experiment:
     """A free recording without its end, in which the speed stays below a share of its largest."""
-    if signals.experiment.drive is not None:
+    if is_driven(signals.experiment):
         return signals.experiment
     speed = np.abs(signals.velocity)
     last = float(signals.time[np.flatnonzero(speed > REST * speed.max())[-1]])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,17 +13,17 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from lostmotion.lab.inverse.signals import Signals
-from lostmotion.lab.inverse.torques import needed
+from lostmotion.lab.inverse.torques import acceleration, inertia_of, needed
 from lostmotion.lab.unknowns import Unknowns
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Data", "Problem", "Regression", "blocks_of", "inertia_of", "regressed"]
+__all__ = ["Data", "EquationError", "Problem", "Regression", "blocks_of", "regressed"]
 
 PRIOR = 0.1
-"""Weight of a parameter's change, by a factor e or by its scale, in units of one sample that is off by the usual
-torque or motion.  Where nothing tells a parameter, it stays where it began: without this the inertia of a servo that
-moves slowly went to its lower bound, and the phase of a weight, hardly told from a bias, to 1.4 rad."""
+"""Weight of a change of the base's parameters by a factor e, in units of one sample that is off by the usual motion.
+They were estimated before; where a motion does not tell them, they stay there: without this the inertia of a servo
+that moves slowly went to its lower bound.  Effects have none: their first sizes are guesses."""
 STEP = 1e-6
 """Finite difference in numbers of order one: the torque is a smooth function of its parameters."""
 LEAST_SCALE = 0.01
@@ -33,6 +34,8 @@ LEAST_BLOCKS = 12
 """Blocks in all recordings together; with fewer, a t-test tells nothing."""
 MOST_STEPS = 60
 """Of a fit."""
+SHARES = (1.0, 0.5, 0.25)
+"""Of a Gauss-Newton step that are tried."""
 FOLDS = 3
 """Parts of the samples, each predicted by a fit to the others."""
 
@@ -50,6 +53,8 @@ class Problem(Protocol):
     def freedom(self) -> FloatArray: ...
     @property
     def counts(self) -> list[int]: ...
+    @property
+    def centre(self) -> Model | None: ...
     def residual(self, model: Model, nuisance: FloatArray) -> FloatArray: ...
     def usual(self, model: Model) -> float: ...
     def suited(self, models: Sequence[Model]) -> Problem: ...
@@ -88,6 +93,11 @@ class Data:
         """Of one recording."""
         return 0
 
+    @property
+    def centre(self) -> None:
+        """The torque tells all parameters of a joint."""
+        return None
+
     def residual(self, model: Model, nuisance: FloatArray) -> FloatArray:
         """Measured less modelled torque within the band, all recordings one after the other (M,) [N m]."""
         pairs = zip(self.signals, self.needed(model), strict=True)
@@ -107,6 +117,32 @@ class Data:
     def counts(self) -> list[int]:
         """Samples of each recording that count."""
         return [len(range(*one.kept.indices(one.time.size))) for one in self.signals]
+
+
+@dataclass(frozen=True, eq=False)
+class EquationError(Data):
+    """Recordings whose acceleration is compared with what the equation of motion says for the measured position and
+    speed; transmitted: the input of each (N,), a command or a force.
+
+    Noise of the position biases it, but it has no valleys: it says where a simulated motion begins.
+    """
+
+    @classmethod
+    def driven(cls, signals: Sequence[Signals]) -> EquationError:
+        """With the inputs as they were recorded."""
+        return cls(tuple(signals), tuple(one.driving for one in signals))
+
+    def residual(self, model: Model, nuisance: FloatArray) -> FloatArray:
+        """Measured less modelled acceleration within the band, all recordings one after the other (M,) [rad/s²]."""
+        pairs = zip(self.signals, self.transmitted, strict=True)
+        return np.concatenate([
+            one.filtered(one.acceleration - acceleration(one.experiment.model(model), one, drive))
+            for one, drive in pairs
+        ])  # fmt: skip
+
+    def usual(self, model: Model) -> float:
+        """Root mean square of the acceleration [rad/s² or m/s²]."""
+        return float(np.sqrt(np.mean(np.concatenate([one.acceleration for one in self.signals]) ** 2)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,16 +173,25 @@ class Regression:
         return len(self.unknowns.items)
 
     def predicted(self, fold: NDArray[np.intp]) -> FloatArray:
-        """The residual of each sample (M,) by a fit to all samples of other folds; one Gauss-Newton step from here, in
-        which initial values stay: the samples that tell them may all be in one fold."""
-        found = np.empty_like(self.residual)
+        """The residual of each sample (M,) by a fit to all samples of other folds: a Gauss-Newton step from here, or as
+        much of it as lowers their error.  Initial values stay: the samples that tell them may all be in one fold."""
+        found = self.residual.copy()
         own = self.jacobian[:, : self.count]
-        scaled = own / np.maximum(np.linalg.norm(own, axis=0), 1e-100)
+        size = np.maximum(np.linalg.norm(own, axis=0), 1e-100)
         for k in np.unique(fold):
             out = fold == k
-            step = np.linalg.lstsq(scaled[~out], -self.residual[~out], rcond=1e-9)[0]
-            found[out] = self.residual[out] + scaled[out] @ step
+            step = np.linalg.lstsq((own / size)[~out], -self.residual[~out], rcond=1e-9)[0] / size
+            for share in SHARES:
+                residual = self._at(self.z + share * step)
+                if np.sum(residual[~out] ** 2) <= np.sum(self.residual[~out] ** 2):
+                    found[out] = residual[out]
+                    break
         return found
+
+    def _at(self, z: FloatArray) -> FloatArray:
+        """The residual (M,) of other parameters, within their bounds."""
+        low, high = self.unknowns.bounds
+        return self.data.residual(self.unknowns.put(self.model, np.clip(z, low, high)), self.nuisance)
 
     def covariance(self, block: NDArray[np.intp]) -> FloatArray:
         """Of z (P, P), whatever the residual's correlation within blocks of samples (cluster-robust; Liang and Zeger
@@ -172,11 +217,11 @@ def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, s
     least, most = data.nuisance - data.freedom, data.nuisance + data.freedom
     z = np.concatenate([np.clip(unknowns.z(model), low, high), np.clip(beside, least, most)])
 
-    first = z[:count].copy()
+    weight, start = _prior(unknowns, data.centre)
 
     def residual(at: FloatArray) -> FloatArray:
         error = data.residual(unknowns.put(model, at[:count]), at[count:]) / usual
-        return np.concatenate([error, PRIOR * (at[:count] - first)])
+        return np.concatenate([error, weight * (at[:count] - start)])
 
     size = sum(data.counts)
     if not z.size:
@@ -214,9 +259,13 @@ def _jacobian(
     return found
 
 
-def inertia_of(model: Model) -> float:
-    """J [kg m²], or m [kg]."""
-    return next(model.parameters[name].value for name in ("J", "m") if name in model.parameters)
+def _prior(unknowns: Unknowns, centre: Model | None) -> tuple[FloatArray, FloatArray]:
+    """Weights and values of the parameters near which a fit stays (P,) each: those of the base that are positive."""
+    weight, near = np.zeros(len(unknowns.items)), np.zeros(len(unknowns.items))
+    for at, item in enumerate(unknowns.items):
+        if centre and item.logarithmic and "." not in item.name:
+            weight[at], near[at] = PRIOR, math.log(centre.parameters[item.name].value)
+    return weight, near
 
 
 def _scaled(unknowns: Unknowns, model: Model, data: Problem) -> Unknowns:

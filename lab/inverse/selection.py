@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from lostmotion.lab.inverse.candidates import candidates, fitted_with, refined, softened, starts
@@ -26,6 +27,7 @@ from lostmotion.lab.inverse.regression import FOLDS, Data, Problem, Regression, 
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.simpler import without
 from lostmotion.model import Model
+from lostmotion.model.motion import FloatArray
 
 __all__ = ["LIMIT", "Judged", "Method", "Selection", "selected"]
 
@@ -154,22 +156,20 @@ def _with(best: Judged, now: Fitted, method: Method) -> Fitted:
 
 def _step(now: Fitted, added: tuple[str, ...], method: Method, pool: Executor | None) -> Step:
     """All candidates, judged against the present fit; of those alike, the one with the fewest parameters first."""
-    wide = list(candidates(now.model, added, now.inverse.data))
+    wide = list(candidates(now.inverse.model, added, now.inverse.data))
     each = pool.map if isinstance(pool, ThreadPoolExecutor) else map
-    short = list(each(lambda one: fitted_with(one[0], one[1], now.inverse), wide))
-    inverse = [(name, fit) for (name, _), fit in zip(wide, short, strict=True) if fit]
+    found = each(lambda one: fitted_with(one[0], one[1], now.inverse), wide)
+    inverse = [(name, fit) for (name, _), fit in zip(wide, found, strict=True) if fit]
     if method is Method.MOTION:
         inverse.sort(key=lambda one: one[1].rms)
-        finished = list(each(lambda one: refined(one[1]), inverse[:FINISHED]))
-        inverse = [(name, fit) for (name, _), fit in zip(inverse[:FINISHED], finished, strict=True)] + inverse[
-            FINISHED:
-        ]
-    fits = [(name, Fitted.of(fit, method)) for name, fit in inverse]
-    judged = sorted((_judged(name, fit, now, len(wide)) for name, fit in fits), key=lambda one: -one.gain)
+        finished = each(lambda one: (one[0], refined(one[1])), inverse[:FINISHED])
+        inverse = [*finished, *inverse[FINISHED:]]
+    judged = list(each(lambda one: _judged(one[0], Fitted.of(one[1], method), now, len(wide)), inverse))
+    judged.sort(key=lambda one: -one.gain)
     good = [one for one in judged if _is_significant(one)]
     if not good:
         return Step(tuple(sorted(judged, key=lambda one: one.p_value)))
-    alike = [one for one in good if one is good[0] or _p(one.fit, good[0].fit) > ALIKE]
+    alike = [one for one in good if _are_alike(one, good[0])]
     first = min(alike, key=lambda one: (one.fit.count, *_preferred(one, now.inverse), one.fit.rms))
     rest = [one for one in judged if one is not first]
     return Step((first, *rest), tuple(one.effect for one in alike if one is not first))
@@ -187,20 +187,33 @@ def _is_significant(one: Judged) -> bool:
     return one.p_value < LIMIT and one.gain > LEAST_GAIN
 
 
+def _are_alike(one: Judged, best: Judged) -> bool:
+    """Whether predictions are equal: differences of rounding are certain, but worth nothing."""
+    left, least = 1 - one.gain, 1 - best.gain
+    return left * (1 - LEAST_GAIN) <= least or _p(one.fit, best.fit) > ALIKE
+
+
 def _judged(name: str, found: Fitted, now: Fitted, tried: int) -> Judged:
-    fold = blocks_of(found.judged) % FOLDS
-    before, after = (np.mean(one.predicted(fold) ** 2) for one in (now.judged, found.judged))
-    return Judged(name, found, float(1 - after / before), min(tried * _p(now.judged, found.judged), 1.0))
+    before, after, block = _errors(now.judged, found.judged)
+    return Judged(name, found, float(1 - after.sum() / before.sum()), min(tried * _chance(before, after, block), 1.0))
 
 
 def _p(one: Regression, other: Regression) -> float:
-    """The chance of predictions of ``other`` this much better than those of ``one``, if both were as good.
+    """The chance of predictions of ``other`` this much better than those of ``one``, if both were as good."""
+    return _chance(*_errors(one, other))
 
-    The blocks are those of the residual of ``other``: if it explains nothing that is the one before.
-    """
+
+def _errors(one: Regression, other: Regression) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
+    """Squared errors of both fits at samples that they have not seen (M,) each, and the block of each sample: those of
+    the residual of ``other``, which if it explains nothing is the one before."""
     block = blocks_of(other)
-    before, after = (np.bincount(block, fit.predicted(block % FOLDS) ** 2) for fit in (one, other))
-    ratio = 0.5 * np.log(np.maximum(before, 1e-300) / np.maximum(after, 1e-300))
+    return one.predicted(block % FOLDS) ** 2, other.predicted(block % FOLDS) ** 2, block
+
+
+def _chance(before: FloatArray, after: FloatArray, block: NDArray[np.intp]) -> float:
+    """Of a mean of the blocks' logarithms this far above zero, if it is zero."""
+    sums = [np.maximum(np.bincount(block, each), 1e-300) for each in (before, after)]
+    ratio = 0.5 * np.log(sums[0] / sums[1])
     spread = float(ratio.std(ddof=1)) / np.sqrt(ratio.size)
     return float(student.sf(ratio.mean() / max(spread, 1e-12), ratio.size - 1))
 

@@ -98,6 +98,14 @@ class Signals:
         return _lowpass(signals, self.band_hz / self._rate)[..., self.kept]
 
     @property
+    def driving(self) -> FloatArray:
+        """The input (N,) as it was recorded; zeros where there is none."""
+        drive = self.experiment.drive
+        if drive is None:
+            return np.zeros_like(self.time)
+        return np.asarray(drive.position(np.clip(self.time, *self.experiment.time[[0, -1]])))
+
+    @property
     def position_noise(self) -> float:
         """Root mean square of the angle's noise [rad], if it is white."""
         return float(np.sqrt(self.position_density * self._rate / 2))

@@ -1,7 +1,7 @@
-"""The torque that a model needs for a given motion: J theta_2'' less all that acts on the joint.
+"""The acceleration that a model says for a given motion, and the torque that it needs.
 
 The terms are the model's own kernels, so an effect of the catalogue and one of a user's own are evaluated alike.
-Nothing is integrated here, so only effects without states, delays and clocks can be evaluated (``can_invert``).
+Nothing is integrated here, so only effects without states, delays and clocks can be evaluated (``is_static``).
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import Effect
 from lostmotion.model.kernel import OPTIONS, compiled
 from lostmotion.model.motion import FloatArray
-from lostmotion.model.signals import DRIVEN, TORQUE
+from lostmotion.model.signals import DRIVEN
 from lostmotion.model.solve import load, rates
 
-__all__ = ["can_invert", "is_static", "needed"]
+__all__ = ["acceleration", "can_invert", "inertia_of", "is_static", "needed"]
 
 
 def is_static(effect: Effect) -> bool:
@@ -35,35 +35,49 @@ def can_invert(model: Model) -> bool:
     return model.base == "joint" and all(is_static(get_effect(name)) for name in model.effects)
 
 
+def inertia_of(model: Model) -> float:
+    """J [kg m²], or m [kg]."""
+    return next(model.parameters[name].value for name in ("J", "m") if name in model.parameters)
+
+
 def needed(model: Model, signals: Signals, transmitted: FloatArray) -> FloatArray:
-    """The torque that the motion needs of a model, J theta_2'' less that of bias and effects (N,) [N m].
+    """The torque that the motion needs of a joint, J theta_2'' less that of bias and effects (N,) [N m].
 
     transmitted: (N,) the torque [N m] on which friction that grows with load depends.  It is a modelled one: that of
     the sensor holds the very friction that is asked for.
     """
-    acting = np.empty(signals.time.size)
-    _evaluate(_plan(model), signals.time, signals.position, signals.velocity, transmitted, acting)
-    return np.asarray(model.parameters["J"].value * signals.acceleration - (acting - transmitted))
+    return inertia_of(model) * (signals.acceleration - acceleration(model, signals, transmitted)) + transmitted
 
 
-def _plan(model: Model) -> Any:
+def acceleration(model: Model, signals: Signals, drive: FloatArray) -> FloatArray:
+    """theta_2'' or q'' (N,) [rad/s² or m/s²] that the equation of motion says for the measured position and speed.
+
+    drive: (N,) the input at the signals' times.
+    """
+    found = np.empty(signals.time.size)
+    plan = _plan(model, signals.experiment.drive is not None)
+    _evaluate(plan, signals.time, signals.position, signals.velocity, drive, found)
+    return found
+
+
+def _plan(model: Model, is_driven: bool) -> Any:
     effects = in_order([get_effect(name) for name in model.effects])
     plan = assemble(get_base(model.base), effects, {name: p.value for name, p in model.parameters.items()})
     start = plan.start.copy()
-    start[DRIVEN] = 1.0
+    start[DRIVEN] = float(is_driven)
     return plan._replace(start=start)
 
 
 def _run(
-    plan: Any, time: FloatArray, position: FloatArray, velocity: FloatArray, torque: FloatArray, acting: FloatArray
+    plan: Any, time: FloatArray, position: FloatArray, velocity: FloatArray, drive: FloatArray, found: FloatArray
 ) -> None:
     s = plan.start.copy()
     x, dx = np.empty(2), np.zeros(3)
     for i in range(time.size):
         x[0], x[1] = position[i], velocity[i]
-        load(plan, s, time[i], torque[i], 0.0, x, dx, 0.0)
+        load(plan, s, time[i], drive[i], 0.0, x, dx, 0.0)
         rates(plan, s, dx)
-        acting[i] = s[TORQUE]
+        found[i] = dx[1]
 
 
 _evaluate = compiled(lambda **options: njit(nogil=True, **OPTIONS, **options)(_run))

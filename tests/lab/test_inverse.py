@@ -16,6 +16,7 @@ from lostmotion.daemon.cli import cli
 from lostmotion.drivers.recording import Recording, write_recording
 from lostmotion.lab.experiment import Experiment, experiments
 from lostmotion.lab.held import with_scale
+from lostmotion.lab.inverse.explain import method_of
 from lostmotion.lab.inverse.regression import Data, blocks_of, regressed
 from lostmotion.lab.inverse.selection import selected
 from lostmotion.lab.inverse.signals import Signals
@@ -70,8 +71,9 @@ def named(model: Model, recordings: list[Recording]) -> tuple[str, ...]:
     """The effects that the selection adds."""
     held = experiments(model, recordings)
     model, _ = with_scale(model, held)
-    free = held[0].drive is None
-    return selected(model, [Signals.of(one) for one in held], free, np.inf, lambda what, part: None).added
+    method = method_of(model, held)
+    assert method
+    return selected(model, [Signals.of(one) for one in held], method, np.inf, lambda what, part: None).added
 
 
 def test_friction_is_found_in_a_closed_loop() -> None:

@@ -132,7 +132,7 @@ def test_servo_pendulum_hangs_rubs_and_rubs_more_under_load(real_data: Path) -> 
         level = grown(fits[chosen[-1]], task)
         ladder.append(error(level))
 
-    assert test.given == {"kp": 12.0, "error_gain": pytest.approx(0.16489)}
+    assert test.given == {"kp": 12.0, "error_gain": pytest.approx(0.16489), "U": 12.0}
     assert chosen == ["gravity_torque", "coulomb_friction", "load_dependent_friction"]
     assert ladder[0] > 25e-3
     assert ladder[3] < 5e-3
