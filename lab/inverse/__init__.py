@@ -1,9 +1,11 @@
-"""The inverse dynamic model of a joint whose torque was measured: torque as a function of the motion.
+"""What is missing from a model with one moving part: joints, servos and oscillators.
 
-A controller that holds a joint to its reference makes the torque follow every disturbance, so the torque is no free
-input: a forward model that is fitted to the angle then takes disturbances for inertia (on a UR10e's first joint 2.5
-for 0.5).  The motion is what is given, and the torque what is noisy; that is the standard of robot identification:
-M. Gautier and W. Khalil, "Exciting trajectories for the identification of base inertial parameters of robots", 1992;
-A. Janot, P.-O. Vandanjon and M. Gautier, "A generic instrumental variable approach for industrial robot
-identification", 2014.
+The error that is minimised depends on what the input follows.  A controller that holds a joint to its reference makes
+the torque follow every disturbance: a forward model that is fitted to the angle then takes disturbances for inertia (on
+a UR10e's first joint 2.5 for 0.5).  The motion is then given and the torque noisy (inverse dynamic model).  A command,
+a force, or nothing at all follows no disturbance, and the whole motion is simulated (output error).
+
+References: M. Gautier and W. Khalil, "Exciting trajectories for the identification of base inertial parameters of
+robots", 1992; A. Janot, P.-O. Vandanjon and M. Gautier, "A generic instrumental variable approach for industrial robot
+identification", 2014; L. Ljung, System Identification, 1999.
 """

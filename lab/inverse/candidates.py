@@ -15,6 +15,7 @@ from lostmotion.lab.inverse.torques import inertia_of, is_static
 from lostmotion.lab.rough import usual_torque
 from lostmotion.lab.seeds import AMPLITUDE, Sizes, seeds
 from lostmotion.lab.simpler import SIMPLER, wider
+from lostmotion.lab.task import coarse_substep
 from lostmotion.lab.unknowns import free_names
 from lostmotion.model import Model, ModelError
 from lostmotion.model.effects import get_effect
@@ -95,7 +96,8 @@ def fitted_with(name: str, wide: Model, now: Regression) -> Regression | None:
     """The best fit of a model with one more effect, from several initial values; None where nothing can be fitted or
     the effect would not be what its name says."""
     if not isinstance(now.data, OutputError):
-        return _fitted_from_seeds(name, softened(wide, now.data), now, STARTS, MOST_STEPS)
+        found = _fitted_from_seeds(name, softened(wide, now.data), now, STARTS, MOST_STEPS)
+        return found if found and _can_run(found) else None
     fits = [_fitted_from_seeds(name, wide, now, 1, SHORT)]
     if _is_static(wide):
         fits.append(_fitted_from_acceleration(name, wide, now))
@@ -124,6 +126,15 @@ def _fitted_from_acceleration(name: str, wide: Model, now: Regression) -> Regres
     start = _with_values(wide, found.model)
     fit = _tried(start, now.data.suited([start]), now.data.nuisance, SHORT)
     return fit if fit and get_effect(name).is_apt(_own(fit.model, name)) else None
+
+
+def _can_run(fit: Regression) -> bool:
+    """Whether the model can be simulated: of an inertia that friction makes superfluous, nothing is left."""
+    try:
+        coarse_substep(fit.model, [one.experiment for one in fit.data.signals])
+    except ModelError:
+        return False
+    return True
 
 
 def _is_static(model: Model) -> bool:

@@ -4,7 +4,7 @@
 2. The model is fitted to the torque by least squares (regression.py).
 3. Effects are added as long as one predicts samples better that its fit has not seen, significantly for the whole
    catalogue; those that have become superfluous are taken out again (selection.py).
-4. The last recording is used once, for the errors that are reported.
+4. The last recording is used for the errors that are reported, and to choose among effects that explain alike.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from lostmotion.lab import words
 from lostmotion.lab.advice import what_to_record
 from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.held import is_driven, with_scale
-from lostmotion.lab.inverse.output_error import OutputError, initial_state
-from lostmotion.lab.inverse.regression import Data, Regression, blocks_of, regressed
-from lostmotion.lab.inverse.selection import LIMIT, Method, Selection, Step, selected
+from lostmotion.lab.inverse.output_error import initial_state
+from lostmotion.lab.inverse.regression import Data, Regression, blocks_of
+from lostmotion.lab.inverse.selection import LIMIT, Method, Selection, Step, error_on, selected
 from lostmotion.lab.inverse.signals import COLUMNS, Signals
 from lostmotion.lab.inverse.torques import can_invert
 from lostmotion.lab.results import Curve, Errors, Estimate, Explanation, Finding, Fit, Ranked, Verdict
@@ -77,12 +77,12 @@ def explained(
     rough = from_spectra(model, train)
     is_force = model.base != "servo"
     signals = [Signals.of(one, is_force) for one in train]
-    selection = selected(rough, signals, method, until, progress, pool)
-    progress("judging", 0.9)
     unseen = Signals.of(last, is_force)
+    selection = selected(rough, signals, unseen, method, until, progress, pool)
+    progress("judging", 0.9)
     fits = [one.judged for one in selection.fits]
     base, best = fits[0], fits[-1]
-    descent = tuple(_error(fit, unseen) for fit in fits)
+    descent = tuple(error_on(fit, unseen) for fit in fits)
     column = "torque" if method is Method.TORQUE else unseen.column
     floors = dict(noise)
     if method is Method.TORQUE:
@@ -113,15 +113,6 @@ def explained(
     return found
 
 
-def _error(fit: Regression, unseen: Signals) -> float:
-    """Root mean square of what a fit lacks in a recording that it has not seen [N m or rad]: only the initial state of
-    a free motion is fitted there."""
-    known = fit.model.replace({name: replace(fit.model.parameters[name], fixed=True) for name in fit.unknowns.names})
-    if isinstance(fit.data, OutputError):
-        return regressed(known, OutputError.of([unseen], known)).rms
-    return regressed(known, Data.of([unseen], known)).rms
-
-
 def _floor(signals: Signals, model: Model) -> float:
     """What sensors of torque and angle leave within the band [N m]."""
     return math.hypot(signals.torque_noise, model.parameters["J"].value * signals.acceleration_noise)
@@ -149,7 +140,7 @@ def _ranking(selection: Selection, unseen: Signals, before: float) -> tuple[Rank
         return {name.removeprefix(f"{effect}."): v for name, v in own.items() if name.startswith(f"{effect}.")}
 
     return tuple(
-        Ranked(one.effect, before, _error(one.fit, unseen), one.p_value, values(one.effect, one.fit))
+        Ranked(one.effect, before, error_on(one.fit, unseen), one.p_value, values(one.effect, one.fit))
         for one in selection.steps[0].judged
     )
 

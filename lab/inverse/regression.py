@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import acceleration, inertia_of, needed
 from lostmotion.lab.unknowns import Unknowns
-from lostmotion.model import Model
+from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["Data", "EquationError", "Problem", "Regression", "blocks_of", "regressed"]
@@ -34,8 +34,9 @@ LEAST_BLOCKS = 12
 """Blocks in all recordings together; with fewer, a t-test tells nothing."""
 MOST_STEPS = 60
 """Of a fit."""
-SHARES = (1.0, 0.5, 0.25)
-"""Of a Gauss-Newton step that are tried."""
+REFITS, LEAST_DAMPING, CONVERGED = 8, 1e-6, 1e-6
+"""Steps of a fit to some of the samples, which begins at the fit to all, their damping, and the share of the error by
+which the last one falls."""
 FOLDS = 3
 """Parts of the samples, each predicted by a fit to the others."""
 
@@ -172,24 +173,56 @@ class Regression:
         """P, the number of free parameters."""
         return len(self.unknowns.items)
 
-    def predicted(self, fold: NDArray[np.intp]) -> FloatArray:
-        """The residual of each sample (M,) by a fit to all samples of other folds: a Gauss-Newton step from here, or as
-        much of it as lowers their error.  Initial values stay: the samples that tell them may all be in one fold."""
-        found = self.residual.copy()
-        own = self.jacobian[:, : self.count]
-        size = np.maximum(np.linalg.norm(own, axis=0), 1e-100)
-        for k in np.unique(fold):
-            out = fold == k
-            step = np.linalg.lstsq((own / size)[~out], -self.residual[~out], rcond=1e-9)[0] / size
-            for share in SHARES:
-                residual = self._at(self.z + share * step)
-                if np.sum(residual[~out] ** 2) <= np.sum(self.residual[~out] ** 2):
-                    found[out] = residual[out]
-                    break
+    @cached_property
+    def predicted(self) -> FloatArray:
+        """The residual of each sample (M,) by a fit to the samples of other folds."""
+        fold = _numbered(self.data.counts, sum(self.data.counts) / LEAST_BLOCKS) % FOLDS
+        found = np.empty_like(self.residual)
+        for k in range(FOLDS):
+            found[fold == k] = self._refitted(fold != k)[fold == k]
         return found
 
+    def _refitted(self, inside: NDArray[np.bool_]) -> FloatArray:
+        """The residual (M,) with parameters that suit these samples, by Levenberg-Marquardt steps with the Jacobian of
+        all; each parameter stays within about a factor e, or its scale, of its value, so that one that the samples do
+        not tell stays where it is.  Initial values stay, too: the samples that tell them may all be outside."""
+        slopes, variance = self.jacobian[inside, : self.count], self.rms**2
+        curvature = slopes.T @ slopes + variance * np.eye(self.count)
+        change, residual, damping = np.zeros(self.count), self.residual, LEAST_DAMPING
+        cost = float(np.sum(residual[inside] ** 2))
+        for _ in range(REFITS):
+            damped = curvature + damping * np.diag(np.diag(curvature))
+            trial = self._bounded(damped, slopes.T @ residual[inside] + variance * change, change)
+            error = self._at(self.z + trial)
+            price = float(np.sum(error[inside] ** 2) + variance * trial @ trial)
+            if price < cost:
+                gained, change, residual, cost = cost - price, trial, error, price
+                damping = max(damping / 10, LEAST_DAMPING)
+                if gained < CONVERGED * cost:
+                    break
+            else:
+                damping *= 10
+        return residual
+
+    def _bounded(self, curvature: FloatArray, slope: FloatArray, change: FloatArray) -> FloatArray:
+        """The changes of z (P,) after a Newton step; those that would leave the bounds stay there, and the others
+        suit them."""
+        low, high = self.unknowns.bounds
+        held, fixed = np.zeros(self.count, dtype=bool), np.zeros(self.count)
+        for _ in range(self.count):
+            step, free = fixed.copy(), ~held
+            right = -slope[free] - curvature[np.ix_(free, held)] @ fixed[held]
+            step[free] = np.linalg.solve(curvature[np.ix_(free, free)], right)
+            at = self.z + change + step
+            outside = free & ((at < low) | (at > high))
+            if not outside.any():
+                break
+            fixed[outside] = (np.clip(at, low, high) - self.z - change)[outside]
+            held |= outside
+        return np.asarray(change + step)
+
     def _at(self, z: FloatArray) -> FloatArray:
-        """The residual (M,) of other parameters, within their bounds."""
+        """The residual (M,) of other parameters."""
         low, high = self.unknowns.bounds
         return self.data.residual(self.unknowns.put(self.model, np.clip(z, low, high)), self.nuisance)
 
@@ -209,7 +242,7 @@ class Regression:
 
 def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, steps: int = MOST_STEPS) -> Regression:
     """The model with its free parameters fitted, within their bounds, in so many steps at most.  nuisance: where
-    what is fitted beside them begins."""
+    what is fitted beside them begins.  Raises ModelError where the first values cannot be simulated."""
     unknowns = _scaled(Unknowns.of(model), model, data)
     low, high = unknowns.bounds
     beside = data.nuisance if nuisance is None else nuisance
@@ -227,6 +260,9 @@ def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, s
     if not z.size:
         return Regression(model, data, unknowns, z, residual(z) * usual, np.empty((size, 0)), z)
     bounds = (np.concatenate([low, least]), np.concatenate([high, most]))
+
+    if not np.isfinite(residual(z)).all():
+        raise ModelError("the motion cannot be simulated with the first values of the parameters")
 
     def jacobian(at: FloatArray) -> FloatArray:
         return _jacobian(residual, at, bounds[1], data)
@@ -285,12 +321,17 @@ def _scaled(unknowns: Unknowns, model: Model, data: Problem) -> Unknowns:
 
 def blocks_of(regression: Regression) -> NDArray[np.intp]:
     """A number for each sample (M,): that of its block, in which the residual has about four correlation times."""
-    counts, numbers, first = regression.data.counts, [], 0
+    counts = regression.data.counts
     parts = np.split(regression.residual, np.cumsum(counts)[:-1])
     length = PER_CORRELATION * max(_correlation(part) for part in parts)
-    longest = max(sum(counts) / LEAST_BLOCKS, 1.0)
+    return _numbered(counts, min(max(length, 1.0), sum(counts) / LEAST_BLOCKS))
+
+
+def _numbered(counts: Sequence[int], length: float) -> NDArray[np.intp]:
+    """The number of each sample's block (M,), where blocks are about so many samples long and end with a recording."""
+    numbers, first = [], 0
     for count in counts:
-        many = max(round(count / min(max(length, 1.0), longest)), 1)
+        many = max(round(count / max(length, 1.0)), 1)
         numbers.append(first + np.arange(count) * many // count)
         first += many
     return np.concatenate(numbers)

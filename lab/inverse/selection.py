@@ -14,7 +14,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -23,20 +23,18 @@ from scipy.stats import t as student
 
 from lostmotion.lab.inverse.candidates import candidates, fitted_with, refined, softened, starts
 from lostmotion.lab.inverse.output_error import OutputError
-from lostmotion.lab.inverse.regression import FOLDS, Data, Problem, Regression, blocks_of, regressed
+from lostmotion.lab.inverse.regression import Data, Problem, Regression, blocks_of, regressed
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.simpler import without
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["LIMIT", "Judged", "Method", "Selection", "selected"]
+__all__ = ["LIMIT", "Judged", "Method", "Selection", "error_on", "selected"]
 
 LIMIT = 0.05
 """Chance of a false name in one step of the search."""
 LEAST_GAIN = 0.01
 """Share of the squared error that an effect has to take, however sure it is: less is not worth a name."""
-ALIKE = 0.05
-"""p-value above which two candidates explain alike."""
 HORIZONS = (0.2, 0.5)
 """Shares of a free swing that are fitted before the whole: a frequency that is 2 % off is out of phase after ten
 swings, and a fit to all of them ends in another minimum."""
@@ -114,15 +112,19 @@ class Selection:
 
 
 def selected(
-    model: Model, signals: Sequence[Signals], method: Method, until: float, progress: Callable[[str, float], None],
-    pool: Executor | None = None,
+    model: Model, signals: Sequence[Signals], unseen: Signals, method: Method, until: float,
+    progress: Callable[[str, float], None], pool: Executor | None = None,
 ) -> Selection:  # fmt: skip
-    """Adds effects as long as one is significant and time.monotonic() is below ``until`` [s]."""
+    """Adds effects as long as one is significant and time.monotonic() is below ``until`` [s].
+
+    unseen: a recording that no parameter is fitted to; of effects that explain alike, the one that predicts it best is
+    named.
+    """
     now = _first(model, signals, method)
     fits, added, steps, complete = [now], list[str](), list[Step](), True
     while len(added) < MOST:
         progress("looking for more" if added else "looking for what is missing", 0.15 + 0.12 * len(added))
-        step = _step(now, tuple(added), method, pool)
+        step = _step(now, tuple(added), unseen, method, pool)
         steps.append(step)
         if not step.judged or not _is_significant(step.judged[0]):
             break
@@ -154,8 +156,8 @@ def _with(best: Judged, now: Fitted, method: Method) -> Fitted:
     return Fitted(inverse, best.fit if method is Method.FREE else inverse)
 
 
-def _step(now: Fitted, added: tuple[str, ...], method: Method, pool: Executor | None) -> Step:
-    """All candidates, judged against the present fit; of those alike, the one with the fewest parameters first."""
+def _step(now: Fitted, added: tuple[str, ...], unseen: Signals, method: Method, pool: Executor | None) -> Step:
+    """All candidates, judged against the present fit."""
     wide = list(candidates(now.inverse.model, added, now.inverse.data))
     each = pool.map if isinstance(pool, ThreadPoolExecutor) else map
     found = each(lambda one: fitted_with(one[0], one[1], now.inverse), wide)
@@ -169,10 +171,31 @@ def _step(now: Fitted, added: tuple[str, ...], method: Method, pool: Executor | 
     good = [one for one in judged if _is_significant(one)]
     if not good:
         return Step(tuple(sorted(judged, key=lambda one: one.p_value)))
-    alike = [one for one in good if _are_alike(one, good[0])]
-    first = min(alike, key=lambda one: (one.fit.count, *_preferred(one, now.inverse), one.fit.rms))
+    alike = [one for one in good if _are_alike(one, good[0], len(wide))]
+    first = _named(alike, now.inverse, unseen)
     rest = [one for one in judged if one is not first]
     return Step((first, *rest), tuple(one.effect for one in alike if one is not first))
+
+
+def _named(alike: Sequence[Judged], now: Regression, unseen: Signals) -> Judged:
+    """Of effects that explain alike: that with the fewest parameters, then the one that best predicts the recording
+    that no fit has seen, then the one whose shape suits the motion."""
+    few = min(one.fit.count for one in alike)
+    simple = [one for one in alike if one.fit.count == few]
+    if len(simple) == 1:
+        return simple[0]
+    errors = [error_on(one.fit, unseen) ** 2 for one in simple]
+    best = [one for one, error in zip(simple, errors, strict=True) if error * (1 - LEAST_GAIN) <= min(errors)]
+    return min(best, key=lambda one: (*_preferred(one, now), one.fit.rms))
+
+
+def error_on(fit: Regression, unseen: Signals) -> float:
+    """Root mean square of what a fit lacks in a recording that it has not seen [N m or rad]: only the initial state of
+    a motion is fitted there."""
+    known = fit.model.replace({name: replace(fit.model.parameters[name], fixed=True) for name in fit.unknowns.names})
+    if isinstance(fit.data, OutputError):
+        return regressed(known, OutputError.of([unseen], known)).rms
+    return regressed(known, Data.of([unseen], known)).rms
 
 
 def _preferred(one: Judged, now: Regression) -> tuple[bool]:
@@ -187,10 +210,10 @@ def _is_significant(one: Judged) -> bool:
     return one.p_value < LIMIT and one.gain > LEAST_GAIN
 
 
-def _are_alike(one: Judged, best: Judged) -> bool:
-    """Whether predictions are equal: differences of rounding are certain, but worth nothing."""
+def _are_alike(one: Judged, best: Judged, tried: int) -> bool:
+    """Whether the best of so many predicts no better than another, significantly and by what is worth a name."""
     left, least = 1 - one.gain, 1 - best.gain
-    return left * (1 - LEAST_GAIN) <= least or _p(one.fit, best.fit) > ALIKE
+    return left * (1 - LEAST_GAIN) <= least or tried * _p(one.fit, best.fit) > LIMIT
 
 
 def _judged(name: str, found: Fitted, now: Fitted, tried: int) -> Judged:
@@ -207,7 +230,7 @@ def _errors(one: Regression, other: Regression) -> tuple[FloatArray, FloatArray,
     """Squared errors of both fits at samples that they have not seen (M,) each, and the block of each sample: those of
     the residual of ``other``, which if it explains nothing is the one before."""
     block = blocks_of(other)
-    return one.predicted(block % FOLDS) ** 2, other.predicted(block % FOLDS) ** 2, block
+    return one.predicted**2, other.predicted**2, block
 
 
 def _chance(before: FloatArray, after: FloatArray, block: NDArray[np.intp]) -> float:

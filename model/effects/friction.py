@@ -19,6 +19,9 @@ __all__ = ["COULOMB", "LOAD_DEPENDENT", "STRIBECK", "VISCOUS"]
 
 JOINTS = ("play", "joint", "servo")
 GUESS = "guess: about 5 % of the torque that moves the joint"
+MOST_LOST = 0.8
+"""Of the transmitted torque: worm gears, the least efficient in use, pass on a fifth or more (makers' catalogues).  A
+law that takes more only rescales all other torques."""
 
 
 @kernel
@@ -132,4 +135,5 @@ LOAD_DEPENDENT = Effect(
     },
     rate=_load_rate,
     defaults=_SLOW,
+    is_apt=lambda values: values["mu"] <= MOST_LOST,
 )

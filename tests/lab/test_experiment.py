@@ -217,6 +217,12 @@ def test_stretch_between_two_times() -> None:
     assert part.clock_zero == whole.clock_zero == 0.0
 
 
+def test_a_joint_may_stand_still_at_the_end_of_its_motion() -> None:
+    """A servo that holds its last position is not saturated, although that is its largest value."""
+    moved = recording(command=TIMES, position=np.minimum(2 * TIMES, TIMES[-1]))
+    assert held("servo", moved)[0].time.size == TIMES.size
+
+
 def test_free_oscillation_needs_no_input() -> None:
     """An oscillator that rings by itself is an experiment without a drive."""
     (experiment,) = held("oscillator", recording(accel=ACCEL))

@@ -21,6 +21,7 @@ from lostmotion.lab.inverse.regression import Data, blocks_of, regressed
 from lostmotion.lab.inverse.selection import selected
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.model import Model, build_model
+from lostmotion.model.effects import get_effect
 
 INERTIA, VISCOUS, COULOMB = 0.4, 2.0, 1.3
 LENGTH = 16.0
@@ -73,7 +74,8 @@ def named(model: Model, recordings: list[Recording]) -> tuple[str, ...]:
     model, _ = with_scale(model, held)
     method = method_of(model, held)
     assert method
-    return selected(model, [Signals.of(one) for one in held], method, np.inf, lambda what, part: None).added
+    signals = [Signals.of(one) for one in held]
+    return selected(model, signals, signals[-1], method, np.inf, lambda what, part: None).added
 
 
 def test_friction_is_found_in_a_closed_loop() -> None:
@@ -108,6 +110,12 @@ def test_nothing_is_named_where_nothing_is_missing() -> None:
     model = build_model("joint", ["viscous_friction", "coulomb_friction"])
     false = [seed for seed in range(200, 224) if named(model, [robot(seed)])]
     assert len(false) <= 4
+
+
+def test_friction_that_would_take_all_of_the_torque_is_not_load_dependent() -> None:
+    """Where power always flows one way, friction of mu rescales all other torques by 1 - mu: it is not apt near one."""
+    least, most = (get_effect("load_dependent_friction").is_apt({"mu": mu, "omega_0": 1e-3}) for mu in (0.6, 0.9))
+    assert (least, most) == (True, False)
 
 
 def test_drag_that_adds_up_over_many_swings_is_found() -> None:
