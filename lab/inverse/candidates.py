@@ -9,7 +9,7 @@ import numpy as np
 
 from lostmotion.lab.candidates import others
 from lostmotion.lab.inverse.output_error import OutputError
-from lostmotion.lab.inverse.regression import MOST_STEPS, Data, EquationError, Problem, Regression, regressed
+from lostmotion.lab.inverse.regression import MOST_STEPS, TURN, Data, EquationError, Problem, Regression, regressed
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import inertia_of, is_static
 from lostmotion.lab.rough import usual_torque
@@ -23,6 +23,8 @@ from lostmotion.model.motion import FloatArray
 
 __all__ = ["candidates", "fitted_with", "refined", "sizes_of", "softened", "starts"]
 
+ANGLES = 12
+"""Angles of zero that are tried in a period of an effect: one of them is at most 15 degrees of phase away."""
 STARTS = 3
 """Initial values of an effect from which it is fitted."""
 ROUNDING = 1e-6
@@ -111,7 +113,7 @@ def _fitted_from_seeds(name: str, wide: Model, now: Regression, most: int, steps
     begin = [wide.replace(values) for values in seeds(wide, name, size)]
     data = now.data.suited(begin)
     ranked = sorted((entry for start in begin if (entry := _promise(name, start, now, data))), key=lambda one: -one[0])
-    fits = [found for _, start in ranked[:most] if (found := _tried(start, data, now.nuisance, steps))]
+    fits = [found for _, start, beside in ranked[:most] if (found := _tried(start, data, beside, steps))]
     possible = [one for one in fits if get_effect(name).is_apt(_own(one.model, name))]
     return min(possible, key=lambda one: one.rms, default=None)
 
@@ -159,12 +161,13 @@ def _within_speeds(model: Model, name: str, size: Sizes) -> Model:
     return model.replace(speeds)
 
 
-def _promise(name: str, start: Model, now: Regression, data: Problem) -> tuple[float, Model] | None:
-    """How much of the residual an effect explains, in the shape of this start and of the size that suits best, and the
-    start with that size."""
+def _promise(name: str, start: Model, now: Regression, data: Problem) -> tuple[float, Model, FloatArray] | None:
+    """How much of the residual an effect explains, in the shape of this start and of the size that suits best, the
+    start with that size, and where what is fitted beside the parameters begins."""
     if not _covers(name, start, now.data):
         return None
-    column = data.residual(start, now.nuisance) - now.residual
+    beside = _zeros(name, start, now, data)
+    column = data.residual(start, beside) - now.residual
     if not np.isfinite(column).all() or column @ column <= ROUNDING**2 * (now.residual @ now.residual):
         return None
     own = _off(now.jacobian, column)
@@ -175,18 +178,39 @@ def _promise(name: str, start: Model, now: Regression, data: Problem) -> tuple[f
     names = [f"{name}.{part}" for part in AMPLITUDE.get(name, ()) if f"{name}.{part}" in start.parameters]
     signed = all(start.parameters[full].low < 0 for full in names)
     if names and (factor > 0 or signed):
-        start = _sized(start, {full: start.parameters[full].value * factor for full in names}, now, data)
+        start = _sized(start, {full: start.parameters[full].value * factor for full in names}, now, data, beside)
     elif names:
         factor = 0.0
-    return factor**2 * power, start
+    return factor**2 * power, start, beside
 
 
-def _sized(start: Model, sizes: dict[str, float], now: Regression, data: Problem) -> Model:
+def _zeros(name: str, start: Model, now: Regression, data: Problem) -> FloatArray:
+    """What is fitted beside the parameters, as the present fit has it; angles of zero (R,) that it does not depend on
+    are those with which the effect follows the residual of each recording best."""
+    if not isinstance(data, Data) or not now.nuisance.size or now.jacobian[:, now.count :].any():
+        return now.nuisance
+    grid = np.arange(ANGLES) / ANGLES * TURN / getattr(start.parameters.get(f"{name}.N"), "value", 1.0)
+    alike = np.array([
+        [-float(column @ residual) / max(float(np.linalg.norm(column)), 1e-100) for column, residual in pairs]
+        for zero in grid
+        if (pairs := _by_recording(_off(now.jacobian, data.residual(start, zero + now.nuisance) - now.residual), now))
+    ])  # fmt: skip
+    found = grid[np.argmax(alike, axis=0)]
+    return np.asarray(np.where(data.freedom < TURN, now.nuisance, found))
+
+
+def _by_recording(column: FloatArray, now: Regression) -> list[tuple[FloatArray, FloatArray]]:
+    """Each recording's part of a column, and of the residual."""
+    ends = np.cumsum(now.data.counts)[:-1]
+    return list(zip(np.split(column, ends), np.split(now.residual, ends), strict=True))
+
+
+def _sized(start: Model, sizes: dict[str, float], now: Regression, data: Problem, beside: FloatArray) -> Model:
     """The start with amplitudes that a linear extrapolation says, or parts of them: the largest with which the error
     is below that without the effect, so that a fit goes down from there."""
     for part in PARTS:
         sized = start.replace({name: _within(start, name, part * value) for name, value in sizes.items()})
-        residual = data.residual(sized, now.nuisance)
+        residual = data.residual(sized, beside)
         if np.isfinite(residual).all() and float(residual @ residual) < float(now.residual @ now.residual):
             break
     return sized

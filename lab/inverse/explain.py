@@ -217,12 +217,11 @@ def _sharp(model: Model, rough: Model) -> Model:
 def _simulated(fit: Regression) -> list[tuple[Experiment, FloatArray]]:
     """What is simulated to show the motion of a fit: whole recordings with their fitted initial states, or where the
     torque was fitted, pieces from the filtered state."""
-    signals = fit.data.signals
-    if fit.nuisance.size:
-        states = np.split(fit.nuisance, len(signals))
-        pairs = zip((one.experiment for one in signals), states, strict=True)
+    if not isinstance(fit.data, Data):
+        states = np.split(fit.nuisance, len(fit.data.signals))
+        pairs = zip((one.experiment for one in fit.data.signals), states, strict=True)
         return [(one, initial_state(one.model(fit.model), one, state)) for one, state in pairs]
-    pieces = [piece for one in signals for piece in _pieces(one)]
+    pieces = [piece for one in fit.data.shifted(fit.nuisance) for piece in _pieces(one)]
     return [pieces[i] for i in np.unique(np.linspace(0, len(pieces) - 1, min(PIECES, len(pieces))).astype(int))]
 
 
@@ -260,7 +259,7 @@ def _finding(fit: Regression) -> Finding:
             "theta_2": one.position[one.kept], "omega_2": one.velocity[one.kept], "torque": one.filtered(load),
             "acceleration": one.acceleration[one.kept], "time": one.time[one.kept],
         }
-        for one, load in zip(data.signals, data.transmitted, strict=True)
+        for one, load in zip(data.shifted(fit.nuisance), data.transmitted, strict=True)
     ]  # fmt: skip
     found = shapes(residuals, [np.full(r.size, fit.rms) for r in residuals], variables)
     size = f"a torque on the joint of about {fit.rms:.2g} N m is missing"

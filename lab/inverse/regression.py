@@ -37,6 +37,8 @@ MOST_STEPS = 60
 REFITS, LEAST_DAMPING, CONVERGED = 8, 1e-6, 1e-6
 """Steps of a fit to some of the samples, which begins at the fit to all, their damping, and the share of the error by
 which the last one falls."""
+TURN, HELD = 2 * math.pi, 1e-9
+"""Freedom of an angle of zero that is not known, and of one that is [rad]."""
 FOLDS = 3
 """Parts of the samples, each predicted by a fit to the others."""
 
@@ -63,36 +65,51 @@ class Problem(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Data:
-    """Recordings and, for each, the torque [N m] (N,) on which friction that grows with load depends."""
+    """Recordings and, for each, the torque [N m] (N,) on which friction that grows with load depends.
+
+    An encoder that counts from where a recording begins does not tell the angle of the shaft: its zero is fitted beside
+    the parameters, for each recording but the first, or with ``is_anchored`` false for all.
+    """
 
     signals: tuple[Signals, ...]
     transmitted: tuple[FloatArray, ...]
+    is_anchored: bool = True
 
     @classmethod
-    def of(cls, signals: Sequence[Signals], model: Model) -> Data:
+    def of(cls, signals: Sequence[Signals], model: Model, zeros: FloatArray | None = None) -> Data:
         """With the transmitted torque that a model needs for the motion."""
         measured = cls(tuple(signals), tuple(one.torque for one in signals))
-        return cls(measured.signals, tuple(measured.needed(model)))
+        return cls(measured.signals, tuple(measured.needed(model, zeros)))
 
-    def needed(self, model: Model) -> list[FloatArray]:
+    def needed(self, model: Model, zeros: FloatArray | None = None) -> list[FloatArray]:
         """The torque that the motion of each recording needs of a model, (N,) each [N m]."""
-        pairs = zip(self.signals, self.transmitted, strict=True)
+        shifted = self.signals if zeros is None else self.shifted(zeros)
+        pairs = zip(shifted, self.transmitted, strict=True)
         return [needed(one.experiment.model(model), one, torque) for one, torque in pairs]
 
-    @property
+    def shifted(self, zeros: FloatArray) -> tuple[Signals, ...]:
+        """The recordings with angles from these zeros on (R,) [rad]."""
+        if not zeros.any():
+            return self.signals
+        return tuple(one.shifted(zero) for one, zero in zip(self.signals, zeros.tolist(), strict=True))
+
+    @cached_property
     def nuisance(self) -> FloatArray:
-        """Initial values of what is fitted beside the model's parameters: nothing."""
-        return np.empty(0)
+        """Initial values of what is fitted beside the model's parameters: angles of zero (R,) [rad], or nothing."""
+        return np.zeros(len(self.signals) if all(one.counts_from_start for one in self.signals) else 0)
 
     @property
     def freedom(self) -> FloatArray:
-        """Of nothing."""
-        return np.empty(0)
+        """How far an angle of zero may be from its initial value, (R,) or (0,) [rad]."""
+        free = np.full(self.nuisance.size, TURN)
+        if self.is_anchored:
+            free[:1] = HELD
+        return free
 
     @property
     def nuisances(self) -> int:
         """Of one recording."""
-        return 0
+        return int(self.nuisance.size > 0)
 
     @property
     def centre(self) -> None:
@@ -101,7 +118,7 @@ class Data:
 
     def residual(self, model: Model, nuisance: FloatArray) -> FloatArray:
         """Measured less modelled torque within the band, all recordings one after the other (M,) [N m]."""
-        pairs = zip(self.signals, self.needed(model), strict=True)
+        pairs = zip(self.signals, self.needed(model, nuisance), strict=True)
         return np.concatenate([one.filtered(one.torque - torque) for one, torque in pairs])
 
     def suited(self, models: Sequence[Model]) -> Data:
@@ -132,6 +149,11 @@ class EquationError(Data):
     def driven(cls, signals: Sequence[Signals]) -> EquationError:
         """With the inputs as they were recorded."""
         return cls(tuple(signals), tuple(one.driving for one in signals))
+
+    @cached_property
+    def nuisance(self) -> FloatArray:
+        """Nothing is fitted beside the parameters."""
+        return np.empty(0)
 
     def residual(self, model: Model, nuisance: FloatArray) -> FloatArray:
         """Measured less modelled acceleration within the band, all recordings one after the other (M,) [rad/s²]."""
@@ -176,7 +198,11 @@ class Regression:
     @cached_property
     def predicted(self) -> FloatArray:
         """The residual of each sample (M,) by a fit to the samples of other folds."""
-        fold = _numbered(self.data.counts, sum(self.data.counts) / LEAST_BLOCKS) % FOLDS
+        counts = self.data.counts
+        length = sum(counts) / LEAST_BLOCKS
+        if self._refits_nuisance:  # all folds have samples that tell it
+            length = min(length, min(counts) / FOLDS)
+        fold = _numbered(counts, length) % FOLDS
         found = np.empty_like(self.residual)
         for k in range(FOLDS):
             found[fold == k] = self._refitted(fold != k)[fold == k]
@@ -185,15 +211,16 @@ class Regression:
     def _refitted(self, inside: NDArray[np.bool_]) -> FloatArray:
         """The residual (M,) with parameters that suit these samples, by Levenberg-Marquardt steps with the Jacobian of
         all; each parameter stays within about a factor e, or its scale, of its value, so that one that the samples do
-        not tell stays where it is.  Initial values stay, too: the samples that tell them may all be outside."""
-        slopes, variance = self.jacobian[inside, : self.count], self.rms**2
-        curvature = slopes.T @ slopes + variance * np.eye(self.count)
-        change, residual, damping = np.zeros(self.count), self.residual, LEAST_DAMPING
+        not tell stays where it is.  The state in which a motion begins stays, too: the samples that tell it may all be
+        outside."""
+        slopes, variance = self.jacobian[inside, : self._here.size], self.rms**2
+        curvature = slopes.T @ slopes + variance * np.eye(self._here.size)
+        change, residual, damping = np.zeros(self._here.size), self.residual, LEAST_DAMPING
         cost = float(np.sum(residual[inside] ** 2))
         for _ in range(REFITS):
             damped = curvature + damping * np.diag(np.diag(curvature))
             trial = self._bounded(damped, slopes.T @ residual[inside] + variance * change, change)
-            error = self._at(self.z + trial)
+            error = self._at(self._here + trial)
             price = float(np.sum(error[inside] ** 2) + variance * trial @ trial)
             if price < cost:
                 gained, change, residual, cost = cost - price, trial, error, price
@@ -204,27 +231,46 @@ class Regression:
                 damping *= 10
         return residual
 
-    def _bounded(self, curvature: FloatArray, slope: FloatArray, change: FloatArray) -> FloatArray:
-        """The changes of z (P,) after a Newton step; those that would leave the bounds stay there, and the others
-        suit them."""
+    @property
+    def _refits_nuisance(self) -> bool:
+        return isinstance(self.data, Data) and self.nuisance.size > 0
+
+    @cached_property
+    def _here(self) -> FloatArray:
+        """What a refit changes, (P,) or (P + E,)."""
+        return np.concatenate([self.z, self.nuisance]) if self._refits_nuisance else self.z
+
+    @cached_property
+    def _bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Of what a refit changes."""
         low, high = self.unknowns.bounds
-        held, fixed = np.zeros(self.count, dtype=bool), np.zeros(self.count)
-        for _ in range(self.count):
+        if not self._refits_nuisance:
+            return low, high
+        middle, freedom = self.data.nuisance, self.data.freedom
+        return np.concatenate([low, middle - freedom]), np.concatenate([high, middle + freedom])
+
+    def _bounded(self, curvature: FloatArray, slope: FloatArray, change: FloatArray) -> FloatArray:
+        """The changes after a Newton step; those that would leave the bounds stay there, and the others suit them."""
+        low, high = self._bounds
+        held, fixed = np.zeros(change.size, dtype=bool), np.zeros(change.size)
+        for _ in range(change.size):
             step, free = fixed.copy(), ~held
             right = -slope[free] - curvature[np.ix_(free, held)] @ fixed[held]
             step[free] = np.linalg.solve(curvature[np.ix_(free, free)], right)
-            at = self.z + change + step
+            at = self._here + change + step
             outside = free & ((at < low) | (at > high))
             if not outside.any():
                 break
-            fixed[outside] = (np.clip(at, low, high) - self.z - change)[outside]
+            fixed[outside] = (np.clip(at, low, high) - self._here - change)[outside]
             held |= outside
         return np.asarray(change + step)
 
-    def _at(self, z: FloatArray) -> FloatArray:
+    def _at(self, values: FloatArray) -> FloatArray:
         """The residual (M,) of other parameters."""
-        low, high = self.unknowns.bounds
-        return self.data.residual(self.unknowns.put(self.model, np.clip(z, low, high)), self.nuisance)
+        low, high = self._bounds
+        values = np.clip(values, low, high)
+        nuisance = values[self.count :] if self._refits_nuisance else self.nuisance
+        return self.data.residual(self.unknowns.put(self.model, values[: self.count]), nuisance)
 
     def covariance(self, block: NDArray[np.intp]) -> FloatArray:
         """Of z (P, P), whatever the residual's correlation within blocks of samples (cluster-robust; Liang and Zeger
@@ -250,27 +296,30 @@ def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, s
     least, most = data.nuisance - data.freedom, data.nuisance + data.freedom
     z = np.concatenate([np.clip(unknowns.z(model), low, high), np.clip(beside, least, most)])
 
-    weight, start = _prior(unknowns, data.centre)
-
-    def residual(at: FloatArray) -> FloatArray:
-        error = data.residual(unknowns.put(model, at[:count]), at[count:]) / usual
-        return np.concatenate([error, weight * (at[:count] - start)])
-
     size = sum(data.counts)
-    if not z.size:
-        return Regression(model, data, unknowns, z, residual(z) * usual, np.empty((size, 0)), z)
     bounds = (np.concatenate([low, least]), np.concatenate([high, most]))
 
-    if not np.isfinite(residual(z)).all():
-        raise ModelError("the motion cannot be simulated with the first values of the parameters")
+    def fitted(weight: FloatArray, near: FloatArray) -> Regression:
+        def residual(at: FloatArray) -> FloatArray:
+            error = data.residual(unknowns.put(model, at[:count]), at[count:]) / usual
+            return np.concatenate([error, weight * (at[:count] - near)])
 
-    def jacobian(at: FloatArray) -> FloatArray:
-        return _jacobian(residual, at, bounds[1], data)
+        if not np.isfinite(residual(z)).all():
+            raise ModelError("the motion cannot be simulated with the first values of the parameters")
 
-    found = least_squares(residual, z, jacobian, bounds, x_scale="jac", max_nfev=steps)
-    fitted = unknowns.put(model, found.x[:count])
-    error, slopes = found.fun[:size] * usual, np.asarray(found.jac)[:size] * usual
-    return Regression(fitted, data, unknowns, found.x[:count], error, slopes, found.x[count:])
+        def jacobian(at: FloatArray) -> FloatArray:
+            return _jacobian(residual, at, bounds[1], data)
+
+        found = least_squares(residual, z, jacobian, bounds, x_scale="jac", max_nfev=steps)
+        error, slopes = found.fun[:size] * usual, np.asarray(found.jac)[:size] * usual
+        values = unknowns.put(model, found.x[:count])
+        return Regression(values, data, unknowns, found.x[:count], error, slopes, found.x[count:])
+
+    if not z.size:
+        return Regression(model, data, unknowns, z, data.residual(model, z), np.empty((size, 0)), z)
+    once = fitted(*_prior(unknowns, data.centre))
+    untold = _untold(once) if data.centre is None else np.zeros(count, dtype=bool)
+    return fitted(np.asarray(untold * once.rms / usual), z[:count]) if untold.any() else once
 
 
 def _jacobian(
@@ -302,6 +351,14 @@ def _prior(unknowns: Unknowns, centre: Model | None) -> tuple[FloatArray, FloatA
         if centre and item.logarithmic and "." not in item.name:
             weight[at], near[at] = PRIOR, math.log(centre.parameters[item.name].value)
     return weight, near
+
+
+def _untold(fit: Regression) -> NDArray[np.bool_]:
+    """Which positive parameters of the base (P,) may change by a factor e, and the samples do not notice: an inertia
+    that hardly accelerates, which a fit takes to zero or anywhere."""
+    noticed = np.linalg.norm(fit.jacobian[:, : fit.count], axis=0) > fit.rms
+    own = [item.logarithmic and "." not in item.name for item in fit.unknowns.items]
+    return np.asarray(np.array(own, dtype=bool) & ~noticed)
 
 
 def _scaled(unknowns: Unknowns, model: Model, data: Problem) -> Unknowns:

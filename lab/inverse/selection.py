@@ -152,7 +152,7 @@ def _with(best: Judged, now: Fitted, method: Method) -> Fitted:
     """The fit with what was added."""
     if method is Method.MOTION:
         return best.fitted
-    inverse = _with_load(best.fit.model, now.inverse.data)
+    inverse = _with_load(best.fit.model, now.inverse.data, best.fitted.inverse.nuisance)
     return Fitted(inverse, best.fit if method is Method.FREE else inverse)
 
 
@@ -191,11 +191,12 @@ def _named(alike: Sequence[Judged], now: Regression, unseen: Signals) -> Judged:
 
 def error_on(fit: Regression, unseen: Signals) -> float:
     """Root mean square of what a fit lacks in a recording that it has not seen [N m or rad]: only the initial state of
-    a motion is fitted there."""
+    a motion, or the zero of an angle, is fitted there."""
     known = fit.model.replace({name: replace(fit.model.parameters[name], fixed=True) for name in fit.unknowns.names})
     if isinstance(fit.data, OutputError):
         return regressed(known, OutputError.of([unseen], known)).rms
-    return regressed(known, Data.of([unseen], known)).rms
+    data = Data.of([unseen], known)
+    return regressed(known, replace(data, is_anchored=fit.nuisance.size == 0)).rms
 
 
 def _preferred(one: Judged, now: Regression) -> tuple[bool]:
@@ -241,10 +242,10 @@ def _chance(before: FloatArray, after: FloatArray, block: NDArray[np.intp]) -> f
     return float(student.sf(ratio.mean() / max(spread, 1e-12), ratio.size - 1))
 
 
-def _with_load(model: Model, data: Problem) -> Regression:
+def _with_load(model: Model, data: Problem, nuisance: FloatArray | None = None) -> Regression:
     """The model fitted to the torque, then again with the transmitted torque that it says itself."""
-    once = regressed(model, data)
-    return regressed(once.model, Data.of(data.signals, once.model))
+    once = regressed(model, data, nuisance)
+    return regressed(once.model, Data.of(data.signals, once.model, once.nuisance), once.nuisance)
 
 
 def _eliminated(fits: list[Fitted], added: list[str], steps: list[Step], complete: bool, method: Method) -> Selection:
@@ -253,7 +254,7 @@ def _eliminated(fits: list[Fitted], added: list[str], steps: list[Step], complet
         if len(added) < 2:
             break
         now = fits[-1]
-        less = Fitted.of(regressed(without(now.model, effect), now.inverse.data), method)
+        less = Fitted.of(regressed(without(now.model, effect), now.inverse.data, now.inverse.nuisance), method)
         if _p(less.judged, now.judged) > LIMIT:
             at = added.index(effect)
             added.remove(effect)

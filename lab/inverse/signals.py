@@ -6,7 +6,7 @@ leaves a linear relation between them as it is, and is then sampled at the rate 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -104,6 +104,20 @@ class Signals:
         if drive is None:
             return np.zeros_like(self.time)
         return np.asarray(drive.position(np.clip(self.time, *self.experiment.time[[0, -1]])))
+
+    @property
+    def counts_from_start(self) -> bool:
+        """Whether the angle is exactly zero at the first sample: of a sensor that counts from where it was switched on,
+        or an angle that was integrated from a speed."""
+        if self.column != "position" or self.experiment.is_linear or self.experiment.drive is None:
+            return False
+        position = self.experiment.measured["position"]
+        return bool(position[~np.isnan(position)][0] == 0.0)
+
+    def shifted(self, zero: float) -> Signals:
+        """With angles from another zero on [rad]: what was measured, and the filtered position."""
+        measured = {**self.experiment.measured, self.column: self.experiment.measured[self.column] + zero}
+        return replace(self, experiment=replace(self.experiment, measured=measured), position=self.position + zero)
 
     @property
     def position_noise(self) -> float:

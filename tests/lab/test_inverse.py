@@ -169,6 +169,43 @@ def test_the_answer_has_its_keys(tmp_path: Path) -> None:
     assert answer["residual"]["acts_on"] == "joint"
 
 
+def turning(seed: int, speed: float, ripple: float, wobble: float) -> Recording:
+    """A shaft that turns at a speed [rad/s] that varies by a tenth, so many times a turn, with a torque of friction, a
+    wave of once a turn and a disturbance; its encoder counts from wherever the shaft stood at first."""
+    rng = np.random.default_rng(seed)
+    times, start = np.arange(0, 60 / abs(speed), 0.1 / abs(speed)), rng.uniform(0, 2 * np.pi)
+    rate = abs(speed) * wobble * rng.uniform(0.7, 1.4)
+    turned = speed * times + 0.1 * speed / rate * (np.cos(rate * times) - 1)
+    velocity = speed - 0.1 * speed * np.sin(rate * times)
+    acceleration = -0.1 * speed * rate * np.cos(rate * times)
+    push = np.convolve(rng.normal(0, 2e-4, times.size), np.ones(5), "same")
+    torque = 2e-4 * acceleration + 3e-5 * velocity + 5e-3 * np.sign(velocity) + ripple * np.cos(turned + start) + push
+    columns = {"torque": torque, "position": turned + rng.normal(0, 1e-4, times.size) * (times > 0)}
+    return Recording(times, columns, {}, name=f"turning{seed}.csv")
+
+
+SPEEDS = (1.0, -2.0, 4.0, -6.0, 10.0, 2.0)
+TURNED = 'base = "joint"\neffects = ["viscous_friction", "coulomb_friction"]\n'
+
+
+@pytest.mark.parametrize("ripple", [8e-4, 0.0])
+def test_a_ripple_is_found_by_encoders_that_count_from_where_they_start(ripple: float, tmp_path: Path) -> None:
+    """The phase differs from one recording to the next, and is fitted in each; without a ripple that finds none."""
+    answer = explained(tmp_path, TURNED, [turning(seed, speed, ripple, 1.0) for seed, speed in enumerate(SPEEDS)])
+    assert answer["missing"] == (["torque_ripple"] if ripple else [])
+    if ripple:
+        assert answer["error"]["after"] < 0.7 * answer["error"]["before"]
+        value, low, high = answer["parameters"]["torque_ripple.tau_r"][:3]
+        assert low < ripple < high < 1.3 * value
+
+
+def test_an_inertia_that_hardly_accelerates_stays_where_it_was(tmp_path: Path) -> None:
+    """Constant speeds do not tell it; it went to zero, and nothing could be simulated."""
+    answer = explained(tmp_path, TURNED, [turning(seed, speed, 0.0, 0.05) for seed, speed in enumerate(SPEEDS)])
+    assert answer["missing"] == []
+    assert answer["parameters"]["J"][0] > 1e-6
+
+
 def test_units_change_nothing(tmp_path: Path) -> None:
     """A torque that is ten thousand times as large leaves names and shares as they are."""
     plain = [robot(10), robot(11), robot(12)]
