@@ -10,7 +10,7 @@ from lostmotion.lab.compare import Comparison
 from lostmotion.lab.quantity import number, quantities, quantity, with_unit
 from lostmotion.lab.results import Errors, Estimate, Explanation, Finding, Fit, Ladder
 
-__all__ = ["added", "detectable", "joined", "of_comparison", "of_explanation", "of_finding", "of_fit", "of_ladder"]
+__all__ = ["detectable", "joined", "of_comparison", "of_explanation", "of_finding", "of_fit", "of_ladder"]
 
 MOST_VARIABLES = 3
 PLACES = {"joint": "the joint", "oscillator": "the bar", "sensor": "the sensor", "command": "the command",
@@ -88,21 +88,9 @@ def of_comparison(comparison: Comparison) -> tuple[str, ...]:
 
 
 def of_ladder(ladder: Ladder) -> tuple[str, ...]:
-    """The effects that were added and how far the error fell with them, then what the last search says."""
+    """What was added and how far the error fell with it, and whether anything more is missing."""
     last = ladder.last
-    sentences = [words.sentence(effect, words.intervals(last.best, effect)) for effect in added(ladder)]
-    if not sentences:
-        return of_explanation(last)
-    first, final = ladder.rungs[0], ladder.rungs[-1]
-    sentences.append(_falls(Errors(first.rms, final.rms, final.noise, final.unit), len(sentences)))
-    if last.verdict == "nothing_missing":
-        return (*sentences, "Nothing more is missing.")
-    return (*sentences, *of_explanation(last))
-
-
-def added(ladder: Ladder) -> tuple[str, ...]:
-    """The effects of the last rung that the first did not have, in order."""
-    return tuple(e for e in ladder.rungs[-1].effects if e not in ladder.rungs[0].effects)
+    return (*of_explanation(last), *(("Nothing more is missing.",) if last.missing and last.complete else ()))
 
 
 def detectable(explanation: Explanation) -> tuple[str, ...]:

@@ -89,7 +89,7 @@ def _headline(
 ) -> Section | None:
     """The verdict in plain words, and what to look at."""
     if ladder:
-        sentences, effects = verdict.of_ladder(ladder), (*verdict.added(ladder), *ladder.last.missing)
+        sentences, effects = verdict.of_ladder(ladder), ladder.last.missing
     elif explanation:
         sentences, effects = verdict.of_explanation(explanation), explanation.missing
     elif fit:

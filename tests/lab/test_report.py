@@ -107,7 +107,9 @@ def test_sections_are_those_of_what_was_given(found: Path, tmp_path: Path) -> No
     given: list[tuple[dict[str, Any], list[str]]] = [
         ({"fit": report_example.fit()}, ["verdict", "signals", "spectra", *tail]),
         ({"ladder": report_example.ladder()},
-         ["verdict", "ladder", "signals", "spectra", "ranking", "detectable", *tail]),
+         ["verdict", "ladder", "advice", "signals", "spectra", "ranking", *tail]),
+        ({"explanation": report_example.nothing_missing()},
+         ["verdict", "signals", "spectra", "ranking", "detectable", *tail]),
         ({"explanation": report_example.outside_catalogue()}, ["verdict", "signals", "left", "spectra", *tail]),
         ({}, []),
     ]  # fmt: skip

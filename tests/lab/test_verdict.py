@@ -47,10 +47,11 @@ def test_verdict_outside_the_catalogue() -> None:
 
 
 def test_verdict_of_a_ladder() -> None:
-    """The effects that were added in order, the whole fall of the error, and that nothing more is missing."""
+    """What explain says of it, once, and that nothing more is missing."""
     assert verdict.of_ladder(report_example.ladder()) == (
         "The joint rubs: Coulomb friction of 0.120 mN m, between 0.112 and 0.128 (95 %).",
         "Adding it brings the error from 4.1 to 0.41 m/s²; the sensor's noise is 0.40.",
+        "These recordings cannot tell Coulomb friction from Stribeck friction.",
         "Nothing more is missing.",
     )
 
