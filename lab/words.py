@@ -63,6 +63,8 @@ _WORDS = {
         "a gear out of true",
         "The driving gear runs out of true, {N} times a turn, by {e.size}.",
         "Look for a gear that sits askew or off centre on its shaft, a bent shaft, or a worn bore.",
+        lambda found: found["N"].value != 1,
+        "The driving gear runs out of true, once a turn, by {e.size}.",
     ),
     "shaft_compliance": _Words(
         "a shaft that twists",
@@ -96,6 +98,8 @@ _WORDS = {
         "a torque that ripples",
         "The torque ripples {N} times a turn, by {tau_r.size}.",
         "Look for a damaged tooth, a bearing with a flat ball, or a motor that cogs; the count a turn tells which.",
+        lambda found: found["N"].value != 1,
+        "The torque ripples once a turn, by {tau_r.size}.",
     ),
     "hardening_spring": _Words(
         "a bar that stiffens",

@@ -23,8 +23,8 @@ from lostmotion.model.motion import FloatArray
 
 __all__ = ["candidates", "fitted_with", "refined", "sizes_of", "softened", "starts"]
 
-ANGLES = 12
-"""Angles of zero that are tried in a period of an effect: one of them is at most 15 degrees of phase away."""
+ANGLES = 6
+"""Angles of zero that are tried in a period of an effect: one of them is at most 30 degrees of phase away."""
 STARTS = 3
 """Initial values of an effect from which it is fitted."""
 ROUNDING = 1e-6

@@ -7,7 +7,7 @@ leaves a linear relation between them as it is, and is then sampled at the rate 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
@@ -144,8 +144,14 @@ def _integrated_twice(acceleration: FloatArray, step: float) -> FloatArray:
 
 def _lowpass(values: FloatArray, band: float) -> FloatArray:
     """Zero-phase; band: its end in cycles per sample."""
-    sos = butter(ORDER, 2 * band, output="sos")
-    return np.asarray(sosfiltfilt(sos, values, axis=-1, padlen=min(values.shape[-1] - 1, round(3 / band))))
+    padding = min(values.shape[-1] - 1, round(3 / band))
+    return np.asarray(sosfiltfilt(_butterworth(band), values, axis=-1, padlen=padding))
+
+
+@lru_cache(maxsize=64)
+def _butterworth(band: float) -> FloatArray:
+    """Second-order sections; designing them takes longer than filtering some thousand samples."""
+    return np.asarray(butter(ORDER, 2 * band, output="sos"))
 
 
 def _density(values: FloatArray, rate: float) -> tuple[FloatArray, FloatArray]:
