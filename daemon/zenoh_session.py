@@ -9,6 +9,7 @@ from pathlib import Path
 import zenoh
 
 from lostmotion.daemon.options import ZenohOptions
+from lostmotion.drivers.textfile import TextFileError, read_text
 
 __all__ = ["JSON", "SCHEMA", "brief", "configuration", "opened", "why_closed"]
 
@@ -29,7 +30,7 @@ def configuration(options: ZenohOptions) -> zenoh.Config:
 
     Where neither says where to listen, Zenoh would listen on all interfaces, in plain text; ours does not listen.
     """
-    config = zenoh.Config.from_file(options.config) if options.config else zenoh.Config()
+    config = _from_file(options.config) if options.config else zenoh.Config()
     mode = options.mode or json.loads(config.get_json("mode")) or "peer"
     settings = {
         "mode": mode,
@@ -42,6 +43,15 @@ def configuration(options: ZenohOptions) -> zenoh.Config:
         if value is not None:
             config.insert_json5(key, json.dumps(value))
     return config
+
+
+def _from_file(path: str) -> zenoh.Config:
+    """Zenoh's own file.  Zenoh itself would read a device without end until the memory is full, and wait for a pipe."""
+    try:
+        read_text(Path(path))
+    except TextFileError as error:
+        raise zenoh.ZError(str(error).removeprefix(f"{path}: ")) from error
+    return zenoh.Config.from_file(path)
 
 
 def opened(options: ZenohOptions) -> tuple[list[str], list[str]]:

@@ -165,6 +165,17 @@ def test_what_is_no_configuration_file_is_refused(tmp_path: Path) -> None:
             config.load(path)
 
 
+def test_a_zenoh_file_without_end_is_refused(tmp_path: Path) -> None:
+    """Zenoh would read a device until the memory is full, and wait for a pipe: a reload did neither end nor fail."""
+    os.mkfifo(tmp_path / "pipe.json5")
+    for path, expected in (("/dev/zero", "found more than 1000000 characters"),
+                           (tmp_path / "pipe.json5", "found a pipe, expected a file"),
+                           (tmp_path / "none.json5", "cannot be read: No such file")):  # fmt: skip
+        zenoh = f'[alarm.zenoh]\nconfig = "{path}"\nlisten = ["tcp/127.0.0.1:7447"]\n'
+        message = refused(lambda text=SIMULATED + zenoh: config.loads(text, "x.toml"))  # type: ignore[misc]
+        assert message.startswith(f"x.toml: alarm.zenoh.config: {path}: {expected}")
+
+
 def test_no_file_ends_a_running_service(tmp_path: Path, start: Start) -> None:
     """After SIGHUP with each of the attacks the service scores on, and takes a good file at the end."""
     file, database = tmp_path / "fake.toml", tmp_path / "history.db"
