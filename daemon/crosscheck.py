@@ -6,8 +6,8 @@ Nothing is opened; of the file system only whether the database's path is a fold
 from __future__ import annotations
 
 import errno
-import os
 import re
+import stat
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from ipaddress import ip_address
@@ -189,15 +189,19 @@ def _is_listenable(address: str) -> bool:
 
 
 def _database(config: Config) -> None:
-    if os.path.isdir(config.database):  # noqa: PTH112 - Path.is_dir raises where this user may not look
-        raise CrossCheckError(
-            f"store.path: found a directory, {config.database}; expected a file, such as {config.database}/history.db"
-        )
+    """Nothing is there yet, or a file; where this user may not look, opening tells."""
     try:
-        os.lstat(config.database)
+        mode = config.database.stat().st_mode
     except OSError as error:
         if error.errno in (errno.ENAMETOOLONG, errno.ELOOP):
             raise CrossCheckError(f"store.path: {error.strerror}: {config.database!s:.80}") from error
+        return
+    if stat.S_ISDIR(mode):
+        raise CrossCheckError(
+            f"store.path: found a directory, {config.database}; expected a file, such as {config.database}/history.db"
+        )
+    if not stat.S_ISREG(mode):
+        raise CrossCheckError(f"store.path: found a device or a pipe, {config.database}; expected a file")
 
 
 def check_endpoints(name: str, endpoints: Iterable[str]) -> None:

@@ -60,6 +60,7 @@ ATTACKS = {
     "NUL in a path": ('"history.db"', r'"/tmp/a\u0000b"', "store.path: found"),
     "5000 characters": ('"history.db"', f'"/tmp/{LONG}"', "store.path: found"),
     "a long file name": ('"history.db"', f'"/tmp/{LONG[:300]}"', "store.path: File name too long"),
+    "a device": ('"history.db"', '"/dev/zero"', "store.path: found a device or a pipe, /dev/zero; expected a file"),
     "1e308": ("level = 4.0", "level = 1e308", "detector.level: found 1e+308, expected 0, or a number between"),
     "1e308 window": ("window_s = 0.25", "window_s = 1e308", "detector.window_s: found 1e+308"),
     "1e300 days": ("days = 730", "days = 1e300", "store.keep_scores_days: found 1e+300"),
