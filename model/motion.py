@@ -21,6 +21,9 @@ __all__ = ["Chirp", "FloatArray", "HandWaved", "Motion", "Sampled", "Sine", "Ste
 
 FloatArray = NDArray[np.float64]
 
+LARGEST = 1e12
+"""of a number in the name of a motion, and the inverse of the smallest: a product of a few of them is finite"""
+
 
 @runtime_checkable
 class Motion(Protocol):
@@ -221,8 +224,8 @@ def by_name(text: str) -> Motion:
         raise ModelError(f"no motion is called {kind!r}; there are {', '.join(_KINDS)}")
     try:
         numbers = [float(word) for word in rest.split(",")] if rest else []
-        if not all(map(math.isfinite, numbers)):
-            raise ValueError("not finite")
+        if not all(number == 0 or 1 / LARGEST <= abs(number) <= LARGEST for number in numbers):
+            raise ValueError("not finite, or its acceleration would not be")
         return _KINDS[kind](*numbers)
     except ModelError:
         raise

@@ -77,6 +77,7 @@ ATTACKS = {
     "year 1": ("2026-01-01T00:00:00Z", "0001-01-01T00:00:00+14:00", "found a time in the year 1"),
     "year 9000": ("2026-", "9000-", "simulated.start: found 9000-01-01 00:00:00+00:00, expected a time between"),
     "no motion": ('"hand-waved"', '"zzz"', "simulated.motion: no motion is called 'zzz'; there are sine"),
+    "endless motion": ('"hand-waved"', '"sine:1e300,1e300"', "simulated.motion: 'sine:1e300,1e300' is no motion"),
     "no address": ('"127.0.0.1:9464"', '"999.1.1.1:9464"', "metrics.listen: found '999.1.1.1:9464', expected ADDRESS"),
 }
 VALUES = ("1e308", "-1e308", "1e-320", "inf", "nan", "0", "-1", "1e12", "9" * 30, DIGITS, '""', r'"\u0000"',
