@@ -29,7 +29,8 @@ log = logging.getLogger(__name__)
 FIRST_RETRY_S = 0.5
 LAST_RETRY_S = 10.0
 WRONG_RETRY_S = 30.0
-"""how often a device that was not the expected one is asked again [s]"""
+"""how often a device that was not the expected one is asked again, at last [s]: sooner at first, since a line that was
+bad for a moment looks like another device"""
 GATHER_S, GATHER_SAMPLES = 0.15, 150
 """how long, and how many, samples of an accelerometer gather while no window ends: all of them cost little more than
 one, and so many fit into the 4096 bytes of a tty"""
@@ -104,6 +105,7 @@ class Poller:
         """The whole life of the device; ends with ``stop`` or at the end of a replay."""
         pause = FIRST_RETRY_S
         while not self._stop.is_set():
+            longest = LAST_RETRY_S
             try:
                 self.pulse = time.monotonic()
                 self._start()
@@ -113,15 +115,16 @@ class Poller:
                 self._now(DeviceState.ENDED, "")
             except PortError as error:
                 self._now(DeviceState.RETRYING, str(error))
-            except (IdentityError, DriverError) as error:
+            except DriverError as error:
                 self._now(DeviceState.WRONG, str(error))
-                pause = WRONG_RETRY_S
+                longest = WRONG_RETRY_S
+                pause = min(pause, longest) if isinstance(error, IdentityError) else longest
             finally:
                 self._device.close()
             if self.account.state is DeviceState.ENDED:
                 break
             self.rest(pause)
-            pause = min(2 * pause, LAST_RETRY_S)
+            pause = min(2 * pause, longest)
         self.pulse = math.inf
         self._end()
 

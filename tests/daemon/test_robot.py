@@ -44,6 +44,23 @@ def test_a_wrong_device_is_told_once(
     assert len(errors) == len(told)
 
 
+def test_a_line_that_was_bad_for_a_moment_is_no_other_device_for_long(tmp_path: Path) -> None:
+    """Servos whose answers are spoilt while they are looked for are read again at once, and not after half a minute."""
+    motion = Motion()
+    line = ServoLine.of("AX-12A", [1, 2], motion)
+    with Emulator(line, CsvStream(motion)) as emulator:
+        robot = Robot(config.load(hardware(tmp_path, *emulator.paths)))
+        line.corrupt |= {1, 2}
+        poller = robot.pollers[0]
+        thread = threading.Thread(target=poller.run, daemon=True)
+        thread.start()
+        wait_until(lambda: poller.account.state is DeviceState.WRONG)
+        line.corrupt.clear()
+        wait_until(lambda: poller.account.state is DeviceState.READING, timeout_s=10)
+        robot.stop.set()
+        thread.join()
+
+
 @pytest.mark.usefixtures("fake_driver")
 def test_a_loose_plug_is_told_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
