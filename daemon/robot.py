@@ -87,17 +87,19 @@ class Robot:
 
     def fault(self, joint: JointOptions) -> str | None:
         """What keeps a joint from being measured, "" for nothing; None while its devices have not shown it yet."""
-        faults = [self._fault(member) for member in (joint.name, joint.accelerometer)]
+        members = (joint.name, joint.accelerometer)
+        faults, losses = [self._fault(member) for member in members], [self._lost(member) for member in members]
         if None in faults and not any(faults):
             return None
-        told = "; ".join(dict.fromkeys(fault for fault in faults if fault))
-        return told or self._check_of[joint.name].fault(joint.name)  # bad windows follow from a bad device
+        if any(faults):  # bad windows follow from a bad device
+            return "; ".join(dict.fromkeys(fault for fault in faults if fault))
+        lost = "; ".join(filter(None, losses))
+        shown = self._check_of[joint.name].fault(joint.name, is_lossy=bool(lost))
+        return "; ".join(filter(None, (lost, shown)))
 
     def _fault(self, member: str) -> str | None:
         poller = self._by_member[member]
-        account, losses = poller.account, self._losses[member]
-        if account.state is not DeviceState.READING:
-            losses.clear()
+        account = poller.account
         if account.state is not DeviceState.RETRYING and member in account.faults:
             return account.faults[member]
         if account.state in BAD:
@@ -107,8 +109,16 @@ class Robot:
         heard, now = account.heard.get(member), time.monotonic()
         if now - (heard or self._started) > DEAD_S and account.state is DeviceState.READING:
             return f"{member}: no data for more than {DEAD_S:g} s from {poller.name}"
-        if heard is None:
-            return None
+        return None if heard is None else ""
+
+    def _lost(self, member: str) -> str:
+        """Which share of its samples is lost, "" while that is little."""
+        poller, losses, now = self._by_member[member], self._losses[member], time.monotonic()
+        if poller.account.state is not DeviceState.READING or self._virtual:
+            losses.clear()
+            return ""
+        if member not in poller.account.heard:
+            return ""
         lost = losses.fault(now, *poller.supply(member, now))
         return lost and f"{member}: {lost}: a slow or noisy line, a loose plug, or a busy computer"
 

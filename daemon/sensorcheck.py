@@ -41,6 +41,7 @@ BRISK = 3.0
 LARGEST_STEP = 0.5
 """angles that jump by more between two samples are those of a counter that has wrapped [rad]"""
 KINDS = ("flat", "clipped", "gappy", "short")
+OF_LOSSES = ("gappy", "short")
 CAUSES = {
     "clipped": "reaches the end of its range in every window: its range is too small for this bar",
     "gappy": "loses samples in every window: the line is too slow or noisy, or rate_hz is wrong",
@@ -100,10 +101,12 @@ class SensorCheck:
             if lever.motion >= BRISK and abs(abs(lever.value) - limit) > SURE * lever.error:
                 self._felt[joint].append(abs(lever.value) > limit)
 
-    def fault(self, joint: str) -> str:
-        """What keeps the sensor from measuring this joint, "" for nothing known."""
-        if joint in self._unsound:
-            return self._unsound[joint][1]
+    def fault(self, joint: str, is_lossy: bool = False) -> str:
+        """What keeps the sensor from measuring this joint, "" for nothing known; is_lossy: what follows from lost
+        samples is known already."""
+        kind, told = self._unsound.get(joint, ("", ""))
+        if told and not (is_lossy and kind in OF_LOSSES):
+            return told
         felt = self._felt[joint]
         if len(felt) == VERDICTS and not any(felt):
             return f"{self._sensor} does not feel the motion of {joint}: wrong axis, loose, or on another link"

@@ -8,21 +8,26 @@ import re
 import signal
 from collections.abc import Callable
 from pathlib import Path
+from time import monotonic
 
 import numpy as np
 import pytest
 
+from lostmotion.daemon import config
 from lostmotion.daemon.bell import Bell
 from lostmotion.daemon.losses import Losses
+from lostmotion.daemon.poller import DeviceState
 from lostmotion.daemon.reader import open_readonly
 from lostmotion.daemon.records import Health
 from lostmotion.daemon.ring import Ring
+from lostmotion.daemon.robot import Robot
 from lostmotion.daemon.sensorcheck import FIRST_PACE_S, LAST, SensorCheck
 from lostmotion.detector.window import Score, Window
 from lostmotion.drivers.base import AccelBlock, FloatArray, ServoSample
 from lostmotion.drivers.emulator import Emulator, Motion, ServoLine, WitMotionStream
 from tests.daemon.cli_world import HARDWARE, call
 from tests.daemon.conftest import Running, wait_until
+from tests.daemon.fakes import fake_config
 
 Start = Callable[..., Running]
 
@@ -212,6 +217,30 @@ def test_ten_unsound_windows_are_a_fault_and_five_sound_ones_its_end() -> None:
         sensor.scored(*window("ok"))
     sensor.scored(*window("ok"))
     assert sensor.fault("elbow") == ""
+
+
+def test_losses_hide_no_held_value(tmp_path: Path, fake_driver: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As after a service that was stopped: both are told; windows with gaps follow from the losses and are not."""
+    path = tmp_path / "fake.toml"
+    path.write_text(fake_config(tmp_path))
+    robot = Robot(config.load(path))
+    (joint,), check = robot.config.joints, robot._checks["tip"]
+    for poller in robot.pollers:
+        poller.account.state = DeviceState.READING
+        poller.account.heard.update(dict.fromkeys(poller.members, monotonic()))
+    assert robot.fault(joint) == ""
+    monkeypatch.setattr(Losses, "fault", lambda *_: "30% of the samples were lost within 12 s")
+    for _ in range(LAST):
+        check.scored(*window("flat"))
+    told = robot.fault(joint)
+    assert told is not None
+    assert "elbow: 30% of the samples were lost" in told
+    assert "; tip shows the same value all the time, 0 m/s²" in told
+    for _ in range(LAST):
+        check.scored(*window("gappy"))
+    told = robot.fault(joint)
+    assert told is not None
+    assert "in every window" not in told
 
 
 @pytest.mark.parametrize(("share", "told"), [(0.18, ""), (0.22, "22% of the samples were lost within 10 s")])
