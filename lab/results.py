@@ -165,7 +165,7 @@ class Explanation:
     descent: tuple[float, ...] = ()
     """Errors on unseen data without, and with one, two, … of what is missing."""
     unshown: tuple[str, ...] = ()
-    """Of what is missing, what the unseen data are free of: those of the fit tell it, the error stays."""
+    """Of what is missing, what does not lower the error on unseen data: those of the fit tell it."""
     complete: bool = False
     """Whether only noise is left with what is missing."""
     columns: Mapping[str, Errors] = field(default_factory=dict)

@@ -41,7 +41,7 @@ def of_explanation(explanation: Explanation) -> tuple[str, ...]:
         )
     if explanation.unshown:
         effects = joined([words.name(effect) for effect in explanation.unshown])
-        sentences.append(f"Of {effects} the recording kept for judging is free: only the others tell it.")
+        sentences.append(f"The recording kept for judging does not show {effects}: only the others tell it.")
     return tuple(sentences)
 
 

@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.stats import t as student
@@ -107,6 +108,9 @@ def explained(
         complete=complete,
         columns={column: errors},
         held=held,
+        unshown=tuple(
+            effect for effect, (less, more) in zip(selection.added, pairwise(descent), strict=True) if more >= less
+        ),
         untried=() if selection.complete else tuple(one.effect for one in selection.steps[-1].judged[1:]),
     )
     progress("done", 1.0)

@@ -273,11 +273,13 @@ class Regression:
         nuisance = values[self.count :] if self._refits_nuisance else self.nuisance
         return self.data.residual(self.unknowns.put(self.model, values[: self.count]), nuisance)
 
-    def covariance(self, block: NDArray[np.intp]) -> FloatArray:
+    def covariance(self, block: NDArray[np.intp], given: Sequence[str] = ()) -> FloatArray:
         """Of z (P, P), whatever the residual's correlation within blocks of samples (cluster-robust; Liang and Zeger
-        1986)."""
-        size = np.maximum(np.linalg.norm(self.jacobian, axis=0), 1e-100)
-        scaled = self.jacobian / size
+        1986); zero for parameters that are given."""
+        known = np.isin(np.arange(self.jacobian.shape[1]), [self.unknowns.names.index(name) for name in given])
+        jacobian = np.where(known, 0.0, self.jacobian)
+        size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-100)
+        scaled = jacobian / size
         inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-9, hermitian=True)
         numbers, at = np.unique(block, return_inverse=True)
         scores = np.zeros((numbers.size, size.size))
@@ -311,7 +313,8 @@ def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, s
         def jacobian(at: FloatArray) -> FloatArray:
             return _jacobian(residual, at, bounds[1], data)
 
-        found = least_squares(residual, z, jacobian, bounds, x_scale="jac", max_nfev=steps, ftol=CONVERGED)
+        with np.errstate(over="ignore"):  # a trial step may be far off: its error is compared, no more
+            found = least_squares(residual, z, jacobian, bounds, x_scale="jac", max_nfev=steps, ftol=CONVERGED)
         error, slopes = found.fun[:size] * usual, np.asarray(found.jac)[:size] * usual
         values = unknowns.put(model, found.x[:count])
         return Regression(values, data, unknowns, found.x[:count], error, slopes, found.x[count:])

@@ -25,6 +25,7 @@ from lostmotion.lab.inverse.candidates import candidates, fitted_with, refined, 
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.regression import Data, Problem, Regression, blocks_of, regressed
 from lostmotion.lab.inverse.signals import Signals
+from lostmotion.lab.seeds import AMPLITUDE
 from lostmotion.lab.simpler import without
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
@@ -79,12 +80,14 @@ class Fitted:
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A candidate: the fit with it, the share of the squared error of unseen samples that it takes, the p-value."""
+    """A candidate: the fit with it, the share of the squared error of unseen samples that it takes, the p-value, and
+    whether its size is told: that its interval does not hold zero."""
 
     effect: str
     fitted: Fitted
     gain: float
     p_value: float
+    is_sized: bool = True
 
     @property
     def fit(self) -> Regression:
@@ -208,7 +211,7 @@ def _preferred(one: Judged, now: Regression) -> tuple[bool]:
 
 
 def _is_significant(one: Judged) -> bool:
-    return one.p_value < LIMIT and one.gain > LEAST_GAIN
+    return one.p_value < LIMIT and one.gain > LEAST_GAIN and one.is_sized
 
 
 def _are_alike(one: Judged, best: Judged, tried: int) -> bool:
@@ -219,7 +222,24 @@ def _are_alike(one: Judged, best: Judged, tried: int) -> bool:
 
 def _judged(name: str, found: Fitted, now: Fitted, tried: int) -> Judged:
     before, after, block = _errors(now.judged, found.judged)
-    return Judged(name, found, float(1 - after.sum() / before.sum()), min(tried * _chance(before, after, block), 1.0))
+    p_value = min(tried * _chance(before, after, block), 1.0)
+    return Judged(name, found, float(1 - after.sum() / before.sum()), p_value, _is_sized(name, found.judged))
+
+
+def _is_sized(effect: str, fit: Regression) -> bool:
+    """Whether the interval of an amplitude of the effect does not hold zero.  A curve that is nearly a sum of others
+    bends itself to a motion better than they do, and is wild outside of it.  The base's positive parameters are taken
+    as given: all torques of a servo share a scale that its motion does not tell."""
+    names = [f"{effect}.{part}" for part in AMPLITUDE.get(effect, ())]
+    at = [fit.unknowns.names.index(name) for name in names if name in fit.unknowns.names]
+    if not at:
+        return True
+    block = blocks_of(fit)
+    given = [item.name for item in fit.unknowns.items if item.logarithmic and "." not in item.name]
+    deviation = np.sqrt(np.maximum(np.diag(fit.covariance(block, given)), 0.0))[at]
+    slopes = np.abs(np.asarray(fit.unknowns.slopes(fit.z))[at])
+    values = np.abs([fit.model.parameters[fit.unknowns.names[i]].value for i in at])
+    return bool(np.any(values > student.isf(LIMIT / 2, int(block.max())) * slopes * deviation))
 
 
 def _p(one: Regression, other: Regression) -> float:

@@ -21,7 +21,7 @@ def test_what_the_judged_recording_is_free_of_is_said() -> None:
     """An effect that only the recordings of the fit hold: why the error stays where it was."""
     only = replace(report_example.explanation(), unshown=("coulomb_friction",))
     said = verdict.of_explanation(only)[-1]
-    assert said == "Of Coulomb friction the recording kept for judging is free: only the others tell it."
+    assert said == "The recording kept for judging does not show Coulomb friction: only the others tell it."
 
 
 def test_verdict_of_nothing_missing() -> None:
