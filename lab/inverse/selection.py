@@ -11,6 +11,7 @@ set").
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
@@ -41,6 +42,9 @@ HORIZONS = (0.2, 0.5)
 swings, and a fit to all of them ends in another minimum."""
 FINISHED = 5
 """Effects whose fit to a simulated motion is finished after all have had a few steps (successive halving)."""
+LEAST_PROMISE = 1e-3
+"""Share of the squared error that an effect has to take in these few steps to be finished: those that went on to a name
+had taken 5 % at least (servos and oscillators of ``bench.real``), those that stayed at zero less than 1e-6."""
 MOST = 6
 """Effects that are added at most."""
 
@@ -167,8 +171,10 @@ def _step(now: Fitted, added: tuple[str, ...], unseen: Signals, method: Method, 
     inverse = [(name, fit) for (name, _), fit in zip(wide, found, strict=True) if fit]
     if method is Method.MOTION:
         inverse.sort(key=lambda one: one[1].rms)
-        finished = each(lambda one: (one[0], refined(one[1])), inverse[:FINISHED])
-        inverse = [*finished, *inverse[FINISHED:]]
+        least = math.sqrt(1 - LEAST_PROMISE) * now.inverse.rms
+        many = min(sum(fit.rms < least for _, fit in inverse), FINISHED)
+        finished = each(lambda one: (one[0], refined(one[1])), inverse[:many])
+        inverse = [*finished, *inverse[many:]]
     judged = list(each(lambda one: _judged(one[0], Fitted.of(one[1], method), now, len(wide)), inverse))
     judged.sort(key=lambda one: -one.gain)
     good = [one for one in judged if _is_significant(one)]
