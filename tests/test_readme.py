@@ -30,7 +30,7 @@ def in_folder(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
         "PYTHONPATH": "",
         "NO_COLOR": "1",
     }
-    return subprocess.run(command, shell=True, cwd=folder, env=environment, capture_output=True, text=True, timeout=240)
+    return subprocess.run(command, shell=True, cwd=folder, env=environment, capture_output=True, text=True, timeout=500)
 
 
 @pytest.mark.slow
@@ -54,6 +54,6 @@ def test_library_example_of_the_readme_runs(tmp_path: Path) -> None:
     assert blocks
     script = tmp_path / "readme.py"
     script.write_text("\n".join(blocks))
-    done = subprocess.run([sys.executable, script], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    done = subprocess.run([sys.executable, script], cwd=tmp_path, capture_output=True, text=True, timeout=400)
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip()

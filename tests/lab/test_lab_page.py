@@ -15,7 +15,7 @@ from tests.test_readme import in_folder
 
 PAGE = (ROOT / "docs" / "lab.md").read_text()
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
 
 def test_tutorial_finds_the_friction(tmp_path: Path) -> None:
