@@ -202,6 +202,7 @@ class BusPoller(Poller):
         reading = self._bus.read()
         account, now = self.account, time.monotonic()
         account.lost += reading.lost
+        account.broken += reading.broken
         account.silent += len(reading.silent)
         account.asked.update(reading.silent)
         samples = reading.samples

@@ -69,6 +69,8 @@ class ServoReading:
     silent: tuple[str, ...] = ()
     lost: int = 0
     """polls that were skipped because the bus was too slow, since the last reading"""
+    broken: int = 0
+    """frames thrown away for a wrong checksum or form, since the last reading"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -53,6 +53,7 @@ class Heard:
                 self.times.setdefault(sample.joint, []).append(sample.time)
                 self.good[sample.joint] += 1
             self.counts["lost"] += data.lost
+            self.counts["broken"] += data.broken
             self.counts["silent"] += len(data.silent)
         elif isinstance(data, AccelBlock):
             self.times.setdefault(self.device.members[0], []).extend(data.time.tolist())

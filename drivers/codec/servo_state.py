@@ -48,6 +48,16 @@ class Model:
         """Bytes of the state block."""
         return BLOCK[self.protocol].size
 
+    @property
+    def address(self) -> int:
+        """Where the state block begins."""
+        return ADDRESS[self.protocol]
+
+    @property
+    def syncs(self) -> bool:
+        """Whether it obeys a sync read."""
+        return self.protocol == 2
+
 
 class ServoState(NamedTuple):
     """A state block in SI units: command and position [rad], velocity [rad/s], current [A], voltage [V],
