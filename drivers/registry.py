@@ -22,6 +22,7 @@ ENTRY_POINT_GROUP = "lostmotion.drivers"
 BUILT_IN = {
     "csv_serial": "lostmotion.drivers.csv_serial:DRIVER",
     "dynamixel": "lostmotion.drivers.dynamixel:DRIVER",
+    "feetech": "lostmotion.drivers.feetech:DRIVER",
     "replay": "lostmotion.drivers.replay:DRIVER",
     "simulated": "lostmotion.drivers.simulated:DRIVER",
     "witmotion": "lostmotion.drivers.witmotion:DRIVER",

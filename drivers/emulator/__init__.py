@@ -9,9 +9,21 @@
 ``python -m lostmotion.drivers.emulator --help`` does the same from a shell.
 """
 
+from lostmotion.drivers.emulator.feetech import FeetechLine, VirtualFeetech
 from lostmotion.drivers.emulator.motion import Motion
 from lostmotion.drivers.emulator.server import Device, Emulator
 from lostmotion.drivers.emulator.servos import ServoLine, VirtualServo
 from lostmotion.drivers.emulator.streams import CsvStream, TextStream, WitMotionStream
 
-__all__ = ["CsvStream", "Device", "Emulator", "Motion", "ServoLine", "TextStream", "VirtualServo", "WitMotionStream"]
+__all__ = [
+    "CsvStream",
+    "Device",
+    "Emulator",
+    "FeetechLine",
+    "Motion",
+    "ServoLine",
+    "TextStream",
+    "VirtualFeetech",
+    "VirtualServo",
+    "WitMotionStream",
+]

@@ -9,10 +9,11 @@ from pathlib import Path
 
 import click
 
+from lostmotion.drivers.codec import feetech
 from lostmotion.drivers.codec.servo_state import MODELS
-from lostmotion.drivers.emulator import CsvStream, Device, Emulator, Motion, ServoLine, WitMotionStream
+from lostmotion.drivers.emulator import CsvStream, Device, Emulator, FeetechLine, Motion, ServoLine, WitMotionStream
 
-SHORT_NAMES = {"ax12": "AX-12A", "xl330": "XL330-M288", "xm430": "XM430-W350"}
+SHORT_NAMES = {"ax12": "AX-12A", "xl330": "XL330-M288", "xm430": "XM430-W350", "sts3215": "STS3215"}
 
 
 @click.command()
@@ -53,10 +54,12 @@ def _levers(text: str) -> tuple[float, ...]:
 def _servos(text: str, motion: Motion) -> Device:
     name, _, ids = text.partition(":")
     model = SHORT_NAMES.get(name.lower(), name)
-    if model not in MODELS:
-        raise click.BadParameter(f"no servo is called {name!r}; there are {', '.join([*SHORT_NAMES, *MODELS])}")
+    line = FeetechLine if model in feetech.MODELS else ServoLine
+    if model not in MODELS and line is ServoLine:
+        known = [*SHORT_NAMES, *MODELS, *feetech.MODELS]
+        raise click.BadParameter(f"no servo is called {name!r}; there are {', '.join(known)}")
     try:
-        return ServoLine.of(model, [int(id) for id in ids.split(",")], motion)
+        return line.of(model, [int(id) for id in ids.split(",")], motion)
     except ValueError as error:
         raise click.BadParameter(f"{text!r}: ids are whole numbers, as in ax12:1,2,3") from error
 

@@ -1,13 +1,17 @@
-"""Dynamixel servos on one line, byte for byte: protocols 1.0 and 2.0, with faults on request.  No I/O of its own."""
+"""Servos on one line, byte for byte, with faults on request: Dynamixel's protocols 1.0 and 2.0.  No I/O of its own.
+
+Feetech's servos, which differ in what their control table holds, stand in ``feetech.py``.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
 from struct import pack_into, unpack_from
+from typing import Self
 
 from lostmotion.drivers.codec.dynamixel import BROADCAST, PING, READ, STATUS, SYNC_READ, WRITE, Packet, decoder, encode
-from lostmotion.drivers.codec.servo_state import ADDRESS, MODELS, Model, ServoState, encode_state
+from lostmotion.drivers.codec.servo_state import MODELS, Model, ServoState, encode_state
 from lostmotion.drivers.emulator.motion import SPREAD_S, Motion
 
 __all__ = ["ServoLine", "VirtualServo"]
@@ -15,6 +19,8 @@ __all__ = ["ServoLine", "VirtualServo"]
 ID_ADDRESS = {1: 3, 2: 7}
 INSTRUCTION_ERROR = {1: 0x40, 2: 0x02}
 RANGE_ERROR = {1: 0x08, 2: 0x07}
+SYNC_HEADER = {1: 2, 2: 4}
+"""bytes of address and length before the ids of a sync read"""
 
 
 class VirtualServo:
@@ -32,8 +38,7 @@ class VirtualServo:
         self._ahead = ahead
         self._held: float | None = None
         self._table = bytearray(256)
-        pack_into("<H", self._table, 0, model.number)
-        self._table[ID_ADDRESS[model.protocol]] = id
+        self._label()
 
     def hold(self, angle: float = 0.0) -> None:
         """From now on it stands at an angle [rad]."""
@@ -61,18 +66,29 @@ class VirtualServo:
 
     def read(self, parameters: bytes, now: float) -> bytes:
         """The bytes that an instruction's address and length ask for."""
-        at = ADDRESS[self.model.protocol]
-        self._table[at : at + self.model.block_size] = encode_state(self.model, self.state(now))
+        at = self.model.address
+        self._table[at : at + self.model.block_size] = self._block(now)
         start, length = parameters if self.model.protocol == 1 else unpack_from("<HH", parameters)
         return bytes(self._table[start : start + length])
 
+    def _label(self) -> None:
+        """Puts model number and id into the control table."""
+        pack_into("<H", self._table, 0, self.model.number)
+        self._table[ID_ADDRESS[self.model.protocol]] = self.id
+
+    def _block(self, now: float) -> bytes:
+        """Its state block at a time [s]."""
+        return encode_state(self.model, self.state(now))
+
+    def _goal(self, parameters: bytes) -> tuple[int, int] | None:
+        """Address and goal [counts] of a write; None where it is no goal's size."""
+        form, width = ("<Bh", 3) if self.model.protocol == 1 else ("<Hi", 6)
+        return unpack_from(form, parameters) if len(parameters) == width else None
+
     def _write(self, parameters: bytes) -> int:
         """Takes a goal; returns the error byte."""
-        form, width = ("<Bh", 3) if self.model.protocol == 1 else ("<Hi", 6)
-        if len(parameters) != width:
-            return RANGE_ERROR[self.model.protocol]
-        address, goal = unpack_from(form, parameters)
-        if address != ADDRESS[self.model.protocol]:
+        address, goal = self._goal(parameters) or (None, 0)
+        if address != self.model.address:
             return RANGE_ERROR[self.model.protocol]
         self._held = (goal - self.model.centre) * self.model.step
         return 0
@@ -100,10 +116,14 @@ class ServoLine:
         self._outbox: list[tuple[float, bytes]] = []
 
     @classmethod
-    def of(cls, model: str, ids: Sequence[int], motion: Motion) -> ServoLine:
+    def of(cls, model: str, ids: Sequence[int], motion: Motion) -> Self:
         """A line of equal servos."""
         last = len(ids) - 1
-        return cls(VirtualServo(MODELS[model], id, motion, SPREAD_S * (last - i)) for i, id in enumerate(ids))
+        return cls(cls._servo(model, id, motion, SPREAD_S * (last - i)) for i, id in enumerate(ids))
+
+    @staticmethod
+    def _servo(model: str, id: int, motion: Motion, ahead: float) -> VirtualServo:
+        return VirtualServo(MODELS[model], id, motion, ahead)
 
     def receive(self, data: bytes, now: float) -> None:
         """Takes bytes from the master; the answers are ready after the delay."""
@@ -127,10 +147,13 @@ class ServoLine:
 
     def _asked(self, packet: Packet, protocol: int) -> Iterable[tuple[VirtualServo, bytes]]:
         """The servos that an instruction is for, in the order of their answers, each with its parameters."""
-        if packet.code == SYNC_READ and protocol == 2:
-            ids, parameters = packet.parameters[4:], packet.parameters[:4]
-            asked = [self.servos[id] for id in ids if id in self.servos and self.servos[id].model.protocol == 2]
+        if packet.code == SYNC_READ:
+            size = SYNC_HEADER[protocol]
+            ids, parameters = packet.parameters[size:], packet.parameters[:size]
+            asked = [self.servos[id] for id in ids if id in self.servos]
             for servo in asked:
+                if servo.model.protocol != protocol or not servo.model.syncs:
+                    continue
                 if servo.silent:  # each waits for the one before it
                     return
                 yield servo, parameters

@@ -14,7 +14,16 @@ import numpy as np
 
 from lostmotion.drivers.base import Accelerometer, RobotOptions, ServoBus
 from lostmotion.drivers.clock import Clock, SystemClock
-from lostmotion.drivers.emulator import CsvStream, Device, Emulator, Motion, ServoLine, TextStream, WitMotionStream
+from lostmotion.drivers.emulator import (
+    CsvStream,
+    Device,
+    Emulator,
+    FeetechLine,
+    Motion,
+    ServoLine,
+    TextStream,
+    WitMotionStream,
+)
 from lostmotion.drivers.registry import get_driver
 
 __all__ = ["CASES", "Case", "Rig", "plugged"]
@@ -23,8 +32,8 @@ MOTION = Motion(play=1.0)
 Options = Mapping[str, Any]
 
 
-def _silent_servos(model: str) -> ServoLine:
-    line = ServoLine.of(model, [1, 2], MOTION)
+def _silent_servos(model: str, kind: type[ServoLine] = ServoLine) -> ServoLine:
+    line = kind.of(model, [1, 2], MOTION)
     for servo in line.servos.values():
         servo.silent = True
     return line
@@ -65,6 +74,20 @@ CASES = (
         joints=[{"model": "XL330-M288", "id": 1, **TIP}, {"model": "XL330-M288", "id": 2, **TIP}],
         hardware=lambda: ServoLine.of("XL330-M288", [1, 2], MOTION),
         silent=lambda: _silent_servos("XL330-M288"),
+    ),
+    Case(
+        "feetech-sts",
+        "feetech",
+        joints=[{"model": "STS3215", "id": 1, **TIP}, {"model": "STS3215", "id": 2, **TIP}],
+        hardware=lambda: FeetechLine.of("STS3215", [1, 2], MOTION),
+        silent=lambda: _silent_servos("STS3215", FeetechLine),
+    ),
+    Case(
+        "feetech-scs",
+        "feetech",
+        joints=[{"model": "SCS0009", "id": 1, **TIP}, {"model": "SCS0009", "id": 2, **TIP}],
+        hardware=lambda: FeetechLine.of("SCS0009", [1, 2], MOTION),
+        silent=lambda: _silent_servos("SCS0009", FeetechLine),
     ),
     Case(
         "witmotion",

@@ -141,8 +141,8 @@ def test_lever_arms() -> None:
         ),
         (
             'driver = "dynamixel"',
-            'driver = "feetech"',
-            "'elbow'.driver: no driver is called 'feetech'; there are dynamixel, ",
+            'driver = "hebi"',
+            "'elbow'.driver: no driver is called 'hebi'; there are dynamixel, feetech, ",
         ),
         (
             'driver = "witmotion"',

@@ -11,6 +11,7 @@ import numpy as np
 
 from lostmotion.drivers.base import AccelBlock, Accelerometer, OscillatorOptions, ServoBus, ServoReading
 from lostmotion.drivers.clock import SystemClock
+from lostmotion.drivers.codec import feetech
 from lostmotion.drivers.emulator import Motion
 from lostmotion.drivers.registry import get_driver
 
@@ -21,10 +22,10 @@ OSCILLATOR = OscillatorOptions(f_res_hz=58.0)
 def servo_bus(
     port: str, ids: Sequence[int], models: Sequence[str] | str = "AX-12A", poll_hz: float = 100.0
 ) -> ServoBus:
-    """The driver of servos on a port; their joints are called by their ids."""
-    driver = get_driver("dynamixel")
+    """The driver of servos on a port, Feetech's or Dynamixel's by their model; their joints are called by their ids."""
     names = [models] * len(ids) if isinstance(models, str) else models
-    common = {"driver": "dynamixel", "port": port, "accelerometer": "tip", "poll_hz": poll_hz}
+    driver = get_driver("feetech" if names[0] in feetech.MODELS else "dynamixel")
+    common = {"driver": driver.name, "port": port, "accelerometer": "tip", "poll_hz": poll_hz}
     joints = [
         msgspec.convert({"name": str(id), "id": id, "model": model, **common}, driver.joint_options)
         for id, model in zip(ids, names, strict=True)
