@@ -12,11 +12,16 @@ import numpy as np
 from lostmotion.drivers.base import AccelBlock, Accelerometer, OscillatorOptions, ServoBus, ServoReading
 from lostmotion.drivers.clock import SystemClock
 from lostmotion.drivers.codec import feetech
-from lostmotion.drivers.emulator import Motion
+from lostmotion.drivers.emulator import FeetechLine, Motion, ServoLine
 from lostmotion.drivers.registry import get_driver
 
 MOTION = Motion(play=1.0)
 OSCILLATOR = OscillatorOptions(f_res_hz=58.0)
+
+
+def servo_line(model: str, ids: Sequence[int]) -> ServoLine:
+    """Emulated servos, Feetech's or Dynamixel's by their model."""
+    return (FeetechLine if model in feetech.MODELS else ServoLine).of(model, ids, MOTION)
 
 
 def servo_bus(

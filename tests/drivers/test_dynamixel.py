@@ -36,23 +36,6 @@ def test_samples_follow_the_motion(model: str, step: float) -> None:
     assert np.mean(np.diff([s.time for s in samples])) > 0.0099  # never faster, and not much slower: 60 samples
 
 
-def test_a_silent_servo_costs_the_others_little() -> None:
-    """With one of three servos silent the others keep coming, the silent one is named, and it returns by itself."""
-    line = ServoLine.of("AX-12A", [1, 2, 3], MOTION)
-    with Emulator(line) as emulator:
-        bus = servo_bus(emulator.paths[0], [1, 2, 3])
-        bus.open()
-        line.servos[2].silent = True
-        found = readings(bus, 1.5)
-        assert found[-1].silent == ("2",)
-        assert len([s for r in found for s in r.samples if s.joint == "3"]) > 50  # 42 if it were waited for each time
-        assert not [s for r in found for s in r.samples if s.joint == "2"]
-        line.servos[2].silent = False
-        until(lambda: any(s.joint == "2" for s in bus.read().samples))
-        assert bus.read().silent == ()
-        bus.close()
-
-
 def test_a_silent_servo_does_not_zero_the_sync_read() -> None:
     """On protocol 2.0 a silent servo keeps those after it from answering; they are read alone, and none reads 0."""
     line = ServoLine.of("XL330-M288", [1, 2, 3], MOTION)
@@ -84,23 +67,6 @@ def test_mixed_protocols_on_one_line() -> None:
         bus.close()
     assert {s.joint for r in found for s in r.samples} == {"1", "2"}
     assert np.mean([r.silent == () for r in found]) > 0.5  # but for exchanges that a busy machine makes longer
-
-
-@pytest.mark.parametrize("model", ["AX-12A", "XL330-M288"])
-def test_corrupted_and_noisy_answers(model: str) -> None:
-    """A wrong checksum makes that servo silent for the while; noise before an answer does no harm."""
-    line = ServoLine.of(model, [1, 2], MOTION)
-    with Emulator(line) as emulator:
-        bus = servo_bus(emulator.paths[0], [1, 2], model)
-        bus.open()
-        line.corrupt = {1}
-        found = readings(bus, 0.3)
-        assert {s.joint for r in found for s in r.samples} == {"2"}
-        line.corrupt, line.garbage = set(), b"\x00\xff\x13"
-        until(lambda: bus.read().silent == ())
-        found = readings(bus, 0.3)
-        assert {s.joint for r in found for s in r.samples} == {"1", "2"}
-        bus.close()
 
 
 def test_what_a_servo_said_before_it_fell_silent_counts() -> None:
@@ -169,37 +135,6 @@ def test_an_answer_in_pieces_is_put_together() -> None:
     goals = [MOTION.goal(sample.time + (1.7 if sample.joint == "1" else 0.0)) for sample in samples]
     errors = [abs(sample.command - goal) for sample, goal in zip(samples, goals, strict=True)]
     assert np.quantile(errors, 0.8) < AX_STEP / 2 + 5 * 0.005
-
-
-def test_an_answer_that_comes_too_late_is_nobody_elses() -> None:
-    """What a slow servo says after its time is not taken for an answer to a later question, and reading goes on."""
-    line = ServoLine.of("AX-12A", [1, 2], MOTION)
-    with Emulator(line) as emulator:
-        bus = servo_bus(emulator.paths[0], [1, 2])
-        bus.open()
-        line.delay_s = 0.045
-        found = readings(bus, 0.3)
-        line.delay_s = 0.0
-        until(lambda: bus.read().silent == ())
-        found += readings(bus, 0.3)
-        bus.close()
-    samples = [s for r in found for s in r.samples]
-    assert {s.joint for s in samples} == {"1", "2"}
-    for sample in samples:
-        goal = MOTION.goal(sample.time + (1.7 if sample.joint == "1" else 0.0))
-        assert sample.command == pytest.approx(goal, abs=AX_STEP / 2 + 5 * 0.02)  # an answer to the last poll: 0.045
-
-
-def test_an_error_byte_does_not_hide_the_data() -> None:
-    """A servo that reports overheating (error 4) is still read."""
-    line = ServoLine.of("AX-12A", [1], MOTION)
-    line.servos[1].error = 4
-    with Emulator(line) as emulator:
-        bus = servo_bus(emulator.paths[0], [1])
-        bus.open()
-        assert bus.identify()[0].ok
-        assert bus.read().samples
-        bus.close()
 
 
 def test_polls_that_did_not_fit_are_counted() -> None:
