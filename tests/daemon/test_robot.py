@@ -61,6 +61,22 @@ def test_a_line_that_was_bad_for_a_moment_is_no_other_device_for_long(tmp_path: 
         thread.join()
 
 
+def test_broken_answers_of_servos_are_in_the_account(tmp_path: Path) -> None:
+    """A servo whose checksums are wrong is silent, and its frames are counted as broken."""
+    motion = Motion()
+    line = ServoLine.of("AX-12A", [1, 2], motion)
+    with Emulator(line, CsvStream(motion)) as emulator:
+        robot = Robot(config.load(hardware(tmp_path, *emulator.paths)))
+        poller = robot.pollers[0]
+        thread = threading.Thread(target=poller.run, daemon=True)
+        thread.start()
+        wait_until(lambda: poller.account.samples > 0)
+        line.corrupt |= {1, 2}
+        wait_until(lambda: poller.account.broken >= 2 and poller.account.silent >= 2)
+        robot.stop.set()
+        thread.join()
+
+
 @pytest.mark.usefixtures("fake_driver")
 def test_a_loose_plug_is_told_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture

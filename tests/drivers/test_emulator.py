@@ -132,6 +132,21 @@ def test_the_command_line_serves_until_killed(tmp_path: Path, number: signal.Sig
     assert list(tmp_path.iterdir()) == []
 
 
+def test_the_command_line_knows_feetech_servos() -> None:
+    """sts3215 by its short name, SCS0009 by its own, each line a port."""
+    arguments = ["--servos", "sts3215:1,2", "--servos", "SCS0009:7"]
+    with subprocess.Popen([*MODULE, *arguments], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        ports = [process.stdout.readline().strip() for _ in range(2)]
+        buses = [servo_bus(ports[0], [1, 2], "STS3215"), servo_bus(ports[1], [7], "SCS0009")]
+        for bus in buses:
+            bus.open()
+            assert all(identity.ok for identity in bus.identify())
+            bus.close()
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(5) == 0
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
