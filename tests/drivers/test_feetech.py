@@ -61,10 +61,10 @@ def test_six_servos_follow_the_motion(model: str, step: float) -> None:
         bus.close()
     assert bus.resolution_rad == pytest.approx(step)
     samples = [s for r in found for s in r.samples if s.joint == "6"]
-    assert len(samples) > 60
+    assert len(samples) > 40
     errors = [abs(sample.command - MOTION.goal(sample.time)) for sample in samples]
     assert np.quantile(errors, 0.8) < step / 2 + 5 * 0.005
-    assert sum(len(r.samples) for r in found) > 6 * 60
+    assert sum(len(r.samples) for r in found) > 6 * 40
     assert sum(r.broken for r in found) <= 5
     for sample in samples:
         assert [sample.voltage, sample.temperature] == pytest.approx([11.8, 41.0])
@@ -132,12 +132,11 @@ def test_one_broken_answer_to_a_sync_read_loses_no_sample() -> None:
     with Emulator(Spoilt.of(STS, [1, 2], MOTION)) as emulator:
         bus = servo_bus(emulator.paths[0], [1, 2], STS)
         bus.open()
-        found = readings(bus, 0.5)
+        found = readings(bus, 1.0)
         bus.close()
-    assert np.mean([r.silent == () for r in found]) > 0.5
     of_each = [sum(s.joint == joint for r in found for s in r.samples) for joint in ("1", "2")]
-    assert of_each[0] > 20
-    assert sum(r.broken for r in found) >= 0.8 * of_each[0]
+    assert min(of_each) > 40  # twelve if it rested each time
+    assert sum(r.broken for r in found) > 20
 
 
 @pytest.mark.parametrize("model", [STS, SCS])
@@ -163,7 +162,7 @@ def test_a_line_that_echoes(model: str) -> None:
 
 
 def test_answers_in_pieces_are_put_together() -> None:
-    """An adapter may hand over the answers to a sync read cut anywhere; polls still give their samples."""
+    """An adapter may hand over the answers to a sync read cut anywhere; polls still give their samples, at once."""
 
     class Pieces(FeetechLine):
         def emit(self, now: float) -> bytes:
@@ -177,8 +176,7 @@ def test_answers_in_pieces_are_put_together() -> None:
         bus.open()
         found = readings(bus, 1.0)
         bus.close()
-    assert np.mean([r.silent == () for r in found]) > 0.5
-    assert len([s for r in found for s in r.samples]) > 150
+    assert len([s for r in found for s in r.samples]) > 100  # 84 if each poll waited for its deadline
     assert sum(r.broken for r in found) <= 5  # those that a busy machine makes too late
 
 
