@@ -18,6 +18,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO
 
+from lostmotion.daemon import inode_lock
+from lostmotion.daemon.inode_lock import HeldError, InodeLock
 from lostmotion.daemon.migrations import CURRENT, MIGRATIONS
 from lostmotion.drivers.errors import LostmotionError
 
@@ -35,6 +37,7 @@ __all__ = [
     "is_lock_of",
     "leave",
     "lock",
+    "lock_inode",
     "move_aside",
     "newer",
     "open_database",
@@ -124,9 +127,32 @@ def is_lock_of(file: IO[bytes], path: Path) -> bool:
     return file_identity(path.with_name(f"{path.name}.lock")) == (found.st_dev, found.st_ino)
 
 
+def lock_inode(path: Path) -> InodeLock | None:
+    """Holds the file itself, by whatever name it is reached; one that is not there yet is made.
+
+    The caller holds the lock beside it.  None where there is no file and none can be made.  Raises StoreBusyError.
+    """
+    _private(path)
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    try:
+        return InodeLock((found.st_dev, found.st_ino), found.st_uid)
+    except HeldError as error:
+        raise StoreBusyError(
+            f"{path}: another lostmotion service writes the same file by another name (a hard link), expected to be "
+            "the only one; stop that one, or choose another store.path"
+        ) from error
+
+
 def is_held(path: Path) -> bool | None:
     """Whether a service, or a command in its place, writes the database; None where that cannot be seen."""
     path = Path(os.path.realpath(path))
+    with suppress(OSError):
+        found = path.stat()
+        if inode_lock.is_held((found.st_dev, found.st_ino), found.st_uid):
+            return True
     try:
         file = path.with_name(f"{path.name}.lock").open("rb")
     except OSError:
@@ -241,9 +267,9 @@ def newer(path: Path, version: int) -> str:
 
 def _private(path: Path) -> None:
     """Makes the file, if it is not there, for its owner and group only, less where the umask says so: SQLite would let
-    everybody read it."""
+    everybody read it.  One that is there is not opened: to close it again would end the locks that SQLite has on it."""
     with suppress(OSError):  # SQLite tells it better
-        os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o640))
+        os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o640))
 
 
 def _open(path: Path) -> sqlite3.Connection:

@@ -19,6 +19,7 @@ from typing import IO
 
 from lostmotion.daemon import database
 from lostmotion.daemon.database import ReplacedError, StoreError, StoreRefusedError, file_identity
+from lostmotion.daemon.inode_lock import InodeLock
 from lostmotion.daemon.reader import Reader, ReaderError, empty_reader, open_readonly
 from lostmotion.daemon.records import Transition, WindowRow
 from lostmotion.daemon.repeats import Condition
@@ -79,6 +80,7 @@ class Store:
         self._wake = threading.Condition()
         self._closing = False
         self._lock: IO[bytes] | None = None
+        self._inode_lock: InodeLock | None = None
         self._writer: Writer | None = None
         try:
             self._open()
@@ -191,6 +193,8 @@ class Store:
 
     def look(self) -> None:
         """Notes as ``damage`` that the file has been deleted or replaced while it was open."""
+        if self._inode_lock is not None:
+            self._inode_lock.answer()
         if self._file is None or self.damage is not None:
             return
         if file_identity(self._link) == self._file:
@@ -220,6 +224,7 @@ class Store:
             self._writer.close()
         self._writer, self._file, self.damage = None, None, None
         database.leave(self.path, damage, self._wal)
+        self._unlock_inode()
         self.path = Path(os.path.realpath(self._link))
         if self._lock is not None and not database.is_lock_of(self._lock, self.path):
             self._unlock()
@@ -227,14 +232,34 @@ class Store:
             pass
 
     def _open(self) -> Writer:
-        """Holds the lock and has the file open; raises StoreError."""
+        """Holds the locks and has the file open; raises StoreError."""
         self._lock = self._lock or database.lock(self.path)
         if self._writer is None:
-            self._writer = Writer(self.path, self._policy)
-            self._file = file_identity(self.path)
+            self._lock_inode()
+            writer = Writer(self.path, self._policy)
+            try:
+                self._lock_inode()  # a damaged file has been moved aside for another
+            except StoreError:
+                writer.close()
+                raise
+            self._writer, self._file = writer, file_identity(self.path)
         return self._writer
 
+    def _lock_inode(self) -> None:
+        """Holds the file that is at the path now, and no other."""
+        held = self._inode_lock
+        if held is None or held.identity != file_identity(self.path):
+            self._inode_lock = database.lock_inode(self.path)
+            if held is not None:
+                held.close()
+
+    def _unlock_inode(self) -> None:
+        if self._inode_lock is not None:
+            self._inode_lock.close()
+            self._inode_lock = None
+
     def _unlock(self) -> None:
+        self._unlock_inode()
         if self._lock is not None:
             self._lock.close()
             self._lock = None

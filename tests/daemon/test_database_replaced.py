@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import signal
 import sqlite3
@@ -16,6 +17,7 @@ import numpy as np
 import pytest
 
 from lostmotion.daemon.database import StoreBusyError, is_held
+from lostmotion.daemon.inode_lock import InodeLock
 from lostmotion.daemon.reader import open_readonly
 from lostmotion.daemon.records import AlarmState, ScoreRow
 from lostmotion.daemon.store import Store
@@ -107,6 +109,88 @@ def test_a_link_is_no_other_database(tmp_path: Path) -> None:
             with pytest.raises(StoreBusyError, match=r"history\.db: another lostmotion service writes it"):
                 Store(second, "fake")
         assert is_held(second) is False
+
+
+def test_a_hard_link_is_no_other_database(tmp_path: Path) -> None:
+    """Two names of one file would have two logs: the second is refused, `status` sees by either that one runs, and a
+    backup by a hard link keeps nobody out."""
+    path, link = tmp_path / "history.db", tmp_path / "elsewhere" / "link.db"
+    Store(path, "fake").close()
+    link.parent.mkdir()
+    link.hardlink_to(path)
+    for first, second in ((path, link), (link, path)):
+        with closing(Store(first, "fake")) as store:
+            assert is_held(first) is is_held(second) is True
+            with pytest.raises(StoreBusyError, match=r"writes the same file by another name \(a hard link\)"):
+                Store(second, "fake")
+            store.add(*rows(5))
+        assert not is_held(second)
+    with open_readonly(path) as reader:
+        assert reader.scores("elbow") == rows(5)
+
+
+def test_a_second_service_by_a_hard_link(tmp_path: Path, start: Start) -> None:
+    """Two processes, each with a configuration of its own: the second ends, the first goes on; after
+    SIGHUP a service that is pointed at another name of its own file keeps the old configuration."""
+    service, database = running(tmp_path, start)
+    link, other = tmp_path / "link.db", tmp_path / "other.toml"
+    link.hardlink_to(database)
+    other.write_text(fake_config(tmp_path).replace("history.db", "link.db"))
+    second = start(other)
+    assert second.process.wait(60) != 0
+    assert f"{link}: another lostmotion service writes the same file" in second.log.read_text()
+    shutil.copy(other, tmp_path / "fake.toml")
+    service.process.send_signal(signal.SIGHUP)
+    service.wait_for(f"the old configuration stays: {link}: another lostmotion service writes the same file")
+    before = count(database)
+    wait_until(lambda: count(database) > before + 1)
+    with closing(sqlite3.connect(database)) as db:
+        db.execute("SELECT count(*) FROM score").fetchone()
+    assert database.with_name("history.db-wal").exists()  # SQLite's locks are alive: a reader is not the last to close
+    assert service.stop(signal.SIGTERM) == 0
+    assert not link.with_name("link.db-wal").exists()
+
+
+@pytest.mark.parametrize("damaged", [False, True])
+def test_the_lock_goes_with_the_file(tmp_path: Path, damaged: bool) -> None:
+    """Of a database that was replaced or moved aside the new file is held, and the old one is not any more."""
+    path, old, new = (tmp_path / name for name in ("history.db", "old.db", "new.db"))
+    store = Store(path, "fake")
+    store.add(*rows(5))
+    wait_until(lambda: not store.waiting())
+    if damaged:
+        store.damage = sqlite3.DatabaseError("malformed")
+    else:
+        path.rename(old)
+        store.look()
+    store.begin_anew(rows(5))
+    wait_until(lambda: not store.waiting())
+    new.hardlink_to(path)
+    with pytest.raises(StoreBusyError):
+        Store(new, "fake")
+    if damaged:
+        (aside,) = tmp_path.glob("history.db.damaged-*[0-9]")
+        aside.rename(old)
+    Store(old, "fake").close()
+    assert store.close() == 0
+    Store(new, "fake").close()
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="needs two users")
+def test_a_stranger_cannot_keep_a_service_out(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Any user may take the name of a lock: one who may not write the database is not believed."""
+    path = tmp_path / "history.db"
+    path.touch()
+    found = path.stat()
+    os.seteuid(65534)
+    try:
+        stranger = InodeLock((found.st_dev, found.st_ino), found.st_uid)
+    finally:
+        os.seteuid(0)
+    with closing(stranger):
+        assert not is_held(path)
+        Store(path, "fake").close()
+    assert "another user has taken its lock" in caplog.text
 
 
 def test_damage_moves_the_file_and_not_the_link(tmp_path: Path) -> None:
