@@ -1,19 +1,22 @@
 """What types cannot say of a configuration: its tables agree, numbers are in range, addresses have their form.
 
-Nothing is opened; of the file system only whether the database's path is a folder is asked.
+No device is opened; of the file system is asked what is at the database's path, unless a service holds it.
 """
 
 from __future__ import annotations
 
+import codecs
 import errno
 import re
 import stat
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from ipaddress import ip_address
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lostmotion.daemon import sockets
+from lostmotion.daemon.database import is_held
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.score import validate
 from lostmotion.detector.windows import window_length
@@ -31,6 +34,8 @@ __all__ = ["CrossCheckError", "check", "check_endpoints"]
 WINDOW_S = (0.02, 5.0)
 """a window has to hold a ring-down, and to fit four times into the ring of samples (robot.py)"""
 MOST_CAN_JOINTS = 255
+PIECE = 65536
+"""bytes of a file that are looked at in one go"""
 ENDPOINT = re.compile(r"(tcp|udp|tls|quic|ws)/\S+:\d+([?#]\S*)?|(serial|unixsock-stream|unixpipe|vsock)/\S+")
 LISTEN = re.compile(r"([\d.]+|\[[0-9a-fA-F:.]+\]):(\d{1,5})", re.ASCII)
 SAFE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
@@ -202,6 +207,26 @@ def _database(config: Config) -> None:
         )
     if not stat.S_ISREG(mode):
         raise CrossCheckError(f"store.path: found a device or a pipe, {config.database}; expected a file")
+    # A service that reads its configuration again holds its database, of which closing would end SQLite's locks.
+    if not is_held(config.database) and _is_text(config.database):
+        raise CrossCheckError(f"store.path: found a text file, {config.database}; expected a database, or no file yet")
+
+
+def _is_text(path: Path) -> bool:
+    """Whether a file holds UTF-8 without a NUL, which no database does, damaged or not."""
+    decoder = codecs.getincrementaldecoder("utf-8")()
+    size = 0
+    try:
+        with path.open("rb") as file:
+            while piece := file.read(PIECE):
+                size += len(piece)
+                decoder.decode(piece)
+                if b"\0" in piece:
+                    return False
+        decoder.decode(b"", final=True)
+    except (OSError, UnicodeDecodeError):
+        return False
+    return size > 0
 
 
 def check_endpoints(name: str, endpoints: Iterable[str]) -> None:

@@ -271,7 +271,7 @@ def test_disk_and_database(robot: Path) -> None:
 
 def test_database_of_something_else(robot: Path) -> None:
     """A file that is no database is a bad check, not the end of the doctor."""
-    Path("history.db").write_text("no database at all, but long enough to look like one" * 99)
+    Path("history.db").write_bytes(b"\xff, which is no database at all, but long enough to look like one" * 99)
     assert "not a database" in bad_disk(robot)["database"]
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import signal
+import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -17,6 +19,7 @@ from lostmotion.daemon.database import StoreError
 from lostmotion.daemon.robot import Robot
 from lostmotion.daemon.signals import Flags
 from lostmotion.drivers import toml_text
+from tests.daemon.cli_world import call
 from tests.daemon.conftest import Running, wait_until
 from tests.daemon.fakes import fake_config
 from tests.daemon.test_service import count
@@ -165,6 +168,46 @@ def test_what_is_no_configuration_file_is_refused(tmp_path: Path) -> None:
                            (tmp_path, "cannot be read: Is a directory")):  # fmt: skip
         with pytest.raises(ConfigError, match=expected):
             config.load(path)
+
+
+def test_a_text_file_is_no_database(tmp_path: Path, start: Start) -> None:
+    """The configuration itself as store.path was moved aside as a damaged database: `config check`, a start and a
+    reload refuse it and leave it where it is.  What is empty, or holds a NUL or other bytes, the store judges."""
+    file = tmp_path / "arm.toml"
+    text = SIMULATED.replace("history.db", str(file))
+    file.write_text(text)
+    for command in (("config", "check", file), ("run", "--config", file)):
+        told = call(*command)
+        assert told.exit_code == 2
+        assert f"store.path: found a text file, {file}; expected a database, or no file yet" in told.stderr
+        assert told.stderr.count("\n") == 1
+    for content in (b"", b"a\0b", b"\xff" * 99, "ü".encode()[:1]):
+        (tmp_path / "some.db").write_bytes(content)
+        config.loads(SIMULATED.replace("history.db", str(tmp_path / "some.db")), "x.toml")
+    service_file = tmp_path / "fake.toml"
+    service_file.write_text(fake_config(tmp_path))
+    running = start(service_file)
+    running.wait_for("started")
+    service_file.write_text(fake_config(tmp_path).replace("history.db", "arm.toml"))
+    running.process.send_signal(signal.SIGHUP)
+    running.wait_for("the old configuration stays")
+    assert running.stop(signal.SIGTERM) == 0
+    assert file.read_text() == text
+    assert not [*tmp_path.glob("arm.toml.*")]
+
+
+def test_a_reload_leaves_sqlite_its_locks(tmp_path: Path, start: Start) -> None:
+    """To look into a database that is open, and close it again, would end the locks that keep its log."""
+    file, database = tmp_path / "fake.toml", tmp_path / "history.db"
+    file.write_text(fake_config(tmp_path))
+    running = start(file)
+    wait_until(lambda: count(database) > 1)
+    running.process.send_signal(signal.SIGHUP)
+    running.wait_for("configuration taken")
+    with closing(sqlite3.connect(database)) as db:
+        db.execute("SELECT count(*) FROM score").fetchone()
+    assert database.with_name("history.db-wal").exists()
+    assert running.stop(signal.SIGTERM) == 0
 
 
 def test_a_zenoh_file_without_end_is_refused(tmp_path: Path) -> None:
