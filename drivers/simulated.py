@@ -54,6 +54,9 @@ STEP_S = 0.5
 KNOT_S = 2e-3
 MOST_WEAR = 100.0
 """Exponent of the wear, at which any gap has reached its largest, and exp does not overflow."""
+MOST_RATE = 1e4
+"""Velocity [rad/s] and acceleration [rad/s²] of a motion: thousands are a servo's best, and from 5e4 on teeth that meet
+would take steps without number."""
 RUN_UP_S = 1.5
 """Motion before a stretch that nobody sees [s]: gears and bar are then in the middle of it."""
 
@@ -358,7 +361,7 @@ class SimulatedAccelerometer:
 
 
 def check(robot: RobotOptions) -> None:
-    """Raises DriverError for a motion that the model does not have, and where the model's packages are missing."""
+    """Raises DriverError for a motion that the model lacks or cannot follow, and where its packages are missing."""
     assert isinstance(robot, SimulatedOptions)
     for package in ("numba", "scipy"):
         if not is_there(package):
@@ -368,9 +371,15 @@ def check(robot: RobotOptions) -> None:
     from lostmotion.model import ModelError, by_name
 
     try:
-        by_name(robot.motion)
+        peaks = by_name(robot.motion).peaks()
     except ModelError as error:
         raise DriverError(f"simulated.motion: {error}") from error
+    if max(peaks) > MOST_RATE:
+        found = "{:.3g} rad/s and {:.3g} rad/s²".format(*peaks)
+        raise DriverError(
+            f"simulated.motion: {robot.motion!r} reaches {found}, expected at most {MOST_RATE:g} of each; no gear "
+            "moves so fast"
+        )
 
 
 DRIVER = Driver(

@@ -34,6 +34,13 @@ class Motion(Protocol):
     def acceleration(self, t: FloatArray) -> FloatArray: ...
 
 
+class Named(Motion, Protocol):
+    """A motion that has a name, and can tell how fast it may become."""
+
+    def peaks(self) -> tuple[float, float]:
+        """Velocity and acceleration [rad/s, rad/s²] that it does not exceed at any time."""
+
+
 @dataclass(frozen=True)
 class Sine:
     """amplitude sin(2 pi f t): the paper's figure 1 at 6 Hz."""
@@ -56,6 +63,9 @@ class Sine:
 
     def acceleration(self, t: FloatArray) -> FloatArray:
         return -self.amplitude_rad * self._w**2 * np.sin(self._w * t)
+
+    def peaks(self) -> tuple[float, float]:
+        return abs(self.amplitude_rad) * self._w, abs(self.amplitude_rad) * self._w**2
 
 
 @dataclass(frozen=True)
@@ -101,6 +111,10 @@ class HandWaved:
     def acceleration(self, t: FloatArray) -> FloatArray:
         return self._sum(t, 2)
 
+    def peaks(self) -> tuple[float, float]:
+        w, _, amplitude = self._lines
+        return float(np.sum(np.abs(amplitude) * w)), float(np.sum(np.abs(amplitude) * w**2))
+
 
 @dataclass(frozen=True)
 class Chirp:
@@ -133,6 +147,11 @@ class Chirp:
         phase, rate, slope = self._phase(t)
         return self.amplitude_rad * (slope * np.cos(phase) - rate**2 * np.sin(phase))
 
+    def peaks(self) -> tuple[float, float]:
+        fastest = 2 * math.pi * max(self.start_hz, self.stop_hz)
+        slope = 2 * math.pi * abs(self.stop_hz - self.start_hz) / self.duration_s
+        return abs(self.amplitude_rad) * fastest, abs(self.amplitude_rad) * (slope + fastest**2)
+
 
 @dataclass(frozen=True)
 class Step:
@@ -159,6 +178,10 @@ class Step:
     def acceleration(self, t: FloatArray) -> FloatArray:
         u = self._part(t)
         return self.angle_rad / self.rise_s**2 * 60 * u * (1 - u) * (1 - 2 * u)
+
+    def peaks(self) -> tuple[float, float]:
+        angle = abs(self.angle_rad)
+        return 15 / 8 * angle / self.rise_s, 10 / math.sqrt(3) * angle / self.rise_s**2
 
 
 class Sampled:
@@ -213,7 +236,7 @@ class Sampled:
         return np.asarray(np.where(self._inside(t) == t, self._spline(self._inside(t), 2), 0.0))
 
 
-def by_name(text: str) -> Motion:
+def by_name(text: str) -> Named:
     """The motion that a text names: its kind, and after a colon its numbers in the order of the class's fields.
 
     "sine:6,0.02" (Hz, rad); "hand-waved", "hand-waved:7" (seed, rad, Hz, Hz); "chirp:0.5,8,10,0.02" (Hz, Hz, s, rad);
@@ -239,7 +262,7 @@ def _hand_waved(seed: float = 0, amplitude: float = 0.15, low: float = 0.5, high
     return HandWaved(int(seed), amplitude, low, high)
 
 
-_KINDS: Mapping[str, Callable[..., Motion]] = {"sine": Sine, "hand-waved": _hand_waved, "chirp": Chirp, "step": Step}
+_KINDS: Mapping[str, Callable[..., Named]] = {"sine": Sine, "hand-waved": _hand_waved, "chirp": Chirp, "step": Step}
 _EXAMPLES = {
     "sine": "sine:6,0.02",
     "hand-waved": "hand-waved:7,0.15",

@@ -81,6 +81,7 @@ ATTACKS = {
     "year 9000": ("2026-", "9000-", "simulated.start: found 9000-01-01 00:00:00+00:00, expected a time between"),
     "no motion": ('"hand-waved"', '"zzz"', "simulated.motion: no motion is called 'zzz'; there are sine"),
     "endless motion": ('"hand-waved"', '"sine:1e300,1e300"', "simulated.motion: 'sine:1e300,1e300' is no motion"),
+    "a jump": ('"hand-waved"', '"step:1e12,1e-12,0"', "simulated.motion: 'step:1e12,1e-12,0' reaches 1.88e+24 rad/s"),
     "no address": ('"127.0.0.1:9464"', '"999.1.1.1:9464"', "metrics.listen: found '999.1.1.1:9464', expected ADDRESS"),
 }
 VALUES = ("1e308", "-1e308", "1e-320", "inf", "nan", "0", "-1", "1e12", "9" * 30, DIGITS, '""', r'"\u0000"',

@@ -18,7 +18,7 @@ from lostmotion.drivers.base import FloatArray, OscillatorOptions
 from lostmotion.drivers.errors import DriverError
 from lostmotion.drivers.life import YEAR_S
 from lostmotion.drivers.pacing import Pace
-from lostmotion.drivers.simulated import SimulatedAccelerometer, SimulatedJoints, SimulatedRobot
+from lostmotion.drivers.simulated import SimulatedAccelerometer, SimulatedJoints, SimulatedRobot, check
 from lostmotion.drivers.simulated_options import (
     SimulatedAccelerometerOptions,
     SimulatedJointOptions,
@@ -258,6 +258,18 @@ def test_closed_device_keeps_nothing() -> None:
     robot.joints.read()
     robot.sensors[0].open()
     assert robot.sensors[0].read().time[0] > first.time[-1] + 0.9
+
+
+def test_a_motion_that_no_gear_follows_is_refused_when_it_is_read() -> None:
+    """A jump of 1e12 rad was an internal error; motions up to the limit that the check has are followed."""
+    for motion in ("step:1e12,1e-12,0", "step:1,1e-3", "sine:50,1", "hand-waved:1,1e12", "chirp:1,1e6,1"):
+        with pytest.raises(
+            DriverError, match=r"simulated.motion: '.*' reaches .* rad/s², expected at most 10000 of each"
+        ):
+            check(SimulatedOptions(motion=motion))
+    for motion in ("step:1700,1,0", "step:5,0.06,0", "sine:20,0.6", "sine:1000,1e-4", "sine:0.15,9900"):
+        check(SimulatedOptions(motion=motion))
+        assert np.isfinite(Robot([8e-5], motion=motion).record(2)["a"][3]).all()
 
 
 def test_wrong_motion_is_told_at_the_start() -> None:

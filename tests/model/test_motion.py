@@ -42,6 +42,14 @@ def test_pieces_follow_the_motion(motion: Motion) -> None:
     assert pieces.knots[-1] == 3.0
 
 
+@pytest.mark.parametrize("name", ["sine:3,-0.2", "hand-waved:7", "chirp:8,0.5,10,0.3", "step:-0.3,0.2,0.5"])
+def test_peaks_are_not_exceeded(name: str) -> None:
+    """What a motion says of its velocity and acceleration holds, and is no more than three times what it reaches."""
+    motion = by_name(name)
+    for values, peak in zip((motion.velocity(TIMES), motion.acceleration(TIMES)), motion.peaks(), strict=True):
+        assert np.max(np.abs(values)) <= peak * (1 + 1e-9) < 3 * np.max(np.abs(values))
+
+
 def test_every_sample_is_a_knot_however_long_the_run() -> None:
     """An hour that begins with a second of recording at 1 kHz loses no sample, nor where the run ends with one."""
     time = 1e9 + np.arange(1001) / 1000
