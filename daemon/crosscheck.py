@@ -171,8 +171,8 @@ def _addresses(config: Config) -> None:
             "or [::1]:9464"
         )
     zenoh = config.zenoh
-    if zenoh and zenoh.config:
-        _zenoh_file(zenoh)
+    if zenoh and (zenoh.config or any("_file=" in endpoint for endpoint in (*zenoh.connect, *zenoh.listen))):
+        _zenoh_files(zenoh)
     if zenoh and not (zenoh.multicast_scouting or any(sockets.endpoints(zenoh))):
         file = f", nor in {zenoh.config}" if zenoh.config else ""
         raise CrossCheckError(
@@ -239,8 +239,8 @@ def check_endpoints(name: str, endpoints: Iterable[str]) -> None:
             )
 
 
-def _zenoh_file(options: ZenohOptions) -> None:
-    """Zenoh reads its file."""
+def _zenoh_files(options: ZenohOptions) -> None:
+    """Zenoh reads its file, and what that names, or an endpoint, can be read."""
     from zenoh import ZError  # many do without Zenoh
 
     from lostmotion.daemon.zenoh_session import brief, configuration
@@ -248,7 +248,8 @@ def _zenoh_file(options: ZenohOptions) -> None:
     try:
         configuration(options)
     except ZError as error:
-        raise CrossCheckError(f"alarm.zenoh.config: {options.config}: {brief(error)}") from error
+        where = f"alarm.zenoh.config: {options.config}" if options.config else "alarm.zenoh"
+        raise CrossCheckError(f"{where}: {brief(error)}") from error
 
 
 def _can(config: Config) -> None:

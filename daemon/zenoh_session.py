@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+import stat
+from collections.abc import Iterator
 from pathlib import Path
 
 import zenoh
@@ -23,10 +25,17 @@ TLS_FILES = (
     "listen_private_key",
     "listen_certificate",
 )
+AUTH_FILES = ("usrpwd/dictionary_file", "pubkey/public_key_file", "pubkey/private_key_file", "pubkey/known_keys_file")
+FILE_IN_ENDPOINT = re.compile(r'[#;](\w+_file)=([^;"]+)')
+"""as in tls/10.0.0.1:7447#root_ca_certificate_file=/etc/ca.pem;…"""
+MOST_BYTES = 10_000_000
+"""of a file of keys, certificates or passwords"""
 
 
 def configuration(options: ZenohOptions) -> zenoh.Config:
-    """Zenoh's configuration: its own file first, if one is named, then what the options say.  Raises zenoh.ZError.
+    """Zenoh's configuration: its own file first, if one is named, then what the options say.
+
+    Raises zenoh.ZError, also where a file of TLS or passwords that it names is a device, a pipe or a directory.
 
     Where neither says where to listen, Zenoh would listen on all interfaces, in plain text; ours does not listen.
     """
@@ -42,7 +51,35 @@ def configuration(options: ZenohOptions) -> zenoh.Config:
     for key, value in settings.items():
         if value is not None:
             config.insert_json5(key, json.dumps(value))
+    for name, path in _files(config):
+        _refuse_what_is_no_file(name, path)
     return config
+
+
+def _files(config: zenoh.Config) -> Iterator[tuple[str, str]]:
+    """The files that Zenoh will read when the session is opened, with their keys."""
+    tls, auth = (json.loads(config.get_json(key)) for key in ("transport/link/tls", "transport/auth"))
+    yield from ((name, tls[name]) for name in TLS_FILES if tls.get(name))
+    for name in AUTH_FILES:
+        table, _, key = name.partition("/")
+        if path := (auth.get(table) or {}).get(key):
+            yield key, path
+    for key in ("connect/endpoints", "listen/endpoints"):
+        yield from FILE_IN_ENDPOINT.findall(config.get_json(key))
+
+
+def _refuse_what_is_no_file(name: str, path: str) -> None:
+    """Zenoh would wait for a pipe, and read a device until the memory is full.  What is not there may come."""
+    try:
+        found = Path(path).stat()
+    except (OSError, ValueError):
+        return
+    if stat.S_ISDIR(found.st_mode):
+        raise zenoh.ZError(f"{name}: found a directory, {path}; expected a file")
+    if not stat.S_ISREG(found.st_mode):
+        raise zenoh.ZError(f"{name}: found a device or a pipe, {path}; expected a file")
+    if found.st_size > MOST_BYTES:
+        raise zenoh.ZError(f"{name}: found {found.st_size} bytes in {path}, expected at most {MOST_BYTES}")
 
 
 def _from_file(path: str) -> zenoh.Config:

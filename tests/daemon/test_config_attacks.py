@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import sqlite3
@@ -220,6 +221,35 @@ def test_a_zenoh_file_without_end_is_refused(tmp_path: Path) -> None:
         zenoh = f'[alarm.zenoh]\nconfig = "{path}"\nlisten = ["tcp/127.0.0.1:7447"]\n'
         message = refused(lambda text=SIMULATED + zenoh: config.loads(text, "x.toml"))  # type: ignore[misc]
         assert message.startswith(f"x.toml: alarm.zenoh.config: {path}: {expected}")
+
+
+@pytest.mark.parametrize("where", ["file", "passwords", "endpoint"])
+def test_a_key_without_end_is_refused(where: str, tmp_path: Path) -> None:
+    """Keys, certificates and passwords that are a device, a pipe or a directory: Zenoh would read until the memory is
+    full, or wait, when the session is opened; the commands that ask a fleet refuse them, too."""
+    os.mkfifo(tmp_path / "pipe.pem")
+    file, endpoint = tmp_path / "own.json5", "tls/127.0.0.1:7447"
+    for path, what in (("/dev/zero", "device or a pipe"), (tmp_path / "pipe.pem", "device or a pipe"),
+                       (tmp_path, "directory")):  # fmt: skip
+        for name in ("root_ca_certificate", "listen_private_key", "connect_certificate"):
+            if where == "endpoint":
+                told = f"alarm.zenoh: {name}_file: found a {what}, {path}; expected a file"
+                zenoh = f'[alarm.zenoh]\nlisten = ["{endpoint}#enable_mtls=true;{name}_file={path}"]\n'
+            elif where == "passwords":
+                told = f"alarm.zenoh.config: {file}: dictionary_file: found a {what}, {path}; expected a file"
+                file.write_text(json.dumps({"transport": {"auth": {"usrpwd": {"dictionary_file": str(path)}}}}))
+                zenoh = f'[alarm.zenoh]\nconfig = "{file}"\nlisten = ["{endpoint}"]\n'
+            else:
+                told = f"alarm.zenoh.config: {file}: {name}: found a {what}, {path}; expected a file"
+                file.write_text(json.dumps({"transport": {"link": {"tls": {name: str(path)}}}}))
+                zenoh = f'[alarm.zenoh]\nconfig = "{file}"\nlisten = ["{endpoint}"]\n'
+            message = refused(lambda text=SIMULATED + zenoh: config.loads(text, "x.toml"))  # type: ignore[misc]
+            assert message == f"x.toml: {told}"
+            if where != "endpoint":
+                asked = call("fleet", "status", "--zenoh", file, "--connect", endpoint)
+                assert asked.exit_code == 2
+                assert asked.stderr.count("\n") == 1
+                assert told.removeprefix(f"alarm.zenoh.config: {file}: ") in asked.stderr
 
 
 def test_no_file_ends_a_running_service(tmp_path: Path, start: Start) -> None:
