@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from lostmotion.daemon import config as configuration
+from lostmotion.daemon.metrics_http import MOST_CONNECTIONS
 from lostmotion.daemon.unit import STATE, ServiceError, check_reachable, template, unit_text
 
 COMMAND = Path("/opt/lostmotion/bin/lostmotion")
@@ -26,6 +27,19 @@ def test_the_unit_runs_the_installed_command() -> None:
 def test_settings_are_those_that_systemd_knows(version: int, steps: int) -> None:
     """The growing pause between restarts came with systemd 254; an older one would complain about it."""
     assert len(re.findall(r"^Restart(?:Steps|MaxDelaySec)=", unit_text(COMMAND, version), re.MULTILINE)) == steps
+
+
+@pytest.mark.parametrize("version", [0, 252, 254])
+def test_files_and_threads_are_bounded(version: int) -> None:
+    """All connections that Zenoh and the metrics take at most fit into LimitNOFILE beside 64 files of the service, as
+    do the metrics' threads and 24 others into TasksMax; neither is without end."""
+    zenoh = pytest.importorskip("zenoh")
+    sessions = int(zenoh.Config().get_json("transport/unicast/max_sessions"))
+    text = unit_text(COMMAND, version)
+    limits = {name: re.findall(rf"^{name}=(\d+)$", text, re.MULTILINE) for name in ("LimitNOFILE", "TasksMax")}
+    (files,), (tasks,) = ([int(number) for number in numbers] for numbers in limits.values())
+    assert sessions + MOST_CONNECTIONS + 64 <= files <= 65536
+    assert MOST_CONNECTIONS + 24 <= tasks <= 1024
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is missing")
