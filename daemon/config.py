@@ -31,7 +31,7 @@ from lostmotion.detector.window import DetectorSettings
 from lostmotion.drivers import registry, toml_text
 from lostmotion.drivers.base import AccelerometerOptions, Driver, JointOptions, RobotOptions
 from lostmotion.drivers.errors import DriverError, LostmotionError, UnknownDriverError
-from lostmotion.drivers.textfile import TextFileError, read_text
+from lostmotion.drivers.textfile import TextFileError, read_text, shortened
 
 __all__ = ["Config", "ConfigError", "default", "load", "loads"]
 
@@ -144,7 +144,7 @@ def loads(text: str, where: str) -> Config:
         crosscheck.check(config)
         return replace(config, notes=config_notes.notes(config))
     except (toml_text.TomlError, bounds.BoundsError, ConfigError, crosscheck.CrossCheckError, DriverError) as error:
-        raise ConfigError(f"{where}: {error}") from error
+        raise ConfigError(f"{where}: {shortened(error)}") from error
 
 
 def state_folder() -> Path:

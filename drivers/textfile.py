@@ -6,10 +6,12 @@ from pathlib import Path
 
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["TextFileError", "read_text"]
+__all__ = ["TextFileError", "read_text", "shortened"]
 
 MOST_CHARACTERS = 1_000_000
 """a configuration of 1000 joints takes a fifth of it"""
+LONGEST_LINE = 1000
+"""characters of what is said of a file"""
 
 
 class TextFileError(LostmotionError):
@@ -29,3 +31,9 @@ def read_text(path: Path) -> str:
     if len(text) > MOST_CHARACTERS:
         raise TextFileError(f"{path}: found more than {MOST_CHARACTERS} characters")
     return text
+
+
+def shortened(message: object) -> str:
+    """What is wrong with a file, without the middle of a key or name that is a page long."""
+    text = str(message)
+    return text if len(text) <= LONGEST_LINE else f"{text[: LONGEST_LINE // 2]} … {text[-LONGEST_LINE // 4 :]}"

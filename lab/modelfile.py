@@ -24,7 +24,7 @@ import msgspec
 from lostmotion.drivers import toml_text
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.recording import replacing, toml_value
-from lostmotion.drivers.textfile import TextFileError, read_text
+from lostmotion.drivers.textfile import TextFileError, read_text, shortened
 from lostmotion.lab.errors import EffectFileError, ModelFileError
 from lostmotion.lab.own import OwnEffect, is_reference, load_effect, reference
 from lostmotion.model import BASES, Model, ModelError, Parameter, build_model
@@ -84,7 +84,7 @@ def loads(text: str, where: str, folder: Path = Path()) -> ModelFile:
         model = ModelFile(file.base, effects, given)
         model.build()
     except (toml_text.TomlError, msgspec.ValidationError, ModelError, EffectFileError) as error:
-        raise ModelFileError(f"{where}: {error}") from error
+        raise ModelFileError(f"{where}: {shortened(error)}") from error
     return model
 
 

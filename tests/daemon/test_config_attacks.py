@@ -127,6 +127,19 @@ def test_an_absurd_value_is_refused_in_one_line(name: str) -> None:
     assert len(message) < 250
 
 
+@pytest.mark.parametrize(("old", "begin", "end"), [
+    ('"elbow"', "joint.name: found 'aaa", "a', expected letters, digits, _ . or - (it becomes part of a Zenoh key)"),
+    ("noise_ms2", "accelerometer 'tip'.aaa", "noise_ms2, oscillator, port, range_ms2, rate_hz, resolution_ms2"),
+])  # fmt: skip
+def test_a_name_of_a_page_is_not_told_in_full(old: str, begin: str, end: str) -> None:
+    """The refusal of a key or name of thousands of characters had all of them; what was expected is still said."""
+    text = SIMULATED.replace(old, f'"{LONG[:4000]}"' if '"' in old else LONG)
+    message = refused(lambda: config.loads(text, "bad.toml"))
+    assert message.startswith(f"bad.toml: {begin}")
+    assert message.endswith(end)
+    assert len(message) < 1000
+
+
 def test_the_unattacked_configuration_is_taken() -> None:
     """Else the attacks would show nothing."""
     take(SIMULATED)

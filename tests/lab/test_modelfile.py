@@ -34,6 +34,13 @@ def test_the_format_as_documented() -> None:
     assert model.parameters["J2"] == build_model("play").parameters["J2"]
 
 
+def test_a_name_of_a_page_is_not_told_in_full() -> None:
+    """The refusal of an effect of 5000 characters had all of them."""
+    with pytest.raises(ModelFileError, match=r"^x\.toml: no effect is called 'aaa") as refused:
+        loads(f'base = "servo"\neffects = ["{"a" * 5000}"]\n', "x.toml")
+    assert len(str(refused.value)) < 1000
+
+
 @pytest.mark.parametrize(
     "line",
     [
