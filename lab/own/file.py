@@ -30,6 +30,8 @@ def is_reference(text: str) -> bool:
 
 def load_effect(text: str, folder: Path = Path()) -> OwnEffect:
     """The effect that ``file.py:function`` names, the file being relative to the folder.  Raises EffectFileError."""
+    if "\0" in text:
+        raise EffectFileError(f"{text!r:.200}: found a NUL, expected the name of a file")
     file, _, name = text.rpartition(":")
     path = folder / (file or name)
     origin = Origin(path.resolve(), _text(path))

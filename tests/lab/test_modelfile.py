@@ -41,6 +41,12 @@ def test_a_name_of_a_page_is_not_told_in_full() -> None:
     assert len(str(refused.value)) < 1000
 
 
+def test_a_nul_in_the_name_of_a_file_of_effects_is_refused() -> None:
+    """It was an internal error: no path may hold one."""
+    with pytest.raises(ModelFileError, match=r"^x\.toml: 'a.*b\.py:c': found a NUL, expected the name of a file"):
+        loads('base = "servo"\neffects = ["a\\u0000b.py:c"]\n', "x.toml")
+
+
 @pytest.mark.parametrize(
     "line",
     [
