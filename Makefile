@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 
-.PHONY: help demo test test-vm check format bench bench-soak bench-faults bench-detector table1 bench-hidden bench-real figures clean
+.PHONY: help demo test test-vm check format bench bench-soak bench-faults fuzz bench-detector table1 bench-hidden bench-real figures clean
 help:
 	@grep -E '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
@@ -43,6 +43,9 @@ bench-soak: $(READY)  ## whether the service's memory grows: twenty minutes at 2
 
 bench-faults: $(READY)  ## random faults against the service, 200 campaigns: what holds, and how soon each is told (an hour and a half)
 	$(BIN)/python -m bench.faults
+
+fuzz: $(READY)  ## broken bytes, lines and files at random, COUNT (100000) of each kind: taken or refused in one line (four minutes)
+	$(BIN)/python -m bench.fuzz --inputs $(or $(COUNT),100000) --seed $(or $(SEED),0)
 
 bench-hidden: $(READY)  ## recordings with a hidden effect: what lab explain makes of them (table and figure, takes long)
 	$(BIN)/python -m bench.hidden_effects run --seed $(or $(SEED),0) --figures docs/figures
