@@ -225,9 +225,8 @@ def _lines(data: bytes, dice: Random) -> bool:
 
 def _of_file(read: Callable[[Path], object], ending: str) -> Taker:
     """What reads a file instead of bytes."""
-    folder = Path(tempfile.gettempdir())
-    shm = Path("/dev/shm")
-    folder = shm if shm.is_dir() else folder
+    memory = Path("/dev/shm")
+    folder = memory if memory.is_dir() else Path(tempfile.gettempdir())
 
     def take(data: bytes, dice: Random) -> bool:
         with tempfile.NamedTemporaryFile(dir=folder, suffix=ending, buffering=0) as file:

@@ -41,7 +41,8 @@ DONE = {Verb.ACK: "acknowledged", Verb.SHELVE: "shelved", Verb.UNSHELVE: "unshel
 
 
 class JointMonitor:
-    """Follows one joint.  ``row`` is its health; every method returns what changed, to be stored and told.
+    """Follows one joint.  ``row`` is its health; every method returns what changed, to be stored and told; ``doubt``,
+    which may be set, is why sound windows are not enough to be OK.
 
     row, recent (scores, oldest first), alarms (those that are not normal) and origin carry on where an earlier run
     stopped.
@@ -52,6 +53,7 @@ class JointMonitor:
         origin: Origin | None = None,
     ) -> None:  # fmt: skip
         self.row = row
+        self.doubt = ""
         self._options = options
         self._windows = deque((score for score in recent if score.quality == "ok"), maxlen=options.windows)
         self._days = math.nan
@@ -173,7 +175,7 @@ class JointMonitor:
         last, hours = self._windows[-1].time, self._options.judged_within_h
         if hours and time - last > timedelta(hours=hours):
             return f"not judged for more than {hours:g} h: no sound window since {iso(last)[:16]}Z"
-        return ""
+        return self.doubt and f"not judged yet: {self.doubt}"
 
     def _follow(self, cause: Cause, time: datetime) -> Transition | None:
         """The alarm of a cause follows it, once the cause has been worse, or better, for long enough."""

@@ -75,8 +75,10 @@ class AlarmDesk:
         """A window has been scored; origin: whose play it may be."""
         self._change(self._monitors[row.joint].scored(row, origin))
 
-    def look(self, joint: str, fault: str | None, utc: datetime) -> None:
-        """Time has passed; fault: what is wrong with the joint's devices, "" for nothing, None while it is unknown."""
+    def look(self, joint: str, fault: str | None, utc: datetime, doubt: str = "") -> None:
+        """Time has passed; fault: what is wrong with the joint's devices, "" for nothing, None while it is unknown;
+        doubt: why the joint must not be called healthy yet."""
+        self._monitors[joint].doubt = doubt
         if fault is not None:
             self._change(self._monitors[joint].device(fault, utc))
         self._change(self._monitors[joint].tick(utc))

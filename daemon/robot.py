@@ -97,6 +97,10 @@ class Robot:
         shown = self._check_of[joint.name].fault(joint.name, is_lossy=bool(lost))
         return "; ".join(filter(None, (lost, shown)))
 
+    def doubt(self, joint: JointOptions) -> str:
+        """Why a joint whose windows are sound may all the same not be measured, "" for no reason."""
+        return self._check_of[joint.name].doubt(joint.name)
+
     def _fault(self, member: str) -> str | None:
         poller = self._by_member[member]
         account = poller.account

@@ -112,6 +112,12 @@ class SensorCheck:
             return f"{self._sensor} does not feel the motion of {joint}: wrong axis, loose, or on another link"
         return ""
 
+    def doubt(self, joint: str) -> str:
+        """Why the sensor may not measure this joint, "" for no reason: it was compared, and has never felt the motion.
+        One comparison may err, so this is no fault; it only keeps a joint from being called healthy."""
+        felt = self._felt[joint]
+        return f"{self._sensor} has not felt the motion of {joint} yet" if felt and not any(felt) else ""
+
     def _stretch(self) -> Sequence[tuple[FloatArray, FloatArray]]:
         """The last angles of every joint; none where one of them is not measured, or has jumped."""
         for times, angles in self._moved.values():

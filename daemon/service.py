@@ -298,7 +298,7 @@ class Service:
             notice = self._notice if time.monotonic() < self._notice_ends else ""
             for joint in self._config.joints:
                 fault = self._robot.fault(joint)
-                self._desk.look(joint.name, fault or notice or fault, utc)
+                self._desk.look(joint.name, fault or notice or fault, utc, self._robot.doubt(joint))
             self._guard(self._desk.take_requests, utc)
             self._guard(self._desk.ask_trend, utc)
             self._desk.tell_settled()

@@ -7,6 +7,7 @@ import json
 import re
 import signal
 from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from time import monotonic
 
@@ -14,17 +15,19 @@ import numpy as np
 import pytest
 
 from lostmotion.daemon import config
+from lostmotion.daemon.alarm import JointMonitor
 from lostmotion.daemon.bell import Bell
 from lostmotion.daemon.losses import Losses
+from lostmotion.daemon.options import AlarmOptions
 from lostmotion.daemon.poller import DeviceState
 from lostmotion.daemon.reader import open_readonly
-from lostmotion.daemon.records import Health
+from lostmotion.daemon.records import Health, JointRow, ScoreRow
 from lostmotion.daemon.ring import Ring
 from lostmotion.daemon.robot import Robot
 from lostmotion.daemon.sensorcheck import FIRST_PACE_S, LAST, SensorCheck
 from lostmotion.detector.window import Score, Window
 from lostmotion.drivers.base import AccelBlock, FloatArray, ServoSample
-from lostmotion.drivers.emulator import Emulator, Motion, ServoLine, WitMotionStream
+from lostmotion.drivers.emulator import CsvStream, Emulator, Motion, ServoLine, WitMotionStream
 from tests.daemon.cli_world import HARDWARE, call
 from tests.daemon.conftest import Running, wait_until
 from tests.daemon.fakes import fake_config
@@ -44,6 +47,13 @@ class Loud(Motion):
 
     def tip(self, rate_hz: float) -> FloatArray:
         return 100 * super().tip(rate_hz)
+
+
+class Elsewhere(Motion):
+    """The sensor is on another link, and shows nothing but its noise."""
+
+    def tip(self, rate_hz: float) -> FloatArray:
+        return np.random.default_rng(5).normal(0, 0.05, round(20 * rate_hz))
 
 
 def configured(folder: Path, emulator: Emulator, axis: str = "x") -> Path:
@@ -118,6 +128,24 @@ def test_the_wrong_axis_is_told_within_a_minute(tmp_path: Path, start: Start) ->
 
 
 @pytest.mark.slow
+def test_a_sensor_that_never_felt_the_motion_is_doubted_before_the_alarm(tmp_path: Path, start: Start) -> None:
+    """A quick sensor on another link, whose noise looks like a sound joint: OK ends with the first comparison, after
+    five seconds, and not with the alarm, after twenty-five."""
+    motion = Elsewhere(play=0.0)
+    with Emulator(ServoLine.of("AX-12A", [3], motion), CsvStream(motion, 800.0)) as emulator:
+        path = configured(tmp_path, emulator)
+        text = path.read_text().replace('"witmotion"', '"csv_serial"').replace("rate_hz = 200", "rate_hz = 800")
+        path.write_text(text.replace('axis = "x"', "") + "severity_warning = 0.5\nseverity_error = 1.0\n")
+        service = start(path)
+        log = service.wait_for("not judged yet: tip has not felt the motion of elbow yet", timeout_s=60)
+        assert "cause=device" not in log
+        wait_until(lambda: not is_healthy(tmp_path))
+        log = service.wait_for("tip does not feel the motion of elbow: wrong axis, loose, or on another link")
+        assert log.count("health=OK") <= 1
+        assert service.stop(signal.SIGTERM) == 0
+
+
+@pytest.mark.slow
 def test_a_line_that_loses_three_bytes_of_ten(tmp_path: Path, start: Start) -> None:
     """Hardly any frame of eleven bytes is whole: an alarm that tells the loss, or the windows that follow from it,
     within a minute."""
@@ -173,6 +201,38 @@ def test_which_joints_a_sensor_feels(felt: dict[str, float], missing: list[str])
     are not."""
     sensor = check({"elbow": 0.1, "wrist": 0.1}, felt)
     assert [joint for joint in ("elbow", "wrist") if "does not feel" in sensor.fault(joint)] == missing
+
+
+def test_a_motion_that_was_never_felt_is_a_doubt_before_it_is_a_fault() -> None:
+    """After one comparison the joint that is not felt is in doubt, after five the sensor is at fault; one that is felt
+    is in no doubt, and none is before anything was compared."""
+    levers = {"elbow": 0.1, "wrist": 0.1}
+    for seconds, doubted, at_fault in (
+        (2.0, False, False),
+        (5.0, True, False),
+        (20.0, True, False),
+        (25.0, True, True),
+    ):
+        sensor = check(levers, {"elbow": 0.1}, seconds=seconds)
+        assert (sensor.doubt("elbow"), sensor.fault("elbow")) == ("", "")
+        assert sensor.doubt("wrist") == ("tip has not felt the motion of wrist yet" if doubted else "")
+        assert ("does not feel the motion of wrist" in sensor.fault("wrist")) is at_fault
+
+
+def test_a_doubt_keeps_a_joint_from_being_ok() -> None:
+    """Twenty sound windows are not enough while there is one; it is told as the reason, and is no alarm."""
+    noon = datetime(2026, 1, 31, 12, tzinfo=UTC)
+    windows = [ScoreRow("elbow", noon + timedelta(seconds=k), 0.25, 1.0, 8.0, False) for k in range(20)]
+    monitor = JointMonitor(JointRow("elbow"), AlarmOptions(), windows)
+    assert monitor.tick(noon) == []
+    assert monitor.row.health is Health.OK
+    monitor.doubt = "tip has not felt the motion of elbow yet"
+    assert monitor.tick(noon) == [monitor.row]
+    told = (Health.DEGRADED, "not judged yet: tip has not felt the motion of elbow yet")
+    assert (monitor.row.health, monitor.row.reason) == told
+    monitor.doubt = ""
+    assert monitor.tick(noon) == [monitor.row]
+    assert monitor.row.health is Health.OK
 
 
 def test_a_joint_at_rest_accuses_no_sensor() -> None:
