@@ -28,7 +28,7 @@ from lostmotion.lab.inverse.regression import Data, Problem, Regression, blocks_
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.seeds import AMPLITUDE
 from lostmotion.lab.simpler import without
-from lostmotion.model import Model
+from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["LIMIT", "Judged", "Method", "Selection", "error_on", "selected"]
@@ -199,13 +199,16 @@ def _named(alike: Sequence[Judged], now: Regression, unseen: Signals) -> Judged:
 
 
 def error_on(fit: Regression, unseen: Signals) -> float:
-    """Root mean square of what a fit lacks in a recording that it has not seen [N m or rad]: only the initial state of
-    a motion, or the zero of an angle, is fitted there."""
+    """Root mean square of what a fit lacks in a recording that it has not seen [N m or rad], infinite where its motion
+    has no end there: only the initial state of a motion, or the zero of an angle, is fitted."""
     known = fit.model.replace({name: replace(fit.model.parameters[name], fixed=True) for name in fit.unknowns.names})
-    if isinstance(fit.data, OutputError):
-        return regressed(known, OutputError.of([unseen], known)).rms
-    data = Data.of([unseen], known)
-    return regressed(known, replace(data, is_anchored=fit.nuisance.size == 0)).rms
+    try:
+        if isinstance(fit.data, OutputError):
+            return regressed(known, OutputError.of([unseen], known)).rms
+        data = replace(Data.of([unseen], known), is_anchored=fit.nuisance.size == 0)
+        return regressed(known, data).rms
+    except ModelError:
+        return math.inf
 
 
 def _preferred(one: Judged, now: Regression) -> tuple[bool]:
