@@ -468,8 +468,8 @@ def test_damage_found_while_writing_is_told_and_moved_aside_on_closing(path: Pat
         file.seek((root - 1) * size)
         file.write(b"\xff" * size)
     store.add(*scores(3))
-    wait_until(lambda: store.damage is not None)
-    assert "is damaged" in store.problem
+    wait_until(lambda: "is damaged" in store.problem)
+    assert store.damage is not None
     assert store.close() == 0
     assert len([*path.parent.glob("history.db.damaged-*")]) == 1
     with open_readonly(path) as reader:
