@@ -9,7 +9,16 @@ import numpy as np
 
 from lostmotion.lab.candidates import others
 from lostmotion.lab.inverse.output_error import OutputError
-from lostmotion.lab.inverse.regression import MOST_STEPS, TURN, Data, EquationError, Problem, Regression, regressed
+from lostmotion.lab.inverse.regression import (
+    MOST_STEPS,
+    TURN,
+    Data,
+    EquationError,
+    Problem,
+    Regression,
+    by_recording,
+    regressed,
+)
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import inertia_of, is_static
 from lostmotion.lab.rough import usual_torque
@@ -190,19 +199,15 @@ def _zeros(name: str, start: Model, now: Regression, data: Problem) -> FloatArra
     if not isinstance(data, Data) or not now.nuisance.size or now.jacobian[:, now.count :].any():
         return now.nuisance
     grid = np.arange(ANGLES) / ANGLES * TURN / getattr(start.parameters.get(f"{name}.N"), "value", 1.0)
-    alike = np.array([
-        [-float(column @ residual) / max(float(np.linalg.norm(column)), 1e-100) for column, residual in pairs]
-        for zero in grid
-        if (pairs := _by_recording(_off(now.jacobian, data.residual(start, zero + now.nuisance) - now.residual), now))
-    ])  # fmt: skip
+    alike = [_likeness(data.residual(start, zero + now.nuisance) - now.residual, now) for zero in grid]
     found = grid[np.argmax(alike, axis=0)]
     return np.asarray(np.where(data.freedom < TURN, now.nuisance, found))
 
 
-def _by_recording(column: FloatArray, now: Regression) -> list[tuple[FloatArray, FloatArray]]:
-    """Each recording's part of a column, and of the residual."""
-    ends = np.cumsum(now.data.counts)[:-1]
-    return list(zip(np.split(column, ends), np.split(now.residual, ends), strict=True))
+def _likeness(column: FloatArray, now: Regression) -> list[float]:
+    """How much of each recording's residual a column takes away that the fitted parameters do not explain."""
+    parts = zip(by_recording(_off(now.jacobian, column), now.data), by_recording(now.residual, now.data), strict=True)
+    return [-float(own @ residual) / max(float(np.linalg.norm(own)), 1e-100) for own, residual in parts]
 
 
 def _sized(start: Model, sizes: dict[str, float], now: Regression, data: Problem, beside: FloatArray) -> Model:

@@ -24,13 +24,12 @@ from lostmotion.lab.advice import what_to_record
 from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.held import is_driven, with_scale
 from lostmotion.lab.inverse.output_error import initial_state
-from lostmotion.lab.inverse.regression import Data, Regression, blocks_of
-from lostmotion.lab.inverse.selection import LIMIT, Method, Selection, Step, error_on, selected
+from lostmotion.lab.inverse.regression import Data, Regression, blocks_of, by_recording
+from lostmotion.lab.inverse.selection import LIMIT, Method, Selection, Step, amplitudes, error_on, selected
 from lostmotion.lab.inverse.signals import COLUMNS, Signals
 from lostmotion.lab.inverse.torques import can_invert
 from lostmotion.lab.results import Curve, Errors, Estimate, Explanation, Finding, Fit, Ranked, Verdict
 from lostmotion.lab.rough import from_spectra
-from lostmotion.lab.seeds import AMPLITUDE
 from lostmotion.lab.shape import shapes
 from lostmotion.lab.task import Task, coarse_substep
 from lostmotion.model import Model, build_model
@@ -162,15 +161,13 @@ def _detectable(step: Step) -> dict[str, tuple[str, float]]:
     """The size of each effect that would have been significant with an even chance."""
     sizes = {}
     for one in step.judged:
-        names = [name for name in AMPLITUDE.get(one.effect, ()) if f"{one.effect}.{name}" in one.fit.unknowns.names]
+        names = amplitudes(one.effect, one.fit)
         if not names:
             continue
         block = blocks_of(one.fit)
-        at = one.fit.unknowns.names.index(f"{one.effect}.{names[0]}")
-        slope = float(one.fit.unknowns.slopes(one.fit.z)[at])
-        deviation = abs(slope) * math.sqrt(max(float(one.fit.covariance(block)[at, at]), 0.0))
+        deviation = float(one.fit.deviations(block)[one.fit.unknowns.names.index(names[0])])
         limit = float(student.isf(LIMIT / len(step.judged), int(block.max())))
-        sizes[one.effect] = (names[0], limit * deviation)
+        sizes[one.effect] = (names[0].removeprefix(f"{one.effect}."), limit * deviation)
     return sizes
 
 
@@ -257,7 +254,7 @@ def _finding(fit: Regression) -> Finding:
     data = fit.data
     if not isinstance(data, Data):
         return _finding_of_motion(fit)
-    residuals = np.split(fit.residual, np.cumsum(data.counts)[:-1])
+    residuals = by_recording(fit.residual, data)
     variables = [
         {
             "theta_2": one.position[one.kept], "omega_2": one.velocity[one.kept], "torque": one.filtered(load),
@@ -278,7 +275,7 @@ def _finding(fit: Regression) -> Finding:
 def _finding_of_motion(fit: Regression) -> Finding:
     """What the motion that is left depends on."""
     unit = words.column(fit.data.signals[0].column)[1]
-    residuals = np.split(fit.residual, np.cumsum(fit.data.counts)[:-1])
+    residuals = by_recording(fit.residual, fit.data)
     names = ("theta_2", "omega_2", "acceleration") if "J" in fit.model.parameters else ("q", "q'", "q''")
     variables = []
     for one in fit.data.signals:

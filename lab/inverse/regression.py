@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from lostmotion.lab.unknowns import Unknowns
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Data", "EquationError", "Problem", "Regression", "blocks_of", "regressed"]
+__all__ = ["Data", "EquationError", "Problem", "Regression", "blocks_of", "by_recording", "regressed"]
 
 PRIOR = 0.1
 """Weight of a change of the base's parameters by a factor e, in units of one sample that is off by the usual motion.
@@ -36,8 +36,8 @@ MOST_STEPS = 60
 """Of a fit."""
 REFITS, LEAST_DAMPING, CONVERGED = 8, 1e-6, 1e-7
 """Steps of a fit to some of the samples, which begins at the fit to all, their damping, and the share of the error by
-which the last step of any fit lowers it: with 1e-6 the fit of a pendulum's bare swing ends 20 % above its minimum, with
-1e-8 fits take a quarter longer and end no lower."""
+which the last step of any fit lowers it: with 1e-6 a pendulum's bare swing was off by 17 % more on unseen data, with
+1e-8 real servos and oscillators took a tenth to a third longer and named the same."""
 TURN, HELD = 2 * math.pi, 1e-9
 """Freedom of an angle of zero that is not known, and of one that is [rad]."""
 FOLDS = 3
@@ -288,6 +288,11 @@ class Regression:
         whole = (inverse @ spread @ inverse) / np.outer(size, size)
         return np.asarray(whole[: self.count, : self.count])
 
+    def deviations(self, block: NDArray[np.intp], given: Sequence[str] = ()) -> FloatArray:
+        """Standard deviations (P,) of the parameters in their own units; see ``covariance``."""
+        variance = np.maximum(np.diag(self.covariance(block, given)), 0.0)
+        return np.asarray(np.abs(self.unknowns.slopes(self.z)) * np.sqrt(variance))
+
 
 def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, steps: int = MOST_STEPS) -> Regression:
     """The model with its free parameters fitted, within their bounds, in so many steps at most.  nuisance: where
@@ -334,7 +339,7 @@ def _jacobian(
     here = residual(z)
     recordings = len(data.signals)
     count, found = z.size - recordings * data.nuisances, np.zeros((here.size, z.size))
-    parts = np.split(np.arange(here.size), np.cumsum(data.counts)[:-1])
+    parts = by_recording(np.arange(here.size), data)
     for at in range(count):
         step = STEP * max(1.0, abs(z[at]))
         step = -step if z[at] + step > high[at] else step
@@ -380,10 +385,14 @@ def _scaled(unknowns: Unknowns, model: Model, data: Problem) -> Unknowns:
     return replace(unknowns, items=tuple(items))
 
 
+def by_recording(values: NDArray[Any], data: Problem) -> list[NDArray[Any]]:
+    """Each recording's part of what all samples have (M, …)."""
+    return np.split(values, np.cumsum(data.counts)[:-1])
+
+
 def blocks_of(regression: Regression) -> NDArray[np.intp]:
     """A number for each sample (M,): that of its block, in which the residual has about four correlation times."""
-    counts = regression.data.counts
-    parts = np.split(regression.residual, np.cumsum(counts)[:-1])
+    counts, parts = regression.data.counts, by_recording(regression.residual, regression.data)
     length = PER_CORRELATION * max(_correlation(part) for part in parts)
     return _numbered(counts, min(max(length, 1.0), sum(counts) / LEAST_BLOCKS))
 

@@ -31,7 +31,7 @@ from lostmotion.lab.simpler import without
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["LIMIT", "Judged", "Method", "Selection", "error_on", "selected"]
+__all__ = ["LIMIT", "Judged", "Method", "Selection", "amplitudes", "error_on", "selected"]
 
 LIMIT = 0.05
 """Chance of a false name in one step of the search."""
@@ -44,7 +44,7 @@ FINISHED = 5
 """Effects whose fit to a simulated motion is finished after all have had a few steps (successive halving)."""
 LEAST_PROMISE = 1e-3
 """Share of the squared error that an effect has to take in these few steps to be finished: those that went on to a name
-had taken 5 % at least (servos and oscillators of ``bench.real``), those that stayed at zero less than 1e-6."""
+had taken 30 % at least (servos and oscillators of ``bench.real``), those that stayed at zero less than 3e-4."""
 MOST = 6
 """Effects that are added at most."""
 
@@ -239,16 +239,20 @@ def _is_sized(effect: str, fit: Regression) -> bool:
     """Whether the interval of an amplitude of the effect does not hold zero.  A curve that is nearly a sum of others
     bends itself to a motion better than they do, and is wild outside of it.  The base's positive parameters are taken
     as given: all torques of a servo share a scale that its motion does not tell."""
-    names = [f"{effect}.{part}" for part in AMPLITUDE.get(effect, ())]
-    at = [fit.unknowns.names.index(name) for name in names if name in fit.unknowns.names]
-    if not at:
+    names = amplitudes(effect, fit)
+    if not names:
         return True
     block = blocks_of(fit)
     given = [item.name for item in fit.unknowns.items if item.logarithmic and "." not in item.name]
-    deviation = np.sqrt(np.maximum(np.diag(fit.covariance(block, given)), 0.0))[at]
-    slopes = np.abs(np.asarray(fit.unknowns.slopes(fit.z))[at])
-    values = np.abs([fit.model.parameters[fit.unknowns.names[i]].value for i in at])
-    return bool(np.any(values > student.isf(LIMIT / 2, int(block.max())) * slopes * deviation))
+    limits = student.isf(LIMIT / 2, int(block.max())) * fit.deviations(block, given)
+    sizes = {name: abs(fit.model.parameters[name].value) for name in names}
+    return any(sizes[name] > limit for name, limit in zip(fit.unknowns.names, limits, strict=True) if name in sizes)
+
+
+def amplitudes(effect: str, fit: Regression) -> list[str]:
+    """The free parameters without which the effect vanishes, by their full names."""
+    names = (f"{effect}.{part}" for part in AMPLITUDE.get(effect, ()))
+    return [name for name in names if name in fit.unknowns.names]
 
 
 def _p(one: Regression, other: Regression) -> float:
