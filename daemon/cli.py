@@ -242,6 +242,9 @@ cli.add_command(
 cli.add_command(
     LateCommand("calibrate", "lostmotion.daemon.commands.calibrate_cli:calibrate", "Find the settings from recordings.")
 )
+cli.add_command(
+    LateCommand("web", "lostmotion.web.cli:web", "Serve the page: health, windows, calibration, laboratory.")
+)
 cli.add_command(LateCommand("simulate", "lostmotion.lab.cli:simulate", "Make a recording from a model."))
 cli.add_command(LateCommand("effects", "lostmotion.lab.cli:effects", "The catalogue of effects, with their equations."))
 cli.add_command(LateCommand("lab", "lostmotion.lab.commands:lab", "Hold a model against measurements."))

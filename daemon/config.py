@@ -11,7 +11,7 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -25,6 +25,7 @@ from lostmotion.daemon.options import (
     MetricsOptions,
     RobotTable,
     StoreOptions,
+    WebOptions,
     ZenohOptions,
 )
 from lostmotion.detector.window import DetectorSettings
@@ -40,7 +41,7 @@ Table = dict[str, Any]
 WORDS = {"float": "a number", "int": "a whole number", "str": "a text", "bool": "true or false", "object": "a table",
          "array": "a list"}  # fmt: skip
 """what msgspec's names of types mean to a person"""
-OWN_TABLES = ("robot", "store", "accelerometer", "joint", "detector", "alarm", "metrics")
+OWN_TABLES = ("robot", "store", "accelerometer", "joint", "detector", "alarm", "metrics", "web")
 
 
 class ConfigError(LostmotionError):
@@ -65,6 +66,7 @@ class Config:
     robots: Mapping[str, RobotOptions]
     drivers: Mapping[str, Driver]
     metrics: MetricsOptions | None = None
+    web: WebOptions = field(default_factory=WebOptions)
     notes: tuple[str, ...] = ()
 
     @property
@@ -178,6 +180,7 @@ def _decode(tables: Table) -> Config:
         overrides=overrides,
         alarm=_convert(tables.get("alarm", {}), AlarmOptions, "alarm"),
         metrics=_convert(tables["metrics"], MetricsOptions, "metrics") if "metrics" in tables else None,
+        web=_convert(tables.get("web", {}), WebOptions, "web"),
         robots={name: _convert(tables.get(name, {}), driver.robot_options, name) for name, driver in drivers.items()},
         drivers=drivers,
     )

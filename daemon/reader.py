@@ -6,7 +6,7 @@ import json
 import math
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -33,6 +33,7 @@ from lostmotion.daemon.records import (
     Severity,
     Transition,
     Verb,
+    WindowRow,
     from_micros,
     micros,
 )
@@ -40,7 +41,7 @@ from lostmotion.daemon.rollup import SERIES, Series, hourly
 from lostmotion.daemon.timekeeper import ClockRow
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["NOISE", "Bounds", "Reader", "ReaderError", "empty_reader", "open_readonly"]
+__all__ = ["EXTREMES", "NOISE", "Bounds", "Reader", "ReaderError", "empty_reader", "open_readonly"]
 
 
 SCORE = (
@@ -55,6 +56,13 @@ NUMBERS = (
     " ifnull(temperature, 9e999), ifnull(severity, 9e999)"
 )
 """the columns of a series, in the order of its fields"""
+EXTREMES = ("time_us", "count", "impacts", "score_low", "score_high", "level", "severity_low", "severity_high",
+            "play_low", "play_high")  # fmt: skip
+EXTREMES_OF = (
+    "SELECT min(time_us), count(*), sum(impact), min(score), max(score), max(level), min(severity), max(severity),"
+    " min(play), max(play) {of} GROUP BY (time_us - :since) / :width ORDER BY 1"
+)
+WINDOW_OF = " WHERE joint_id = (SELECT id FROM joint WHERE name = ?)"
 BATCH = 5000
 CACHE_KB = 400
 """SQLite's own 2 MB are no quicker here, and the service would fill them over its first half hour"""
@@ -296,6 +304,47 @@ class Reader:
         step = (until - since) / count
         spans = ((micros(since + k * step), micros(since + (k + 1) * step)) for k in range(count))
         return [_score(joint, row) for span in spans for row in self._db.execute(query, [joint, *span])]
+
+    def revision(self) -> int:
+        """A number that changes when another connection has committed anything (SQLite's ``data_version``)."""
+        return int(self._db.execute("PRAGMA data_version").fetchone()[0])
+
+    def extremes(self, joint: str, since: datetime, until: datetime, pieces: int) -> list[tuple[Any, ...]]:
+        """What a plot of any number of scores needs: the time is divided into ``pieces``, and each that holds scores
+        gives one row in time order with the columns of EXTREMES.  NULL for a piece without such a value."""
+        span = _bounds(joint, since, until, None)
+        width = max(-(-(span["until"] - span["since"]) // pieces), 1)
+        return self._db.execute(EXTREMES_OF.format(of=self.OF), span | {"width": width}).fetchall()
+
+    def extent(self, joint: str) -> tuple[datetime, datetime] | None:
+        """The times of a joint's first and last scores; None without any."""
+        query = f"SELECT (SELECT min(time_us) {self.OF}), (SELECT max(time_us) {self.OF})"
+        first, last = self._db.execute(query, _bounds(joint, None, None, None)).fetchone()
+        return None if first is None else (from_micros(first), from_micros(last))
+
+    def window_times(self, joint: str, since: datetime, until: datetime, most: int) -> list[tuple[datetime, bool]]:
+        """Times of the raw windows that are kept, with whether each is an impact's; at most so many, evenly chosen."""
+        query = "SELECT time_us, impact FROM window" + WINDOW_OF + " AND time_us >= ? AND time_us < ? ORDER BY time_us"
+        rows = self._db.execute(query, [joint, micros(since), micros(until)]).fetchall()
+        chosen = rows[:: max(-(-len(rows) // most), 1)]
+        return [(from_micros(time), bool(impact)) for time, impact in chosen]
+
+    def window(self, joint: str, time: datetime) -> WindowRow | None:
+        """The kept raw window whose begin is nearest to a time; None where none is kept."""
+        query = f"SELECT time_us, impact, rate_hz, offset, accel FROM window{WINDOW_OF}"
+        near = [micros(time)]
+        before = self._db.execute(f"{query} AND time_us <= ? ORDER BY time_us DESC LIMIT 1", [joint, *near]).fetchall()
+        after = self._db.execute(f"{query} AND time_us > ? ORDER BY time_us LIMIT 1", [joint, *near]).fetchall()
+        found = min(before + after, key=lambda row: abs(row[0] - near[0]), default=None)
+        if found is None:
+            return None
+        accel = np.frombuffer(found[4], "<f4")
+        return WindowRow(joint, from_micros(found[0]), bool(found[1]), found[2], found[3], accel)
+
+    def score_at(self, joint: str, time: datetime) -> ScoreRow | None:
+        """The score of the window that began at this very time."""
+        rows = self.scores(joint, time, time + timedelta(microseconds=1))
+        return rows[0] if rows else None
 
     def devices(self) -> list[DeviceRow]:
         """What each servo bus and accelerometer has delivered and lost, as the service last wrote it."""

@@ -9,11 +9,12 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Iterable, Mapping
 from contextlib import closing
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from time import monotonic, sleep
 
 from lostmotion.daemon.alarm import Change, JointMonitor
-from lostmotion.daemon.database import explain
+from lostmotion.daemon.database import StoreBusyError, explain
 from lostmotion.daemon.migrations import CURRENT
 from lostmotion.daemon.options import AlarmOptions
 from lostmotion.daemon.reader import Reader, open_readonly
@@ -21,9 +22,11 @@ from lostmotion.daemon.records import Answer, JointRow, Request, micros
 from lostmotion.daemon.store import Store
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["RequestError", "ask", "do", "resume", "take"]
+__all__ = ["RequestError", "ask", "do", "resume", "settle", "take"]
 
 BUSY_S = 5.0
+LOOK_S = 0.2
+"""how often the answer of a service is looked for [s]"""
 
 
 class RequestError(LostmotionError):
@@ -53,6 +56,25 @@ def ask(database: Path, request: Request, now: datetime) -> int:
             advice = f"{explain(database, error)}, and try again"
         raise RequestError(advice) from error
     return int(cursor.lastrowid or 0)
+
+
+def settle(database: Path, request: Request, wait_s: float) -> Answer:
+    """Has the service do what is asked and waits for its answer, or does it here where no service runs.
+
+    Raises RequestError or StoreError.
+    """
+    try:
+        return do(database, request, datetime.now(UTC))
+    except StoreBusyError:
+        number = ask(database, request, datetime.now(UTC))
+    end = monotonic() + wait_s
+    with open_readonly(database) as reader:
+        while monotonic() < end:
+            if answer := reader.answer(number):
+                return answer
+            sleep(LOOK_S)
+    late = f"{request.joint}: the service has not answered within {wait_s:g} s; it will take the request up when it can"
+    return Answer(number, False, late)
 
 
 def resume(reader: Reader, joint: str, options: AlarmOptions, since: datetime) -> JointMonitor:

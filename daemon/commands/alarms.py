@@ -7,7 +7,6 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import suppress
-from datetime import UTC, datetime
 from pathlib import Path
 
 import msgspec
@@ -15,9 +14,8 @@ import msgspec
 from lostmotion.daemon import documents, requests
 from lostmotion.daemon.commands import output, times
 from lostmotion.daemon.commands.where import find_database, open_joint, open_reader
-from lostmotion.daemon.database import StoreBusyError
 from lostmotion.daemon.reader import ReaderError, open_readonly
-from lostmotion.daemon.records import AlarmRow, Answer, Request, Severity, Transition
+from lostmotion.daemon.records import AlarmRow, Request, Severity, Transition
 
 __all__ = ["change", "show", "watch"]
 
@@ -81,30 +79,12 @@ def change(config: Path | None, database: Path | None, request: Request, as_json
     Raises UnknownJointError, RequestError or StoreError.
     """
     open_joint(request.joint, config, database).close()
-    path = find_database(config, database)
-    try:
-        answer = requests.do(path, request, datetime.now(UTC))
-    except StoreBusyError:
-        answer = _ask_service(path, request)
+    answer = requests.settle(find_database(config, database), request, ANSWER_S)
     if as_json:
         output.print_json({"joint": request.joint, "done": answer.done, "answer": answer.text})
     else:
         output.print_lines([answer.text])
     return int(not answer.done)
-
-
-def _ask_service(path: Path, request: Request) -> Answer:
-    number = requests.ask(path, request, datetime.now(UTC))
-    end = time.monotonic() + ANSWER_S
-    with open_readonly(path) as reader:
-        while time.monotonic() < end:
-            if answer := reader.answer(number):
-                return answer
-            time.sleep(LOOK_S)
-    text = (
-        f"{request.joint}: the service has not answered within {ANSWER_S:g} s; it will take the request up when it can"
-    )
-    return Answer(number, False, text)
 
 
 def _row(alarm: AlarmRow) -> list[str]:

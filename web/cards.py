@@ -1,0 +1,165 @@
+"""What the first page says of each joint, of the alarms and of the devices: texts and a few numbers, ready to be shown.
+
+The same texts are in the page when it is loaded and in the events that keep it up to date.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from lostmotion.daemon.commands import output, times
+from lostmotion.daemon.config import ConfigError
+from lostmotion.daemon.database import is_held
+from lostmotion.daemon.reader import Reader
+from lostmotion.daemon.records import AlarmRow, AlarmState, DeviceRow, ScoreRow, Severity, iso
+from lostmotion.web.site import Site
+
+__all__ = ["Alarm", "Card", "Cards", "Trouble", "cards", "micrometres"]
+
+FULL_SCALE = 2.0
+"""a bar is full at so many times the level"""
+
+
+@dataclass(frozen=True, slots=True)
+class Alarm:
+    """An alarm that is not normal again; can_acknowledge, is_shelved: which of the buttons are of use."""
+
+    joint: str
+    cause: str
+    severity: str
+    state: str
+    reason: str
+    since: str
+    can_acknowledge: bool
+    is_shelved: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Card:
+    """A joint in words; fill: the score against its level, 0 to 1, the level at 0.5; window: time of the newest one."""
+
+    joint: str
+    health: str
+    reason: str
+    score: str
+    level: str
+    fill: float
+    is_impact: bool
+    play: str
+    severity: str
+    last: str
+    window: str
+
+
+@dataclass(frozen=True, slots=True)
+class Trouble:
+    """A device that loses or lacks data, and where it is plugged in."""
+
+    device: str
+    text: str
+    place: str
+
+
+@dataclass(frozen=True, slots=True)
+class Cards:
+    """The whole of the first page."""
+
+    robot: str
+    is_watched: bool
+    time: str
+    joints: tuple[Card, ...]
+    alarms: tuple[Alarm, ...]
+    troubles: tuple[Trouble, ...]
+
+
+def cards(site: Site, reader: Reader) -> Cards:
+    """What the database says now.  Raises ReaderError, or what a damaged database raises."""
+    now = datetime.now(UTC)
+    radii = _radii(site)
+    joints = tuple(
+        _card(row.name, row.health.value, row.reason, reader.last_window(row.name), radii.get(row.name, math.nan), now)
+        for row in reader.joints()
+    )
+    alarms = tuple(_alarm(alarm, now) for alarm in reader.alarms(living=True))
+    places = _places(site)
+    troubles = tuple(found for device in reader.devices() if (found := _trouble(device, places)))
+    is_watched = is_held(site.database) is not False
+    return Cards(reader.robot(), is_watched, iso(now), joints, tuple(sorted(alarms, key=_worst)), troubles)
+
+
+def micrometres(angle: float, radius_m: float) -> str:
+    """An angle of play [rad] in arc-minutes, and in micrometres at the gear where its radius [m] is known."""
+    if not math.isfinite(angle):
+        return "–"
+    length = f" ({angle * radius_m * 1e6:.3g} µm)" if math.isfinite(radius_m) else ""
+    return output.arcmin(angle) + length
+
+
+def _card(joint: str, health: str, reason: str, last: ScoreRow | None, radius_m: float, now: datetime) -> Card:
+    if last is None:
+        return Card(joint, health, reason, "–", "–", 0.0, False, "–", "–", "no window yet", "")
+    ratio = last.score / last.level if math.isfinite(last.score) else 0.0
+    return Card(
+        joint,
+        health,
+        reason or ("nothing is heard" if not last.impact else "the last reversal struck"),
+        output.number(last.score) if math.isfinite(last.score) else "–",
+        f"{last.level:.4g}",
+        min(max(ratio, 0.0), FULL_SCALE) / FULL_SCALE,
+        last.impact,
+        micrometres(last.play, radius_m),
+        micrometres(last.severity, radius_m),
+        times.ago(last.time, now),
+        iso(last.time),
+    )
+
+
+def _alarm(row: AlarmRow, now: datetime) -> Alarm:
+    state = {
+        AlarmState.ACTIVE: "active",
+        AlarmState.ACKNOWLEDGED: "acknowledged",
+        AlarmState.RETURNED: "over, not acknowledged",
+        AlarmState.SHELVED: "shelved",
+        AlarmState.NORMAL: "over",
+    }[row.state]
+    if row.shelved_until and row.state is AlarmState.SHELVED:
+        state += f" until {times.local(row.shelved_until)} UTC"
+    return Alarm(
+        row.joint,
+        row.cause.value,
+        row.severity.value,
+        state,
+        row.reason,
+        f"{times.local(row.raised)[:-5]} UTC, {times.ago(row.raised, now)}",
+        row.state in (AlarmState.ACTIVE, AlarmState.RETURNED),
+        row.state is AlarmState.SHELVED,
+    )
+
+
+def _worst(alarm: Alarm) -> tuple[bool, int, str]:
+    rank = [Severity.ERROR.value, Severity.WARNING.value, Severity.DEGRADED.value].index(alarm.severity)
+    return alarm.is_shelved, rank, alarm.joint
+
+
+def _trouble(device: DeviceRow, places: dict[str, str]) -> Trouble | None:
+    """What is wrong with a device now; what it lost long ago is in ``status``."""
+    if not device.reason:
+        return None
+    return Trouble(device.name, device.reason, places.get(device.name, ""))
+
+
+def _places(site: Site) -> dict[str, str]:
+    try:
+        return {name: place for name, place in site.places().items() if place}
+    except ConfigError:
+        return {}
+
+
+def _radii(site: Site) -> dict[str, float]:
+    """The radius of each joint's gear [m], as far as the configuration says it."""
+    try:
+        return {joint.name: joint.gear_radius_m for joint in site.config().joints if joint.gear_radius_m}
+    except ConfigError:
+        return {}

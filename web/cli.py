@@ -1,0 +1,148 @@
+"""``lostmotion web``: the arguments, and the server that runs the application."""
+
+from __future__ import annotations
+
+import re
+import socket
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+import msgspec
+
+from lostmotion.daemon.cli import config_file, database
+from lostmotion.daemon.commands import output
+from lostmotion.daemon.commands.where import find_config
+from lostmotion.daemon.options import WebOptions
+from lostmotion.drivers.errors import LostmotionError
+
+__all__ = ["WebError", "web"]
+
+ADDRESS = re.compile(r"(\[[0-9a-fA-F:.]+\]|[\w.-]+):(\d{1,5})")
+LEAST_TOKEN = 16
+CONNECTIONS = 128
+GRACE_S = 3
+
+
+class WebError(LostmotionError):
+    """The page cannot be served so."""
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """Where the page is served."""
+
+    host: str
+    port: int
+
+
+@click.command()
+@config_file
+@database
+@click.option("--listen", metavar="H:P", help="Address and port, instead of web.listen (127.0.0.1:8737).")
+@click.option("--connect", multiple=True, metavar="ENDPOINT", help="Zenoh endpoints of other robots, for the fleet.")
+@click.option("--hash-password", is_flag=True, help="Ask for a password and print its line for the configuration.")
+def web(
+    config: Path | None, database: Path | None, listen: str | None, connect: tuple[str, ...], hash_password: bool
+) -> None:
+    """Serve the page: health, windows, calibration, laboratory.
+
+    On this computer alone, unless [web] has a password or a token.  Ctrl-C ends it.
+    """
+    from lostmotion.web import security
+
+    if hash_password:
+        password = click.prompt(
+            "password", hide_input=sys.stdin.isatty(), confirmation_prompt=sys.stdin.isatty(), err=True
+        )
+        output.print_lines([f'password_hash = "{security.hash_password(password)}"'])
+        return
+    options = find_config(config).web
+    given = {"listen": listen} if listen else {}
+    options = msgspec.structs.replace(options, **given, connect=list(connect) or options.connect)
+    address = _address(options)
+    keys = security.Keys(options.password_hash, _token(options))
+    _check(options, address, keys)
+    with tempfile.TemporaryDirectory(prefix="lostmotion-web-") as work:
+        _serve(config, database, options, address, keys, Path(work))
+
+
+def _address(options: WebOptions) -> Address:
+    parts = ADDRESS.fullmatch(options.listen)
+    if not parts or not 0 <= int(parts[2]) < 65536:
+        raise WebError(f"web.listen: found {options.listen!r}, expected ADDRESS:PORT such as 127.0.0.1:8737")
+    return Address(parts[1].strip("[]"), int(parts[2]))
+
+
+def _token(options: WebOptions) -> str:
+    if not options.token_file:
+        return ""
+    try:
+        token = Path(options.token_file).read_text("utf-8").strip()
+    except (OSError, ValueError) as error:
+        raise WebError(f"web.token_file: {options.token_file} cannot be read: {error}") from error
+    if len(token) < LEAST_TOKEN:
+        raise WebError(f"web.token_file: found {len(token)} characters, expected at least {LEAST_TOKEN}")
+    return token
+
+
+def _check(options: WebOptions, address: Address, keys: object) -> None:
+    from lostmotion.web.security import Keys, is_loopback
+
+    assert isinstance(keys, Keys)
+    if keys.is_open and not is_loopback(address.host):
+        raise WebError(
+            f"web.listen: found {options.listen}, which others can reach, and no password; set web.password_hash "
+            "(`lostmotion web --hash-password` makes it) or web.token_file, or listen on 127.0.0.1"
+        )
+    if keys.is_open and options.hosts:
+        raise WebError(
+            f"web.hosts: found {', '.join(options.hosts)}, and no password; a page that others reach needs one"
+        )
+    if bool(options.certificate) != bool(options.key):
+        raise WebError("web.certificate and web.key: found one of them, expected both or none")
+
+
+def _serve(
+    config: Path | None, database: Path | None, options: WebOptions, address: Address, keys: object, work: Path
+) -> None:
+    import uvicorn
+
+    from lostmotion.web.app import create_app
+    from lostmotion.web.security import Keys
+    from lostmotion.web.site import Site
+
+    assert isinstance(keys, Keys)
+    app = create_app(Site.of(config, options, database, work), keys)
+    with _bound(options, address) as listener:
+        port = listener.getsockname()[1]
+        server = uvicorn.Server(
+            uvicorn.Config(
+                app, log_level="warning", access_log=False, server_header=False, limit_concurrency=CONNECTIONS,
+                timeout_graceful_shutdown=GRACE_S, ssl_certfile=options.certificate or None,
+                ssl_keyfile=options.key or None,
+            )
+        )  # fmt: skip
+        scheme = "https" if options.certificate else "http"
+        host = f"[{address.host}]" if ":" in address.host else address.host
+        sys.stderr.write(f"serving {scheme}://{host}:{port}/ (Ctrl-C ends it)\n")
+        sys.stderr.flush()
+        server.run(sockets=[listener])
+
+
+def _bound(options: WebOptions, address: Address) -> socket.socket:
+    """A socket that listens; port 0: any that is free."""
+    family = socket.AF_INET6 if ":" in address.host else socket.AF_INET
+    listener = socket.socket(family)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((address.host, address.port))
+        listener.listen()
+    except OSError as error:
+        listener.close()
+        raise WebError(
+            f"web.listen: {options.listen} cannot be had ({error.strerror}); is another program there already?"
+        ) from error
+    return listener

@@ -1,0 +1,73 @@
+"""How a page is made: templates with every text escaped, JSON, and what is shown when something is wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, Response
+
+from lostmotion import __version__
+from lostmotion.daemon.database import DAMAGED
+from lostmotion.drivers.errors import LostmotionError
+from lostmotion.web.site import Site
+
+__all__ = ["json", "page", "site_of", "trouble", "wants_html"]
+
+NAVIGATION = (("/", "Robot"),)
+"""address and name of the pages that every page leads to"""
+TEMPLATES = Environment(
+    loader=FileSystemLoader(Path(__file__).parent / "templates"),
+    autoescape=True,
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
+
+
+def page(request: Request, template: str, status: int = 200, **values: Any) -> Response:
+    """A page of the robot."""
+    session = request.scope.get("session")
+    text = TEMPLATES.get_template(template).render(
+        csrf=session.token if session else "",
+        navigation=NAVIGATION,
+        here=request.url.path,
+        version=__version__,
+        is_open=request.app.state.keys.is_open,
+        **values,
+    )
+    return HTMLResponse(text, status)
+
+
+def json(document: Any, status: int = 200) -> Response:
+    """A JSON document; NaN and infinities are null."""
+    return Response(msgspec.json.encode(document), status, media_type="application/json")
+
+
+def site_of(request: Request) -> Site:
+    """The robot that a request is about."""
+    site: Site = request.app.state.site
+    return site
+
+
+def wants_html(request: Request) -> bool:
+    """Whether a person asks, and not a script."""
+    return "text/html" in request.headers.get("accept", "")
+
+
+async def trouble(request: Request, error: Exception, status: int = 0) -> Response:
+    """What a person, or a script, is told of an error: one sentence, never a traceback."""
+    known = (LostmotionError, *DAMAGED, OSError)
+    if isinstance(error, HTTPException):
+        text = str(error.detail)
+    elif isinstance(error, known):
+        text, status = " ".join(str(error).split()), status or 503
+    else:
+        text, status = f"internal error: {type(error).__name__}: {error}", 500
+    if wants_html(request):
+        return page(request, "trouble.html", status, title="Something is wrong", text=text)
+    return json({"error": text}, status)

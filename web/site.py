@@ -1,0 +1,74 @@
+"""What all pages share: which robot, where its database is, what the configuration allows.  No HTTP here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import timedelta
+from functools import lru_cache
+from pathlib import Path
+
+from lostmotion.daemon.commands.where import ETC
+from lostmotion.daemon.config import Config, default, load
+from lostmotion.daemon.options import WebOptions
+from lostmotion.daemon.reader import Reader, open_readonly
+
+__all__ = ["Site"]
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """One robot's page.
+
+    config_file: None for the built-in simulated robot; database: instead of the configured one; options: ``[web]`` with
+    what the command line said.
+    """
+
+    config_file: Path | None
+    options: WebOptions
+    given_database: Path | None = None
+    look_s: float = 0.05
+    """how often the database is looked at for news [s]"""
+    work: Path = field(default_factory=lambda: Path("/nonexistent"))
+    """a folder for uploads and jobs"""
+
+    @classmethod
+    def of(cls, config_file: Path | None, options: WebOptions, database: Path | None, work: Path) -> Site:
+        """The site of a configuration: that given, else the installed one, else the built-in one."""
+        return cls(config_file or (ETC if ETC.exists() else None), options, database, work=work)
+
+    def config(self) -> Config:
+        """The configuration as it is in the file now.  Raises ConfigError."""
+        if self.config_file is None:
+            return default()
+        try:
+            changed = self.config_file.stat().st_mtime_ns
+        except OSError:
+            changed = 0  # loading tells what is wrong
+        return _loaded(self.config_file, changed)
+
+    @property
+    def database(self) -> Path:
+        """Where the database lies.  Raises ConfigError."""
+        return self.given_database or self.config().database
+
+    def reader(self) -> Reader:
+        """The database, as it is now at its path: a damaged one may have been moved aside.  Raises ReaderError."""
+        return open_readonly(self.database)
+
+    def places(self) -> Mapping[str, str]:
+        """Where each device is plugged in, by the names that the service gives them."""
+        config = self.config()
+        sensors = {sensor.name: getattr(sensor, "port", "") for sensor in config.accelerometers}
+        return sensors | {f"{joint.driver} {joint.port}": joint.port for joint in config.joints if joint.port}
+
+    @property
+    def spark_span(self) -> timedelta:
+        """What the small curves of the first page show."""
+        return timedelta(days=365)
+
+
+@lru_cache(maxsize=4)
+def _loaded(path: Path, changed_ns: int) -> Config:
+    """A configuration, read again when its file has changed: the database is looked for many times a second."""
+    return load(path)
