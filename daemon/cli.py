@@ -106,15 +106,30 @@ def config_check(file: Path, as_json: bool) -> None:
     check(file, as_json)
 
 
-@cli.command(short_help="Check devices, rates, noise, clock and disk.")
+@cli.command(short_help="Check devices, rates, noise, clock and disk; or find what is plugged in.")
 @config_file
+@click.option("--find", is_flag=True, help="Look for servos, sensors and buses instead; needs no configuration.")
+@click.option("--port", metavar="PORT", help="With --find: look into this serial port alone.")
+@click.option("-o", "--output", type=FILE, metavar="FILE", help="With --find: write a configuration to start from.")
 @as_json
-def doctor(config: Path | None, as_json: bool) -> int:
+def doctor(config: Path | None, find: bool, port: str | None, output: Path | None, as_json: bool) -> int:
     """Check devices, rates, noise, clock, disk: value and allowed range of each.  Exit status 1 if one is bad.
 
     Without --config: the installed service's, else the simulated robot.  The devices must be free: stop the service
     first.
+
+    With --find: listens to every free serial port, asks those that say nothing which servos are there (pings and reads,
+    nothing is written to them), and lists CAN interfaces and accelerometers of the kernel's.  Exit status 1 if there is
+    nothing.
     """
+    if find:
+        from lostmotion.daemon.commands.find import find as look
+
+        if config is not None:
+            raise click.UsageError("found --config and --find, expected one of them; --find needs no configuration")
+        return look(port, output, as_json)
+    if port is not None or output is not None:
+        raise click.UsageError("found --port or --output without --find, expected them with it only")
     from lostmotion.daemon.commands.doctor import doctor
 
     return doctor(config, as_json)

@@ -27,6 +27,8 @@ __all__ = [
     "print_long_table",
     "print_markup",
     "print_table",
+    "refuse_existing",
+    "write_new",
     "writing",
 ]
 
@@ -49,6 +51,19 @@ def writing(path: Path) -> Iterator[None]:
     except OSError as error:
         reason = os.strerror(error.errno) if error.errno else error
         raise OutputError(f"{path}: cannot be written: {reason}; is there a folder, and room?") from error
+
+
+def refuse_existing(path: Path) -> None:
+    """Nothing is written over.  Raises OutputError."""
+    if path.exists():
+        raise OutputError(f"{path}: found a file, expected a new one; take another name, or move this one away")
+
+
+def write_new(path: Path, text: str) -> None:
+    """A file that must not exist yet.  Raises OutputError."""
+    refuse_existing(path)
+    with writing(path), path.open("x", encoding="utf-8") as file:
+        file.write(text)
 
 
 def print_json(document: Any) -> None:

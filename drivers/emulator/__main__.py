@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import signal
+import termios
 import threading
 from pathlib import Path
 
@@ -27,8 +28,11 @@ SHORT_NAMES = {"ax12": "AX-12A", "xl330": "XL330-M288", "xm430": "XM430-W350", "
     metavar="M,M…",
     help="Lever arms of the servos at the accelerometers, in their order; one: of the last servo only.",
 )
+@click.option("--baudrate", type=int, metavar="N", help="Be understood at this baud rate only, as on a real line.")
 @click.option("--link", type=click.Path(path_type=Path), help="Also make symbolic links LINK.0, LINK.1, …")
-def main(servos: tuple[str, ...], accel: tuple[str, ...], play: float, levers: str, link: Path | None) -> None:
+def main(
+    servos: tuple[str, ...], accel: tuple[str, ...], play: float, levers: str, baudrate: int | None, link: Path | None
+) -> None:
     """Emulates servos and accelerometers on pseudo-terminals: one path a line, then runs until killed.
 
     All make one motion, each later than the next; the teeth of the last servo strike after the reversals of its goal.
@@ -38,7 +42,9 @@ def main(servos: tuple[str, ...], accel: tuple[str, ...], play: float, levers: s
     if not devices:
         raise click.UsageError("nothing to emulate; give --servos or --accel")
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that the links are taken away
-    with Emulator(*devices, link=link) as emulator, contextlib.suppress(KeyboardInterrupt):
+    if baudrate is not None and not hasattr(termios, f"B{baudrate}"):
+        raise click.BadParameter(f"--baudrate: {baudrate} is none that Linux has a name for, such as 57600 or 1000000")
+    with Emulator(*devices, link=link, baudrate=baudrate) as emulator, contextlib.suppress(KeyboardInterrupt):
         for path in emulator.paths:
             click.echo(path)
         threading.Event().wait()

@@ -40,9 +40,10 @@ class Device(Protocol):
 class _Plug:
     """A device and the pseudo-terminal it is plugged into, if any."""
 
-    def __init__(self, device: Device, link: Path | None) -> None:
+    def __init__(self, device: Device, link: Path | None, baudrate: int | None) -> None:
         self.device = device
         self.link = link
+        self._speed = None if baudrate is None else getattr(termios, f"B{baudrate}")
         self.path = ""
         self.master = self.slave = -1
 
@@ -67,29 +68,41 @@ class _Plug:
 
     def receive(self, now: float) -> None:
         with contextlib.suppress(BlockingIOError):
-            self.device.receive(os.read(self.master, 4096), now)
+            data = os.read(self.master, 4096)
+            self.device.receive(data if self._in_tune() else _noise(data), now)
 
     def send(self, now: float) -> None:
         data = self.device.emit(now)
         if data:
+            data = data if self._in_tune() else _noise(data)
             # a full buffer: nobody reads, and as on a real line the bytes are lost
             with contextlib.suppress(BlockingIOError):
                 os.write(self.master, data)
+
+    def _in_tune(self) -> bool:
+        """Whether the host has set the device's baud rate; a pseudo-terminal itself does not care."""
+        return self._speed is None or termios.tcgetattr(self.slave)[5] == self._speed
 
     def release(self) -> None:
         """A pseudo-terminal keeps the exclusive flag of a program that was killed; a real port drops it."""
         fcntl.ioctl(self.slave, termios.TIOCNXCL)
 
 
+def _noise(data: bytes) -> bytes:
+    """What a line at another baud rate makes of bytes: as many, of other values."""
+    return bytes((byte * 173 + 91) % 256 for byte in data)
+
+
 class Emulator:
     """Serves devices, each on a pseudo-terminal of its own, until the ``with`` block ends.
 
-    ``link`` makes symbolic links that survive unplugging and plugging in again: link.0, link.1, …
+    ``link`` makes symbolic links that survive unplugging and plugging in again: link.0, link.1, …  With a ``baudrate``,
+    one that termios knows, whoever opens a port at another one hears noise, and is not understood.
     """
 
-    def __init__(self, *devices: Device, link: Path | None = None) -> None:
+    def __init__(self, *devices: Device, link: Path | None = None, baudrate: int | None = None) -> None:
         links = [link.with_name(f"{link.name}.{i}") if link else None for i in range(len(devices))]
-        self._plugs = [_Plug(device, link) for device, link in zip(devices, links, strict=True)]
+        self._plugs = [_Plug(device, link, baudrate) for device, link in zip(devices, links, strict=True)]
         self._wake_read, self._wake_write = os.pipe()
         self._orders: list[tuple[Callable[[], None], threading.Event]] = []
         self._stop = False
