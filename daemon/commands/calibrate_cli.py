@@ -10,11 +10,14 @@ import click
 
 from lostmotion.daemon.cli import FILE, as_json, config_file, positive, statistic
 from lostmotion.daemon.commands.asked import Asked
+from lostmotion.daemon.commands.calibrate_bar import calibrate_bar as bar
+from lostmotion.daemon.commands.calibrate_bar import parse_quantity
 from lostmotion.daemon.commands.calibrate_healthy import calibrate_healthy as healthy
 from lostmotion.daemon.commands.calibrate_level import CRITERIA
 from lostmotion.daemon.commands.calibrate_level import calibrate_level as level
 from lostmotion.daemon.commands.calibrate_tap import calibrate_tap as tap
 from lostmotion.daemon.commands.completion import joints
+from lostmotion.detector.cantilever import MATERIALS
 
 __all__ = ["calibrate"]
 
@@ -24,8 +27,48 @@ def calibrate() -> None:
     """Find the detector's settings from recordings, as lines for the configuration."""
 
 
+def lengths(*names: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """An option for a length, as in 10mm."""
+    return click.option(*names[:1], callback=quantity("m"), metavar="LENGTH", help=names[1])
+
+
+def quantity(unit: str) -> Callable[[click.Context, click.Parameter, str | None], float | None]:
+    """A callback that takes a number and its unit to SI."""
+
+    def convert(ctx: click.Context, param: click.Parameter, value: str | None) -> float | None:
+        try:
+            return None if value is None else parse_quantity(value, unit)
+        except ValueError as error:
+            raise click.BadParameter(str(error), ctx, param) from error
+
+    return convert
+
+
 toml_out = click.option("-o", "--output", type=FILE, metavar="FILE", help="Write the lines to a new file as well.")
 recordings = click.argument("recordings", type=FILE, nargs=-1, required=True, metavar="REC...")
+
+
+@calibrate.command("bar", short_help="How long a bar must be for a frequency, before it is cut.")
+@click.option("--material", type=click.Choice(tuple(MATERIALS)), default="steel", show_default=True, help="Of the bar.")
+@lengths("--width", "Of a flat bar, as in 10mm.")
+@lengths("--thickness", "Of a flat bar, across which it bends, as in 1mm.")
+@lengths("--diameter", "Of a round rod, instead of width and thickness.")
+@click.option("--tip", default="0g", callback=quantity("kg"), metavar="MASS", help="Sensor, screws and glue, as in 5g.")
+@click.option("--frequency", type=float, callback=positive, metavar="HZ", help="The resonance that is wanted [Hz].")
+@lengths("--length", "Of a bar that is there: which resonance has it?")
+@toml_out
+@as_json
+def calibrate_bar(
+    material: str,
+    tip: float,
+    frequency: float | None,
+    length: float | None,
+    output: Path | None,
+    as_json: bool,
+    **section: float | None,
+) -> None:
+    """The length of a bar, clamped at one end with the sensor at the other, for a resonance; or its resonance."""
+    bar(material, section, tip, frequency, length, output, as_json)
 
 
 @calibrate.command("tap", short_help="Resonance and damping of the bar, from taps.")

@@ -1,0 +1,96 @@
+"""``lostmotion calibrate bar``: the length of a bar for a resonance.  The numbers are detector/cantilever.py's."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from lostmotion.daemon.commands.calibrated import CalibrationError, lines_of, tell
+from lostmotion.detector.cantilever import MATERIALS, Beam, frequencies, length_for, rectangle, rod
+
+__all__ = ["calibrate_bar", "parse_quantity"]
+
+FACTORS = {"m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3}, "kg": {"kg": 1.0, "g": 1e-3}}
+SAMPLES_A_PERIOD = 8
+"""fewer tell neither the size of the play nor whose it is"""
+SLENDER = 10.0
+"""length by thickness; a shorter bar is softer than a cantilever of Euler's and Bernoulli's"""
+CLAMP = "a real one gives a little, and the bar rings lower: leave length to push in, and measure with calibrate tap"
+
+
+def parse_quantity(text: str, unit: str) -> float:
+    """A number with its unit, in SI.  Raises ValueError."""
+    factors = FACTORS[unit]
+    found = re.fullmatch(r"\s*(\d*\.?\d+(?:e-?\d+)?)\s*([a-z]+)\s*", text)
+    if found is None or found[2] not in factors:
+        raise ValueError(
+            f"found {text!r}, expected a number and a unit ({', '.join(factors)}), as in 10{[*factors][-1]}"
+        )
+    value = float(found[1]) * factors[found[2]]
+    if not math.isfinite(value):
+        raise ValueError(f"found {text!r}, expected a finite number")
+    return value
+
+
+def calibrate_bar(
+    material: str,
+    section: Mapping[str, float | None],
+    tip: float,
+    f_res_hz: float | None,
+    length: float | None,
+    target: Path | None,
+    as_json: bool,
+) -> None:
+    """Prints the length for a resonance, or the resonance of a length, and the lines for the configuration.
+
+    Raises CalibrationError.
+    """
+    if (f_res_hz is None) == (length is None):
+        raise CalibrationError("found neither or both of --frequency and --length, expected one of them")
+    beam, depth = _beam(material, section)
+    if length is None:
+        length = length_for(beam, f_res_hz or math.nan, tip)
+        if math.isnan(length):
+            raise CalibrationError(
+                f"no bar of this section from 1 mm to 5 m rings at {f_res_hz:g} Hz: take another one"
+            )
+    elif length <= 0:
+        raise CalibrationError(f"found a length of {length:g} m, expected one above 0")
+    first, second = frequencies(beam, length, tip)
+    weight = beam.mass * length
+    document = {
+        "length_m": length, "f_res_hz": first, "second_hz": second, "bar_kg": weight, "tip_kg": tip,
+        "stiffness_n_m": 3 * beam.stiffness / length**3, "least_rate_hz": SAMPLES_A_PERIOD * first,
+    }  # fmt: skip
+    words = [
+        f"length  {length * 1e3:.1f} mm, free of the clamp",
+        f"rings   at {first:.1f} Hz, and at {second:.0f} Hz in its second mode",
+        f"weighs  {weight * 1e3:.1f} g, and {tip * 1e3:.1f} g at its end",
+        f"sensor  at least {SAMPLES_A_PERIOD * first:.0f} samples a second, to tell the size of the play",
+        f"clamp   {CLAMP}",
+    ]
+    values = {"f_res_hz": round(first, 1), "zeta": 0.012, "length_m": round(length, 4)}
+    lines = lines_of(values, "oscillator of the [[accelerometer]]; calibrate tap measures the first two", "oscillator")
+    tell(document, words, [*_warnings(length, depth)], lines, target, as_json)
+
+
+def _beam(material: str, section: Mapping[str, float | None]) -> tuple[Beam, float]:
+    """The bar, and how deep it is where it bends [m]."""
+    width, thickness, diameter = (section[key] for key in ("width", "thickness", "diameter"))
+    given = {key for key, value in section.items() if value is not None}
+    if any(value is not None and not 0 < value <= 1 for value in section.values()):
+        raise CalibrationError("found a width, thickness or diameter that is not between 0 and 1 m, expected some mm")
+    if given == {"width", "thickness"} and width is not None and thickness is not None:
+        return rectangle(MATERIALS[material], width, thickness), thickness
+    if given == {"diameter"} and diameter is not None:
+        return rod(MATERIALS[material], diameter), diameter
+    found = ", ".join(f"--{key}" for key in sorted(given)) or "none of them"
+    raise CalibrationError(f"found {found}, expected --width and --thickness of a flat bar, or --diameter of a rod")
+
+
+def _warnings(length: float, depth: float) -> Iterator[str]:
+    if length < SLENDER * depth:
+        ratio = f"only {length / depth:.1f} times as long as thick, expected {SLENDER:g} and more"
+        yield f"the bar is {ratio}: it rings lower than this, take a thinner one"
