@@ -151,6 +151,9 @@ def _ports(config: Config) -> None:
             continue
         other_path, other = first.setdefault(item.port, (path, item))
         number = getattr(item, "id", None)
+        if config.drivers[item.driver].shares and config.drivers[other.driver].shares:
+            _one_bus(path, item, other_path, other)
+            continue
         if other is not item and (isinstance(item, AccelerometerOptions) or item.driver != other.driver):
             raise CrossCheckError(f"{path}.port: {item.port} already belongs to {other_path}; a port has one master")
         if getattr(item, "baudrate", None) != getattr(other, "baudrate", None):
@@ -160,6 +163,18 @@ def _ports(config: Config) -> None:
             )
         if number is not None and ids.setdefault((item.port, number), path) != path:
             raise CrossCheckError(f"{path}.id: {number} on {item.port} already belongs to {ids[item.port, number]}")
+
+
+def _one_bus(
+    path: str, item: JointOptions | AccelerometerOptions, other_path: str, other: JointOptions | AccelerometerOptions
+) -> None:
+    """Devices on one bus say the same of it."""
+    for key in ("interface", "bitrate", "options"):
+        found, expected = (getattr(one, key, None) for one in (item, other))
+        if found != expected:
+            raise CrossCheckError(
+                f"{path}.{key}: found {found}, expected {expected} as for {other_path} on the same bus {item.port}"
+            )
 
 
 def _addresses(config: Config) -> None:

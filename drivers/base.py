@@ -226,6 +226,7 @@ class Driver:
     A driver offers a servo bus, an accelerometer or both.  ``clock`` is None for the outside world (the system's
     clock); a virtual robot brings its own, is never ahead of its reader (``waits``: the service may let it wait), and
     shares nothing with hardware.  ``check`` says what is wrong with the driver's own table beyond its types.
+    ``shares``: its port is a bus on which joints and accelerometers of several such drivers may listen.
     """
 
     name: str
@@ -237,6 +238,7 @@ class Driver:
     robot_options: type[RobotOptions] = RobotOptions
     clock: ClockFactory | None = None
     check: RobotCheck | None = None
+    shares: bool = False
 
     @property
     def waits(self) -> bool:

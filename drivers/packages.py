@@ -13,6 +13,8 @@ DISTRIBUTIONS = {
     "scipy": "numba scipy",
     "zenoh": "eclipse-zenoh",
     "can": "python-can",
+    "canopen": "'lostmotion[can]'",
+    "cantools": "'lostmotion[can]'",
     "prometheus_client": "prometheus-client",
     "sqlite_utils": "sqlite-utils",
     "dynamixel_sdk": "dynamixel-sdk",

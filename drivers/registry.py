@@ -20,6 +20,8 @@ __all__ = ["ENTRY_POINT_GROUP", "get_driver", "names"]
 ENTRY_POINT_GROUP = "lostmotion.drivers"
 
 BUILT_IN = {
+    "can": "lostmotion.drivers.can_signal:DRIVER",
+    "canopen": "lostmotion.drivers.canopen:DRIVER",
     "csv_serial": "lostmotion.drivers.csv_serial:DRIVER",
     "dynamixel": "lostmotion.drivers.dynamixel:DRIVER",
     "feetech": "lostmotion.drivers.feetech:DRIVER",

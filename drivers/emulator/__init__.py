@@ -9,6 +9,7 @@
 ``python -m lostmotion.drivers.emulator --help`` does the same from a shell.
 """
 
+from lostmotion.drivers.emulator.canopen import CanopenLine, VirtualDrive
 from lostmotion.drivers.emulator.feetech import FeetechLine, VirtualFeetech
 from lostmotion.drivers.emulator.motion import Motion
 from lostmotion.drivers.emulator.server import Device, Emulator
@@ -16,6 +17,7 @@ from lostmotion.drivers.emulator.servos import ServoLine, VirtualServo
 from lostmotion.drivers.emulator.streams import CsvStream, TextStream, WitMotionStream
 
 __all__ = [
+    "CanopenLine",
     "CsvStream",
     "Device",
     "Emulator",
@@ -23,6 +25,7 @@ __all__ = [
     "Motion",
     "ServoLine",
     "TextStream",
+    "VirtualDrive",
     "VirtualFeetech",
     "VirtualServo",
     "WitMotionStream",

@@ -15,6 +15,7 @@ import numpy as np
 from lostmotion.drivers.base import Accelerometer, RobotOptions, ServoBus
 from lostmotion.drivers.clock import Clock, SystemClock
 from lostmotion.drivers.emulator import (
+    CanopenLine,
     CsvStream,
     Device,
     Emulator,
@@ -60,7 +61,51 @@ class Case:
 
 TIP = {"accelerometer": "tip"}
 OSCILLATOR = {"oscillator": {"f_res_hz": 58.0}}
+SLCAN = {"interface": "slcan"}
+DRIVE = {"counts_per_turn": 10_000, "gear_ratio": 50, **SLCAN, **TIP}
+SENSOR_NODE = 0x20
+
+
+def _drive(node: int) -> Options:
+    pdo = [
+        {"cob_id": 0x180 + node, "map": [0x60410010, 0x60640020]},
+        {"cob_id": 0x200 + node, "map": [0x60400010, 0x607A0020]},
+    ]
+    return {"node": node, "pdo": pdo, **DRIVE}
+
+
 CASES = (
+    Case(
+        "canopen-given",
+        "canopen",
+        joints=[_drive(1), _drive(2)],
+        hardware=lambda: CanopenLine([1, 2], MOTION),
+    ),
+    Case(
+        "canopen-sdo",
+        "canopen",
+        joints=[{"node": 1, "sdo": True, **SLCAN, **TIP}, {"node": 2, "sdo": True, **SLCAN, **TIP}],
+        hardware=lambda: CanopenLine([1, 2], MOTION),
+    ),
+    Case(
+        "canopen-sensor",
+        "canopen",
+        accelerometer={
+            "node": SENSOR_NODE,
+            "rate_hz": 1000.0,
+            "scale": 0.005,
+            **SLCAN,
+            **OSCILLATOR,
+            "pdo": [{"cob_id": 0x180 + SENSOR_NODE, "map": [0x71300110]}],
+        },
+        hardware=lambda: CanopenLine([1, 2], MOTION, sensor=SENSOR_NODE),
+    ),
+    Case(
+        "can",
+        "can",
+        accelerometer={"id": 0x180 + SENSOR_NODE, "rate_hz": 1000.0, "scale": 0.005, **SLCAN, **OSCILLATOR},
+        hardware=lambda: CanopenLine([1, 2], MOTION, sensor=SENSOR_NODE),
+    ),
     Case(
         "dynamixel-ax",
         "dynamixel",

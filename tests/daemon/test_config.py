@@ -142,12 +142,12 @@ def test_lever_arms() -> None:
         (
             'driver = "dynamixel"',
             'driver = "hebi"',
-            "'elbow'.driver: no driver is called 'hebi'; there are dynamixel, feetech, ",
+            "'elbow'.driver: no driver is called 'hebi'; there are canopen, dynamixel, feetech, ",
         ),
         (
             'driver = "witmotion"',
             "driver = 3",
-            "'tip'.driver: found 3, expected one of csv_serial, replay, simulated, witmotion",
+            "'tip'.driver: found 3, expected one of can, canopen, csv_serial, replay, simulated, witmotion",
         ),
         (WITMOTION, 'driver = "replay"', "'replay' lives in a time of its own"),
         ('accelerometer = "tip"', 'accelerometer = "top"', "joint 'elbow'.accelerometer: found 'top'"),
