@@ -9,11 +9,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 
-from lostmotion.drivers.base import Accelerometer, RobotOptions, ServoBus
-from lostmotion.drivers.clock import Clock, SystemClock
+from lostmotion.drivers.base import Accelerometer, ServoBus
+from lostmotion.drivers.conformance import Subject
 from lostmotion.drivers.emulator import (
     CanopenLine,
     CsvStream,
@@ -25,9 +24,8 @@ from lostmotion.drivers.emulator import (
     TextStream,
     WitMotionStream,
 )
-from lostmotion.drivers.registry import get_driver
 
-__all__ = ["CASES", "Case", "Rig", "plugged"]
+__all__ = ["CASES", "Case", "Rig", "make", "plugged", "subject"]
 
 MOTION = Motion(play=1.0)
 Options = Mapping[str, Any]
@@ -166,6 +164,7 @@ class Rig:
     driver: ServoBus | Accelerometer
     names: tuple[str, ...]
     emulator: Emulator | None
+    subject: Subject
 
 
 @contextmanager
@@ -180,25 +179,20 @@ def plugged(case: Case, folder: Path, device: Device | None = None) -> Iterator[
             port = str(_recording(folder / "recording.csv"))
         driver, names = make(case, port)
         stack.callback(driver.close)
-        yield Rig(driver, names, emulator)
+        yield Rig(driver, names, emulator, subject(case, port))
 
 
 def make(case: Case, port: str) -> tuple[ServoBus | Accelerometer, tuple[str, ...]]:
-    """The driver of a case, through the registry and the strict decoder as the service makes it."""
-    row = get_driver(case.driver)
-    robot: RobotOptions = msgspec.convert(dict(case.robot), row.robot_options)
-    clock: Clock = row.clock(robot) if row.clock else SystemClock()
-    common = {"driver": case.driver, "port": port}
-    if case.joints:
-        joints = [
-            msgspec.convert({"name": f"joint{i}", **common, **options}, row.joint_options)
-            for i, options in enumerate(case.joints)
-        ]
-        assert row.servo is not None
-        return row.servo(joints, robot, clock), tuple(joint.name for joint in joints)
-    options = msgspec.convert({"name": "tip", **common, **case.accelerometer}, row.accelerometer_options)
-    assert row.accelerometer is not None
-    return row.accelerometer(options, robot, clock), ("tip",)
+    """The driver of a case on a port, and the names of its joints or sensor."""
+    about = subject(case, port)
+    return about.make(), about.names
+
+
+def subject(case: Case, port: str) -> Subject:
+    """A case on a port, as the checks for any driver take it."""
+    joints = [{"port": port, **joint} for joint in case.joints]
+    accelerometer = {} if joints else {"port": port, **case.accelerometer}
+    return Subject(case.driver, joints, accelerometer, case.robot)
 
 
 def _recording(path: Path) -> Path:
