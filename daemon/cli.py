@@ -109,10 +109,10 @@ def config_check(file: Path, as_json: bool) -> None:
 @cli.command(short_help="Check devices, rates, noise, clock and disk; or find what is plugged in.")
 @config_file
 @click.option("--find", is_flag=True, help="Look for servos, sensors and buses instead; needs no configuration.")
-@click.option("--port", metavar="PORT", help="With --find: look into this serial port alone.")
+@click.option("--port", multiple=True, metavar="PORT", help="With --find: only this serial port; again for more.")
 @click.option("-o", "--output", type=FILE, metavar="FILE", help="With --find: write a configuration to start from.")
 @as_json
-def doctor(config: Path | None, find: bool, port: str | None, output: Path | None, as_json: bool) -> int:
+def doctor(config: Path | None, find: bool, port: tuple[str, ...], output: Path | None, as_json: bool) -> int:
     """Check devices, rates, noise, clock, disk: value and allowed range of each.  Exit status 1 if one is bad.
 
     Without --config: the installed service's, else the simulated robot.  The devices must be free: stop the service
@@ -128,7 +128,7 @@ def doctor(config: Path | None, find: bool, port: str | None, output: Path | Non
         if config is not None:
             raise click.UsageError("found --config and --find, expected one of them; --find needs no configuration")
         return look(port, output, as_json)
-    if port is not None or output is not None:
+    if port or output is not None:
         raise click.UsageError("found --port or --output without --find, expected them with it only")
     from lostmotion.daemon.commands.doctor import doctor
 

@@ -29,16 +29,16 @@ class FoundPort:
     why: str = ""
 
 
-def find(port: str | None, target: Path | None, as_json: bool) -> int:
+def find(named: Sequence[str], target: Path | None, as_json: bool) -> int:
     """Prints what was found, and writes the configuration to a new file; 1 when nothing was.  Raises OutputError."""
     if target is not None:
         output.refuse_existing(target)
     sys.stderr.write(
         "listening, then asking what says nothing: half a minute a port; nothing is ever written to a device\n"
     )
-    chosen = places() if port is None else [place(port)]
-    ports = _looks(chosen, asked=port is not None)
-    cans, chips = ([], []) if port is not None else (can_interfaces(), iio_accelerometers())
+    chosen = [place(port) for port in named] or places()
+    ports = _looks(chosen, asked=bool(named))
+    cans, chips = ([], []) if named else (can_interfaces(), iio_accelerometers())
     text = configuration([(each.port.stays, each.found) for each in ports if each.found is not None])
     if target is not None and text:
         output.write_new(target, text)

@@ -45,8 +45,8 @@ def configuration(looks: Sequence[tuple[str, Look]]) -> str:
     """The text of the configuration; "" where there is neither a servo nor a sensor.  looks: ports that stay, and what
     was found on each."""
     sensors = [(port, look.sensor) for port, look in looks if look.sensor is not None]
-    lines = [(port, baud) for port, look in looks for baud in _by_rate(look.servos)]
-    known = [(port, servos) for port, servos in lines if any(servo.model for servo in servos)]
+    lines = [(port, *_together(look.servos)) for port, look in looks]
+    known = [(port, servos, others) for port, servos, others in lines if any(servo.model for servo in servos)]
     if not sensors and not known:
         return ""
     parts = [HEAD]
@@ -55,8 +55,9 @@ def configuration(looks: Sequence[tuple[str, Look]]) -> str:
     if len(sensors) < 2:
         parts.append(LEVERS)
     several = len(known) > 1
-    for i, (port, servos) in enumerate(known or [(NOWHERE, [PLACEHOLDER_SERVO])]):
+    for i, (port, servos, others) in enumerate(known or [(NOWHERE, [PLACEHOLDER_SERVO], [])]):
         parts.append("\n".join(_bus(port, servos, f"line{i + 1}_" if several else "")))
+        parts += [_left_out(servo) for servo in others]
     return "\n".join(parts)
 
 
@@ -65,15 +66,17 @@ LEVERS = """\
 """
 
 
-def _by_rate(servos: Sequence[FoundServo]) -> Iterator[list[FoundServo]]:
-    """The servos of one port, those of one baud rate and driver together: a port has one of each."""
-    kinds = sorted({(servo.driver, servo.baudrate) for servo in servos}, key=lambda kind: -_count(servos, kind))
-    for kind in kinds:
-        yield [servo for servo in servos if (servo.driver, servo.baudrate) == kind]
+def _together(servos: Sequence[FoundServo]) -> tuple[list[FoundServo], list[FoundServo]]:
+    """The servos of one port that one driver can read at one baud rate, as many as possible; and the others."""
+    kinds = [(servo.driver, servo.baudrate) for servo in servos]
+    best = max(kinds, key=kinds.count, default=None)
+    chosen = [servo for servo, kind in zip(servos, kinds, strict=True) if kind == best]
+    return chosen, [servo for servo in servos if servo not in chosen]
 
 
-def _count(servos: Sequence[FoundServo], kind: tuple[str, int]) -> int:
-    return sum((servo.driver, servo.baudrate) == kind for servo in servos)
+def _left_out(servo: FoundServo) -> str:
+    what = f"{servo.driver} {servo.model or servo.number}, id {servo.id}, at {servo.baudrate} baud"
+    return f"# left out: {what}: a port has one driver and one baud rate; set all servos on it to the same\n"
 
 
 def _sensor(name: str, port: str, sensor: FoundSensor) -> Iterator[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from struct import unpack
 
+from lostmotion.drivers.codec.dynamixel import BROADCAST, PING, Packet
 from lostmotion.drivers.codec.feetech import (
     IDENTITY,
     MODELS,
@@ -28,6 +29,12 @@ class VirtualFeetech(VirtualServo):
     def __init__(self, model: FeetechModel, id: int, motion: Motion, ahead: float = 0.0) -> None:
         self._kind = model
         super().__init__(model, id, motion, ahead)
+
+    def answer(self, packet: Packet, now: float) -> Packet | None:
+        """As any servo, but for SCS, which answer no ping for all."""
+        if packet.id == BROADCAST and packet.code == PING and self._kind.order == ">":
+            return None
+        return super().answer(packet, now)
 
     def _label(self) -> None:
         self._table[IDENTITY : IDENTITY + NUMBER] = FIRMWARE + bytes((self._kind.order == ">",))

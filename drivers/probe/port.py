@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from lostmotion.drivers.errors import PortError
 from lostmotion.drivers.probe import servos, streams
@@ -17,6 +17,8 @@ __all__ = ["LONGEST_S", "Look", "look"]
 
 LONGEST_S = 90.0
 """for one port; servos at two baud rates with an adapter as shipped take 40"""
+ALIKE = 3
+"""at so many baud rates the same servos answer: the port does not care for baud rates (USB inside, or an emulator)"""
 LISTENING = 0.1
 """share of the work that goes to listening, where nothing is heard"""
 
@@ -59,6 +61,15 @@ def look(path: str, progress: Step, longest_s: float = LONGEST_S) -> Look:
     return Look(chatter=heard) if heard is not None else _ask(path, step)
 
 
+def _cares_not(found: list[FoundServo]) -> tuple[FoundServo, ...]:
+    """The servos at the first of the baud rates, where all have answered alike at ALIKE of them; else none."""
+    rates = dict.fromkeys(servo.baudrate for servo in found)
+    groups = [[replace(servo, baudrate=0) for servo in found if servo.baudrate == rate] for rate in rates]
+    if len(groups) < ALIKE or any(group != groups[0] for group in groups):
+        return ()
+    return tuple(found[: len(groups[0])])
+
+
 def _ask(path: str, step: Step) -> Look:
     found, last = list[FoundServo](), ""
     for i, baudrate in enumerate(servos.RATES):
@@ -70,6 +81,8 @@ def _ask(path: str, step: Step) -> Look:
         try:
             port.open()
             found += servos.servos_at(port, part)
+            if once := _cares_not(found):
+                return Look(once)
         except PortError as error:  # not every adapter has every baud rate
             last = str(error)
         except _TimeOver:

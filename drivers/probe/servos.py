@@ -27,6 +27,8 @@ BROADCAST_S = 0.8
 ALONE_S = 0.022
 """how long one may take, with an FTDI adapter's latency of 16 ms as shipped; a later answer still counts"""
 LAST_ID = 252
+SHY_RATES, SHY_IDS = (1_000_000, 57_600, 115_200, 500_000), range(21)
+"""where servos are also looked for that answer no ping for all, as Feetech's SCS: usual baud rates and ids"""
 TRIES = 3
 TABLE = 6
 """bytes from address 0 on that tell model and id"""
@@ -68,20 +70,31 @@ def _modern(port: SerialPort) -> list[FoundServo]:
 
 
 def _classic(port: SerialPort, step: Step) -> list[FoundServo]:
-    """Those with the frames of protocol 1.0: all together, whose answers may collide, and if there are any one by one.
+    """Those with the frames of protocol 1.0: all together, whose answers may collide, and if there are any one by one;
+    where nothing answers, the usual ids are tried.
 
     An adapter that echoes repeats the question; no servo is believed before it has told its table.
     """
     ping = encode(Packet(BROADCAST, PING), 1)
     heard = _ask(port, ping, BROADCAST_S, lambda data: len(data) > len(ping))
-    if not heard.replace(ping, b""):
-        return []
     ids = {packet.id for packet in decoder(1).feed(heard) if packet is not None}
-    for id in range(LAST_ID + 1):
-        step(0.3 + 0.7 * id / LAST_ID)
-        ids |= {packet.id for packet in _answers(port, Packet(id, PING), 1, ALONE_S)}
+    if not heard.replace(ping, b""):
+        if port.baudrate in SHY_RATES:
+            ids = _alone(port, SHY_IDS, step)
+        if not ids:
+            return []
+    ids |= _alone(port, range(LAST_ID + 1), step)
     servos = (_asked(port, id) for id in sorted(ids) if id <= LAST_ID)
     return [servo for servo in servos if servo is not None]
+
+
+def _alone(port: SerialPort, ids: range, step: Step) -> set[int]:
+    """Those of some ids that answer a ping of their own; a late answer counts for whom it is from."""
+    found = set[int]()
+    for id in ids:
+        step(0.3 + 0.7 * id / LAST_ID)
+        found |= {packet.id for packet in _answers(port, Packet(id, PING), 1, ALONE_S)}
+    return found
 
 
 def _asked(port: SerialPort, id: int) -> FoundServo | None:

@@ -170,13 +170,15 @@ def test_wrong_calls_are_refused(tmp_path: Path) -> None:
 
 
 def test_servos_of_two_baud_rates_and_of_unknown_model(tmp_path: Path) -> None:
-    """Both lines of one port are in the file, each joint with its own name; a servo we do not know is a comment."""
+    """Two ports with equal ids get names of their own; a servo of unknown model or another baud rate is a comment."""
     twelve = [FoundServo("dynamixel", id, "AX-12A", 12, 1, 1_000_000) for id in (1, 2)]
     odd = FoundServo("dynamixel", 3, "", 4242, 2, 1_000_000)
-    text = configuration([("/dev/ttyUSB0", Look((*twelve, odd))), ("/dev/ttyUSB1", Look(tuple(twelve)))])
+    new = FoundServo("dynamixel", 9, "XL330-M288", 1200, 2, 57_600)
+    text = configuration([("/dev/ttyUSB0", Look((new, *twelve, odd))), ("/dev/ttyUSB1", Look(tuple(twelve)))])
     robot = config.loads(text, "robot.toml")
     assert [joint.name for joint in robot.joints] == ["line1_joint1", "line1_joint2", "line2_joint1", "line2_joint2"]
     assert "# id 3: model number 4242" in text
+    assert "# left out: dynamixel XL330-M288, id 9, at 57600 baud" in text
     assert configuration([("/dev/ttyUSB0", Look((odd,)))]) == ""
 
 
@@ -198,3 +200,11 @@ def test_what_the_kernel_knows(tmp_path: Path) -> None:
         (device / channel).write_text("0\n")
     assert [(chip.device, chip.name) for chip in iio_accelerometers(tmp_path / "iio")] == [("iio:device0", "adxl355")]
     assert nodes([0x80, 0x181, 0x701, 0x77F, 0x780, 0x701]) == (1, 127)
+
+
+@pytest.mark.slow
+def test_a_port_without_a_baud_rate(tmp_path: Path) -> None:
+    """Servos that answer alike at three baud rates are told once, at the most usual one, and the search ends."""
+    document = found(tmp_path, FeetechLine.of("STS3215", [1, 2], MOTION), None)
+    assert servos(document) == [("feetech", id, "STS3215", 1_000_000) for id in (1, 2)]
+    assert is_valid(tmp_path / "found.toml")
