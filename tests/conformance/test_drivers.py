@@ -83,7 +83,7 @@ def test_a_port_has_one_owner(rig: Rig, case: Case) -> None:
     second, _ = make(case, rig.emulator.paths[0])
     if get_driver(case.driver).shares:
         second.open()
-        assert len(collect(Rig(second, rig.names, None), 0.1)) >= 5
+        assert len(collect(second, 0.1)) >= 5
     else:
         with pytest.raises(PortError, match="is busy; likely cause"):
             second.open()
