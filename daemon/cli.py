@@ -106,7 +106,7 @@ def config_check(file: Path, as_json: bool) -> None:
     check(file, as_json)
 
 
-@cli.command(short_help="Check devices, rates, noise, clock and disk; or find what is plugged in.")
+@cli.command(short_help="Check the devices, or find what is plugged in.")
 @config_file
 @click.option("--find", is_flag=True, help="Look for servos, sensors and buses instead; needs no configuration.")
 @click.option("--port", multiple=True, metavar="PORT", help="With --find: only this serial port; again for more.")

@@ -38,6 +38,7 @@ COMMANDS = (
     "simulate",
     "status",
     "trend",
+    "web",
 )
 
 
