@@ -25,6 +25,7 @@ BUILT_IN = {
     "csv_serial": "lostmotion.drivers.csv_serial:DRIVER",
     "dynamixel": "lostmotion.drivers.dynamixel:DRIVER",
     "feetech": "lostmotion.drivers.feetech:DRIVER",
+    "iio": "lostmotion.drivers.iio:DRIVER",
     "replay": "lostmotion.drivers.replay:DRIVER",
     "simulated": "lostmotion.drivers.simulated:DRIVER",
     "witmotion": "lostmotion.drivers.witmotion:DRIVER",

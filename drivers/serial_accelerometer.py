@@ -17,7 +17,7 @@ from lostmotion.drivers.errors import DriverError
 from lostmotion.drivers.serial_port import SerialPort
 from lostmotion.drivers.timeline import Timeline
 
-__all__ = ["Format", "Readings", "SerialAccelerometer"]
+__all__ = ["Format", "Readings", "SerialAccelerometer", "check_rate"]
 
 WAIT_S = 0.25
 LOOK_S = 0.1
@@ -70,15 +70,10 @@ class SerialAccelerometer:
 
     def __init__(self, options: AccelerometerOptions, baudrate: int, form: Format, clock: Clock) -> None:
         """Raises DriverError when the rate is too low for the oscillator."""
-        oscillator, rate = options.oscillator.f_res_hz, options.rate_hz
-        if not 0 < oscillator < rate / 2:
-            raise DriverError(
-                f"accelerometer {options.name}: the oscillator rings at {oscillator:g} Hz, but {rate:g} samples/s show"
-                f" only frequencies below {rate / 2:g} Hz; expected a longer bar or a faster sensor"
-            )
+        check_rate(options)
         self.range_ms2 = form.range_ms2
         self._name = options.name
-        self._rate = rate
+        self._rate = rate = options.rate_hz
         self._form = form
         self._clock = clock
         self._port = SerialPort(options.port, baudrate)
@@ -160,3 +155,13 @@ class SerialAccelerometer:
             else:
                 count, last = count + good, now
         return (count, last - first, broken, seen) if first is not None and last is not None else (0, 0.0, broken, seen)
+
+
+def check_rate(options: AccelerometerOptions) -> None:
+    """Raises DriverError when the rate is too low for the oscillator."""
+    oscillator, rate = options.oscillator.f_res_hz, options.rate_hz
+    if not 0 < oscillator < rate / 2:
+        raise DriverError(
+            f"accelerometer {options.name}: the oscillator rings at {oscillator:g} Hz, but {rate:g} samples/s show"
+            f" only frequencies below {rate / 2:g} Hz; expected a longer bar or a faster sensor"
+        )

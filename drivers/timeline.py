@@ -37,10 +37,16 @@ class Timeline:
     ``stamped`` takes samples with the sensor's own times: a gap in them is filled with NaN and counted as lost.
     ``counted`` takes samples without: the clock is the number of samples so far times the period.  Samples that
     vanished without a trace show up as a step of that clock about a second later, and are counted then.
+
+    ``is_robot_time``: the stamps are robot times already, and are kept.
     """
 
-    def __init__(self, period: float, wraps: float | None = None, tick: float = 0.0) -> None:
+    def __init__(
+        self, period: float, wraps: float | None = None, tick: float = 0.0, is_robot_time: bool = False
+    ) -> None:
         self._period = period
+        self._is_robot_time = is_robot_time
+        self._told = -math.inf
         self._least = 0.0 if tick > COARSE * period else TINY
         self._ticks = Ticks(period, tick) if tick > COARSE * period else None
         self._counts = wraps is None
@@ -125,10 +131,23 @@ class Timeline:
         return advance + self._wraps if advance < -self._wraps / 2 else advance
 
     def _block(self, sensor: FloatArray, accel: FloatArray, arrival: float, lost: int, broken: int) -> AccelBlock:
+        if self._is_robot_time:
+            return self._kept(sensor, accel, arrival, lost, broken)
         steps = self._map.steps
         time = self._map.feed(sensor, arrival)
         if self._map.steps > steps and self._counts:
             lost = max(0, round(self._map.step / self._period))
+        return self._looked_at(time, accel, arrival, lost, broken)
+
+    def _kept(self, sensor: FloatArray, accel: FloatArray, arrival: float, lost: int, broken: int) -> AccelBlock:
+        """The block of stamps that are robot times; one set anew is where it was set to, but never before the last."""
+        time = sensor + (self._stamp - self._time)
+        if time[0] <= self._told:
+            time = np.maximum(time, self._told + TINY * np.arange(1, len(time) + 1))
+        self._told = float(time[-1])
+        return self._looked_at(time, accel, arrival, lost, broken)
+
+    def _looked_at(self, time: FloatArray, accel: FloatArray, arrival: float, lost: int, broken: int) -> AccelBlock:
         late = 0 if arrival - time[0] <= self._late else int(np.count_nonzero(arrival - time > self._late))
         return AccelBlock(time, accel, lost, late, broken)
 

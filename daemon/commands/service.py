@@ -154,7 +154,8 @@ def _udev() -> list[Step]:
     """The rules are read again and applied to what is plugged in; a container has no udev."""
     if shutil.which("udevadm") is None:
         return []
-    calls = (["control", "--reload"], ["trigger", "--subsystem-match=tty", "--subsystem-match=usb-serial"])
+    kinds = [f"--subsystem-match={kind}" for kind in ("tty", "usb-serial", "iio")]
+    calls = (["control", "--reload"], ["trigger", *kinds])
     return [Step(f"udevadm {' '.join(call)}", partial(_run, "udevadm", *call, check=False)) for call in calls]
 
 

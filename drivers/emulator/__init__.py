@@ -11,6 +11,7 @@
 
 from lostmotion.drivers.emulator.canopen import CanopenLine, VirtualDrive
 from lostmotion.drivers.emulator.feetech import FeetechLine, VirtualFeetech
+from lostmotion.drivers.emulator.iio import IioEmulator, IioSensor
 from lostmotion.drivers.emulator.motion import Motion
 from lostmotion.drivers.emulator.server import Device, Emulator
 from lostmotion.drivers.emulator.servos import ServoLine, VirtualServo
@@ -22,6 +23,8 @@ __all__ = [
     "Device",
     "Emulator",
     "FeetechLine",
+    "IioEmulator",
+    "IioSensor",
     "Motion",
     "ServoLine",
     "TextStream",

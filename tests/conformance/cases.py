@@ -19,6 +19,8 @@ from lostmotion.drivers.emulator import (
     Device,
     Emulator,
     FeetechLine,
+    IioEmulator,
+    IioSensor,
     Motion,
     ServoLine,
     TextStream,
@@ -44,19 +46,25 @@ class Case:
 
     joints, or else accelerometer: the keys of its tables beside name, driver and port.  hardware: makes the device on
     the port, silent: one of the same kind that gives no data; None for a driver that needs no device, whose port is a
-    recording in ``recording`` if it reads one.
+    recording in ``recording`` if it reads one.  port: the key that says where the device is.
     """
 
     id: str
     driver: str
     joints: Sequence[Options] = ()
     accelerometer: Options = field(default_factory=dict)
-    hardware: Callable[[], Device] | None = None
-    silent: Callable[[], Device] = lambda: TextStream(b"")
+    hardware: Callable[[], Device | IioSensor] | None = None
+    silent: Callable[[], Device | IioSensor] = lambda: TextStream(b"")
     robot: Options = field(default_factory=dict)
     reads_recording: bool = False
+    port: str = "port"
 
 
+ADXL345 = {
+    "sampling_frequency_available": "100 200 400 800 1600 3200",
+    "trigger/current_trigger": "",
+    **{f"scan_elements/in_timestamp_{what}": "" for what in ("en", "index", "type")},
+}
 TIP = {"accelerometer": "tip"}
 OSCILLATOR = {"oscillator": {"f_res_hz": 58.0}}
 SLCAN = {"interface": "slcan"}
@@ -150,6 +158,22 @@ CASES = (
         accelerometer={"rate_hz": 1000.0, **OSCILLATOR},
         hardware=lambda: CsvStream(MOTION, 1000, stamps=False),
     ),
+    Case(
+        "iio-stamped",
+        "iio",
+        accelerometer={"device": "adxl355", "rate_hz": 1000.0, **OSCILLATOR},
+        hardware=lambda: IioSensor(MOTION),
+        silent=lambda: IioSensor(MOTION, dead=True),
+        port="root",
+    ),
+    Case(
+        "iio-without-time",
+        "iio",
+        accelerometer={"device": "adxl345", "rate_hz": 800.0, **OSCILLATOR},
+        hardware=lambda: IioSensor(MOTION, 800, "adxl345", "le:s19/32>>0", files=ADXL345),
+        silent=lambda: IioSensor(MOTION, 800, "adxl345", "le:s19/32>>0", dead=True, files=ADXL345),
+        port="root",
+    ),
     Case("simulated-joints", "simulated", joints=[TIP]),
     Case("simulated-accelerometer", "simulated", accelerometer={"rate_hz": 1000.0, **OSCILLATOR}),
     Case("replay-joints", "replay", joints=[TIP], reads_recording=True),
@@ -163,18 +187,19 @@ class Rig:
 
     driver: ServoBus | Accelerometer
     names: tuple[str, ...]
-    emulator: Emulator | None
+    emulator: Emulator | IioEmulator | None
     subject: Subject
 
 
 @contextmanager
-def plugged(case: Case, folder: Path, device: Device | None = None) -> Iterator[Rig]:
+def plugged(case: Case, folder: Path, device: Device | IioSensor | None = None) -> Iterator[Rig]:
     """The driver of a case with its device, or another one, on the port."""
     with ExitStack() as stack:
         emulator, port = None, ""
         if case.hardware is not None:
-            emulator = stack.enter_context(Emulator(device or case.hardware(), link=folder / "tty"))
-            port = emulator.paths[0]
+            made = device or case.hardware()
+            here = IioEmulator(made, folder) if isinstance(made, IioSensor) else Emulator(made, link=folder / "tty")
+            emulator, port = stack.enter_context(here), here.paths[0]
         elif case.reads_recording:
             port = str(_recording(folder / "recording.csv"))
         driver, names = make(case, port)
@@ -191,7 +216,7 @@ def make(case: Case, port: str) -> tuple[ServoBus | Accelerometer, tuple[str, ..
 def subject(case: Case, port: str) -> Subject:
     """A case on a port, as the checks for any driver take it."""
     joints = [{"port": port, **joint} for joint in case.joints]
-    accelerometer = {} if joints else {"port": port, **case.accelerometer}
+    accelerometer = {} if joints else {case.port: port, **case.accelerometer}
     return Subject(case.driver, joints, accelerometer, case.robot)
 
 

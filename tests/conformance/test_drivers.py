@@ -17,8 +17,11 @@ from lostmotion.drivers.registry import get_driver, names
 from tests.conformance.cases import CASES, Case, Rig, make, plugged
 
 HARDWARE = [case for case in CASES if case.hardware is not None]
+LINES = [case for case in HARDWARE if case.port == "port"]
 every_driver = pytest.mark.parametrize("case", CASES, ids=lambda case: case.id)
 every_device = pytest.mark.parametrize("case", HARDWARE, ids=lambda case: case.id)
+
+every_line = pytest.mark.parametrize("case", LINES, ids=lambda case: case.id)
 
 
 @pytest.fixture
@@ -108,7 +111,7 @@ def test_unplugged_and_plugged_in_again(rig: Rig) -> None:
     assert last_time(collect(rig.driver, 0.3)) > before
 
 
-@every_device
+@every_line
 def test_another_device_on_the_port(case: Case, tmp_path: Path) -> None:
     """A GPS receiver is not taken for the device: no identity is right, each tells what was seen, and the gist of it,
     which is the same whatever bytes come in; no data come out."""
