@@ -111,6 +111,23 @@ def test_the_microcontroller_restarts() -> None:
     assert begun - 0.5 < after.time[-1] < ended + 0.5
 
 
+def test_micros_begins_again_after_71_minutes() -> None:
+    """The counter of 32 bits passes 0 while samples come: none is lost or broken, and the times go on evenly."""
+    stream = CsvStream(MOTION, 1000)
+    with Emulator(stream) as emulator:
+        sensor = accelerometer("csv_serial", emulator.paths[0], 1000, time_column=0)
+        sensor.open()
+        block(sensor, 0.2)
+        stream.clock_us = 2**32 - 1_500_000 - round(time.monotonic() * 1e6)
+        block(sensor, 0.2)  # the clock was set anew: the first reading at it costs one sample
+        assert (stream.clock_us + round(time.monotonic() * 1e6)) < 2**32
+        got = block(sensor, 1.8)
+        assert (stream.clock_us + round(time.monotonic() * 1e6)) > 2**32
+        sensor.close()
+    assert (got.lost, got.broken) == (0, 0)
+    assert np.abs(np.diff(got.time) - 1e-3).max() < 5e-4
+
+
 def test_columns_scale_and_range() -> None:
     """The chosen column times scale is m/s²; a reading beyond the range is a broken one."""
     made = form(time_column=1, time_unit="ms", column=2, scale=-9.81, range_ms2=20.0)
