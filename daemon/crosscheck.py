@@ -24,6 +24,7 @@ from lostmotion.drivers.base import AccelerometerOptions, JointOptions
 from lostmotion.drivers.clock import SystemClock
 from lostmotion.drivers.errors import LostmotionError
 from lostmotion.drivers.packages import is_there, missing
+from lostmotion.drivers.ros2_session import Ros2Network
 
 if TYPE_CHECKING:
     from lostmotion.daemon.config import Config
@@ -185,6 +186,9 @@ def _addresses(config: Config) -> None:
             f"metrics.listen: found {config.metrics.listen!r}, expected ADDRESS:PORT such as 127.0.0.1:9464 "
             "or [::1]:9464"
         )
+    for name, robot in config.robots.items():
+        if isinstance(robot, Ros2Network):
+            check_endpoints(f"{name}.connect", robot.connect)
     zenoh = config.zenoh
     if zenoh and (zenoh.config or any("_file=" in endpoint for endpoint in (*zenoh.connect, *zenoh.listen))):
         _zenoh_files(zenoh)

@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from lostmotion.drivers.ros2_session import Ros2Network
+
 if TYPE_CHECKING:
     from lostmotion.daemon.config import Config
     from lostmotion.daemon.options import CanOptions, ZenohOptions
@@ -28,7 +30,7 @@ class Socket:
     """of: the part of the service that opens it; reach: who can connect to it, "" where nobody can; plain: whether all
     who can do so without a certificate, and read what passes by."""
 
-    of: Literal["zenoh", "metrics", "can"]
+    of: Literal["zenoh", "metrics", "can", "ros2"]
     does: Literal["listens", "connects", "sends"]
     address: str
     reach: str = ""
@@ -42,6 +44,9 @@ def sockets(config: Config) -> tuple[Socket, ...]:
         found.append(_listening("metrics", config.metrics.listen))
     if config.alarm.can:
         found.append(_of_can(config.alarm.can))
+    for robot in config.robots.values():
+        if isinstance(robot, Ros2Network):
+            found += [Socket("ros2", "connects", endpoint) for endpoint in robot.connect]
     return tuple(sorted(found, key=lambda socket: socket.does != "listens"))
 
 

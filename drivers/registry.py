@@ -27,6 +27,7 @@ BUILT_IN = {
     "feetech": "lostmotion.drivers.feetech:DRIVER",
     "iio": "lostmotion.drivers.iio:DRIVER",
     "replay": "lostmotion.drivers.replay:DRIVER",
+    "ros2": "lostmotion.drivers.ros2:DRIVER",
     "simulated": "lostmotion.drivers.simulated:DRIVER",
     "witmotion": "lostmotion.drivers.witmotion:DRIVER",
 }

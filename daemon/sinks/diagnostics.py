@@ -1,29 +1,26 @@
-"""ROS 2's diagnostic_msgs/DiagnosticArray as rmw_zenoh sends it: key, liveliness tokens, attachment, CDR bytes.
+"""ROS 2's diagnostic_msgs/DiagnosticArray as rmw_zenoh sends it.  No I/O, no clock.
 
-No I/O, no clock.  Of ROS nothing is needed: CDR is little-endian XCDR1 (OMG DDS-RTPS 2.5, 10; here only u8, i32, u32
-and strings), the type's hash is that of REP 2011, keys and tokens are those of rmw_zenoh's design page.
+Of ROS nothing is needed: the form of keys and tokens stands in ``drivers/codec/rmw_zenoh.py``, CDR in
+``drivers/codec/cdr.py``.
 """
 
 from __future__ import annotations
 
 import math
-import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
 from lostmotion.daemon.records import AlarmRow, Cause, Health, JointRow, ScoreRow, micros
+from lostmotion.drivers.codec import rmw_zenoh
+from lostmotion.drivers.codec.cdr import CdrWriter
 
-__all__ = ["Board", "attachment", "key", "tokens"]
+__all__ = ["Board", "key", "tokens"]
 
 TOPIC = "diagnostics"
-TYPE = "diagnostic_msgs::msg::dds_::DiagnosticArray_"
+TYPE = "diagnostic_msgs/msg/DiagnosticArray"
 HASH = "RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e"
-QOS = "::,10:,:,:,,"
-"""reliable, volatile, keep the last ten: what diagnostic_updater uses, as differences from rmw_zenoh's default"""
 NODE = "lostmotion"
-LITTLE_ENDIAN = b"\x00\x01\x00\x00"
-GID_BYTES = 16
 LEVEL = {Health.OK: 0, Health.DEGRADED: 1, Health.WARNING: 1, Health.ERROR: 2}
 STALE = 3
 
@@ -78,56 +75,27 @@ class Board:
 def encode(statuses: Sequence[Status], time: datetime) -> bytes:
     """A DiagnosticArray in CDR, with its encapsulation header."""
     seconds, fraction = divmod(micros(time), 1_000_000)
-    cdr = Cdr()
-    cdr.number("<i", seconds)
-    cdr.number("<I", fraction * 1000)
+    cdr = CdrWriter()
+    cdr.number("i", seconds)
+    cdr.number("I", fraction * 1000)
     cdr.text("")
-    cdr.number("<I", len(statuses))
+    cdr.number("I", len(statuses))
     for status in statuses:
-        cdr.number("<B", status.level)
+        cdr.number("B", status.level)
         for text in (status.name, status.message, status.hardware_id):
             cdr.text(text)
-        cdr.number("<I", len(status.values))
+        cdr.number("I", len(status.values))
         for pair in status.values:
             for text in pair:
                 cdr.text(text)
-    return LITTLE_ENDIAN + cdr.data
-
-
-class Cdr:
-    """Bytes that grow; every number begins at a multiple of its size."""
-
-    def __init__(self) -> None:
-        self.data = b""
-
-    def number(self, form: str, value: int) -> None:
-        size = struct.calcsize(form)
-        self.data += bytes(-len(self.data) % size) + struct.pack(form, value)
-
-    def text(self, value: str) -> None:
-        """Length with the final NUL, then both."""
-        content = value.encode() + b"\0"
-        self.number("<I", len(content))
-        self.data += content
+    return cdr.data
 
 
 def key(domain: int) -> str:
     """The key under which subscribers of /diagnostics listen."""
-    return f"{domain}/{TOPIC}/{TYPE}/{HASH}"
+    return rmw_zenoh.data_key(domain, TOPIC, TYPE, HASH)
 
 
 def tokens(domain: int, robot: str, session: str) -> list[str]:
     """The liveliness tokens that show a node /<robot>/lostmotion, and its publisher, to ROS."""
-    node = f"%/%{_name(robot)}/{NODE}"
-    start = f"@ros2_lv/{domain}/{session}/0"
-    return [f"{start}/0/NN/{node}", f"{start}/1/MP/{node}/%{TOPIC}/{TYPE}/{HASH}/{QOS}"]
-
-
-def attachment(sequence: int, time_ns: int, gid: bytes) -> bytes:
-    """What rmw_zenoh wants with each message: number, time [ns since 1970], and who sent it (16 bytes)."""
-    return struct.pack("<qqB", sequence, time_ns, GID_BYTES) + gid
-
-
-def _name(robot: str) -> str:
-    """A robot's name as ROS allows it."""
-    return "".join(letter if letter.isalnum() else "_" for letter in robot)
+    return rmw_zenoh.tokens(domain, session, robot, NODE, TOPIC, TYPE, HASH)

@@ -10,7 +10,8 @@ from datetime import UTC, datetime
 
 import zenoh
 
-from lostmotion.daemon.sinks.diagnostics import GID_BYTES, Board, attachment, key, tokens
+from lostmotion.daemon.sinks.diagnostics import Board, key, tokens
+from lostmotion.drivers.codec.rmw_zenoh import GID_BYTES, attachment
 
 __all__ = ["Ros2Publisher"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,7 @@ from lostmotion.drivers.emulator import (
     TextStream,
     WitMotionStream,
 )
+from lostmotion.drivers.emulator.ros2 import Ros2Robot
 
 __all__ = ["CASES", "Case", "Rig", "make", "plugged", "subject"]
 
@@ -58,6 +59,8 @@ class Case:
     robot: Options = field(default_factory=dict)
     reads_recording: bool = False
     port: str = "port"
+    network: Callable[[], Ros2Robot] | None = None
+    """makes the robot on a network that the driver connects to"""
 
 
 ADXL345 = {
@@ -174,6 +177,18 @@ CASES = (
         silent=lambda: IioSensor(MOTION, 800, "adxl345", "le:s19/32>>0", dead=True, files=ADXL345),
         port="root",
     ),
+    Case(
+        "ros2-joints",
+        "ros2",
+        joints=[TIP, {"reference": "/controller_state", **TIP}],
+        network=lambda: Ros2Robot(MOTION),
+    ),
+    Case(
+        "ros2-accelerometer",
+        "ros2",
+        accelerometer={"rate_hz": 1000.0, "topic": "/imu", "range_ms2": 160.0, **OSCILLATOR},
+        network=lambda: Ros2Robot(MOTION),
+    ),
     Case("simulated-joints", "simulated", joints=[TIP]),
     Case("simulated-accelerometer", "simulated", accelerometer={"rate_hz": 1000.0, **OSCILLATOR}),
     Case("replay-joints", "replay", joints=[TIP], reads_recording=True),
@@ -202,6 +217,9 @@ def plugged(case: Case, folder: Path, device: Device | IioSensor | None = None) 
             emulator, port = stack.enter_context(here), here.paths[0]
         elif case.reads_recording:
             port = str(_recording(folder / "recording.csv"))
+        elif case.network is not None:
+            robot = stack.enter_context(case.network())
+            case = replace(case, robot={"connect": list(robot.paths)})
         driver, names = make(case, port)
         stack.callback(driver.close)
         yield Rig(driver, names, emulator, subject(case, port))

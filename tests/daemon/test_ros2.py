@@ -16,8 +16,9 @@ from rosbags.typesys import Stores, get_typestore
 from lostmotion.daemon.lifecycle import happen, raised
 from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.records import AlarmEvent, Cause, Health, JointRow, ScoreRow, Severity
-from lostmotion.daemon.sinks.diagnostics import HASH, Board, attachment, key, tokens
+from lostmotion.daemon.sinks.diagnostics import HASH, Board, key, tokens
 from lostmotion.daemon.sinks.zenoh import ZenohSink
+from lostmotion.drivers.codec.rmw_zenoh import attachment
 from tests.daemon.conftest import wait_until
 from tests.daemon.zenoh_world import session
 

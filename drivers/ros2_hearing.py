@@ -1,0 +1,178 @@
+"""Who is on a topic of ROS 2: what doctor and the service are told of a joint or sensor before it is listened to."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+
+from lostmotion.drivers.base import Identity
+from lostmotion.drivers.codec.cdr import CdrError
+from lostmotion.drivers.codec.rmw_zenoh import Endpoint, sent
+from lostmotion.drivers.codec.ros2_messages import DECODERS, IMU, JointsTold, imu_acceleration
+from lostmotion.drivers.ros2_session import Listener, Message
+from lostmotion.drivers.ros2_stamps import Source, clock_fault, stamped
+
+__all__ = ["REFERENCE", "Wanted", "decoded", "hear"]
+
+SILENCE_S, LISTEN_S = 2.5, 0.8
+"""how long to wait for a first message, and then to listen"""
+RATE_TOLERANCE = 0.1
+MOST_NAMES = 20
+REFERENCE = ", commanded: the controller's reference"
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What a joint or sensor of that name is to be heard on: a topic of one of these types; joint: its name there;
+    is_controlled: whether a controller's reference is wanted; rate_hz: of a sensor."""
+
+    name: str
+    topic: str
+    joint: str
+    types: tuple[str, ...]
+    is_controlled: bool = False
+    rate_hz: float = 0.0
+
+
+@dataclass(slots=True)
+class Heard:
+    """What came on one topic: messages with the times at which they were found [s]."""
+
+    messages: list[tuple[float, Message]] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class _Sum:
+    """What the messages of a topic come to."""
+
+    stamps: list[tuple[float, float]] = field(default_factory=list)
+    source: Source = Source.ARRIVAL
+    names: dict[str, set[bytes]] = field(default_factory=dict)
+    senders: set[bytes] = field(default_factory=set)
+    type: str = ""
+    broken: str = ""
+    has_reference: bool = False
+
+
+def hear(listener: Listener, wanted: Sequence[Wanted], now: Callable[[], float]) -> list[Identity]:
+    """Listens to all topics at once; an Identity for each that is wanted.  Raises PortError."""
+    heard = {topic: Heard() for topic in listener.topics}
+    for topic in heard:
+        listener.take(topic)
+    start, first = now(), dict[str, float]()
+    while any(now() < (first[topic] + LISTEN_S if topic in first else start + SILENCE_S) for topic in heard):
+        time.sleep(0.01)
+        for topic, one in heard.items():
+            moment = now()
+            if messages := listener.take(topic):
+                first.setdefault(topic, moment)
+                one.messages += [(moment, message) for message in messages]
+    listener.check()
+    shown = listener.publishers()
+    return [_identity(one, heard[one.topic], shown) for one in wanted]
+
+
+def _identity(wanted: Wanted, heard: Heard, shown: Sequence[Endpoint]) -> Identity:
+    what = f"joint {wanted.joint!r}" if wanted.joint else IMU
+    expected = f"{what} on {wanted.topic}" + (f" at {wanted.rate_hz:g} Hz" if wanted.rate_hz else "")
+
+    def wrong(found: str) -> Identity:
+        return Identity(wanted.name, found, expected, False)
+
+    if not heard.messages:
+        return wrong(_nothing(wanted, shown))
+    types = {message.type for _, message in heard.messages}
+    if other := types - {*wanted.types}:
+        return wrong(
+            f"{', '.join(sorted(other))} on {wanted.topic}, which is none of {', '.join(wanted.types)};"
+            " likely cause: another topic is meant"
+        )
+    total = _sum(wanted, heard)
+    if fault := _fault(wanted, total, shown):
+        return wrong(fault)
+    rate = _rate([stamp for _, stamp in total.stamps])
+    found = f"{what} at {rate:.0f} Hz, {total.source.value}" + (_command(wanted, total) if wanted.joint else "")
+    if wanted.rate_hz and not abs(rate / wanted.rate_hz - 1) <= RATE_TOLERANCE:
+        cause = "; likely cause: rate_hz is not what the sensor's node publishes"
+        about = f"{what} at about {float(f'{rate:.1g}'):g} Hz"
+        return Identity(wanted.name, found + cause, expected, False, about + cause)
+    return Identity(wanted.name, found, expected, True)
+
+
+def _command(wanted: Wanted, total: _Sum) -> str:
+    if total.has_reference:
+        return REFERENCE
+    return ", commanded: the measured position, as no controller's reference is given (the key reference)"
+
+
+def _nothing(wanted: Wanted, shown: Sequence[Endpoint]) -> str:
+    """Why a topic is silent, by the publishers there are."""
+    found = f"no message on {wanted.topic} in {SILENCE_S:g} s"
+    if here := sorted({one.node for one in shown if one.topic == wanted.topic}):
+        cause = "likely cause: its hardware or controller is not active"
+        return f"{found}, though {', '.join(here)} would publish it; {cause}"
+    fitting = sorted({one.topic for one in shown if one.type in wanted.types})
+    there = f"; there are {', '.join(fitting[:MOST_NAMES])}" if fitting else ", and no topic of a fitting type"
+    return f"{found}{there}; likely cause: another name, namespace or domain_id, or its node does not run"
+
+
+def _fault(wanted: Wanted, total: _Sum, shown: Sequence[Endpoint]) -> str:
+    """What is wrong with messages of the right type; "" for nothing."""
+    if total.broken:
+        return f"messages on {wanted.topic} that cannot be read: {total.broken}; likely cause: another type is meant"
+    if wanted.joint and wanted.joint not in total.names:
+        names = ", ".join(sorted(total.names)[:MOST_NAMES]) or "none"
+        return f"no joint {wanted.joint!r} on {wanted.topic}; there are {names}"
+    senders = total.names[wanted.joint] if wanted.joint else total.senders
+    if len(senders) > 1:
+        nodes = ", ".join(sorted({one.node for one in shown if one.topic == wanted.topic and one.node}))
+        return (
+            f"{len(senders)} publishers of {f'joint {wanted.joint!r}' if wanted.joint else 'one Imu'} on {wanted.topic}"
+            f" ({nodes}); expected one, as nobody can tell their values apart; likely cause: a node was started twice"
+        )
+    if wanted.is_controlled and not total.has_reference:
+        return f"no reference of joint {wanted.joint!r} on {wanted.topic}; likely cause: not the state of a controller"
+    if total.source is Source.ARRIVAL or len(total.stamps) < 2:
+        return ""
+    (first, start), (last, end) = total.stamps[0], total.stamps[-1]
+    return clock_fault(end - start, last - first)
+
+
+def _sum(wanted: Wanted, heard: Heard) -> _Sum:
+    total = _Sum()
+    for moment, message in heard.messages:
+        try:
+            stamp_ns, names, has_reference = _told(wanted, message)
+        except CdrError as error:
+            total.broken = str(error)
+            continue
+        seconds, total.source = stamped(stamp_ns, message.attached)
+        if not wanted.joint or wanted.joint in names:
+            total.stamps.append((moment, seconds if total.source is not Source.ARRIVAL else moment))
+            total.has_reference = has_reference
+        who = sent(message.attached)
+        for name in names:
+            total.names.setdefault(name, set()).update({who.gid} if who else ())
+        total.senders.update({who.gid} if who else ())
+    return total
+
+
+def _told(wanted: Wanted, message: Message) -> tuple[int, Iterable[str], bool]:
+    """The stamp of a message, the joints in it, and whether it tells what they are commanded."""
+    if not wanted.joint:
+        return imu_acceleration(message.data)[0], (), False
+    told = decoded(message)
+    return told.stamp_ns, told.names, bool(told.reference)
+
+
+def decoded(message: Message) -> JointsTold:
+    """The joints of a message.  Raises CdrError, also for a type that tells of none."""
+    if message.type not in DECODERS:
+        raise CdrError(f"found {message.type}, expected {', '.join(DECODERS)}")
+    return DECODERS[message.type](message.data)
+
+
+def _rate(times: Sequence[float]) -> float:
+    span = times[-1] - times[0] if len(times) > 1 else 0.0
+    return (len(times) - 1) / span if span > 0 else 0.0
