@@ -100,7 +100,7 @@ def test_every_truncation_is_refused(kind: str, is_little: bool) -> None:
     """A message that ends too soon is refused wherever it ends, as long as what is read is touched."""
     data, needed = example(kind, is_little)
     decode = imu_acceleration if kind == IMU else DECODERS[kind]
-    decode(data)
+    decode(data[:needed])
     for length in range(needed):
         with pytest.raises(CdrError, match=r"in the middle of a value|header of CDR"):
             decode(data[:length])
@@ -120,7 +120,7 @@ def example(kind: str, is_little: bool) -> tuple[bytes, int]:
         rest = TYPES["builtin_interfaces/msg/Duration"](0, 0)
         point = TYPES["trajectory_msgs/msg/JointTrajectoryPoint"](x, x, x, x, rest)
         data = written(TYPES[kind](head, ["a", "bc"], *[point] * 4, []), kind, is_little)
-        return data, len(data) - 2 * 100
+        return data, len(data) - 212  # two points of 104 bytes, and the count of no names, are not read
     vector, zeros = TYPES["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0), np.zeros(9)
     turned = TYPES["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
     data = written(TYPES[kind](head, turned, zeros, vector, zeros, vector, zeros), kind, is_little)
