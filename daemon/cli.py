@@ -258,7 +258,7 @@ cli.add_command(
     LateCommand("calibrate", "lostmotion.daemon.commands.calibrate_cli:calibrate", "Find the settings from recordings.")
 )
 cli.add_command(
-    LateCommand("web", "lostmotion.web.cli:web", "Serve the page: health, windows, calibration, laboratory.")
+    LateCommand("web", "lostmotion.web.cli:web", "Serve the page: health, alarms, history and windows, in a browser.")
 )
 cli.add_command(LateCommand("simulate", "lostmotion.lab.cli:simulate", "Make a recording from a model."))
 cli.add_command(LateCommand("effects", "lostmotion.lab.cli:effects", "The catalogue of effects, with their equations."))

@@ -108,10 +108,7 @@ class WebOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """``[web]``: where ``lostmotion web`` serves its page, and to whom.
 
     password_hash: an Argon2 hash, from ``lostmotion web --hash-password``; token_file: a file that holds a token for
-    programs; one of them is required beyond this computer.  certificate, key: files for TLS.  hosts: names under which
-    browsers reach the page, beside the address itself.  upload_mb: the largest recording that is taken [MB].
-    job_memory_mb, job_time_s: limits of a run of the laboratory.  own_effects: whether the page may run effects from
-    files of this computer.  connect: Zenoh endpoints of the fleet.
+    programs; one of them is required beyond this computer.  certificate, key: files for TLS.
     """
 
     listen: str = "127.0.0.1:8737"
@@ -119,12 +116,6 @@ class WebOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     token_file: str = ""
     certificate: str = ""
     key: str = ""
-    hosts: list[str] = []
-    upload_mb: Annotated[float, Meta(gt=0, le=10000)] = 200.0
-    job_memory_mb: Annotated[float, Meta(ge=200)] = 2000.0
-    job_time_s: Annotated[float, Meta(ge=1, le=86400)] = 600.0
-    own_effects: bool = False
-    connect: list[str] = []
 
 
 class AlarmOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -29,13 +29,12 @@ __all__ = ["create_app"]
 HERE = Path(__file__).parent
 UPLOT = HERE.parent / "lab" / "report" / "assets"
 SMALLEST_ZIPPED = 1000
-HANDLED: tuple[type[Exception], ...] = (LostmotionError, OSError, ValueError)
 
 
 def create_app(site: Site, keys: Keys) -> Starlette:
     """The ASGI application of a robot's page."""
     sessions = Sessions()
-    guard = Middleware(Guard, keys=keys, sessions=sessions, hosts=frozenset(site.options.hosts))
+    guard = Middleware(Guard, keys=keys, sessions=sessions)
     app = Starlette(
         routes=[*_routes()],
         middleware=[guard, Middleware(GZipMiddleware, minimum_size=SMALLEST_ZIPPED)],

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 import socket
 import sys
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 import msgspec
@@ -17,6 +17,9 @@ from lostmotion.daemon.commands import output
 from lostmotion.daemon.commands.where import find_config
 from lostmotion.daemon.options import WebOptions
 from lostmotion.drivers.errors import LostmotionError
+
+if TYPE_CHECKING:
+    from lostmotion.web.security import Keys
 
 __all__ = ["WebError", "web"]
 
@@ -42,12 +45,9 @@ class Address:
 @config_file
 @database
 @click.option("--listen", metavar="H:P", help="Address and port, instead of web.listen (127.0.0.1:8737).")
-@click.option("--connect", multiple=True, metavar="ENDPOINT", help="Zenoh endpoints of other robots, for the fleet.")
 @click.option("--hash-password", is_flag=True, help="Ask for a password and print its line for the configuration.")
-def web(
-    config: Path | None, database: Path | None, listen: str | None, connect: tuple[str, ...], hash_password: bool
-) -> None:
-    """Serve the page: health, windows, calibration, laboratory.
+def web(config: Path | None, database: Path | None, listen: str | None, hash_password: bool) -> None:
+    """Serve the page: health, alarms, history and windows, in a browser.
 
     On this computer alone, unless [web] has a password or a token.  Ctrl-C ends it.
     """
@@ -60,13 +60,11 @@ def web(
         output.print_lines([f'password_hash = "{security.hash_password(password)}"'])
         return
     options = find_config(config).web
-    given = {"listen": listen} if listen else {}
-    options = msgspec.structs.replace(options, **given, connect=list(connect) or options.connect)
+    options = msgspec.structs.replace(options, listen=listen or options.listen)
     address = _address(options)
     keys = security.Keys(options.password_hash, _token(options))
     _check(options, address, keys)
-    with tempfile.TemporaryDirectory(prefix="lostmotion-web-") as work:
-        _serve(config, database, options, address, keys, Path(work))
+    _serve(config, database, options, address, keys)
 
 
 def _address(options: WebOptions) -> Address:
@@ -88,34 +86,25 @@ def _token(options: WebOptions) -> str:
     return token
 
 
-def _check(options: WebOptions, address: Address, keys: object) -> None:
-    from lostmotion.web.security import Keys, is_loopback
+def _check(options: WebOptions, address: Address, keys: Keys) -> None:
+    from lostmotion.web.security import is_loopback
 
-    assert isinstance(keys, Keys)
     if keys.is_open and not is_loopback(address.host):
         raise WebError(
             f"web.listen: found {options.listen}, which others can reach, and no password; set web.password_hash "
             "(`lostmotion web --hash-password` makes it) or web.token_file, or listen on 127.0.0.1"
         )
-    if keys.is_open and options.hosts:
-        raise WebError(
-            f"web.hosts: found {', '.join(options.hosts)}, and no password; a page that others reach needs one"
-        )
     if bool(options.certificate) != bool(options.key):
         raise WebError("web.certificate and web.key: found one of them, expected both or none")
 
 
-def _serve(
-    config: Path | None, database: Path | None, options: WebOptions, address: Address, keys: object, work: Path
-) -> None:
+def _serve(config: Path | None, database: Path | None, options: WebOptions, address: Address, keys: Keys) -> None:
     import uvicorn
 
     from lostmotion.web.app import create_app
-    from lostmotion.web.security import Keys
     from lostmotion.web.site import Site
 
-    assert isinstance(keys, Keys)
-    app = create_app(Site.of(config, options, database, work), keys)
+    app = create_app(Site.of(config, database), keys)
     with _bound(options, address) as listener:
         port = listener.getsockname()[1]
         server = uvicorn.Server(

@@ -77,24 +77,24 @@ class News:
         """Looks at the database as long as anybody listens."""
         look: _Look | None = None
         pause = threading.Event()
-        waited = BEAT_S
+        waited, told = BEAT_S, ""
         try:
             while self._listeners and not self._closing:
+                is_due = waited >= BEAT_S or self._wake.is_set()
                 try:
                     look = look if look and look.is_of(self._site.database) else _Look.at(self._site, look)
-                    is_news = look.is_news()
-                    if is_news or waited >= BEAT_S or self._wake.is_set():
-                        self._wake.clear()
+                    if look.is_news() or is_due:
                         self._send("cards", cards(self._site, look.reader))
-                        waited = 0.0
+                        waited, told = 0.0, ""
                 except (LostmotionError, *DAMAGED) as error:
                     if look:
                         look.reader.close()
-                    look = None
-                    if waited >= BEAT_S or self._wake.is_set():
-                        self._wake.clear()
-                        self._send("trouble", {"text": " ".join(str(error).split())})
-                        waited = 0.0
+                    look, trouble = None, " ".join(str(error).split())
+                    if is_due or trouble != told:
+                        self._send("trouble", {"text": trouble})
+                        waited, told = 0.0, trouble
+                if is_due:
+                    self._wake.clear()
                 pause.wait(self._site.look_s)
                 waited += self._site.look_s
         finally:

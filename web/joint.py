@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from starlette.exceptions import HTTPException
@@ -129,9 +128,11 @@ def _open(site: Site, joint: str) -> Reader:
 
 
 def _span(request: Request, extent: tuple[datetime, datetime]) -> tuple[datetime, datetime]:
-    since, until = _time(request, "since") or extent[0], _time(request, "until") or extent[1]
+    """The times that are asked for, else all, the last window included."""
+    since = _time(request, "since") or extent[0]
+    until = _time(request, "until") or extent[1] + timedelta(microseconds=1)
     if until <= since:
-        until = datetime.fromtimestamp(math.floor(since.timestamp()) + 2, UTC)
+        raise HTTPException(422, "found until before since, expected it later")
     return since, until
 
 

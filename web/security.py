@@ -35,7 +35,6 @@ TRIES, TRIES_S = 5, 60.0
 """wrong passwords from one address within so long [s]; Argon2 takes 50 ms, so that guessing costs the robot little"""
 MOST_ADDRESSES = 1000
 SAFE = frozenset({"GET", "HEAD", "OPTIONS"})
-LOCAL_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
 HEADERS = {
     "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:;"
     " connect-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'",
@@ -160,9 +159,8 @@ class Guard:
 
     PUBLIC = ("/login", "/static/", "/health")
 
-    def __init__(self, app: App, keys: Keys, sessions: Sessions, hosts: frozenset[str]) -> None:
+    def __init__(self, app: App, keys: Keys, sessions: Sessions) -> None:
         self._app, self._keys, self._sessions = app, keys, sessions
-        self._hosts = LOCAL_NAMES | hosts
         self._anybody = Session()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -176,10 +174,8 @@ class Guard:
     def _refusal(self, scope: Scope) -> Response | None:
         """What is answered instead of a page; None where the request is allowed."""
         headers = Headers(scope=scope)
-        if self._keys.is_open and _hostname(headers.get("host", "")) not in self._hosts:
-            text = (
-                f"found the host {headers.get('host', '')[:80]!r}, expected one of this computer, or one of web.hosts\n"
-            )
+        if self._keys.is_open and not is_loopback(_hostname(headers.get("host", ""))):
+            text = f"found the host {headers.get('host', '')[:80]!r}, expected a name of this computer\n"
             return PlainTextResponse(text, 421)
         scheme, _, token = headers.get("authorization", "").partition(" ")
         if scheme.lower() == "bearer" and self._keys.is_token(token.strip()):

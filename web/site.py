@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import timedelta
 from functools import lru_cache
 from pathlib import Path
 
 from lostmotion.daemon.commands.where import ETC
 from lostmotion.daemon.config import Config, default, load
-from lostmotion.daemon.options import WebOptions
 from lostmotion.daemon.reader import Reader, open_readonly
 
 __all__ = ["Site"]
@@ -20,22 +19,18 @@ __all__ = ["Site"]
 class Site:
     """One robot's page.
 
-    config_file: None for the built-in simulated robot; database: instead of the configured one; options: ``[web]`` with
-    what the command line said.
+    config_file: None for the built-in simulated robot; given_database: instead of the configured one; look_s: how often
+    the database is looked at for news [s].
     """
 
     config_file: Path | None
-    options: WebOptions
     given_database: Path | None = None
     look_s: float = 0.05
-    """how often the database is looked at for news [s]"""
-    work: Path = field(default_factory=lambda: Path("/nonexistent"))
-    """a folder for uploads and jobs"""
 
     @classmethod
-    def of(cls, config_file: Path | None, options: WebOptions, database: Path | None, work: Path) -> Site:
+    def of(cls, config_file: Path | None, database: Path | None) -> Site:
         """The site of a configuration: that given, else the installed one, else the built-in one."""
-        return cls(config_file or (ETC if ETC.exists() else None), options, database, work=work)
+        return cls(config_file or (ETC if ETC.exists() else None), database)
 
     def config(self) -> Config:
         """The configuration as it is in the file now.  Raises ConfigError."""

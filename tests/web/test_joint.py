@@ -1,0 +1,125 @@
+"""A joint's page: the history, and the window behind a point."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from lostmotion.drivers.recording import read_recording
+from tests.web.conftest import Open, Serve, Site, overflow, violations
+from tests.web.world import F_RES_HZ, fill, robot
+
+
+def documents(site: Site, path: str) -> dict[str, object]:
+    """An answer of the page's interface."""
+    status, _, body = site.ask("GET", path)
+    assert status == 200, body
+    found: dict[str, object] = json.loads(body)
+    return found
+
+
+def ready(page: Page) -> None:
+    """Waits until the history is drawn."""
+    page.locator('#history[data-state="ready"] canvas').wait_for()
+
+
+@pytest.mark.parametrize(("width", "dark"), [(1100, False), (400, True)])
+def test_the_page_fits_and_is_accessible(tmp_path: Path, serve: Serve, look: Open, width: int, dark: bool) -> None:
+    """History, trend and newest window are there; nothing overflows; axe-core finds nothing."""
+    fill(tmp_path / "history.db")
+    page = look(f"{serve('--config', robot(tmp_path)).address}/joints/elbow", width=width, dark=dark)
+    ready(page)
+    expect(page.locator("#trend")).to_contain_text("is rising")
+    expect(page.locator("#history-words")).to_contain_text("400 windows")
+    expect(page.locator("#window-words")).to_contain_text("an impact")
+    page.locator("#wave canvas").wait_for()
+    page.locator("#spectrum canvas").wait_for()
+    assert overflow(page) <= 0
+    assert violations(page) == []
+
+
+def test_drag_zooms_click_shows_keys_move(tmp_path: Path, serve: Serve, look: Open) -> None:
+    """The mouse and the keyboard do the same: zoom, back to all, the window behind a point, two over each other."""
+    fill(tmp_path / "history.db")
+    page = look(f"{serve('--config', robot(tmp_path)).address}/joints/elbow")
+    ready(page)
+    expect(page.locator("#window-words")).to_contain_text("an impact")
+    box = page.locator("#history .u-over").bounding_box()
+    assert box is not None
+    middle = box["y"] + box["height"] / 2
+    page.mouse.move(box["x"] + 0.5 * box["width"], middle)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.75 * box["width"], middle, steps=5)
+    page.mouse.up()
+    expect(page.locator("#history-words")).to_contain_text(re.compile(r"^(9\d|10\d) windows"))
+    page.locator("#history").focus()
+    page.keyboard.press("Home")
+    expect(page.locator("#history-words")).to_contain_text("400 windows")
+    page.locator("#hold").click()
+    page.locator("#history .u-over").click(position={"x": 0.1 * box["width"], "y": 0.5 * box["height"]})
+    expect(page.locator("#window-words")).to_contain_text("no impact")
+    expect(page.locator("#window-words")).to_contain_text("Held:")
+    page.locator('input[name="of"][value="score"]').check()
+    ready(page)
+
+
+def test_series_keep_the_extremes(tmp_path: Path, serve: Serve) -> None:
+    """However few the pieces, the least and the largest score of all are among them, and no window is counted twice."""
+    fill(tmp_path / "history.db", count=400)
+    site = serve("--config", robot(tmp_path))
+    for pieces in (1, 7, 800):
+        columns = documents(site, f"/api/joints/elbow/series?pieces={pieces}")["columns"]
+        assert isinstance(columns, dict)
+        assert min(columns["score_low"]) == 1.0
+        assert max(columns["score_high"]) == pytest.approx(1 + 6 * 399 / 400)
+        assert sum(columns["count"]) >= 399
+        assert len(columns["count"]) <= pieces + 1
+
+
+def test_a_window_is_the_one_that_was_kept(tmp_path: Path, serve: Serve) -> None:
+    """Its spectrum has its largest amplitude at the bar's line, within the mask; its download is a recording."""
+    last = fill(tmp_path / "history.db")
+    site = serve("--config", robot(tmp_path))
+    picture = documents(site, f"/api/joints/elbow/window?time={last.timestamp()}")["picture"]
+    assert isinstance(picture, dict)
+    peak = picture["frequency"][int(np.argmax(picture["amplitude"]))]
+    (low, high) = picture["mask"][0]
+    assert low <= F_RES_HZ <= high
+    assert abs(peak - F_RES_HZ) <= 4.0
+    status, headers, body = site.ask("GET", f"/api/joints/elbow/window?time={last.timestamp()}&format=csv")
+    assert status == 200
+    assert "attachment" in headers["content-disposition"]
+    path = tmp_path / "window.csv"
+    path.write_bytes(body)
+    recording = read_recording(path)
+    assert recording.number("f_res_hz", 0.0) == F_RES_HZ
+    rows = list(csv.reader(line for line in body.decode().splitlines() if not line.startswith("#")))
+    assert [float(row[1]) for row in rows[1:]] == pytest.approx(picture["accel"], abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("path", "status", "words"),
+    [
+        ("/joints/nobody", 404, "no joint is called"),
+        ("/api/joints/elbow/series?pieces=0", 422, "pieces"),
+        ("/api/joints/elbow/series?pieces=1e9", 422, "pieces"),
+        ("/api/joints/elbow/series?since=zzz", 422, "found the time"),
+        ("/api/joints/elbow/series?since=1e300", 422, "found the time"),
+        ("/api/joints/elbow/window?time=nan", 422, "found the time"),
+        ("/no/such/page", 404, "Not Found"),
+    ],
+)
+def test_bad_questions_get_a_sentence(tmp_path: Path, serve: Serve, path: str, status: int, words: str) -> None:
+    """A status and what was found; never a traceback."""
+    fill(tmp_path / "history.db", count=20)
+    site = serve("--config", robot(tmp_path))
+    found, _, body = site.ask("GET", path, accept="text/html")
+    assert found == status
+    assert words in body.decode()
+    assert "Traceback" not in body.decode() + site.log

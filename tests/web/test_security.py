@@ -1,0 +1,161 @@
+"""Who may see and change what: host, password, token, session, origin, headers; what `lostmotion web` refuses."""
+
+from __future__ import annotations
+
+import socket
+from pathlib import Path
+from urllib.parse import urlencode
+
+import pytest
+
+from lostmotion.web.security import Throttle, hash_password
+from tests.daemon.cli_world import call, is_one_line
+from tests.web.conftest import Serve, Site
+from tests.web.world import fill, robot
+
+PASSWORD = "correct horse"
+ACK = {"joint": "elbow", "verb": "ack"}
+
+
+@pytest.fixture
+def locked(tmp_path: Path, serve: Serve) -> Site:
+    """A page with a password and a token."""
+    fill(tmp_path / "history.db", count=20)
+    (tmp_path / "token").write_text("t" * 32)
+    lines = f'[web]\npassword_hash = "{hash_password(PASSWORD)}"\ntoken_file = "token"\n'
+    return serve("--config", robot(tmp_path, extra=lines))
+
+
+@pytest.fixture
+def open_site(tmp_path: Path, serve: Serve) -> Site:
+    """A page on this computer alone."""
+    fill(tmp_path / "history.db", count=20)
+    return serve("--config", robot(tmp_path))
+
+
+def log_in(site: Site, password: str = PASSWORD, **headers: str) -> tuple[int, dict[str, str], bytes]:
+    """The form, sent."""
+    form = urlencode({"password": password}).encode()
+    return site.ask("POST", "/login", form, content_type="application/x-www-form-urlencoded", **headers)
+
+
+def test_a_foreign_name_is_not_answered(open_site: Site) -> None:
+    """DNS rebinding: a page of evil.example that resolves to this computer sees nothing."""
+    for host in ("evil.example", "evil.example:8737", "", "127.0.0.1.evil.example"):
+        status, _, body = open_site.ask("GET", "/", host=host)
+        assert status in (400, 421), host
+        assert b"elbow" not in body
+    assert open_site.ask("GET", "/", host="localhost:1")[0] == 200
+
+
+def test_changes_need_origin_and_token(open_site: Site) -> None:
+    """A form of another page, a missing or a wrong token change nothing; the page's own token does."""
+    token = open_site.csrf()
+    for headers in ({}, {"x_csrf_token": "x"}, {"x_csrf_token": token, "origin": "https://evil.example"},
+                    {"x_csrf_token": token, "sec_fetch_site": "cross-site"}):  # fmt: skip
+        assert open_site.ask("POST", "/api/alarms", ACK, **headers)[0] == 403, headers
+    status, _, body = open_site.ask("POST", "/api/alarms", ACK, x_csrf_token=token, origin=open_site.address)
+    assert status == 200, body
+    assert b"acknowledged" in body
+
+
+def test_without_the_password_nothing_is_seen(locked: Site) -> None:
+    """Pages lead to the form, scripts get 401; wrong passwords get neither, and after five of them one waits."""
+    status, headers, _ = locked.ask("GET", "/", accept="text/html")
+    assert (status, headers["location"]) == (303, "/login")
+    for path in ("/api/status", "/api/events", "/joints/elbow", "/api/joints/elbow/series"):
+        assert locked.ask("GET", path)[0] == 401
+    assert locked.ask("POST", "/api/alarms", ACK)[0] == 401
+    assert [log_in(locked, "wrong")[0] for _ in range(5)] == [401] * 5
+    assert log_in(locked)[0] == 429
+
+
+def test_a_session_begins_and_ends(locked: Site) -> None:
+    """The cookie is the browser's alone; with it the page answers until one logs out."""
+    status, headers, _ = log_in(locked)
+    assert status == 303
+    cookie = headers["set-cookie"]
+    assert "HttpOnly" in cookie
+    assert "samesite=strict" in cookie.lower()
+    name = cookie.split(";")[0]
+    status, _, body = locked.ask("GET", "/", cookie=name)
+    assert status == 200
+    token = body.decode().split('name="csrf" content="')[1].split('"')[0]
+    assert locked.ask("POST", "/api/alarms", ACK, cookie=name)[0] == 403
+    assert locked.ask("POST", "/api/alarms", ACK, cookie=name, x_csrf_token=token)[0] == 200
+    assert locked.ask("POST", "/logout", b"", cookie=name, x_csrf_token=token)[0] == 303
+    assert locked.ask("GET", "/api/status", cookie=name)[0] == 401
+
+
+def test_a_program_has_a_token(locked: Site) -> None:
+    """A bearer token reads and changes; another one does not."""
+    assert locked.ask("GET", "/api/status", authorization=f"Bearer {'t' * 32}")[0] == 200
+    assert locked.ask("POST", "/api/alarms", ACK, authorization=f"Bearer {'t' * 32}")[0] == 200
+    assert locked.ask("GET", "/api/status", authorization=f"Bearer {'u' * 32}")[0] == 401
+
+
+def test_every_answer_has_its_headers(open_site: Site) -> None:
+    """No inline script, no frame, no sniffing, no cache; also of errors and static files."""
+    for path in ("/", "/nothing", "/static/web.css", "/api/status"):
+        _, headers, body = open_site.ask("GET", path)
+        policy = headers["content-security-policy"]
+        assert "unsafe" not in policy
+        assert "frame-ancestors 'none'" in policy
+        assert headers["x-content-type-options"] == "nosniff"
+        assert b"<script>" not in body
+    assert open_site.ask("GET", "/static/../web.css")[0] == 404
+    assert open_site.ask("GET", "/static/%2e%2e/app.py")[0] == 404
+
+
+@pytest.mark.parametrize(
+    "body", [b"", b"[]", b"{", b'{"joint": "elbow", "verb": "erase"}', b'{"joint": "elbow", "verb": "shelve"}',
+             b'{"joint": "nobody", "verb": "ack"}', b"x" * 20_000]
+)  # fmt: skip
+def test_bad_requests_are_refused(open_site: Site, body: bytes) -> None:
+    """A status from 400 to 499 and a sentence."""
+    status, _, answer = open_site.ask("POST", "/api/alarms", body, x_csrf_token=open_site.csrf())
+    assert 400 <= status < 500
+    assert b"error" in answer
+
+
+@pytest.mark.parametrize(
+    ("lines", "arguments", "words"),
+    [
+        ("", ["--listen", "0.0.0.0:8737"], ["which others can reach", "web.password_hash"]),
+        ("", ["--listen", "nowhere"], ["web.listen", "ADDRESS:PORT"]),
+        ("", ["--listen", "127.0.0.1:99999"], ["web.listen"]),
+        ('[web]\ntoken_file = "gone"\n', [], ["web.token_file", "gone"]),
+        ('[web]\ncertificate = "a.pem"\n', [], ["web.key"]),
+        ("[web]\ncolour = 1\n", [], ["web.colour: unknown key"]),
+    ],
+)
+def test_what_would_be_open_to_the_world_is_refused(
+    tmp_path: Path, lines: str, arguments: list[str], words: list[str]
+) -> None:
+    """One line, status 2."""
+    result = call("web", "--config", robot(tmp_path, extra=lines), *arguments)
+    assert is_one_line(result, *words), result.output
+
+
+def test_a_port_that_is_taken_is_named(tmp_path: Path) -> None:
+    """One line, status 2."""
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        result = call("web", "--config", robot(tmp_path), "--listen", f"127.0.0.1:{other.getsockname()[1]}")
+    assert is_one_line(result, "cannot be had", "another program")
+
+
+def test_the_throttle_forgets() -> None:
+    """Five failures within the time wait; a right password, or the time, ends it."""
+    throttle = Throttle(tries=2, within_s=1e-9)
+    throttle.fail("a")
+    throttle.fail("a")
+    assert throttle.wait_s("a") == 0.0
+    throttle = Throttle(tries=2, within_s=60.0)
+    throttle.fail("a")
+    throttle.fail("a")
+    assert 59 < throttle.wait_s("a") <= 60
+    assert throttle.wait_s("b") == 0.0
+    throttle.forgive("a")
+    assert throttle.wait_s("a") == 0.0
