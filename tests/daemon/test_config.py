@@ -147,7 +147,7 @@ def test_lever_arms() -> None:
         (
             'driver = "witmotion"',
             "driver = 3",
-            "'tip'.driver: found 3, expected one of can, canopen, csv_serial, iio, replay, simulated, witmotion",
+            "'tip'.driver: found 3, expected one of can, canopen, csv_serial, iio, replay, ros2, simulated, witmotion",
         ),
         (WITMOTION, 'driver = "replay"', "'replay' lives in a time of its own"),
         ('accelerometer = "tip"', 'accelerometer = "top"', "joint 'elbow'.accelerometer: found 'top'"),
