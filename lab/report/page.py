@@ -16,7 +16,7 @@ from lostmotion.lab.compare import Comparison
 from lostmotion.lab.report import findings, fitted, misfit
 from lostmotion.lab.report.signals import packed, signals
 from lostmotion.lab.report.tags import Html, Section, paragraphs
-from lostmotion.lab.report.views import Trace, traces
+from lostmotion.lab.report.views import Trace, before, traces
 from lostmotion.lab.results import Explanation, Fit, Ladder
 
 __all__ = ["write_report"]
@@ -40,18 +40,11 @@ def write_report(
     """
     explanation = explanation or (ladder.last if ladder else None)
     fit = fit or (explanation.best if explanation else None)
-    drawn = tuple(traces(fit, comparison, _before(fit, explanation)))
+    drawn = tuple(traces(fit, comparison, before(fit, explanation)))
     sections = _sections(drawn, comparison, fit, explanation, ladder, tap)
     text = _page(title, _subtitle(comparison or fit), sections, drawn)
     with replacing(path) as file:
         file.write(text)
-
-
-def _before(fit: Fit | None, explanation: Explanation | None) -> Fit | None:
-    """The model without what was found, where something was."""
-    if fit is None or explanation is None or explanation.base.model.effects == fit.model.effects:
-        return None
-    return explanation.base
 
 
 def _sections(

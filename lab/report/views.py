@@ -16,11 +16,11 @@ from lostmotion.lab import words
 from lostmotion.lab.compare import Comparison
 from lostmotion.lab.experiment import Experiment
 from lostmotion.lab.predict import predict
-from lostmotion.lab.results import Fit
+from lostmotion.lab.results import Explanation, Fit
 from lostmotion.model import Trajectory
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Amplitudes", "Trace", "amplitudes", "traces"]
+__all__ = ["Amplitudes", "Trace", "amplitudes", "before", "traces"]
 
 LEAST_SAMPLES = 16
 SEGMENTS = 8
@@ -94,6 +94,13 @@ def traces(fit: Fit | None, comparison: Comparison | None = None, before: Fit | 
                 experiment.name, column, experiment.time[there], measured[there], now[i][column][there],
                 noise.get(column, math.nan), then[i][column][there] if then else None,
             )  # fmt: skip
+
+
+def before(fit: Fit | None, explanation: Explanation | None) -> Fit | None:
+    """The model without what was found, where something was."""
+    if fit is None or explanation is None or explanation.base.model.effects == fit.model.effects:
+        return None
+    return explanation.base
 
 
 def amplitudes(trace: Trace, comparison: Comparison | None = None) -> Amplitudes | None:

@@ -1,0 +1,58 @@
+"""``--curves``: what the report draws over time, as JSON for programs that draw it themselves."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lostmotion.drivers.recording import replacing
+from lostmotion.lab.compare import Comparison
+from lostmotion.lab.report.views import Trace, before, traces
+from lostmotion.lab.results import Explanation, Fit, Ladder
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["write_curves"]
+
+DIGITS = 6
+"""of each number: beyond what any plot shows"""
+
+
+def write_curves(path: Path, found: Comparison | Fit | Explanation | Ladder) -> None:
+    """Writes each column of each recording: measured, modelled, and modelled without what was found.
+
+    A file of that name is replaced, once all is written.  Raises RecordingError when it cannot be written.
+    """
+    document = [_document(trace) for trace in _traces(found)]
+    with replacing(path) as file:
+        json.dump(document, file, ensure_ascii=False, allow_nan=False)
+
+
+def _traces(found: Comparison | Fit | Explanation | Ladder) -> tuple[Trace, ...]:
+    if isinstance(found, Comparison):
+        return tuple(traces(None, found))
+    if isinstance(found, Fit):
+        return tuple(traces(found))
+    explanation = found.last if isinstance(found, Ladder) else found
+    return tuple(traces(explanation.best, before=before(explanation.best, explanation)))
+
+
+def _document(trace: Trace) -> dict[str, Any]:
+    return {
+        "recording": trace.recording,
+        "column": trace.column,
+        "what": trace.what,
+        "unit": trace.unit,
+        "noise": trace.noise if np.isfinite(trace.noise) else None,
+        "time": trace.time.round(9).tolist(),
+        "measured": _numbers(trace.measured),
+        "modelled": _numbers(trace.modelled),
+        "before": None if trace.before is None else _numbers(trace.before),
+    }
+
+
+def _numbers(values: FloatArray) -> list[float | None]:
+    """A model that is wrong may run away: JSON knows neither NaN nor infinity."""
+    return [float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None for value in values]

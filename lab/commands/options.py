@@ -1,0 +1,52 @@
+"""Arguments that several commands of the lab share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from lostmotion.lab.commands.duration import DURATION
+
+__all__ = [
+    "budget_option",
+    "curves_option",
+    "effect_option",
+    "executor_option",
+    "json_option",
+    "model_argument",
+    "output_option",
+    "progress_option",
+    "recordings_argument",
+    "report_option",
+]
+
+model_argument = click.argument("model")
+recordings_argument = click.argument(
+    "recordings", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="REC..."
+)
+output_option = click.option(
+    "-o", "--output", type=click.Path(path_type=Path), required=True, metavar="MODEL2", help="Model file to write."
+)
+executor_option = click.option(
+    "--executor", metavar="SPEC", help="Where to compute: threads:N, processes:N or dask=HOST:PORT.  [default: threads]"
+)
+report_option = click.option(
+    "--report", type=click.Path(path_type=Path), metavar="F.html", help="Write a report to open in a browser."
+)
+curves_option = click.option(
+    "--curves", type=click.Path(path_type=Path), metavar="F.json",
+    help="Write what the report draws over time: measured, modelled, and modelled without what was found.",
+)  # fmt: skip
+budget_option = click.option(
+    "--budget", "budget_s", type=DURATION, default="60s", show_default=True, metavar="TIME",
+    help="After so long no further effect is looked for; the answer says what was not tried.",
+)  # fmt: skip
+effect_option = click.option(
+    "--effect", "effects", multiple=True, metavar="FILE.py:FUNCTION", help="Your own effect, beside the catalogue."
+)
+json_option = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else there.")
+progress_option = click.option(
+    "--progress", type=click.Choice(["bar", "json"]), default="bar", show_default=True,
+    help="On stderr: a bar on a terminal, or for programs a line of JSON whenever something begins.",
+)  # fmt: skip

@@ -1,0 +1,59 @@
+"""What every command of the lab leaves for programs: the report, the curves, the JSON document with plain words."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import click
+
+from lostmotion.lab import verdict, words
+from lostmotion.lab.compare import Comparison
+from lostmotion.lab.results import Explanation, Fit, Ladder
+
+__all__ = ["told"]
+
+Found = Comparison | Fit | Explanation | Ladder
+
+
+def told(found: Found, kind: str, report: Path | None, curves: Path | None, *, as_json: bool) -> bool:
+    """Writes what was asked for; whether that is all, as a program reads it.  kind: what the report calls it."""
+    if report is not None:
+        from lostmotion.lab.report import write_report
+
+        write_report(report, **{kind: found})  # type: ignore[arg-type]
+    if curves is not None:
+        from lostmotion.lab.commands.curves import write_curves
+
+        write_curves(curves, found)
+    if as_json:
+        click.echo(json.dumps({**found.document(), **_in_words(found)}, ensure_ascii=False, allow_nan=False))
+    return as_json
+
+
+def _in_words(found: Found) -> dict[str, Any]:
+    """The sentences of a person; of effects also what they are called, and what to look at on the robot."""
+    if isinstance(found, Comparison):
+        return {"words": verdict.of_comparison(found)}
+    if isinstance(found, Fit):
+        return {"words": verdict.of_fit(found)}
+    if isinstance(found, Ladder):
+        return {"words": verdict.of_ladder(found), **_effects(found.last)}
+    return {"words": verdict.of_explanation(found), **_effects(found)}
+
+
+def _effects(explanation: Explanation) -> dict[str, Any]:
+    mentioned = dict.fromkeys(_mentioned(explanation))
+    return {
+        "names": {effect: words.name(effect) for effect in mentioned},
+        "look": {effect: text for effect in explanation.missing if (text := words.look(effect))},
+        "seen_from": verdict.detectable(explanation),
+    }
+
+
+def _mentioned(explanation: Explanation) -> Iterable[str]:
+    yield from explanation.best.model.effects
+    yield from (entry.effect for entry in explanation.ranking)
+    yield from explanation.untried
