@@ -60,7 +60,7 @@ EXTREMES = ("time_us", "count", "impacts", "score_low", "score_high", "level", "
             "play_low", "play_high")  # fmt: skip
 EXTREMES_OF = (
     "SELECT min(time_us), count(*), sum(impact), min(score), max(score), max(level), min(severity), max(severity),"
-    " min(play), max(play) {of} GROUP BY (time_us - :since) / :width ORDER BY 1"
+    " min(play), max(play) {of}"
 )
 WINDOW_OF = " WHERE joint_id = (SELECT id FROM joint WHERE name = ?)"
 BATCH = 5000
@@ -314,7 +314,13 @@ class Reader:
         gives one row in time order with the columns of EXTREMES.  NULL for a piece without such a value."""
         span = _bounds(joint, since, until, None)
         width = max(-(-(span["until"] - span["since"]) // pieces), 1)
-        return self._db.execute(EXTREMES_OF.format(of=self.OF), span | {"width": width}).fetchall()
+        # A question for each piece takes half the time of GROUP BY, which sorts a million rows that are in order.
+        query, rows = EXTREMES_OF.format(of=self.OF), []
+        for start in range(span["since"], span["until"], width):
+            piece = span | {"since": start, "until": min(start + width, span["until"])}
+            row = self._db.execute(query, piece).fetchone()
+            rows += [row] if row[0] is not None else []
+        return rows
 
     def extent(self, joint: str) -> tuple[datetime, datetime] | None:
         """The times of a joint's first and last scores; None without any."""

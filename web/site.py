@@ -35,7 +35,7 @@ class Site:
     def config(self) -> Config:
         """The configuration as it is in the file now.  Raises ConfigError."""
         if self.config_file is None:
-            return default()
+            return _built_in()
         try:
             changed = self.config_file.stat().st_mtime_ns
         except OSError:
@@ -61,6 +61,11 @@ class Site:
     def spark_span(self) -> timedelta:
         """What the small curves of the first page show."""
         return timedelta(days=365)
+
+
+@lru_cache(maxsize=1)
+def _built_in() -> Config:
+    return default()
 
 
 @lru_cache(maxsize=4)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from contextlib import suppress
 from typing import Any
 
@@ -16,6 +17,7 @@ from lostmotion.drivers.codec.cdr import CdrError
 from lostmotion.drivers.codec.ros2_messages import DECODERS, JointsTold, imu_acceleration
 from lostmotion.drivers.emulator.ros2 import STATE, typestore
 
+EXAMPLES = int(os.environ.get("LOSTMOTION_EXAMPLES", "400"))
 STORES = {"old": typestore("old"), "new": typestore("new")}
 ROS = STORES["new"]
 TYPES = ROS.types
@@ -38,7 +40,7 @@ def written(message: Any, kind: str, is_little: bool, layout: str = "new") -> by
     return bytes(STORES[layout].serialize_cdr(message, kind, little_endian=is_little))
 
 
-@settings(max_examples=30_000, deadline=None)
+@settings(max_examples=EXAMPLES, deadline=None)
 @given(seconds, fractions, frames, names, seeds, st.tuples(*[st.booleans()] * 3), orders)
 def check_joint_states(
     sec: int, nanosec: int, frame: str, joints: list[str], seed: int, told: tuple[bool, ...], is_little: bool
@@ -50,7 +52,7 @@ def check_joint_states(
     assert DECODERS[JOINT_STATE](data) == expected
 
 
-@settings(max_examples=30_000, deadline=None)
+@settings(max_examples=EXAMPLES, deadline=None)
 @given(seconds, fractions, frames, seeds, orders)
 def check_imus(sec: int, nanosec: int, frame: str, seed: int, is_little: bool) -> None:
     x = np.random.default_rng(seed).normal(size=37)
@@ -63,7 +65,7 @@ def check_imus(sec: int, nanosec: int, frame: str, seed: int, is_little: bool) -
     assert told == (sec * 10**9 + nanosec, *x[25:28].tolist())
 
 
-@settings(max_examples=30_000, deadline=None)
+@settings(max_examples=EXAMPLES, deadline=None)
 @given(frames, names, seeds, orders, st.sampled_from(["old", "new"]))
 def check_controllers(frame: str, joints: list[str], seed: int, is_little: bool, layout: str) -> None:
     x = np.random.default_rng(seed).normal(size=(4, len(joints)))
@@ -79,7 +81,7 @@ def check_controllers(frame: str, joints: list[str], seed: int, is_little: bool,
     assert told.velocity == tuple(x[2])
 
 
-@settings(max_examples=20_000, deadline=None)
+@settings(max_examples=EXAMPLES, deadline=None)
 @given(st.sampled_from([*DECODERS.values(), imu_acceleration]), st.binary(max_size=300), seeds)
 def check_any_bytes(decode: Any, data: bytes, seed: int) -> None:
     for head in (b"", b"\x00\x01\x00\x00", b"\x00\x00\x00\x00"):

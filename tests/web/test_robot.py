@@ -25,6 +25,23 @@ from tests.web.world import HOSTILE, fill, robot
 __all__ = ["start"]
 
 
+def test_ten_pages_of_a_browser_hear_the_news(tmp_path: Path, serve: Serve, look: Open) -> None:
+    """A browser opens six connections to a server; the tenth page comes, and all ten hear of a new score."""
+    fill(tmp_path / "history.db", count=40)
+    site = serve("--config", robot(tmp_path))
+    pages = [look(site.address)]
+    for _ in range(9):
+        page = pages[0].context.new_page()
+        page.goto(site.address)
+        pages.append(page)
+    pages[3].close()
+    store = Store(tmp_path / "history.db", "arm1")
+    store.add(ScoreRow("elbow", datetime.now(UTC), 0.25, 77.25, 4.0, True))
+    store.close()
+    for page in pages[:3] + pages[4:]:
+        expect(page.locator('[data-joint="elbow"].card [data-field="score"]')).to_have_text(re.compile(r"77\.2"))
+
+
 @pytest.mark.parametrize(("width", "dark"), [(1100, False), (400, True)])
 def test_the_page_fits_and_is_accessible(tmp_path: Path, serve: Serve, look: Open, width: int, dark: bool) -> None:
     """Health, reason, score, alarm and the unplugged device are there; nothing overflows; axe-core finds nothing."""

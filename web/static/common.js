@@ -1,5 +1,7 @@
 // What all pages share: asking the server, the news as it comes, the banner.
 
+import { open } from "./source.js";
+
 const csrf = document.querySelector('meta[name="csrf"]').content;
 
 export async function ask(address, body) {
@@ -37,18 +39,27 @@ export function element(tag, properties = {}, ...children) {
 
 // Listens to the robot's news; a lost connection is said, and found again by the browser.
 export function listen(handlers) {
-  const source = new EventSource("/api/events");
-  source.addEventListener("open", () => say(""));
-  source.addEventListener("trouble", (event) => say(JSON.parse(event.data).text));
-  source.addEventListener("error", () => {
-    say("The connection to this page's server is lost; it is tried again.");
-    if (source.readyState === EventSource.CLOSED) ask("/api/status").then(() => location.reload(), (error) => say(error.message));
-  });
-  for (const [name, handler] of Object.entries(handlers)) {
-    source.addEventListener(name, (event) => { say(""); handler(JSON.parse(event.data)); });
+  addEventListener("pageshow", (event) => event.persisted && location.reload());
+  const tell = ({ name, data, closed }) => {
+    if (name === "trouble") say(data.text);
+    else if (name === "error") lost(closed);
+    else say("");
+    handlers[name]?.(data);
+  };
+  if (!("SharedWorker" in window)) {
+    const source = open(tell);
+    addEventListener("pagehide", () => source.close());
+    return;
   }
-  addEventListener("pagehide", () => source.close());
-  return source;
+  const { port } = new SharedWorker("/static/news.js", { type: "module", name: "news" });
+  port.addEventListener("message", (event) => tell(event.data));
+  port.start();
+  addEventListener("pagehide", () => port.postMessage("bye"));
+}
+
+function lost(closed) {
+  say("The connection to this page's server is lost; it is tried again.");
+  if (closed) ask("/api/status").then(() => location.reload(), (error) => say(error.message));
 }
 
 // The list of alarms and its buttons.
