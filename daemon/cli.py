@@ -258,6 +258,11 @@ cli.add_command(
     LateCommand("calibrate", "lostmotion.daemon.commands.calibrate_cli:calibrate", "Find the settings from recordings.")
 )
 cli.add_command(
+    LateCommand(
+        "import", "lostmotion.daemon.commands.import_cli:import_recording", "A recording out of another program's file."
+    )
+)
+cli.add_command(
     LateCommand("web", "lostmotion.web.cli:web", "Serve the page: health, alarms, history and windows, in a browser.")
 )
 cli.add_command(LateCommand("simulate", "lostmotion.lab.cli:simulate", "Make a recording from a model."))

@@ -1,13 +1,15 @@
 """A recording: what was measured or simulated, as columns over time, and the CSV file it lives in.
 
-The format is described for users in docs/recordings.md, its text is codec/recording_csv.py's.  Only whole files are
-handled here: rows that are written while they arrive are recorder.py's, playing a file back is replay.py's.
+The format is described for users in docs/recordings.md, its text is codec/recording_csv.py's, files of other programs
+are formats/'s.  Only whole files are handled here: rows that are written while they arrive are recorder.py's, playing a
+file back is replay.py's.
 """
 
 from __future__ import annotations
 
 import csv
 import io
+import logging
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -21,10 +23,14 @@ from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.codec import recording_csv
 from lostmotion.drivers.codec.recording_csv import toml_value
 from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.formats.choice import split_address
+from lostmotion.drivers.formats.registry import is_foreign
 from lostmotion.drivers.ticks import evened
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
 __all__ = ["Recording", "merge", "read_recording", "replacing", "toml_value", "write_recording"]
+
+log = logging.getLogger(__name__)
 
 LARGEST = 1e12
 """of a number in the metadata, in any unit"""
@@ -92,10 +98,26 @@ class Recording:
 def read_recording(path: str | Path) -> Recording:
     """Reads a recording and converts the units that its metadata name to SI.
 
-    A last line that was cut off (a recorder was killed) is left out and counted in ``truncated``.  Raises
-    RecordingError, one line: the file, the line, what was found and expected, and the likely cause.
+    A file of another program is read as well (``formats/``); what was taken for what is logged as a warning, and
+    ``FILE#joint=elbow,position=SERIES:deg`` says it.  A last line that was cut off (a recorder was killed) is left out
+    and counted in ``truncated``.  Raises RecordingError, one line: the file, the line, what was found and expected, and
+    the likely cause.
     """
-    path = Path(path)
+    path, choice = split_address(Path(path))
+    if not choice and not is_foreign(path):
+        recording = _read_own(path)
+    else:
+        from lostmotion.drivers.formats.read import imported
+
+        found = imported(path, choice)
+        log.warning("%s", "\n".join(found.lines()))
+        recording = found.recording
+    _check_scale(recording)
+    return recording
+
+
+def _read_own(path: Path) -> Recording:
+    """A file in lostmotion's own format.  Raises RecordingError."""
     try:
         with path.open("rb") as file:
             ends_in_newline = _ends_in_newline(file)
@@ -114,20 +136,23 @@ def read_recording(path: str | Path) -> Recording:
             f"{path}: found a header and no rows, expected samples; was the recording stopped at once?"
         )
     _check_times(times, str(path), table.first_line)
-    recording = Recording(times, table.columns, table.metadata, table.extra, int(table.truncated), str(path))
-    recording = _in_si(recording)
+    return _in_si(Recording(times, table.columns, table.metadata, table.extra, int(table.truncated), str(path)))
+
+
+def _check_scale(recording: Recording) -> None:
+    """Refuses times that are most probably in another unit.  Raises RecordingError."""
     latest = recording.time[np.argmax(np.abs(recording.time))]
     if abs(latest) > LATEST_S:
         raise RecordingError(
-            f"{path}: found the time {latest:g} s, expected at most {LATEST_S:g} s; if the times are in nanoseconds, "
-            'say # time_unit = "ns" at the top'
+            f"{recording.name}: found the time {latest:g} s, expected at most {LATEST_S:g} s; if the times are in "
+            'nanoseconds, say # time_unit = "ns" at the top'
         )
     steps = np.diff(recording.time)
     if steps.any() and (step := np.median(steps[steps > 0])) < SHORTEST_S:
         raise RecordingError(
-            f"{path}: found times that are {step:g} s apart, expected at least {SHORTEST_S:g} s; is their unit right?"
+            f"{recording.name}: found times that are {step:g} s apart, expected at least {SHORTEST_S:g} s; is their "
+            "unit right?"
         )
-    return recording
 
 
 def _ends_in_newline(file: BinaryIO) -> bool:

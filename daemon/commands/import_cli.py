@@ -1,0 +1,106 @@
+"""``lostmotion import``: arguments and text only.  The formats are drivers/formats'."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from lostmotion.drivers.formats.read import Imported
+    from lostmotion.drivers.formats.source import Choice, Series
+
+__all__ = ["import_recording"]
+
+SHOWN = 60
+"""series that are listed"""
+
+
+@click.command("import", short_help="A recording out of another program's file.")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="REC", help="Recording to write (CSV).")
+@click.option("--map", "terms", multiple=True, metavar="COLUMN=SERIES[:UNIT]",
+              help="What a column is: position=angle:deg, torque=iq*1.21, torque= for none.")  # fmt: skip
+@click.option("--joint", default="", metavar="NAME", help="Which joint, where the file has several.")
+@click.option("--topic", "topics", multiple=True, metavar="T", help="MCAP, rosbag2: the topic that counts.")
+@click.option("--episode", type=click.IntRange(0), metavar="N", help="LeRobot: which episode.  [default: all]")
+@click.option("--rate-hz", type=float, metavar="R", help="Rows a second, where the file has no times.")
+@click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else there.")
+def import_recording(
+    file: Path, output: Path | None, terms: tuple[str, ...], joint: str, topics: tuple[str, ...],
+    episode: int | None, rate_hz: float | None, as_json: bool,
+) -> None:  # fmt: skip
+    """Make a recording out of FILE: MCAP, rosbag2, a LeRobot dataset, PlotJuggler's or another CSV, MAT, Parquet.
+
+    Which series is which column is guessed from names and units, and told on stderr; --map says it.  Without -o
+    nothing is written: the series of FILE are listed, and what would be taken.
+    """
+    from lostmotion.drivers.formats.choice import parse_map
+    from lostmotion.drivers.formats.source import Choice
+
+    choice = Choice(parse_map(terms), joint, topics, episode, rate_hz)
+    if output is None:
+        _look(file, choice, as_json)
+    else:
+        _write(file, choice, output, as_json)
+
+
+def _write(file: Path, choice: Choice, output: Path, as_json: bool) -> None:
+    """Raises RecordingError."""
+    from lostmotion.daemon.commands.output import print_json
+    from lostmotion.drivers.formats.read import imported
+    from lostmotion.drivers.recording import write_recording
+
+    found = imported(file, choice)
+    click.echo("\n".join(found.lines()), err=True)
+    write_recording(found.recording, output)
+    if as_json:
+        print_json({"recording": str(output), **_document(found)})
+    else:
+        rows, span = len(found.recording.time), found.recording.duration
+        click.echo(f"{output}: {rows} rows over {span:.6g} s of {', '.join(found.recording.columns)}", err=True)
+
+
+def _look(file: Path, choice: Choice, as_json: bool) -> None:
+    """Lists what is there, and what would be taken; that the latter is not clear is said, and no error."""
+    from lostmotion.daemon.commands.output import print_json, print_lines
+    from lostmotion.drivers.errors import RecordingError
+    from lostmotion.drivers.formats.read import imported
+    from lostmotion.drivers.formats.registry import open_source
+
+    source = open_source(file)
+    found, problem = None, ""
+    try:
+        found = imported(file, choice)
+    except RecordingError as error:
+        problem = str(error)
+    if as_json:
+        series = [{"name": one.name, "unit": one.unit or None} for one in source.series]
+        print_json({"format": source.kind, "series": series, **(_document(found) if found else {"problem": problem})})
+        return
+    print_lines([f"{file}: {source.kind}, {len(source.series)} series", *_names(source.series)])
+    click.echo("\n".join(found.lines()) if found else problem, err=True)
+
+
+def _names(series: Sequence[Series]) -> list[str]:
+    from lostmotion.drivers.formats.source import shown
+
+    names = [f"  {shown(one.name)}{f' [{one.unit}]' if one.unit else ''}" for one in series[:SHOWN]]
+    return names + ([f"  … and {len(series) - SHOWN} more; --json lists all"] if len(series) > SHOWN else [])
+
+
+def _document(found: Imported) -> dict[str, Any]:
+    recording = found.recording
+    return {
+        "format": found.kind,
+        "clock": found.clock,
+        "joint": recording.metadata.get("joint"),
+        "start": recording.metadata.get("start"),
+        "rows": len(recording.time),
+        "duration": recording.duration,
+        "columns": [asdict(one) for one in found.columns],
+        "notes": list(found.notes),
+    }

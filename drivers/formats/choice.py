@@ -1,0 +1,77 @@
+"""What people say of a file of another program: ``--map`` and what may stand behind a ``#``.  Text in, Choice out.
+
+position=/joint_states.position[elbow]       the series of that name
+position=angle:deg                           in that unit, whatever its name says
+position=raw*0.00153398-3.14159              times a number, and a number added
+torque=                                      this column is left out
+time=log                                     (MCAP, rosbag2) when a message was received, not what its header says
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.formats.source import Choice, Term
+from lostmotion.drivers.units import COLUMN_UNITS, to_si
+
+__all__ = ["parse_map", "parse_term", "split_address"]
+
+NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+SCALED = re.compile(rf"(?P<name>.+?)\s*\*\s*(?P<factor>{NUMBER})\s*(?P<offset>[+-]\s*{NUMBER})?")
+KEYS = ("joint", "topic", "episode", "rate_hz")
+
+
+def parse_map(texts: Iterable[str]) -> dict[str, Term]:
+    """The terms of ``COLUMN=SERIES[:UNIT]`` and ``COLUMN=SERIES*FACTOR[+OFFSET]`` texts.  Raises RecordingError."""
+    terms: dict[str, Term] = {}
+    for text in texts:
+        column, equals, term = text.partition("=")
+        column = column.strip()
+        if not equals or column not in COLUMN_UNITS:
+            raise RecordingError(
+                f"--map: found {text!r}, expected COLUMN=SERIES[:UNIT] with a column of {', '.join(COLUMN_UNITS)}"
+            )
+        if column in terms:
+            raise RecordingError(f"--map: found {column!r} twice, expected it once")
+        terms[column] = parse_term(term.strip())
+    return terms
+
+
+def parse_term(text: str) -> Term:
+    """A series, with its unit or what is done to its numbers.  Raises RecordingError."""
+    name, colon, unit = text.rpartition(":")
+    if colon and name and to_si(unit.strip()) is not None:
+        return Term(name.strip(), unit.strip())
+    if colon and name and re.fullmatch(r"[A-Za-zµ°][\w^/°µ ]*", unit.strip()):
+        raise RecordingError(
+            f"--map: found the unit {unit!r} in {text!r}, expected one that is known, such as deg, mm, ms, g or N m; "
+            "any other as a number: SERIES*FACTOR"
+        )
+    found = SCALED.fullmatch(text)
+    if found is None:
+        return Term(text)
+    factor, offset = float(found["factor"]), float((found["offset"] or "0").replace(" ", ""))
+    if not math.isfinite(factor) or factor == 0 or not math.isfinite(offset):
+        raise RecordingError(f"--map: found the factor {found['factor']!r} in {text!r}, expected a number other than 0")
+    return Term(found["name"], factor=factor, offset=offset)
+
+
+def split_address(path: Path) -> tuple[Path, Choice]:
+    """``FILE#joint=elbow,episode=3,position=/x.y:deg`` → the file, and what is said of it.  Raises RecordingError."""
+    name, mark, said = str(path).rpartition("#")
+    if not mark or path.exists() or not Path(name).exists():
+        return path, Choice()
+    pairs = re.split(rf",(?=(?:{'|'.join((*KEYS, *COLUMN_UNITS))})=)", said)
+    known = {key: pair.removeprefix(f"{key}=") for pair in pairs for key in KEYS if pair.startswith(f"{key}=")}
+    terms = parse_map(pair for pair in pairs if pair.partition("=")[0] not in KEYS)
+    try:
+        episode = int(known["episode"]) if "episode" in known else None
+        rate_hz = float(known["rate_hz"]) if "rate_hz" in known else None
+    except ValueError as error:
+        raise RecordingError(f"{path}: found {said!r}, expected numbers for episode and rate_hz") from error
+    topics = (known["topic"],) if "topic" in known else ()
+    return Path(name), Choice(terms, known.get("joint", ""), topics, episode, rate_hz)

@@ -1,0 +1,150 @@
+"""Which series becomes which column: what somebody said, else what the names say.  Pure functions."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.formats.source import Choice, Series, Term, shown
+from lostmotion.drivers.formats.words import column_of, joint_of, unit_of
+from lostmotion.drivers.units import COLUMN_UNITS, to_si
+
+__all__ = ["Chosen", "Guess", "guessed", "listed", "named"]
+
+OF_JOINTS = ("command", "position", "torque", "current", "voltage", "temperature")
+SHOWN = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Chosen:
+    """One column of the recording: ``factor * series + offset``, in the unit ``si``; why: in words for people.
+
+    unit: in which the series stands, "" where nobody says.
+    """
+
+    column: str
+    series: str
+    unit: str
+    si: str
+    factor: float
+    offset: float
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class Guess:
+    """joint: "" where the file names none; notes: what was not clear, and what else there was."""
+
+    columns: Sequence[Chosen]
+    joint: str
+    notes: Sequence[str]
+
+
+def guessed(series: Sequence[Series], choice: Choice, name: str) -> Guess:
+    """The columns of a recording.  name: of the file, in errors.  Raises RecordingError."""
+    candidates: dict[str, list[Series]] = {}
+    for one in series:
+        if (column := column_of(one.name)) and column not in choice.terms:
+            candidates.setdefault(column, []).append(one)
+    candidates = {column: _of_topics(found, choice.topics) for column, found in candidates.items()}
+    _check_topics(series, choice.topics, name)
+    joint = _joint(candidates, choice, name)
+    chosen, notes = {}, []
+    for column, term in choice.terms.items():
+        if term.name and column != "time":
+            chosen[column] = _chosen(column, *named(term, series, joint, name), "said")
+    for column in COLUMN_UNITS:
+        found = _of_joint(candidates.get(column, []), column, joint)
+        if len(found) > 1 and column == "accel":
+            notes.append(f"accel: not taken, found {listed(found)}; say which axis with accel=SERIES")
+        elif found:
+            chosen[column] = _chosen(column, found[0], Term(found[0].name), "by its name")
+            notes += [f"{column}: also found {listed(found[1:])}"] if found[1:] else []
+    if not chosen:
+        raise RecordingError(
+            f"{name}: found {listed(series)}, and none that is clearly a column; "
+            "say which is what, as in --map position=SERIES:deg (or FILE#position=SERIES:deg)"
+        )
+    return Guess([chosen[column] for column in COLUMN_UNITS if column in chosen], joint, notes)
+
+
+def named(term: Term, series: Sequence[Series], joint: str, name: str) -> tuple[Series, Term]:
+    """The series of a term: that of its name, or the one of the joint, or the only one that ends so.
+
+    Raises RecordingError.
+    """
+    names = {one.name: one for one in series}
+    for full in (term.name, f"{term.name}[{joint}]"):
+        if full in names:
+            return names[full], term
+    endings = [other for other in names if other.endswith(term.name)]
+    if len(endings) == 1:
+        return names[endings[0]], replace(term, name=endings[0])
+    close = endings or [other for other in names if other.startswith(term.name)]
+    close = close or difflib.get_close_matches(term.name, names, 3, 0.4)
+    hint = f", such as {_some(close)}" if close else f": {listed(series)}"
+    raise RecordingError(f"{name}: found no series {shown(term.name)!r}, expected one of its {len(names)}{hint}")
+
+
+def listed(series: Sequence[Series]) -> str:
+    """Names for a message, the first of many."""
+    return _some([one.name for one in series]) if series else "no series of numbers"
+
+
+def _chosen(column: str, series: Series, term: Term, why: str) -> Chosen:
+    """With the unit that somebody said, or the format, or the name; else that of the column."""
+    if term.factor is not None:
+        return Chosen(column, series.name, "", COLUMN_UNITS[column], term.factor, term.offset, why)
+    unit = term.unit or series.unit or unit_of(series.name, column)
+    known = to_si(unit)
+    if known is None:  # none, or one that stays as it is and is told
+        return Chosen(column, series.name, unit, unit or COLUMN_UNITS[column], 1.0, 0.0, why)
+    return Chosen(column, series.name, unit, known[0], known[1], 0.0, why)
+
+
+def _of_topics(found: list[Series], topics: Sequence[str]) -> list[Series]:
+    """Those of the topics that somebody named, where there are any."""
+    return [one for one in found if one.name.startswith(tuple(f"{topic}." for topic in topics))] or found
+
+
+def _check_topics(series: Sequence[Series], topics: Sequence[str], name: str) -> None:
+    for topic in topics:
+        if not any(one.name.startswith(f"{topic}.") for one in series):
+            there = sorted({one.name.partition(".")[0] for one in series})
+            raise RecordingError(
+                f"{name}: found no topic {shown(topic)!r} with numbers, expected one of {_some(there)}"
+            )
+
+
+def _joint(candidates: Mapping[str, Sequence[Series]], choice: Choice, name: str) -> str:
+    """The joint that is meant.  Raises RecordingError where that is not clear."""
+    of = {column: {joint_of(one.name) for one in candidates.get(column, ())} - {""} for column in OF_JOINTS}
+    moving = sorted(of["command"] | of["position"] | of["torque"])
+    if choice.joint:
+        everywhere = sorted(set().union(*of.values()))
+        if choice.joint not in everywhere and everywhere:
+            raise RecordingError(f"{name}: found no joint {shown(choice.joint)!r}, expected one of {_some(everywhere)}")
+        return choice.joint
+    said = {joint_of(term.name) for column, term in choice.terms.items() if column in OF_JOINTS and term.name} - {""}
+    if len(said) == 1 and (said <= set(moving) or not moving):
+        return said.pop()
+    if len(moving) > 1 and not {"command", "position"} & set(choice.terms):
+        raise RecordingError(
+            f"{name}: found {len(moving)} joints, expected one; choose with --joint NAME (or FILE#joint=NAME) from "
+            f"{_some(moving)}"
+        )
+    return moving[0] if len(moving) == 1 else ""
+
+
+def _of_joint(found: Sequence[Series], column: str, joint: str) -> list[Series]:
+    """Those of the joint, the plainest names first; a sensor's too, where none has the joint's name."""
+    own = [one for one in found if joint_of(one.name) == joint]
+    plain = [one for one in own if one.name == column] or own
+    return plain or ([] if column in OF_JOINTS and joint and any(joint_of(one.name) for one in found) else list(found))
+
+
+def _some(names: Sequence[str]) -> str:
+    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+    return ", ".join(shown(name) for name in names[:SHOWN]) + more

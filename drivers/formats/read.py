@@ -1,0 +1,125 @@
+"""A recording out of a file of another program, and what was taken for what, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lostmotion.drivers.base import FloatArray
+from lostmotion.drivers.codec.recording_csv import LARGEST
+from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.formats.guess import Chosen, guessed
+from lostmotion.drivers.formats.registry import open_source
+from lostmotion.drivers.formats.source import Choice, Samples, shown
+from lostmotion.drivers.recording import Recording, merge
+from lostmotion.drivers.units import COLUMN_UNITS
+
+__all__ = ["Imported", "imported"]
+
+ANGLES = ("command", "position")
+MANY_TURNS = 4 * pi
+"""angles beyond are looked at with suspicion where no unit is known [rad]"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Imported:
+    """A recording, what each of its columns was, and what a person should know of it."""
+
+    recording: Recording
+    kind: str
+    clock: str
+    columns: Sequence[Chosen]
+    notes: Sequence[str]
+
+    def lines(self) -> list[str]:
+        """What was taken for what, a line a column."""
+        name = self.recording.name
+        head = f"{name}: {self.kind}; time: {self.clock}"
+        return [head, *(f"  {_told(one)}" for one in self.columns), *(f"  note: {note}" for note in self.notes)]
+
+
+def imported(path: Path, choice: Choice) -> Imported:
+    """Reads a file of any known format.  Raises RecordingError, one line."""
+    source = open_source(path)
+    guess = guessed(source.series, choice, str(path))
+    samples = source.read([one.series for one in guess.columns], choice)
+    notes = [*source.notes, *samples.notes, *guess.notes]
+    parts, kept = [], []
+    for one in guess.columns:
+        times, values = samples.values[one.series]
+        if values.size == 0 and one.why != "said":
+            notes.append(f"{one.column}: left out, {shown(one.series)} holds no numbers")
+            continue
+        parts.append((times, _converted(one, values, str(path))))
+        kept.append(one)
+        notes += _doubts(one, parts[-1][1])
+    if not any(times.size for times, _ in parts):
+        raise RecordingError(
+            f"{path}: found no numbers in {', '.join(shown(one.series) for one in guess.columns)}, expected samples; "
+            "was the recording stopped at once?"
+        )
+    time, columns = _merged(kept, parts)
+    metadata = _metadata(source.kind, guess.joint, kept, samples)
+    return Imported(Recording(time, columns, metadata, name=str(path)), source.kind, samples.clock, kept, notes)
+
+
+def _converted(one: Chosen, values: FloatArray, name: str) -> FloatArray:
+    beyond = np.flatnonzero(~(np.abs(values) <= LARGEST))
+    if beyond.size:
+        raise RecordingError(
+            f"{name}: found {values[beyond[0]]} in {shown(one.series)!r}, expected finite numbers up to {LARGEST:g}"
+        )
+    return values * one.factor + one.offset
+
+
+def _doubts(one: Chosen, values: FloatArray) -> list[str]:
+    """What the size of the numbers says against a unit that nobody gave."""
+    if one.column not in ANGLES or one.unit or one.why == "said" or np.abs(values).max(initial=0.0) < MANY_TURNS:
+        return []
+    span = f"{values.min():.4g} to {values.max():.4g}"
+    say = f"{one.column}={shown(one.series)}"
+    counts = f", if counts of 4096 a turn, {say}*{pi / 2048:.8f}" if (values == np.round(values)).all() else ""
+    return [f"{one.column}: no unit is given, and {span} were taken as rad; if they are degrees, say {say}:deg{counts}"]
+
+
+def _merged(
+    chosen: Sequence[Chosen], parts: Sequence[tuple[FloatArray, FloatArray]]
+) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Rows in time order; columns that were sampled together stay together."""
+    sources: dict[int, tuple[FloatArray, dict[str, FloatArray]]] = {}
+    for one, (times, values) in zip(chosen, parts, strict=True):
+        sources.setdefault(id(times), (times, {}))[1][one.column] = values
+    if len(sources) == 1:
+        return next(iter(sources.values()))
+    time, columns = merge(*sources.values())
+    return time, {one.column: columns[one.column] for one in chosen}
+
+
+def _metadata(kind: str, joint: str, chosen: Sequence[Chosen], samples: Samples) -> dict[str, Any]:
+    metadata: dict[str, Any] = {}
+    if joint:
+        metadata["joint"] = _plain(joint)
+    if samples.start is not None:
+        metadata["start"] = samples.start
+    metadata["imported"] = {"format": kind, **{one.column: _plain(one.series) for one in chosen}}
+    return metadata | {f"{one.column}_unit": one.si for one in chosen if one.si != COLUMN_UNITS[one.column]}
+
+
+def _plain(name: str) -> str:
+    """A name that can be written to any file."""
+    return name.encode("utf-8", errors="replace").decode()
+
+
+def _told(one: Chosen) -> str:
+    if one.unit:
+        unit = one.unit if one.unit == one.si else f"{one.unit}, now {one.si}"
+    elif one.factor != 1 or one.offset:
+        unit = f"times {one.factor:g}{f' {one.offset:+g}' if one.offset else ''} [{one.si}]"
+    else:
+        unit = f"{one.si}, as no unit is given"
+    return f"{one.column} = {shown(one.series)}  ({unit}; {one.why})"

@@ -1,0 +1,114 @@
+"""Which format a file has: by how it begins, not by its name.  The openers are imported when a file needs one."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+
+from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.formats.source import Source
+from lostmotion.drivers.formats.words import column_of
+from lostmotion.drivers.units import COLUMN_UNITS
+
+__all__ = ["FORMATS", "Format", "is_foreign", "open_source"]
+
+EXPECTED = "a recording: lostmotion's CSV, PlotJuggler's or another table as text, MAT, Parquet"
+START = 4096
+"""bytes that are looked at"""
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """kind: for people; opener: ``module:function`` here, "" for what is not read; advice: what to do then."""
+
+    kind: str
+    begins: bytes
+    opener: str = ""
+    advice: str = ""
+
+
+FORMATS = (
+    Format("Parquet", b"PAR1", "parquet:open_parquet"),
+    Format("MAT", b"MATLAB ", "matlab:open_matlab"),
+    Format("HDF5", b"\x89HDF\r\n\x1a\n", "matlab:open_matlab"),
+    Format("ROS 1 bag", b"#ROSBAG", advice="convert it: pip install rosbags; rosbags-convert --src x.bag --dst x"),
+    Format("ZIP or NumPy archive", b"PK\x03\x04", advice="unpack it; save arrays with scipy.io.savemat"),
+    Format("gzip", b"\x1f\x8b", advice="unpack it: gunzip"),
+    Format("zstd", b"\x28\xb5\x2f\xfd", advice="unpack it: unzstd"),
+    Format(
+        "NumPy array",
+        b"\x93NUMPY",
+        advice="save it with its times: scipy.io.savemat('x.mat', {'time': t, 'position': y})",
+    ),
+    Format("Excel 97", b"\xd0\xcf\x11\xe0", advice="save it as CSV"),
+    Format("Rerun", b"RRF", advice="it is for looking; export it from the recording it was made of"),
+)
+
+
+def is_foreign(path: Path) -> bool:
+    """Whether a file is another program's, and not lostmotion's CSV (or a pipe, or not there)."""
+    if path.is_dir():
+        return True
+    try:
+        if not path.is_file():
+            return False
+        with path.open("rb") as file:
+            start = file.read(START)
+    except OSError:
+        return False
+    return _format(start, path) is not None or not _is_own(start)
+
+
+def open_source(path: Path) -> Source:
+    """Raises RecordingError for what no opener knows."""
+    try:
+        if path.is_dir():
+            return _open_folder(path)
+        with path.open("rb") as file:
+            start = file.read(START)
+        if not start:
+            raise RecordingError(f"{path}: found an empty file, expected {EXPECTED}")
+        found = _format(start, path) or Format("text", b"", "text:open_text")
+        if not found.opener:
+            raise RecordingError(f"{path}: found {found.kind}, expected {EXPECTED}; {found.advice}")
+        return _opener(found.opener)(path)
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror or error}; is the path right?") from error
+
+
+def _open_folder(path: Path) -> Source:
+    there = sorted(each.name for each in path.iterdir())[:6]
+    raise RecordingError(f"{path}: found a folder with {', '.join(there) or 'nothing in it'}, expected {EXPECTED}")
+
+
+def _opener(name: str) -> Callable[[Path], Source]:
+    module, _, function = name.partition(":")
+    opener: Callable[[Path], Source] = getattr(import_module(f"lostmotion.drivers.formats.{module}"), function)
+    return opener
+
+
+def _format(start: bytes, path: Path) -> Format | None:
+    for one in FORMATS:
+        if start.startswith(one.begins):
+            return one
+    if path.suffix == ".mat":  # version 4 begins with a number
+        return Format("MAT", b"", "matlab:open_matlab")
+    return None
+
+
+def _is_own(start: bytes) -> bool:
+    """Whether text may be lostmotion's: a header with ``time``, and a column of ours or none that looks like one.
+
+    Text without any such header is left to recording.py, too, whose errors say what is wrong with it, unless a header
+    of another program's follows.
+    """
+    lines = re.split(r"\r\n|\r|\n", start.decode("utf-8-sig", errors="replace"))
+    header = next((line for line in lines if line.strip() and not line.startswith("#")), "")
+    names = [cell.strip(' "') for cell in header.split(",")]
+    ours = set(names) & set(COLUMN_UNITS)
+    if "time" in ours:
+        return len(ours) > 1 or not any(column_of(name) for name in names)
+    return not any(letter.isalpha() for letter in header) or len(lines) < 2

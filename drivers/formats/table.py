@@ -1,0 +1,126 @@
+"""A table with a column of times, whatever file it comes from: times become seconds, empty cells are left out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lostmotion.drivers.base import FloatArray
+from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.formats.guess import listed, named
+from lostmotion.drivers.formats.source import Choice, Samples, Series, Term
+from lostmotion.drivers.formats.words import TIMES, is_time, unit_of
+from lostmotion.drivers.units import to_si
+
+__all__ = ["Table", "seconds"]
+
+EPOCH_S = (1e9, 4e9)
+"""2001 to 2096: times in this range count from 1970"""
+LOOKS_LIKE = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
+"""numbers beyond these count from 1970 in this unit"""
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Table:
+    """A ``Source``.  load: reads columns by name, all of one length; numbers, or times as datetime64[ns]."""
+
+    name: str
+    kind: str
+    series: Sequence[Series]
+    load: Callable[[Sequence[str]], Mapping[str, Array]]
+    notes: Sequence[str] = field(default=())
+
+    def read(self, names: Sequence[str], choice: Choice) -> Samples:
+        """The samples of these series.  Raises RecordingError."""
+        clock = self._clock(choice)
+        if clock is None:
+            assert choice.rate_hz is not None
+            loaded = self.load(names)
+            times, start = np.arange(max(map(len, loaded.values()))) / choice.rate_hz, None
+            told, notes = f"{choice.rate_hz:g} rows a second, as said", []
+        else:
+            series, term = clock
+            loaded = dict(self.load(list(dict.fromkeys([series.name, *names]))))
+            unit = term.unit or series.unit or unit_of(series.name, "time")
+            times, start, told = seconds(loaded[series.name], unit, term.factor, f"{self.name}: {series.name}")
+            told = f"{series.name} [{told}]"
+            notes = self._check(times, series.name)
+        values = {}
+        for name in names:
+            numbers = np.asarray(loaded[name], dtype=np.float64)
+            there = ~np.isnan(numbers) & ~np.isnan(times)
+            values[name] = (times, numbers) if there.all() else (times[there], numbers[there])
+        return Samples(values, told, start, notes)
+
+    def _clock(self, choice: Choice) -> tuple[Series, Term] | None:
+        """The series that tells the time; None where a rate was given.  Raises RecordingError."""
+        if term := choice.terms.get("time"):
+            return named(term, self.series, "", self.name)
+        if choice.rate_hz is not None:
+            if not 0 < choice.rate_hz <= 1e9:
+                raise RecordingError(f"{self.name}: found a rate of {choice.rate_hz:g} Hz, expected 0 to 1e9 Hz")
+            return None
+        found = [one for one in self.series if is_time(one.name)]
+        if not found:
+            raise RecordingError(
+                f"{self.name}: found {listed(self.series)}, and no times; say which series they are, as in "
+                "--map time=SERIES:ms, or the rows a second with --rate-hz R"
+            )
+        best = min(found, key=lambda one: TIMES.index(one.name.lower()) if one.name.lower() in TIMES else len(TIMES))
+        return best, Term(best.name)
+
+    def _check(self, times: FloatArray, clock: str) -> list[str]:
+        known = times[~np.isnan(times)]
+        if known.size == 0:
+            raise RecordingError(f"{self.name}: found no time in {clock!r}, expected numbers; is the table empty?")
+        if not np.isfinite(known).all():
+            raise RecordingError(f"{self.name}: found an infinite time in {clock!r}, expected numbers")
+        back = np.flatnonzero(np.diff(known) < 0)
+        if back.size:
+            row = int(back[0]) + 2
+            raise RecordingError(
+                f"{self.name}: found the time {known[row - 1]:.9g} s after {known[row - 2]:.9g} s in row {row}, "
+                "expected rows in time order; were two recordings joined, or did a clock step?"
+            )
+        lost = times.size - known.size
+        return [f"{lost} rows without a time were left out"] if lost else []
+
+
+def seconds(values: Array, unit: str, factor: float | None, name: str) -> tuple[FloatArray, datetime | None, str]:
+    """Times [s]; UTC of time 0 where they count from 1970, they begin at 0 then; and how they were understood.
+
+    Raises RecordingError.
+    """
+    if values.dtype.kind == "M":
+        return _since_start(values.astype("datetime64[ns]").view(np.int64), 1e-9, "date and time")
+    numbers = values if values.dtype.kind in "iu" else np.asarray(values, dtype=np.float64)
+    known = numbers[np.isfinite(numbers)]
+    if factor is not None:
+        return np.asarray(numbers * factor, dtype=np.float64), None, f"times {factor:g}"
+    largest = float(np.abs(known).max()) if known.size else 0.0
+    told = unit or "s"
+    if not unit and (unit := next((each for limit, each in LOOKS_LIKE if largest > limit), "")):
+        told = f"{unit} since 1970, by their size"
+    si = to_si(unit or "s")
+    if si is None or si[0] != "s":
+        raise RecordingError(f"{name}: found times in {unit!r}, expected s, ms, us, ns, min or h")
+    if EPOCH_S[0] < largest * si[1] < EPOCH_S[1]:
+        return _since_start(numbers, si[1], told)
+    return np.asarray(numbers * si[1], dtype=np.float64), None, told
+
+
+def _since_start(stamps: Array, factor: float, told: str) -> tuple[FloatArray, datetime | None, str]:
+    """Exact also in ns: the first is subtracted before a float is made."""
+    first = stamps[np.isfinite(stamps)][0] if stamps.dtype.kind == "f" else stamps[stamps != np.iinfo(np.int64).min][0]
+    start = datetime.fromtimestamp(round(float(first) * factor, 6), UTC)
+    times = np.asarray((stamps - first) * factor, dtype=np.float64)
+    if stamps.dtype.kind != "f":
+        times[stamps == np.iinfo(np.int64).min] = np.nan  # NaT
+    return times, start, told

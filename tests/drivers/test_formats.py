@@ -1,0 +1,290 @@
+"""Tables of other programs, written by their own libraries: which series is taken for what, and what is refused."""
+
+from __future__ import annotations
+
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import scipy.io
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.formats.choice import parse_map, parse_term, split_address
+from lostmotion.drivers.formats.read import Imported, imported
+from lostmotion.drivers.formats.source import Choice, Term
+from lostmotion.drivers.formats.words import column_of, joint_of, unit_of
+from lostmotion.drivers.recording import read_recording
+
+T = np.arange(200) * 0.01
+ANGLE = 0.5 * np.sin(T)
+JOINT = {
+    "/joint_states/elbow/position": ANGLE,
+    "/joint_states/elbow/effort": 2 * ANGLE,
+    "/joint_trajectory_controller/controller_state/reference/elbow/positions": ANGLE + 0.01,
+}
+
+
+def read(path: Path, *terms: str, **choice: Any) -> Imported:
+    """What is taken of a file, with ``--map``."""
+    return imported(path, Choice(parse_map(terms), **choice))
+
+
+def refused(path: Path, *terms: str, **choice: Any) -> str:
+    """The one line by which a file is refused."""
+    with pytest.raises(RecordingError) as caught:
+        read(path, *terms, **choice)
+    told = str(caught.value)
+    assert "\n" not in told
+    assert told.startswith(("--map", str(path)))
+    return told
+
+
+@pytest.mark.parametrize(
+    ("name", "column", "joint"),
+    [
+        ("/joint_states/elbow/position", "position", "elbow"),
+        ("/joint_states.position[elbow]", "position", "elbow"),
+        ("/controller_state.reference.positions[elbow]", "command", "elbow"),
+        ("/joint_states/position[2]", "position", "2"),
+        ("observation.state[shoulder_pan.pos]", "position", "shoulder_pan"),
+        ("action[shoulder_pan.pos]", "command", "shoulder_pan"),
+        ("goal_position", "command", ""),
+        ("Present_Load", None, ""),
+        ("elbow_torque_Nm", "torque", "elbow"),
+        ("/imu/linear_acceleration/x", "accel", ""),
+        ("joint1_velocity", None, "joint1"),
+        ("position_error", None, ""),
+        ("q_ref", "command", ""),
+        ("motorTemp", "temperature", ""),
+    ],
+)
+def test_names_say_column_and_joint(name: str, column: str | None, joint: str) -> None:
+    """Names as ROS, PlotJuggler, LeRobot, Dynamixel and people write them."""
+    assert column_of(name) == column
+    if column is not None:
+        assert joint_of(name) == joint
+
+
+def test_names_say_units() -> None:
+    """In brackets any unit; behind an underscore one that suits the column, so that no metre is made of a motor."""
+    assert unit_of("angle [deg]", "position") == "deg"
+    assert unit_of("acc (g)", "accel") == "g"
+    assert unit_of("elbow_mA", "current") == "mA"
+    assert unit_of("torque_m", "torque") == ""
+    assert unit_of("angle (counts)", "position") == ""
+
+
+def test_map_is_understood(tmp_path: Path) -> None:
+    """A unit behind a colon, a factor and an offset, a name with a colon in it; and the same behind a #."""
+    assert parse_term("angle:deg") == Term("angle", "deg")
+    assert parse_term("raw*0.5-3") == Term("raw", factor=0.5, offset=-3.0)
+    assert parse_term("a::b/c:0") == Term("a::b/c:0")
+    path = tmp_path / "x.mat"
+    path.touch()
+    said = split_address(Path(f"{path}#joint=elbow,episode=3,position=q:deg,time=t:ms"))
+    assert said == (path, Choice({"position": Term("q", "deg"), "time": Term("t", "ms")}, "elbow", (), 3))
+    for wrong, message in (("speed=v", "expected COLUMN=SERIES"), ("position=q:furlong", "found the unit 'furlong'"),
+                           ("position=q*0", "other than 0")):  # fmt: skip
+        with pytest.raises(RecordingError, match=message):
+            parse_map([wrong])
+
+
+def test_plotjuggler_csv(tmp_path: Path) -> None:
+    """Columns that were sampled at instants of their own keep them; times since 1970 become a start and seconds."""
+    path = tmp_path / "pj.csv"
+    joint = pd.DataFrame(JOINT, index=1.7e9 + T)
+    imu = pd.DataFrame({"/imu/linear_acceleration/x": np.cos(T)}, index=1.7e9 + T + 0.005)
+    pd.concat([joint, imu]).sort_index().to_csv(path, index_label="__time")
+    found = read(path)
+    assert found.kind == "PlotJuggler CSV"
+    assert found.recording.metadata["joint"] == "elbow"
+    assert found.recording.metadata["start"] == datetime.fromtimestamp(1.7e9, UTC)
+    assert list(found.recording.columns) == ["command", "position", "accel", "torque"]
+    for column, values in zip(("command", "position", "torque"), (ANGLE + 0.01, ANGLE, 2 * ANGLE), strict=True):
+        times, read_back = found.recording.signal(column)
+        np.testing.assert_allclose(read_back, values, rtol=1e-12)
+        np.testing.assert_allclose(times, T, atol=1e-6)  # a float64 of 1.7e9 s tells 0.2 µs
+    assert found.recording.signal("accel")[0][0] == pytest.approx(0.005, abs=1e-6)
+
+
+def test_table_with_semicolons_and_decimal_commas(tmp_path: Path) -> None:
+    """As spreadsheets of half of Europe write it: units stand in the names, milliseconds too."""
+    path = tmp_path / "messung.csv"
+    frame = pd.DataFrame(
+        {"Time (ms)": T * 1000, "Kommentar": "ja", "angle [deg]": np.degrees(ANGLE), "i_motor_mA": 100.0}
+    )
+    frame.to_csv(path, sep=";", decimal=",", index=False, encoding="cp1252")
+    found = read(path, "current=i_motor_mA")
+    np.testing.assert_allclose(found.recording.time, T, atol=1e-12)
+    np.testing.assert_allclose(found.recording.columns["position"], ANGLE, atol=1e-12)
+    np.testing.assert_allclose(found.recording.columns["current"], 0.1)
+    assert [(one.unit, one.si, one.why) for one in found.columns] == [
+        ("deg", "rad", "by its name"),
+        ("mA", "A", "said"),
+    ]
+
+
+def test_other_layouts_of_text(tmp_path: Path) -> None:
+    """numpy's comment as header, a line of units below the header, dates as times, no header at all, no times."""
+    path = tmp_path / "x.txt"
+    np.savetxt(path, np.column_stack([T, ANGLE]), header="t position_deg")
+    np.testing.assert_allclose(read(path).recording.columns["position"], np.radians(ANGLE))
+    path.write_text("t\tangle\tforce\nms\tdeg\tkN\n" + "".join(f"{k}\t90\t2\n" for k in range(9)))
+    found = read(path).recording
+    assert (found.time[-1], found.columns["force"][0]) == (0.008, 2000.0)
+    assert found.columns["position"][3] == pytest.approx(np.pi / 2)
+    pd.DataFrame({"timestamp": pd.date_range("2026-01-31", periods=5, freq="20ms", tz="UTC"), "q": 1.0}).to_csv(path)
+    found = read(path).recording
+    assert found.metadata["start"] == datetime(2026, 1, 31, tzinfo=UTC)
+    np.testing.assert_allclose(found.time, [0, 0.02, 0.04, 0.06, 0.08])
+    np.savetxt(path, np.column_stack([T, ANGLE]), delimiter=",")
+    assert "found column1, column2, and none that is clearly a column" in refused(path)
+    np.testing.assert_array_equal(read(path, "time=column1", "position=column2").recording.time, T)
+    assert read(path, "position=column2", rate_hz=50).recording.time[-1] == pytest.approx(199 / 50)
+    path.write_text("pos,load\n1,2\n3,4\n")
+    assert "and no times; say which series they are" in refused(path)
+
+
+def test_parquet(tmp_path: Path) -> None:
+    """Lists become a series a place, nanoseconds stay exact, null is not sampled."""
+    path = tmp_path / "x.parquet"
+    frame = pd.DataFrame(
+        {"timestamp": pd.to_datetime(1_700_000_000_000_000_000 + np.arange(200) * 10_000_001, utc=True)}
+    )
+    frame["state"] = list(np.column_stack([ANGLE, -ANGLE]))
+    frame["torque"] = np.where(np.arange(200) % 2, np.nan, ANGLE)
+    frame["label"] = "x"
+    frame.to_parquet(path)
+    found = read(path, "position=state[1]")
+    np.testing.assert_allclose(found.recording.columns["position"], -ANGLE)
+    assert found.recording.signal("torque")[0].size == 100
+    assert found.recording.time[-1] == pytest.approx(199 * 0.010000001, abs=1e-12)
+
+
+def test_parquet_without_its_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The line names the package and the command that installs it."""
+    path = tmp_path / "x.parquet"
+    pd.DataFrame({"time": T, "position": ANGLE}).to_parquet(path)
+    for name in [name for name in sys.modules if name.partition(".")[0] == "pyarrow"]:
+        monkeypatch.setitem(sys.modules, name, None)
+    assert "needs the package pyarrow, which is not installed here: " in refused(path)
+
+
+def test_matlab(tmp_path: Path) -> None:
+    """Rows and columns, structures, matrices; vectors of another length are left out and counted."""
+    path = tmp_path / "x.mat"
+    logged = {"q": ANGLE[None, :], "tau": np.column_stack([ANGLE, 2 * ANGLE])}
+    scipy.io.savemat(path, {"t": T[:, None], "out": logged, "gains": np.arange(3.0), "fs": 100.0}, do_compression=True)
+    found = read(path, "torque=out.tau[1]*1.5")
+    np.testing.assert_allclose(found.recording.columns["torque"], 3 * ANGLE)
+    np.testing.assert_allclose(found.recording.columns["position"], ANGLE)
+    assert "1 vectors that do not have 200 values are left out" in found.notes
+    path.write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64" + bytes(500))
+    assert "save('x.mat', '-v7')" in refused(path)
+
+
+def test_several_joints_are_asked_for(tmp_path: Path) -> None:
+    """Nothing is taken at random: the joints are listed, and one is chosen by its name."""
+    path = tmp_path / "x.csv"
+    names = [f"/joint_states/{joint}/position" for joint in ("base", "elbow", "wrist")]
+    pd.DataFrame({"time": T, **{name: k + ANGLE for k, name in enumerate(names)}}).to_csv(path, index=False)
+    assert "found 3 joints, expected one; choose with --joint NAME (or FILE#joint=NAME) from base, elbow" in refused(
+        path
+    )
+    assert read_recording(f"{path}#joint=elbow").columns["position"][0] == 1.0
+    assert "found no joint 'arm', expected one of base, elbow, wrist" in refused(path, joint="arm")
+    assert "found no series 'wrist/pos'" in refused(path, "position=wrist/pos")
+    assert read(path, "position=wrist/position").recording.metadata["joint"] == "wrist"
+
+
+def test_axes_and_degrees_are_not_guessed(tmp_path: Path) -> None:
+    """Of three axes none is taken; angles of hundreds without a unit are taken as rad, and doubted aloud."""
+    path = tmp_path / "x.csv"
+    axes = {f"/imu/linear_acceleration/{axis}": ANGLE for axis in "xyz"}
+    pd.DataFrame({"time": T, "angle": 300 * ANGLE, **axes}).to_csv(path, index=False)
+    found = read(path)
+    assert list(found.recording.columns) == ["position"]
+    assert any(note.startswith("accel: not taken, found /imu/linear_acceleration/x") for note in found.notes)
+    assert any("if they are degrees, say position=angle:deg" in note for note in found.notes)
+    assert read(path, "accel=acceleration/y:g").recording.columns["accel"][-1] == pytest.approx(9.80665 * ANGLE[-1])
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "found an empty file"),
+        (b"\n\n", "the file is empty"),
+        (b"t,q\n", "found no time in 't'"),
+        (b"t,q\n0,nan\n1,\n", "found no numbers in q"),
+        (b"t,q\n0,inf\n1,2\n", "found inf in 'q', expected finite numbers"),
+        (b"t,q\n0,1\n2,2\n1,3\n", "found the time 1 s after 2 s in row 3, expected rows in time order"),
+        (b"t,q\n0,1\n1\n2,2\n", "line 3: found 1 cells separated by commas, expected 2"),
+        (b"t;q\n" + b"0;1\n" * 300 + b"0;x1\n", "line 302: found 'x1' in 'q', expected a number"),
+        (b"PAR1" + bytes(100), "cannot be read as Parquet"),
+        (b"MATLAB 5.0 MAT-file" + bytes(300), "cannot be read as a MAT file"),
+        (b"PK\x03\x04" + bytes(50), "found ZIP or NumPy archive"),
+        (b"#ROSBAG V2.0\n" + bytes(50), "found ROS 1 bag"),
+        (b"name,word\na,b\nc,d\n", "found text without a column of numbers"),
+        (b"t,\x1b[31mq\x07" + b"z" * 5000 + b"\n0,1\n", "found t, ?[31mq?z"),
+        (b"\x00\x01" * 500, "found bytes that are no text"),
+    ],
+)
+def test_what_is_no_recording_is_told(content: bytes, message: str, tmp_path: Path) -> None:
+    """Empty, damaged, of another kind, with names that would steer a terminal: one line says what was found."""
+    path = tmp_path / "x.dat"
+    path.write_bytes(content)
+    told = refused(path)
+    assert message in told
+    assert len(told) < 500
+    assert told.isprintable()
+
+
+def test_cut_off_last_line_is_left_out(tmp_path: Path) -> None:
+    """As a killed logger leaves it."""
+    path = tmp_path / "x.csv"
+    path.write_text("t;q;tau\n0;1;2\n1;2;3\n2;3")
+    assert read(path).recording.time.tolist() == [0, 1]
+
+
+@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_any_bytes_are_answered(data: st.DataObject, tmp_path: Path) -> None:
+    """Bytes in place of others in a file of each format: a recording, or RecordingError in one line."""
+    path = tmp_path / "x.bin"
+    frame = pd.DataFrame({"t": T[:20], "q": ANGLE[:20], "tau": 1.0})
+    kind = data.draw(st.sampled_from(["parquet", "mat", "csv"]))
+    if kind == "parquet":
+        frame.to_parquet(path)
+    elif kind == "mat":
+        scipy.io.savemat(str(path), {name: frame[name].to_numpy() for name in frame}, appendmat=False)
+    else:
+        frame.to_csv(path, index=False, sep=data.draw(st.sampled_from(";,\t ")))
+    content = path.read_bytes()
+    begin, end = sorted(data.draw(st.tuples(*[st.integers(0, len(content))] * 2)))
+    path.write_bytes(content[:begin] + data.draw(st.binary(max_size=20)) + content[min(end, begin + 30) :])
+    told = ""
+    try:
+        assert read(path).recording.time.size > 0
+    except RecordingError as error:
+        told = str(error)
+    assert "\n" not in told
+
+
+def test_real_measurements_in_other_formats(real_data: Path, tmp_path: Path) -> None:
+    """A servo's recording as PlotJuggler, pandas and SciPy write it is the same recording."""
+    true = read_recording(real_data / "bam_xl330" / "sin_sin_kp400.csv")
+    frame = pd.DataFrame({"__time": true.time, **true.columns})
+    frame.to_csv(tmp_path / "x.csv", index=False)
+    frame.to_parquet(tmp_path / "x.parquet")
+    scipy.io.savemat(tmp_path / "x.mat", {"t": true.time, **true.columns})
+    for name in ("x.csv", "x.parquet", "x.mat"):
+        found = read_recording(tmp_path / name)
+        np.testing.assert_allclose(found.time, true.time, atol=1e-12)
+        for column, values in true.columns.items():
+            np.testing.assert_array_equal(found.columns[column], values, err_msg=f"{name} {column}")
