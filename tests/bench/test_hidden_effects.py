@@ -70,6 +70,7 @@ def test_nothing_of_ours_is_imported() -> None:
             assert not any(name.startswith("lostmotion") for name in names), path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", ["", *HIDDEN])
 def test_agrees_with_the_model(command: Command, effect: str) -> None:
     """Two derivations of the same equations differ by far less than the least noise, with and without each effect."""
@@ -209,6 +210,7 @@ def test_wilson() -> None:
     assert Rate("x", 9, 10, "", bool).interval == pytest.approx((0.596, 0.982), abs=1e-3)
 
 
+@pytest.mark.slow
 def test_run_as_a_whole(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """Generates, asks a command that sees only model and recordings, scores it, and draws the confusions."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))

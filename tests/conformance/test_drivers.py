@@ -111,6 +111,7 @@ def test_unplugged_and_plugged_in_again(rig: Rig) -> None:
     assert last_time(collect(rig.driver, 0.3)) > before
 
 
+@pytest.mark.slow
 @every_line
 def test_another_device_on_the_port(case: Case, tmp_path: Path) -> None:
     """A GPS receiver is not taken for the device: no identity is right, each tells what was seen, and the gist of it,

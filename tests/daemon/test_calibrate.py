@@ -78,6 +78,7 @@ def test_healthy(tmp_path: Path) -> None:
     assert "worn windows found" in words
 
 
+@pytest.mark.slow
 def test_level_by_promise_and_by_labels(tmp_path: Path) -> None:
     """A promise of 5 % from healthy windows; eq. 9 with worn ones; too few windows are refused with what is needed."""
     healthy = written(tmp_path, "healthy.csv", 75, 0.0, 7820)

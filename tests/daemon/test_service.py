@@ -150,6 +150,7 @@ def test_the_journal_gets_priorities(configuration: Path, start: Start) -> None:
     service.stop(signal.SIGTERM)
 
 
+@pytest.mark.slow
 def test_a_wrong_servo_is_an_alarm_and_the_others_go_on(tmp_path: Path, start: Start) -> None:
     """One impostor on the bus: its joint is DEGRADED and has an alarm with the reason, the other one is scored."""
     path = tmp_path / "fake.toml"
@@ -184,6 +185,7 @@ def test_a_full_disk_stops_nothing(configuration: Path, start: Start) -> None:
     assert np.diff(times).max() < 0.3
 
 
+@pytest.mark.slow
 def test_a_disk_that_is_full_at_the_start(tmp_path: Path, start: Start) -> None:
     """The service starts, says so as an error, scores, and knows the alarm of the run before; once there is room all is
     in the database, and the alarm still is the one it was."""

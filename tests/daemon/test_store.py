@@ -315,6 +315,7 @@ def test_a_new_database_is_not_for_everybody(path: Path) -> None:
             os.umask(before)
 
 
+@pytest.mark.slow
 def test_a_log_that_a_reader_lets_grow_is_told(
     path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -60,6 +60,7 @@ def test_as_many_windows_as_a_promise_needs(rate: float) -> None:
     assert kept(windows_needed(rate) // 4) < 0.93
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [200.0, 1000.0])
 def test_tuned_settings_find_more(rate: float) -> None:
     """In a scene with a shaken bar and coloured noise the settings found from healthy windows alone find clearly more

@@ -146,6 +146,7 @@ def test_a_process_value_of_cia_404_beside_drives_on_one_bus(channel: str) -> No
     assert heard.count("j1") > 30
 
 
+@pytest.mark.slow
 def test_what_comes_instead_is_told(channel: str) -> None:
     """Nothing, other frames, frames too short, another rate: each with its likely cause."""
     tip = sensor("can", channel, id=0x181)

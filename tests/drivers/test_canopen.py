@@ -219,6 +219,7 @@ def test_a_drive_that_follows_no_command_gives_no_sample(channel: str, status: i
         driver.close()
 
 
+@pytest.mark.slow
 def test_nmt_states_and_lost_heartbeats(channel: str) -> None:
     """Pre-operational is told with its likely cause; a drive that sent heartbeats and stopped is gone."""
     with library_robot(channel, (1,)) as robot:

@@ -260,6 +260,7 @@ def test_closed_device_keeps_nothing() -> None:
     assert robot.sensors[0].read().time[0] > first.time[-1] + 0.9
 
 
+@pytest.mark.slow
 def test_a_motion_that_no_gear_follows_is_refused_when_it_is_read() -> None:
     """A jump of 1e12 rad was an internal error; motions up to the limit that the check has are followed."""
     for motion in ("step:1e12,1e-12,0", "step:1,1e-3", "sine:50,1", "hand-waved:1,1e12", "chirp:1,1e6,1"):

@@ -90,6 +90,7 @@ def test_an_oscillator_alone() -> None:
     assert float(found.formula.split()[0]) == pytest.approx(-k2, rel=0.1)
 
 
+@pytest.mark.slow
 def test_friction_with_the_cube_of_the_speed() -> None:
     """A joint that is pushed to and fro, by SciPy: its curve holds the truth, the formula its factor."""
     J, b3, times = 2e-3, 3e-3, np.arange(2000) / 500

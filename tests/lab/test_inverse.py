@@ -138,6 +138,7 @@ def explained(folder: Path, model: str, recordings: list[Recording], *options: s
     return dict(json.loads(result.stdout))
 
 
+@pytest.mark.slow
 def test_the_scale_of_a_free_swing_is_held_and_told(tmp_path: Path) -> None:
     """Without a torque the inertia stays at the file's value, whatever that is; no name or error depends on it."""
     recordings = [pendulum(3), pendulum(4), pendulum(5)]
@@ -188,6 +189,7 @@ SPEEDS = (1.0, -2.0, 4.0, -6.0, 10.0, 2.0)
 TURNED = 'base = "joint"\neffects = ["viscous_friction", "coulomb_friction"]\n'
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ripple", [8e-4, 0.0])
 def test_a_ripple_is_found_by_encoders_that_count_from_where_they_start(ripple: float, tmp_path: Path) -> None:
     """The phase differs from one recording to the next, and is fitted in each; without a ripple that finds none."""
@@ -199,12 +201,14 @@ def test_a_ripple_is_found_by_encoders_that_count_from_where_they_start(ripple: 
         assert low < ripple < high < 1.3 * value
 
 
+@pytest.mark.slow
 def test_a_curve_that_two_speeds_do_not_tell_is_not_named(tmp_path: Path) -> None:
     """Friction of three shapes through two points bends to anything in between: drag was named beside the ripple."""
     turned = [turning(30 + i, speed, 8e-4, 1.0, 400.0) for i, speed in enumerate((10.0, -6.0, -1.0))]
     assert explained(tmp_path, TURNED, turned)["missing"] == ["torque_ripple"]
 
 
+@pytest.mark.slow
 def test_an_inertia_that_hardly_accelerates_stays_where_it_was(tmp_path: Path) -> None:
     """Constant speeds do not tell it; it went to zero, and nothing could be simulated."""
     answer = explained(tmp_path, TURNED, [turning(seed, speed, 0.0, 0.05) for seed, speed in enumerate(SPEEDS)])
@@ -212,6 +216,7 @@ def test_an_inertia_that_hardly_accelerates_stays_where_it_was(tmp_path: Path) -
     assert answer["parameters"]["J"][0] > 1e-6
 
 
+@pytest.mark.slow
 def test_units_change_nothing(tmp_path: Path) -> None:
     """A torque that is ten thousand times as large leaves names and shares as they are."""
     plain = [robot(10), robot(11), robot(12)]
