@@ -20,7 +20,7 @@ test: $(READY)  ## everything: format, lint, types, all tests
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy -p lostmotion
-	$(BIN)/python -m pytest -n 4 --dist worksteal -rs
+	$(BIN)/python -m pytest -n 3 --dist worksteal -rs
 
 check: $(READY)  ## the same with the fast tests only, in under two minutes
 	$(BIN)/ruff format --check .

@@ -61,6 +61,7 @@ def test_the_list_is_part_of_the_dependencies() -> None:
     assert {re.split("[>=]", line)[0] for line in declared - listed()} == {"numba", "scipy", "matplotlib"}
 
 
+@pytest.mark.slow
 def test_the_list_needs_nothing_that_is_left_out() -> None:
     """No listed package pulls in a heavy one by its own dependencies."""
     left_out = {name.lower() for package in LEFT_OUT for name in packages_distributions().get(package, [package])}

@@ -86,6 +86,7 @@ def test_agrees_with_the_model(command: Command, effect: str) -> None:
         assert np.sqrt(np.mean((accel(BASE, command, 0.5) - other) ** 2)) > LEAST_NOISE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("effect", "values"),
     [("sensor_saturation", {"a_max": 10.0}), ("clock_skew", {"s": 2e-3}), ("bias_drift", {"c": 0.3})],

@@ -54,6 +54,7 @@ def heard(listeners: Sequence[Ear], worn: str, attributor: Attributor, pieces: i
     return done
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("worn", ["elbow", "shoulder"])
 def test_pipeline_names_the_joint(worn: str) -> None:
     """Two joints on one accelerometer: after eight seconds the one with play is named, and the other is sound."""

@@ -61,6 +61,7 @@ def written(folder: Path, name: str, seconds: float, impact: float, seed: int) -
     return folder / name
 
 
+@pytest.mark.slow
 def test_healthy(tmp_path: Path) -> None:
     """The noise is found, the lines are a valid [detector] table, and a larger play needs a brisker motion."""
     healthy = written(tmp_path, "healthy.csv", 60, 0.0, 7810)

@@ -234,6 +234,7 @@ def test_run_that_cannot_start_says_so_in_one_line(tmp_path: Path) -> None:
         assert words in err
 
 
+@pytest.mark.slow
 def test_interrupted_recording_is_valid(tmp_path: Path) -> None:
     """Ctrl-C ends `record` with status 130; what was measured until then can be scored."""
     (tmp_path / "robot.toml").write_text(SIMULATED.replace('"max"', "1.0"))

@@ -184,6 +184,7 @@ def test_watching_goes_on_in_a_new_database(tmp_path: Path, database: Path) -> N
     watching.communicate()
 
 
+@pytest.mark.slow
 def test_a_joint_that_leaves_the_configuration(tmp_path: Path, start: Callable[..., Running]) -> None:
     """Its alarm does not stand for ever: it has returned, and can still be acknowledged."""
     path, database = tmp_path / "fake.toml", tmp_path / "history.db"

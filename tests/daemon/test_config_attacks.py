@@ -145,6 +145,7 @@ def test_the_unattacked_configuration_is_taken() -> None:
     take(SIMULATED)
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(st.tuples(st.integers(0, len(LINES) - 1), st.sampled_from(VALUES)), min_size=1, max_size=3))
 def test_any_value_anywhere_is_taken_or_refused(changes: list[tuple[int, str]]) -> None:
@@ -265,6 +266,7 @@ def test_a_key_without_end_is_refused(where: str, tmp_path: Path) -> None:
                 assert told.removeprefix(f"alarm.zenoh.config: {file}: ") in asked.stderr
 
 
+@pytest.mark.slow
 def test_no_file_ends_a_running_service(tmp_path: Path, start: Start) -> None:
     """After SIGHUP with each of the attacks the service scores on, and takes a good file at the end."""
     file, database = tmp_path / "fake.toml", tmp_path / "history.db"

@@ -129,6 +129,7 @@ def test_a_hard_link_is_no_other_database(tmp_path: Path) -> None:
         assert reader.scores("elbow") == rows(5)
 
 
+@pytest.mark.slow
 def test_a_second_service_by_a_hard_link(tmp_path: Path, start: Start) -> None:
     """Two processes, each with a configuration of its own: the second ends, the first goes on; after
     SIGHUP a service that is pointed at another name of its own file keeps the old configuration."""

@@ -135,6 +135,7 @@ def test_reversals_before_the_sensor_speaks_open_no_window() -> None:
     assert world.pipeline.counts["elbow"].lost.total() == 0
 
 
+@pytest.mark.slow
 def test_acceleration_is_released_behind_the_oldest_need() -> None:
     """Half a minute of motion passes through a ring of 20 s, half of which is enough, and nothing is overwritten."""
     world = World()

@@ -166,6 +166,7 @@ def test_a_wrong_servo_is_an_alarm_and_the_others_go_on(tmp_path: Path, start: S
         assert reader.scores("impostor") == []
 
 
+@pytest.mark.slow
 def test_a_full_disk_stops_nothing(configuration: Path, start: Start) -> None:
     """While files cannot grow the service goes on and says so; afterwards every window in between is there."""
     database = configuration.parent / "history.db"
@@ -213,6 +214,7 @@ def test_a_disk_that_is_full_at_the_start(tmp_path: Path, start: Start) -> None:
     assert np.sum(np.diff(times) > 0.3) == 1  # between the two runs
 
 
+@pytest.mark.slow
 def test_a_disk_that_has_no_room_for_the_state_folder(small_disk: SmallDisk, start: Start) -> None:
     """The service starts, says so, scores, and once there is room all is in the database."""
     path, database = small_disk.path / "fake.toml", small_disk.path / "state" / "history.db"
@@ -299,6 +301,7 @@ def told(folder: Path, joint: str) -> list[str]:
     return [change.event.value for change in found if change.event is not AlarmEvent.CHANGED]
 
 
+@pytest.mark.slow
 def test_another_device_on_the_port_is_told(tmp_path: Path, start: Start) -> None:
     """A GPS receiver where the accelerometer should be: the joints' alarm names what was found and expected."""
     motion = Motion()
@@ -310,6 +313,7 @@ def test_another_device_on_the_port_is_told(tmp_path: Path, start: Start) -> Non
     assert "tip: tip:" not in log
 
 
+@pytest.mark.slow
 def test_the_robots_controller_on_the_same_port_is_told_by_name(tmp_path: Path, start: Start) -> None:
     """A program that has the servos' port open, without any lock: the joints' alarm names it, not a byte is sent, and
     both joints are scored once it has ended."""
@@ -396,6 +400,7 @@ def known(database: Path) -> tuple[list[AlarmRow], list[JointRow]]:
         return reader.alarms(living=True), reader.joints()
 
 
+@pytest.mark.slow
 def test_a_replay_ends_by_itself(tmp_path: Path, start: Start) -> None:
     """A recording as fast as possible: exit 0 without a signal, a window at each of its 20 s x 2 reversals, none lost,
     times counted from the recording's start."""

@@ -54,6 +54,7 @@ def printed(path: Path) -> list[dict[str, object]]:
     return sockets
 
 
+@pytest.mark.slow
 def test_a_zenoh_file_in_peer_mode_opens_nothing_that_it_does_not_name(
     tmp_path: Path, start: Start, fake_driver: None
 ) -> None:

@@ -25,6 +25,7 @@ def tapped(
     return time, accel + hum * (np.sin(line + 1) + 0.3 * np.sin(2 * line))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rate", "f_res", "zeta", "hum", "mains"),
     [
@@ -47,6 +48,7 @@ def test_resonance_and_damping_through_hum(rate: float, f_res: float, zeta: floa
         assert found.taps >= 1
 
 
+@pytest.mark.slow
 def test_intervals_cover() -> None:
     """Of 60 recordings 90 to 100 % of the intervals hold the truth."""
     rng = np.random.default_rng(7100)

@@ -79,6 +79,7 @@ def test_tuned_settings_find_more(rate: float) -> None:
     assert found(tuned.settings) > found(BAND) + 0.15
 
 
+@pytest.mark.slow
 def test_worn_windows_are_used_where_there_are_some() -> None:
     """With real worn windows the share found is that of these: all, for loud ones."""
     rng = np.random.default_rng(8103)
@@ -120,6 +121,7 @@ def test_least_acceleration_by_hand() -> None:
     assert crossing * 0.175**3 / 6 == pytest.approx(0.008)
 
 
+@pytest.mark.slow
 def test_tuned_noise_scores_like_white_noise() -> None:
     """With the noise that was found, a healthy window scores as it would in white noise of unit size."""
     rng = np.random.default_rng(8105)

@@ -27,6 +27,7 @@ def test_coefficients_of_a_known_process() -> None:
     assert found.deviation == pytest.approx(1.0, rel=0.02)
 
 
+@pytest.mark.slow
 def test_white_noise_has_no_colour() -> None:
     """Nothing is foretold where nothing can be, also when a motion a thousand times as large is in the windows."""
     rng = np.random.default_rng(7901)

@@ -74,6 +74,7 @@ def test_mapping_and_units_by_sdo(channel: str) -> None:
     assert sample.current == pytest.approx(-1.0)
 
 
+@pytest.mark.slow
 def test_without_leave_not_one_frame_is_sent(channel: str) -> None:
     """Opening, identifying, reading, with everybody there, with nobody, with trouble: the other end receives nothing of
     it; allowed to ask, it sends SDO uploads and nothing else."""
@@ -193,6 +194,7 @@ def test_a_missing_node_is_told_with_those_that_are_there(channel: str) -> None:
         driver.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("status", "state"),
     [(0x0650, "switch on disabled"), (0x0618, "fault"), (0x0617, "quick stop active"), (0x0631, "ready to switch on")],

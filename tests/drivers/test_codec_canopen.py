@@ -33,6 +33,7 @@ def mappings() -> Any:
     return lists.filter(lambda found: sum(bits for _, bits in found) <= 64)
 
 
+@pytest.mark.slow
 @settings(max_examples=PIECES, deadline=None)
 @given(mapping=mappings(), seed=st.integers(0, 2**32))
 def test_pdo_fields_against_plain_slices_of_bits(mapping: list[tuple[int, int]], seed: int) -> None:

@@ -47,6 +47,7 @@ def packed(texts: list[str], dice: random.Random) -> tuple[bytes, list[list[int]
     return frame, numbers
 
 
+@pytest.mark.slow
 @given(texts=st.lists(types(), min_size=1, max_size=5), seed=st.integers(0, 2**32))
 @settings(max_examples=EXAMPLES, deadline=None)
 def test_any_scan_is_unpacked(texts: list[str], seed: int) -> None:

@@ -66,6 +66,7 @@ def test_play_rings_after_reversals() -> None:
     assert loud > 10 * quiet
 
 
+@pytest.mark.slow
 def test_the_play_is_that_of_the_tip() -> None:
     """The detector tells the gap from the emulated tip and the goals: the median to a sixth, for 2 and 4 mrad."""
     times, polls = np.arange(20_000) / 1000, np.arange(1990) / 100

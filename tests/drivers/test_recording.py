@@ -42,6 +42,7 @@ def recordings(draw: st.DrawFn) -> Recording:
     return Recording(np.array(times), columns, draw(metadata), extra)
 
 
+@pytest.mark.slow
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=150, deadline=None)
 @given(recordings())
 def test_round_trip_loses_nothing(tmp_path: Path, recording: Recording) -> None:

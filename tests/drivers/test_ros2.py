@@ -125,6 +125,7 @@ def test_an_unknown_joint_is_told_with_those_there_are(robot: Ros2Robot) -> None
     assert wrong.found == "no joint 'elbow_joint' on /joint_states; there are joint0, joint1"
 
 
+@pytest.mark.slow
 def test_a_topic_that_never_comes(robot: Ros2Robot) -> None:
     """Fitting topics are listed; where a node would publish, its hardware is the likely cause."""
     (who,) = identities(bus(robot, {"topic": "/arm/joint_states"}))

@@ -81,6 +81,7 @@ class Robot:
         return np.array([score.time for score in found]), np.array([score.score for score in found])
 
 
+@pytest.mark.slow
 def test_play_is_heard_and_its_absence_is_not() -> None:
     """Every window of a worn joint scores above every one of a sound one, and the level lies between them."""
     robot = Robot([0.0, 6e-5, 1e-4])

@@ -28,6 +28,7 @@ def test_page_names_all_that_can_be_read() -> None:
         assert f"`{name}`" in PAGE
 
 
+@pytest.mark.slow
 def test_own_states_and_notebook(tmp_path: Path) -> None:
     """The page's friction that winds up, in a file, compiles; the notebook's lines run after it."""
     blocks = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)

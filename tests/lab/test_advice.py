@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 
 import numpy as np
+import pytest
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.advice import what_to_record
@@ -39,6 +40,7 @@ def rubbing(effect: str, **values: float) -> Model:
     return build_model("servo", [effect], {f"{effect}.{name}": value for name, value in values.items()})
 
 
+@pytest.mark.slow
 def test_names_a_motion_that_tells_more() -> None:
     """Two frictions that differ near rest only: the motion advised separates them further than the recorded one."""
     coulomb = rubbing("coulomb_friction", tau_c=0.15)

@@ -73,6 +73,7 @@ def test_true_model_leaves_only_noise() -> None:
     assert "nothing is missing" in summary(found)[-1]
 
 
+@pytest.mark.slow
 def test_document_is_consistent() -> None:
     """Phases and blocks add up to the whole error, and recordings to the column's."""
     found = held(build_model("play", values=GEARS), measured(0, **FRICTION), measured(1, **FRICTION))
@@ -134,6 +135,7 @@ def test_size_of_the_missing_torque() -> None:
     np.testing.assert_allclose(shape.mean[fast], -3e-4 * np.sign(shape.x[fast]), rtol=0.35)
 
 
+@pytest.mark.slow
 def test_compare_blames() -> None:
     """The comparison blames the equation too, from a few samples, and says so in its document and its words."""
     found = held(build_model("play", values=GEARS), measured(4, **LEAKAGE), samples=900)

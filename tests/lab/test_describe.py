@@ -74,6 +74,7 @@ def test_hum_of_the_sensor() -> None:
     assert size == pytest.approx(1.0, rel=0.1)
 
 
+@pytest.mark.slow
 def test_an_oscillator_alone() -> None:
     """A bar that rings down with a quadratic spring, by SciPy: the force follows the deflection, with its factor."""
     m, b, k, k2 = 0.02, 0.05, 2600.0, 2e5
@@ -113,6 +114,7 @@ def test_friction_with_the_cube_of_the_speed() -> None:
     assert float(found.formula.split()[0]) == pytest.approx(-b3, rel=0.15)  # chords of a curve
 
 
+@pytest.mark.slow
 def test_a_model_that_runs_away_is_not_described() -> None:
     """No function can be looked for along motions that are not finite."""
     rough = build_model("play", values={"d": 9e-5, "alpha": 3000.0, "b": 0.2, "k": 2500.0})

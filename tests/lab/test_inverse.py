@@ -78,6 +78,7 @@ def named(model: Model, recordings: list[Recording]) -> tuple[str, ...]:
     return selected(model, signals, signals[-1], method, np.inf, lambda what, part: None).added
 
 
+@pytest.mark.slow
 def test_friction_is_found_in_a_closed_loop() -> None:
     """A stiff controller's torque follows the disturbances; viscous and Coulomb friction are named all the same."""
     assert set(named(build_model("joint"), [robot(1), robot(2)])) == {"viscous_friction", "coulomb_friction"}
@@ -118,6 +119,7 @@ def test_friction_that_would_take_all_of_the_torque_is_not_load_dependent() -> N
     assert (least, most) == (True, False)
 
 
+@pytest.mark.slow
 def test_drag_that_adds_up_over_many_swings_is_found() -> None:
     """A pendulum's drag, invisible in its acceleration, is named from the whole motion."""
     found = named(build_model("joint", ["gravity_torque"]), [pendulum(1), pendulum(2)])
@@ -157,6 +159,7 @@ def test_the_scale_of_a_free_swing_is_held_and_told(tmp_path: Path) -> None:
     assert b2[0] / 0.001 == pytest.approx(0.02, rel=0.2)
 
 
+@pytest.mark.slow
 def test_the_answer_has_its_keys(tmp_path: Path) -> None:
     """complete, share, columns and an independent noise stand in the answer; shares add up to the fall of the error."""
     answer = explained(tmp_path, 'base = "joint"\n', [robot(7), robot(8), robot(9)])
@@ -255,6 +258,7 @@ def detent(theta, depth):
 """
 
 
+@pytest.mark.slow
 def test_an_effect_of_ones_own_is_tried_beside_the_catalogue(tmp_path: Path) -> None:
     """explain --effect FILE.py:function names a user's effect among the others."""
     (tmp_path / "own.py").write_text(OWN)

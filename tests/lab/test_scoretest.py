@@ -94,6 +94,7 @@ FAINT = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", FAINT)
 @pytest.mark.parametrize("correlation", [0.0, 0.5], ids=["white", "coloured"])
 def test_faint_effect_is_found(effect: str, correlation: float) -> None:

@@ -54,6 +54,7 @@ def check_play(effects: list[str], **changed: float) -> None:
         assert distance(ours["accel"], plain["accel"]) > 20 * distance(ours["accel"], theirs["accel"])
 
 
+@pytest.mark.slow
 def test_play_base() -> None:
     """Eqs. 1-7 without any effect agree with Radau."""
     check_play([])

@@ -29,6 +29,7 @@ def ready(page: Page) -> None:
     page.locator('#history[data-state="ready"] canvas').wait_for()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("width", "dark"), [(1100, False), (400, True)])
 def test_the_page_fits_and_is_accessible(tmp_path: Path, serve: Serve, look: Open, width: int, dark: bool) -> None:
     """History, trend and newest window are there; nothing overflows; axe-core finds nothing."""
@@ -44,6 +45,7 @@ def test_the_page_fits_and_is_accessible(tmp_path: Path, serve: Serve, look: Ope
     assert violations(page) == []
 
 
+@pytest.mark.slow
 def test_drag_zooms_click_shows_keys_move(tmp_path: Path, serve: Serve, look: Open) -> None:
     """The mouse and the keyboard do the same: zoom, back to all, the window behind a point, two over each other."""
     fill(tmp_path / "history.db")
@@ -69,6 +71,7 @@ def test_drag_zooms_click_shows_keys_move(tmp_path: Path, serve: Serve, look: Op
     ready(page)
 
 
+@pytest.mark.slow
 def test_series_keep_the_extremes(tmp_path: Path, serve: Serve) -> None:
     """However few the pieces, the least and the largest score of all are among them, and no window is counted twice."""
     fill(tmp_path / "history.db", count=400)

@@ -25,6 +25,7 @@ from tests.web.world import HOSTILE, fill, robot
 __all__ = ["start"]
 
 
+@pytest.mark.slow
 def test_ten_pages_of_a_browser_hear_the_news(tmp_path: Path, serve: Serve, look: Open) -> None:
     """A browser opens six connections to a server; the tenth page comes, and all ten hear of a new score."""
     fill(tmp_path / "history.db", count=40)
@@ -42,6 +43,7 @@ def test_ten_pages_of_a_browser_hear_the_news(tmp_path: Path, serve: Serve, look
         expect(page.locator('[data-joint="elbow"].card [data-field="score"]')).to_have_text(re.compile(r"77\.2"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("width", "dark"), [(1100, False), (400, True)])
 def test_the_page_fits_and_is_accessible(tmp_path: Path, serve: Serve, look: Open, width: int, dark: bool) -> None:
     """Health, reason, score, alarm and the unplugged device are there; nothing overflows; axe-core finds nothing."""
@@ -113,6 +115,7 @@ def test_an_acknowledgement_reaches_database_and_zenoh(
         assert any("web" in event.by for _, event in reader.transitions("elbow"))
 
 
+@pytest.mark.slow
 def test_shelving_without_a_service(tmp_path: Path, serve: Serve, look: Open) -> None:
     """Where no service runs the page does it itself, as the command line does."""
     fill(tmp_path / "history.db", count=40)
@@ -124,6 +127,7 @@ def test_shelving_without_a_service(tmp_path: Path, serve: Serve, look: Open) ->
     expect(page.locator(".alarm")).to_contain_text("active")
 
 
+@pytest.mark.slow
 def test_names_from_outside_are_text(tmp_path: Path, serve: Serve, look: Open) -> None:
     """A robot and a joint called like HTML are shown as they are called, before and after an event."""
     fill(tmp_path / "history.db", count=40, joint=HOSTILE, name=HOSTILE)
@@ -138,6 +142,7 @@ def test_names_from_outside_are_text(tmp_path: Path, serve: Serve, look: Open) -
     assert "owned" not in page.title().split("·")[-1]
 
 
+@pytest.mark.slow
 def test_the_database_goes_and_comes_back(tmp_path: Path, serve: Serve, look: Open) -> None:
     """Moved aside while the page is open: that is said; a new one is taken up."""
     database = tmp_path / "history.db"
@@ -154,6 +159,7 @@ def test_the_database_goes_and_comes_back(tmp_path: Path, serve: Serve, look: Op
     expect(page.locator('[data-joint="elbow"] [data-field="score"]')).to_have_text(re.compile(r"6\.88"))
 
 
+@pytest.mark.slow
 def test_the_server_goes_and_comes_back(tmp_path: Path, serve: Serve, look: Open) -> None:
     """A page whose server has ended says so."""
     fill(tmp_path / "history.db", count=40)

@@ -59,6 +59,7 @@ def test_changes_need_origin_and_token(open_site: Site) -> None:
     assert b"acknowledged" in body
 
 
+@pytest.mark.slow
 def test_without_the_password_nothing_is_seen(locked: Site) -> None:
     """Pages lead to the form, scripts get 401; wrong passwords get neither, and after five of them one waits."""
     status, headers, _ = locked.ask("GET", "/", accept="text/html")
