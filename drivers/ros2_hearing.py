@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from statistics import median
 
 from lostmotion.drivers.base import Identity
 from lostmotion.drivers.codec.cdr import CdrError
@@ -151,8 +152,11 @@ def _fault(wanted: Wanted, total: _Sum, shown: Sequence[Endpoint]) -> str:
 def _clock_fault(total: _Sum) -> str:
     if total.source is Source.ARRIVAL or len(total.stamps) < 2:
         return ""
-    (first, start), (last, end) = total.stamps[0], total.stamps[-1]
-    return clock_fault(end - start, last - first)
+    half = len(total.stamps) // 2
+    pairs = list(zip(total.stamps, total.stamps[half:], strict=False))
+    passed_s = median(later[0] - one[0] for one, later in pairs)
+    # Medians: the first message may be an old one that its publisher keeps for those who come late.
+    return clock_fault(median(later[1] - one[1] for one, later in pairs), passed_s) if passed_s > 0 else ""
 
 
 def _sum(wanted: Wanted, heard: Heard) -> _Sum:

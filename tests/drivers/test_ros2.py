@@ -183,7 +183,7 @@ def test_simulated_time(robot: Ros2Robot) -> None:
     """At real time's speed it serves, and is said; at half the speed it is refused."""
     robot.stamps = "simulated"
     (who,) = identities(bus(robot))
-    assert (who.ok, "simulated time" in who.found) == (True, True)
+    assert (who.ok, "simulated time" in who.found) == (True, True), who.found
     robot.pace = 0.5
     (who,) = identities(bus(robot))
     assert not who.ok

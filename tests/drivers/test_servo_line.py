@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from statistics import mode
+
 import pytest
 
 from lostmotion.drivers.emulator import Emulator
@@ -19,7 +21,7 @@ def test_a_silent_servo_costs_the_others_little(model: str) -> None:
         bus.open()
         line.servos[2].silent = True
         found = readings(bus, 1.5)
-        assert found[-1].silent == ("2",)
+        assert mode(r.silent for r in found[len(found) // 2 :]) == ("2",)
         assert len([s for r in found for s in r.samples if s.joint == "3"]) > 50  # 42 if it were waited for each time
         assert not [s for r in found for s in r.samples if s.joint == "2"]
         line.servos[2].silent = False
