@@ -140,7 +140,7 @@ class IioEmulator:
         self._next, self.sensor.skip = (self._next if self._next >= 0 else end) + self.sensor.skip, 0
         enabled = [name for name in ELEMENTS if self.now(f"scan_elements/{name}_en") == "1"]
         types = {name: self.now(f"scan_elements/{name}_type") for name in enabled}
-        offset = time.time_ns() - time.monotonic_ns() if self.now("current_timestamp_clock") == "realtime" else 0
+        offset = _offset_ns() if self.now("current_timestamp_clock") == "realtime" else 0
         data = b"".join(self._frame(index, types, offset) for index in range(self._next, end))
         self._next = max(self._next, end)
         with contextlib.suppress(BlockingIOError):  # the reader is late, and the kernel's buffer full
@@ -167,3 +167,8 @@ class IioEmulator:
 def _put(path: Path, text: str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(f"{text}\n")
+
+
+def _offset_ns() -> int:
+    """Real time minus monotonic time.  A pause between the two questions makes it too small, so the largest counts."""
+    return max(time.time_ns() - time.monotonic_ns() for _ in range(5))
