@@ -18,7 +18,7 @@ from starlette.routing import BaseRoute, Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from lostmotion.drivers.errors import LostmotionError
-from lostmotion.web import joint, login, robot
+from lostmotion.web import fleet, joint, login, robot
 from lostmotion.web.events import News
 from lostmotion.web.pages import trouble
 from lostmotion.web.security import Guard, Keys, Sessions, Throttle
@@ -41,6 +41,7 @@ def create_app(site: Site, keys: Keys) -> Starlette:
         exception_handlers={HTTPException: _http_error, LostmotionError: trouble, Exception: trouble},
         lifespan=partial(_lifespan, site),
     )
+    app.state.fleet = fleet.Watch(site.fleet) if site.fleet else None
     app.state.site, app.state.keys, app.state.sessions, app.state.throttle = site, keys, sessions, Throttle()
     return app
 
@@ -50,6 +51,7 @@ def _routes() -> list[BaseRoute]:
         *robot.ROUTES,
         *joint.ROUTES,
         *login.ROUTES,
+        *fleet.ROUTES,
         Route("/health", _health),
         Mount("/static/uplot", StaticFiles(directory=UPLOT)),
         Mount("/static", StaticFiles(directory=HERE / "static")),

@@ -12,14 +12,17 @@ from typing import TYPE_CHECKING
 import click
 import msgspec
 
-from lostmotion.daemon.cli import config_file, database
+from lostmotion.daemon.cli import FILE, config_file, database
 from lostmotion.daemon.commands import output
 from lostmotion.daemon.commands.where import find_config
+from lostmotion.daemon.crosscheck import check_endpoints
 from lostmotion.daemon.options import WebOptions
 from lostmotion.drivers.errors import LostmotionError
 
 if TYPE_CHECKING:
+    from lostmotion.daemon.commands.fleet_ask import Fleet
     from lostmotion.web.security import Keys
+    from lostmotion.web.site import Site
 
 __all__ = ["WebError", "web"]
 
@@ -46,12 +49,25 @@ class Address:
 @database
 @click.option("--listen", metavar="H:P", help="Address and port, instead of web.listen (127.0.0.1:8737).")
 @click.option("--hash-password", is_flag=True, help="Ask for a password and print its line for the configuration.")
-def web(config: Path | None, database: Path | None, listen: str | None, hash_password: bool) -> None:
+@click.option("--connect", multiple=True, metavar="ENDPOINT", help="Show the fleet that is found there, too: a router"
+              " or robot, such as tcp/10.0.0.1:7447; again for more.")  # fmt: skip
+@click.option("--robots", metavar="A,B", help="Robots of the fleet that must answer, besides those that are alive.")
+@click.option("--zenoh", type=FILE, metavar="FILE", help="Zenoh's own configuration (JSON5) for the fleet: TLS.")
+def web(
+    config: Path | None,
+    database: Path | None,
+    listen: str | None,
+    hash_password: bool,
+    connect: tuple[str, ...],
+    robots: str | None,
+    zenoh: Path | None,
+) -> None:
     """Serve the page: health, alarms, history and windows, in a browser.
 
     On this computer alone, unless [web] has a password or a token.  Ctrl-C ends it.
     """
     from lostmotion.web import security
+    from lostmotion.web.site import Site
 
     if hash_password:
         password = click.prompt(
@@ -64,7 +80,18 @@ def web(config: Path | None, database: Path | None, listen: str | None, hash_pas
     address = _address(options)
     keys = security.Keys(options.password_hash, _token(options))
     _check(options, address, keys)
-    _serve(config, database, options, address, keys)
+    _serve(Site.of(config, database, _fleet(config, connect, robots, zenoh)), options, address, keys)
+
+
+def _fleet(config: Path | None, connect: tuple[str, ...], robots: str | None, zenoh: Path | None) -> Fleet | None:
+    """Whom the fleet's page asks; None without an endpoint."""
+    if not (connect or zenoh):
+        return None
+    from lostmotion.daemon.commands.fleet_ask import Fleet
+
+    check_endpoints("--connect", connect)
+    names = [name.strip() for name in (robots or "").split(",") if name.strip()]
+    return Fleet(connect, str(zenoh or ""), config, names)
 
 
 def _address(options: WebOptions) -> Address:
@@ -98,13 +125,12 @@ def _check(options: WebOptions, address: Address, keys: Keys) -> None:
         raise WebError("web.certificate and web.key: found one of them, expected both or none")
 
 
-def _serve(config: Path | None, database: Path | None, options: WebOptions, address: Address, keys: Keys) -> None:
+def _serve(site: Site, options: WebOptions, address: Address, keys: Keys) -> None:
     import uvicorn
 
     from lostmotion.web.app import create_app
-    from lostmotion.web.site import Site
 
-    app = create_app(Site.of(config, database), keys)
+    app = create_app(site, keys)
     with _bound(options, address) as listener:
         port = listener.getsockname()[1]
         server = uvicorn.Server(

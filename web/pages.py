@@ -18,8 +18,9 @@ from lostmotion.web.site import Site
 
 __all__ = ["json", "page", "site_of", "trouble", "wants_html"]
 
-NAVIGATION = (("/", "Robot"),)
-"""address and name of the pages that every page leads to"""
+FLEET = "/fleet"
+NAVIGATION = (("/", "Robot"), (FLEET, "Fleet"))
+"""address and name of the pages that every page leads to; to the fleet where one is asked"""
 TEMPLATES = Environment(
     loader=FileSystemLoader(Path(__file__).parent / "templates"),
     autoescape=True,
@@ -34,7 +35,7 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> R
     session = request.scope.get("session")
     text = TEMPLATES.get_template(template).render(
         csrf=session.token if session else "",
-        navigation=NAVIGATION,
+        navigation=[place for place in NAVIGATION if place[0] != FLEET or request.app.state.fleet],
         here=request.url.path,
         version=__version__,
         is_open=request.app.state.keys.is_open,

@@ -7,10 +7,14 @@ from dataclasses import dataclass
 from datetime import timedelta
 from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lostmotion.daemon.commands.where import ETC
 from lostmotion.daemon.config import Config, default, load
 from lostmotion.daemon.reader import Reader, open_readonly
+
+if TYPE_CHECKING:
+    from lostmotion.daemon.commands.fleet_ask import Fleet
 
 __all__ = ["Site"]
 
@@ -20,17 +24,18 @@ class Site:
     """One robot's page.
 
     config_file: None for the built-in simulated robot; given_database: instead of the configured one; look_s: how often
-    the database is looked at for news [s].
+    the database is looked at for news [s]; fleet: whom the fleet's page asks, None where there is none.
     """
 
     config_file: Path | None
     given_database: Path | None = None
     look_s: float = 0.05
+    fleet: Fleet | None = None
 
     @classmethod
-    def of(cls, config_file: Path | None, database: Path | None) -> Site:
+    def of(cls, config_file: Path | None, database: Path | None, fleet: Fleet | None = None) -> Site:
         """The site of a configuration: that given, else the installed one, else the built-in one."""
-        return cls(config_file or (ETC if ETC.exists() else None), database)
+        return cls(config_file or (ETC if ETC.exists() else None), database, fleet=fleet)
 
     def config(self) -> Config:
         """The configuration as it is in the file now.  Raises ConfigError."""
