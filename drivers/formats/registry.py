@@ -15,7 +15,7 @@ from lostmotion.drivers.units import COLUMN_UNITS
 
 __all__ = ["FORMATS", "Format", "is_foreign", "open_source"]
 
-EXPECTED = "a recording: lostmotion's CSV, PlotJuggler's or another table as text, MAT, Parquet"
+EXPECTED = "a recording: lostmotion's CSV, PlotJuggler's or another table as text, MAT, Parquet, MCAP, rosbag2"
 START = 4096
 """bytes that are looked at"""
 
@@ -34,6 +34,8 @@ FORMATS = (
     Format("Parquet", b"PAR1", "parquet:open_parquet"),
     Format("MAT", b"MATLAB ", "matlab:open_matlab"),
     Format("HDF5", b"\x89HDF\r\n\x1a\n", "matlab:open_matlab"),
+    Format("MCAP", b"\x89MCAP0\r\n", "bag:open_mcap"),
+    Format("rosbag2", b"SQLite format 3\x00", "bag:open_rosbag"),
     Format("ROS 1 bag", b"#ROSBAG", advice="convert it: pip install rosbags; rosbags-convert --src x.bag --dst x"),
     Format("ZIP or NumPy archive", b"PK\x03\x04", advice="unpack it; save arrays with scipy.io.savemat"),
     Format("gzip", b"\x1f\x8b", advice="unpack it: gunzip"),
@@ -80,6 +82,12 @@ def open_source(path: Path) -> Source:
 
 
 def _open_folder(path: Path) -> Source:
+    """A bag's, also one without metadata.yaml, as a killed recorder leaves it."""
+    if (path / "metadata.yaml").exists():
+        return _opener("bag:open_rosbag")(path)
+    parts = sorted([*path.glob("*.mcap"), *path.glob("*.db3")])
+    if len(parts) == 1:
+        return open_source(parts[0])
     there = sorted(each.name for each in path.iterdir())[:6]
     raise RecordingError(f"{path}: found a folder with {', '.join(there) or 'nothing in it'}, expected {EXPECTED}")
 

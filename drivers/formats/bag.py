@@ -1,0 +1,193 @@
+"""MCAP and rosbag2 as series: which topics tell numbers, and those of the chosen ones over time."""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lostmotion.drivers.base import FloatArray
+from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.formats.logs import Log, McapLog, RosbagLog
+from lostmotion.drivers.formats.messages import BEFORE, Decoder, UnreadableError, decoder_of
+from lostmotion.drivers.formats.source import MOST_SERIES, Choice, Samples, Series, check_count, shown, too_many
+from lostmotion.drivers.formats.table import EPOCH_S
+
+__all__ = ["open_mcap", "open_rosbag"]
+
+LOOKED_AT = 50
+"""messages of a topic, to learn its names"""
+MOST_APART_NS = 1_000_000_000
+"""between the clocks of stamps: further apart they are not one clock"""
+STAMPS, RECEIPT = "stamps of the headers", "when messages were received"
+UNITS = {
+    "position": "rad", "positions": "rad", "effort": "N m", "efforts": "N m", "linear_acceleration": "m/s^2"
+}  # fmt: skip
+"""by the field of ROS 2's messages (REP 103)"""
+
+
+@dataclass(slots=True, eq=False)
+class _Topic:
+    """What is read of a topic: stamps of its header and of receipt [ns], and each series' values."""
+
+    stamps: array[int] = field(default_factory=lambda: array("q"))
+    received: array[int] = field(default_factory=lambda: array("q"))
+    values: dict[str, array[float]] = field(default_factory=dict)
+    unstamped: int = 0
+
+
+class Bag:
+    """A ``Source``."""
+
+    def __init__(self, path: Path, log: Log) -> None:
+        self.kind = log.kind
+        self._name = str(path)
+        self._log = log
+        self._decoders: dict[str, Decoder] = {}
+        self._broken = 0
+        unknown = []
+        for channel in log.channels:
+            decoder = decoder_of(channel.kind, channel.encoding, channel.definition)
+            if decoder is None:
+                unknown.append(f"{channel.topic} ({channel.encoding} {channel.kind})")
+            else:
+                self._decoders[channel.topic] = decoder
+        self._unknown = unknown
+        kinds = {channel.topic: channel.kind for channel in log.channels}
+        self.series = self._look(sorted(self._decoders, key=lambda topic: _rank(kinds[topic])), kinds)
+        if not self.series and unknown:
+            raise RecordingError(
+                f"{path}: found {shown(', '.join(unknown))}, expected messages of ROS 2 or JSON with numbers"
+            )
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """What was left out."""
+        left = f"topics that are not understood: {shown(', '.join(self._unknown))}"
+        broken = f"{self._broken} messages that could not be read were left out"
+        return [*self._log.notes, *([left] if self._unknown else []), *([broken] if self._broken else [])]
+
+    def read(self, names: Sequence[str], choice: Choice) -> Samples:
+        """The samples of these series.  Raises RecordingError."""
+        topics = self._gather(names)
+        term = choice.terms.get("time")
+        if term and term.name not in ("log", "header"):
+            raise RecordingError(f"{self._name}: found time={term.name}, expected log (receipt) or header")
+        clock, notes, stamps = _clock(topics, term.name if term else "")
+        first = min((int(each.min()) for each in stamps.values() if each.size), default=0)
+        values: dict[str, tuple[FloatArray, FloatArray]] = {}
+        for topic_name, topic in topics.items():
+            order = np.argsort(stamps[topic_name], kind="stable")
+            times = np.asarray((stamps[topic_name][order] - first) * 1e-9, dtype=np.float64)
+            for name, numbers in topic.values.items():
+                values[name] = _sampled(times, np.array(numbers)[order])
+        known = EPOCH_S[0] < first * 1e-9 < EPOCH_S[1]
+        start = datetime.fromtimestamp(round(first * 1e-9, 6), UTC) if known else None
+        broken = [note for note in self.notes if "could not be read" in note]
+        return Samples(values, clock, start, [*notes, *broken])
+
+    def _look(self, topics: Sequence[str], kinds: dict[str, str]) -> list[Series]:
+        """The series of each topic, from its first messages."""
+        found: dict[str, dict[str, None]] = {topic: {} for topic in topics}
+        seen = dict.fromkeys(topics, 0)
+        left = {channel.topic: LOOKED_AT if channel.count is None else min(LOOKED_AT, channel.count)
+                for channel in self._log.channels if channel.topic in seen}  # fmt: skip
+        waiting = {topic for topic, count in left.items() if count}
+        for topic, _, data in self._log.messages(topics) if waiting else ():
+            seen[topic] += 1
+            if seen[topic] <= LOOKED_AT and (told := self._decoded(topic, data)):
+                found[topic].update(dict.fromkeys(told[1]))
+            if seen[topic] >= left[topic]:
+                waiting.discard(topic)
+                if not waiting:
+                    break
+        count = sum(map(len, found.values()))
+        if count > MOST_SERIES:
+            raise too_many(self._name, count, "series")
+        self._broken = 0
+        return [
+            Series(f"{topic}.{field}", _unit(field) if kinds[topic] in BEFORE else "")
+            for topic in topics
+            for field in found[topic]
+        ]
+
+    def _gather(self, names: Sequence[str]) -> dict[str, _Topic]:
+        wanted: dict[str, dict[str, str]] = {}
+        for name in names:
+            topic = max((each for each in self._decoders if name.startswith(f"{each}.")), key=len)
+            wanted.setdefault(topic, {})[name.removeprefix(f"{topic}.")] = name
+        topics = {topic: _Topic(values={name: array("d") for name in of.values()}) for topic, of in wanted.items()}
+        count = 0
+        for topic, received, data in self._log.messages(list(wanted)):
+            told = self._decoded(topic, data)
+            if told is None:
+                continue
+            stamp, values = told
+            into = topics[topic]
+            into.received.append(received)
+            into.stamps.append(received if stamp is None else stamp)
+            into.unstamped += stamp is None
+            for field_name, name in wanted[topic].items():
+                into.values[name].append(values.get(field_name, math.nan))
+            count += 2 + len(wanted[topic])
+            if not count % 1024:
+                check_count(self._name, count)
+        return topics
+
+    def _decoded(self, topic: str, data: bytes) -> tuple[int | None, dict[str, float]] | None:
+        try:
+            return self._decoders[topic](data)
+        except UnreadableError:
+            self._broken += 1
+            return None
+
+
+def open_mcap(path: Path) -> Bag:
+    """Raises RecordingError."""
+    return Bag(path, McapLog(path))
+
+
+def open_rosbag(path: Path) -> Bag:
+    """A folder or a database.  Raises RecordingError."""
+    return Bag(path, RosbagLog(path))
+
+
+def _clock(topics: dict[str, _Topic], said: str) -> tuple[str, list[str], dict[str, NDArray[np.int64]]]:
+    """What tells the time, what is odd about it, and the times [ns] of each topic's messages.
+
+    A topic without stamps takes part by the delay of the others.
+    """
+    received = {name: np.array(topic.received, dtype=np.int64) for name, topic in topics.items()}
+    stamps = {name: np.array(topic.stamps, dtype=np.int64) for name, topic in topics.items() if not topic.unstamped}
+    ahead = {name: float(np.median(stamps[name] - received[name])) for name in stamps if stamps[name].size}
+    apart = max(ahead.values()) - min(ahead.values()) if ahead else 0.0
+    if said == "log" or not ahead:
+        return RECEIPT, [], received
+    if apart > MOST_APART_NS and not said:
+        return RECEIPT, [f"the stamps of {shown(', '.join(ahead))} are of clocks {apart * 1e-9:.3g} s apart"], received
+    shift = round(float(np.median(list(ahead.values()))))
+    bare = [name for name in topics if name not in stamps]
+    notes = (
+        [f"{shown(', '.join(bare))} without stamps: when received, {shift * 1e-6:+.3g} ms as others"] if bare else []
+    )
+    return STAMPS, notes, {name: stamps.get(name, received[name] + shift) for name in topics}
+
+
+def _sampled(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    there: NDArray[np.bool_] = ~np.isnan(values)
+    return (times, values) if there.all() else (times[there], values[there])
+
+
+def _rank(kind: str) -> int:
+    return BEFORE.index(kind) if kind in BEFORE else len(BEFORE)
+
+
+def _unit(field_name: str) -> str:
+    words = field_name.partition("[")[0].split(".")
+    return next((UNITS[word] for word in words if word in UNITS), "")
