@@ -108,7 +108,9 @@ class WebOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """``[web]``: where ``lostmotion web`` serves its page, and to whom.
 
     password_hash: an Argon2 hash, from ``lostmotion web --hash-password``; token_file: a file that holds a token for
-    programs; one of them is required beyond this computer.  certificate, key: files for TLS.
+    programs; one of them is required beyond this computer.  certificate, key: files for TLS.  lab: the folder of the
+    lab's recordings and runs ("" means ``lab`` beside the database); upload_mb: of one recording [MB]; own_effects:
+    effects of the owner's own (file.py:function) that the page may use, which runs those files.
     """
 
     listen: str = "127.0.0.1:8737"
@@ -116,6 +118,9 @@ class WebOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     token_file: str = ""
     certificate: str = ""
     key: str = ""
+    lab: str = ""
+    upload_mb: Annotated[float, Meta(gt=0, le=2000)] = 64.0
+    own_effects: list[str] = []
 
 
 class AlarmOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -5,11 +5,11 @@ from __future__ import annotations
 from urllib.parse import parse_qs
 
 from starlette.concurrency import run_in_threadpool
-from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 from starlette.routing import Route
 
+from lostmotion.web.bodies import read
 from lostmotion.web.pages import page
 from lostmotion.web.security import COOKIE, IDLE_S, Keys, Sessions, Throttle
 
@@ -57,12 +57,7 @@ async def leave(request: Request) -> Response:
 
 
 async def _password(request: Request) -> str:
-    body = b""
-    async for chunk in request.stream():
-        body += chunk
-        if len(body) > MOST_BODY:
-            raise HTTPException(413, "too long")
-    return parse_qs(body.decode(errors="replace")).get("password", [""])[0]
+    return parse_qs((await read(request, MOST_BODY)).decode(errors="replace")).get("password", [""])[0]
 
 
 ROUTES = [

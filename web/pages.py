@@ -19,7 +19,7 @@ from lostmotion.web.site import Site
 __all__ = ["json", "page", "site_of", "trouble", "wants_html"]
 
 FLEET = "/fleet"
-NAVIGATION = (("/", "Robot"), (FLEET, "Fleet"))
+NAVIGATION = (("/", "Robot"), ("/lab", "Lab"), (FLEET, "Fleet"))
 """address and name of the pages that every page leads to; to the fleet where one is asked"""
 TEMPLATES = Environment(
     loader=FileSystemLoader(Path(__file__).parent / "templates"),
@@ -61,12 +61,15 @@ def wants_html(request: Request) -> bool:
 
 
 async def trouble(request: Request, error: Exception, status: int = 0) -> Response:
-    """What a person, or a script, is told of an error: one sentence, never a traceback."""
+    """What a person, or a script, is told of an error: one sentence, never a traceback.
+
+    An error of ours may have the status of its answer; else the robot is to blame.
+    """
     known = (LostmotionError, *DAMAGED, OSError)
     if isinstance(error, HTTPException):
         text = str(error.detail)
     elif isinstance(error, known):
-        text, status = " ".join(str(error).split()), status or 503
+        text, status = " ".join(str(error).split()), status or getattr(error, "status", 503)
     else:
         text, status = f"internal error: {type(error).__name__}: {error}", 500
     if wants_html(request):

@@ -13,6 +13,7 @@ from lostmotion.daemon import requests
 from lostmotion.daemon.reader import Reader
 from lostmotion.daemon.records import Answer, Cause, Verb
 from lostmotion.daemon.records import Request as AlarmRequest
+from lostmotion.web.bodies import document
 from lostmotion.web.cards import Cards, cards
 from lostmotion.web.events import News, stream
 from lostmotion.web.pages import json, page, site_of
@@ -24,7 +25,6 @@ __all__ = ["ROUTES"]
 ANSWER_S = 10.0
 """how long the service may take for a request; it looks every second [s]"""
 LONGEST_S = 366 * 86400.0
-MOST_BODY = 10_000
 
 
 class Asked(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -69,7 +69,7 @@ async def events(request: Request) -> Response:
 
 async def act(request: Request) -> Response:
     """Acknowledges, shelves or unshelves; answers when the service has."""
-    asked = await _asked(request)
+    asked = await document(request, Asked)
     if not (0 < asked.for_s <= LONGEST_S) and asked.verb is Verb.SHELVE:
         raise HTTPException(422, f"found for_s = {asked.for_s:g}, expected seconds, a year at most")
     by = request.client.host if request.client else ""
@@ -83,18 +83,6 @@ def _settle(site: Site, wish: AlarmRequest) -> Answer:
         if wish.joint not in {row.name for row in reader.joints()}:
             raise HTTPException(404, f"no joint is called {wish.joint!r}")
     return requests.settle(site.database, wish, ANSWER_S)
-
-
-async def _asked(request: Request) -> Asked:
-    body = b""
-    async for chunk in request.stream():
-        body += chunk
-        if len(body) > MOST_BODY:
-            raise HTTPException(413, "too long")
-    try:
-        return msgspec.json.decode(body, type=Asked)
-    except (msgspec.ValidationError, msgspec.DecodeError) as error:
-        raise HTTPException(422, str(error)) from error
 
 
 ROUTES = [

@@ -52,6 +52,12 @@ class Site:
         """Where the database lies.  Raises ConfigError."""
         return self.given_database or self.config().database
 
+    @property
+    def lab_folder(self) -> Path:
+        """Where recordings and runs of the lab are.  Raises ConfigError."""
+        given = self.config().web.lab
+        return (Path(given).expanduser() if given else self.database.parent / "lab").resolve()
+
     def reader(self) -> Reader:
         """The database, as it is now at its path: a damaged one may have been moved aside.  Raises ReaderError."""
         return open_readonly(self.database)
@@ -77,3 +83,8 @@ def _built_in() -> Config:
 def _loaded(path: Path, changed_ns: int) -> Config:
     """A configuration, read again when its file has changed: the database is looked for many times a second."""
     return load(path)
+
+
+@lru_cache(maxsize=1)
+def _built_in() -> Config:
+    return default()
