@@ -83,8 +83,3 @@ def _built_in() -> Config:
 def _loaded(path: Path, changed_ns: int) -> Config:
     """A configuration, read again when its file has changed: the database is looked for many times a second."""
     return load(path)
-
-
-@lru_cache(maxsize=1)
-def _built_in() -> Config:
-    return default()

@@ -36,7 +36,8 @@ def told(found: Found, kind: str, report: Path | None, curves: Path | None, *, a
 def _in_words(found: Found) -> dict[str, Any]:
     """The sentences of a person; of effects also what they are called, and what to look at on the robot."""
     if isinstance(found, Comparison):
-        return {"words": verdict.of_comparison(found)}
+        left = (one.variable for maps in found.maps.values() for one in maps)
+        return {"words": verdict.of_comparison(found), "variables": _variables(left)}
     if isinstance(found, Fit):
         return {"words": verdict.of_fit(found)}
     if isinstance(found, Ladder):
@@ -50,7 +51,12 @@ def _effects(explanation: Explanation) -> dict[str, Any]:
         "names": {effect: words.name(effect) for effect in mentioned},
         "look": {effect: text for effect in explanation.missing if (text := words.look(effect))},
         "seen_from": verdict.detectable(explanation),
+        "variables": _variables(explanation.residual.depends_on if explanation.residual else ()),
     }
+
+
+def _variables(names: Iterable[str]) -> dict[str, str]:
+    return {name: words.variable(name)[0] for name in names}
 
 
 def _mentioned(explanation: Explanation) -> Iterable[str]:

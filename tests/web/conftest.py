@@ -27,6 +27,7 @@ class Site:
     """A server of the page; ``address`` is where it listens."""
 
     def __init__(self, folder: Path, *arguments: str | Path) -> None:
+        self.folder = folder
         self._log = folder / f"web{len(list(folder.glob('web*.log')))}.log"
         with self._log.open("w") as sink:
             command = [*PROGRAM, "web", "--listen", "127.0.0.1:0", *(str(a) for a in arguments)]

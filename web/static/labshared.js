@@ -1,0 +1,41 @@
+// What the lab's pages share: words and units for people.
+
+const csrf = document.querySelector('meta[name="csrf"]').content;
+
+export const bytes = (count) => count < 1e3 ? `${count} bytes` : count < 1e6 ? `${(count / 1e3).toPrecision(3)} kB` : `${(count / 1e6).toPrecision(3)} MB`;
+export const moment = (seconds) => new Date(1000 * seconds).toLocaleString([], { dateStyle: "medium", timeStyle: "short" });
+export const duration = (seconds) => seconds < 90 ? `${Math.round(seconds)} s` : `${Math.round(seconds / 60)} min`;
+
+// Where a unit of the format is not one that people read.
+export function shown(unit) {
+  if (unit === "rad") return { unit: "°", factor: 180 / Math.PI };
+  if (unit === "m") return { unit: "mm", factor: 1000 };
+  return { unit: unit.replace("^2", "²").replace("^3", "³"), factor: 1 };
+}
+
+export const withUnit = (value, unit) => `${short(value)}${unit === "°" ? "" : " "}${unit}`.trim();
+export const figure = (value, unit) => {
+  if (value == null || !isFinite(value)) return "–";
+  const { factor, unit: name } = shown(unit);
+  return withUnit(value * factor, name);
+};
+
+export const short = (value, digits = 3) => value == null ? "–" : Number(value.toPrecision(digits)).toString().replace("-", "−");
+
+export function describe(run) {
+  const { kind, base, effects, added = [], names = {} } = run.about;
+  if (added.length) return `With ${added.map((id) => names[id] ?? id).join(" and ")}: what is missing in ${base}?`;
+  const model = effects.length ? `${base} with ${effects.join(", ")}` : base;
+  return kind === "compare" ? `Where does ${model} fail?` : `What is missing in ${model}?`;
+}
+
+// Sends a file as it is.
+export async function send(address, file) {
+  const answer = await fetch(address, { method: "POST", body: file, headers: { accept: "application/json", "content-type": "application/octet-stream", "x-csrf-token": csrf } });
+  if (answer.status === 401) { location.assign("/login"); throw new Error("log in first"); }
+  const text = await answer.text();
+  let found;
+  try { found = JSON.parse(text); } catch { found = { error: text.trim() }; }
+  if (!answer.ok) throw new Error(found.error || `status ${answer.status}`);
+  return found;
+}

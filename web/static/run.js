@@ -1,0 +1,326 @@
+// One run of the lab: how far it is, and what it has found.
+import { ask, element, say } from "./common.js";
+import { describe, duration, figure, short, shown, withUnit } from "./labshared.js";
+import { axis, chart, colour, line, number, onTheme } from "./plot.js";
+
+const get = (id) => document.getElementById(id);
+const root = get("run"), name = root.dataset.run, api = `/api/lab/runs/${name}`;
+const NOISE = 1.96;
+const state = { job: null, found: null, curves: [], which: 0, side: "after" };
+
+// ---- progress
+
+let source = null, clock = 0;
+
+function follow() {
+  if (source || document.hidden) return;
+  source = new EventSource(`${api}/events`);
+  source.addEventListener("run", (event) => { say(""); take(JSON.parse(event.data)); });
+  source.addEventListener("error", () => {
+    say("The connection to this page's server is lost; it is tried again.");
+    if (source?.readyState === EventSource.CLOSED) leave();
+  });
+}
+
+function leave() {
+  source?.close();
+  source = null;
+}
+
+document.addEventListener("visibilitychange", () => document.hidden ? leave() : state.job?.state === "running" && follow());
+addEventListener("pagehide", leave);
+
+function take(job) {
+  state.job = job;
+  root.dataset.state = job.state;
+  const title = get("title").textContent = describe(job);
+  document.title = `${title} · lostmotion`;
+  const about = job.about, model = `base ${about.base}; effects: ${about.effects.join(", ") || "none"}`;
+  get("about").textContent = `${about.recordings.join(", ")}; ${model}`;
+  const goes = job.state === "running";
+  get("going").hidden = !goes;
+  clearInterval(clock);
+  if (goes) {
+    const last = job.progress.at(-1);
+    get("doing").textContent = last ? `${last.progress} …` : about.kind === "compare" ? "comparing …" : "beginning …";
+    get("bar").value = last?.part ?? 0;
+    if (!last?.part) get("bar").removeAttribute("value");
+    get("steps").replaceChildren(...job.progress.slice(0, -1).map((one) => element("li", {}, one.progress)));
+    const tick = () => { get("elapsed").textContent = `for ${duration(Math.max(0, Date.now() / 1000 - job.created))}`; };
+    tick();
+    clock = setInterval(tick, 1000);
+    follow();
+    return;
+  }
+  leave();
+  get("trouble").hidden = job.state === "done";
+  get("trouble").textContent = job.text || job.state;
+  if (job.state === "done" && !state.found) result();
+}
+
+get("stop").addEventListener("click", async (event) => {
+  event.target.disabled = true;
+  try { take(await ask(`${api}/stop`, {})); } catch (error) { say(error.message); }
+  event.target.disabled = false;
+});
+
+get("remove").addEventListener("click", async () => {
+  try { await ask(`${api}/remove`, {}); location.assign("/lab"); } catch (error) { say(error.message); }
+});
+
+// ---- what was found
+
+async function result() {
+  try {
+    [state.found, state.curves] = await Promise.all([ask(`${api}/files/result.json`), ask(`${api}/files/curves.json`)]);
+  } catch (error) { say(error.message); return; }
+  const { found } = state;
+  verdict(found);
+  if (found.ladder) { ladder(found); ranking(found); parameters(found); }
+  else where(found);
+  missing(found);
+  pictures();
+  downloads();
+  root.dataset.shown = "yes";
+}
+
+function verdict(found) {
+  get("words").replaceChildren(...found.words.map((words) => element("p", {}, words)));
+  get("verdict").dataset.tone = found.verdict ?? (found.is_noise ? "nothing_missing" : "missing");
+  const look = Object.values(found.look ?? {});
+  get("look").hidden = !look.length;
+  get("look-list").replaceChildren(...look.map((words) => element("li", {}, words)));
+  get("advice").hidden = !found.advice;
+  get("advice").textContent = found.advice ?? "";
+  get("verdict").hidden = false;
+}
+
+const SVG = "http://www.w3.org/2000/svg";
+function drawn(tag, attributes) {
+  const made = document.createElementNS(SVG, tag);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  return made;
+}
+
+// A bar that falls from one share of its width to another; noise: where the floor is, as a share.
+function bar(from, to, noise, kind = "") {
+  const svg = drawn("svg", { viewBox: "0 0 100 10", preserveAspectRatio: "none", class: `fall ${kind}`, "aria-hidden": "true" });
+  const width = (share) => String(Math.max(0, Math.min(100 * share, 100)));
+  const fill = drawn("rect", { class: "fill", x: 0, y: 1, width: width(from), height: 8 });
+  svg.append(drawn("rect", { class: "was", x: 0, y: 1, width: width(from), height: 8 }), fill);
+  if (noise != null) svg.append(drawn("line", { x1: width(noise), x2: width(noise), y1: 0, y2: 10 }));
+  requestAnimationFrame(() => requestAnimationFrame(() => fill.setAttribute("width", width(to))));
+  return svg;
+}
+
+const called = (id) => state.found.names?.[id] ?? state.job.about.names?.[id] ?? id;
+const sentence = (text) => text[0].toUpperCase() + text.slice(1);
+const plain = (effects) => effects.map(called).join(" and ");
+
+function ladder(found) {
+  const { about } = state.job, { unit } = found.error;
+  const climbed = about.rungs.map((rung) => ({ rms: rung.rms, noise: rung.noise, added: rung.added, run: rung.run }));
+  const rungs = [...climbed, ...found.ladder.map((rung, i) => ({
+    rms: rung.rms, noise: rung.noise, found: i > 0,
+    added: i ? rung.effects.filter((id) => !found.ladder[i - 1].effects.includes(id)) : about.added,
+  }))];
+  const most = Math.max(...rungs.map((rung) => rung.rms));
+  get("ladder").replaceChildren(...rungs.map((rung, i) => {
+    const what = !i ? "The model as it was given" : `${rung.found ? "With" : "Added:"} ${plain(rung.added)}`;
+    const title = rung.run ? element("a", { href: `/lab/runs/${rung.run}` }, what) : element("span", {}, what);
+    return element("li", { class: rung.found ? "found" : "" }, element("span", { class: "what" }, title,
+      rung.found ? element("small", {}, " found, not yet added") : ""),
+      element("span", { class: "number" }, figure(rung.rms, unit)),
+      bar(i ? rungs[i - 1].rms / most : rung.rms / most, rung.rms / most, rung.noise / most));
+  }));
+  get("ladder-section").hidden = false;
+  const offered = found.missing.length > 0;
+  get("take").hidden = !offered;
+  get("add-found").textContent = `Add ${plain(found.missing)}, and look for more`;
+  get("add-found").onclick = () => add(found.missing);
+}
+
+function ranking(found) {
+  if (!found.ranking.length) return;
+  const { unit, noise } = found.error;
+  const most = Math.max(...found.ranking.map((one) => Math.max(one.rms_before ?? 0, 0)));
+  get("ranking").replaceChildren(...found.ranking.map((one) => {
+    const is = found.missing.includes(one.effect), p = one.p_value < 0.003 ? "p < 0.003" : `p = ${short(one.p_value, 2)}`;
+    const add_it = element("button", { type: "button", "aria-label": `Add ${called(one.effect)}` }, "Add");
+    add_it.addEventListener("click", () => add([one.effect]));
+    const values = Object.entries(one.parameters).map(([id, [value]]) => `${id} = ${short(value, 4)}`).join(", ");
+    return element("li", { class: is ? "found" : "", "data-effect": one.effect },
+      element("span", { class: "what" }, element("strong", {}, sentence(called(one.effect))), element("small", {}, ` ${one.effect}${values ? `: ${values}` : ""}`)),
+      element("span", { class: "number" }, `${figure(one.rms_before, unit)} → ${figure(one.rms_after, unit)}`, element("small", {}, ` ${p}`)),
+      bar(one.rms_before / most, one.rms_after / most, noise / most, is ? "good" : ""), add_it);
+  }));
+  get("seen").replaceChildren(...(found.seen_from ?? []).map((words) => element("li", {}, words)));
+  get("seen-section").hidden = !found.seen_from?.length;
+  get("ranking-section").hidden = false;
+}
+
+async function add(effects) {
+  const answer = get("add-answer");
+  get("take").hidden = false;
+  answer.textContent = "beginning …";
+  try { location.assign(`/lab/runs/${(await ask(`${api}/add`, { effects })).id}`); }
+  catch (error) { answer.textContent = error.message; answer.scrollIntoView({ block: "center" }); }
+}
+
+function parameters(found) {
+  const rows = Object.entries(found.parameters);
+  get("parameters").replaceChildren(...rows.map(([id, [value, low, high]]) => element("tr", {}, element("td", {}, id),
+    element("td", { class: "number" }, short(value, 5)), element("td", { class: "number" }, `${short(low, 4)} to ${short(high, 4)}`))));
+  get("parameters-section").hidden = !rows.length;
+}
+
+// ---- where it fails
+
+get("explain").addEventListener("click", async (event) => {
+  const { recordings, own } = state.job.about;
+  event.target.disabled = true;
+  try {
+    const model = await (await fetch(`${api}/files/model.toml`)).text();
+    location.assign(`/lab/runs/${(await ask("/api/lab/runs", { kind: "explain", recordings, model, own })).id}`);
+  } catch (error) { get("explain-answer").textContent = error.message; event.target.disabled = false; }
+});
+
+function where(found) {
+  const [column] = Object.values(found.columns), { unit } = column;
+  const row = (what, value, share, most, noise) => element("li", {}, element("span", { class: "what" }, what),
+    element("span", { class: "number" }, value), bar(share / most, share / most, noise == null ? null : noise / most));
+  const most = Math.max(...column.phases.map((one) => one.error));
+  get("phases").replaceChildren(...column.phases.map((one) => row(one.phase, `${Math.round(100 * one.error)} % of it, ${figure(one.rms, unit)}`, one.error, most)));
+  const largest = Math.max(...column.bands.map((band) => Math.max(band.residual, band.noise)));
+  get("bands").replaceChildren(...column.bands.map((band) => row(`${short(band.low_hz, 2)} to ${short(band.high_hz, 2)} Hz`, figure(band.residual, unit), band.residual, largest, band.noise)));
+  const maps = column.maps.filter((map) => map.significant && map.x.length > 1).slice(0, 4);
+  get("where").hidden = get("ask-explain").hidden = false;
+  get("maps").replaceChildren(...maps.map((map) => {
+    const plot = element("div", { class: "chart small", role: "img", "aria-label": `error against ${found.variables[map.variable]}` });
+    return element("figure", {}, plot, element("figcaption", {}, `Against ${found.variables[map.variable]}: ${Math.round(100 * map.explained)} % of the error follows it`));
+  }));
+  state.maps = () => maps.forEach((map, i) => {
+    const y = shown(unit), x = shown(map.unit);
+    const high = map.mean.map((v, k) => v == null ? null : (v + map.half_width[k]) * y.factor), low = map.mean.map((v, k) => v == null ? null : (v - map.half_width[k]) * y.factor);
+    banded(get("maps").children[i].firstChild, map.x.map((v) => v * x.factor), map.mean.map((v) => v == null ? null : v * y.factor), low, high,
+      `${found.variables[map.variable]} (${x.unit})`, `error (${y.unit})`, 180);
+  });
+}
+
+function missing(found) {
+  const left = found.residual;
+  if (!left) return;
+  get("missing-words").textContent = `${sentence(left.description)}${/[.!?]$/.test(left.description) ? "" : "."}${left.formula ? ` A short formula that fits: ${left.formula}` : ""}`;
+  get("missing").hidden = false;
+  get("shape").parentElement.hidden = !left.curve;
+  if (!left.curve) return;
+  const { curve } = left, x = shown(curve.unit), unit = { joint: "N m", oscillator: "N" }[left.acts_on] ?? "";
+  state.shape = () => banded(get("shape"), curve.x.map((v) => v * x.factor), curve.mean, curve.low, curve.high,
+    `${found.variables?.[curve.variable] ?? curve.variable} (${x.unit})`, `what is left${unit && ` (${unit})`}`, 240);
+}
+
+function banded(place, x, mean, low, high, across, up, height) {
+  const order = x.map((_, i) => i).sort((a, b) => x[a] - x[b]), by = (values) => order.map((i) => values[i]);
+  chart(place, {
+    scales: { x: { time: false } }, axes: [axis(across), axis(up)], legend: { show: false }, cursor: { show: false },
+    series: [{}, line("low", "band", { width: 0 }), line("high", "band", { width: 0 }), line("mean", "residual", { width: 2 })],
+    bands: [{ series: [2, 1], fill: colour("band") }],
+  }, [by(x), by(low), by(high), by(mean)], height);
+}
+
+// ---- pictures over time
+
+function pictures() {
+  if (!state.curves.length) return;
+  get("curves").hidden = false;
+  get("which").replaceChildren(...state.curves.map((curve, i) => element("option", { value: String(i) }, `${curve.recording}, ${curve.what}`)));
+  get("which-label").hidden = state.curves.length < 2;
+  get("sides").hidden = !state.curves.some((curve) => curve.before);
+  draw();
+}
+
+const rms = (values) => Math.sqrt(values.reduce((sum, v) => sum + (v ?? 0) ** 2, 0) / Math.max(values.length, 1));
+const left = (curve, side, factor) => { const model = side === "before" && curve.before ? curve.before : curve.modelled; return curve.measured.map((v, i) => v == null || model[i] == null ? null : (v - model[i]) * factor); };
+
+function draw() {
+  const curve = state.curves[state.which], { unit, factor } = shown(curve.unit);
+  const after = left(curve, "after", factor), before = curve.before ? left(curve, "before", factor) : null;
+  const values = state.side === "before" && before ? before : after;
+  let largest = 0;
+  for (const side of [after, before ?? []]) for (const v of side) if (v != null && Math.abs(v) > largest) largest = Math.abs(v);
+  const span = 1.08 * Math.max(largest, NOISE * (curve.noise ?? 0) * factor) || 1, noise = curve.noise == null ? 0 : NOISE * curve.noise * factor;
+  const hero = chart(get("residual"), {
+    scales: { x: { time: false }, y: { range: () => [-span, span] } }, axes: [axis("time (s)"), axis(`measured − modelled (${unit})`)],
+    series: [{ label: "time (s)", value: (_, v) => number(v) }, ...(before ? [line("before", state.side === "before" ? "residual" : "noise", { width: state.side === "before" ? 1.3 : 0.6 })] : []),
+      ...(before && state.side === "before" ? [] : [line(before ? "after" : "left", "residual", { width: before ? 1.8 : 1.3 })])],
+    cursor: { sync: { key: "run", scales: ["x", null] } },
+    hooks: { drawClear: [(plot) => floor(plot, noise)], setScale: [zoomed] },
+  }, [curve.time, ...(before ? [before] : []), ...(before && state.side === "before" ? [] : [after])], 320);
+  chart(get("overlay"), {
+    scales: { x: { time: false } }, axes: [axis("time (s)"), axis(`${curve.what} (${unit})`)],
+    series: [{ label: "time (s)", value: (_, v) => number(v) }, line("measured", "measured"),
+      line("modelled", "modelled", { dash: [6, 3] })],
+    cursor: { sync: { key: "run", scales: ["x", null] } }, hooks: { setScale: [zoomed] },
+  }, [curve.time, scaled(curve.measured, factor), scaled(state.side === "before" && curve.before ? curve.before : curve.modelled, factor)], 240);
+  const told = (v) => withUnit(v, unit), noisy = curve.noise == null ? "" : ` The noise is ${told(curve.noise * factor)}.`;
+  get("residual-words").textContent = (before
+    ? `${sentence(state.side)}, both on one scale: ${told(rms(before))} before, ${told(rms(after))} after.`
+    : `The error is ${told(rms(values))}.`) + noisy;
+  get("residual").dataset.side = state.side;
+  state.hero = hero;
+}
+
+const scaled = (values, factor) => values.map((v) => v == null ? null : v * factor);
+
+function floor(plot, noise) {
+  const { left: x, width } = plot.bbox, a = plot.valToPos(noise, "y", true), b = plot.valToPos(-noise, "y", true);
+  plot.ctx.fillStyle = colour("band");
+  plot.ctx.fillRect(x, a, width, b - a);
+}
+
+// Both plots show the same stretch of time.
+let zooming = false;
+function zoomed(plot, key) {
+  if (key !== "x" || zooming) return;
+  zooming = true;
+  const { min, max } = plot.scales.x;
+  for (const place of ["residual", "overlay"]) {
+    const other = get(place).plot;
+    if (other && other !== plot && min != null && other.root.isConnected) other.setScale("x", { min, max });
+  }
+  zooming = false;
+}
+
+get("residual").addEventListener("keydown", (event) => {
+  const plot = state.hero;
+  if (!plot) return;
+  const time = state.curves[state.which].time, [first, last] = [time[0], time.at(-1)], { min, max } = plot.scales.x, size = max - min;
+  const to = (a, b) => plot.setScale("x", { min: Math.max(a, first), max: Math.min(b, last) });
+  const act = { ArrowLeft: () => min > first && to(min - size / 4, max - size / 4), ArrowRight: () => max < last && to(min + size / 4, max + size / 4),
+    "+": () => to(min + size / 4, max - size / 4), "=": () => to(min + size / 4, max - size / 4), "-": () => to(min - size / 2, max + size / 2), Home: () => to(first, last) }[event.key];
+  if (!act) return;
+  event.preventDefault();
+  act();
+});
+
+get("which").addEventListener("change", (event) => { state.which = Number(event.target.value); draw(); });
+document.querySelectorAll('input[name="side"]').forEach((radio) => radio.addEventListener("change", () => { state.side = radio.value; draw(); }));
+
+// ---- to take away
+
+function downloads() {
+  const offered = { "improved.toml": "Model file", "report.html": "Report", "model.toml": "Model as it was given", "result.json": "Numbers (JSON)", "curves.json": "Curves (JSON)" };
+  const there = Object.entries(offered).filter(([file]) => state.job.files.includes(file));
+  get("downloads").replaceChildren(...there.map(([file, text]) => element("a", { class: "button", href: `${api}/files/${file}?download`, "data-file": file }, text)));
+  get("takeaway").hidden = !there.length;
+}
+
+function pictures_again() {
+  if (state.curves.length) draw();
+  state.maps?.();
+  state.shape?.();
+}
+
+onTheme(pictures_again);
+ask(api).then(take, (error) => say(error.message));
+new MutationObserver(() => { if (root.dataset.shown) pictures_again(); }).observe(root, { attributes: true, attributeFilter: ["data-shown"] });
