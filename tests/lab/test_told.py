@@ -60,6 +60,7 @@ def test_curves_are_what_was_compared(folder: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.slow
 def test_what_was_found_is_taken_out_of_the_curve_before(folder: Path) -> None:
     """The error without what was found is far above the one with it; each effect has its name, the one that was found
     also what to look at; progress begins at 0 and ends at 1."""
@@ -84,6 +85,7 @@ def test_what_was_found_is_taken_out_of_the_curve_before(folder: Path) -> None:
     assert parts == sorted(parts)
 
 
+@pytest.mark.slow
 @pytest.mark.slow
 def test_an_effect_of_ones_own_that_was_found_is_told(tmp_path: Path) -> None:
     """A tight spot, which the catalogue does not have, is named from its file, told in words and in the table."""

@@ -163,6 +163,7 @@ def test_where_it_fails_on_a_phone(site: Site, look: Open, recordings: tuple[Pat
     assert "llvmlite" not in maps
 
 
+@pytest.mark.slow
 def test_a_run_is_stopped_and_another_one_waits(site: Site, look: Open, recordings: tuple[Path, Path]) -> None:
     """A second run is refused in words; Stop in the page ends the first."""
     page = look(f"{site.address}/lab", complains=True)
@@ -259,6 +260,7 @@ def test_what_a_browser_may_not_ask_is_refused(site: Site, change: dict[str, Any
     assert sent(site, f"/api/lab/recordings/{name}/remove")[0] == 200
 
 
+@pytest.mark.slow
 def test_an_effect_of_the_owners_is_offered_and_runs(site: Site) -> None:
     """The page lists it; a model may name it; a run with it runs its file, where the recordings are."""
     assert b'value="tight_spot"' in site.ask("GET", "/lab")[2]
@@ -273,6 +275,7 @@ def test_an_effect_of_the_owners_is_offered_and_runs(site: Site) -> None:
     assert job["state"] == "done", job["text"]
 
 
+@pytest.mark.slow
 def test_what_the_lab_says_of_a_bad_recording_is_shown(site: Site, look: Open) -> None:
     """One sentence with the recording's name, no path of this computer."""
     name = sent(site, "/api/lab/recordings?name=bad.csv", b"time,command,position\n0,1,x\n1,2,3\n")[1]["name"]
