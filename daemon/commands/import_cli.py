@@ -26,7 +26,7 @@ SHOWN = 60
               help="What a column is: position=angle:deg, torque=iq*1.21, torque= for none.")  # fmt: skip
 @click.option("--joint", default="", metavar="NAME", help="Which joint, where the file has several.")
 @click.option("--topic", "topics", multiple=True, metavar="T", help="MCAP, rosbag2: the topic that counts.")
-@click.option("--episode", type=click.IntRange(0), metavar="N", help="LeRobot: which episode.  [default: all]")
+@click.option("--episode", type=click.IntRange(0), metavar="N", help="LeRobot: which episode.")
 @click.option("--rate-hz", type=float, metavar="R", help="Rows a second, where the file has no times.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else there.")
 def import_recording(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from lostmotion.drivers.formats.needed import needed
 from lostmotion.drivers.formats.source import MOST_SERIES, Series, check_count, reason, too_many
 from lostmotion.drivers.formats.table import Table
 
-__all__ = ["as_numbers", "open_parquet"]
+__all__ = ["as_numbers", "open_parquet", "readable"]
 
 MOST_IN_LIST = 1000
 """entries of a list in a cell, as joints of a robot are"""
@@ -26,16 +27,9 @@ def open_parquet(path: Path) -> Table:
     Raises RecordingError.
     """
     pq = needed("pyarrow.parquet", path)
-    import pyarrow as pa
-
-    try:
-        with pq.ParquetFile(path) as file:
-            rows, schema = file.metadata.num_rows, file.schema_arrow
-            lists = {one.name: _length(file, one) for one in schema if _is_list(one.type)}
-    except (pa.ArrowException, OSError) as error:
-        raise RecordingError(
-            f"{path}: cannot be read as Parquet: {reason(error)}; was it written to its end?"
-        ) from error
+    with readable(path), pq.ParquetFile(path) as file:
+        rows, schema = file.metadata.num_rows, file.schema_arrow
+        lists = {one.name: _length(file, one) for one in schema if _is_list(one.type)}
     if rows == 0:
         raise RecordingError(f"{path}: found no rows, expected samples; was the recording stopped at once?")
     series = []
@@ -50,13 +44,24 @@ def open_parquet(path: Path) -> Table:
     def load(names: Sequence[str]) -> Mapping[str, NDArray[Any]]:
         check_count(str(path), rows * len(names))
         columns = sorted({_column_of(name, schema.names) for name in names})
-        try:
+        with readable(path):
             table = pq.read_table(path, columns=columns)
-        except (pa.ArrowException, OSError) as error:
-            raise RecordingError(f"{path}: cannot be read: {reason(error)}; is the file damaged?") from error
-        return {name: as_numbers(table, name) for name in names}
+            return {name: as_numbers(table, name) for name in names}
 
     return Table(str(path), "Parquet", series, load)
+
+
+@contextmanager
+def readable(path: Path) -> Iterator[None]:
+    """What pyarrow says of a damaged file, in one line.  Raises RecordingError."""
+    import pyarrow as pa
+
+    try:
+        yield
+    except (pa.ArrowException, OSError, ValueError) as error:
+        raise RecordingError(
+            f"{path}: cannot be read as Parquet: {reason(error)}; is it damaged, or cut off?"
+        ) from error
 
 
 def as_numbers(table: Any, name: str) -> NDArray[Any]:
@@ -66,7 +71,7 @@ def as_numbers(table: Any, name: str) -> NDArray[Any]:
 
     column = table.column(_column_of(name, table.column_names))
     if _is_list(column.type):
-        place = int(name[name.rindex("[") + 1 : -1])
+        place = 0 if name in table.column_names else int(name[name.rindex("[") + 1 : -1])
         column = pc.list_element(column, place)
     if pa.types.is_timestamp(column.type):
         return np.asarray(column.cast(pa.timestamp("ns")).to_numpy())

@@ -15,7 +15,7 @@ from lostmotion.drivers.units import COLUMN_UNITS
 
 __all__ = ["FORMATS", "Format", "is_foreign", "open_source"]
 
-EXPECTED = "a recording: lostmotion's CSV, PlotJuggler's or another table as text, MAT, Parquet, MCAP, rosbag2"
+EXPECTED = "lostmotion's CSV, PlotJuggler's or other text, MAT, Parquet, MCAP, rosbag2 or a LeRobot dataset"
 START = 4096
 """bytes that are looked at"""
 
@@ -82,7 +82,9 @@ def open_source(path: Path) -> Source:
 
 
 def _open_folder(path: Path) -> Source:
-    """A bag's, also one without metadata.yaml, as a killed recorder leaves it."""
+    """A dataset's, or a bag's, also one without metadata.yaml, as a killed recorder leaves it."""
+    if (path / "meta" / "info.json").exists():
+        return _opener("lerobot:open_lerobot")(path)
     if (path / "metadata.yaml").exists():
         return _opener("bag:open_rosbag")(path)
     parts = sorted([*path.glob("*.mcap"), *path.glob("*.db3")])
