@@ -33,7 +33,7 @@ from lostmotion.daemon.robot import Robot
 from lostmotion.drivers.codec import csv_line, dynamixel, servo_state, witmotion
 from lostmotion.drivers.errors import LostmotionError
 from lostmotion.drivers.recording import read_recording
-from lostmotion.lab import modelfile
+from lostmotion.lab.models import modelfile
 
 __all__ = ["KINDS", "Kind", "Outcome", "fuzz", "main"]
 

@@ -35,15 +35,15 @@ from scipy.signal import lfilter
 from bench.hidden_effects.answers import ask
 from bench.hidden_effects.cases import Case, write_case
 from lostmotion.drivers.recording import read_recording
-from lostmotion.lab import modelfile
-from lostmotion.lab.experiment import experiments
-from lostmotion.lab.grow import fitted, tiles
-from lostmotion.lab.noise import noise_floor
-from lostmotion.lab.search import first_fit
-from lostmotion.lab.start import find_start, stretch_of
-from lostmotion.lab.stretch import Stretch
-from lostmotion.lab.task import Task
-from lostmotion.lab.unknowns import Unknowns
+from lostmotion.lab.data.experiment import experiments
+from lostmotion.lab.data.noise import noise_floor
+from lostmotion.lab.fitting.strategy import first_fit
+from lostmotion.lab.models import modelfile
+from lostmotion.lab.shooting.continuation import fitted, tiles
+from lostmotion.lab.shooting.initial_state import find_start, stretch_of
+from lostmotion.lab.shooting.parameters import Unknowns
+from lostmotion.lab.shooting.problem import Task
+from lostmotion.lab.shooting.segment import Stretch
 from lostmotion.model import Model
 
 __all__ = ["main", "rhs", "through_bar"]

@@ -8,12 +8,12 @@
 """
 
 from lostmotion.drivers.recording import read_recording
-from lostmotion.lab.compare import compare
-from lostmotion.lab.experiment import experiments
+from lostmotion.lab.comparison.compare import compare
+from lostmotion.lab.comparison.ladder import ladder_of
+from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.explain import explain
-from lostmotion.lab.fit import fit
-from lostmotion.lab.ladder import ladder_of
-from lostmotion.lab.own import effect
+from lostmotion.lab.fitting.fit import fit
+from lostmotion.lab.models.own import effect
 from lostmotion.lab.parallel import open_executor
 from lostmotion.lab.report import write_report
 from lostmotion.model import Parameter, build_model

@@ -11,8 +11,8 @@ from typing import Any
 import click
 
 from lostmotion.drivers.recording import Recording, write_recording
-from lostmotion.lab import modelfile
-from lostmotion.lab.simulate import Simulation
+from lostmotion.lab.models import modelfile
+from lostmotion.lab.models.simulate import Simulation
 from lostmotion.model import EffectInfo, Trajectory, catalogue
 
 __all__ = ["effects", "simulate"]

@@ -21,24 +21,24 @@ from dataclasses import replace
 import numpy as np
 
 from lostmotion.lab import words
-from lostmotion.lab.advice import what_to_record
-from lostmotion.lab.blame import blame
-from lostmotion.lab.describe import described
-from lostmotion.lab.experiment import Experiment
-from lostmotion.lab.fit import Progress, fit_of, noise_of, refined_fit
-from lostmotion.lab.grow import Level, followed, residuals
-from lostmotion.lab.held import with_scale
-from lostmotion.lab.heldout import Judged, Unseen, is_left, trained_each
+from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.data.noise import innovation_noise
+from lostmotion.lab.design.next_experiment import what_to_record
+from lostmotion.lab.discrepancy.describe import described
+from lostmotion.lab.discrepancy.localise import blame
+from lostmotion.lab.fitting.fit import Progress, fit_of, noise_of, refined_fit
+from lostmotion.lab.fitting.identifiability import with_scale
+from lostmotion.lab.fitting.strategy import first_fit, full_fit, grown, predictable
 from lostmotion.lab.inverse.explain import explained, method_of
-from lostmotion.lab.noise import innovation_noise
 from lostmotion.lab.results import Errors, Explanation, Finding, Fit, Ranked, Verdict
-from lostmotion.lab.scoretest import Scores
-from lostmotion.lab.search import first_fit, full_fit, grown, predictable
-from lostmotion.lab.seeds import AMPLITUDE
-from lostmotion.lab.simplify import simplified
-from lostmotion.lab.step import Step, Tried
-from lostmotion.lab.steps import descended
-from lostmotion.lab.task import Task
+from lostmotion.lab.selection.forward import descended
+from lostmotion.lab.selection.prune import simplified
+from lostmotion.lab.selection.score_test import Scores
+from lostmotion.lab.selection.step import Step, Tried
+from lostmotion.lab.selection.validate import Judged, Unseen, is_left, trained_each
+from lostmotion.lab.shooting.continuation import Level, followed, residuals
+from lostmotion.lab.shooting.initial_guess import AMPLITUDE
+from lostmotion.lab.shooting.problem import Task
 from lostmotion.model import Model, ModelError
 
 __all__ = ["explain", "is_idle"]

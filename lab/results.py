@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from lostmotion.lab.experiment import Experiment
+from lostmotion.lab.data.experiment import Experiment
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 

@@ -19,6 +19,12 @@ ALLOWED = {
     "lab": {"lab", "model", "detector", "drivers"},
     "web": {"web", "daemon", "detector", "drivers"},
 }
+LAB = (
+    ("errors", "quantity"), ("parallel", "data"), ("results",), ("words", "models"), ("shooting",), ("observer",),
+    ("fitting",), ("selection", "design"), ("discrepancy",), ("inverse", "comparison"), ("explain",), ("report",),
+    ("commands",), ("cli", "__init__"),
+)  # fmt: skip
+"""the rooms of the lab from the lowest up"""
 HEAVY = ("scipy", "numba", "matplotlib", "rich", "plotext", "pandas", "llvmlite")
 
 
@@ -62,6 +68,17 @@ def test_imports_point_down(folder: str) -> None:
             assert target in ALLOWED[folder] or (late and not at_top), f"{path} imports {module}"
             if folder == "lab" and target == "drivers" and len(parts) > 2:
                 assert parts[2] in {"recording", "errors", "textfile", "toml_text"}, f"{path} imports {module}"
+
+
+def test_rooms_of_the_lab_point_down() -> None:
+    """No file of the lab imports a room above its own, or another one on its floor."""
+    floor = {room: number for number, rooms in enumerate(LAB) for room in rooms}
+    for path in sources("lab"):
+        own = path.relative_to(PACKAGE / "lab").parts[0].removesuffix(".py")
+        for module, _ in imports(path):
+            parts = module.split(".")
+            if parts[:2] == ["lostmotion", "lab"] and len(parts) > 2 and parts[2] in floor:
+                assert parts[2] == own or floor[parts[2]] < floor[own], f"{path} imports {module}"
 
 
 @pytest.mark.parametrize("folder", ["daemon", "detector", "drivers", "web"])

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import click
 
-from lostmotion.lab.add import Added
-from lostmotion.lab.add import add as add_effect
+from lostmotion.lab.models.add import Added
+from lostmotion.lab.models.add import add as add_effect
 from lostmotion.model import Parameter
 
 __all__ = ["add"]

@@ -24,11 +24,11 @@ def compare(model: str, recordings: tuple[Path, ...], report: Path | None, curve
     searched for.
     """
     from lostmotion.drivers.recording import read_recording
-    from lostmotion.lab import modelfile
     from lostmotion.lab.commands.told import told
-    from lostmotion.lab.compare import compare as compared
+    from lostmotion.lab.comparison.compare import compare as compared
+    from lostmotion.lab.data.experiment import experiments
     from lostmotion.lab.errors import ExperimentError
-    from lostmotion.lab.experiment import experiments
+    from lostmotion.lab.models import modelfile
     from lostmotion.model import ModelError
 
     built = modelfile.load(model).build()

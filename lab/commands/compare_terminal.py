@@ -12,9 +12,9 @@ import click
 import numpy as np
 
 from lostmotion.lab import words
-from lostmotion.lab.compare import Comparison, Overlay
+from lostmotion.lab.comparison.compare import Comparison, Overlay
 from lostmotion.lab.quantity import quantities, scale
-from lostmotion.lab.summary import summary
+from lostmotion.lab.report.summary import summary
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["show"]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lostmotion.drivers.recording import replacing
-from lostmotion.lab.compare import Comparison
+from lostmotion.lab.comparison.compare import Comparison
 from lostmotion.lab.report.views import Trace, before, traces
 from lostmotion.lab.results import Explanation, Fit, Ladder
 from lostmotion.model.motion import FloatArray

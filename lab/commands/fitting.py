@@ -41,7 +41,7 @@ def fit(
 ) -> None:  # fmt: skip
     """Estimate MODEL's free parameters from all recordings together, with confidence intervals, into MODEL2."""
     from lostmotion.lab.commands.told import told
-    from lostmotion.lab.fit import fit as fitted
+    from lostmotion.lab.fitting.fit import fit as fitted
 
     with _prepared(model, recordings, executor, progress) as (built, experiments, pool, tell):
         found = fitted(built, experiments, pool, tell)
@@ -98,8 +98,8 @@ def improve(
 ) -> None:  # fmt: skip
     """Explain, add and fit until nothing significant is missing; print how the error falls; write MODEL2."""
     from lostmotion.lab.commands.told import told
+    from lostmotion.lab.comparison.ladder import ladder_of
     from lostmotion.lab.explain import explain as explained
-    from lostmotion.lab.ladder import ladder_of
 
     with _beside(effects):
         with _prepared(model, recordings, executor, progress) as (built, experiments, pool, tell):
@@ -115,7 +115,7 @@ def improve(
 @contextmanager
 def _beside(references: tuple[str, ...]) -> Iterator[None]:
     """Effects of the user's own among the candidates."""
-    from lostmotion.lab.own.file import load_effect
+    from lostmotion.lab.models.own.file import load_effect
     from lostmotion.model.effects import register, unregister
 
     loaded = [load_effect(reference) for reference in references]
@@ -134,9 +134,9 @@ def _prepared(
 ) -> Iterator[tuple[Any, Any, Any, Progress]]:
     """The model, the experiments, an executor and what progress is told to; input that cannot be used is refused."""
     from lostmotion.drivers.recording import read_recording
-    from lostmotion.lab import modelfile
+    from lostmotion.lab.data.experiment import experiments
     from lostmotion.lab.errors import ExperimentError
-    from lostmotion.lab.experiment import experiments
+    from lostmotion.lab.models import modelfile
     from lostmotion.lab.parallel import open_executor
     from lostmotion.model import ModelError
 
@@ -150,6 +150,6 @@ def _prepared(
 
 
 def _save(model: Any, output: Path) -> None:
-    from lostmotion.lab import modelfile
+    from lostmotion.lab.models import modelfile
 
     modelfile.save(modelfile.ModelFile(model.base, model.effects, model.parameters), output)

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from lostmotion.lab import verdict
+from lostmotion.lab.report import verdict
 from lostmotion.lab.results import Explanation, Fit, Ladder
 
 __all__ = ["show_explanation", "show_fit", "show_ladder"]

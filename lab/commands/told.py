@@ -9,8 +9,9 @@ from typing import Any
 
 import click
 
-from lostmotion.lab import verdict, words
-from lostmotion.lab.compare import Comparison
+from lostmotion.lab import words
+from lostmotion.lab.comparison.compare import Comparison
+from lostmotion.lab.report import verdict
 from lostmotion.lab.results import Explanation, Fit, Ladder
 
 __all__ = ["told"]

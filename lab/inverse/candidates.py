@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lostmotion.lab.candidates import others
+from lostmotion.lab.data.frequency_response import usual_torque
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.regression import (
     MOST_STEPS,
@@ -21,11 +21,11 @@ from lostmotion.lab.inverse.regression import (
 )
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import inertia_of, is_static
-from lostmotion.lab.rough import usual_torque
-from lostmotion.lab.seeds import AMPLITUDE, Sizes, seeds
-from lostmotion.lab.simpler import SIMPLER, wider
-from lostmotion.lab.task import coarse_substep
-from lostmotion.lab.unknowns import free_names
+from lostmotion.lab.selection.candidates import others
+from lostmotion.lab.selection.nesting import SIMPLER, wider
+from lostmotion.lab.shooting.initial_guess import AMPLITUDE, Sizes, seeds
+from lostmotion.lab.shooting.parameters import free_names
+from lostmotion.lab.shooting.problem import coarse_substep
 from lostmotion.model import Model, ModelError
 from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray

@@ -20,18 +20,18 @@ import numpy as np
 from scipy.stats import t as student
 
 from lostmotion.lab import words
-from lostmotion.lab.advice import what_to_record
-from lostmotion.lab.experiment import Experiment
-from lostmotion.lab.held import is_driven, with_scale
+from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.data.frequency_response import from_spectra
+from lostmotion.lab.design.next_experiment import what_to_record
+from lostmotion.lab.discrepancy.shape import shapes
+from lostmotion.lab.fitting.identifiability import is_driven, with_scale
 from lostmotion.lab.inverse.output_error import initial_state
 from lostmotion.lab.inverse.regression import Data, Regression, blocks_of, by_recording
 from lostmotion.lab.inverse.selection import LIMIT, Method, Selection, Step, amplitudes, error_on, selected
 from lostmotion.lab.inverse.signals import COLUMNS, Signals
 from lostmotion.lab.inverse.torques import can_invert
 from lostmotion.lab.results import Curve, Errors, Estimate, Explanation, Finding, Fit, Ranked, Verdict
-from lostmotion.lab.rough import from_spectra
-from lostmotion.lab.shape import shapes
-from lostmotion.lab.task import Task, coarse_substep
+from lostmotion.lab.shooting.problem import Task, coarse_substep
 from lostmotion.model import Model, build_model
 from lostmotion.model.motion import FloatArray
 

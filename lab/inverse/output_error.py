@@ -16,10 +16,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lostmotion.lab.experiment import Experiment
-from lostmotion.lab.held import is_driven
+from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.fitting.identifiability import is_driven
 from lostmotion.lab.inverse.signals import Signals
-from lostmotion.lab.task import coarse_substep, rubbing
+from lostmotion.lab.shooting.problem import coarse_substep, rubbing
 from lostmotion.model import Model, ModelError
 from lostmotion.model.bases import get_base
 from lostmotion.model.motion import FloatArray

@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import acceleration, inertia_of, needed
-from lostmotion.lab.unknowns import Unknowns
+from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 

@@ -26,8 +26,8 @@ from lostmotion.lab.inverse.candidates import candidates, fitted_with, refined, 
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.regression import Data, Problem, Regression, blocks_of, regressed
 from lostmotion.lab.inverse.signals import Signals
-from lostmotion.lab.seeds import AMPLITUDE
-from lostmotion.lab.simpler import without
+from lostmotion.lab.selection.nesting import without
+from lostmotion.lab.shooting.initial_guess import AMPLITUDE
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 

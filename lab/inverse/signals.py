@@ -13,7 +13,7 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 from scipy.signal import butter, sosfiltfilt, welch
 
-from lostmotion.lab.experiment import Experiment
+from lostmotion.lab.data.experiment import Experiment
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["COLUMNS", "Signals"]

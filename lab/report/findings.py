@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
-from lostmotion.lab import verdict, words
+from lostmotion.lab import words
 from lostmotion.lab.quantity import Interval, quantities, scale, with_unit
+from lostmotion.lab.report import verdict
 from lostmotion.lab.report.plots import curve
 from lostmotion.lab.report.tags import Html, Section, bar, cell, figure, note, p_value, paragraphs, table
 from lostmotion.lab.results import Curve, Explanation, Finding, Ladder, Ranked, Rung

@@ -6,8 +6,9 @@ from html import escape
 
 import numpy as np
 
-from lostmotion.lab import verdict, words
+from lostmotion.lab import words
 from lostmotion.lab.quantity import Interval, number
+from lostmotion.lab.report import verdict
 from lostmotion.lab.report.plots import heat_map
 from lostmotion.lab.report.tags import Html, Section, cell, note, table
 from lostmotion.lab.results import Estimate, Fit

@@ -10,14 +10,14 @@ from pathlib import PurePath
 import numpy as np
 
 from lostmotion.lab import words
-from lostmotion.lab.compare import Comparison, Overlay
-from lostmotion.lab.left import Block, PhaseError
-from lostmotion.lab.maps import ResidualMap
+from lostmotion.lab.comparison.compare import Comparison, Overlay
+from lostmotion.lab.comparison.residual_analysis import Block, PhaseError
+from lostmotion.lab.comparison.residual_maps import ResidualMap
+from lostmotion.lab.data.whiteness import Correlation
 from lostmotion.lab.quantity import number, quantities, with_unit
 from lostmotion.lab.report.plots import curve, history, spectrum, stems
 from lostmotion.lab.report.tags import Html, Section, bar, cell, figure, key, more, note, p_value, table
 from lostmotion.lab.report.views import Trace, amplitudes
-from lostmotion.lab.whiteness import Correlation
 
 __all__ = ["errors", "in_frequency", "over_lags", "over_states", "over_time"]
 

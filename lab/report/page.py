@@ -11,9 +11,8 @@ from string import Template
 import lostmotion
 from lostmotion.detector.oscillator_id import Oscillator
 from lostmotion.drivers.recording import replacing
-from lostmotion.lab import verdict
-from lostmotion.lab.compare import Comparison
-from lostmotion.lab.report import findings, fitted, misfit
+from lostmotion.lab.comparison.compare import Comparison
+from lostmotion.lab.report import findings, fitted, misfit, verdict
 from lostmotion.lab.report.signals import packed, signals
 from lostmotion.lab.report.tags import Html, Section, paragraphs
 from lostmotion.lab.report.views import Trace, before, traces

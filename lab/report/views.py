@@ -13,9 +13,9 @@ from pathlib import PurePath
 import numpy as np
 
 from lostmotion.lab import words
-from lostmotion.lab.compare import Comparison
-from lostmotion.lab.experiment import Experiment
-from lostmotion.lab.predict import predict
+from lostmotion.lab.comparison.compare import Comparison
+from lostmotion.lab.comparison.predict import predict
+from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.results import Explanation, Fit
 from lostmotion.model import Trajectory
 from lostmotion.model.motion import FloatArray

@@ -11,8 +11,8 @@ from functools import cache
 import numpy as np
 
 from lostmotion.drivers.recording import Recording
-from lostmotion.lab.compare import Comparison, compare
-from lostmotion.lab.experiment import experiments
+from lostmotion.lab.comparison.compare import Comparison, compare
+from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.results import Curve, Errors, Estimate, Explanation, Finding, Fit, Ladder, Ranked, Rung
 from lostmotion.model import Model, Sensor, build_model, by_name, catalogue
 

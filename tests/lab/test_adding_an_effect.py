@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from lostmotion.lab.modelfile import load
-from lostmotion.lab.own import load_effect
-from lostmotion.lab.own.readable import ENTRIES, READABLE
+from lostmotion.lab.models.modelfile import load
+from lostmotion.lab.models.own import load_effect
+from lostmotion.lab.models.own.readable import ENTRIES, READABLE
 from lostmotion.model.effects import unregister
 from tests.conftest import ROOT
 from tests.lab.shown import check_page, shown_files

@@ -11,12 +11,12 @@ from scipy.integrate import solve_ivp
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab import explain
-from lostmotion.lab.experiment import experiments
+from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.explain import is_idle
-from lostmotion.lab.fit import noise_of
-from lostmotion.lab.search import full_fit
-from lostmotion.lab.step import Step
-from lostmotion.lab.task import Task
+from lostmotion.lab.fitting.fit import noise_of
+from lostmotion.lab.fitting.strategy import full_fit
+from lostmotion.lab.selection.step import Step
+from lostmotion.lab.shooting.problem import Task
 from lostmotion.model import build_model
 from tests.lab.gears import GEARS, gears
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from lostmotion.lab.modelfile import load
+from lostmotion.lab.models.modelfile import load
 from tests.conftest import ROOT
 from tests.lab.shown import check_page
 from tests.test_readme import in_folder

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from lostmotion.drivers.recording import Recording
+from lostmotion.lab.comparison.predict import predict
+from lostmotion.lab.data.experiment import Experiment, experiments
 from lostmotion.lab.errors import ExecutorError
-from lostmotion.lab.experiment import Experiment, experiments
-from lostmotion.lab.own import load_effect
+from lostmotion.lab.models.own import load_effect
 from lostmotion.lab.parallel import cores, gather, open_executor
-from lostmotion.lab.predict import predict
 from lostmotion.model import HandWaved, Model, build_model
 from lostmotion.model.effects import unregister
 

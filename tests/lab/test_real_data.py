@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 
 from lostmotion.drivers.recording import Recording, read_recording
-from lostmotion.lab.experiment import Experiment, experiments
-from lostmotion.lab.fit import noise_of
-from lostmotion.lab.grow import Level, fitted
-from lostmotion.lab.search import full_fit, grown, seeded
-from lostmotion.lab.seeds import seeds, sizes
-from lostmotion.lab.start import find_start, stretch_of
-from lostmotion.lab.task import Task, coarse_substep
-from lostmotion.lab.unknowns import Unknowns
+from lostmotion.lab.data.experiment import Experiment, experiments
+from lostmotion.lab.fitting.fit import noise_of
+from lostmotion.lab.fitting.strategy import full_fit, grown, seeded
+from lostmotion.lab.shooting.continuation import Level, fitted
+from lostmotion.lab.shooting.initial_guess import seeds, sizes
+from lostmotion.lab.shooting.initial_state import find_start, stretch_of
+from lostmotion.lab.shooting.parameters import Unknowns
+from lostmotion.lab.shooting.problem import Task, coarse_substep
 from lostmotion.model import Model, Parameter, build_model
 from lostmotion.model.motion import FloatArray
 

@@ -1,0 +1,89 @@
+"""Where in frequency a residual stands out of the noise.  Spectra by Welch's method, in plain numpy."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.special import chdtri
+
+from lostmotion.lab.data.autoregression import NoiseModel, runs
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["Band", "Spectra", "spectra"]
+
+SEGMENT = 2048
+LEAST_SEGMENT = 32
+BANDS_PER_OCTAVE = 2
+FALSE_ALARM = 0.01
+"""Chance that any band of a residual that is noise counts as standing out."""
+
+
+@dataclass(frozen=True)
+class Band:
+    """A band [Hz] with the root mean squares in it of residual, noise and signal; stands_out: more than the noise can
+    be, by chance."""
+
+    low_hz: float
+    high_hz: float
+    residual: float
+    noise: float
+    signal: float
+    stands_out: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Spectra:
+    """frequency_hz (F,) and one-sided densities (F,), unit² per Hz, of signal, residual and noise; the bands."""
+
+    frequency_hz: FloatArray
+    signal: FloatArray
+    residual: FloatArray
+    noise: FloatArray
+    bands: tuple[Band, ...]
+
+
+def spectra(
+    signals: Sequence[FloatArray], residuals: Sequence[FloatArray], rate_hz: float, noise: NoiseModel
+) -> Spectra:
+    """Welch's densities over all recordings (Hann, half overlapping), NaN being gaps, against the noise model's."""
+    longest = max((run.stop - run.start for x in residuals for run in runs(x)), default=0)
+    segment = max(min(SEGMENT, 1 << (max(longest // 4, 1).bit_length() - 1)), min(LEAST_SEGMENT, longest))
+    frequency = np.asarray(np.fft.rfftfreq(segment, 1 / rate_hz))
+    signal, _ = _welch(signals, segment, rate_hz)
+    residual, averages = _welch(residuals, segment, rate_hz)
+    density = noise.density(frequency, rate_hz)
+    return Spectra(frequency, signal, residual, density, _bands(frequency, signal, residual, density, averages))
+
+
+def _welch(series: Sequence[FloatArray], segment: int, rate_hz: float) -> tuple[FloatArray, float]:
+    """Density (F,), and how many independent segments it is the mean of."""
+    taper = np.hanning(segment)
+    pieces = [sliding_window_view(x[run], segment)[:: segment // 2] for x in series for run in runs(x)
+              if run.stop - run.start >= segment]  # fmt: skip
+    windows = np.concatenate(pieces)
+    power = np.abs(np.fft.rfft((windows - windows.mean(axis=1, keepdims=True)) * taper)) ** 2
+    density = 2 * power.mean(axis=0) / (rate_hz * float(taper @ taper))
+    return density, max(0.53 * len(windows) + 0.5, 1.0)  # half overlapping Hann windows are partly the same data
+
+
+def _bands(
+    frequency: FloatArray, signal: FloatArray, residual: FloatArray, noise: FloatArray, averages: float
+) -> tuple[Band, ...]:
+    step, top = frequency[1], frequency[-1]
+    octaves = np.log2(top / step)
+    edges = step * 2 ** np.linspace(0, octaves, max(round(BANDS_PER_OCTAVE * octaves), 1) + 1)
+    found = []
+    for low, high in itertools.pairwise(edges):
+        inside = (frequency >= low) & (frequency < high)
+        bins = int(inside.sum())
+        if not bins:
+            continue
+        left, floor, all_of_it = (float(np.sqrt(np.sum(d[inside]) * step)) for d in (residual, noise, signal))
+        freedom = max(2 * averages * max(bins / 1.5, 1.0), 1.0)  # a Hann window smears a line over 1.5 bins
+        limit = float(chdtri(freedom, FALSE_ALARM / (edges.size - 1))) / freedom
+        found.append(Band(float(low), float(high), left, floor, all_of_it, left**2 > limit * floor**2))
+    return tuple(found)

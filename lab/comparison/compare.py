@@ -1,0 +1,260 @@
+"""The model held against measurements: how far it is off, where, and in which equation.  Nothing is fitted or printed.
+
+The model runs freely from a start state to the end of each recording.  What is left is held against the noise, in time,
+over phases of the motion, in frequency and over every state (maps.py); blame.py says on which equation it acts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from lostmotion.drivers.recording import Recording
+from lostmotion.lab import words
+from lostmotion.lab.comparison.bands import Spectra
+from lostmotion.lab.comparison.predict import Prediction, predict
+from lostmotion.lab.comparison.residual_analysis import Block, Left, PhaseError, root_mean_square
+from lostmotion.lab.comparison.residual_maps import ResidualMap
+from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.data.noise import NoiseModel, innovation_noise, quiet_noise
+from lostmotion.lab.data.whiteness import Correlation, fit_percent
+from lostmotion.lab.discrepancy.localise import Blame, blame
+from lostmotion.lab.shooting.initial_state import FINE, find_start, polished, stretch_of
+from lostmotion.lab.shooting.segment import Stretch
+from lostmotion.model import Model, predictability_horizon
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["Comparison", "Overlay", "compare"]
+
+BLAMED = 900
+START_S = 0.5
+"""Of gears, which forget where they began; other motions show their start to the end."""
+CLOSE, NEAR, LOST = 1.2, 3.0, 12.0
+"""Times the noise: up to which a start need not be searched for more finely, the next stretch may be much longer; from
+which on the start is good enough for a model that is wrong."""
+LONGER = (2.0, 1.25)
+POLISHING = 4
+GOOD = 1.15
+"""Times the noise up to which an error is the noise's own."""
+
+
+@dataclass(frozen=True, eq=False)
+class Overlay:
+    """One column of one recording: measured, modelled and what is left, (N,) each, NaN where not sampled."""
+
+    recording: str
+    column: str
+    unit: str
+    time: FloatArray
+    measured: FloatArray
+    modelled: FloatArray
+    noise: float
+    horizon_s: float
+
+    @property
+    def residual(self) -> FloatArray:
+        """Measured minus modelled (N,)."""
+        return self.measured - self.modelled
+
+    @property
+    def rms(self) -> float:
+        """Of the residual."""
+        return root_mean_square(self.residual)
+
+    @property
+    def fit_percent(self) -> float:
+        """100 (1 - |residual|/|measured - its mean|) [%]."""
+        return fit_percent(self.measured, self.modelled)
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """What the comparison found; of phases, blocks, spectra, maps and tests there is one for each column compared.
+
+    noise: by column; tests: by name, of the residuals; starts: (n,) for each experiment; blame: the equation in which
+    the first column's misfit arises, None where all is noise or no equation explains it.
+    """
+
+    model: Model
+    experiments: tuple[Experiment, ...]
+    starts: tuple[FloatArray, ...]
+    overlays: tuple[Overlay, ...]
+    noise: Mapping[str, NoiseModel]
+    tests: Mapping[str, Mapping[str, Correlation]]
+    phases: Mapping[str, tuple[PhaseError, ...]]
+    blocks: Mapping[str, tuple[Block, ...]]
+    spectra: Mapping[str, Spectra]
+    maps: Mapping[str, tuple[ResidualMap, ...]]
+    blame: Blame | None
+
+    @property
+    def column(self) -> str:
+        """The column that counts most: the first that its base is compared with."""
+        return next(iter(self.experiments[0].measured))
+
+    def of(self, column: str) -> tuple[Overlay, ...]:
+        """That column in all recordings."""
+        return tuple(one for one in self.overlays if one.column == column)
+
+    def rms(self, column: str) -> float:
+        """Of all residuals of that column."""
+        return root_mean_square(np.concatenate([one.residual for one in self.of(column)]))
+
+    def fit_percent(self, column: str) -> float:
+        """Of that column over all recordings [%]."""
+        pairs = [(one.measured - np.nanmean(one.measured), one.residual) for one in self.of(column)]
+        spread, error = (root_mean_square(np.concatenate(part)) for part in zip(*pairs, strict=True))
+        return 100 * (1 - error / max(spread, 1e-300))
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether all that is left can be noise: as large, and no map or band that stands out."""
+        column = self.column
+        small = self.rms(column) <= GOOD * self.noise[column].rms
+        return small and not any(one.significant for one in self.maps[column])
+
+    def document(self) -> dict[str, Any]:
+        """The keys of ``lab compare --json``."""
+        column = self.column
+        error = {"before": self.rms(column), "after": self.rms(column), "noise": self.noise[column].rms,
+                 "unit": words.column(column)[1]}  # fmt: skip
+        return {
+            "base": self.model.base,
+            "effects": list(self.model.effects),
+            "error": error,
+            "is_noise": self.is_noise,
+            "columns": {name: self._column(name) for name in self.maps},
+            "residual": self.blame.document() if self.blame else None,
+            "recordings": [_row(one) for one in self.overlays],
+        }
+
+    def _column(self, name: str) -> dict[str, Any]:
+        return {
+            "unit": words.column(name)[1],
+            "rms": self.rms(name),
+            "noise": self.noise[name].rms,
+            "fit_percent": self.fit_percent(name),
+            "tests": {test: {"p_value": one.p_value, "significant": one.significant}
+                      for test, one in self.tests[name].items()},
+            "phases": [vars(one) for one in self.phases[name]],
+            "blocks": [vars(one) for one in self.blocks[name]],
+            "bands": [vars(one) for one in self.spectra[name].bands],
+            "maps": [_map(one) for one in self.maps[name]],
+        }  # fmt: skip
+
+
+def compare(
+    model: Model,
+    experiments: Sequence[Experiment],
+    starts: Sequence[FloatArray] | None = None,
+    *,
+    recordings: Sequence[Recording] = (),
+    samples: int = BLAMED,
+) -> Comparison:
+    """Simulates every experiment and looks at what is left.
+
+    starts: the state (n,) at each experiment's first sample, searched for when left out; recordings: those that the
+    experiments came from, for the temperature; samples: of all experiments together on which the equations are tried, 0
+    for none.  Raises ModelError where the model cannot be run.
+    """
+    columns = list(dict.fromkeys(name for one in experiments for name in one.measured))
+    floor = {name: _floor(name, experiments) for name in columns}
+    if starts is None:
+        starts = [_start(model, one, floor) for one in experiments]
+    predictions = [predict(model, one, start) for one, start in zip(experiments, starts, strict=True)]
+    horizons = [_horizon(model, one, start) for one, start in zip(predictions, starts, strict=True)]
+    noise = {name: _noise(name, predictions, floor[name]) for name in columns}
+    overlays = tuple(_overlays(predictions, horizons, noise))
+    temperatures = [_temperature(one, recordings) for one in experiments]
+    found = {name: Left(model.base, name, predictions, temperatures, noise[name]) for name in columns}
+    found_all = Comparison(
+        model, tuple(experiments), tuple(starts), overlays, noise,
+        {name: one.tests() for name, one in found.items()},
+        {name: one.phases() for name, one in found.items()},
+        {name: one.blocks() for name, one in found.items()},
+        {name: one.spectra() for name, one in found.items()},
+        {name: one.maps() for name, one in found.items()}, None,
+    )  # fmt: skip
+    if found_all.is_noise or not samples:
+        return found_all
+    return replace(found_all, blame=blame(model, experiments, starts, floor, samples))
+
+
+def _overlays(
+    predictions: Sequence[Prediction], horizons: Sequence[float], noise: Mapping[str, NoiseModel]
+) -> Iterator[Overlay]:
+    for prediction, horizon in zip(predictions, horizons, strict=True):
+        experiment = prediction.experiment
+        for name, measured in experiment.measured.items():
+            yield Overlay(experiment.name, name, words.column(name)[1], experiment.time, measured,
+                          prediction.trajectory[name], noise[name].rms, horizon)  # fmt: skip
+
+
+def _floor(name: str, experiments: Sequence[Experiment]) -> NoiseModel:
+    """The middle one of what the recordings show."""
+    found = [quiet_noise(one.measured[name], one.rate_hz) for one in experiments if name in one.measured]
+    return sorted(found, key=lambda noise: noise.rms)[(len(found) - 1) // 2]
+
+
+def _noise(name: str, predictions: Sequence[Prediction], floor: NoiseModel) -> NoiseModel:
+    """The floor, or the residual itself where that is smaller still."""
+    left = innovation_noise(*(one.residual(name) for one in predictions if name in one.experiment.measured))
+    return left if left.rms < floor.rms else floor
+
+
+def _start(model: Model, experiment: Experiment, floor: Mapping[str, NoiseModel]) -> FloatArray:
+    """The start state: searched for in the first half second, then polished on longer and longer stretches, as long as
+    the model keeps up."""
+    own, noise = experiment.model(model), {name: one.rms for name, one in floor.items()}
+    begin, length = float(experiment.time[0]), START_S if model.base == "play" else math.inf
+    first = stretch_of(model, experiment.between(begin, begin + length), noise)
+    step = own.simulate(experiment.drive, first.experiment.time).substep_s
+    found = find_start(model, first, step)
+    if model.base == "play" and _off(found, model, step) > CLOSE:
+        fine = find_start(model, first, step, [found.start], FINE)
+        found = fine if _off(fine, model, step) < NEAR else found  # a model that is wrong bends the start
+    while _off(found, model, step) < LOST:
+        found = found.starting(polished(own, found, found.start[None], step, POLISHING)[0])
+        if begin + length > experiment.time[-1]:
+            break
+        wide, narrow = (replace(found, experiment=experiment.between(begin, begin + more * length)) for more in LONGER)
+        found = wide if _off(wide, model, step) < NEAR else narrow
+        length *= LONGER[0] if found is wide else LONGER[1]
+    return found.start
+
+
+def _off(stretch: Stretch, model: Model, step: float) -> float:
+    """How far the model is off, in units of the noise."""
+    return root_mean_square(stretch.residual(stretch.experiment.model(model), stretch.start, step))
+
+
+def _horizon(model: Model, prediction: Prediction, start: FloatArray) -> float:
+    experiment = prediction.experiment
+    step = prediction.trajectory.substep_s
+    return predictability_horizon(
+        experiment.model(model), experiment.drive, experiment.time, start, substep_s=step
+    )  # fmt: skip
+
+
+def _temperature(experiment: Experiment, recordings: Sequence[Recording]) -> FloatArray | None:
+    for one in recordings:
+        if one.name == experiment.name and np.isfinite(one.columns.get("temperature", np.nan)).any():
+            time, values = one.signal("temperature")
+            return np.interp(experiment.time, time, values)
+    return None
+
+
+def _map(one: ResidualMap) -> dict[str, Any]:
+    arrays = {"x": one.x.tolist(), "mean": one.mean.tolist(), "half_width": one.half_width.tolist()}
+    return {"variable": one.variable, "unit": words.variable(one.variable)[1], "explained": one.explained,
+            "p_value": one.p_value, "significant": one.significant, **arrays}  # fmt: skip
+
+
+def _row(one: Overlay) -> dict[str, Any]:
+    horizon = one.horizon_s if math.isfinite(one.horizon_s) else None
+    return {"recording": one.recording, "column": one.column, "fit_percent": one.fit_percent, "rms": one.rms,
+            "noise": one.noise, "unit": one.unit, "horizon_s": horizon}  # fmt: skip

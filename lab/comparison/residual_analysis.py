@@ -1,0 +1,139 @@
+"""What a model leaves of one column of measurements: in time, by phase of the motion, in frequency, over every state.
+
+How the model is run, and what is said of all columns together, is compare.py's.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lostmotion.lab.comparison.bands import Spectra, spectra
+from lostmotion.lab.comparison.phases import phases
+from lostmotion.lab.comparison.predict import Prediction
+from lostmotion.lab.comparison.residual_maps import ResidualMap, residual_maps
+from lostmotion.lab.data.noise import NoiseModel, innovation_noise
+from lostmotion.lab.data.whiteness import Correlation, autocorrelation, cross_correlation
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["Block", "Left", "PhaseError", "root_mean_square"]
+
+BLOCKS = 20
+MOTION = {"position": "theta_2", "velocity": "omega_2", "acceleration": "acceleration", "torque": "torque",
+          "displacement": "q", "gap": "gap", "command": "command"}  # fmt: skip
+"""Signals of the model that the residual is held against, and what they are called there; force has two meanings."""
+
+
+@dataclass(frozen=True)
+class PhaseError:
+    """Root mean square of the residual in one phase of the motion, its share of samples and of the squared error."""
+
+    phase: str
+    rms: float
+    samples: float
+    error: float
+
+
+@dataclass(frozen=True)
+class Block:
+    """Root mean square of the residual in a stretch of time [s]."""
+
+    recording: str
+    start: float
+    stop: float
+    rms: float
+
+
+class Left:
+    """What is left of one column in all recordings that have it; temperatures: (N,) each, where known."""
+
+    def __init__(
+        self,
+        base: str,
+        name: str,
+        predictions: Sequence[Prediction],
+        temperatures: Sequence[FloatArray | None],
+        noise: NoiseModel,
+    ) -> None:
+        pairs = [(one, t) for one, t in zip(predictions, temperatures, strict=True) if name in one.experiment.measured]
+        self.base, self.name, self.noise = base, name, noise
+        self.predictions = [one for one, _ in pairs]
+        self.temperatures = [t for _, t in pairs]
+        self.residuals = [one.residual(name) for one in self.predictions]
+        self.own = innovation_noise(*self.residuals)
+
+    def tests(self) -> dict[str, Correlation]:
+        """Of the longest recording: the residual with itself, with the input and with the input's rate."""
+        longest = int(np.argmax([r.size for r in self.residuals]))
+        residual, experiment = self.residuals[longest], self.predictions[longest].experiment
+        tests = {"residual with itself": autocorrelation(residual)}
+        if experiment.drive is not None:
+            for name, series in (("input", experiment.drive.position), ("input's rate", experiment.drive.velocity)):
+                source = np.asarray(series(experiment.time))
+                if np.ptp(source) > 0:
+                    tests[f"residual with the {name}"] = cross_correlation(residual, source, noise=self.own)
+        return tests
+
+    def phases(self) -> tuple[PhaseError, ...]:
+        """The phase with the largest share of the error first."""
+        squares: dict[str, list[FloatArray]] = {}
+        for prediction, residual in zip(self.predictions, self.residuals, strict=True):
+            for phase, mask in phases(self.base, prediction.trajectory).items():
+                inside = residual[mask & np.isfinite(residual)] ** 2
+                squares.setdefault(phase, []).append(inside)
+        all_of_it = np.concatenate([part for parts in squares.values() for part in parts])
+        found = [_phase(name, np.concatenate(parts), all_of_it) for name, parts in squares.items()]
+        return tuple(sorted((one for one in found if one.samples > 0), key=lambda one: -one.error))
+
+    def blocks(self) -> tuple[Block, ...]:
+        """Twenty for each recording."""
+        found = []
+        for prediction, residual in zip(self.predictions, self.residuals, strict=True):
+            time = prediction.experiment.time
+            edges = np.linspace(time[0], time[-1], BLOCKS + 1)
+            for start, stop in itertools.pairwise(edges):
+                inside = residual[(time >= start) & (time <= stop)]
+                if np.any(np.isfinite(inside)):
+                    found.append(Block(prediction.experiment.name, float(start), float(stop), root_mean_square(inside)))
+        return tuple(found)
+
+    def spectra(self) -> Spectra:
+        """Over all recordings, against the noise."""
+        measured = [one.experiment.measured[self.name] for one in self.predictions]
+        return spectra(measured, self.residuals, self.predictions[0].experiment.rate_hz, self.noise)
+
+    def maps(self) -> tuple[ResidualMap, ...]:
+        """Over every state of the motion."""
+        given = [_variables(one, t) for one, t in zip(self.predictions, self.temperatures, strict=True)]
+        common = [name for name in given[0] if all(name in other for other in given)]
+        return residual_maps(self.residuals, {name: [one[name] for one in given] for name in common})
+
+
+def _variables(prediction: Prediction, temperature: FloatArray | None) -> dict[str, FloatArray]:
+    """What the residual may depend on, (N,) each."""
+    trajectory = prediction.trajectory
+    found = {MOTION[name]: values for name, values in trajectory.signals.items() if name in MOTION}
+    if "force" in trajectory.signals:
+        found["load" if "gap" in trajectory.signals else "force"] = trajectory["force"]
+    if "displacement" in trajectory.signals:
+        found["q'"] = np.gradient(trajectory["displacement"], trajectory.time)
+    if "position" not in trajectory.signals:  # the oscillator alone: no joint, no speed of one
+        found.pop("omega_2", None)
+    found["time"] = trajectory.time
+    if temperature is not None:
+        found["temperature"] = temperature
+    return found
+
+
+def _phase(name: str, squares: FloatArray, all_of_it: FloatArray) -> PhaseError:
+    share = float(squares.sum() / max(all_of_it.sum(), 1e-300))
+    rms = float(np.sqrt(squares.mean())) if squares.size else 0.0
+    return PhaseError(name, rms, squares.size / all_of_it.size, share)
+
+
+def root_mean_square(values: FloatArray) -> float:
+    """Of those values (N,) that are numbers."""
+    return float(np.sqrt(np.nanmean(values**2)))

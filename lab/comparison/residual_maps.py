@@ -1,0 +1,140 @@
+"""Residual maps: the mean of a residual over a state, with a band and a significance that hold for coloured noise.
+
+A residual that is noise has no mean over anything.  Under that hypothesis the bins' means have a covariance that
+follows from the residual's own autocorrelation; Wald's test on them, and Benjamini and Hochberg over all maps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import chdtrc
+
+from lostmotion.lab.data.autoregression import NoiseModel, fit_autoregression
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["ResidualMap", "residual_maps"]
+
+BINS = 12
+LEAST_IN_BIN = 10
+FALSE_DISCOVERIES = 0.05
+BAND = 1.96
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualMap:
+    """The mean of a residual (K,) over bins of a variable with centres x (K,), and the half width of its 95 % band.
+
+    explained: the share of the residual's mean square that the map takes, less what noise would; samples: independent
+    ones that the residual is worth; significant: among all maps, with 5 % false discoveries.
+    """
+
+    variable: str
+    x: FloatArray
+    mean: FloatArray
+    half_width: FloatArray
+    explained: float
+    p_value: float
+    samples: float
+    significant: bool = False
+
+
+def residual_maps(
+    residuals: Sequence[FloatArray],
+    variables: Mapping[str, Sequence[FloatArray]],
+    noise: NoiseModel | None = None,
+) -> tuple[ResidualMap, ...]:
+    """A map for each variable, the one that explains most first.
+
+    residuals: one (N_r,) for each recording, NaN where not sampled; variables: by name, one (N_r,) for each recording,
+    NaN allowed.  noise: of the residuals; when left out, that of what the map with the largest share leaves of them.
+    """
+    binned = [one for name, x in variables.items() if (one := _binned(name, residuals, x)) is not None]
+    if not binned:
+        return ()
+    if noise is None:
+        noise = fit_autoregression(max(binned, key=lambda one: one.share).left(residuals))
+    return _discovered([_map(one, noise) for one in binned])
+
+
+@dataclass(frozen=True, eq=False)
+class _Binned:
+    """A residual's mean (K,) over the bins of a variable with centres x (K,).
+
+    inside: which samples of each recording are in which bin, (K, N_r) of 0 and 1; power: the sum of squares; share:
+    what the means take of it.
+    """
+
+    variable: str
+    x: FloatArray
+    mean: FloatArray
+    counts: FloatArray
+    inside: tuple[FloatArray, ...]
+    power: float
+
+    @property
+    def share(self) -> float:
+        return float(self.counts @ self.mean**2) / max(self.power, 1e-300)
+
+    def left(self, residuals: Sequence[FloatArray]) -> list[FloatArray]:
+        """The residuals without the map; NaN where they do not count."""
+        pairs = zip(residuals, self.inside, strict=True)
+        return [np.where(inside.any(axis=0), r - self.mean @ inside, np.nan) for r, inside in pairs]
+
+
+def _binned(name: str, residuals: Sequence[FloatArray], series: Sequence[FloatArray]) -> _Binned | None:
+    """None for a variable that does not vary."""
+    there = [np.isfinite(r) & np.isfinite(x) for r, x in zip(residuals, series, strict=True)]
+    pooled = np.concatenate([x[ok] for x, ok in zip(series, there, strict=True)])
+    if pooled.size < 4 * LEAST_IN_BIN or np.ptp(pooled) <= 1e-12 * np.max(np.abs(pooled)):
+        return None
+    edges = np.unique(np.quantile(pooled, np.linspace(0, 1, min(BINS, pooled.size // LEAST_IN_BIN) + 1)))
+    if edges.size < 3:
+        return None
+    count = edges.size - 1
+    sums, centres, counts, power = np.zeros(count), np.zeros(count), np.zeros(count), 0.0
+    inside = []
+    for r, x, ok in zip(residuals, series, there, strict=True):
+        bins = np.clip(np.searchsorted(edges, x, "right") - 1, 0, count - 1)
+        sums += np.bincount(bins[ok], r[ok], count)
+        centres += np.bincount(bins[ok], x[ok], count)
+        counts += np.bincount(bins[ok], minlength=count)
+        power += float(r[ok] @ r[ok])
+        inside.append(np.asarray((bins == np.arange(count)[:, None]) & ok, dtype=float))
+    return _Binned(name, centres / counts, sums / counts, counts, tuple(inside), power)
+
+
+def _map(binned: _Binned, noise: NoiseModel) -> ResidualMap:
+    length = 1 << int(2 * max(of.shape[1] for of in binned.inside) - 1).bit_length()
+    gamma = noise.autocovariance(min(length // 2 - 1, 4096))
+    spread = sum((_spread(of, gamma, length) for of in binned.inside), start=np.zeros((binned.x.size, binned.x.size)))
+    counts, mean, count = binned.counts, binned.mean, binned.x.size
+    samples = float(gamma[0]) * float(counts.sum()) ** 2 / max(float(spread.sum()), 1e-300)
+    # a map takes its share of the noise with it, so that what is left looks smaller than the noise is
+    covariance = spread / np.outer(counts, counts) * (1 + count / max(samples - count, count))
+    statistic = float(mean @ np.linalg.lstsq(covariance, mean, rcond=1e-9)[0])
+    explained = binned.share - float(counts @ np.diag(covariance)) / max(binned.power, 1e-300)
+    p_value = float(chdtrc(count, max(statistic, 0.0)))
+    half_width = BAND * np.sqrt(np.diag(covariance))
+    return ResidualMap(binned.variable, binned.x, mean, half_width, max(explained, 0.0), p_value, samples)
+
+
+def _spread(inside: FloatArray, gamma: FloatArray, length: int) -> FloatArray:
+    """Covariance (K, K) of the sums over the bins of a series of autocovariance gamma; inside (K, N) is 0 or 1."""
+    circle = np.zeros(length)
+    circle[: gamma.size] = gamma
+    circle[length - gamma.size + 1 :] = gamma[:0:-1]
+    spectrum = np.fft.rfft(circle).real
+    smeared = np.fft.irfft(np.fft.rfft(inside, length) * spectrum, length)[:, : inside.shape[1]]
+    return np.asarray(inside @ smeared.T)
+
+
+def _discovered(maps: Sequence[ResidualMap]) -> tuple[ResidualMap, ...]:
+    """Benjamini and Hochberg: the maps below the largest p value that is at most its rank's share of 5 %."""
+    p = np.sort([one.p_value for one in maps])
+    passed = p[p <= FALSE_DISCOVERIES * np.arange(1, p.size + 1) / max(p.size, 1)]
+    limit = float(passed[-1]) if passed.size else -1.0
+    marked = [replace(one, significant=one.p_value <= limit) for one in maps]
+    return tuple(sorted(marked, key=lambda one: -one.explained))

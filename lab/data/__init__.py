@@ -1,0 +1,1 @@
+"""What was measured: experiments, the noise in them, where the sensor clips."""

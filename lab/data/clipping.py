@@ -1,0 +1,49 @@
+"""The end of the accelerometer's range, as the readings themselves show it.  No fitting here."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from lostmotion.lab.data.experiment import ACCEL, Experiment
+from lostmotion.model import Model
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["RANGE", "at_its_rail", "rail_of", "with_range"]
+
+RANGE = "sensor_saturation"
+_END = f"{RANGE}.a_max"
+RAILED = 6
+"""So many readings of the very same largest size, in one recording: noise does not repeat itself like that."""
+
+
+def rail_of(experiments: Sequence[Experiment]) -> float | None:
+    """The end of the accelerometer's range [m/s²], where readings stop at it; None where none do."""
+    ends = [size.max() for size in _sizes(experiments) if np.sum(size >= size.max() * (1 - 1e-9)) >= RAILED]
+    return float(max(ends)) if ends else None
+
+
+def at_its_rail(model: Model, experiments: Sequence[Experiment]) -> Model | None:
+    """The model with a sensor whose range ends where the readings stop; None where they do not."""
+    rail = rail_of(experiments)
+    return None if rail is None else model.with_effect(RANGE).replace({_END: rail})
+
+
+def with_range(model: Model, experiments: Sequence[Experiment]) -> Model:
+    """The model, a sensor's range ending nowhere below what it has read: noise comes before the range's end, so clipped
+    readings would draw it inwards."""
+    if _END not in model.parameters or model.parameters[_END].fixed:
+        return model
+    largest = float(max((size.max() for size in _sizes(experiments)), default=0.0))
+    parameter = model.parameters[_END]
+    return model.replace(
+        {_END: replace(parameter, value=max(parameter.value, largest), low=max(parameter.low, largest))}
+    )
+
+
+def _sizes(experiments: Sequence[Experiment]) -> list[FloatArray]:
+    """Magnitudes of each one's readings [m/s²], of those that have any."""
+    read = [e.measured[ACCEL] for e in experiments if ACCEL in e.measured]
+    return [np.abs(values[~np.isnan(values)]) for values in read if not np.isnan(values).all()]

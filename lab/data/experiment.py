@@ -1,0 +1,176 @@
+"""A recording as the lab sees it: the input as a motion, the measured outputs on one time axis.  Nothing is simulated.
+
+Which columns are input and which are compared depends on the base; all that a fit cannot use is refused here, with one
+line that says what was found and what the base needs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from lostmotion.drivers.recording import Recording
+from lostmotion.lab.data.supply import of_voltage
+from lostmotion.lab.errors import ExperimentError
+from lostmotion.model import Model, Motion, Sampled
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["ACCEL", "INPUT", "OUTPUTS", "Experiment", "experiments"]
+
+ACCEL = "accel"
+"""the column of the accelerometer"""
+
+INPUT = {"play": "command", "oscillator": "force", "joint": "torque", "servo": "command"}
+"""The column that drives each base."""
+NEEDS_INPUT = ("play", "servo")
+OUTPUTS = {
+    "play": ("accel", "position", "force"),
+    "oscillator": ("displacement", "accel"),
+    "joint": ("position",),
+    "servo": ("position",),
+}
+"""The columns that are compared, whichever were recorded."""
+LEAST_SAMPLES = 50
+LONGEST_GAP = 20.0  # times the usual spacing of the input: further apart, the motion in between is anybody's guess
+FLAT_SHARE = 1e-9
+RAILS_SHARE = 0.5
+LENGTHS = ("m", "mm", "µm", "um", "in")
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """One recording, or a stretch of one.
+
+    drive: the input, or None without one; time: (N,) ascending [s]; measured: by column (N,), NaN where not sampled;
+    given: values that the recording's metadata state for fixed parameters of the model (``# kp = 12``).
+    """
+
+    name: str
+    drive: Motion | None
+    time: FloatArray
+    measured: Mapping[str, FloatArray]
+    given: Mapping[str, float] = field(default_factory=dict)
+    clock_zero: float = 0.0
+    """When the clocks of sensor and host showed the same time [s]: the first row of the recording."""
+    is_linear: bool = False
+    """Whether the position is a length, as the metadata of a linear axis state, and no angle."""
+
+    @property
+    def duration(self) -> float:
+        """From the first sample to the last [s]."""
+        return float(self.time[-1] - self.time[0])
+
+    @property
+    def rate_hz(self) -> float:
+        """Samples a second, from the median spacing."""
+        return float(1 / np.median(np.diff(self.time)))
+
+    def between(self, start: float, stop: float) -> Experiment:
+        """The stretch start <= time < stop [s on its time axis], at least two samples."""
+        first, last = np.searchsorted(self.time, (start - 1e-9, stop - 1e-9))
+        last = max(last, first + 2)
+        measured = {name: values[first:last] for name, values in self.measured.items()}
+        return replace(self, time=self.time[first:last], measured=measured)
+
+    def model(self, model: Model) -> Model:
+        """The model with what this recording states of it."""
+        return model.replace(self.given) if self.given else model
+
+
+def experiments(model: Model, recordings: Sequence[Recording]) -> tuple[Experiment, ...]:
+    """The recordings for this model's base.  Raises ExperimentError for one that cannot be used."""
+    return tuple(_experiment(model, recording) for recording in recordings)
+
+
+def _experiment(model: Model, recording: Recording) -> Experiment:
+    outputs = [name for name in OUTPUTS[model.base] if _sampled(recording, name)]
+    if not outputs:
+        raise ExperimentError(
+            f"{recording.name}: found {_there(recording)}, expected at least one of {', '.join(OUTPUTS[model.base])}; "
+            f"the base {model.base!r} is compared with these"
+        )
+    drive = _drive(model.base, recording)
+    rows = np.any([~np.isnan(recording.columns[name]) for name in outputs], axis=0)
+    rows[1:] &= np.diff(recording.time) > 0  # a merged row may repeat a time
+    if isinstance(drive, Sampled):  # outside of the input nothing is known of it
+        rows &= (recording.time >= drive.time[0]) & (recording.time <= drive.time[-1])
+    measured = {name: recording.columns[name][rows] for name in outputs}
+    for name, values in measured.items():
+        _check_output(recording.name, name, values)
+    return Experiment(
+        recording.name, drive, recording.time[rows], measured, _given(model, recording), float(recording.time[0]),
+        recording.metadata.get("position_unit") in LENGTHS,
+    )  # fmt: skip
+
+
+def _sampled(recording: Recording, column: str) -> bool:
+    return column in recording.columns and not np.isnan(recording.columns[column]).all()
+
+
+def _there(recording: Recording) -> str:
+    return ", ".join(name for name in recording.columns if _sampled(recording, name)) or "no samples"
+
+
+def _drive(base: str, recording: Recording) -> Motion | None:
+    column = INPUT[base]
+    if not _sampled(recording, column):
+        if base in NEEDS_INPUT:
+            raise ExperimentError(
+                f"{recording.name}: found {_there(recording)}, expected {column!r}; it drives the base {base!r}"
+            )
+        return None
+    time, values = recording.signal(column)
+    if not np.all(np.isfinite(values)):
+        bad = time[~np.isfinite(values)][0]
+        raise ExperimentError(f"{recording.name}: {column} at {bad:g} s is not finite, expected numbers")
+    new = np.concatenate(([True], np.diff(time) > 0))
+    time, values = time[new], values[new]
+    if time.size < LEAST_SAMPLES:
+        raise ExperimentError(
+            f"{recording.name}: found {time.size} samples of {column}, expected at least {LEAST_SAMPLES}; "
+            "is the recording too short?"
+        )
+    spacing = np.diff(time)
+    if spacing.max() > LONGEST_GAP * np.median(spacing):
+        where = time[int(np.argmax(spacing))]
+        raise ExperimentError(
+            f"{recording.name}: {column} has a gap of {spacing.max():.3g} s at {where:g} s, expected at most "
+            f"{LONGEST_GAP:g} sample spacings; cut the recording in two there"
+        )
+    return Sampled(time, values)
+
+
+def _check_output(name: str, column: str, values: FloatArray) -> None:
+    sampled = values[~np.isnan(values)]
+    if sampled.size < LEAST_SAMPLES:
+        raise ExperimentError(
+            f"{name}: found {sampled.size} usable samples of {column}, expected at least {LEAST_SAMPLES}; "
+            "is the recording too short, or are input and output from different times?"
+        )
+    if not np.all(np.isfinite(sampled)):
+        raise ExperimentError(f"{name}: {column} holds a value that is not finite, expected numbers or empty cells")
+    spread = float(np.ptp(sampled))
+    if spread <= FLAT_SHARE * max(float(np.max(np.abs(sampled))), 1e-300):
+        raise ExperimentError(
+            f"{name}: {column} is flat at {sampled[0]:g}, expected a signal that moves; is the sensor connected?"
+        )
+    rails = np.mean((sampled == sampled.max()) | (sampled == sampled.min()))
+    if column != "position" and rails > RAILS_SHARE:  # a joint may stand still at the end of its motion
+        raise ExperimentError(
+            f"{name}: {100 * rails:.0f} % of {column} stands at its largest or smallest value; expected a signal "
+            "within the sensor's range; is it saturated?"
+        )
+
+
+def _given(model: Model, recording: Recording) -> dict[str, float]:
+    """Metadata that name a fixed parameter of the model, and what the voltage of a servo says: each recording its own
+    gain, mass, supply."""
+    found = {name: recording.metadata[name] for name, p in model.parameters.items()
+             if p.fixed and name in recording.metadata}  # fmt: skip
+    for name, value in found.items():
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ExperimentError(f"{recording.name}: # {name}: found {value!r}, expected a number")
+    stated = {name: float(value) for name, value in found.items()}
+    return {**of_voltage(model, recording), **stated}

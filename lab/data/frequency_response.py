@@ -1,0 +1,101 @@
+"""Rough inertia, damping and stiffness from the spectra of input and output, before anything is simulated.
+
+Recordings come in volts, newtons or newton metres: what a model's file says may be off by many orders of magnitude,
+and no fit finds its way from there.  Every equation of motion is linear in these parameters, and what friction adds is
+in phase with speed, so that least squares in the frequency domain gives them well enough to begin with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lostmotion.lab.data.experiment import Experiment
+from lostmotion.model import Model
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["from_spectra", "usual_torque"]
+
+Spectrum = NDArray[np.complex128]
+ORDER: Mapping[str, Mapping[str, int]] = {
+    "oscillator": {"m": 2, "b": 1, "k": 0},
+    "joint": {"J": 2, "viscous_friction.b_v": 1},
+}
+"""By base, the parameters that a model may have and which derivative of the output each multiplies."""
+OUTPUT = {"oscillator": "displacement", "joint": "position"}
+BESIDE: Mapping[str, Sequence[Callable[[FloatArray], FloatArray]]] = {"joint": (np.sin, np.cos)}
+"""By base, forces that the output may set beside these: a weight, even where the model has none, is no inertia."""
+CLEAR = 300.0
+"""Times the power at the highest frequencies, which is noise: bins with more of it count."""
+LEAST_BINS = 6
+
+
+def from_spectra(model: Model, experiments: Sequence[Experiment]) -> Model:
+    """The model with its free linear parameters estimated: m q'' + b q' + k q = F, J theta_2'' + a weight = tau.
+
+    As it is where input or output was not recorded, or where nothing physical comes out.
+    """
+    orders = {name: order for name, order in ORDER.get(model.base, {}).items() if name in model.parameters}
+    usable = [e for e in experiments if e.drive is not None and OUTPUT.get(model.base, "") in e.measured]
+    wanted = [name for name in orders if not model.parameters[name].fixed]
+    if not usable or not wanted:
+        return model
+    blocks = [_spectra(e, OUTPUT[model.base], BESIDE.get(model.base, ())) for e in usable]
+    force, *motion = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
+    derivatives, beside = motion[:3], motion[3:]
+    known = sum(
+        model.parameters[name].value * derivatives[order] for name, order in orders.items() if name not in wanted
+    )
+    A, y = np.stack([*(derivatives[orders[name]] for name in wanted), *beside], axis=1), force - known
+    if y.size < LEAST_BINS:
+        return model
+    size = np.linalg.norm(A, axis=0)
+    found = np.linalg.lstsq(np.vstack([A.real, A.imag]) / size, np.concatenate([y.real, y.imag]))[0] / size
+    values = dict(zip(wanted, found[: len(wanted)].tolist(), strict=True))
+    return model.replace({name: value for name, value in values.items() if value > 0})
+
+
+def _spectra(
+    experiment: Experiment, column: str, functions: Sequence[Callable[[FloatArray], FloatArray]]
+) -> list[Spectrum]:
+    """Of the force, the motion, its first and second derivative, and functions of it, where the motion stands out from
+    its noise.
+
+    All under the same taper w, which like its slope is zero at both ends, so that partial integration is exact:
+    int w e^-st x'' dt = int (w'' - 2 s w' + s^2 w) e^-st x dt.
+    """
+    assert experiment.drive is not None
+    values = experiment.measured[column]
+    seen = ~np.isnan(values)
+    time = np.arange(experiment.time[0], experiment.time[-1], 1 / experiment.rate_hz)
+    x = np.interp(time, experiment.time[seen], values[seen])
+    force = experiment.drive.position(time)
+    turn = 2 * np.pi / (time[-1] - time[0])
+    angle = turn * (time - time[0])
+    w, slope, bend = 0.5 - 0.5 * np.cos(angle), 0.5 * turn * np.sin(angle), 0.5 * turn**2 * np.cos(angle)
+    s = 2j * np.pi * np.fft.rfftfreq(time.size, 1 / experiment.rate_hz)
+    others = [np.fft.rfft(w * function(x)) for function in functions]
+    x = x - x.mean()
+    tapered, sloped, bent = (np.fft.rfft(weight * x) for weight in (w, slope, bend))
+    power = np.abs(tapered) ** 2
+    clear = power > CLEAR * float(np.median(power[3 * power.size // 4 :]))
+    clear[:2] = False  # the taper's own, where a constant force shows
+    spectra = [
+        np.fft.rfft(w * force), tapered, s * tapered - sloped, s**2 * tapered - 2 * s * sloped + bent,
+        *others,
+    ]  # fmt: skip
+    return [spectrum[clear] for spectrum in spectra]
+
+
+def usual_torque(model: Model, experiment: Experiment) -> float:
+    """Root mean square of the torque that drives a joint or servo [N m], at the angles that were measured; else 0."""
+    if experiment.drive is None or "position" not in experiment.measured:
+        return 0.0
+    drive = experiment.drive.position(experiment.time)
+    if model.base == "servo":
+        v = {name: p.value for name, p in experiment.model(model).parameters.items()}
+        duty = v["kp"] * v["error_gain"] * (drive - experiment.measured["position"])
+        drive = v["kt"] * v["U"] / v["R"] * np.clip(duty, -v["cap"], v["cap"])
+    return float(np.sqrt(np.nanmean(drive**2)))

@@ -1,0 +1,162 @@
+"""What to record next: the motion in which competing models differ most, simulated from them.  Nothing is fitted.
+
+The first model's motion is taken as measured.  What the others predict differently, from the same states every while
+(impacts would amplify anything), counts as far as neither start states nor the first model's free parameters could
+imitate it: parameters that are fitted anew to the new recording will.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lostmotion.lab import words
+from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.quantity import quantity
+from lostmotion.lab.shooting.continuation import first_level, tiles
+from lostmotion.lab.shooting.parameters import Unknowns
+from lostmotion.lab.shooting.problem import Task
+from lostmotion.lab.shooting.segment import Linearised, Stretch, start_with, state_scales
+from lostmotion.model import Chirp, HandWaved, Model, ModelError, Motion, Sampled, Sine
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["what_to_record"]
+
+LENGTH_S = 4.0
+BETTER = 1.5
+"""Times what the recordings show already, for a motion to be worth recording."""
+SEEN = 5.0
+"""Standard deviations by which the models differ over the length of a recording, for a motion to tell them apart."""
+REST_S = 0.5
+INPUT_UNITS = {"oscillator": "N", "joint": "N m"}
+
+
+@dataclass(frozen=True)
+class _Proposal:
+    """A motion, and what to tell a person to do."""
+
+    text: str
+    motion: Motion
+
+
+def what_to_record(models: Sequence[Model], task: Task, pool: Executor) -> str:
+    """Which motion to record so that models which explain the recordings equally well can be told apart.
+
+    models: fits of one base, best first.  "" where there is nothing to tell apart or the recordings have no input.
+    """
+    if len(models) < 2 or task.experiments[0].drive is None:
+        return ""
+    here = min(_separation(one.drive, models, task) for one in task.experiments if one.drive)
+    proposals = _proposals(models[0].base, task.experiments)
+    count = len(proposals)
+    apart = list(pool.map(_separation, [p.motion for p in proposals], [models] * count, [task] * count))
+    best = int(np.argmax(apart))
+    names = " and ".join(words.name(_own(model, models)) for model in models)
+    samples = LENGTH_S * task.experiments[0].rate_hz
+    if apart[best] * math.sqrt(samples) < SEEN or apart[best] < BETTER * here:
+        known = f"{here:.2g} times the noise"
+        return f"No motion that was tried tells {names} further apart than these recordings do: {known}."
+    return (
+        f"Record {proposals[best].text}: there {names} differ by {apart[best]:.2g} times the noise, "
+        f"in these recordings by {here:.2g}."
+    )
+
+
+def _own(model: Model, models: Sequence[Model]) -> str:
+    """The effect that the others do not all have."""
+    shared = set.intersection(*(set(other.effects) for other in models))
+    return next((effect for effect in model.effects if effect not in shared), model.base)
+
+
+def _proposals(base: str, experiments: Sequence[Experiment]) -> list[_Proposal]:
+    """Motions around the recorded one: slower, faster, larger, smaller, a sweep, an irregular one, steps with rests."""
+    size, hz = _recorded(experiments)
+    unit = INPUT_UNITS.get(base, "rad")
+
+    def sine(what: str, frequency: float, amplitude: float) -> _Proposal:
+        text = f"{what} sine of {quantity(frequency, 'Hz', 2)} and {quantity(amplitude, unit, 2)}"
+        return _Proposal(text, Sine(frequency, amplitude))
+
+    sweep = f"a sweep from {quantity(hz / 4, 'Hz', 2)} to {quantity(4 * hz, 'Hz', 2)} with {quantity(size, unit, 2)}"
+    wave = f"an irregular motion twice as fast, of {quantity(size / 2, unit, 2)}"
+    steps = f"steps of {quantity(size, unit, 2)} with rests of {REST_S:g} s between them"
+    return [
+        sine("a slow", hz / 5, size),
+        sine("a slow, small", hz / 4, size / 5),
+        sine("a fast", 3 * hz, size / 3),
+        sine("a large", hz, 2 * size),
+        _Proposal(sweep, Chirp(hz / 4, 4 * hz, LENGTH_S, size)),
+        _Proposal(wave, HandWaved(1, size / 2, hz, 4 * hz)),
+        _Proposal(steps, _steps(size, 1 / (4 * hz))),
+    ]
+
+
+def _recorded(experiments: Sequence[Experiment]) -> tuple[float, float]:
+    """Amplitude and frequency [Hz] of the sine that moves as far and as fast as the recorded inputs."""
+    drives = [(e.drive, e.time) for e in experiments if e.drive is not None]
+    place = float(np.mean([np.std(drive.position(time)) for drive, time in drives]))
+    speed = float(np.mean([np.std(drive.velocity(time)) for drive, time in drives]))
+    return math.sqrt(2) * place, speed / place / (2 * math.pi)
+
+
+def _steps(size: float, rise_s: float) -> Sampled:
+    """Up and down again, smoothly, at rest in between."""
+    time = np.arange(0.0, LENGTH_S, rise_s / 20)
+    phase, turn = np.divmod(time, rise_s + REST_S)
+    share = (1 - np.cos(np.pi * np.clip(turn / rise_s, 0.0, 1.0))) / 2
+    return Sampled(time, size * np.where(phase % 2 == 0, share, 1 - share))
+
+
+def _separation(motion: Motion, models: Sequence[Model], task: Task) -> float:
+    """By how much the nearest of the others differs from the first model, root mean square, in units of the noise;
+    0 where one of them cannot be run."""
+    first = models[0]
+    try:
+        stretches = _stretches(motion, first, task)
+        unknowns = Unknowns.of(first, task.rough)
+        z = unknowns.z(first)
+        blocks = [stretch.linearised(first, unknowns, z, task.substep_s) for stretch in stretches]
+        return min(_apart(model, first, stretches, blocks, task.substep_s) for model in models[1:])
+    except ModelError:
+        return 0.0
+
+
+def _stretches(motion: Motion, model: Model, task: Task) -> list[Stretch]:
+    """The model's motion as if it had been measured, each short stretch beginning in the state that it has there."""
+    like = task.experiments[0]
+    own = like.model(model)
+    start = float(motion.time[0]) if isinstance(motion, Sampled) else 0.0
+    time = start + np.arange(0.0, min(LENGTH_S, like.duration), 1 / like.rate_hz)
+    run = own.simulate(motion, time, substep_s=task.substep_s)
+    measured = {name: run[name] for name in like.measured}
+    whole = replace(like, drive=motion, time=time, measured=measured, clock_zero=start)
+    pieces = tiles(whole, first_level(model.base, whole))
+    states = run.states[np.searchsorted(time, [float(piece.time[0]) - 1e-9 for piece in pieces])]
+    scale = state_scales(model, whole)
+    return [Stretch(piece, task.noise, scale, state) for piece, state in zip(pieces, states, strict=True)]
+
+
+def _apart(
+    model: Model, before: Model, stretches: Sequence[Stretch], blocks: Sequence[Linearised], substep_s: float
+) -> float:
+    """Root mean square of what this model predicts otherwise and the linearised one cannot imitate; 0 if it fails."""
+    differences, slopes = [], []
+    for stretch, block in zip(stretches, blocks, strict=True):
+        own = stretch.experiment.model(model)
+        r = stretch.residual(own, start_with(own, stretch, before.state_names), substep_s) - block.r
+        if not np.all(np.isfinite(r)):
+            return 0.0
+        differences.append(_without(block.B, r))
+        slopes.append(_without(block.B, block.A))
+    left = _without(np.concatenate(slopes), np.concatenate(differences))
+    return float(np.sqrt(np.mean(left**2)))
+
+
+def _without(columns: FloatArray, values: FloatArray) -> FloatArray:
+    """What is left of the values when all that the columns (M, P) explain is taken out."""
+    q = np.linalg.qr(columns)[0]
+    return np.asarray(values - q @ (q.T @ values))

@@ -1,0 +1,184 @@
+"""Unknown functions of the motion as effects: what no effect of the catalogue is, as a curve.  No fitting here.
+
+A torque, a force or an error of the sensor may be any function of one state, a friction whose size follows the angle,
+or a wave in time.  A curve is straight between knots, which lie the closer, the nearer to the middle of what occurs:
+there friction changes its sign.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import count
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lostmotion.lab.shooting.segment import Stretch, motions
+from lostmotion.model import Domain, Model, Parameter
+from lostmotion.model.base import Term
+from lostmotion.model.effects import register, unregister
+from lostmotion.model.effects.base import ActsOn, Effect
+from lostmotion.model.kernel import Kernel, Slots, jitted, kernel
+from lostmotion.model.motion import FloatArray
+from lostmotion.model.signals import BAR_FORCE, FORCE, GAP, OMEGA2, Q_RATE, SENSOR, THETA1, THETA2, TIME, TIP, TORQUE, Q
+
+__all__ = ["KNOTS", "Guess", "guesses", "registered", "wave_guess"]
+
+KNOTS = 13
+WIDEST = 0.995
+"""The quantile of what occurs at which a curve ends."""
+BEND = 0.3
+"""Up to this share of the reach the knots are evenly spaced."""
+MOST = 10.0
+"""Times what acts in an equation anyway, that a curve may come to."""
+SMOOTH = 5e-3  # rad/s, as dry friction changes its sign
+UNITS = {TORQUE: "N m", BAR_FORCE: "N", SENSOR: "m/s^2", GAP: "m"}
+ACTS_ON = {TORQUE: ActsOn.JOINT, BAR_FORCE: ActsOn.OSCILLATOR, SENSOR: ActsOn.SENSOR, GAP: ActsOn.JOINT}
+VARIABLES = {THETA2: "theta_2", OMEGA2: "omega_2", FORCE: "load", Q: "q", Q_RATE: "q'", TIP: "accel", THETA1: "command"}
+SHOWN = {"theta_2": "position", "omega_2": "velocity", "load": "force", "accel": "accel", "command": "command"}
+"""Under what name a trajectory holds a variable; q and q' are states."""
+PAIRS: Mapping[str, Sequence[tuple[int, int]]] = {
+    "play": ((TORQUE, THETA2), (TORQUE, OMEGA2), (TORQUE, FORCE), (BAR_FORCE, Q), (BAR_FORCE, Q_RATE), (SENSOR, TIP),
+             (SENSOR, THETA2), (SENSOR, OMEGA2), (GAP, THETA1)),
+    "oscillator": ((BAR_FORCE, Q), (BAR_FORCE, Q_RATE)),
+    "joint": ((TORQUE, THETA2), (TORQUE, OMEGA2)),
+    "servo": ((TORQUE, THETA2), (TORQUE, OMEGA2)),
+}  # fmt: skip
+"""What may act on an equation as a function of what, by base."""
+_numbers = count()
+
+
+@jitted
+def _height(s: Slots, p: Slots) -> float:
+    """The curve at its variable; p: variable, centre, scale, reach, KNOTS heights."""
+    along = (math.asinh((s[int(p[0])] - p[1]) / p[2]) / p[3] + 1.0) * (0.5 * (KNOTS - 1))
+    along = min(max(along, 0.0), KNOTS - 1.000001)
+    i = int(along)
+    return p[4 + i] + (along - i) * (p[5 + i] - p[4 + i])
+
+
+@kernel
+def curve(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """A function of one signal."""
+    return _height(s, p)
+
+
+@kernel
+def rubbing(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """Dry friction whose size is a function of one signal."""
+    return _height(s, p) * math.tanh(s[OMEGA2] / SMOOTH)
+
+
+@kernel
+def wave(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """a sin(2 pi f t) + b cos(2 pi f t); p: f, a, b."""
+    angle = 2 * math.pi * p[0] * s[TIME]
+    return p[1] * math.sin(angle) + p[2] * math.cos(angle)
+
+
+@dataclass(frozen=True, eq=False)
+class Guess:
+    """An unknown function: its effect, what it acts on as a function of which variables, and of which the curve is.
+
+    x: (KNOTS,) where its knots are; seen: (KNOTS,) whether the motion comes there; empty for a wave.
+    """
+
+    effect: Effect
+    unit: str
+    depends_on: tuple[str, ...]
+    x: FloatArray
+    seen: NDArray[np.bool_]
+
+    @property
+    def is_wave(self) -> bool:
+        """Whether it has no curve, but f, a and b."""
+        return not len(self.x)
+
+    @property
+    def heights(self) -> list[str]:
+        """Names of the model's parameters that are the curve."""
+        return [f"{self.effect.id}.c{i}" for i in range(len(self.x))]
+
+
+@contextmanager
+def registered(found: Sequence[Guess]) -> Iterator[None]:
+    """The effects are known by their ids for the time of a block."""
+    for guess in found:
+        register(guess.effect)
+    try:
+        yield
+    finally:
+        for guess in found:
+            unregister(guess.effect.id)
+
+
+def guesses(model: Model, stretches: Sequence[Stretch], size: Mapping[int, float], substep_s: float) -> list[Guess]:
+    """All that may be tried on a model, with knots where the motion of these stretches is.
+
+    size: of what acts in an equation already, by the signal.
+    """
+    motion = _motion(model, stretches, substep_s)
+    found = [_curve(model.base, target, source, motion, size[target]) for target, source in PAIRS[model.base]]
+    if (TORQUE, THETA2) in PAIRS[model.base]:
+        found.append(_curve(model.base, TORQUE, THETA2, motion, size[TORQUE], rubs=True))
+    return found
+
+
+def wave_guess(base: str, target: int, hz: float, size: float) -> Guess:
+    """A wave of about this frequency [Hz]."""
+    parameters = {
+        "f": Parameter(hz, "Hz", 0.9 * hz, 1.1 * hz, False, "searched", "frequency", Domain.POSITIVE),
+        "a": _free(UNITS[target], size),
+        "b": _free(UNITS[target], size),
+    }
+    return Guess(
+        _effect(base, target, wave, parameters), UNITS[target], ("time",), np.empty(0), np.empty(0, dtype=bool)
+    )
+
+
+def _curve(
+    base: str, target: int, source: int, motion: Mapping[str, FloatArray], size: float, rubs: bool = False
+) -> Guess:
+    variable = VARIABLES[source]
+    values = motion[variable]
+    centre = 0.0 if source != THETA2 and source != THETA1 else float(np.median(values))
+    farthest = max(float(np.quantile(np.abs(values - centre), WIDEST)), 1e-12)
+    scale = BEND * farthest
+    reach = math.asinh(farthest / scale)
+    fixed = {"source": float(source), "centre": centre, "scale": scale, "reach": reach}
+    parameters = {
+        name: Parameter(value, "", -math.inf, math.inf, True, "of the motion") for name, value in fixed.items()
+    }
+    parameters |= {f"c{i}": _free(UNITS[target], size) for i in range(KNOTS)}
+    effect = _effect(base, target, rubbing if rubs else curve, parameters)
+    x = centre + scale * np.sinh(reach * np.linspace(-1, 1, KNOTS))
+    near = np.abs(values[:, None] - x).argmin(axis=1)
+    seen = np.bincount(near, minlength=KNOTS) > len(values) / 1000
+    return Guess(effect, UNITS[target], (variable, "omega_2") if rubs else (variable,), x, seen)
+
+
+def _effect(base: str, target: int, acting: Kernel, parameters: Mapping[str, Parameter]) -> Effect:
+    return Effect(
+        id=f"unknown_{next(_numbers)}", equation="an unknown function", summary="an unknown function",
+        acts_on=ACTS_ON[target], bases=(base,), parameters=parameters,
+        terms={base: (Term(target, acting, tuple(parameters)),)},
+    )  # fmt: skip
+
+
+def _free(unit: str, size: float) -> Parameter:
+    return Parameter(0.0, unit, -MOST * size, MOST * size, False, "unknown", "height of the curve")
+
+
+def _motion(model: Model, stretches: Sequence[Stretch], substep_s: float) -> dict[str, FloatArray]:
+    """What every variable comes to in these stretches, by name."""
+    runs = motions(model, stretches, substep_s)
+    found = {
+        name: np.concatenate([run[signal] for run in runs])
+        for name, signal in SHOWN.items()
+        if all(signal in run.signals for run in runs)
+    }
+    states = np.concatenate([run.states for run in runs])
+    return found | {name: states[:, i] for i, name in enumerate(model.state_names) if name in ("q", "q'")}

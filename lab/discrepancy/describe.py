@@ -1,0 +1,211 @@
+"""What is left when no effect of the catalogue explains it: the unknown function that does, with its shape and formula.
+
+Every function of curves.py is fitted together with the model; on gears to nudged runs, which need no right play to
+begin with, first nudged strongly, then less.  The one that brings them nearest is told; its curve is that of a fit of
+free stretches where such a fit succeeds.  Where no function explains much, blame.py has the word.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import dataclass
+from operator import attrgetter
+
+import numpy as np
+
+from lostmotion.lab import words
+from lostmotion.lab.discrepancy.basis import Guess, guesses, registered, wave_guess
+from lostmotion.lab.discrepancy.fit import Descent, best_wave
+from lostmotion.lab.fitting.fit import fit_of
+from lostmotion.lab.fitting.strategy import full_fit
+from lostmotion.lab.observer.filter import TIGHT, can_follow
+from lostmotion.lab.observer.objective import Follower
+from lostmotion.lab.parallel import cores
+from lostmotion.lab.quantity import quantity
+from lostmotion.lab.results import Curve, Finding
+from lostmotion.lab.selection.candidates import HOPELESS
+from lostmotion.lab.shooting.continuation import Level, fitted
+from lostmotion.lab.shooting.initial_guess import sizes
+from lostmotion.lab.shooting.parameters import Unknowns
+from lostmotion.lab.shooting.problem import Task
+from lostmotion.model import Model
+from lostmotion.model.motion import FloatArray
+from lostmotion.model.signals import BAR_FORCE, GAP, SENSOR, TORQUE
+
+__all__ = ["described"]
+
+CLEAR = 0.75
+"""A function that is believed brings the usual residual of free stretches down to this part of what it was, """
+NEARER = 0.05
+"""or the cost of nudged runs, with much and with little nudging together, by this much in its logarithm."""
+SHORT = 0.9
+"""Share of a curve's weighted variance from which on a formula fits it."""
+LEAST_POINTS = 3
+"""Fewer heights that are known make no curve."""
+FORMS: Mapping[str, Callable[[FloatArray], FloatArray]] = {
+    "{a}": np.ones_like,
+    "{a} {x}": lambda x: x,
+    "{a} sign({x})": np.sign,
+    "{a} {x}²": np.square,
+    "{a} {x} |{x}|": lambda x: x * np.abs(x),
+    "{a} {x}³": lambda x: x**3,
+}
+IMITATED = {("sensor", "accel"): 1, ("oscillator", "q"): 1, ("oscillator", "q'"): 1, ("sensor", "theta_2"): 0,
+            ("sensor", "omega_2"): 0}  # fmt: skip
+"""The degree of a polynomial that bias, stiffness, damping or length imitate: it is not part of a curve."""
+WHAT = {"joint": "a torque on the joint", "oscillator": "a force on the oscillator", "sensor": "an error of the sensor"}
+
+BEST = 4
+"""So many functions, nearest with much nudging, are brought near with less."""
+
+Heights = Mapping[str, tuple[float, float]]
+"""Of each parameter of a function: its value, and half the width of its 95 % interval."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Told:
+    """A function, the model with it, and how much nearer it brings nudged runs."""
+
+    guess: Guess
+    model: Model
+    gain: float
+
+
+def described(level: Level, task: Task) -> Finding | None:
+    """The function that explains most of what a fit on short stretches leaves; None where no one explains much."""
+    size = sizes(level.model, level.stretches, task.substep_s)
+    acting = {TORQUE: size.torque, BAR_FORCE: size.k * size.bend, SENSOR: size.reading, GAP: size.d}
+    found = guesses(level.model, level.stretches, acting, task.substep_s)
+    with registered(found), ThreadPoolExecutor(cores()) as pool:
+        if not can_follow(level.model, *task.experiments):
+            fits = list(pool.map(_direct, found, [level] * len(found), [task] * len(found)))
+            best = min(range(len(fits)), key=lambda i: fits[i].typical)
+            return _finding(found[best], _heights(fits[best], task)) if _clear(fits[best], level) else None
+        told = _nearest(level.model, found, acting, task, pool)
+        if told is None or told.gain < NEARER:
+            return None
+        if told.guess.is_wave:
+            return _wave(told)
+        fit = full_fit(told.model, task, HOPELESS)
+        return _finding(told.guess, _heights(fit, task)) if _clear(fit, level) else _finding(told.guess)
+
+
+def _clear(fit: Level, level: Level) -> bool:
+    return fit.typical < CLEAR * level.typical
+
+
+def _direct(guess: Guess, level: Level, task: Task) -> Level:
+    model = level.model.with_effect(guess.effect.id)
+    return fitted(model, Unknowns.of(model, task.rough), level.stretches, task.substep_s)
+
+
+def _nearest(
+    model: Model, found: Sequence[Guess], acting: Mapping[int, float], task: Task, pool: Executor
+) -> _Told | None:
+    """The function that brings nudged runs nearest; a wave, whose phase no two recordings share, in one of them.  None
+    where the model cannot be run along the measurement."""
+    follower = Follower.of(task, model)
+    both = Descent.of(model, follower, TIGHT)
+    if not math.isfinite(both.cost):
+        return None
+    tried = _compared(model, both, found, follower, pool)
+    alone = follower.alone()
+    tight = Descent.of(model, alone, TIGHT)
+    waves = [wave_guess(model.base, target, best_wave(tight.model, alone, target), acting[target])
+             for target in (TORQUE, SENSOR)]  # fmt: skip
+    with registered(waves):
+        tried += _compared(model, tight, waves, alone, pool)
+    return max(tried, key=lambda told: told.gain, default=None)
+
+
+def _compared(
+    model: Model, base_tight: Descent, found: Sequence[Guess], follower: Follower, pool: Executor
+) -> list[_Told]:
+    """The functions, brought near with much nudging; the best of them, from there or from the beginning, with less.
+
+    base_tight: the model without them, much nudged.
+    """
+    base = min((Descent.of(start, follower) for start in (base_tight.model, model)), key=attrgetter("cost"))
+    if not math.isfinite(base.cost):
+        return []
+    models = [base.model.with_effect(guess.effect.id) for guess in found]
+    tight = pool.map(Descent.of, models, [follower] * len(models), [TIGHT] * len(models))
+    best = sorted(zip(tight, found, models, strict=True), key=lambda one: one[0].cost)[:BEST]
+    many = [follower] * len(best)
+    direct = pool.map(Descent.of, [model for *_, model in best], many)
+    after = pool.map(Descent.of, [much.model for much, *_ in best], many)
+    told = []
+    for (much, guess, _), *little in zip(best, direct, after, strict=True):
+        less = min(little, key=attrgetter("cost"))
+        told.append(_Told(guess, less.model, _gain(base_tight, much) + _gain(base, less)))
+    return told
+
+
+def _gain(before: Descent, after: Descent) -> float:
+    """How much nearer, as a logarithm; minus infinity where it cannot be run."""
+    return math.log(before.cost / after.cost) if math.isfinite(after.cost) else -math.inf
+
+
+def _heights(level: Level, task: Task) -> Heights:
+    return {e.name: (e.value, (e.high - e.low) / 2) for e in fit_of(level, task).estimates}
+
+
+def _wave(told: _Told) -> Finding:
+    f, a, b = (told.model.parameters[f"{told.guess.effect.id}.{name}"].value for name in ("f", "a", "b"))
+    size, acts_on = math.hypot(a, b), str(told.guess.effect.acts_on)
+    text = f"{WHAT[acts_on]} is missing: a wave of {quantity(size, told.guess.unit, 2)} at {f:.4g} Hz"
+    return Finding(acts_on, told.guess.depends_on, text, None, f"{size:.3g} sin(2π {f:.4g} Hz t)")
+
+
+def _finding(guess: Guess, heights: Heights | None = None) -> Finding:
+    """In words; with curve and formula where the heights are those of free stretches."""
+    acts_on, rubs = str(guess.effect.acts_on), len(guess.depends_on) > 1
+    variable = words.variable(guess.depends_on[0])[0]
+    what = "dry friction" if rubs else WHAT[acts_on]
+    follows = f"its size follows {variable}" if rubs else f"it is a function of {variable}"
+    if heights is None:
+        return Finding(acts_on, guess.depends_on, f"{what} is missing; {follows}")
+    degree = IMITATED.get((acts_on, guess.depends_on[0]), -1)
+    curve = _curve(guess, heights, degree)
+    if len(curve.x) < LEAST_POINTS:
+        return _finding(guess)
+    size = quantity(float(np.max(np.abs(curve.mean))), guess.unit, 2)
+    formula = None if rubs else _formula(curve, degree)
+    return Finding(acts_on, guess.depends_on, f"{what} of up to {size} is missing; {follows}", curve, formula)
+
+
+def _curve(guess: Guess, heights: Heights, degree: int) -> Curve:
+    """The heights where the motion comes, without the polynomial that the base's own parameters imitate."""
+    x = guess.x[guess.seen]
+    mean, half_width = np.array([heights[n] for n, s in zip(guess.heights, guess.seen, strict=True) if s]).T
+    variable = guess.depends_on[0]
+    mean = _beyond(mean, x, half_width, degree)
+    known = half_width < max(float(np.ptp(mean)), float(np.min(half_width)) * 1.01)
+    x, mean, half_width = x[known], mean[known], half_width[known]
+    return Curve(variable, words.variable(variable)[1], x, mean, mean - half_width, mean + half_width)
+
+
+def _beyond(values: FloatArray, x: FloatArray, deviation: FloatArray, degree: int) -> FloatArray:
+    """Values without the polynomial of a degree that fits them best."""
+    if degree < 0 or len(x) <= degree + 1:
+        return values
+    return np.asarray(values - np.polyval(np.polyfit(x, values, degree, w=1 / deviation), x))
+
+
+def _formula(curve: Curve, degree: int) -> str | None:
+    """One term that fits the curve, if there is one."""
+    deviation = (curve.high - curve.low) / 2
+    best, text = 1 - SHORT, None
+    total = float(np.sum((curve.mean / deviation) ** 2))
+    for form, function in FORMS.items():
+        shape = _beyond(function(curve.x), curve.x, deviation, degree)
+        power = float(np.sum((shape / deviation) ** 2))
+        if power <= 1e-9 * float(np.sum((function(curve.x) / deviation) ** 2)):
+            continue  # the base imitates it
+        a = float(np.sum(shape * curve.mean / deviation**2)) / power
+        left = float(np.sum(((curve.mean - a * shape) / deviation) ** 2)) / total
+        if left < best:
+            best, text = left, form.format(a=f"{a:.3g}", x=curve.variable)
+    return text

@@ -1,0 +1,111 @@
+"""Nudged runs brought nearer by Gauss and Newton's steps: for many small unknowns at once.  No choice of models here.
+
+With strong nudging the error at the next sample is nearly linear in what is missing, so a curve of a dozen heights is
+found from nothing, together with the play; evolution (nudge.py) is for few unknowns and far starts.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lostmotion.lab.discrepancy.basis import registered, wave_guess
+from lostmotion.lab.observer.filter import STRONG, TIGHT
+from lostmotion.lab.observer.objective import OUTSIDE, Follower, settled
+from lostmotion.lab.shooting.parameters import Unknowns
+from lostmotion.model import Model, ModelError
+from lostmotion.model.motion import FloatArray
+from lostmotion.model.signals import TORQUE
+
+__all__ = ["Descent", "best_wave"]
+
+STEP = 1e-4
+FAINT = 1e-6
+SLOWEST_HZ, FASTEST_HZ, FASTEST = 1.0, 30.0, 0.45
+"""Of waves: slowest, fastest of the torque, fastest of the sensor as a share of its rate."""
+STEPS, TRIALS = 15, 6
+ENOUGH = 3e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Descent:
+    """A model brought as near as it goes: cost, the mean of log(1 + (e/3)²) of what is left over what is expected of a
+    model that is right."""
+
+    model: Model
+    cost: float
+
+    @classmethod
+    def of(cls, model: Model, follower: Follower, coupling: float = STRONG) -> Descent:
+        """From the model's own values, all free parameters at once, by Levenberg and Marquardt."""
+        unknowns = Unknowns.of(model, follower.rough)
+        z, (low, high) = unknowns.z(model), unknowns.bounds
+        e, damping = _errors(model, follower, coupling), 1e-2
+        cost = _cost(e)
+        for _ in range(STEPS):
+            if not math.isfinite(cost):
+                break
+            moved = [_errors(unknowns.put(model, z + step), follower, coupling) for step in STEP * np.eye(z.size)]
+            J, w = (np.array(moved).T - e[:, None]) / STEP, 1 / (1 + (e / OUTSIDE) ** 2)
+            if not np.isfinite(J).all():
+                break
+            H, g = (J * w[:, None]).T @ J + np.diag(1 / unknowns.prior**2), (J * w[:, None]).T @ e
+            before = cost
+            for _ in range(TRIALS):
+                dz = np.linalg.solve(H + damping * np.diag(np.diag(H)), -g)
+                there = np.clip(z + np.clip(dz, -2.0, 2.0), low, high)
+                tried = _errors(unknowns.put(model, there), follower, coupling)
+                if _cost(tried) < cost:
+                    z, e, cost, damping = there, tried, _cost(tried), damping / 8
+                    break
+                damping *= 6
+            if before - cost <= ENOUGH * before:
+                break
+        return cls(unknowns.put(model, z), cost)
+
+
+def best_wave(model: Model, follower: Follower, target: int) -> float:
+    """The frequency [Hz] of the wave on that signal that strongly nudged runs miss most, nothing else changed.
+
+    One of the sensor is taken to be in the errors as it is, which it is but for its phase.
+    """
+    fastest = FASTEST_HZ if target == TORQUE else FASTEST * follower.stretches[0].rate_hz
+    e = _errors(model, follower, TIGHT)
+    weight = 1 / (1 + (e / OUTSIDE) ** 2)
+    best, found = -1.0, SLOWEST_HZ
+    for hz in np.arange(SLOWEST_HZ, fastest, 0.5 / min(s.duration for s in follower.stretches)):
+        J = _torque_wave(model, follower, float(hz), e) if target == TORQUE else _sensor_wave(follower, float(hz))
+        if not np.isfinite(J).all():
+            continue
+        g = (J * weight[:, None]).T @ e
+        gained = float(g @ np.linalg.lstsq((J * weight[:, None]).T @ J, g, rcond=1e-12)[0])
+        best, found = max((best, found), (gained, float(hz)))
+    return found
+
+
+def _torque_wave(model: Model, follower: Follower, hz: float, e: FloatArray) -> FloatArray:
+    """What a faint wave of torque changes in the errors (N, 2)."""
+    guess = wave_guess(model.base, TORQUE, hz, 1.0)
+    with registered([guess]):
+        own = model.with_effect(guess.effect.id)
+        moved = [_errors(own.replace({f"{guess.effect.id}.{part}": FAINT}), follower, TIGHT) for part in "ab"]
+    return np.asarray((np.array(moved) - e).T)
+
+
+def _sensor_wave(follower: Follower, hz: float) -> FloatArray:
+    time = np.concatenate([stretch.time[settled(stretch)] for stretch in follower.stretches])
+    return np.column_stack([np.sin(2 * math.pi * hz * time), np.cos(2 * math.pi * hz * time)])
+
+
+def _errors(model: Model, follower: Follower, coupling: float) -> FloatArray:
+    """(N,), infinite where the model cannot be run."""
+    try:
+        return follower.errors(model, coupling)
+    except ModelError:
+        return np.full(sum(s.time[settled(s)].size for s in follower.stretches), np.inf)
+
+
+def _cost(e: FloatArray) -> float:
+    return float(np.mean(np.log1p((e / OUTSIDE) ** 2)))

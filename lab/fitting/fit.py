@@ -1,0 +1,180 @@
+"""The free parameters from recordings: the search, the last refinement, and how sure the result is.
+
+The search (search.py) works with a coarse step and robust weights near what the file says; the refinement with a fine
+step, all data, free within the bounds of the file.  Confidence intervals take the residual's own correlation into
+account: cov = H^-1 J' Gamma J H^-1 with H = J'J and Gamma the autocovariance of the residual (Huber's sandwich), so
+that coloured noise widens them as it should.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+
+import numpy as np
+
+from lostmotion.lab.data.clipping import with_range
+from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.data.noise import noise_floor
+from lostmotion.lab.fitting.strategy import first_fit, grown
+from lostmotion.lab.results import Estimate, Fit
+from lostmotion.lab.shooting.continuation import Level, fitted, followed
+from lostmotion.lab.shooting.parameters import Unknown, Unknowns
+from lostmotion.lab.shooting.problem import Task, coarse_substep
+from lostmotion.lab.shooting.segment import FINE_STEP, Linearised, Stretch
+from lostmotion.model import Model
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["Progress", "fit", "fit_of", "noise_of", "refined_fit"]
+
+SURE = 1.959964
+"""Standard deviations to either side of a 95 % interval."""
+TOLD = 0.5
+"""A parameter is told when its standard deviation is below this, in its logarithm or in its scale."""
+REFINED_STEPS = 1.0
+PROMISED = 1e-4
+"""What solver and interpolated input can promise of any parameter, relative: where impacts amplify all, the noise alone
+would give intervals of 1e-7, narrower than the model's own errors."""
+CORRELATED = 0.05
+"""Longest correlation of the residual that counts [s]."""
+Progress = Callable[[str, float], None]
+
+
+def noise_of(experiments: Sequence[Experiment]) -> dict[str, float]:
+    """Noise floor of each measured column, the median over the experiments; its unit."""
+    columns = dict.fromkeys(name for experiment in experiments for name in experiment.measured)
+    found = {}
+    for name in columns:
+        floors = [noise_floor(e.measured[name], e.rate_hz) for e in experiments if name in e.measured]
+        found[name] = max(float(np.median(floors)), 1e-12)
+    return found
+
+
+def fit(
+    model: Model, experiments: Sequence[Experiment], pool: Executor, progress: Progress = lambda what, part: None
+) -> Fit:
+    """The model with its free parameters fitted to all the experiments together.
+
+    progress is told what is done and which part of the whole is behind.  Ctrl-C (KeyboardInterrupt) during the
+    refinement leaves the best so far, with ``complete`` False.
+    """
+    task = Task.of(model, experiments, noise_of(experiments))
+    progress("looking for the right valley", 0.0)
+    level = first_fit(model, task, pool)
+    try:
+        progress("longer stretches", 0.4)
+        level = grown(level, task)
+        progress("refining", 0.8)
+        return refined_fit(level, task)
+    except KeyboardInterrupt:
+        return replace(fit_of(level, task), complete=False)
+    finally:
+        progress("done", 1.0)
+
+
+def refined_fit(level: Level, task: Task) -> Fit:
+    """A level as a result, after a last refinement."""
+    return fit_of(_refined_level(level, task), task)
+
+
+def _refined_level(level: Level, task: Task) -> Level:
+    """The fit once more with a fine step, quadratic, within the bounds of the file only."""
+    substep = coarse_substep(level.model, task.experiments, REFINED_STEPS)
+    model = with_range(level.model, task.experiments)
+    unknowns = Unknowns.of(model)
+    once = fitted(model, unknowns, level.stretches, substep)
+    return fitted(once.model, unknowns, once.stretches, substep, quadratic=True)
+
+
+def fit_of(level: Level, task: Task) -> Fit:
+    """A level as a result: estimates with intervals and correlations, errors by column."""
+    substep = coarse_substep(level.model, task.experiments, REFINED_STEPS)
+    covariance = _covariance(level, substep)
+    deviation = np.sqrt(np.diag(covariance))
+    low, high = level.unknowns.bounds
+    estimates = [
+        _estimate(item, float(z), float(sd), level.model.parameters[item.name].unit, bool(z <= a or z >= b))
+        for item, z, sd, a, b in zip(level.unknowns.items, level.z, deviation, low, high, strict=True)
+    ]
+    correlation = covariance / np.outer(deviation, deviation)
+    return Fit(
+        model=level.model,
+        experiments=tuple(stretch.experiment for stretch in level.stretches),
+        starts=tuple(stretch.start for stretch in level.stretches),
+        estimates=tuple(estimates),
+        correlation=np.asarray(correlation),
+        noise=task.noise,
+        rms=rms_by_column(level, substep),
+        substep_s=substep,
+    )
+
+
+def rms_by_column(level: Level, substep_s: float) -> dict[str, float]:
+    """Root mean square of the residual of each column over all stretches, in its unit."""
+    squares: dict[str, list[FloatArray]] = {}
+    for stretch in level.stretches:
+        model = stretch.experiment.model(level.model)
+        r = stretch.residual(model, stretch.start, substep_s)
+        at = 0
+        for name, values in stretch.experiment.measured.items():
+            count = int(np.sum(~np.isnan(values)))
+            squares.setdefault(name, []).append((r[at : at + count] * stretch.noise[name]) ** 2)
+            at += count
+    return {name: float(np.sqrt(np.mean(np.concatenate(parts)))) for name, parts in squares.items()}
+
+
+def _estimate(item: Unknown, z: float, deviation: float, unit: str, at_bound: bool) -> Estimate:
+    ends = sorted((_unbounded(item, z - SURE * deviation), _unbounded(item, z + SURE * deviation)))
+    return Estimate(item.name, item.value(z), ends[0], ends[1], unit, deviation < TOLD, at_bound)
+
+
+def _unbounded(item: Unknown, z: float) -> float:
+    return math.exp(min(max(z, -700.0), 700.0)) if item.logarithmic else z * item.scale
+
+
+def _covariance(level: Level, substep_s: float) -> FloatArray:
+    """Of z (P, P), the start states eliminated; stretches that the model misses have no say."""
+    good = followed(level, substep_s)
+    H = np.diag(1 / level.unknowns.prior**2)
+    G = H.copy()  # what the data does not tell is as unsure as before
+    blocks = [stretch.linearised(level.model, level.unknowns, level.z, substep_s, FINE_STEP) for stretch in good]
+    blocks = [block for block in blocks if block.finite]
+    if not blocks:
+        return np.diag(level.unknowns.prior**2)
+    correlated = _autocovariance([block.r for block in blocks], _lags(good[0]))
+    for block in blocks:
+        J = _without_start(block)
+        H += J.T @ J
+        G += J.T @ _smeared(J, correlated)
+    inverse = np.linalg.pinv(H, hermitian=True)
+    covariance = inverse @ G @ inverse
+    return np.asarray((covariance + covariance.T) / 2 + PROMISED**2 * np.eye(level.z.size))
+
+
+def _without_start(block: Linearised) -> FloatArray:
+    q, _ = np.linalg.qr(block.B)
+    return np.asarray(block.A - q @ (q.T @ block.A))
+
+
+def _lags(stretch: Stretch) -> int:
+    return max(1, round(CORRELATED * stretch.experiment.rate_hz))
+
+
+def _autocovariance(residuals: Sequence[FloatArray], lags: int) -> FloatArray:
+    """At lags 0 … lags, over all residuals, tapered to zero so that it stays positive (Bartlett)."""
+    total = sum(r.size for r in residuals)
+    raw = [
+        sum(float(r[lag:] @ r[: r.size - lag]) for r in residuals if r.size > lag) / total for lag in range(lags + 1)
+    ]
+    return np.array(raw) * (1 - np.arange(lags + 1) / (lags + 1))
+
+
+def _smeared(J: FloatArray, correlated: FloatArray) -> FloatArray:
+    """Gamma J, Gamma being the Toeplitz matrix of the autocovariance."""
+    result = correlated[0] * J
+    for lag in range(1, min(correlated.size, len(J))):
+        result[lag:] += correlated[lag] * J[:-lag]
+        result[:-lag] += correlated[lag] * J[lag:]
+    return np.asarray(result)

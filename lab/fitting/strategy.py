@@ -1,0 +1,236 @@
+"""The base of a fit: a first rough fit that lies in the right valley, then the growing horizon.  No verdicts here.
+
+The oscillator's frequency comes from the spectrum, the play from nudged runs, or from a grid of values where no bar was
+measured: with another play every impact comes at another time, and no gradient leads from one to the other.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import Executor
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.data.frequency_response import from_spectra
+from lostmotion.lab.observer.filter import can_follow, states_at
+from lostmotion.lab.observer.global_search import nearest
+from lostmotion.lab.shooting.continuation import Level, fitted, merged, missing, residuals, tiles
+from lostmotion.lab.shooting.initial_state import find_start, polished, repaired, ringing_hz, stretch_of
+from lostmotion.lab.shooting.parameters import Unknowns, free_names
+from lostmotion.lab.shooting.problem import Task, coarse_substep
+from lostmotion.lab.shooting.segment import Stretch
+from lostmotion.model import Model
+from lostmotion.model.motion import FloatArray
+
+__all__ = [
+    "begun",
+    "best_of",
+    "doubled",
+    "first_fit",
+    "full_fit",
+    "grown",
+    "nearest_fit",
+    "passed",
+    "predictable",
+    "refined",
+    "repaired_fit",
+    "seeded",
+    "started",
+    "subset",
+]
+
+PLAY_SHARE = np.geomspace(0.62, 1.5, 11)
+DAMPING_SHARE = (1.0, 0.4)
+FREQUENCY_SHARE = 0.12
+SUBSET = 10
+LOST = 4.0
+"""Times the error of the shortest stretches, from which longer ones have lost the motion."""
+CONVERGED = 0.3
+"""What half the step may change, in units of the noise."""
+NUDGE = 1e-4
+NUDGED = 4.0
+"""What this share of the start state's scale may change, in units of the noise, before a stretch counts as chaotic."""
+LONGEST_S = 1.01
+DOUBTED_SHARE = 0.3
+SCANNED = 4
+KEPT = 2
+SEEDS = 2
+POLISHED = 5
+
+
+def seeded(model: Model, experiments: Sequence[Experiment]) -> Model:
+    """The model with its frequency from the spectrum, where a bar is measured and its stiffness is free; with more
+    from the spectra of input and output, where both were recorded."""
+    known = from_spectra(model, experiments)
+    if known is not model or model.base not in ("play", "oscillator") or "k" not in free_names(model):
+        return known
+    k, m = model.parameters["k"], model.parameters["m"].value
+    rough = math.sqrt(k.value / m) / (2 * math.pi)
+    lines = [ringing_hz(e, rough * (1 - FREQUENCY_SHARE), rough * (1 + FREQUENCY_SHARE)) for e in experiments]
+    stiffness = m * (2 * math.pi * float(np.median(lines))) ** 2
+    return model.replace({"k": min(max(stiffness, k.low), k.high)})
+
+
+def subset(task: Task) -> list[Experiment]:
+    """A few of the shortest stretches that stand for all, spread over the experiments."""
+    every = [tile for experiment in task.experiments for tile in tiles(experiment, task.halvings)]
+    return [every[i] for i in np.unique(np.linspace(0, len(every) - 1, min(SUBSET, len(every))).astype(int))]
+
+
+def started(model: Model, stretches: Sequence[Experiment], task: Task) -> Level:
+    """The stretches with their start states found, nothing else fitted."""
+    found = begun(model, stretches, passed(model, stretches, task.experiments, task), task)
+    return fitted(model, Unknowns.of(model, task.rough), found, task.substep_s, iterations=0)
+
+
+Likely = Mapping[tuple[str, float], FloatArray]
+"""Likely start states (K, n), by the experiment's name and the time [s]."""
+
+
+def passed(model: Model, pieces: Sequence[Experiment], experiments: Sequence[Experiment], task: Task) -> Likely:
+    """The states in which nudged runs along these experiments pass the starts of the pieces; none without a bar."""
+    likely: dict[tuple[str, float], FloatArray] = {}
+    for experiment in experiments:
+        if can_follow(model, experiment):
+            times = np.array([float(p.time[0]) for p in pieces if p.name == experiment.name])
+            states = states_at(model, experiment, times, task.substep_s)
+            likely |= {(experiment.name, time): found for time, found in states.items()}
+    return likely
+
+
+def begun(model: Model, pieces: Sequence[Experiment], likely: Likely, task: Task) -> tuple[Stretch, ...]:
+    """Stretches with their start states: a likely one, where it comes near; else as a scan says."""
+    stretches = [stretch_of(model, piece, task.noise) for piece in pieces]
+    found = [_near(model, s, likely.get((s.experiment.name, float(s.experiment.time[0]))), task) for s in stretches]
+    missed = missing(model, found, task.substep_s) if likely else np.zeros(len(found), dtype=bool)
+    return tuple(find_start(model, s, task.substep_s, [s.start]) if out else s
+                 for s, out in zip(found, missed, strict=True))  # fmt: skip
+
+
+def _near(model: Model, stretch: Stretch, likely: FloatArray | None, task: Task) -> Stretch:
+    if likely is None:
+        return find_start(model, stretch, task.substep_s)
+    own = stretch.experiment.model(model)
+    return stretch.starting(polished(own, stretch, likely, task.substep_s, POLISHED)[0])
+
+
+def first_fit(model: Model, task: Task, pool: Executor) -> Level:
+    """The best fit on the shortest stretches; on gears from where nudged runs come nearest, or from a grid of plays and
+    dampings."""
+    model = seeded(model, task.experiments)
+    if can_follow(model, *task.experiments):
+        fits = pool.map(nearest_fit, [model] * SEEDS, [task] * SEEDS, range(SEEDS))
+        return best_of(fits, 1)[0]
+    grid = _grid(model)
+    few = subset(task)
+    scanned = best_of(pool.map(started, grid, [few] * len(grid), [task] * len(grid)), SCANNED)
+    rough = best_of(pool.map(refined, scanned, [task] * len(scanned)), KEPT)
+    return best_of(pool.map(full_fit, [level.model for level in rough], [task] * len(rough)), 1)[0]
+
+
+def nearest_fit(model: Model, task: Task, seed: int, hopeless: float = 1.0) -> Level:
+    """The fit on all short stretches from where nudged runs come nearest, beginning with the model's values."""
+    return full_fit(nearest(model, task, seed), task, hopeless)
+
+
+def refined(level: Level, task: Task, iterations: int = 8) -> Level:
+    """A few steps from a level's values."""
+    return fitted(level.model, level.unknowns, level.stretches, task.substep_s, iterations=iterations)
+
+
+def best_of(levels: Iterable[Level], count: int) -> list[Level]:
+    """Those with the smallest typical error, best first."""
+    return sorted(levels, key=lambda level: level.typical)[:count]
+
+
+def full_fit(model: Model, task: Task, hopeless: float = 1.0) -> Level:
+    """A fit on all of the shortest stretches, those that were missed begun anew."""
+    every = [tile for experiment in task.experiments for tile in tiles(experiment, task.halvings)]
+    level = started(model, every, task)
+    level = fitted(model, level.unknowns, level.stretches, task.substep_s)
+    return repaired_fit(level.model, level.unknowns, level.stretches, task, hopeless)
+
+
+def repaired_fit(
+    model: Model, unknowns: Unknowns, stretches: Sequence[Stretch], task: Task, hopeless: float = 1.0
+) -> Level:
+    """The fit from these starts, those of stretches that are missed begun anew."""
+    again = repaired(model, stretches, task.substep_s, hopeless)
+    return fitted(model, unknowns, again, task.substep_s)
+
+
+def grown(level: Level, task: Task) -> Level:
+    """The fit on stretches twice as long, and so on; the longest of these levels that can be trusted.
+
+    Trusted: hardly a stretch is missed, and half the integration step changes nothing.  In a chaotic record neither
+    holds for long stretches.
+    """
+    found = [level]
+    while (longer := doubled(found[-1], task)) is not None:
+        found.append(longer)
+        if longer.typical > LOST * max(level.typical, 1.0):
+            break
+    doubts = [_doubt(level, task) for level in found]
+    return min(zip(doubts, found, strict=True), key=lambda pair: (pair[0], -pair[1].horizon_s))[1]
+
+
+def doubled(level: Level, task: Task, hopeless: float = 1.0) -> Level | None:
+    """The fit on stretches twice as long, from where this one ended; None where there are none, or the motion drifts
+    away."""
+    stretches = _doubled(level.stretches, task)
+    if not stretches or level.model.base == "joint":
+        return None
+    return repaired_fit(level.model, level.unknowns, stretches, task, hopeless)
+
+
+def _doubled(stretches: Sequence[Stretch], task: Task) -> tuple[Stretch, ...]:
+    halvings = round(math.log2(len(stretches) / len(task.experiments)))
+    return merged(stretches, task.experiments, halvings - 1) if halvings else ()
+
+
+def predictable(level: Level, task: Task) -> float:
+    """Longest stretches, up to a second, over which the motion is not chaotic [s]: there models can be told apart."""
+    stretches, horizon = level.stretches, level.horizon_s
+    while level.model.base != "joint" and (stretches := _doubled(stretches, task)):
+        longer = max(stretch.experiment.duration for stretch in stretches)
+        if longer > LONGEST_S or np.mean(_unpredictable(level.model, stretches, task)) > DOUBTED_SHARE:
+            break
+        horizon = longer
+    return horizon
+
+
+def _doubt(level: Level, task: Task) -> float:
+    """Share of the stretches that are missed, not converged or chaotic; up to a tenth of them count as none."""
+    missed = missing(level.model, level.stretches, task.substep_s)
+    share = float(np.mean(missed | _unpredictable(level.model, level.stretches, task)))
+    return share if share > 0.1 else 0.0
+
+
+def _unpredictable(model: Model, stretches: Sequence[Stretch], task: Task) -> NDArray[np.bool_]:
+    """Which stretches are changed by half the integration step or by a nudge to their start (S,)."""
+    fine = coarse_substep(model, task.experiments, 1.0)
+    here, halved = residuals(model, stretches, fine), residuals(model, stretches, fine / 2)
+    apart = residuals(model, [stretch.starting(stretch.start + NUDGE * stretch.scale) for stretch in stretches], fine)
+    with np.errstate(invalid="ignore"):  # a motion that cannot be run is infinitely far off in both
+        moved = [_rms(a - b) > CONVERGED for a, b in zip(here, halved, strict=True)]
+        chaotic = [_rms(a - b) > NUDGED for a, b in zip(here, apart, strict=True)]
+    return np.asarray(np.array(moved) | np.array(chaotic))
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _grid(model: Model) -> list[Model]:
+    if model.base != "play":
+        return [model]
+    free = free_names(model)
+    plays = PLAY_SHARE if "d" in free else (1.0,)
+    dampings = DAMPING_SHARE if "alpha" in free else (1.0,)
+    d, alpha = model.parameters["d"], model.parameters["alpha"]
+    values = {(min(max(d.value * a, d.low), d.high), min(max(alpha.value * b, alpha.low), alpha.high))
+              for a in plays for b in dampings}  # fmt: skip
+    return [model.replace({"d": value, "alpha": damping}) for value, damping in sorted(values)]

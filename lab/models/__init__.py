@@ -1,0 +1,1 @@
+"""Model files, effects added to them, effects of one's own, recordings simulated from them."""

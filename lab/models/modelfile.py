@@ -1,0 +1,153 @@
+"""A model as a TOML file: base, effects and parameters, read and written.  The physics is the model's.
+
+    base = "play"
+    effects = ["coulomb_friction"]
+    [parameters]
+    d = { value = 6e-5, unit = "m", low = 1e-6, high = 1e-3 }
+    R1 = { value = 0.01, unit = "m", fixed = true }
+    coulomb_friction.tau_c = { value = 1e-4, unit = "N m" }
+
+What a file does not say takes the documented default, also whether a parameter is fixed.  An effect of the user's own
+is listed as "file.py:function", the file being relative to the model file's folder; reading the model runs that file.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from lostmotion.drivers import toml_text
+from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.recording import replacing, toml_value
+from lostmotion.drivers.textfile import TextFileError, read_text, shortened
+from lostmotion.lab.errors import EffectFileError, ModelFileError
+from lostmotion.lab.models.own import OwnEffect, is_reference, load_effect, reference
+from lostmotion.model import BASES, Model, ModelError, Parameter, build_model
+from lostmotion.model.effects.registry import find
+
+__all__ = ["ModelFile", "dumps", "load", "loads", "save"]
+
+
+@dataclass(frozen=True, slots=True)
+class ModelFile:
+    """What a model file says: parameters by name (those of effects as "effect.name"), only the ones it mentions."""
+
+    base: str
+    effects: tuple[str, ...] = ()
+    parameters: Mapping[str, Parameter] = field(default_factory=dict)
+
+    def build(self) -> Model:
+        """The model, the rest being defaults.  Raises ModelError."""
+        return build_model(self.base, effects=self.effects, values=self.parameters)
+
+
+class _File(msgspec.Struct, forbid_unknown_fields=True):
+    base: str
+    effects: list[str] = []
+    parameters: dict[str, Any] = {}
+
+
+class _Parameter(msgspec.Struct, forbid_unknown_fields=True):
+    value: float
+    unit: str | None = None
+    low: float = -math.inf
+    high: float = math.inf
+    fixed: bool | None = None
+
+
+def load(path: str | Path) -> ModelFile:
+    """Reads a model file; the name of a base stands for that base with its defaults.  Raises ModelFileError."""
+    if str(path) in BASES and not Path(path).exists():
+        return ModelFile(str(path))
+    try:
+        text = read_text(Path(path))
+    except TextFileError as error:
+        raise ModelFileError(f"{error}; expected a model file or a base ({', '.join(BASES)})") from error
+    return loads(text, str(path), Path(path).parent)
+
+
+def loads(text: str, where: str, folder: Path = Path()) -> ModelFile:
+    """Reads a model given as text; ``where`` names it in messages, ``folder`` is where the user's own effects are.
+
+    Raises ModelFileError.
+    """
+    try:
+        file = msgspec.convert(toml_text.loads(text), _File)
+        effects = tuple(load_effect(name, folder).id if is_reference(name) else name for name in file.effects)
+        defaults = build_model(file.base, effects=effects).parameters
+        given = {name: _parameter(name, value, defaults) for name, value in _flat(file.parameters)}
+        model = ModelFile(file.base, effects, given)
+        model.build()
+    except (toml_text.TomlError, msgspec.ValidationError, ModelError, EffectFileError) as error:
+        raise ModelFileError(f"{where}: {shortened(error)}") from error
+    return model
+
+
+def dumps(model: ModelFile, folder: Path = Path()) -> str:
+    """The text of a model file in a folder: one line a parameter, in the given order; reads back the same.
+
+    Raises ModelError.
+    """
+    found = [(name, find(name)) for name in model.effects]
+    effects = [reference(effect, folder) if isinstance(effect, OwnEffect) else name for name, effect in found]
+    lines = [f"base = {toml_value(model.base)}", f"effects = {toml_value(effects)}"]
+    if model.parameters:
+        defaults = build_model(model.base, effects=model.effects).parameters
+        lines += ["", "[parameters]"]
+        lines += [f"{name} = {_table(value, defaults[name])}" for name, value in model.parameters.items()]
+    return "\n".join(lines) + "\n"
+
+
+def save(model: ModelFile, path: str | Path) -> None:
+    """Writes a model file; one of that name is replaced, at once.  Raises ModelFileError when it cannot be written."""
+    text = dumps(model, Path(path).parent)
+    try:
+        with replacing(path) as file:
+            file.write(text)
+    except RecordingError as error:
+        raise ModelFileError(str(error)) from error
+
+
+def _flat(parameters: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Names and values; the parameters of an effect stand in a table of its name, or under a quoted "effect.name"."""
+    for name, value in parameters.items():
+        if isinstance(value, dict) and value and not value.keys() & set(_Parameter.__struct_fields__):
+            yield from ((f"{name}.{inner}", item) for inner, item in value.items())
+        else:
+            yield name, value
+
+
+def _parameter(name: str, given: object, defaults: Mapping[str, Parameter]) -> Parameter:
+    """Raises ModelError or msgspec.ValidationError."""
+    if name not in defaults:
+        raise ModelError(f"no parameter is called {name!r}; there are {', '.join(defaults)}")
+    default = defaults[name]
+    table = {"value": given} if isinstance(given, int | float) else given
+    try:
+        read = msgspec.convert(table, _Parameter)
+        fixed = default.fixed if read.fixed is None else read.fixed
+        unit = default.unit if read.unit is None else read.unit
+        default.check_unit(unit)  # first: in the wrong unit the value is likely out of bounds as well
+        parameter = Parameter(read.value, unit, read.low, read.high, fixed)
+        default.updated(parameter)
+    except (msgspec.ValidationError, ModelError) as error:
+        raise ModelError(f"{name}: {error}") from error
+    return parameter
+
+
+def _table(parameter: Parameter, default: Parameter) -> str:
+    table: dict[str, object] = {"value": parameter.value}
+    if parameter.unit:
+        table["unit"] = parameter.unit
+    if parameter.low > -math.inf:
+        table["low"] = parameter.low
+    if parameter.high < math.inf:
+        table["high"] = parameter.high
+    if parameter.fixed or parameter.fixed != default.fixed:
+        table["fixed"] = parameter.fixed
+    return toml_value(table)

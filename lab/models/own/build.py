@@ -1,0 +1,122 @@
+"""From a function of the user's to kernels that the solver can call: compiled where numba can, else in plain Python.
+
+A kernel gets tables of numbers; the code generated here hands the function its arguments out of them.
+"""
+
+from __future__ import annotations
+
+import dis
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from numba import njit, types
+
+from lostmotion.lab.errors import EffectFileError
+from lostmotion.lab.models.own.arguments import Arguments
+from lostmotion.lab.models.own.readable import READABLE, Entry
+from lostmotion.model.kernel import OPTIONS, Kernel, python_kernel
+from lostmotion.model.signals import TIME
+
+__all__ = ["Built", "build"]
+
+Lines = tuple[str, ...]
+SHIFT_S = 1e-5
+"""Half the time over which a rate is taken as a difference [s]."""
+
+
+@dataclass(frozen=True)
+class Built:
+    """The function as it is called, by target the kernels around it, and why they are in plain Python, if they are."""
+
+    function: Callable[..., Any]
+    kernels: tuple[tuple[int, Kernel], ...]
+    note: str | None
+
+
+def build(name: str, function: Callable[..., Any], arguments: Arguments, entry: Entry) -> Built:
+    """The kernels for a function.  Raises EffectFileError where the compiler sees that it returns no number."""
+    bodies = {entry.target: _value_lines(arguments)}
+    if entry.rate is not None:
+        bodies[entry.rate] = _rate_lines(arguments)
+    if any(step.opname == "RAISE_VARARGS" for step in dis.get_instructions(function)):
+        return _in_python(function, bodies, "it may raise an error, which compiled code cannot tell")
+    try:
+        compiled = njit(**OPTIONS)(function)
+        compiled.compile((types.float64,) * len(arguments.names))
+    except Exception as error:  # noqa: BLE001 - numba refuses code in many ways, and Python runs it all the same
+        return _in_python(function, bodies, _reason(error))
+    _check_returned(name, compiled.nopython_signatures[0].return_type, len(arguments.states))
+    kernels = tuple((target, Kernel(_kernel(_guarded(lines), compiled))) for target, lines in bodies.items())
+    return Built(compiled, kernels, None)
+
+
+def _in_python(function: Callable[..., Any], bodies: Mapping[int, Lines], note: str) -> Built:
+    kernels = tuple((target, python_kernel(_kernel(lines, function))) for target, lines in bodies.items())
+    return Built(function, kernels, note)
+
+
+def _kernel(lines: Lines, function: Callable[..., Any]) -> Callable[..., float]:
+    """The generated function; all that goes into its text are names that were checked and numbers of slots."""
+    namespace: dict[str, Any] = {"function": function, "nan": math.nan}
+    exec("\n    ".join(("def kernel(s, x, dx, p):", *lines)), namespace)
+    made: Callable[..., float] = namespace["kernel"]
+    return made
+
+
+def _value_lines(arguments: Arguments) -> Lines:
+    """function(…) → the contribution; the states' derivatives go to dx."""
+    call = f"function({', '.join(_slot(key, arguments) for key in arguments.names)})"
+    if not arguments.states:
+        return (f"return {call}",)
+    derivatives = (f"dx[{i}] = found[{i + 1}]" for i in range(len(arguments.states)))
+    return (f"found = {call}", *derivatives, "return found[0]")
+
+
+def _rate_lines(arguments: Arguments) -> Lines:
+    """The contribution's rate: the difference over a short time in which angles, lengths and time go on as they do."""
+    later, earlier = (
+        f"function({', '.join(_moved(key, arguments, sign) for key in arguments.names)})" for sign in "+-"
+    )
+    return (f"return ({later} - {earlier}) / {2 * SHIFT_S!r}",)
+
+
+def _guarded(lines: Lines) -> Lines:
+    """What compiled code raises would be lost in the solver; NaN is not."""
+    return ("try:", *(f"    {line}" for line in lines), "except Exception:", "    return nan")
+
+
+def _slot(key: str, arguments: Arguments) -> str:
+    if key in arguments.states:
+        return f"x[{arguments.states.index(key)}]"
+    if key in arguments.values:
+        return f"p[{arguments.values.index(key)}]"
+    return f"s[{READABLE[key].number}]"
+
+
+def _moved(key: str, arguments: Arguments, sign: str) -> str:
+    slot = _slot(key, arguments)
+    if key not in arguments.signals:
+        return slot
+    signal = READABLE[key]
+    if signal.number == TIME:
+        return f"{slot} {sign} {SHIFT_S!r}"
+    return slot if signal.rate is None else f"{slot} {sign} {SHIFT_S!r} * s[{signal.rate}]"
+
+
+def _check_returned(name: str, found: Any, states: int) -> None:
+    """Raises EffectFileError unless the compiler found numbers, as many as expected, on every path."""
+    parts: tuple[Any, ...] = tuple(found) if isinstance(found, types.UniTuple | types.Tuple) else (found,)
+    if len(parts) == states + 1 and all(isinstance(part, types.Float | types.Integer) for part in parts):
+        return
+    expected = "a number" if not states else f"{states + 1} numbers: the contribution and each state's derivative"
+    found = "nothing on some branch (None)" if isinstance(found, types.Optional) else f"{found}"
+    raise EffectFileError(f"{name}: returns {found}, expected {expected}; does every branch return?")
+
+
+def _reason(error: Exception) -> str:
+    """What numba says in many lines, in one."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    telling = [line for line in lines if not line.startswith(("Failed in", "During:", "File "))]
+    return f"numba cannot compile it: {(telling or lines or ['no reason given'])[0]}"

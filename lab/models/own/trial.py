@@ -1,0 +1,61 @@
+"""A function of the user's is called at many points: does it give numbers?  No model is run."""
+
+from __future__ import annotations
+
+import numbers
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from lostmotion.lab.errors import EffectFileError
+from lostmotion.lab.models.own.arguments import Arguments
+from lostmotion.lab.models.own.points import points
+from lostmotion.model import Parameter
+
+__all__ = ["try_out"]
+
+TRIED = 25
+
+
+def try_out(name: str, function: Callable[..., Any], arguments: Arguments, parameters: Mapping[str, Parameter]) -> None:
+    """Raises EffectFileError where the function raises or gives no usable number: at rest, or wherever it was tried."""
+    values = {key: parameter.value for key, parameter in parameters.items()}
+    rest, *moving = points(arguments, values, TRIED)
+    _try(name, function, arguments, rest)
+    refused = []
+    for point in moving:
+        try:
+            _try(name, function, arguments, point)
+        except EffectFileError as error:
+            refused.append(error)
+    if len(refused) == len(moving):
+        raise refused[0]
+
+
+def _try(name: str, function: Callable[..., Any], arguments: Arguments, point: Mapping[str, float]) -> None:
+    at = ", ".join(f"{key} = {value:.3g}" for key, value in point.items())
+    try:
+        with np.errstate(all="ignore"):
+            found = function(**point)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # the user's function may raise anything
+        raise EffectFileError(f"{name}: raised {type(error).__name__}: {error}, at {at}") from error
+    count = 1 + len(arguments.states)
+    parts = found if arguments.states and isinstance(found, tuple) else (found,)
+    if len(parts) != count or not all(map(_is_number, parts)):
+        expected = "a number" if count == 1 else f"{count} numbers: the contribution and each state's derivative"
+        raise EffectFileError(f"{name}: returned {_shown(found)}, expected {expected}, at {at}")
+    if not all(np.isfinite(float(part)) for part in parts):
+        raise EffectFileError(f"{name}: returned {_shown(found)}, expected a finite number, at {at}")
+
+
+def _is_number(found: object) -> bool:
+    return isinstance(found, numbers.Real) and not isinstance(found, bool)
+
+
+def _shown(found: object) -> str:
+    if isinstance(found, np.ndarray):
+        return f"an array of shape {found.shape}"
+    return repr(found) if found is None or isinstance(found, float) else f"{type(found).__name__} {found!r:.60}"

@@ -1,0 +1,251 @@
+"""Gears that are nudged to follow the measurement: which parameters, which effects come near it.  No verdicts here.
+
+A free run of gears has a valley for every way in which impacts may be confused; a run that is corrected at every sample
+has hardly any.  How far it is off at the next sample is a smooth function of play, damping and effects, searched by
+differential evolution (Storn and Price 1997), first with strong nudging and then with less.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lostmotion.lab.data.experiment import ACCEL
+from lostmotion.lab.observer.filter import STRONG, WEAK
+from lostmotion.lab.observer.objective import Follower
+from lostmotion.lab.shooting.continuation import Level
+from lostmotion.lab.shooting.initial_guess import Sizes, seeds, sizes
+from lostmotion.lab.shooting.parameters import Unknowns
+from lostmotion.lab.shooting.problem import Task
+from lostmotion.model import Model
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["AHEAD", "Near", "cost_of", "nearest", "shortlist"]
+
+FIRST, EACH, MOST_EACH, POPULATION = 72, 9, 240, 20
+"""So many are tried at first, of effects with many seeds so many around each, up to a limit; then the best live on."""
+BASE_GENERATIONS, EFFECT_GENERATIONS, BESIDE_GENERATIONS, FINAL_GENERATIONS = 8, 5, 10, 8
+"""Beside an effect that is there already as far as nudged runs know it, its values have to give way."""
+KEPT, KEPT_BESIDE = (20, 10, 6), (8, 6, 4)
+"""So many effects go on after the first generations, which hardly tell them apart; and after some more, where none is
+ahead, and where one is; fewer beside another one."""
+FEWEST, BEHIND = 4, 2.0
+"""Behind so many, those do not go on whose cost is this many times the second best's."""
+AHEAD = 0.87
+"""Part of another cost, below which one is far ahead of it."""
+WIDTH = {"d": 0.22, "alpha": 0.3, "k": 0.01, "b": 0.25, "l": 0.03}
+"""Standard deviations of a first population, in logarithms."""
+BIAS_WIDTH = 0.05  # m/s²
+EFFECT_WIDTH = 0.4
+SURE = 0.2
+"""The share of these widths around values that a fit has found."""
+LARGER = 4.0
+LEAP, CROSSED = 0.6, 0.9
+MUTATED, FARTHEST = 0.5, 3
+NICHES, NICHES_LEFT = 4, 2
+"""Parts of what a whole number may be, that evolve apart; so many go on to the end."""
+
+
+@dataclass(frozen=True, eq=False)
+class Near:
+    """A model that comes near the measurement, how near (see ``cost_of``), and what it has more than the base."""
+
+    model: Model
+    cost: float
+    effect: str = ""
+
+
+def nearest(model: Model, task: Task, seed: int = 0) -> Model:
+    """The model with the free parameters that bring nudged runs nearest to the measurement."""
+    model = _with_bias(model, task)
+    follower = Follower.of(task, model)
+    found = _Population(follower, [model], seed)
+    found.evolve(BASE_GENERATIONS)
+    found.loosen()
+    return found.near("").model
+
+
+def shortlist(
+    base: Level, effects: Sequence[str], task: Task, pool: Executor, beside: Near | None = None, seed: int = 0
+) -> list[Near]:
+    """The effects that bring nudged runs nearest to the measurement, best first; one whose whole number leaves valleys
+    far apart may be there twice.
+
+    base: the fit without them; seeds of an effect's parameters are tried with its values and with the file's; beside:
+    one that is there already, as far as nudged runs know it.
+    """
+    model = beside.model if beside else base.model
+    follower, size, count = _follower(model, task), sizes(base.model, base.stretches, task.substep_s), len(effects)
+    generations = BESIDE_GENERATIONS if beside else EFFECT_GENERATIONS
+    given = ([model] * count, [follower.roughly()] * count, [size] * count, [generations] * count, [seed] * count)
+    niches = zip(effects, pool.map(_begun, effects, *given), strict=True)
+    first, many, few = KEPT_BESIDE if beside else KEPT
+    best = _leading([(population, effect) for effect, found in niches for population in found], first, NICHES)
+    further = pool.map(_further, (population for population, _ in best), [follower] * len(best))
+    best = list(zip(further, [effect for _, effect in best], strict=True))
+    best = _leading(best, few if _is_ahead(best) else many, NICHES_LEFT)
+    return sorted(pool.map(_finished, *zip(*best, strict=True)), key=lambda near: near.cost)
+
+
+def cost_of(base: Level, task: Task) -> float:
+    """How far nudged runs of a fit are off, for comparison: the geometric mean of their costs with much and with little
+    nudging.  With little, the right model too may lose a motion that another one happens to follow."""
+    return _cost(_follower(base.model, task), base.model)
+
+
+def _cost(follower: Follower, model: Model) -> float:
+    return math.sqrt(follower.cost(model, STRONG) * follower.cost(model, WEAK))
+
+
+def _follower(model: Model, task: Task) -> Follower:
+    given = {name: p.value for name, p in task.rough.parameters.items()}
+    return Follower.of(task, _with_bias(model.replace(given), task))
+
+
+def _with_bias(model: Model, task: Task) -> Model:
+    """The sensor's offset as the mean of what it reads, where it is free."""
+    bias = model.parameters["bias"]
+    if bias.fixed:
+        return model
+    mean = float(np.mean([np.nanmean(e.measured[ACCEL]) for e in task.experiments]))
+    return model.replace({"bias": min(max(mean, bias.low), bias.high)})
+
+
+class _Population:
+    """Models with costs, evolving: each tries to leap towards one of the better ones.
+
+    Who leaps takes whole numbers from whom it leaps to, or others near them.
+    """
+
+    def __init__(self, follower: Follower, models: Sequence[Model], seed: int, sure: Sequence[bool] = ()) -> None:
+        self._follower, self._coupling, self._random = follower, STRONG, np.random.default_rng(seed)
+        self._unknowns = Unknowns.of(models[0], follower.rough)
+        self._whole = [name for name, p in models[0].parameters.items() if p.domain.is_whole and "." in name]
+        many = max(FIRST, len(models), min(EACH * len(models), MOST_EACH))
+        kept = [models[i % len(models)] for i in range(many)]
+        z, spread = np.array([self._unknowns.z(model) for model in kept]), self._spread() * np.ones((many, 1))
+        spread[: len(sure)] *= np.where(sure[:many], SURE, 1.0)[:, None]
+        z = np.clip(z + spread * self._random.standard_normal(z.shape), *self._unknowns.bounds)
+        costs = np.array([self._cost(model, one) for model, one in zip(kept, z, strict=True)])
+        order = np.argsort(costs)[:POPULATION]
+        self._models, self._z, self.costs = [kept[i] for i in order], z[order], costs[order]
+
+    def near(self, effect: str) -> Near:
+        """The best of all."""
+        best = int(np.argmin(self.costs))
+        model = self._unknowns.put(self._models[best], self._z[best])
+        return Near(model, _cost(self._follower, model), effect)
+
+    def loosen(self) -> None:
+        """Some more generations with little nudging."""
+        self.judge_by(self._follower, WEAK)
+        self.evolve(FINAL_GENERATIONS)
+
+    def judge_by(self, follower: Follower, coupling: float = STRONG) -> None:
+        """From now on, costs are these."""
+        self._follower, self._coupling = follower, coupling
+        self.costs = np.array([self._cost(model, one) for model, one in zip(self._models, self._z, strict=True)])
+
+    def evolve(self, generations: int) -> None:
+        """Differential evolution, current to p-best."""
+        random, z, size = self._random, self._z, len(self._z)
+        for _ in range(generations):
+            top = np.argsort(self.costs)[: max(3, size // 5)]
+            for i in range(size):
+                (a, b), lead = random.choice(size, 2, replace=False), int(random.choice(top))
+                leap = LEAP * (z[lead] - z[i]) + random.uniform(0.3, 0.9) * (z[a] - z[b])
+                trial = np.clip(z[i] + np.where(random.random(leap.size) < CROSSED, leap, 0.0), *self._unknowns.bounds)
+                model = self._mutated(self._models[lead])
+                cost = self._cost(model, trial)
+                if cost < self.costs[i]:
+                    self._models[i], z[i], self.costs[i] = model, trial, cost
+
+    def _mutated(self, model: Model) -> Model:
+        """The model, or one whose whole numbers differ a little."""
+        if not self._whole or self._random.random() > MUTATED:
+            return model
+        values = {name: model.parameters[name] for name in self._whole}
+        steps = self._random.integers(-FARTHEST, FARTHEST + 1, len(values))
+        return model.replace({name: min(max(p.value + step, p.low), p.high)
+                              for (name, p), step in zip(values.items(), steps, strict=True)})  # fmt: skip
+
+    def _cost(self, model: Model, z: FloatArray) -> float:
+        return self._follower.cost(self._unknowns.put(model, z), self._coupling)
+
+    def _spread(self) -> FloatArray:
+        """Standard deviations in z (P,): what is known of the base, half an effect's size."""
+        items = self._unknowns.items
+        return np.array([BIAS_WIDTH / i.scale if i.name == "bias" else WIDTH.get(i.name, EFFECT_WIDTH) for i in items])
+
+
+def _begun(effect: str, base: Model, follower: Follower, size: Sizes, generations: int, seed: int) -> list[_Population]:
+    models = [base.with_effect(effect), follower.rough.with_effect(effect)]
+    found = _values(models[0], effect, [size, replace(size, torque=LARGER * size.torque)])
+    populations = []
+    for part in _niches(models[0], found):
+        every = [model.replace(values) for values in part for model in models]
+        populations.append(_Population(follower, every, seed, [True, False] * len(part)))
+        populations[-1].evolve(generations)
+    return populations
+
+
+def _values(model: Model, effect: str, wide: Sequence[Sizes]) -> list[dict[str, float]]:
+    """Seeds of the effect at these sizes, of either sign."""
+    found: list[dict[str, float]] = []
+    for one in wide:
+        found += [values for values in seeds(model, effect, one) if values not in found]
+    return found + [{**v, **opposite} for v in found if (opposite := _opposite(model, v))]
+
+
+def _niches(model: Model, found: list[dict[str, float]]) -> list[list[dict[str, float]]]:
+    """The values in parts that evolve apart: where they hold a whole number, by its size."""
+    whole = [name for name in found[0] if model.parameters[name].domain.is_whole]
+    if not whole:
+        return [found]
+    ordered = sorted(found, key=lambda values: values[whole[0]])
+    edges = np.linspace(0, len(ordered), NICHES + 1).astype(int)
+    return [ordered[a:b] for a, b in itertools.pairwise(edges) if b > a]
+
+
+def _opposite(model: Model, values: dict[str, float]) -> dict[str, float]:
+    """Those whose sign may be the other one; angles and whole numbers keep theirs."""
+    may = {name for name in values if -values[name] >= model.parameters[name].low and values[name] > 0}
+    return {name: -values[name] for name in may if "." in name and not name.endswith(".phi")}
+
+
+def _leading(populations: list[tuple[_Population, str]], most: int, niches: int) -> list[tuple[_Population, str]]:
+    """Those of the best few effects, and of more effects those that are not far behind; so many of each."""
+    each = _of_each_effect(populations)
+    least = BEHIND * float(each[min(1, len(each) - 1)][0][0].costs.min())
+    kept = [pairs for i, pairs in enumerate(each[:most]) if i < FEWEST or pairs[0][0].costs.min() < least]
+    return [pair for pairs in kept for pair in pairs[:niches]]
+
+
+def _is_ahead(populations: list[tuple[_Population, str]]) -> bool:
+    """Whether one effect is far nearer than all others, which may be left then."""
+    costs = [float(pairs[0][0].costs.min()) for pairs in _of_each_effect(populations)]
+    return len(costs) < 2 or costs[0] < AHEAD * costs[1]
+
+
+def _of_each_effect(populations: list[tuple[_Population, str]]) -> list[list[tuple[_Population, str]]]:
+    """The populations effect by effect, best first, and so the effects."""
+    of_effect: dict[str, list[tuple[_Population, str]]] = {}
+    for pair in sorted(populations, key=lambda pair: float(pair[0].costs.min())):
+        of_effect.setdefault(pair[1], []).append(pair)
+    return list(of_effect.values())
+
+
+def _further(population: _Population, follower: Follower) -> _Population:
+    population.judge_by(follower)
+    population.evolve(FINAL_GENERATIONS)
+    return population
+
+
+def _finished(population: _Population, effect: str) -> Near:
+    population.loosen()
+    return population.near(effect)

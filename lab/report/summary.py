@@ -1,0 +1,64 @@
+"""A comparison in a few plain lines: how far off, where, and what to make of it.  Numbers are computed elsewhere."""
+
+from __future__ import annotations
+
+import math
+
+from lostmotion.lab import words
+from lostmotion.lab.comparison.compare import GOOD, Comparison
+from lostmotion.lab.quantity import quantities, quantity
+
+__all__ = ["summary"]
+
+MENTIONED = 0.05
+"""Shares of the error below this are not worth a word."""
+
+
+def summary(comparison: Comparison) -> list[str]:
+    """The lines, the main one first."""
+    column = comparison.column
+    lines = [_size(comparison, name) for name in comparison.maps]
+    horizon = min(one.horizon_s for one in comparison.overlays)
+    if math.isfinite(horizon):
+        lines.append(f"The modelled motion can be predicted for {horizon:.1f} s only; later samples say little.")
+    if comparison.is_noise:
+        return [*lines, "What is left is as large as the noise, and depends on nothing: nothing is missing here."]
+    return [*lines, *_where(comparison, column), *_why(comparison)]
+
+
+def _size(comparison: Comparison, name: str) -> str:
+    what, unit = words.column(name)
+    (error, noise), unit = quantities(unit, comparison.rms(name), comparison.noise[name].rms)
+    small = comparison.rms(name) <= GOOD * comparison.noise[name].rms
+    return (
+        f"{what}: fit {comparison.fit_percent(name):.1f} %, error {error} {unit} where the noise is {noise} {unit}"
+        f"{': down to the noise' if small else ''}"
+    )
+
+
+def _where(comparison: Comparison, column: str) -> list[str]:
+    unit = words.column(column)[1]
+    usual = [one for one in comparison.phases[column] if one.error > MENTIONED]
+    phase = max(usual, key=lambda one: one.rms)
+    lines = [
+        f"It fails most {phase.phase}: {quantity(phase.rms, unit, 2)} there, {100 * phase.error:.0f} % of the error."
+    ]
+    bands = [band for band in comparison.spectra[column].bands if band.stands_out]
+    if bands:
+        band = max(bands, key=lambda one: one.residual)
+        lines.append(f"In frequency most of it lies between {band.low_hz:.2g} and {band.high_hz:.2g} Hz.")
+    maps = [one for one in comparison.maps[column] if one.significant and one.explained > MENTIONED]
+    if maps:
+        named = [f"{words.variable(one.variable)[0]} ({100 * one.explained:.0f} % of it)" for one in maps[:3]]
+        lines.append(f"It depends on {', on '.join(named)}.")
+    return lines
+
+
+def _why(comparison: Comparison) -> list[str]:
+    blame = comparison.blame
+    if blame is None:
+        return ["No single equation explains it: first fit the parameters (lostmotion lab fit)."]
+    return [
+        f"As the parameters stand it looks as if {blame.description}.",
+        "Parameters that are off look the same: lostmotion lab fit first, then lostmotion lab explain.",
+    ]

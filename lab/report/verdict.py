@@ -1,0 +1,133 @@
+"""What the lab has found, in a few plain sentences.  Nothing is computed here; one effect's words are words.py's."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from lostmotion.lab import words
+from lostmotion.lab.comparison.compare import Comparison
+from lostmotion.lab.quantity import number, quantities, quantity, with_unit
+from lostmotion.lab.results import Errors, Estimate, Explanation, Finding, Fit, Ladder
+
+__all__ = ["detectable", "joined", "of_comparison", "of_explanation", "of_finding", "of_fit", "of_ladder"]
+
+MOST_VARIABLES = 3
+PLACES = {"joint": "the joint", "oscillator": "the bar", "sensor": "the sensor", "command": "the command",
+          "contact": "the teeth"}  # fmt: skip
+
+
+def of_explanation(explanation: Explanation) -> tuple[str, ...]:
+    """The verdict: what is missing and how large, or that nothing is, or what no effect explains; the errors."""
+    error, found = explanation.error, explanation.residual
+    sentences = [words.sentence(effect, words.intervals(explanation.best, effect)) for effect in explanation.missing]
+    if explanation.verdict == "nothing_missing":
+        sentences.append(
+            f"Nothing is missing: the model explains these recordings down to the noise: {_against(error)}."
+        )
+    else:
+        sentences.append(_falls(error, len(explanation.missing)))
+    if explanation.verdict == "outside_catalogue":
+        sentences.append("Something is missing that no effect of the catalogue explains.")
+        sentences += of_finding(found) if found else ()
+    sentences += [f"These recordings cannot tell {_apart(group)}." for group in explanation.confusable]
+    if explanation.missing and not explanation.complete and found:
+        sentences.append("Something more is missing that no effect of the catalogue explains.")
+        sentences += of_finding(found)
+    sentences += [_held(one) for one in explanation.held]
+    if explanation.untried:
+        sentences.append(
+            f"Not tried for want of time: {joined([words.name(effect) for effect in explanation.untried])}."
+        )
+    if explanation.unshown:
+        effects = joined([words.name(effect) for effect in explanation.unshown])
+        sentences.append(f"The recording kept for judging does not show {effects}: only the others tell it.")
+    return tuple(sentences)
+
+
+def of_finding(finding: Finding) -> tuple[str, ...]:
+    """Where the structure that is left acts, on what it depends, how it looks."""
+    place = PLACES.get(finding.acts_on, finding.acts_on)
+    depends = joined([words.variable(name)[0] for name in finding.depends_on])
+    where = f"It acts on {place}" + (f" and depends on {depends}." if depends else ".")
+    return tuple(s for s in (where, finding.description) if s)
+
+
+def of_fit(fit: Fit) -> tuple[str, ...]:
+    """How far the model explains what was measured, column by column, and what stands in the way of a better fit."""
+    sentences = [] if fit.complete else ["The fit was stopped early: these are the best figures until then."]
+    for column, rms in fit.rms.items():
+        what, si = words.column(column)
+        (error, noise), unit = quantities(si, rms, fit.noise.get(column, math.nan))
+        sentences.append(f"The error in {what} is {with_unit(error, unit)}; the noise is {noise}.")
+    hidden = [e.name for e in fit.estimates if not e.told]
+    if hidden:
+        sentences.append(f"These recordings cannot tell {joined(hidden)}.")
+    return tuple(sentences)
+
+
+def of_comparison(comparison: Comparison) -> tuple[str, ...]:
+    """How far the model is off in the column that counts most, and where the error comes from."""
+    column = comparison.column
+    (what, si), overlays = words.column(column), comparison.of(column)
+    (error, noise), unit = quantities(si, comparison.rms(column), comparison.noise[column].rms)
+    fit = f"{number(comparison.fit_percent(column), 1)} %"
+    sentences = [f"The error in {what} is {with_unit(error, unit)}, a fit of {fit}; the noise is {noise}."]
+    if comparison.is_noise:
+        return (*sentences, "What is left is no more than noise.")
+    worst = comparison.phases[column][0]
+    sentences.append(f"{number(100 * worst.error, 0)} % of the squared error arises {worst.phase}.")
+    telling = [one for one in comparison.maps[column] if one.significant]
+    if telling:
+        depends = joined([words.variable(one.variable)[0] for one in telling[:MOST_VARIABLES]])
+        sentences.append(f"What is left depends on {depends}.")
+    horizon = min(one.horizon_s for one in overlays)
+    if math.isfinite(horizon):
+        sentences.append(f"The motion can be predicted for {horizon:.1f} s only; later, samples hold as statistics.")
+    return tuple(sentences)
+
+
+def of_ladder(ladder: Ladder) -> tuple[str, ...]:
+    """What was added and how far the error fell with it, and whether anything more is missing."""
+    last = ladder.last
+    return (*of_explanation(last), *(("Nothing more is missing.",) if last.missing and last.complete else ()))
+
+
+def detectable(explanation: Explanation) -> tuple[str, ...]:
+    """For each effect that is not there the size from which on it would have been seen."""
+    base = explanation.base.model.base
+    return tuple(
+        f"{words.name(effect)}: from {words.size(effect, parameter, value, base)} on ({parameter})"
+        for effect, (parameter, value) in explanation.detectable.items()
+    )
+
+
+def joined(names: Sequence[str]) -> str:
+    """ "a, b and c"."""
+    return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
+
+
+def _falls(error: Errors, count: int) -> str:
+    """ "Adding it brings the error from 4.1 to 0.41 m/s²; the sensor's noise is 0.40." """
+    if not count:
+        return f"The error is {_against(error)} of noise."
+    (before, after, noise), unit = quantities(error.unit, error.before, error.after, error.noise)
+    them = "it" if count == 1 else "them"
+    return f"Adding {them} brings the error from {before} to {with_unit(after, unit)}; the sensor's noise is {noise}."
+
+
+def _held(one: Estimate) -> str:
+    return (
+        f"Only ratios to {one.name} can be told: {one.name} stays at {quantity(one.value, one.unit)}; "
+        "name it in the model file, or record the input."
+    )
+
+
+def _against(error: Errors) -> str:
+    (after, noise), unit = quantities(error.unit, error.after, error.noise)
+    return f"{with_unit(after, unit)} against {noise}"
+
+
+def _apart(group: Sequence[str]) -> str:
+    names = [words.name(effect) for effect in group]
+    return f"{names[0]} from {names[1]}" if len(names) == 2 else f"apart {joined(names)}"

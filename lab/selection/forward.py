@@ -1,0 +1,63 @@
+"""One effect after the other, as long as there is evidence.  What one step is, is step.py's."""
+
+from __future__ import annotations
+
+import math
+import time
+from operator import attrgetter
+
+import numpy as np
+
+from lostmotion.lab.fitting.fit import Progress
+from lostmotion.lab.fitting.strategy import grown
+from lostmotion.lab.selection.alternatives import told_apart, widened
+from lostmotion.lab.selection.step import Step, further, promising, searched, together
+from lostmotion.lab.selection.validate import FAR, Judged, Unseen, better
+from lostmotion.lab.shooting.continuation import Level
+
+__all__ = ["descended"]
+
+MOST_MISSING, AT_LENGTH = 3, 2
+"""After so many, nothing more is looked for at all; or at length."""
+
+
+def descended(
+    short: Level, level: Level, unseen: Unseen, rng: np.random.Generator, progress: Progress, until: float = math.inf
+) -> tuple[Level, Level, list[Judged], list[Step]]:
+    """The last fits on short and on grown stretches, how the error fell, and what was tried.
+
+    No further step begins after time.monotonic() has passed ``until`` [s].
+    """
+    descent, steps = [unseen.judge(level.model)], list[Step]()
+    while len(descent) <= MOST_MISSING and (not steps or time.monotonic() < until):
+        progress("looking for more" if steps else "looking for what is missing", 0.15 + 0.25 * len(steps))
+        found = _next(short, level, descent[-1], unseen, rng, until)
+        steps += found
+        if not found[-1].accepted:
+            break
+        steps[-1] = last = told_apart(widened(found[-1], unseen), descent[-1], unseen)
+        descent += [step.tried[0].judged for step in (*found[:-1], last)]
+        short = last.tried[0].level
+        level = grown(short, unseen.task)
+        if level.typical < FAR <= descent[-1].error:  # it was judged before its parameters were fitted well
+            descent[-1] = min(descent[-1], unseen.judge(level.model, descent[-1]), key=attrgetter("error"))
+    return short, level, descent, steps
+
+
+def _next(
+    short: Level, level: Level, now: Judged, unseen: Unseen, rng: np.random.Generator, until: float
+) -> list[Step]:
+    """One step; or two, of which the first, or each, explains too little alone.  The last may not be accepted."""
+    step = searched(level, short, now, unseen, rng)
+    if step.accepted or len(unseen.task.added(short.model)) >= AT_LENGTH or time.monotonic() > until:
+        return [step]
+    if (step := further(step, short, now, unseen)).accepted:
+        return [step]
+    if trusted := promising(step, short, now, unseen):
+        first = trusted.tried[0]
+        second = searched(grown(first.level, unseen.task), first.level, first.judged, unseen, rng)
+        if second.accepted and better(second.tried[0].judged, now, level.model.base):
+            return [trusted, second]
+        if step.near and first.effect == step.near[0].effect:  # nothing comes of two that begin with this one
+            return [step]
+    return together(step, short, now, unseen) or [step]

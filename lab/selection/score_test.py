@@ -1,0 +1,140 @@
+"""The score test: would an effect, were it added faintly, explain part of a residual?  No refits, no verdicts.
+
+Near the noise the model is linear in what is small: r = A dz + B dx + c a + noise, with the derivatives A by the fitted
+parameters, B by the start states, and c by the amplitude of an effect at zero.  Projected off A and B, what c explains
+is T = (c'r)²/c'Gamma c.  The p-value is that of the largest T of the whole catalogue among residuals that are noise of
+the same colour (a bootstrap of the search, not of one effect), so that looking at twenty effects is paid for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+
+from lostmotion.lab.data.noise import NoiseModel, innovation_noise
+from lostmotion.lab.shooting.continuation import Level, followed
+from lostmotion.lab.shooting.initial_guess import AMPLITUDE, faint, sizes
+from lostmotion.lab.shooting.segment import Linearised, Stretch, start_with
+from lostmotion.model import Model
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["Direction", "Scores", "score_test"]
+
+DRAWS = 400
+ALIKE = 0.98
+
+
+@dataclass(frozen=True, eq=False)
+class Direction:
+    """A way in which an effect may be missing: the model with it faintly, its statistic T (chi-squared with one degree
+    in white noise) and how many times as strong the residual wants it."""
+
+    effect: str
+    model: Model
+    statistic: float
+    amplitude: float
+    column: FloatArray
+
+    @property
+    def possible(self) -> bool:
+        """Whether the effect may have the sign that the residual wants; a weight with the opposite phase may."""
+        names = (f"{self.effect}.{name}" for name in AMPLITUDE.get(self.effect, ()))
+        return self.amplitude > 0 or all(self.model.parameters[name].low < 0 for name in names)
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """directions: the best of each effect, largest statistic first; limit: what the largest statistic of a search
+    exceeds in 5 % of cases although nothing is missing; p_values: by effect, of the whole search."""
+
+    directions: tuple[Direction, ...]
+    limit: float
+    p_values: dict[str, float]
+    noise: NoiseModel
+
+    def alike(self, effect: str) -> tuple[str, ...]:
+        """Effects that act so nearly as this one does that these recordings hardly tell them apart (|cos| > 0.98)."""
+        by_name = {direction.effect: direction.column for direction in self.directions}
+        own = by_name[effect]
+        return tuple(
+            name for name, column in by_name.items()
+            if name != effect and abs(own @ column) > ALIKE * np.linalg.norm(own) * np.linalg.norm(column)
+        )  # fmt: skip
+
+
+def score_test(
+    level: Level, effects: Sequence[str], substep_s: float, pool: Executor, rng: np.random.Generator
+) -> Scores:
+    """Tests effects on a fit, whose stretches that are missed are left out."""
+    stretches = followed(level, substep_s)
+    count = len(stretches)
+    every = list(pool.map(_linearised, stretches, [level] * count, [substep_s] * count))
+    stretches = [stretch for stretch, block in zip(stretches, every, strict=True) if block.finite]
+    blocks = [block for block in every if block.finite]
+    if not blocks:
+        return Scores((), 0.0, {}, NoiseModel.white(1.0))
+    project = _Projection(blocks)
+    noise = innovation_noise(*(block.r for block in blocks))
+    r = project([block.r for block in blocks])
+    size = sizes(level.model, stretches, substep_s)
+    models = [(effect, model) for effect in effects for model in faint(level.model, effect, size)]
+    count, r_before = len(models), [block.r for block in blocks]
+    columns = pool.map(_columns, [model for _, model in models], [level.model] * count, [stretches] * count,
+                       [r_before] * count, [substep_s] * count)  # fmt: skip
+    usable = [(e, m, project(c)) for (e, m), c in zip(models, columns, strict=True) if c is not None]
+    usable = [entry for entry in usable if entry[2] @ entry[2] > 1e-12]
+    if not usable:
+        return Scores((), 0.0, {}, noise)
+    C = np.array([column / np.linalg.norm(column) for *_, column in usable])
+    draws = np.array([project([noise.simulate(rng, b.r.size) for b in blocks]) for _ in range(DRAWS)])
+    null = draws @ C.T
+    spread = np.maximum(null.std(axis=0), 1e-9)
+    largest = np.sort(np.max((null / spread) ** 2, axis=1))
+    statistic = (C @ r / spread) ** 2
+    found: dict[str, Direction] = {}
+    for (effect, model, column), T in zip(usable, statistic, strict=True):
+        amplitude = -float(column @ r) / float(column @ column)
+        direction = Direction(effect, model, float(T), amplitude, column)
+        found[effect] = max(found.get(effect, direction), direction, key=lambda d: (d.possible, d.statistic))
+    ordered = tuple(sorted(found.values(), key=lambda direction: -direction.statistic))
+    p = {d.effect: float((1 + np.sum(largest >= d.statistic)) / (1 + DRAWS)) for d in ordered}
+    return Scores(ordered, float(np.quantile(largest, 0.95)), p, noise)
+
+
+def _linearised(stretch: Stretch, level: Level, substep_s: float) -> Linearised:
+    return stretch.linearised(level.model, level.unknowns, level.z, substep_s)
+
+
+def _columns(
+    model: Model, before: Model, stretches: Sequence[Stretch], residuals: Sequence[FloatArray], substep_s: float
+) -> list[FloatArray] | None:
+    """How a faint effect changes the residual of each stretch; None where it cannot be run."""
+    changes = []
+    for stretch, r in zip(stretches, residuals, strict=True):
+        own = stretch.experiment.model(model)
+        there = stretch.residual(own, start_with(own, stretch, before.state_names), substep_s)
+        if not np.all(np.isfinite(there)):
+            return None
+        changes.append(there - r)
+    return changes
+
+
+class _Projection:
+    """Takes what parameters (shared) and start states (of each stretch) explain out of a residual."""
+
+    def __init__(self, blocks: Sequence[Linearised]) -> None:
+        self._starts = [np.linalg.qr(block.B)[0] for block in blocks]
+        A = np.concatenate([self._off(q, b.A) for q, b in zip(self._starts, blocks, strict=True)])
+        self._parameters = np.linalg.qr(A)[0]
+
+    def __call__(self, parts: Sequence[FloatArray]) -> FloatArray:
+        """The residuals of all stretches (M_i,) as one, projected (M,)."""
+        whole = np.concatenate([self._off(q, part) for q, part in zip(self._starts, parts, strict=True)])
+        return np.asarray(whole - self._parameters @ (self._parameters.T @ whole))
+
+    @staticmethod
+    def _off(q: FloatArray, part: FloatArray) -> FloatArray:
+        return np.asarray(part - q @ (q.T @ part))

@@ -1,0 +1,216 @@
+"""Where a fit begins: the unknown start state of a stretch, the frequency in the spectrum.  No parameters are fitted.
+
+A recording starts in the middle of the motion.  On gears the cost has a valley for every impact that may have come
+before, so the gap's position and speed are scanned; the bar's share is linear and follows from each.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.shooting.continuation import errors, missing
+from lostmotion.lab.shooting.least_squares import robust
+from lostmotion.lab.shooting.segment import STEP, Stretch, in_motion, state_scales
+from lostmotion.model import Model, ModelError
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["FINE", "find_start", "polished", "repaired", "ringing_hz", "stretch_of"]
+
+SCAN_S = 0.1
+LAST = 2
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How thoroughly a start is looked for: the grid of gap (in half plays) and speed (in crossing speeds), how many
+    of its states go on, and the growing horizon after it: length [s], states kept, steps of the fit."""
+
+    gaps: FloatArray
+    speeds: FloatArray
+    scanned: int
+    stages: tuple[tuple[float, int, int], ...]
+
+
+QUICK = Effort(
+    np.array([-0.95, -0.6, -0.25, 0.0, 0.25, 0.6, 0.95]),
+    np.array([-2.0, -1.0, -0.4, 0.0, 0.4, 1.0, 2.0]),
+    5,
+    ((0.1, 3, 3), (0.2, 2, 2)),
+)
+FINE = Effort(
+    np.array([-1.0, -0.95, -0.85, -0.7, -0.45, -0.2, 0.0, 0.2, 0.45, 0.7, 0.85, 0.95, 1.0]),
+    np.array([-3.0, -2.2, -1.6, -1.1, -0.7, -0.35, 0.0, 0.35, 0.7, 1.1, 1.6, 2.2, 3.0]),
+    16,
+    ((0.1, 10, 3), (0.15, 6, 3), (0.25, 4, 3), (0.35, 3, 3), *((0.5 * 1.2**i, 2, 3) for i in range(20))),
+)
+
+
+def stretch_of(model: Model, experiment: Experiment, noise: dict[str, float]) -> Stretch:
+    """The stretch with its scales, starting along with the input."""
+    own = experiment.model(model)
+    rest = in_motion(own, experiment.drive, float(experiment.time[0]))
+    return Stretch(experiment, noise, state_scales(model, experiment), rest)
+
+
+def find_start(
+    model: Model, stretch: Stretch, substep_s: float, also: Sequence[FloatArray] = (), effort: Effort | None = None
+) -> Stretch:
+    """The stretch with the start state from which the model comes closest to it, the parameters held.
+
+    also: states to try beside those of the scan.
+    """
+    own = stretch.experiment.model(model)
+    if model.base != "play":
+        found = polished(own, stretch, np.array([_measured_state(own, stretch), *also]), substep_s, 6)
+        return stretch.starting(found[0])
+    effort = effort or QUICK
+    states = np.array([*_scan(own, _first(stretch, SCAN_S), substep_s, effort), *also])
+    for length, kept, iterations in effort.stages:
+        if length < stretch.experiment.duration:
+            states = polished(own, _first(stretch, length), states, substep_s, iterations)[:kept]
+    return stretch.starting(polished(own, stretch, states, substep_s, LAST)[0])
+
+
+def polished(model: Model, stretch: Stretch, states: FloatArray, substep_s: float, iterations: int) -> FloatArray:
+    """Start states (K, n) after some Levenberg-Marquardt steps of each at once, best first; robust as the fit is."""
+    K, n = states.shape
+    states = states.copy()
+    steps = STEP * np.diag(stretch.scale)
+    r = stretch.residuals(model, states, substep_s)
+    finite = np.isfinite(r[:, 0])
+    if not finite.any():
+        return states
+    huber = max(3.0, 2 * float(np.median(np.abs(r[finite]).min(axis=0))))
+    cost, damping = robust(r, huber), np.full(K, 1e-2)
+    for _ in range(iterations):
+        moved = (states[:, None] + steps[None]).reshape(K * n, n)
+        with np.errstate(invalid="ignore"):  # what cannot be run is infinite
+            slopes = (stretch.residuals(model, moved, substep_s).reshape(K, n, -1) - r[:, None]) / STEP
+        slopes[~np.isfinite(slopes)] = 0.0
+        w = 1 / np.maximum(1.0, np.abs(np.where(np.isfinite(r), r, 1.0)) / huber)
+        weighted = slopes * w[:, None]
+        H = weighted @ slopes.transpose(0, 2, 1)
+        H[:, range(n), range(n)] = H[:, range(n), range(n)] * (1 + damping[:, None]) + 1e-3
+        g = (weighted @ np.where(np.isfinite(r), r, 0.0)[:, :, None])[:, :, 0]
+        trial = states - np.clip(np.linalg.solve(H, g[:, :, None])[:, :, 0], -1.0, 1.0) * stretch.scale
+        there = stretch.residuals(model, trial, substep_s)
+        new = robust(there, huber)
+        better = new < cost
+        states[better], r[better], cost[better] = trial[better], there[better], new[better]
+        damping = np.where(better, damping / 10, damping * 10)
+    return np.asarray(states[np.argsort(cost)])
+
+
+def repaired(
+    model: Model, stretches: Sequence[Stretch], substep_s: float, hopeless: float = 1.0
+) -> tuple[Stretch, ...]:
+    """The stretches, those that the model misses begun anew: where the one before ended, or where a finer scan says.
+
+    Gears only; other motions forget their start.  A model that misses more than this share begins hopelessly.
+    """
+    if model.base != "play":
+        return tuple(stretches)
+    missed = missing(model, stretches, substep_s)
+    if np.mean(missed) > hopeless:
+        return tuple(stretches)
+    done: list[Stretch] = []
+    for stretch, out in zip(stretches, missed, strict=True):
+        done.append(_begun_anew(model, stretch, done, substep_s) if out else stretch)
+    return tuple(done)
+
+
+def _begun_anew(model: Model, stretch: Stretch, before: Sequence[Stretch], substep_s: float) -> Stretch:
+    own = stretch.experiment.model(model)
+    also = [stretch.start]
+    if before and before[-1].experiment.name == stretch.experiment.name:
+        last = before[-1]
+        times = np.append(last.experiment.time, stretch.experiment.time[0])
+        with suppress(ModelError):  # the one before runs away
+            also.append(own.simulate(last.experiment.drive, times, last.start, substep_s=substep_s).state)
+    anew = find_start(model, stretch, substep_s, also, FINE)
+    error = errors(model, [anew, stretch], substep_s)
+    return anew if error[0] < error[1] else stretch
+
+
+def _first(stretch: Stretch, length: float) -> Stretch:
+    begin = stretch.experiment.time[0]
+    return replace(stretch, experiment=stretch.experiment.between(begin, begin + length))
+
+
+def ringing_hz(experiment: Experiment, low: float, high: float) -> float:
+    """The strongest line of accel (else displacement) between two frequencies [Hz], to a tenth of its width.
+
+    The spectrum is weighted with the fourth power of frequency, as far as it is displacement's; none of it is needed to
+    be a ring of one impact.
+    """
+    column = "accel" if "accel" in experiment.measured else "displacement"
+    values = experiment.measured[column]
+    time = np.arange(experiment.time[0], experiment.time[-1], 1 / experiment.rate_hz)
+    seen = ~np.isnan(values)
+    even = np.interp(time, experiment.time[seen], values[seen])
+    spectrum = np.abs(np.fft.rfft((even - even.mean()) * np.hanning(even.size), 4 * even.size)) ** 2
+    hz = np.fft.rfftfreq(4 * even.size, 1 / experiment.rate_hz)
+    width = max(int(0.75 / hz[1]), 1)
+    smooth = np.convolve(spectrum, np.hanning(2 * width + 1)[1:-1], "same")
+    inside = (hz >= low) & (hz <= high)
+    return float(hz[inside][np.argmax(smooth[inside])]) if inside.any() else math.sqrt(low * high)
+
+
+def _scan(model: Model, stretch: Stretch, substep_s: float, effort: Effort) -> list[FloatArray]:
+    """The best start states on a grid of gap and speed, the bar's two states by linear least squares at each."""
+    rest, slopes = _by_base_state(model, stretch)
+    grid = np.stack(np.meshgrid(effort.gaps, effort.speeds, indexing="ij"), axis=-1).reshape(-1, 2)
+    begins = rest + grid @ slopes[:2]
+    every = stretch.residuals(model, np.vstack([rest, rest + slopes[2:], begins]), substep_s)
+    if not np.isfinite(every[:3]).all():
+        return [rest]
+    bar, r = (every[1:3] - every[0]).T, every[3:]
+    usable = np.isfinite(r[:, 0])
+    if not usable.any():
+        return [rest]
+    share = -r[usable] @ np.linalg.pinv(bar).T
+    cost = np.sum(np.abs(r[usable] + share @ bar.T), axis=1)
+    order = np.argsort(cost)[: effort.scanned]
+    found: FloatArray = begins[usable][order] + share[order] @ slopes[2:]
+    return list(found)
+
+
+def _by_base_state(model: Model, stretch: Stretch) -> tuple[FloatArray, FloatArray]:
+    """The state that moves along with the input (n,), and how it changes with each scale of the base's four (4, n).
+
+    The effects' own states follow those of the base, which they begin at.
+    """
+    drive, begin = stretch.experiment.drive, float(stretch.experiment.time[0])
+    at_rest = in_motion(model, drive, begin)
+    own = at_rest.size > 4
+
+    def moved(i: int) -> FloatArray:
+        if not own:
+            return np.asarray(np.eye(4)[i] * stretch.scale[i])
+        given = {name: float(x) for name, x in zip(model.state_names[:4], at_rest, strict=False)}
+        given[model.state_names[i]] += float(stretch.scale[i])
+        return in_motion(model, drive, begin, **given) - at_rest
+
+    slopes = np.array([moved(i) for i in range(4)])
+    rest = at_rest - at_rest[2] / stretch.scale[2] * slopes[2] - at_rest[3] / stretch.scale[3] * slopes[3]
+    return np.asarray(rest), slopes
+
+
+def _measured_state(model: Model, stretch: Stretch) -> FloatArray:
+    """Position and speed as the first samples show them; a bar at rest."""
+    experiment = stretch.experiment
+    column = "displacement" if model.base == "oscillator" else "position"
+    begin = float(experiment.time[0])
+    if column not in experiment.measured:
+        return in_motion(model, experiment.drive, begin)
+    seen = np.flatnonzero(~np.isnan(experiment.measured[column]))[:8]
+    time, values = experiment.time[seen] - begin, experiment.measured[column][seen]
+    value, rate = np.polynomial.polynomial.polyfit(time, values, 1)
+    names = ("q", "q'") if model.base == "oscillator" else ("theta_2", "omega_2")
+    return in_motion(model, experiment.drive, begin, **dict(zip(names, (float(value), float(rate)), strict=True)))

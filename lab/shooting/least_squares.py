@@ -1,0 +1,182 @@
+"""Levenberg-Marquardt for stretches that share parameters and have start states of their own.
+
+The start states are eliminated stretch by stretch (Schur complement), so ten stretches cost little more than one.
+Residuals count in units of the noise; those far outside count by their magnitude only (Huber), and their weight is
+what keeps one impact at the wrong time from ruling the fit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lostmotion.lab.shooting.parameters import Unknowns
+from lostmotion.lab.shooting.segment import Linearised, Stretch
+from lostmotion.model import Model, ModelError
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["Solution", "minimise", "robust"]
+
+START_PRIOR = 20.0
+"""Standard deviation of the prior on a start state, in its scale, around where this minimisation began."""
+TRIALS = 6
+EDGES = 0.5
+"""Share of the stretches from which on a step that makes them worse is too long."""
+Filter = Callable[[FloatArray], FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Parameters z (P,), the stretches with their start states, and the robust cost (half the sum of squares where
+    nothing lies outside)."""
+
+    z: FloatArray
+    stretches: tuple[Stretch, ...]
+    cost: float
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """model: what is not in the unknowns; huber: bound, in units of the noise; whiten: filter over time, if any."""
+
+    model: Model
+    unknowns: Unknowns
+    centre: FloatArray
+    """(P,) where the priors stand."""
+    substep_s: float
+    huber: float = math.inf
+    whiten: Filter | None = None
+
+    def prior(self, z: FloatArray) -> float:
+        """What the parameters cost by themselves."""
+        return 0.5 * float(np.sum(((z - self.centre) / self.unknowns.prior) ** 2))
+
+    def costs(self, z: FloatArray, stretches: Sequence[Stretch]) -> FloatArray:
+        """Robust cost of each stretch (S,); infinite where the model cannot be run."""
+        try:
+            model = self.unknowns.put(self.model, z)
+        except ModelError:
+            return np.full(len(stretches), np.inf)
+        r = (s.residual(s.experiment.model(model), s.start, self.substep_s) for s in stretches)
+        return np.array([float(robust(self._filtered(one), self.huber)) for one in r])
+
+    def moved(
+        self, z: FloatArray, stretches: Sequence[Stretch], ds: Sequence[FloatArray], before: FloatArray
+    ) -> tuple[tuple[Stretch, ...], FloatArray]:
+        """The stretches at other parameters with their starts moved, and their costs (S,).
+
+        A few that this makes worse stay where they began, if that is better: one start at the edge of an impact shall
+        not hold up all others.  Where it makes many worse, the step is too long.  before: (S,) their costs.
+        """
+        there = [s.starting(s.start + s.scale * d) for s, d in zip(stretches, ds, strict=True)]
+        costs = self.costs(z, there)
+        worse = np.flatnonzero(~(costs < before)).tolist()
+        if len(worse) >= EDGES * len(there):
+            return tuple(there), costs
+        for i, stayed in zip(worse, self.costs(z, [stretches[i] for i in worse]), strict=True):
+            if stayed < costs[i]:
+                there[i], costs[i] = stretches[i], stayed
+        return tuple(there), costs
+
+    def linearised(self, z: FloatArray, stretch: Stretch) -> Linearised:
+        """Of one stretch, filtered."""
+        raw = stretch.linearised(self.model, self.unknowns, z, self.substep_s)
+        if self.whiten is None:
+            return raw
+        return Linearised(*(self._filtered(part) for part in (raw.r, raw.A, raw.B)))
+
+    def _filtered(self, r: FloatArray) -> FloatArray:
+        return r if self.whiten is None or not np.all(np.isfinite(r)) else self.whiten(r)
+
+
+def minimise(
+    problem: Problem,
+    z: FloatArray,
+    stretches: Sequence[Stretch],
+    *,
+    iterations: int = 20,
+    tolerance: float = 1e-4,
+    states: bool = True,
+) -> Solution:
+    """Improves z and the start states until the cost falls by less than ``tolerance`` of itself.
+
+    states: False keeps the start states.  Never returns anything worse than it was given.
+    """
+    z, stretches = z.copy(), tuple(stretches)
+    low, high = problem.unknowns.bounds
+    home = [stretch.start for stretch in stretches]
+    costs = problem.costs(z, stretches)
+    cost, damping = problem.prior(z) + float(costs.sum()), 1e-3
+    for _ in range(iterations):
+        if not math.isfinite(cost):
+            break
+        blocks = [problem.linearised(z, stretch) for stretch in stretches]
+        if not all(block.finite for block in blocks):
+            break
+        pull = [(s.start - h) / s.scale / START_PRIOR**2 for s, h in zip(stretches, home, strict=True)]
+        before = cost
+        for _ in range(TRIALS):
+            dz, ds = _step(problem, z, blocks, pull, damping, (low, high), states)
+            new_z = np.clip(z + dz, low, high)
+            there, new_costs = problem.moved(new_z, stretches, ds, costs)
+            new_cost = problem.prior(new_z) + float(new_costs.sum())
+            if new_cost < cost:
+                z, stretches, costs, cost, damping = new_z, there, new_costs, new_cost, max(damping / 8, 1e-9)
+                break
+            damping = max(damping * 6, 1e-6)
+        if before - cost <= tolerance * before:
+            break
+    return Solution(z, stretches, cost)
+
+
+def _step(
+    problem: Problem,
+    z: FloatArray,
+    blocks: Sequence[Linearised],
+    pull: Sequence[FloatArray],
+    damping: float,
+    bounds: tuple[FloatArray, FloatArray],
+    states: bool,
+) -> tuple[FloatArray, list[FloatArray]]:
+    """The damped Gauss-Newton step of parameters (P,) and of each start state (n,), in their scales."""
+    weight = 1 / problem.unknowns.prior**2
+    H, g = np.diag(weight), weight * (z - problem.centre)
+    eliminated = []
+    for block, home in zip(blocks, pull, strict=True):
+        w = _weights(block.r, problem.huber)[:, None]
+        A, B = block.A * w, block.B * w
+        H += A.T @ block.A
+        g += A.T @ block.r
+        S = B.T @ block.B + np.eye(B.shape[1]) / START_PRIOR**2
+        S[np.diag_indices_from(S)] *= 1 + damping
+        eliminated.append((np.linalg.inv(S), A.T @ block.B, B.T @ block.r + home))
+    H[np.diag_indices_from(H)] *= 1 + damping
+    if states:
+        for S_inverse, K, gs in eliminated:
+            H -= K @ S_inverse @ K.T
+            g -= K @ S_inverse @ gs
+    low, high = bounds
+    stuck = ((z <= low) & (g > 0)) | ((z >= high) & (g < 0))
+    free = np.flatnonzero(~stuck)
+    dz = np.zeros(z.size)
+    if free.size:
+        dz[free] = np.linalg.lstsq(H[np.ix_(free, free)], -g[free], rcond=1e-14)[0]
+    dz = np.clip(dz, -2.0, 2.0)
+    if not states:
+        return dz, [np.zeros(block.B.shape[1]) for block in blocks]
+    return dz, [-S_inverse @ (gs + K.T @ dz) for S_inverse, K, gs in eliminated]
+
+
+def _weights(r: FloatArray, huber: float) -> FloatArray:
+    return np.ones_like(r) if math.isinf(huber) else 1 / np.maximum(1.0, np.abs(r) / huber)
+
+
+def robust(r: FloatArray, huber: float) -> FloatArray:
+    """Huber's cost of residuals (…, M): half the sum of squares within the bound."""
+    size = np.abs(r)
+    inside = 0.5 * np.minimum(size, huber) ** 2
+    cost = inside if math.isinf(huber) else np.where(size <= huber, inside, huber * (size - huber / 2))
+    return np.asarray(np.sum(cost, axis=-1))

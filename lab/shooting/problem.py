@@ -1,0 +1,62 @@
+"""What is fitted to what, and how finely it is integrated meanwhile.  Nothing is fitted here."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.data.frequency_response import from_spectra, usual_torque
+from lostmotion.lab.shooting.continuation import first_level
+from lostmotion.model import Model
+
+__all__ = ["Task", "coarse_substep", "rubbing"]
+
+SEARCH_STEPS = {"play": 8.0, "oscillator": 2.0, "joint": 4.0, "servo": 2.0}  # times the model's own choice of step
+LONGEST_STEP_S = {"play": 5e-4}
+FRICTION_SHARE = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What is fitted: the model as its file gave it, experiments with the noise of each column, the solver's step."""
+
+    rough: Model
+    experiments: tuple[Experiment, ...]
+    noise: dict[str, float]
+    substep_s: float
+    halvings: int
+
+    def added(self, model: Model) -> tuple[str, ...]:
+        """The effects that a model has more than the file's, in order."""
+        return tuple(effect for effect in model.effects if effect not in self.rough.effects)
+
+    @classmethod
+    def of(
+        cls, model: Model, experiments: Sequence[Experiment], noise: dict[str, float], substep_s: float | None = None
+    ) -> Task:
+        """For these experiments, the step chosen for a search unless given."""
+        halvings = max(first_level(model.base, experiment) for experiment in experiments)
+        rough = from_spectra(model, experiments)
+        step = substep_s or coarse_substep(rubbing(rough, experiments), experiments)
+        return cls(rough, tuple(experiments), noise, step, halvings)
+
+
+def rubbing(model: Model, experiments: Sequence[Experiment]) -> Model:
+    """A joint or servo with friction: what the search will add is stiffer than what is there."""
+    if model.base not in ("joint", "servo") or "coulomb_friction" in model.effects:
+        return model
+    friction = FRICTION_SHARE * max(usual_torque(model, experiment) for experiment in experiments)
+    return model.with_effect("coulomb_friction").replace({"coulomb_friction.tau_c": friction})
+
+
+def coarse_substep(model: Model, experiments: Sequence[Experiment], factor: float | None = None) -> float:
+    """An integration step for all fits of this model: its own choice on each experiment, times ``factor``.
+
+    Without a factor, one that is good enough for a search.
+    """
+    own = [e.model(model).simulate(e.drive, e.between(e.time[0], e.time[0] + 1.0).time).substep_s for e in experiments]
+    if factor:
+        return min(own) * factor
+    return min(min(own) * SEARCH_STEPS.get(model.base, 1.0), LONGEST_STEP_S.get(model.base, math.inf))

@@ -1,0 +1,55 @@
+"""The end of a sensor's range, seen in the readings themselves, and found although only one stretch reaches it."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from lostmotion.drivers.recording import Recording
+from lostmotion.lab.data.clipping import rail_of
+from lostmotion.lab.data.experiment import experiments
+from lostmotion.lab.fitting.fit import noise_of
+from lostmotion.lab.fitting.strategy import full_fit
+from lostmotion.lab.selection.step import searched
+from lostmotion.lab.selection.validate import Unseen
+from lostmotion.lab.shooting.problem import Task
+from lostmotion.model import build_model
+from lostmotion.model.motion import FloatArray
+from tests.lab.gears import GEARS, gears
+
+
+def rail(reading: FloatArray) -> float | None:
+    """Where these readings [m/s²] stop."""
+    time = np.arange(reading.size) / 800.0
+    recording = Recording(time, {"command": np.sin(20 * time), "accel": reading}, name="rec")
+    return rail_of(experiments(build_model("play"), [recording]))
+
+
+def test_readings_that_stop_are_told_from_noise_and_from_a_gap() -> None:
+    """Equal to the last digit at the largest size, on either side; quantised noise has a largest reading too."""
+    noise = np.random.default_rng(1).normal(0, 3.0, 3200)
+    assert rail(np.clip(noise, -6.0, 6.0)) == 6.0
+    assert rail(np.clip(noise, -6.0, None)) is None
+    assert rail(np.where(np.abs(noise) > 5.9, np.nan, noise)) is None
+    assert rail(np.round(noise / 0.005) * 0.005) is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("largest", [24.0, np.inf])
+def test_an_end_that_one_stretch_reaches_is_found(largest: float) -> None:
+    """It is the stretch that the fit misses, so that neither the score test nor the unseen recording shows anything."""
+    model = build_model("play", values=GEARS)
+    held = experiments(model, [gears(102, largest=largest), gears(92), gears(93)])
+    task = Task.of(model, held[:2], noise_of(held))
+    level = full_fit(model, task)
+    with ThreadPoolExecutor(2) as pool:
+        unseen = Unseen(held[2], task, 0.5, pool)
+        step = searched(level, level, unseen.judge(level.model), unseen, np.random.default_rng(0))
+    if np.isinf(largest):
+        assert not step.accepted
+        return
+    assert step.blind
+    assert step.tried[0].effect == "sensor_saturation"
+    assert step.tried[0].level.model.parameters["sensor_saturation.a_max"].value == pytest.approx(largest, rel=0.01)

@@ -1,0 +1,230 @@
+"""Recordings that a fit can use, and those that it cannot: one clear line, exit status 2, nothing written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from lostmotion.daemon.cli import cli
+from lostmotion.drivers.recording import Recording, write_recording
+from lostmotion.lab.data.experiment import Experiment, experiments
+from lostmotion.lab.errors import ExperimentError
+from lostmotion.model import HandWaved, Sampled, build_model
+from lostmotion.model.motion import FloatArray
+
+RATE_HZ = 800.0
+TIMES = np.arange(801) / RATE_HZ
+COMMAND = HandWaved(seed=1).position(TIMES)
+ACCEL = 3 * np.sin(40 * TIMES) + np.random.default_rng(0).normal(0, 0.1, TIMES.size)
+
+
+def recording(times: FloatArray = TIMES, metadata: dict[str, object] | None = None, **columns: FloatArray) -> Recording:
+    """Columns over time, under the name that the messages begin with."""
+    return Recording(times, columns, metadata or {}, name="rec.csv")
+
+
+def held(base: str, *recordings: Recording) -> tuple[Experiment, ...]:
+    """The experiments for a base of default parameters."""
+    return experiments(build_model(base), recordings)
+
+
+def changed(values: FloatArray, where: slice | int, value: float) -> FloatArray:
+    """A copy with some values replaced."""
+    values = values.copy()
+    values[where] = value
+    return values
+
+
+def without(first: int, last: int, **columns: FloatArray) -> Recording:
+    """The recording with some rows missing."""
+    keep = np.ones(TIMES.size, bool)
+    keep[first:last] = False
+    return recording(TIMES[keep], **{name: values[keep] for name, values in columns.items()})
+
+
+BAD = {
+    "no command": ("play", recording(accel=ACCEL), "found accel, expected 'command'; it drives the base 'play'"),
+    "no output": ("play", recording(command=COMMAND), "found command, expected at least one of accel, position, force"),
+    "empty output": ("joint", recording(torque=COMMAND, position=TIMES * np.nan), "found torque, expected"),
+    "gap": (
+        "play",
+        without(300, 340, command=COMMAND, accel=ACCEL),
+        "command has a gap of 0.0512 s at 0.37375 s, expected at most 20 sample spacings; cut the recording in two",
+    ),
+    "infinite command": (
+        "play",
+        recording(command=changed(COMMAND, 80, np.inf), accel=ACCEL),
+        "command at 0.1 s is not finite, expected numbers",
+    ),
+    "infinite output": (
+        "play",
+        recording(command=COMMAND, accel=changed(ACCEL, 7, -np.inf)),
+        "accel holds a value that is not finite, expected numbers or empty cells",
+    ),
+    "flat": (
+        "play",
+        recording(command=COMMAND, accel=changed(ACCEL, slice(None), 9.81)),
+        "accel is flat at 9.81, expected a signal that moves; is the sensor connected?",
+    ),
+    "saturated": (
+        "play",
+        recording(command=COMMAND, accel=np.clip(ACCEL, -1, 1)),
+        "of accel stands at its largest or smallest value; expected a signal within the sensor's range",
+    ),
+    "10 samples": (
+        "play",
+        recording(TIMES[:10], command=COMMAND[:10], accel=ACCEL[:10]),
+        "found 10 samples of command, expected at least 50; is the recording too short?",
+    ),
+    "10 samples without input": (
+        "oscillator",
+        recording(TIMES[:10], displacement=ACCEL[:10]),
+        "found 10 usable samples of displacement, expected at least 50; is the recording too short",
+    ),
+    "input and output at different times": (
+        "play",
+        recording(
+            command=changed(COMMAND, slice(400, None), np.nan), accel=changed(ACCEL, slice(None, 401), np.nan)
+        ),
+        "found 0 usable samples of accel, expected at least 50",
+    ),
+    "text for a number": (
+        "servo",
+        recording(command=COMMAND, position=COMMAND, metadata={"kp": "stiff"}),
+        "# kp: found 'stiff', expected a number",
+    ),
+}  # fmt: skip
+
+
+def run(*args: object) -> Result:
+    """The program with these arguments."""
+    return CliRunner().invoke(cli, [str(arg) for arg in args])
+
+
+@pytest.mark.parametrize(("base", "bad", "told"), BAD.values(), ids=BAD.keys())
+def test_refused_by_the_library(base: str, bad: Recording, told: str) -> None:
+    """The line names the recording, what was found and what was expected."""
+    with pytest.raises(ExperimentError) as caught:
+        held(base, bad)
+    assert str(caught.value).startswith("rec.csv: ")
+    assert told in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+IN_A_FILE = {name: case for name, case in BAD.items() if not name.startswith("infinite")}
+
+
+@pytest.mark.parametrize(("base", "bad", "told"), IN_A_FILE.values(), ids=IN_A_FILE.keys())
+def test_refused_by_the_command_line(base: str, bad: Recording, told: str, tmp_path: Path) -> None:
+    """The same line from the file, with exit status 2, for each of the three commands; no model is written."""
+    file, out = tmp_path / "rec.csv", tmp_path / "out.toml"
+    write_recording(bad, file)
+    for command in (("explain",), ("fit", "-o", out), ("improve", "-o", out)):
+        result = run("lab", *command, base, file)
+        assert result.exit_code == 2
+        assert result.stdout == ""
+        assert result.stderr.count("\n") == 1
+        assert f"{file}: " in result.stderr
+        assert told in result.stderr
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("cell", ["inf", "-1e999", "1,5"])
+def test_cell_that_is_no_number(cell: str, tmp_path: Path) -> None:
+    """The line of the file and the cell are named."""
+    file = tmp_path / "rec.csv"
+    write_recording(recording(command=COMMAND, accel=ACCEL), file)
+    lines = file.read_text().splitlines()
+    fields = lines[100].split(",")
+    lines[100] = ",".join([*fields[:2], f'"{cell}"'])
+    file.write_text("\n".join(lines))
+    result = run("lab", "explain", "play", file)
+    assert result.exit_code == 2
+    assert result.stderr.count("\n") == 1
+    assert f"line 101: found {cell!r} in the column 'accel', expected a" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("model", "file", "told"),
+    [("gears", "rec.csv", "gears"), ("play", "none.csv", "none.csv: cannot be read: No such file")],
+    ids=["model", "recording"],
+)
+def test_files_that_are_not_there(model: str, file: str, told: str, tmp_path: Path) -> None:
+    """A model file or a recording of that name does not exist: one line too."""
+    write_recording(recording(command=COMMAND, accel=ACCEL), tmp_path / "rec.csv")
+    result = run("lab", "explain", model, tmp_path / file)
+    assert result.exit_code == 2
+    assert result.stderr.count("\n") == 1
+    assert told in result.stderr
+
+
+def test_signals_of_different_rates() -> None:
+    """Commands at 100 Hz drive outputs at 800 Hz; rows without an output are none, a second output keeps its gaps."""
+    slow = np.arange(TIMES.size) % 8 == 0
+    rows = recording(
+        command=np.where(slow, COMMAND, np.nan),
+        accel=changed(ACCEL, slice(100, 108), np.nan),
+        position=np.where(np.arange(TIMES.size) % 4 == 0, COMMAND, np.nan),
+    )
+    (experiment,) = held("play", rows)
+    assert isinstance(experiment.drive, Sampled)
+    np.testing.assert_array_equal(experiment.drive.time, TIMES[slow])
+    assert experiment.rate_hz == pytest.approx(RATE_HZ)
+    assert experiment.time.size == TIMES.size - 6  # of the eight rows without accel two have a position
+    assert np.sum(~np.isnan(experiment.measured["accel"])) == TIMES.size - 8
+    assert np.sum(~np.isnan(experiment.measured["position"])) == 201
+    np.testing.assert_allclose(experiment.drive.position(TIMES), COMMAND, atol=1e-4)
+
+
+def test_output_outside_of_the_input_is_left_out() -> None:
+    """Before the first and after the last command nothing is known of the motion."""
+    known = changed(changed(COMMAND, slice(0, 80), np.nan), slice(721, None), np.nan)
+    (experiment,) = held("play", recording(command=known, accel=ACCEL))
+    assert experiment.time[0] == TIMES[80]
+    assert experiment.time[-1] == TIMES[720]
+    assert experiment.duration == pytest.approx(0.8)
+
+
+def test_repeated_times_count_once() -> None:
+    """A row that repeats the time before it, as merged files may have, is left out of input and output."""
+    times = changed(TIMES, 200, TIMES[199])
+    (experiment,) = held("play", recording(times, command=COMMAND, accel=ACCEL))
+    assert experiment.time.size == TIMES.size - 1
+    assert np.all(np.diff(experiment.time) > 0)
+
+
+def test_metadata_set_what_is_fixed() -> None:
+    """Each recording states its own gain; a free parameter is not taken from the metadata."""
+    first, second = (
+        recording(command=COMMAND, position=COMMAND, metadata={"kp": gain, "J": 7.0}) for gain in (8, 16.5)
+    )
+    model = build_model("servo")
+    gains = [e.model(model).parameters["kp"].value for e in experiments(model, [first, second])]
+    assert gains == [8.0, 16.5]
+    assert experiments(model, [first])[0].model(model).parameters["J"].value == model.parameters["J"].value
+
+
+def test_stretch_between_two_times() -> None:
+    """From the first time on, up to but without the second; the input stays whole."""
+    (whole,) = held("play", recording(command=COMMAND, accel=ACCEL))
+    part = whole.between(0.25, 0.5)
+    np.testing.assert_array_equal(part.time, TIMES[200:400])
+    np.testing.assert_array_equal(part.measured["accel"], ACCEL[200:400])
+    assert part.drive is whole.drive
+    assert part.clock_zero == whole.clock_zero == 0.0
+
+
+def test_a_joint_may_stand_still_at_the_end_of_its_motion() -> None:
+    """A servo that holds its last position is not saturated, although that is its largest value."""
+    moved = recording(command=TIMES, position=np.minimum(2 * TIMES, TIMES[-1]))
+    assert held("servo", moved)[0].time.size == TIMES.size
+
+
+def test_free_oscillation_needs_no_input() -> None:
+    """An oscillator that rings by itself is an experiment without a drive."""
+    (experiment,) = held("oscillator", recording(accel=ACCEL))
+    assert experiment.drive is None
+    assert tuple(experiment.measured) == ("accel",)

@@ -1,0 +1,130 @@
+"""Noise levels that are known, found again in signals that hide them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lostmotion.lab.data.noise import NoiseModel, innovation_noise, noise_floor, resolution
+
+FloatArray = NDArray[np.float64]
+RATE_HZ = 800.0
+
+
+def coloured(correlation: float, rms: float, rng: np.random.Generator, samples: int = 3200) -> FloatArray:
+    """First-order noise, sample by sample from its definition."""
+    x = np.empty(samples)
+    x[0] = rng.normal(0, rms)
+    for i in range(1, samples):
+        x[i] = correlation * x[i - 1] + rng.normal(0, rms * np.sqrt(1 - correlation**2))
+    return x
+
+
+def ringing(rng: np.random.Generator, samples: int = 3200) -> FloatArray:
+    """A slow motion, and a bar of 45-75 Hz that rings down after each of some 8 impacts a second, of both signs."""
+    t = np.arange(samples) / RATE_HZ
+    x = 2 * np.sin(2 * np.pi * 1.3 * t + 1) + np.sin(2 * np.pi * 2.7 * t)
+    f = rng.uniform(45, 75)
+    for at in np.cumsum(rng.uniform(0.04, 0.2, 60)):
+        since = np.maximum(t - at, 0)
+        x += (t > at) * rng.normal(0, 8) * np.exp(-0.012 * 2 * np.pi * f * since) * np.sin(2 * np.pi * f * since)
+    return x
+
+
+@pytest.mark.parametrize("rms", [0.05, 0.3])
+@pytest.mark.parametrize("seed", range(4))
+def test_white_noise_under_ringing_and_impacts(rms: float, seed: int) -> None:
+    """White noise of 1 % of a ringing signal is found to a tenth."""
+    rng = np.random.default_rng(seed)
+    noise = rng.normal(0, rms, 3200)
+    assert noise_floor(ringing(rng) + noise, RATE_HZ) == pytest.approx(noise.std(), rel=0.1)
+
+
+@pytest.mark.parametrize(("correlation", "low", "high"), [(0.5, 0.75, 1.5), (0.9, 0.4, 1.3)])
+def test_coloured_noise_under_ringing(correlation: float, low: float, high: float) -> None:
+    """Coloured noise is told within the range that the docstring promises, also where most of it is slow."""
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        noise = coloured(correlation, 0.3, rng)
+        assert low < noise_floor(ringing(rng) + noise, RATE_HZ) / noise.std() < high
+
+
+def test_quantisation_is_noise() -> None:
+    """A signal without noise of its own, in counts of 0.01, has the noise of rounding: 0.01/sqrt(12)."""
+    t = np.arange(4000) / RATE_HZ
+    counts = np.round(3 * np.sin(2 * np.pi * 0.7 * t) / 0.01) * 0.01
+    assert resolution(counts) == pytest.approx(0.01)
+    assert noise_floor(counts, RATE_HZ) == pytest.approx(0.01 / np.sqrt(12), rel=0.15)
+
+
+def test_rest_is_not_free_of_noise() -> None:
+    """A force that is exactly zero most of the time, in counts, still has the noise of its counts."""
+    force = np.zeros(3000)
+    force[1000:1010] = 2.5
+    force[2000:2010] = 0.1
+    assert noise_floor(force, 1000.0) == pytest.approx(0.1 / np.sqrt(12))
+
+
+def test_gaps_do_not_matter() -> None:
+    """A signal with a quarter of its samples missing in blocks has the same noise."""
+    rng = np.random.default_rng(5)
+    x = ringing(rng) + rng.normal(0, 0.3, 3200)
+    x[rng.integers(0, 3200 - 50, 16)[:, None] + np.arange(50)] = np.nan
+    assert noise_floor(x, RATE_HZ) == pytest.approx(0.3, rel=0.1)
+
+
+def test_few_samples_give_a_number() -> None:
+    """Ten samples are too few for windows; their differences tell the order of magnitude."""
+    assert 0.03 < noise_floor(np.random.default_rng(1).normal(5, 0.1, 10), 100.0) < 0.3
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.5, 0.9])
+def test_innovation_of_a_residual(correlation: float) -> None:
+    """A residual that is noise gives back its size and correlation, and becomes white and of size 1."""
+    rng = np.random.default_rng(7)
+    residual = coloured(correlation, 0.3, rng, 8000)
+    model = innovation_noise(residual[:4000], residual[4000:])
+    assert model.rms == pytest.approx(0.3, rel=0.1)
+    assert model.innovation == pytest.approx(0.3 * np.sqrt(1 - correlation**2), rel=0.03)
+    white = model.whiten(residual)
+    assert white.std() == pytest.approx(1.0, rel=0.03)
+    assert abs(np.corrcoef(white[1:], white[:-1])[0, 1]) < 0.03
+
+
+def test_outliers_and_gaps_in_a_residual() -> None:
+    """A hundredth of wild samples and some gaps change the innovation by less than an eighth; gaps stay."""
+    rng = np.random.default_rng(8)
+    residual = coloured(0.6, 1.0, rng, 4000)
+    residual[rng.integers(0, 4000, 40)] += 30.0
+    residual[1000:1020] = np.nan
+    model = innovation_noise(residual)
+    assert model.innovation == pytest.approx(0.8, rel=0.12)
+    assert np.array_equal(np.isnan(model.whiten(residual)), np.isnan(residual))
+
+
+def test_whitening_has_the_likelihood_of_the_covariance() -> None:
+    """The sum of squares of whitened samples is x' C^-1 x with the exact covariance, also for the first samples."""
+    model = NoiseModel(np.array([1.2, -0.5]), 0.7)
+    x = np.random.default_rng(9).normal(size=12)
+    gamma = model.autocovariance(11)
+    covariance = gamma[np.abs(np.subtract.outer(np.arange(12), np.arange(12)))]
+    assert np.sum(model.whiten(x) ** 2) == pytest.approx(x @ np.linalg.solve(covariance, x), rel=1e-6)
+
+
+def test_autocovariance_and_density_of_first_order() -> None:
+    """gamma_k = s² a^k/(1 - a²), and the density integrates to gamma_0."""
+    model = NoiseModel(np.array([0.8]), 0.6)
+    np.testing.assert_allclose(model.autocovariance(5), 0.8 ** np.arange(6), rtol=1e-9)
+    frequency = np.linspace(0, 400, 4001)
+    assert np.trapezoid(model.density(frequency, RATE_HZ), frequency) == pytest.approx(1.0, rel=1e-4)
+
+
+def test_simulated_noise_is_the_model() -> None:
+    """A long simulated stretch has the model's autocovariance, from its first sample on."""
+    model = NoiseModel(np.array([1.2, -0.5]), 0.7)
+    x = model.simulate(np.random.default_rng(10), 200_000)
+    found = [np.mean(x[: x.size - k] * x[k:]) for k in range(4)]
+    np.testing.assert_allclose(found, model.autocovariance(3), atol=0.02 * model.rms**2)
+    starts = [model.simulate(np.random.default_rng(seed), 5)[0] for seed in range(400)]
+    assert np.std(starts) == pytest.approx(model.rms, rel=0.12)

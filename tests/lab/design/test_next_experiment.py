@@ -1,0 +1,63 @@
+"""Advice on what to record: simulated from the competing models, so that a recording made after it does tell."""
+
+from __future__ import annotations
+
+import re
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+
+import numpy as np
+import pytest
+
+from lostmotion.drivers.recording import Recording
+from lostmotion.lab.data.experiment import experiments
+from lostmotion.lab.design.next_experiment import what_to_record
+from lostmotion.lab.shooting.problem import Task
+from lostmotion.model import Model, build_model, by_name
+
+NOISE = 5e-4
+
+
+@cache
+def task() -> Task:
+    """A servo that rubs, moved by hand for six seconds."""
+    truth = build_model("servo", ["coulomb_friction"], {"coulomb_friction.tau_c": 0.15})
+    times = np.arange(600) / 100
+    run = truth.simulate(by_name("hand-waved:1"), times)
+    position = run["position"] + NOISE * np.random.default_rng(0).standard_normal(times.size)
+    recording = Recording(times, {"command": run["command"], "position": position}, name="rec.csv")
+    return Task.of(truth, experiments(truth, [recording]), {"position": NOISE})
+
+
+def advised(*models: Model) -> str:
+    """The advice for these models."""
+    with ThreadPoolExecutor(2) as pool:
+        return what_to_record(models, task(), pool)
+
+
+def rubbing(effect: str, **values: float) -> Model:
+    """The servo with one kind of friction."""
+    return build_model("servo", [effect], {f"{effect}.{name}": value for name, value in values.items()})
+
+
+@pytest.mark.slow
+def test_names_a_motion_that_tells_more() -> None:
+    """Two frictions that differ near rest only: the motion advised separates them further than the recorded one."""
+    coulomb = rubbing("coulomb_friction", tau_c=0.15)
+    stribeck = rubbing("stribeck_friction", tau_c=0.15, tau_s=0.2, omega_s=0.1)
+    text = advised(coulomb, stribeck)
+    assert text.startswith("Record ")
+    assert "Coulomb friction and Stribeck friction" in text
+    there, here = map(float, re.findall(r"by (\d+\.?\d*)", text))
+    assert there > 1.5 * here > 0
+
+
+def test_models_that_act_alike_are_not_told_apart() -> None:
+    """A Stribeck friction whose two levels are equal is Coulomb's: no motion is promised to tell."""
+    alike = rubbing("stribeck_friction", tau_c=0.15, tau_s=0.15, omega_s=0.1)
+    assert advised(rubbing("coulomb_friction", tau_c=0.15), alike).startswith("No motion")
+
+
+def test_nothing_to_tell_apart() -> None:
+    """One model needs no advice."""
+    assert advised(rubbing("coulomb_friction", tau_c=0.15)) == ""

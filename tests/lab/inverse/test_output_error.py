@@ -1,0 +1,172 @@
+"""Servos under control and bars whose motion is simulated whole: recordings made here and by SciPy, asked through the
+command line."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.integrate import solve_ivp
+
+from lostmotion.daemon.cli import cli
+from lostmotion.drivers.recording import Recording, write_recording
+from lostmotion.lab.data.supply import of_voltage
+from lostmotion.model import build_model
+
+SUPPLY, GAIN, ERROR_GAIN = 11.0, 14.0, 0.165
+INERTIA, TORQUE_CONSTANT, WINDING = 0.03, 1.5, 4.4
+VISCOUS, COULOMB = 0.05, 0.2
+NOISE_RAD = 4e-4
+
+
+def servo(seed: int, coulomb: float = COULOMB, sees: str = "motor") -> Recording:
+    """A servo that follows six seconds of irregular motion, in steps of 0.5 ms; its dry friction sticks (Karnopp 1985).
+
+    sees: what its voltage column holds: that of the motor, or of the supply.
+    """
+    rng = np.random.default_rng(seed)
+    hz, phases = rng.uniform(0.1, 1.5, 6), rng.uniform(-math.pi, math.pi, 6)
+    step, every = 5e-4, 20
+    times = np.arange(0.0, 6.0, step)
+    waves = np.sin(2 * math.pi * np.multiply.outer(times, hz) + phases)
+    command = (0.25 * waves / np.sqrt(hz / 0.5)).sum(-1)
+    angle, speed, angles, voltages = float(command[0]), 0.0, [], []
+    for wanted in command.tolist():
+        voltage = SUPPLY * min(max(GAIN * ERROR_GAIN * (wanted - angle), -1.0), 1.0)
+        angles.append(angle)
+        voltages.append(voltage)
+        torque = TORQUE_CONSTANT * (voltage - TORQUE_CONSTANT * speed) / WINDING - VISCOUS * speed
+        if speed == 0.0 and abs(torque) < coulomb:
+            continue
+        before = speed
+        speed += step / INERTIA * (torque - math.copysign(coulomb, speed or torque))
+        speed = 0.0 if before * speed < 0 else speed
+        angle += step * speed
+    measured = np.array(angles[::every]) + NOISE_RAD * rng.standard_normal(len(angles[::every]))
+    supply = np.full(measured.size, SUPPLY) + 0.02 * rng.standard_normal(measured.size)
+    voltage = np.array(voltages[::every]) if sees == "motor" else supply
+    columns = {"command": command[::every], "position": measured, "voltage": voltage}
+    return Recording(times[::every], columns, {}, {}, 0, f"servo{seed}.csv")
+
+
+MASS, DAMPING, STIFFNESS, CUBE = 0.5, 0.8, 2e3, 4e6
+"""Of a bar of 10 Hz whose spring hardens [kg, N s/m, N/m, N/m³]."""
+
+
+def shaken_bar(seed: int) -> Recording:
+    """A bar with a hardening spring under a random force below 30 Hz; its position is measured at 400 Hz."""
+    rng = np.random.default_rng(seed)
+    times = np.arange(0.0, 5.0, 1 / 400)
+    hz, phases = rng.uniform(1.0, 30.0, 20), rng.uniform(-math.pi, math.pi, 20)
+
+    def force(t: float) -> float:
+        return float(0.7 * np.sin(2 * math.pi * hz * t + phases).sum())
+
+    def moved(t: float, x: np.ndarray) -> list[float]:
+        return [x[1], (force(t) - DAMPING * x[1] - STIFFNESS * x[0] - CUBE * x[0] ** 3) / MASS]
+
+    position = _solved(moved, times, [0.0, 0.0])[0]
+    noise = 1e-3 * float(position.std()) * rng.standard_normal(times.size)
+    columns = {"force": np.array([force(t) for t in times]), "displacement": position + noise}
+    return Recording(times, columns, {}, {}, 0, f"shaken{seed}.csv")
+
+
+DRAG = 40.0
+"""Of a bar that rings down in oil: quadratic damping [N s²/m²]."""
+
+
+def ringing_bar(seed: int) -> Recording:
+    """A bar of 58 Hz and 20 g rings down, seen by its accelerometer only, at 1 kHz."""
+    rng = np.random.default_rng(seed)
+    times = np.arange(0.0, 0.8, 1e-3)
+    mass, own = 0.02, 2 * math.pi * 58.0
+
+    def moved(t: float, x: np.ndarray) -> list[float]:
+        return [x[1], -(own**2) * x[0] - 2 * 0.004 * own * x[1] - DRAG / mass * x[1] * abs(x[1]) * 0.02]
+
+    law = _solved(moved, times, [0.0, rng.uniform(0.3, 0.6)])
+    accel = np.array([moved(0.0, state)[1] for state in law.T])
+    return Recording(times, {"accel": accel + 0.5 * rng.standard_normal(times.size)}, {}, {}, 0, f"ring{seed}.csv")
+
+
+def _solved(law: Callable[[float, np.ndarray], list[float]], times: np.ndarray, start: list[float]) -> np.ndarray:
+    span = (0.0, float(times[-1]))
+    return np.asarray(solve_ivp(law, span, start, "Radau", times, rtol=1e-8, atol=1e-12).y)
+
+
+SERVO = 'base = "servo"\neffects = ["viscous_friction"]\n[parameters]\n'
+
+
+def explained(folder: Path, model: str, recordings: list[Recording]) -> dict[str, Any]:
+    """What the command says of a model file and recordings."""
+    (folder / "model.toml").write_text(model)
+    for recording in recordings:
+        write_recording(recording, folder / recording.name)
+    paths = [str(folder / recording.name) for recording in recordings]
+    result = CliRunner().invoke(cli, ["lab", "explain", str(folder / "model.toml"), *paths, "--json"])
+    assert result.exit_code == 0, result.output
+    return dict(json.loads(result.stdout))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sees", ["motor", "supply"])
+def test_friction_of_a_servo_under_control(tmp_path: Path, sees: str) -> None:
+    """Coulomb friction is named, within a tenth, and the error falls to the noise; the gain, which the file does not
+    know, comes from the voltage on the motor, the supply from that of the supply."""
+    known = "" if sees == "motor" else f"kp = {GAIN}\n"
+    model = (
+        f'base = "servo"\neffects = ["viscous_friction"]\n[parameters]\nkt = {{ value = 1.5, fixed = true }}\n{known}'
+    )
+    answer = explained(tmp_path, model, [servo(seed, sees=sees) for seed in (1, 2, 3)])
+    assert answer["missing"] == ["coulomb_friction"]
+    assert answer["parameters"]["coulomb_friction.tau_c"][0] == pytest.approx(COULOMB, rel=0.1)
+    assert answer["parameters"]["J"][0] == pytest.approx(INERTIA, rel=0.1)
+    assert answer["error"]["after"] < 1.5 * NOISE_RAD
+
+
+@pytest.mark.slow
+def test_nothing_is_missing_from_a_servo_without_dry_friction(tmp_path: Path) -> None:
+    """A model that is complete is left alone."""
+    model = SERVO + f"kp = {GAIN}\nU = {SUPPLY}\n"
+    answer = explained(tmp_path, model, [servo(seed, coulomb=0.0) for seed in (4, 5, 6)])
+    assert answer["verdict"] == "nothing_missing"
+    assert answer["missing"] == []
+
+
+@pytest.mark.slow
+def test_a_spring_that_hardens_under_a_force(tmp_path: Path) -> None:
+    """k3 is named and within a tenth; the force tells the mass."""
+    model = 'base = "oscillator"\n[parameters]\nm = { value = 0.4, fixed = false }\nk = 2500.0\nb = 0.5\n'
+    answer = explained(tmp_path, model, [shaken_bar(seed) for seed in (1, 2, 3)])
+    assert answer["missing"] == ["hardening_spring"]
+    assert answer["parameters"]["hardening_spring.k3"][0] == pytest.approx(CUBE, rel=0.1)
+
+
+@pytest.mark.slow
+def test_a_bar_that_rings_down_in_oil(tmp_path: Path) -> None:
+    """From an accelerometer alone: quadratic damping, whose ratio to the mass is told."""
+    model = 'base = "oscillator"\n[parameters]\nm = 0.02\nk = 2500.0\nb = 0.05\n'
+    answer = explained(tmp_path, model, [ringing_bar(seed) for seed in (1, 2, 3)])
+    assert answer["missing"][:1] == ["quadratic_damping"]
+    assert answer["parameters"]["quadratic_damping.b2"][0] == pytest.approx(DRAG * 0.02, rel=0.15)
+
+
+def test_the_voltage_of_the_motor_tells_the_gain() -> None:
+    """Gain, the end of the duty, or the supply; nothing where the file frees them or nothing was recorded."""
+    model = build_model("servo", values={"U": SUPPLY})
+    assert of_voltage(model, servo(7)) == {"kp": pytest.approx(GAIN, rel=0.01)}
+    assert of_voltage(model, servo(7, sees="supply")) == {"U": pytest.approx(SUPPLY, rel=0.01)}
+    assert of_voltage(build_model("joint"), servo(7)) == {}
+    silent = servo(7)
+    silent.columns["voltage"][:] = 0.0
+    assert of_voltage(model, silent) == {}
+    capped = servo(8)
+    capped.columns["voltage"].clip(-2.0, 2.0, out=capped.columns["voltage"])
+    found = of_voltage(model, capped)
+    assert found["cap"] == pytest.approx(2.0 / SUPPLY, rel=0.01)

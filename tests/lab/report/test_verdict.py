@@ -1,0 +1,82 @@
+"""What the lab found, in sentences: the headline of each kind of result."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from lostmotion.lab.report import verdict
+from tests.lab import report_example
+
+
+def test_verdict_of_a_missing_effect() -> None:
+    """The headline: the effect and its interval, the error before and after against the noise, what cannot be told."""
+    assert verdict.of_explanation(report_example.explanation()) == (
+        "The joint rubs: Coulomb friction of 0.120 mN m, between 0.112 and 0.128 (95 %).",
+        "Adding it brings the error from 4.1 to 0.41 m/s²; the sensor's noise is 0.40.",
+        "These recordings cannot tell Coulomb friction from Stribeck friction.",
+    )
+
+
+def test_what_the_judged_recording_is_free_of_is_said() -> None:
+    """An effect that only the recordings of the fit hold: why the error stays where it was."""
+    only = replace(report_example.explanation(), unshown=("coulomb_friction",))
+    said = verdict.of_explanation(only)[-1]
+    assert said == "The recording kept for judging does not show Coulomb friction: only the others tell it."
+
+
+def test_verdict_of_nothing_missing() -> None:
+    """It says so, how close to the noise, and how large each effect would have had to be."""
+    explanation = report_example.nothing_missing()
+    (said,) = verdict.of_explanation(explanation)
+    assert said == "Nothing is missing: the model explains these recordings down to the noise: 0.41 m/s² against 0.40."
+    assert verdict.detectable(explanation) == (
+        "viscous friction: from 21.0 µN m s/rad on (b_v)",
+        "a bar that stiffens: from 0.300 N/mm³ on (k3)",
+        "a sensor clock that is off: from 20.0 ppm on (s)",
+    )
+
+
+def test_verdict_outside_the_catalogue() -> None:
+    """It names no effect, says where what is left acts and on what it depends."""
+    assert verdict.of_explanation(report_example.outside_catalogue()) == (
+        "The error is 3.2 m/s² against 0.40 of noise.",
+        "Something is missing that no effect of the catalogue explains.",
+        "It acts on the joint and depends on the joint's angle.",
+        "A torque against the motion, in a narrow range of the angle.",
+    )
+
+
+def test_verdict_of_a_ladder() -> None:
+    """What explain says of it, once, and that nothing more is missing."""
+    assert verdict.of_ladder(report_example.ladder()) == (
+        "The joint rubs: Coulomb friction of 0.120 mN m, between 0.112 and 0.128 (95 %).",
+        "Adding it brings the error from 4.1 to 0.41 m/s²; the sensor's noise is 0.40.",
+        "These recordings cannot tell Coulomb friction from Stribeck friction.",
+        "Nothing more is missing.",
+    )
+
+
+def test_verdict_of_a_fit() -> None:
+    """Error against noise for each column, what cannot be told, and whether the fit was stopped early."""
+    fitted = report_example.fit()
+    assert verdict.of_fit(fitted) == (
+        "The error in acceleration is 0.41 m/s²; the noise is 0.40.",
+        "These recordings cannot tell alpha.",
+    )
+    assert "stopped early" in verdict.of_fit(replace(fitted, complete=False))[0]
+
+
+def test_verdict_of_a_comparison() -> None:
+    """Without the friction: the error, the phase and the states it comes from; with it: no more than noise."""
+    first, *rest = verdict.of_comparison(report_example.comparison())
+    assert first.startswith("The error in acceleration is 8.9 m/s², a fit of −6.7 %; the noise is 0.")
+    assert any(said.startswith("What is left depends on the bar's deflection") for said in rest)
+    assert verdict.of_comparison(report_example.comparison("coulomb_friction"))[1:] == (
+        "What is left is no more than noise.",
+    )
+
+
+def test_lists_in_words() -> None:
+    """None, one, two and three names."""
+    lists = ([], ["a"], ["a", "b"], ["a", "b", "c"])
+    assert [verdict.joined(names) for names in lists] == ["", "a", "a and b", "a, b and c"]

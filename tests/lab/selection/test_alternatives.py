@@ -1,0 +1,99 @@
+"""A delay and a lag told apart, friction widened, with the bench's own simulator; starts that another model knows."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lostmotion.lab.data.experiment import experiments
+from lostmotion.lab.data.noise import NoiseModel
+from lostmotion.lab.fitting.fit import noise_of
+from lostmotion.lab.fitting.strategy import full_fit
+from lostmotion.lab.selection.alternatives import told_apart, widened
+from lostmotion.lab.selection.score_test import Direction, Scores
+from lostmotion.lab.selection.step import Step, Tried
+from lostmotion.lab.selection.validate import Unseen
+from lostmotion.lab.shooting.continuation import errors
+from lostmotion.lab.shooting.problem import Task
+from lostmotion.model import build_model
+from tests.lab.gears import GEARS, gears
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("hidden", "met"), [("actuator_lag", "command_delay"), ("command_delay", "actuator_lag"),
+                                             ("command_delay", "command_delay")])  # fmt: skip
+def test_which_one_it_is(hidden: str, met: str) -> None:
+    """Whichever the search has met first, the one that is there is named, with its time."""
+    model = build_model("play", values=GEARS)
+    *train, last = held = experiments(model, [gears(seed, **{f"{hidden}.T": 3e-3}) for seed in (61, 62, 63)])
+    task = Task.of(model, train, noise_of(held))
+    with ThreadPoolExecutor(2) as pool:
+        unseen = Unseen(last, task, 0.5, pool)
+        level = full_fit(model.with_effect(met).replace({f"{met}.T": 2.5e-3}), task)
+        before, first = unseen.judge(full_fit(model, task).model), Tried(met, level, unseen.judge(level.model), 0.5)
+        other = Tried("bias_drift", level, first.judged, 0.6)
+        step = Step(Scores((), 0.0, {}, NoiseModel.white(1.0)), (first, other), accepted=True)
+        told = told_apart(step, before, unseen)
+    assert [one.effect for one in told.tried] == list(dict.fromkeys([hidden, met, "bias_drift"]))
+    found = told.tried[0].level.model
+    assert found.effects == (hidden,)
+    assert found.parameters[f"{hidden}.T"].value == pytest.approx(3e-3, rel=0.03 if hidden != met else 0.1)
+
+
+STRIBECK = {"stribeck_friction.tau_c": 3e-4, "stribeck_friction.tau_s": 8e-4, "stribeck_friction.omega_s": 0.2}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("hidden", [STRIBECK, {"coulomb_friction.tau_c": 5e-4}])
+def test_a_part_is_widened_to_the_whole(hidden: dict[str, float]) -> None:
+    """Friction that was met as Coulomb's is Stribeck's where that explains more, with its values; else it stays."""
+    model = build_model("play", values=GEARS)
+    *train, last = held = experiments(model, [gears(seed, **hidden) for seed in (65, 66, 67)])
+    task = Task.of(model, train, noise_of(held))
+    with ThreadPoolExecutor(2) as pool:
+        unseen = Unseen(last, task, 0.5, pool)
+        level = full_fit(model.with_effect("coulomb_friction").replace({"coulomb_friction.tau_c": 5e-4}), task)
+        first = Tried("coulomb_friction", level, unseen.judge(level.model), 0.5)
+        wide = widened(Step(Scores((), 0.0, {}, NoiseModel.white(1.0)), (first,), accepted=True), unseen)
+    (found,) = wide.tried
+    if "coulomb_friction.tau_c" in hidden:
+        assert found is first
+    else:
+        assert found.effect == "stribeck_friction"
+        assert found.level.model.effects == ("stribeck_friction",)
+        assert found.judged.error < 0.9 * first.judged.error
+        for name, value in hidden.items():
+            assert found.level.model.parameters[name].value == pytest.approx(value, rel=0.1)
+
+
+def test_a_lost_stretch_begins_where_another_model_follows_it() -> None:
+    """Of two models that are the same, one is made to begin far off in a stretch: it borrows the other one's start."""
+    model = build_model("play", values=GEARS)
+    (experiment,) = experiments(model, [gears(64, 1.0)])
+    task = Task.of(model, [experiment], {"accel": 0.2})
+    with ThreadPoolExecutor(2) as pool:
+        unseen = Unseen(experiment, task, 0.25, pool)
+        good = unseen.judge(model)
+        stretches = list(good.stretches)
+        off = stretches[1].start + np.array([0.004, 3.0, 0.0, 0.0])
+        stretches[1] = stretches[1].starting(off)
+        poor = replace(good, stretches=tuple(stretches), errors=errors(model, stretches, task.substep_s))
+        again = unseen.again(model, poor, good)
+    assert poor.errors[1] > 3 * good.errors[1]
+    np.testing.assert_allclose(again.errors, good.errors, rtol=1e-3)
+    assert good.error == pytest.approx(1.0, abs=0.15)
+
+
+def test_what_a_score_test_may_call_full() -> None:
+    """Data hold more than noise where a statistic passes three times the limit."""
+    model = build_model("play", ["bias_drift"])
+
+    def step(statistic: float) -> Step:
+        direction = Direction("bias_drift", model, statistic, 1.0, np.ones(3))
+        return Step(Scores((direction,), 10.0, {"bias_drift": 0.01}, NoiseModel.white(1.0)))
+
+    assert step(31.0).is_full
+    assert not step(29.0).is_full

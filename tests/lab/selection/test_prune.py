@@ -1,0 +1,74 @@
+"""Effects that were added needlessly are taken out again; how misfits of models are compared."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from lostmotion.lab.data.experiment import experiments
+from lostmotion.lab.fitting.fit import noise_of
+from lostmotion.lab.fitting.strategy import full_fit
+from lostmotion.lab.selection.candidates import others
+from lostmotion.lab.selection.nesting import without
+from lostmotion.lab.selection.prune import simplified
+from lostmotion.lab.selection.validate import Judged, Unseen, better, misfits
+from lostmotion.lab.shooting.problem import Task
+from lostmotion.model import build_model
+from lostmotion.model.motion import FloatArray
+from tests.lab.gears import GEARS, gears
+
+
+def judged(*errors: float) -> Judged:
+    """On stretches of 100 samples."""
+    e: FloatArray = np.array(errors)
+    return Judged(float(np.sqrt(np.mean(e**2))), e, np.full(e.size, 100.0), ())
+
+
+def test_a_lost_stretch_counts_but_not_without_end() -> None:
+    """One model loses two of five stretches: it is worse by what they count at most, whatever chaos makes of them."""
+    good, poor, poorer = judged(1, 1, 1, 1, 1), judged(1, 1, 1, 5, 9), judged(1, 1, 1, 500, 1e9)
+    assert misfits([good, poor]) == pytest.approx([0.0, 2 / 5 * np.log(3)])
+    assert misfits([good, poorer]) == pytest.approx(misfits([good, poor]))
+    assert better(good, poor, "play")
+    assert not better(poor, good, "play")
+
+
+def test_what_helps_by_less_than_chance_is_not_better() -> None:
+    """A gain of half a percent, or one below Schwarz's criterion, is none."""
+    assert not better(judged(0.995, 0.995), judged(1, 1), "play")
+    assert better(judged(*[0.98] * 40), judged(*[1.0] * 40), "play")
+    assert not better(judged(0.98), judged(1.0), "play")
+
+
+def test_what_contains_another_goes_on_with_what_that_did() -> None:
+    """Coulomb's friction beside Stribeck's, taken out: the same motion, by Stribeck's alone; nor is it tried again."""
+    both = build_model("joint", ["coulomb_friction", "stribeck_friction"])
+    alone = without(both, "coulomb_friction")
+    times = np.linspace(0, 1, 200)
+    before, after = (model.simulate(None, times, [0.0, 3.0]).signals["velocity"] for model in (both, alone))
+    assert alone.effects == ("stribeck_friction",)
+    assert after == pytest.approx(before, rel=1e-6)
+    assert "coulomb_friction" not in others(alone)
+    assert "stribeck_friction" in others(build_model("joint", ["coulomb_friction"]))
+
+
+@pytest.mark.slow
+def test_a_needless_effect_is_taken_out() -> None:
+    """Of viscous friction, which is there, and a drift, which is not, only the friction stays."""
+    hidden = {"viscous_friction.b_v": 1e-3}
+    recordings = [gears(seed, **hidden) for seed in (41, 42, 43)]
+    model = build_model("play", values=GEARS)
+    *train, last = measured = experiments(model, recordings)
+    task = Task.of(model, train, noise_of(measured))
+    both = model.with_effect("bias_drift").with_effect("viscous_friction").replace(hidden)
+    with ThreadPoolExecutor(2) as pool:
+        base, level = full_fit(model, task), full_fit(both, task)
+        unseen = Unseen(last, task, 0.25, pool)
+        descent = [unseen.judge(fit.model) for fit in (base, base, level)]
+        simpler, way = simplified(level, descent, unseen)
+    assert simpler.model.effects == ("viscous_friction",)
+    assert len(way) == 2
+    assert way[-1].error == pytest.approx(1.0, abs=0.15)
+    assert simpler.model.parameters["viscous_friction.b_v"].value == pytest.approx(1e-3, rel=0.05)
