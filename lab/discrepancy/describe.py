@@ -1,8 +1,8 @@
 """What is left when no effect of the catalogue explains it: the unknown function that does, with its shape and formula.
 
-Every function of curves.py is fitted together with the model; on gears to nudged runs, which need no right play to
+Every function of basis.py is fitted together with the model; on gears to nudged runs, which need no right play to
 begin with, first nudged strongly, then less.  The one that brings them nearest is told; its curve is that of a fit of
-free stretches where such a fit succeeds.  Where no function explains much, blame.py has the word.
+free stretches where such a fit succeeds.  Where no function explains much, localise.py has the word.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Nudged runs brought nearer by Gauss and Newton's steps: for many small unknowns at once.  No choice of models here.
 
 With strong nudging the error at the next sample is nearly linear in what is missing, so a curve of a dozen heights is
-found from nothing, together with the play; evolution (nudge.py) is for few unknowns and far starts.
+found from nothing, together with the play; evolution (global_search.py) is for few unknowns and far starts.
 """
 
 from __future__ import annotations

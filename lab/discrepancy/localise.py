@@ -1,6 +1,6 @@
 """On which equation a misfit acts, and on what it depends: joint, oscillator, command or sensor.
 
-Each equation in turn is given an unknown input, and the model tracks the measurement with it (tracking.py).  A torque
+Each equation in turn is given an unknown input, and the model tracks the measurement with it (input_estimation.py).  A torque
 that is missing shifts impacts and shakes the bar through its resonance; a force on the bar is felt at once; an error of
 the sensor leaves the motion alone.  Where the truth lies little is needed to explain all; the likelihood weighs that.
 The input that was found is then held against every state.

@@ -1,6 +1,6 @@
 """The free parameters from recordings: the search, the last refinement, and how sure the result is.
 
-The search (search.py) works with a coarse step and robust weights near what the file says; the refinement with a fine
+The search (strategy.py) works with a coarse step and robust weights near what the file says; the refinement with a fine
 step, all data, free within the bounds of the file.  Confidence intervals take the residual's own correlation into
 account: cov = H^-1 J' Gamma J H^-1 with H = J'J and Gamma the autocovariance of the residual (Huber's sandwich), so
 that coloured noise widens them as it should.

@@ -1,6 +1,6 @@
 """One step of the search: effects tried on a fit, how they do on unseen data, whether the best of them is missing.
 
-What becomes of many steps is steps.py's.
+What becomes of many steps is forward.py's.
 """
 
 from __future__ import annotations
