@@ -1,7 +1,8 @@
 """The model held against measurements: how far it is off, where, and in which equation.  Nothing is fitted or printed.
 
 The model runs freely from a start state to the end of each recording.  What is left is held against the noise, in time,
-over phases of the motion, in frequency and over every state (residual_maps.py); localise.py says on which equation it acts.
+over phases of the motion, in frequency and over every state (residual_maps.py); localise.py says on which equation it
+acts.
 """
 
 from __future__ import annotations
