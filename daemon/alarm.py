@@ -28,6 +28,7 @@ from lostmotion.daemon.records import (
     Request,
     ScoreRow,
     Severity,
+    Task,
     Transition,
     Verb,
     iso,
@@ -37,7 +38,7 @@ __all__ = ["Change", "JointMonitor"]
 
 Change = Transition | JointRow
 HEALTH = dict(zip(RANK, Health, strict=True))
-DONE = {Verb.ACK: "acknowledged", Verb.SHELVE: "shelved", Verb.UNSHELVE: "unshelved"}
+DONE: dict[Verb | Task, str] = {Verb.ACK: "acknowledged", Verb.SHELVE: "shelved", Verb.UNSHELVE: "unshelved"}
 
 
 class JointMonitor:

@@ -198,6 +198,11 @@ class BusPoller(Poller):
         self._inbox = inbox
         self._waits = waits
 
+    @property
+    def resolution_rad(self) -> float:
+        """The step of its commands [rad]."""
+        return self._bus.resolution_rad
+
     def _read(self) -> None:
         reading = self._bus.read()
         account, now = self.account, time.monotonic()

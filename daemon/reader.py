@@ -31,6 +31,7 @@ from lostmotion.daemon.records import (
     Request,
     ScoreRow,
     Severity,
+    Task,
     Transition,
     Verb,
     WindowRow,
@@ -277,14 +278,25 @@ class Reader:
         return [(row["id"], _transition(row)) for row in reversed(rows)]
 
     def requests(self, after: int = 0) -> list[Request]:
-        """What people have asked and nobody has taken up, oldest first; after: only those with a larger number."""
+        """What people have asked of alarms and nobody has taken up, oldest first; after: only those with a larger
+        number."""
+        return self._asked(Verb, after)
+
+    def tasks(self) -> list[Request]:
+        """The same of what is asked of the service."""
+        return self._asked(Task)
+
+    def _asked(self, kind: type[Verb] | type[Task], after: int = 0) -> list[Request]:
         if self._version < 3:
             return []
-        rows = self._rows("SELECT * FROM request WHERE answer IS NULL AND id > ? ORDER BY id", [after])
+        known = ", ".join(f"'{verb.value}'" for verb in kind)
+        rows = self._rows(
+            f"SELECT * FROM request WHERE answer IS NULL AND id > ? AND verb IN ({known}) ORDER BY id", [after]
+        )
         return [
             Request(
-                row["id"], row["joint"], Verb(row["verb"]), Cause(row["cause"]) if row["cause"] else None,
-                row["for_s"], row["person"],
+                row["id"], row["joint"], kind(row["verb"]), Cause(row["cause"]) if row["cause"] else None,
+                row["for_s"], row["person"], from_micros(row["made_us"]),
             )
             for row in rows
         ]  # fmt: skip

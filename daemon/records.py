@@ -34,6 +34,7 @@ __all__ = [
     "Request",
     "ScoreRow",
     "Severity",
+    "Task",
     "Transition",
     "Verb",
     "WindowRow",
@@ -199,16 +200,25 @@ class Verb(Enum):
     UNSHELVE = "unshelve"
 
 
+class Task(Enum):
+    """What programs ask of a running service: a recording of a joint, to read its configuration again."""
+
+    RECORD = "record"
+    RELOAD = "reload"
+
+
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What somebody asks of the alarms of a joint; cause None means all of them; for_s: how long to shelve [s]."""
+    """What somebody asks of the alarms of a joint, or of the service; cause None means all of them; for_s: how long to
+    shelve, or to record [s]."""
 
     id: int
     joint: str
-    verb: Verb
+    verb: Verb | Task
     cause: Cause | None = None
     for_s: float = 0.0
     by: str = ""
+    made: datetime = EPOCH
 
 
 @dataclass(frozen=True, slots=True)

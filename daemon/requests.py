@@ -22,7 +22,7 @@ from lostmotion.daemon.records import Answer, JointRow, Request, micros
 from lostmotion.daemon.store import Store
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["RequestError", "ask", "do", "resume", "settle", "take"]
+__all__ = ["RequestError", "ask", "do", "resume", "settle", "take", "wait"]
 
 BUSY_S = 5.0
 LOOK_S = 0.2
@@ -67,14 +67,19 @@ def settle(database: Path, request: Request, wait_s: float) -> Answer:
         return do(database, request, datetime.now(UTC))
     except StoreBusyError:
         number = ask(database, request, datetime.now(UTC))
+    late = f"{request.joint}: the service has not answered within {wait_s:g} s; it will take the request up when it can"
+    return wait(database, number, wait_s) or Answer(number, False, late)
+
+
+def wait(database: Path, number: int, wait_s: float) -> Answer | None:
+    """The service's answer to a request, None when there is none within ``wait_s``.  Raises ReaderError."""
     end = monotonic() + wait_s
     with open_readonly(database) as reader:
         while monotonic() < end:
             if answer := reader.answer(number):
                 return answer
             sleep(LOOK_S)
-    late = f"{request.joint}: the service has not answered within {wait_s:g} s; it will take the request up when it can"
-    return Answer(number, False, late)
+    return None
 
 
 def resume(reader: Reader, joint: str, options: AlarmOptions, since: datetime) -> JointMonitor:

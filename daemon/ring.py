@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -28,7 +28,7 @@ class Ring:
     ``overwritten`` counts samples lost because nobody had released them; ``unordered`` those that came with a time not
     after the last one's and were left out.  ``bell`` rings when a robot time has come that the reader expects, or when
     a writer needs room; ``sooner`` when the reader expects one before the last that the writer was told by ``due``.
-    ``range_ms2`` is the sensor's.
+    ``range_ms2`` is the sensor's; ``copy`` is given every block as it comes, while somebody records.
     """
 
     def __init__(self, capacity: int, bell: Bell) -> None:
@@ -39,6 +39,7 @@ class Ring:
         self.overwritten = 0
         self.unordered = 0
         self.range_ms2 = math.inf
+        self.copy: Callable[[AccelBlock], None] | None = None
         self._awaited: Sequence[float] = ()
         self.oldest = math.inf
         """time of the first sample ever [s], +inf before it"""
@@ -65,6 +66,8 @@ class Ring:
 
         wait: the writer may be held up until there is room, or until this event is set; None: it may not.
         """
+        if (copy := self.copy) is not None:
+            copy(block)
         fresh = int(block.time.searchsorted(self._last, side="right"))
         for first in range(fresh, len(block.time), self.capacity):
             piece = slice(first, first + self.capacity)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Iterator
 
 from lostmotion.daemon.attributor import Attributor, Ear
+from lostmotion.daemon.capture import Capture
 from lostmotion.daemon.config import Config
 from lostmotion.daemon.losses import Losses
 from lostmotion.daemon.pipeline import TOGETHER_S, TOGETHER_UNHEARD_S, JointPlan, Pipeline, Scored
@@ -45,10 +47,28 @@ class Robot:
         self._losses = {member: Losses() for member in self._by_member}
         self._checks = {sensor.name: self._check(sensor.name) for sensor in config.accelerometers}
         self._check_of = {joint.name: self._checks[joint.accelerometer] for joint in config.joints}
+        self._capture: Capture | None = None
         self._started = time.monotonic()
+
+    def capture(self, capture: Capture | None) -> None:
+        """From now on a joint and its accelerometer are recorded, and no other; None: nothing is."""
+        if self._capture is not None:
+            self._capture.end()
+        self._capture = capture
+        recorded = capture and self.config.joint(capture.joint).accelerometer
+        for name, ring in self.rings.items():
+            ring.copy = capture.add if capture and name == recorded else None
+
+    def limits(self, joint: JointOptions) -> dict[str, float]:
+        """The resolution of a joint's command [rad] and the range of its accelerometer [m/s²], once they are known."""
+        bus = self._by_member[joint.name]
+        resolution = bus.resolution_rad if isinstance(bus, BusPoller) else math.nan
+        return {"resolution_rad": resolution, "range_ms2": self.rings[joint.accelerometer].range_ms2}
 
     def step(self) -> list[Scored]:
         """Takes what came in since the last call; the windows that are done."""
+        if self._capture is not None and self._capture.is_over:
+            self.capture(None)
         self._listen()
         now = self.clock.now()
         done = self.pipeline.step(now)
@@ -66,6 +86,8 @@ class Robot:
             resolution_rad, samples = self.inbox.servo.popleft()
             spoken.setdefault(resolution_rad, []).extend(samples)
         for resolution_rad, together in spoken.items():
+            if self._capture is not None:
+                _record(self._capture, together)
             self.pipeline.servo(together, resolution_rad)
             for check in self._checks.values():
                 check.moved(together)
@@ -161,6 +183,12 @@ class Robot:
             sensor = driver.accelerometer(options, self.config.robots[driver.name], self.clock)
             ring, period = self.rings[options.name], 1 / options.rate_hz
             yield AccelPoller(options.name, sensor, self.stop, ring, period, driver.waits)
+
+
+def _record(capture: Capture, samples: list[ServoSample]) -> None:
+    of_joint = [sample for sample in samples if sample.joint == capture.joint]
+    if of_joint:
+        capture.add(of_joint)
 
 
 def _clock(config: Config) -> Clock:

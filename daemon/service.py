@@ -24,13 +24,14 @@ from lostmotion.daemon.desk import AlarmDesk
 from lostmotion.daemon.noises import Noises
 from lostmotion.daemon.notify import Notifier
 from lostmotion.daemon.poller import Poller
-from lostmotion.daemon.records import JointRow, ScoreRow, WindowRow
+from lostmotion.daemon.records import Answer, JointRow, ScoreRow, WindowRow
 from lostmotion.daemon.repeats import Condition, Repeats, place
 from lostmotion.daemon.robot import Robot
 from lostmotion.daemon.signals import Flags
 from lostmotion.daemon.sinks import Sink
 from lostmotion.daemon.sinks.log import LogSink
 from lostmotion.daemon.store import Store
+from lostmotion.daemon.tasks import Tasks
 from lostmotion.daemon.timekeeper import DOUBTFUL, Timekeeper
 from lostmotion.drivers import clock
 from lostmotion.drivers.clock import SystemClock
@@ -100,6 +101,7 @@ class Service:
         self._fed = (time.monotonic(), 0)
         self._errors = Repeats()
         self._notice, self._notice_ends = "", 0.0
+        self._taken_up: set[tuple[int, datetime]] = set()
         self._time: Timekeeper | None = None  # a virtual robot's clock needs none
         self._clock_told = Condition(told="")
 
@@ -124,6 +126,10 @@ class Service:
             if self._flags.reload:
                 self._flags.reload = False
                 self._take_new_configuration()
+            elif self._tasks.reload:
+                asked = self._tasks.reload
+                refusal = self._take_new_configuration()
+                self._store.add(Answer(asked, not refusal, refusal or "the service has taken the configuration"))
 
     def shutdown(self) -> int:
         """Finishes what is open, in the order of the data's way; how many rows were lost."""
@@ -150,6 +156,7 @@ class Service:
         self._sinks = _sinks(config)
         self._exporter = _exporter(config, self._store, self._robot)
         self._desk = self._open_desk()
+        self._tasks = self._open_tasks()
         self._threads = [
             threading.Thread(target=self._poll, args=(poller, self._robot.stop), name=poller.name, daemon=True)
             for poller in self._robot.pollers
@@ -160,6 +167,7 @@ class Service:
     def _finish(self) -> None:
         """Waits for open windows (not for long), then ends pollers and sinks."""
         self._robot.pipeline.close()
+        self._tasks.close()
         end = time.monotonic() + FINISH_S
         while self._robot.pipeline.open_windows and time.monotonic() < end:
             self._step()
@@ -178,11 +186,13 @@ class Service:
         for sink in self._sinks:
             self._guard(sink.close)
 
-    def _take_new_configuration(self) -> None:
-        """Replaces the running configuration; a bad one changes nothing."""
+    def _take_new_configuration(self) -> str:
+        """Replaces the running configuration; a bad one changes nothing.  Why it was not taken, "" when it was."""
+        self._tasks.reload = 0
         if self._reload is None:
-            log.warning("SIGHUP: there is no configuration file to read again")
-            return
+            refusal = "there is no configuration file to read again"
+            log.warning("SIGHUP: %s", refusal)
+            return refusal
         self._notifier.reloading()
         try:
             config = self._reload()
@@ -190,28 +200,30 @@ class Service:
             same = os.path.realpath(config.database) == os.path.realpath(self._config.database)
             store = self._store if same else _store(config)
         except (Exception, SystemExit) as error:  # noqa: BLE001 - whatever a file, or a driver of others, raises
-            _say_that_the_old_one_stays(error)
+            refusal = _say_that_the_old_one_stays(error)
         else:
-            self._change_to(config, robot, store)
+            refusal = self._change_to(config, robot, store)
         self._notifier.ready()
+        return refusal
 
-    def _change_to(self, config: Config, robot: Robot, store: Store) -> None:
-        """Ends what runs and begins the new; when that fails, begins the old one again."""
+    def _change_to(self, config: Config, robot: Robot, store: Store) -> str:
+        """Ends what runs and begins the new; when that fails, begins the old one again and says why."""
         old_config, old_store = self._config, self._store
         self._finish()
         try:
             self._live(config, robot, store)
         except (Exception, SystemExit) as error:  # noqa: BLE001 - the same
-            _say_that_the_old_one_stays(error)
+            refusal = _say_that_the_old_one_stays(error)
             self._robot.stop.set()
             self._close_sinks()
             self._live(old_config, Robot(old_config), old_store)
             unused = store
         else:
             log.info("configuration taken: robot %s, %d joints", config.robot.name, len(config.joints))
-            unused = old_store
+            refusal, unused = "", old_store
         if unused is not self._store:
             unused.close()
+        return refusal
 
     def _live(self, config: Config, robot: Robot, store: Store) -> None:
         store.configure(config.robot.name, config.store.keep_windows_mb, config.store.keep_scores_days)
@@ -235,7 +247,12 @@ class Service:
     def _know_history(self) -> None:
         """The disk, which was full at the start, has let the database be opened, and has taken all that waited."""
         self._desk.close()
+        self._tasks.close()
         self._desk = self._open_desk()
+        self._tasks = self._open_tasks()
+
+    def _open_tasks(self) -> Tasks:
+        return Tasks(self._robot, self._store.reader(), self._store.path, self._utc, self._taken_up)
 
     def _utc(self) -> datetime:
         """The robot's time."""
@@ -300,6 +317,7 @@ class Service:
                 fault = self._robot.fault(joint)
                 self._desk.look(joint.name, fault or notice or fault, utc, self._robot.doubt(joint))
             self._guard(self._desk.take_requests, utc)
+            self._store.add(*(self._guard(self._tasks.take) or ()))
             self._guard(self._desk.ask_trend, utc)
             self._desk.tell_settled()
             self._notifier.status(accounts.status_line(self._robot, self._store, self._desk.healths))
@@ -361,11 +379,13 @@ class Service:
         return None
 
 
-def _say_that_the_old_one_stays(error: BaseException) -> None:
+def _say_that_the_old_one_stays(error: BaseException) -> str:
+    """Logs it; the same in words."""
     if isinstance(error, LostmotionError):
         log.error("the old configuration stays: %s", error)
     else:
         log.error("the old configuration stays: internal error: %r", error, exc_info=error)
+    return f"the old configuration stays: {error}"
 
 
 def _timekeeper(store: Store) -> Timekeeper:

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from lostmotion.daemon import config as configuration
+from lostmotion.daemon.capture import head
 from lostmotion.daemon.commands.devices import Devices, Event
 from lostmotion.daemon.commands.output import print_json
 from lostmotion.daemon.config import Config
-from lostmotion.daemon.records import iso
 from lostmotion.drivers.base import AccelBlock, ServoReading
 from lostmotion.drivers.errors import IdentityError, LostmotionError
 from lostmotion.drivers.recorder import Recorder
@@ -103,25 +103,13 @@ def _sensor_alone(config: Config, name: str) -> Config:
 def _metadata(config: Config, devices: Devices) -> dict[str, Any]:
     (sensor,) = config.accelerometers
     joint = next(iter(config.joints), None)
-    bar = sensor.oscillator
     limits = {
         key: getattr(device.port, key)
         for device in devices.all
         for key in ("resolution_rad", "range_ms2")
-        if math.isfinite(getattr(device.port, key, math.nan))
+        if hasattr(device.port, key)
     }
-    return {
-        "robot": config.robot.name,
-        **({"joint": joint.name, "servo_driver": joint.driver, "poll_hz": joint.poll_hz} if joint else {}),
-        "start": iso(devices.clock.utc(devices.clock.now())),
-        "accelerometer": sensor.name,
-        "accelerometer_driver": sensor.driver,
-        "rate_hz": sensor.rate_hz,
-        "f_res_hz": bar.f_res_hz,
-        "zeta": bar.zeta,
-        "length_m": bar.length_m,
-        **limits,
-    }
+    return head(config, sensor, joint, devices.clock.utc(devices.clock.now()), limits)
 
 
 def _check(event: Event) -> None:

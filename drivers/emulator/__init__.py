@@ -12,7 +12,7 @@
 from lostmotion.drivers.emulator.canopen import CanopenLine, VirtualDrive
 from lostmotion.drivers.emulator.feetech import FeetechLine, VirtualFeetech
 from lostmotion.drivers.emulator.iio import IioEmulator, IioSensor
-from lostmotion.drivers.emulator.motion import Motion
+from lostmotion.drivers.emulator.motion import Motion, Taps
 from lostmotion.drivers.emulator.server import Device, Emulator
 from lostmotion.drivers.emulator.servos import ServoLine, VirtualServo
 from lostmotion.drivers.emulator.streams import CsvStream, TextStream, WitMotionStream
@@ -27,6 +27,7 @@ __all__ = [
     "IioSensor",
     "Motion",
     "ServoLine",
+    "Taps",
     "TextStream",
     "VirtualDrive",
     "VirtualFeetech",

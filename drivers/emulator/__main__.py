@@ -12,7 +12,16 @@ import click
 
 from lostmotion.drivers.codec import feetech
 from lostmotion.drivers.codec.servo_state import MODELS
-from lostmotion.drivers.emulator import CsvStream, Device, Emulator, FeetechLine, Motion, ServoLine, WitMotionStream
+from lostmotion.drivers.emulator import (
+    CsvStream,
+    Device,
+    Emulator,
+    FeetechLine,
+    Motion,
+    ServoLine,
+    Taps,
+    WitMotionStream,
+)
 
 SHORT_NAMES = {"ax12": "AX-12A", "xl330": "XL330-M288", "xm430": "XM430-W350", "sts3215": "STS3215"}
 
@@ -28,16 +37,23 @@ SHORT_NAMES = {"ax12": "AX-12A", "xl330": "XL330-M288", "xm430": "XM430-W350", "
     metavar="M,M…",
     help="Lever arms of the servos at the accelerometers, in their order; one: of the last servo only.",
 )
+@click.option("--taps", type=float, metavar="S", help="Nothing moves; somebody flicks the bar every so many seconds.")
 @click.option("--baudrate", type=int, metavar="N", help="Be understood at this baud rate only, as on a real line.")
 @click.option("--link", type=click.Path(path_type=Path), help="Also make symbolic links LINK.0, LINK.1, …")
 def main(
-    servos: tuple[str, ...], accel: tuple[str, ...], play: float, levers: str, baudrate: int | None, link: Path | None
+    servos: tuple[str, ...],
+    accel: tuple[str, ...],
+    play: float,
+    levers: str,
+    taps: float | None,
+    baudrate: int | None,
+    link: Path | None,
 ) -> None:
     """Emulates servos and accelerometers on pseudo-terminals: one path a line, then runs until killed.
 
     All make one motion, each later than the next; the teeth of the last servo strike after the reversals of its goal.
     """
-    motion = Motion(play, levers=_levers(levers))
+    motion = Taps(taps) if taps else Motion(play, levers=_levers(levers))
     devices = [_servos(text, motion) for text in servos] + [_accelerometer(text, motion) for text in accel]
     if not devices:
         raise click.UsageError("nothing to emulate; give --servos or --accel")

@@ -12,7 +12,7 @@ import numpy as np
 
 from lostmotion.drivers.base import FloatArray
 
-__all__ = ["PLAY_RAD", "SPREAD_S", "Motion"]
+__all__ = ["PLAY_RAD", "SPREAD_S", "Motion", "Taps"]
 
 PERIOD_S = 20.0
 """after this the motion begins anew; all its frequencies fit"""
@@ -73,6 +73,30 @@ class Motion:
         noise = np.random.default_rng(self._seed).normal(0, NOISE_MS2, len(time))
         fine = np.arange(round(PERIOD_S * FINE_HZ)) / FINE_HZ
         return noise + np.interp(time, fine, _felt(self._play * PLAY_RAD, self._levers), period=PERIOD_S)
+
+
+class Taps(Motion):
+    """A robot that stands still while somebody flicks the bar's free end every ``every_s`` seconds, never equally hard:
+    each time the bar rings freely, as eq. 7's does."""
+
+    def __init__(self, every_s: float = 2.0, seed: int = 1) -> None:
+        super().__init__(seed=seed)
+        self._every = every_s
+
+    def goal(self, time: float) -> float:
+        """The commanded angle [rad]."""
+        return 0.0
+
+    def tip(self, rate_hz: float) -> FloatArray:
+        """As for any motion."""
+        dice = np.random.default_rng(self._seed)
+        time = np.arange(round(PERIOD_S * rate_hz)) / rate_hz
+        accel = dice.normal(0, NOISE_MS2, time.size)
+        decay, omega = ZETA * 2 * math.pi * F_RES_HZ, 2 * math.pi * F_RES_HZ * math.sqrt(1 - ZETA**2)
+        for tap in np.arange(self._every / 2, PERIOD_S, self._every):
+            after = (time - tap) % PERIOD_S
+            accel += dice.uniform(8.0, 20.0) * np.exp(-decay * after) * np.sin(omega * after)
+        return accel
 
 
 @lru_cache(maxsize=4)
