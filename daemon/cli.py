@@ -263,6 +263,13 @@ cli.add_command(
     )
 )
 cli.add_command(
+    LateCommand(
+        "export",
+        "lostmotion.daemon.commands.export_cli:export",
+        "A recording for Foxglove, PlotJuggler, ROS 2 or Rerun.",
+    )
+)
+cli.add_command(
     LateCommand("web", "lostmotion.web.cli:web", "Serve the page: health, alarms, history and windows, in a browser.")
 )
 cli.add_command(LateCommand("simulate", "lostmotion.lab.cli:simulate", "Make a recording from a model."))

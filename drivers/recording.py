@@ -14,6 +14,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
 from typing import Any, BinaryIO, TextIO
 
@@ -25,6 +26,7 @@ from lostmotion.drivers.codec.recording_csv import toml_value
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.choice import split_address
 from lostmotion.drivers.formats.registry import is_foreign
+from lostmotion.drivers.pacing import as_utc
 from lostmotion.drivers.ticks import evened
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
@@ -60,6 +62,21 @@ class Recording:
     def duration(self) -> float:
         """From the first row to the last [s]."""
         return float(self.time[-1] - self.time[0])
+
+    @property
+    def start(self) -> datetime | None:
+        """UTC of the first row, None where the metadata do not say it.  Raises RecordingError for what is no time."""
+        start = self.metadata.get("start")
+        try:
+            return (
+                None
+                if start is None
+                else as_utc(start if isinstance(start, datetime) else datetime.fromisoformat(start))
+            )
+        except (TypeError, ValueError) as error:
+            raise RecordingError(
+                f"{self.name}: found start = {start!r}, expected a UTC time such as 2026-01-31T12:00:00Z"
+            ) from error
 
     def signal(self, column: str) -> tuple[FloatArray, FloatArray]:
         """Times [s] and values of one column where it was sampled, shape (M,) each, M >= 1; times that were rounded to

@@ -30,7 +30,7 @@ from lostmotion.drivers.base import (
     ServoSample,
 )
 from lostmotion.drivers.clock import Clock, VirtualClock
-from lostmotion.drivers.errors import EndOfData, PortError, RecordingError
+from lostmotion.drivers.errors import EndOfData, PortError
 from lostmotion.drivers.pacing import Pace, as_utc
 from lostmotion.drivers.recording import Recording, read_recording
 
@@ -91,7 +91,7 @@ class ReplayClock(VirtualClock):
     def _tell(self, recording: Recording) -> None:
         """Takes the recording's start in UTC, unless another is known, and says what is odd about the file."""
         if not self._start_is_known:
-            self._start = _start(recording)
+            self._start = recording.start or datetime.now(UTC) - timedelta(seconds=recording.duration)
             self._start_is_known = True
         if recording.truncated:
             log.warning("%s: the last line is cut off and left out", recording.name)
@@ -235,19 +235,6 @@ def _polled(times: FloatArray, poll_hz: float) -> NDArray[np.intp]:
     if not _rate_hz(times) > 1.5 * poll_hz:
         return np.arange(len(times))
     return np.unique(np.floor(times * poll_hz + 1e-6), return_index=True)[1]  # 0.58 s x 50 Hz is 28.999…
-
-
-def _start(recording: Recording) -> datetime:
-    """UTC of the first row: what the recording says, else such that its end is now.  Raises RecordingError."""
-    start = recording.metadata.get("start")
-    if start is None:
-        return datetime.now(UTC) - timedelta(seconds=recording.duration)
-    try:
-        return as_utc(start if isinstance(start, datetime) else datetime.fromisoformat(start))
-    except (TypeError, ValueError) as error:
-        raise RecordingError(
-            f"{recording.name}: found start = {start!r}, expected a UTC time such as 2026-01-31T12:00:00Z"
-        ) from error
 
 
 DRIVER = Driver(

@@ -1,0 +1,64 @@
+"""``lostmotion export``: arguments and text only.  The formats are drivers/formats'."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import click
+
+from lostmotion.drivers.errors import LostmotionError
+
+__all__ = ["ExportError", "export"]
+
+
+class ExportError(LostmotionError):
+    """The target is of no known format."""
+
+
+@click.command(short_help="A recording for Foxglove, PlotJuggler, ROS 2 or Rerun.")
+@click.argument("recording", type=click.Path(path_type=Path), metavar="REC")
+@click.option("-o", "--output", type=click.Path(path_type=Path), required=True, metavar="FILE",
+              help="File to write: .mcap, or .rrd for Rerun.")  # fmt: skip
+@click.option("--joint", metavar="NAME", help="What the joint is called there.  [default: as REC says, else joint]")
+@click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else there.")
+def export(recording: Path, output: Path, joint: str | None, as_json: bool) -> None:
+    """Write REC for other programs: MCAP with messages of ROS 2 (Foxglove, PlotJuggler, ros2 bag), or Rerun.
+
+    An existing FILE is replaced, once all is written.
+    """
+    from lostmotion.daemon.commands.output import print_json
+    from lostmotion.drivers.recording import read_recording
+
+    suffix = output.suffix.lower()
+    if suffix not in (".mcap", ".rrd"):
+        raise ExportError(f"{output}: found the ending {suffix!r}, expected .mcap, or .rrd for Rerun")
+    read = read_recording(recording)
+    name = joint or str(read.metadata.get("joint", "joint"))
+    with _replacing(output) as part:
+        if suffix == ".mcap":
+            from lostmotion.drivers.formats.to_mcap import write_mcap as write
+        else:
+            from lostmotion.drivers.formats.to_rerun import write_rerun as write
+        count = write(read, name, part)
+    if as_json:
+        print_json({"file": str(output), "joint": name, "columns": list(read.columns), "count": count})
+    else:
+        what = "messages" if suffix == ".mcap" else "numbers"
+        click.echo(f"{output}: {count} {what} of {', '.join(read.columns)}, joint {name}", err=True)
+
+
+@contextmanager
+def _replacing(path: Path) -> Iterator[Path]:
+    """A file beside ``path`` that takes its place when the block ends without an error.  Raises OutputError."""
+    from lostmotion.daemon.commands.output import writing
+
+    part = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    try:
+        with writing(path):
+            yield part
+            part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
