@@ -110,8 +110,8 @@ def listen(case: Case, seed: int, worn: Sequence[int]) -> tuple[list[Evidence], 
         if not 1 < start < SECONDS - WINDOW_S - 0.1:
             continue
         length = BEFORE_S + WINDOW_S
-        stretches = [cut("", times, accel, start - BEFORE_S, length, case.bar.rate_hz) for accel in tips]
-        told_by = evidence(stretches, movers, [settings] * len(tips), max(start, found[-1].until if found else 0.0))
+        segments = [cut("", times, accel, start - BEFORE_S, length, case.bar.rate_hz) for accel in tips]
+        told_by = evidence(segments, movers, [settings] * len(tips), max(start, found[-1].until if found else 0.0))
         found += [told_by] if told_by else []
     others = np.array(reversals[1])
     return found, float(np.mean([np.any(np.abs(others - at) < SAME_S) for at in reversals[0]]))

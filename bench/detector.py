@@ -60,7 +60,7 @@ def in_service(windows: FloatArray) -> dict[str, float]:
     time_s = np.arange(windows.shape[1]) / 1000
     cut = [Window("elbow", 0.0, 0.25, time_s, accel, 1000.0, 20.0) for accel in windows]
     long = np.random.default_rng(1).normal(size=(200, 450))
-    stretches = [Window("elbow", 0.0, 0.45, np.arange(450) / 1000, accel, 1000.0) for accel in 20 * long]
+    segments = [Window("elbow", 0.0, 0.45, np.arange(450) / 1000, accel, 1000.0) for accel in 20 * long]
     polls = np.arange(-0.2, 0.45, 0.01)
     angles = 0.3 * np.sin(2 * np.pi * 1.5 * polls)
 
@@ -69,21 +69,21 @@ def in_service(windows: FloatArray) -> dict[str, float]:
             score_window(window, settings)
 
     def size_all() -> None:
-        for stretch in stretches:
-            play_size(stretch, polls, angles, RINGDOWN)
+        for segment in segments:
+            play_size(segment, polls, angles, RINGDOWN)
 
     polled = np.array(polls)
     movers = [Mover(polled, 0.3 * np.sin(2 * np.pi * rate * polled), (lever,)) for rate, lever in JOINTS_TOLD]
 
     def attribute_all() -> None:
-        for stretch in stretches:
-            evidence([stretch], movers, [RINGDOWN], 0.2)
+        for segment in segments:
+            evidence([segment], movers, [RINGDOWN], 0.2)
 
     return {
         "eq. 8": best(lambda: score_all(SETTINGS)) / len(cut),
         "ringdown": best(lambda: score_all(RINGDOWN)) / len(cut),
-        "size of the play": best(size_all, 3) / len(stretches),
-        "which of two joints": best(attribute_all, 3) / len(stretches),
+        "size of the play": best(size_all, 3) / len(segments),
+        "which of two joints": best(attribute_all, 3) / len(segments),
     }
 
 

@@ -24,7 +24,7 @@ __all__ = ["main"]
 FOLDER = Path(__file__).parent.parent / "docs" / "figures"
 DRIVEN, PLAIN, GREY = "#b2182b", "#2166ac", "0.6"
 SHOWN = (1.0, 1.5)
-"""The stretch [s] of figures 1 and 2: three periods, long after the start."""
+"""The segment [s] of figures 1 and 2: three periods, long after the start."""
 WITHOUT_PLAY = 1e-8
 """Play [m] of a joint that has none: its impacts are lost in the noise."""
 SINE, PLAY = Sine(6.0, 0.1), 2e-5

@@ -1,6 +1,6 @@
 """The lab beside others, on recordings of the hidden-effect bench: `python -m bench.lab`.
 
-First a fit: the base's parameters and the start states of eight stretches of half a second, by the lab and by what one
+First a fit: the base's parameters and the start states of eight segments of half a second, by the lab and by what one
 would write with SciPy (LSODA on a compiled right-hand side, least_squares with sparse finite differences), from the
 same start, which is 1 % off.  Then the choice of what is missing: `lab explain` on three recordings, against PySINDy
 (STLSQ) and SysIdentPy (FROLS), which choose among candidate terms for the residual of the same base fit.  They are
@@ -40,10 +40,10 @@ from lostmotion.lab.data.noise import noise_floor
 from lostmotion.lab.fitting.strategy import first_fit
 from lostmotion.lab.models import modelfile
 from lostmotion.lab.shooting.continuation import fitted, tiles
-from lostmotion.lab.shooting.initial_state import find_start, stretch_of
+from lostmotion.lab.shooting.initial_state import find_start, segment_of
 from lostmotion.lab.shooting.parameters import Unknowns
-from lostmotion.lab.shooting.problem import Task
-from lostmotion.lab.shooting.segment import Stretch
+from lostmotion.lab.shooting.segment import Segment
+from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model
 
 __all__ = ["main", "rhs", "through_bar"]
@@ -101,44 +101,44 @@ def compare_fits(folder: Path) -> None:
     experiment = experiments(model, [read_recording(folder / case.name / "rec1.csv")])[0]
     noise = {"accel": truth["noise"][0]}
     substep = 1e-4
-    stretches = [find_start(model, stretch_of(model, tile, noise), substep) for tile in tiles(experiment, 3)]
+    segments = [find_start(model, segment_of(model, tile, noise), substep) for tile in tiles(experiment, 3)]
     model = model.replace({name: truth["parameters"][name] * OFF for name in FREE})
-    fitted(model, Unknowns.of(model), stretches[:1], substep, iterations=1)  # compiles
+    fitted(model, Unknowns.of(model), segments[:1], substep, iterations=1)  # compiles
     begin = time.perf_counter()
-    level = fitted(model, Unknowns.of(model), stretches, substep, iterations=50, quadratic=True)
+    level = fitted(model, Unknowns.of(model), segments, substep, iterations=50, quadratic=True)
     ours = time.perf_counter() - begin
     print("fit of 6 parameters and 8 start states to 4 s at 800 Hz; residual: RMS over the noise's")
     print(f"{'':34}{'time [s]':>10}{'residual':>10}{'gain':>8}")
     print(f"{'lostmotion':34}{ours:10.2f}{level.rms:10.3f}{1:8.0f}")
     for rtol in (1e-6, 1e-9):
-        seconds, residual = scipy_fit(model, stretches, rtol)
+        seconds, residual = scipy_fit(model, segments, rtol)
         name = f"SciPy, LSODA rtol {rtol:.0e}, numba"
         print(f"{name:34}{seconds:10.2f}{residual:10.3f}{seconds / ours:8.0f}")
 
 
-def scipy_fit(model: Model, stretches: Sequence[Stretch], rtol: float) -> tuple[float, float]:
+def scipy_fit(model: Model, segments: Sequence[Segment], rtol: float) -> tuple[float, float]:
     """Seconds, and the RMS of the residual over the noise."""
     value = {name: parameter.value for name, parameter in model.parameters.items()}
     fixed = [value[name] for name in ("R1", "R2", "J2", "beta", "n", "m")]
     begun = np.array([value[name] for name in FREE])
-    drive: Any = stretches[0].experiment.drive
+    drive: Any = segments[0].experiment.drive
     spline = CubicSpline(drive.time, drive.values)
     where = (float(spline.x[0]), float(spline.x[1] - spline.x[0]), np.ascontiguousarray(spline.c.T))
     solve: Any = odeint  # its stubs know no compiled functions
 
-    def of(stretch: Stretch, x: FloatArray, state: FloatArray) -> FloatArray:
+    def of(segment: Segment, x: FloatArray, state: FloatArray) -> FloatArray:
         p = np.array([*(begun * (1 + x)), *fixed])
-        y = solve(rhs, state, stretch.experiment.time, (p, *where), rtol=rtol, atol=1e-4 * rtol, mxstep=100_000)
+        y = solve(rhs, state, segment.experiment.time, (p, *where), rtol=rtol, atol=1e-4 * rtol, mxstep=100_000)
         modelled = p[5] - (p[3] * y[:, 3] + p[4] * y[:, 2]) / p[11]
-        return np.asarray((stretch.experiment.measured["accel"] - modelled) / stretch.noise["accel"])
+        return np.asarray((segment.experiment.measured["accel"] - modelled) / segment.noise["accel"])
 
     def residual(x: FloatArray) -> FloatArray:
         states = x[len(FREE) :].reshape(-1, 4)
-        parts = (of(s, x[: len(FREE)], s.start + s.scale * own) for s, own in zip(stretches, states, strict=True))
+        parts = (of(s, x[: len(FREE)], s.start + s.scale * own) for s, own in zip(segments, states, strict=True))
         return np.concatenate(list(parts))
 
-    sizes = [len(stretch.experiment.time) for stretch in stretches]
-    pattern = np.zeros((sum(sizes), len(FREE) + 4 * len(stretches)))
+    sizes = [len(segment.experiment.time) for segment in segments]
+    pattern = np.zeros((sum(sizes), len(FREE) + 4 * len(segments)))
     pattern[:, : len(FREE)] = 1
     for i, end in enumerate(np.cumsum(sizes)):
         pattern[end - sizes[i] : end, len(FREE) + 4 * i : len(FREE) + 4 * i + 4] = 1
@@ -241,10 +241,10 @@ def _terms(folder: Path) -> tuple[Columns, FloatArray]:
     with ThreadPoolExecutor(2) as pool:
         level = first_fit(model, Task.of(model, found, noise), pool)
     parts, residuals = [], []
-    for stretch in level.stretches:
-        run = stretch.simulate(level.model, stretch.start, None)
+    for segment in level.segments:
+        run = segment.simulate(level.model, segment.start, None)
         parts.append(_columns(level.model, {**run.signals, "time": run.time}))
-        residuals.append(stretch.experiment.measured["accel"] - run["accel"])
+        residuals.append(segment.experiment.measured["accel"] - run["accel"])
     joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     centred = {name: column - column.mean() for name, column in joined.items()}
     residual = np.concatenate(residuals)

@@ -101,7 +101,7 @@ def questions(path: Path) -> None:
 
 
 def show(name: str, rows: int, ask: Callable[[], object], goal_ms: float | None = None, times: int = 25) -> None:
-    """Asks so often; a line of the table.  CPU: of this process, which a busy machine does not stretch."""
+    """Asks so often; a line of the table.  CPU: of this process, which a busy machine does not segment."""
     wall, cpu = [], []
     for _ in range(times):
         start = time.perf_counter(), time.process_time()

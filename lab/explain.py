@@ -25,7 +25,7 @@ from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.noise import innovation_noise
 from lostmotion.lab.design.next_experiment import what_to_record
 from lostmotion.lab.discrepancy.describe import described
-from lostmotion.lab.discrepancy.localise import blame
+from lostmotion.lab.discrepancy.localise import localise
 from lostmotion.lab.fitting.fit import Progress, fit_of, noise_of, refined_fit
 from lostmotion.lab.fitting.identifiability import with_scale
 from lostmotion.lab.fitting.strategy import first_fit, full_fit, grown, predictable
@@ -38,14 +38,14 @@ from lostmotion.lab.selection.step import Step, Tried
 from lostmotion.lab.selection.validate import Judged, Unseen, is_left, trained_each
 from lostmotion.lab.shooting.continuation import Level, followed, residuals
 from lostmotion.lab.shooting.initial_guess import AMPLITUDE
-from lostmotion.lab.shooting.problem import Task
+from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model, ModelError
 
-__all__ = ["explain", "is_idle"]
+__all__ = ["explain", "is_insignificant"]
 
 BUDGET_S = 60.0
 """What a person waits for an answer [s]."""
-IDLE = 1.5
+INSIGNIFICANT = 1.5
 """Half widths of its interval, within which an amplitude may as well be zero: three standard deviations."""
 BY_FAR = 4.0
 """Effects that bring the error down by this factor are missing, although structure is left behind them."""
@@ -77,12 +77,12 @@ def explain(
     base = grown(short, task)
     unseen = Unseen(last, task, predictable(short, task), pool)
     last_short, level, descent, steps = descended(short, base, unseen, rng, progress, until)
-    level, descent = simplified(level, descent, unseen, _blind(steps))
-    if idle := is_idle(level, task):
+    level, descent = simplified(level, descent, unseen, _unvalidated(steps))
+    if insignificant := is_insignificant(level, task):
         last_short, level, descent, steps = short, base, descent[:1], [replace(steps[0], accepted=False)]
     short = last_short if last_short.model.effects == level.model.effects else full_fit(level.model, task)
     progress("refining", 0.9)
-    found = _explanation(base, level, short, descent, steps, unseen, outside=idle)
+    found = _explanation(base, level, short, descent, steps, unseen, outside=insignificant)
     progress("done", 1.0)
     return replace(found, held=held, complete=found.verdict != "outside_catalogue" and found.residual is None)
 
@@ -136,7 +136,7 @@ def _explanation(
         best=best_fit,
         columns={column: errors},
         descent=tuple(judged.error * unit for judged in descent),
-        unshown=tuple(effect for effect in _blind(steps) if effect in named) if verdict == "missing" else (),
+        unshown=tuple(effect for effect in _unvalidated(steps) if effect in named) if verdict == "missing" else (),
     )
 
 
@@ -145,14 +145,16 @@ def _left_of_each(level: Level, task: Task) -> Iterator[bool]:
     return (is_left(one) for one in trained_each(level, task.substep_s))
 
 
-def is_idle(level: Level, task: Task) -> bool:
+def is_insignificant(level: Level, task: Task) -> bool:
     """Whether all that was added may as well be zero, and only its states explain something where they begin: a second
     mode that is neither driven nor damped is a hum."""
     added = task.added(level.model)
     names = {f"{effect}.{name}" for effect in added for name in AMPLITUDE.get(effect, ())}
     if not names or not all(effect in AMPLITUDE for effect in added):
         return False
-    return all(abs(e.value) < IDLE * (e.high - e.low) / 2 for e in fit_of(level, task).estimates if e.name in names)
+    return all(
+        abs(e.value) < INSIGNIFICANT * (e.high - e.low) / 2 for e in fit_of(level, task).estimates if e.name in names
+    )
 
 
 def _ranking(steps: Sequence[Step], before: Judged, unit: float) -> tuple[Ranked, ...]:
@@ -184,9 +186,9 @@ def _values(tried: Tried) -> dict[str, tuple[float, float, float]]:
     return {name: (value, value, value) for name, value in own.items()}
 
 
-def _blind(steps: Sequence[Step]) -> list[str]:
+def _unvalidated(steps: Sequence[Step]) -> list[str]:
     """The effects that were accepted although the unseen data are free of them."""
-    return [step.tried[0].effect for step in steps if step.blind]
+    return [step.tried[0].effect for step in steps if step.unvalidated]
 
 
 def _confusable(named: Sequence[str], steps: Sequence[Step]) -> tuple[tuple[str, ...], ...]:
@@ -217,7 +219,8 @@ def _detectable(scores: Scores) -> dict[str, tuple[str, float]]:
 
 
 def _residual(short: Level, best: Level, task: Task) -> Finding | None:
-    """What is left, described by a function, or as the blame says it; None where the model cannot even be run."""
+    """What is left, described by a function, or by the equation in which it acts; None where the model cannot even be
+    run."""
     try:
         return described(short, task) or _finding(best, task)
     except ModelError:
@@ -225,9 +228,9 @@ def _residual(short: Level, best: Level, task: Task) -> Finding | None:
 
 
 def _finding(level: Level, task: Task) -> Finding | None:
-    """What is left, as the blame says it."""
-    good = followed(level, task.substep_s) or level.stretches
+    """What is left, by the equation in which it acts."""
+    good = followed(level, task.substep_s) or level.segments
     r = np.concatenate(residuals(level.model, good, task.substep_s))
     noise = {name: innovation_noise(np.asarray(r * size)) for name, size in task.noise.items()}
-    found = blame(level.model, [s.experiment for s in good], [s.start for s in good], noise, thorough=True)
+    found = localise(level.model, [s.experiment for s in good], [s.start for s in good], noise, thorough=True)
     return found.finding() if found else None

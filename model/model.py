@@ -20,7 +20,7 @@ from lostmotion.model.effects.base import Effect
 from lostmotion.model.effects.registry import get_effect, own, register
 from lostmotion.model.errors import ModelError
 from lostmotion.model.motion import FloatArray, Motion
-from lostmotion.model.nudged import NudgedRun, nudged_input
+from lostmotion.model.observer import ObserverRun, observer_input
 from lostmotion.model.parameter import Parameter
 from lostmotion.model.pieces import Pieces, cut
 from lostmotion.model.run import Run
@@ -165,14 +165,14 @@ class Model:
         records = np.array(signals, dtype=np.uint64)
         return Run(self._plans[drive is not None], pieces, every - origin, origin, records, picks)
 
-    def nudged(self, drive: Motion | None, times: FloatArray, output: str, clock_zero: float) -> NudgedRun:
-        """Ready to be run along a measurement of one output at these times, nudged by it; clock_zero as above."""
+    def observer(self, drive: Motion | None, times: FloatArray, output: str, clock_zero: float) -> ObserverRun:
+        """Ready to be run along a measurement of one output at these times, corrected by it; clock_zero as above."""
         signal, rate = self._base.outputs[output], self._clock_rate
         felt = times if rate == 1 or signal != READING else clock_zero + (times - clock_zero) / rate
         origin = float(felt[0])
-        knots, coefficients, at = nudged_input(drive, origin, tuple(felt - origin), self._delay)
+        knots, coefficients, at = observer_input(drive, origin, tuple(felt - origin), self._delay)
         reading = np.array([signal], dtype=np.uint64)
-        return NudgedRun(self._plans[drive is not None], knots, coefficients, at, origin, reading)
+        return ObserverRun(self._plans[drive is not None], knots, coefficients, at, origin, reading)
 
     @property
     def _clock_rate(self) -> float:

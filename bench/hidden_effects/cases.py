@@ -20,7 +20,7 @@ from bench.hidden_effects import mujoco_joint
 from bench.hidden_effects.catalogue import ACTS_ON, INSIDE, OUTSIDE, Random, Values, draw, rough, true_base
 from bench.hidden_effects.motion import hand_waved
 from bench.hidden_effects.physics import Command, follow, simulate
-from bench.hidden_effects.sizing import Stretch, left_by_base
+from bench.hidden_effects.sizing import Segment, left_by_base
 
 __all__ = ["DURATION", "KINDS", "LEAD", "RATE_HZ", "Case", "draw_case", "read_sensor", "write_case"]
 
@@ -148,7 +148,7 @@ def _peak_share(values: Values, base: _Joint) -> Values:
 def _left(base: _Joint, effect: Values) -> float:
     """Root mean square of what the effect leaves in the signal after the base has done its best [m/s²].
 
-    Over short stretches, as farther from a start chaos would rule; over whole recordings for what only time brings out.
+    Over short segments, as farther from a start chaos would rule; over whole recordings for what only time brings out.
     """
     times, values = _times(), {**base.values, **effect}
     if next(iter(effect)).split(".")[0] in GROWING:
@@ -156,12 +156,12 @@ def _left(base: _Joint, effect: Values) -> float:
             read_sensor(values, command, times) - read_sensor(base.values, command, times) for command in base.commands
         ]
         return float(np.sqrt(np.mean([np.var(change) for change in changes])))
-    stretches = [stretch for command in base.commands[:2] for stretch in _stretches(values, command)]
-    return left_by_base(base.values, stretches, 1 / RATE_HZ)
+    segments = [segment for command in base.commands[:2] for segment in _segments(values, command)]
+    return left_by_base(base.values, segments, 1 / RATE_HZ)
 
 
-def _stretches(values: Values, command: Command) -> list[Stretch]:
-    """Stretches of the clean signal, each with a state to begin from in which the base's gap is as it was."""
+def _segments(values: Values, command: Command) -> list[Segment]:
+    """Segments of the clean signal, each with a state to begin from in which the base's gap is as it was."""
     times = np.arange(round((STRETCHES[-1] + STRETCH) * RATE_HZ)) / RATE_HZ
     accel, states = simulate(values, command, times, follow(values, command, 0.0))
     late = values.get("command_delay.T", 0.0)
@@ -171,7 +171,7 @@ def _stretches(values: Values, command: Command) -> list[Stretch]:
         state = states[first].copy()
         angle = state[4] if LAGGING & set(values) else command.at(times[first : first + 1] - late)[0]
         state[0] += command.at(times[first : first + 1])[0] - angle
-        found.append(Stretch(command, start, _read(values, accel[first:last], times[first:last] - LEAD), state))
+        found.append(Segment(command, start, _read(values, accel[first:last], times[first:last] - LEAD), state))
     return found
 
 

@@ -1,6 +1,6 @@
-"""How much of an effect shows: what the best fit of the base leaves of it, over short stretches.  No noise, no files.
+"""How much of an effect shows: what the best fit of the base leaves of it, over short segments.  No noise, no files.
 
-The base is fitted to the clean signal, its parameters in common and the state at the start of each stretch free, so
+The base is fitted to the clean signal, its parameters in common and the state at the start of each segment free, so
 that what play, bar and start can imitate does not count.  A fixed-step integrator does: this only sets sizes.
 """
 
@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 
 from bench.hidden_effects.physics import Command, Values, layout, motion
 
-__all__ = ["Stretch", "left_by_base"]
+__all__ = ["Segment", "left_by_base"]
 
 FloatArray = NDArray[np.float64]
 STEPS = 8
@@ -53,7 +53,7 @@ def _accel(v, where, state, start_time, samples, interval):  # type: ignore[no-u
 
 
 @dataclass(frozen=True)
-class Stretch:
+class Segment:
     """A piece of a recording: its command, the time of its first sample [s], the clean signal (N,), a state (12,) to
     begin from."""
 
@@ -63,31 +63,31 @@ class Stretch:
     state: FloatArray
 
 
-def left_by_base(base: Values, stretches: list[Stretch], interval: float) -> float:
-    """Root mean square [m/s²] of what the best base leaves of the stretches, samples an interval [s] apart."""
-    fit = _Fit({name: value for name, value in base.items() if "." not in name}, stretches, interval)
-    start = np.zeros(fit.common + 4 * len(stretches))
+def left_by_base(base: Values, segments: list[Segment], interval: float) -> float:
+    """Root mean square [m/s²] of what the best base leaves of the segments, samples an interval [s] apart."""
+    fit = _Fit({name: value for name, value in base.items() if "." not in name}, segments, interval)
+    start = np.zeros(fit.common + 4 * len(segments))
     found = least_squares(fit.residual, start, fit.jacobian, loss="soft_l1", f_scale=2.0, max_nfev=ROUNDS)
     return float(np.sqrt(np.mean(fit.residual(found.x) ** 2)))
 
 
 @dataclass(frozen=True)
 class _Fit:
-    """Residual and Jacobian for the unknowns: FITTED in steps of 2 %, the offset, four steps of STARTS a stretch."""
+    """Residual and Jacobian for the unknowns: FITTED in steps of 2 %, the offset, four steps of STARTS a segment."""
 
     base: Values
-    stretches: list[Stretch]
+    segments: list[Segment]
     interval: float
     common: int = len(FITTED) + 1
 
     def residual(self, x: FloatArray) -> FloatArray:
-        return np.concatenate([self._of(i, x) for i in range(len(self.stretches))])
+        return np.concatenate([self._of(i, x) for i in range(len(self.segments))])
 
     def jacobian(self, x: FloatArray) -> FloatArray:
         rows = []
-        for i in range(len(self.stretches)):
+        for i in range(len(self.segments)):
             own = self.common + 4 * i
-            here, block = self._of(i, x), np.zeros((len(self.stretches[i].signal), x.size))
+            here, block = self._of(i, x), np.zeros((len(self.segments[i].signal), x.size))
             for column in (*range(self.common), *range(own, own + 4)):
                 step = np.zeros_like(x)
                 step[column] = DIFFERENCE
@@ -96,14 +96,14 @@ class _Fit:
         return np.concatenate(rows)
 
     def _of(self, i: int, x: FloatArray) -> FloatArray:
-        """Residual of one stretch."""
-        stretch = self.stretches[i]
+        """Residual of one segment."""
+        segment = self.segments[i]
         changed = {name: self.base[name] * np.exp(0.02 * step) for name, step in zip(FITTED, x, strict=False)}
-        state = stretch.state.copy()
+        state = segment.state.copy()
         state[:4] += STARTS * x[self.common + 4 * i : self.common + 4 * i + 4]
-        samples = len(stretch.signal)
+        samples = len(segment.signal)
         felt = _accel(
-            layout({**self.base, **changed}), stretch.command.where, state, stretch.time, samples, self.interval
+            layout({**self.base, **changed}), segment.command.where, state, segment.time, samples, self.interval
         )
-        left = stretch.signal - felt - x[self.common - 1]
+        left = segment.signal - felt - x[self.common - 1]
         return np.asarray(np.where(np.isfinite(left), np.clip(left, -WORST, WORST), WORST))

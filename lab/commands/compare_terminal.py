@@ -22,7 +22,7 @@ __all__ = ["show"]
 HEIGHT = 16
 WIDE = 160
 SHOWN_S = 0.5
-"""Length of the stretch that the plot shows: a few impacts with their ringing."""
+"""Length of the segment that the plot shows: a few impacts with their ringing."""
 
 
 def show(comparison: Comparison) -> None:
@@ -62,7 +62,7 @@ def _plot(overlay: Overlay) -> str:
     figure.plot_size(width, HEIGHT)
     figure.theme("colorless" if plain else "simple")
     figure.canvas("default")
-    inside = _stretch(overlay)
+    inside = _segment(overlay)
     time = overlay.time[inside].tolist()
     shown = scale(overlay.unit, float(np.max(np.abs(overlay.measured[inside]))))
     figure.title(f"{words.column(overlay.column)[0]} [{shown.unit}] over time [s], {PurePath(overlay.recording).name}")
@@ -72,7 +72,7 @@ def _plot(overlay: Overlay) -> str:
     return str(figure.build().string(colorless=plain)).strip("\n")
 
 
-def _stretch(overlay: Overlay) -> FloatArray:
+def _segment(overlay: Overlay) -> FloatArray:
     """Samples of a window of half a second, the one whose error is the middle one of all windows."""
     seen = np.flatnonzero(np.isfinite(overlay.residual))
     time = overlay.time[seen]

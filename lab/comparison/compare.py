@@ -18,24 +18,24 @@ from lostmotion.drivers.recording import Recording
 from lostmotion.lab import words
 from lostmotion.lab.comparison.bands import Spectra
 from lostmotion.lab.comparison.predict import Prediction, predict
-from lostmotion.lab.comparison.residual_analysis import Block, Left, PhaseError, root_mean_square
+from lostmotion.lab.comparison.residual_analysis import Block, ColumnResidual, PhaseError, root_mean_square
 from lostmotion.lab.comparison.residual_maps import ResidualMap
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.noise import NoiseModel, innovation_noise, quiet_noise
 from lostmotion.lab.data.whiteness import Correlation, fit_percent
-from lostmotion.lab.discrepancy.localise import Blame, blame
-from lostmotion.lab.shooting.initial_state import FINE, find_start, polished, stretch_of
-from lostmotion.lab.shooting.segment import Stretch
+from lostmotion.lab.discrepancy.localise import Localisation, localise
+from lostmotion.lab.shooting.initial_state import FINE, find_start, polished, segment_of
+from lostmotion.lab.shooting.segment import Segment
 from lostmotion.model import Model, predictability_horizon
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["Comparison", "Overlay", "compare"]
 
-BLAMED = 900
+LOCALISED = 900
 START_S = 0.5
 """Of gears, which forget where they began; other motions show their start to the end."""
 CLOSE, NEAR, LOST = 1.2, 3.0, 12.0
-"""Times the noise: up to which a start need not be searched for more finely, the next stretch may be much longer; from
+"""Times the noise: up to which a start need not be searched for more finely, the next segment may be much longer; from
 which on the start is good enough for a model that is wrong."""
 LONGER = (2.0, 1.25)
 POLISHING = 4
@@ -76,8 +76,8 @@ class Overlay:
 class Comparison:
     """What the comparison found; of phases, blocks, spectra, maps and tests there is one for each column compared.
 
-    noise: by column; tests: by name, of the residuals; starts: (n,) for each experiment; blame: the equation in which
-    the first column's misfit arises, None where all is noise or no equation explains it.
+    noise: by column; tests: by name, of the residuals; starts: (n,) for each experiment; localisation: the equation in
+    which the first column's misfit arises, None where all is noise or no equation explains it.
     """
 
     model: Model
@@ -90,7 +90,7 @@ class Comparison:
     blocks: Mapping[str, tuple[Block, ...]]
     spectra: Mapping[str, Spectra]
     maps: Mapping[str, tuple[ResidualMap, ...]]
-    blame: Blame | None
+    localisation: Localisation | None
 
     @property
     def column(self) -> str:
@@ -129,7 +129,7 @@ class Comparison:
             "error": error,
             "is_noise": self.is_noise,
             "columns": {name: self._column(name) for name in self.maps},
-            "residual": self.blame.document() if self.blame else None,
+            "residual": self.localisation.document() if self.localisation else None,
             "recordings": [_row(one) for one in self.overlays],
         }
 
@@ -154,7 +154,7 @@ def compare(
     starts: Sequence[FloatArray] | None = None,
     *,
     recordings: Sequence[Recording] = (),
-    samples: int = BLAMED,
+    samples: int = LOCALISED,
 ) -> Comparison:
     """Simulates every experiment and looks at what is left.
 
@@ -171,7 +171,7 @@ def compare(
     noise = {name: _noise(name, predictions, floor[name]) for name in columns}
     overlays = tuple(_overlays(predictions, horizons, noise))
     temperatures = [_temperature(one, recordings) for one in experiments]
-    found = {name: Left(model.base, name, predictions, temperatures, noise[name]) for name in columns}
+    found = {name: ColumnResidual(model.base, name, predictions, temperatures, noise[name]) for name in columns}
     found_all = Comparison(
         model, tuple(experiments), tuple(starts), overlays, noise,
         {name: one.tests() for name, one in found.items()},
@@ -182,7 +182,7 @@ def compare(
     )  # fmt: skip
     if found_all.is_noise or not samples:
         return found_all
-    return replace(found_all, blame=blame(model, experiments, starts, floor, samples))
+    return replace(found_all, localisation=localise(model, experiments, starts, floor, samples))
 
 
 def _overlays(
@@ -208,11 +208,11 @@ def _noise(name: str, predictions: Sequence[Prediction], floor: NoiseModel) -> N
 
 
 def _start(model: Model, experiment: Experiment, floor: Mapping[str, NoiseModel]) -> FloatArray:
-    """The start state: searched for in the first half second, then polished on longer and longer stretches, as long as
+    """The start state: searched for in the first half second, then polished on longer and longer segments, as long as
     the model keeps up."""
     own, noise = experiment.model(model), {name: one.rms for name, one in floor.items()}
     begin, length = float(experiment.time[0]), START_S if model.base == "play" else math.inf
-    first = stretch_of(model, experiment.between(begin, begin + length), noise)
+    first = segment_of(model, experiment.between(begin, begin + length), noise)
     step = own.simulate(experiment.drive, first.experiment.time).substep_s
     found = find_start(model, first, step)
     if model.base == "play" and _off(found, model, step) > CLOSE:
@@ -228,9 +228,9 @@ def _start(model: Model, experiment: Experiment, floor: Mapping[str, NoiseModel]
     return found.start
 
 
-def _off(stretch: Stretch, model: Model, step: float) -> float:
+def _off(segment: Segment, model: Model, step: float) -> float:
     """How far the model is off, in units of the noise."""
-    return root_mean_square(stretch.residual(stretch.experiment.model(model), stretch.start, step))
+    return root_mean_square(segment.residual(segment.experiment.model(model), segment.start, step))
 
 
 def _horizon(model: Model, prediction: Prediction, start: FloatArray) -> float:

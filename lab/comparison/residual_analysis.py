@@ -19,7 +19,7 @@ from lostmotion.lab.data.noise import NoiseModel, innovation_noise
 from lostmotion.lab.data.whiteness import Correlation, autocorrelation, cross_correlation
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Block", "Left", "PhaseError", "root_mean_square"]
+__all__ = ["Block", "ColumnResidual", "PhaseError", "root_mean_square"]
 
 BLOCKS = 20
 MOTION = {"position": "theta_2", "velocity": "omega_2", "acceleration": "acceleration", "torque": "torque",
@@ -39,7 +39,7 @@ class PhaseError:
 
 @dataclass(frozen=True)
 class Block:
-    """Root mean square of the residual in a stretch of time [s]."""
+    """Root mean square of the residual in a segment of time [s]."""
 
     recording: str
     start: float
@@ -47,7 +47,7 @@ class Block:
     rms: float
 
 
-class Left:
+class ColumnResidual:
     """What is left of one column in all recordings that have it; temperatures: (N,) each, where known."""
 
     def __init__(

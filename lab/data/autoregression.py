@@ -79,7 +79,7 @@ class NoiseModel:
         return white
 
     def simulate(self, rng: np.random.Generator, samples: int) -> FloatArray:
-        """A stationary stretch (samples,)."""
+        """A stationary segment (samples,)."""
         impulse = np.fft.irfft(1 / self._response)
         last = int(np.flatnonzero(np.abs(impulse) > 1e-6)[-1]) + 1
         noise = self.innovation * rng.standard_normal(samples + last)
@@ -111,7 +111,7 @@ class NoiseModel:
 
 
 def runs(x: FloatArray) -> list[slice]:
-    """The stretches of x (N,) without NaN."""
+    """The segments of x (N,) without NaN."""
     finite = np.concatenate(([False], np.isfinite(x), [False]))
     edges = np.flatnonzero(finite[1:] != finite[:-1])
     return [slice(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)]
@@ -122,12 +122,12 @@ def fit_autoregression(series: Sequence[FloatArray], most: int = 8) -> NoiseMode
 
     Raises ValueError where less than 4 samples follow each other.
     """
-    stretches = [x[run] for x in map(_without_outliers, series) for run in runs(x)]
-    longest = max((x.size for x in stretches), default=0)
+    segments = [x[run] for x in map(_without_outliers, series) for run in runs(x)]
+    longest = max((x.size for x in segments), default=0)
     if longest < 4:
         raise ValueError("no four samples in a row: nothing can be told of the noise")
     most = min(most, longest // 4)
-    windows = np.concatenate([sliding_window_view(x, most + 1)[:, ::-1] for x in stretches if x.size > most])
+    windows = np.concatenate([sliding_window_view(x, most + 1)[:, ::-1] for x in segments if x.size > most])
     if not np.any(windows):
         return NoiseModel.white(0.0)
     gram, count = _weighted(windows)

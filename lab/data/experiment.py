@@ -41,7 +41,7 @@ LENGTHS = ("m", "mm", "µm", "um", "in")
 
 @dataclass(frozen=True, eq=False)
 class Experiment:
-    """One recording, or a stretch of one.
+    """One recording, or a segment of one.
 
     drive: the input, or None without one; time: (N,) ascending [s]; measured: by column (N,), NaN where not sampled;
     given: values that the recording's metadata state for fixed parameters of the model (``# kp = 12``).
@@ -68,7 +68,7 @@ class Experiment:
         return float(1 / np.median(np.diff(self.time)))
 
     def between(self, start: float, stop: float) -> Experiment:
-        """The stretch start <= time < stop [s on its time axis], at least two samples."""
+        """The segment start <= time < stop [s on its time axis], at least two samples."""
         first, last = np.searchsorted(self.time, (start - 1e-9, stop - 1e-9))
         last = max(last, first + 2)
         measured = {name: values[first:last] for name, values in self.measured.items()}

@@ -85,9 +85,9 @@ def resolution(values: FloatArray) -> float:
 
 def _windows(values: FloatArray) -> FloatArray | None:
     """Windows (W, L), half overlapping; None where there are not enough."""
-    stretches = [values[run] for run in runs(values)]
+    segments = [values[run] for run in runs(values)]
     for length in WINDOWS:
-        found = [sliding_window_view(x, length)[:: length // 2] for x in stretches if x.size >= length]
+        found = [sliding_window_view(x, length)[:: length // 2] for x in segments if x.size >= length]
         if sum(map(len, found)) >= 2 * LEAST_WINDOWS:
             return np.concatenate(found)
     return None

@@ -45,7 +45,7 @@ def spread(noise: NoiseModel, residuals: Sequence[FloatArray]) -> float:
 
 
 def _has_line(noise: NoiseModel, residuals: Sequence[FloatArray]) -> bool:
-    """Whether a frequency stands out of the innovations' spectrum, averaged over the stretches of one length.
+    """Whether a frequency stands out of the innovations' spectrum, averaged over the segments of one length.
 
     The average of K periodograms of white noise is chi-squared with 2 K degrees over 2 K; of all its bins the largest
     exceeds LINE times in the chance p.

@@ -19,8 +19,8 @@ from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.quantity import quantity
 from lostmotion.lab.shooting.continuation import first_level, tiles
 from lostmotion.lab.shooting.parameters import Unknowns
-from lostmotion.lab.shooting.problem import Task
-from lostmotion.lab.shooting.segment import Linearised, Stretch, start_with, state_scales
+from lostmotion.lab.shooting.segment import Linearised, Segment, start_with, state_scales
+from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Chirp, HandWaved, Model, ModelError, Motion, Sampled, Sine
 from lostmotion.model.motion import FloatArray
 
@@ -116,17 +116,17 @@ def _separation(motion: Motion, models: Sequence[Model], task: Task) -> float:
     0 where one of them cannot be run."""
     first = models[0]
     try:
-        stretches = _stretches(motion, first, task)
+        segments = _segments(motion, first, task)
         unknowns = Unknowns.of(first, task.rough)
         z = unknowns.z(first)
-        blocks = [stretch.linearised(first, unknowns, z, task.substep_s) for stretch in stretches]
-        return min(_apart(model, first, stretches, blocks, task.substep_s) for model in models[1:])
+        blocks = [segment.linearised(first, unknowns, z, task.substep_s) for segment in segments]
+        return min(_apart(model, first, segments, blocks, task.substep_s) for model in models[1:])
     except ModelError:
         return 0.0
 
 
-def _stretches(motion: Motion, model: Model, task: Task) -> list[Stretch]:
-    """The model's motion as if it had been measured, each short stretch beginning in the state that it has there."""
+def _segments(motion: Motion, model: Model, task: Task) -> list[Segment]:
+    """The model's motion as if it had been measured, each short segment beginning in the state that it has there."""
     like = task.experiments[0]
     own = like.model(model)
     start = float(motion.time[0]) if isinstance(motion, Sampled) else 0.0
@@ -137,17 +137,17 @@ def _stretches(motion: Motion, model: Model, task: Task) -> list[Stretch]:
     pieces = tiles(whole, first_level(model.base, whole))
     states = run.states[np.searchsorted(time, [float(piece.time[0]) - 1e-9 for piece in pieces])]
     scale = state_scales(model, whole)
-    return [Stretch(piece, task.noise, scale, state) for piece, state in zip(pieces, states, strict=True)]
+    return [Segment(piece, task.noise, scale, state) for piece, state in zip(pieces, states, strict=True)]
 
 
 def _apart(
-    model: Model, before: Model, stretches: Sequence[Stretch], blocks: Sequence[Linearised], substep_s: float
+    model: Model, before: Model, segments: Sequence[Segment], blocks: Sequence[Linearised], substep_s: float
 ) -> float:
     """Root mean square of what this model predicts otherwise and the linearised one cannot imitate; 0 if it fails."""
     differences, slopes = [], []
-    for stretch, block in zip(stretches, blocks, strict=True):
-        own = stretch.experiment.model(model)
-        r = stretch.residual(own, start_with(own, stretch, before.state_names), substep_s) - block.r
+    for segment, block in zip(segments, blocks, strict=True):
+        own = segment.experiment.model(model)
+        r = segment.residual(own, start_with(own, segment, before.state_names), substep_s) - block.r
         if not np.all(np.isfinite(r)):
             return 0.0
         differences.append(_without(block.B, r))

@@ -16,7 +16,7 @@ from itertools import count
 import numpy as np
 from numpy.typing import NDArray
 
-from lostmotion.lab.shooting.segment import Stretch, motions
+from lostmotion.lab.shooting.segment import Segment, motions
 from lostmotion.model import Domain, Model, Parameter
 from lostmotion.model.base import Term
 from lostmotion.model.effects import register, unregister
@@ -115,12 +115,12 @@ def registered(found: Sequence[Guess]) -> Iterator[None]:
             unregister(guess.effect.id)
 
 
-def guesses(model: Model, stretches: Sequence[Stretch], size: Mapping[int, float], substep_s: float) -> list[Guess]:
-    """All that may be tried on a model, with knots where the motion of these stretches is.
+def guesses(model: Model, segments: Sequence[Segment], size: Mapping[int, float], substep_s: float) -> list[Guess]:
+    """All that may be tried on a model, with knots where the motion of these segments is.
 
     size: of what acts in an equation already, by the signal.
     """
-    motion = _motion(model, stretches, substep_s)
+    motion = _motion(model, segments, substep_s)
     found = [_curve(model.base, target, source, motion, size[target]) for target, source in PAIRS[model.base]]
     if (TORQUE, THETA2) in PAIRS[model.base]:
         found.append(_curve(model.base, TORQUE, THETA2, motion, size[TORQUE], rubs=True))
@@ -172,9 +172,9 @@ def _free(unit: str, size: float) -> Parameter:
     return Parameter(0.0, unit, -MOST * size, MOST * size, False, "unknown", "height of the curve")
 
 
-def _motion(model: Model, stretches: Sequence[Stretch], substep_s: float) -> dict[str, FloatArray]:
-    """What every variable comes to in these stretches, by name."""
-    runs = motions(model, stretches, substep_s)
+def _motion(model: Model, segments: Sequence[Segment], substep_s: float) -> dict[str, FloatArray]:
+    """What every variable comes to in these segments, by name."""
+    runs = motions(model, segments, substep_s)
     found = {
         name: np.concatenate([run[signal] for run in runs])
         for name, signal in SHOWN.items()

@@ -1,8 +1,8 @@
 """What is left when no effect of the catalogue explains it: the unknown function that does, with its shape and formula.
 
-Every function of basis.py is fitted together with the model; on gears to nudged runs, which need no right play to
-begin with, first nudged strongly, then less.  The one that brings them nearest is told; its curve is that of a fit of
-free stretches where such a fit succeeds.  Where no function explains much, localise.py has the word.
+Every function of basis.py is fitted together with the model; on gears to observer runs, which need no right play to
+begin with, first with a high gain, then a lower one.  The one that brings them nearest is told; its curve is that of a
+fit of free segments where such a fit succeeds.  Where no function explains much, localise.py has the word.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from lostmotion.lab.selection.candidates import HOPELESS
 from lostmotion.lab.shooting.continuation import Level, fitted
 from lostmotion.lab.shooting.initial_guess import sizes
 from lostmotion.lab.shooting.parameters import Unknowns
-from lostmotion.lab.shooting.problem import Task
+from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 from lostmotion.model.signals import BAR_FORCE, GAP, SENSOR, TORQUE
@@ -37,9 +37,9 @@ from lostmotion.model.signals import BAR_FORCE, GAP, SENSOR, TORQUE
 __all__ = ["described"]
 
 CLEAR = 0.75
-"""A function that is believed brings the usual residual of free stretches down to this part of what it was, """
+"""A function that is believed brings the usual residual of free segments down to this part of what it was, """
 NEARER = 0.05
-"""or the cost of nudged runs, with much and with little nudging together, by this much in its logarithm."""
+"""or the cost of observer runs, with a high and with a low gain together, by this much in its logarithm."""
 SHORT = 0.9
 """Share of a curve's weighted variance from which on a formula fits it."""
 LEAST_POINTS = 3
@@ -58,7 +58,7 @@ IMITATED = {("sensor", "accel"): 1, ("oscillator", "q"): 1, ("oscillator", "q'")
 WHAT = {"joint": "a torque on the joint", "oscillator": "a force on the oscillator", "sensor": "an error of the sensor"}
 
 BEST = 4
-"""So many functions, nearest with much nudging, are brought near with less."""
+"""So many functions, nearest with a high gain, are brought near with a lower one."""
 
 Heights = Mapping[str, tuple[float, float]]
 """Of each parameter of a function: its value, and half the width of its 95 % interval."""
@@ -66,7 +66,7 @@ Heights = Mapping[str, tuple[float, float]]
 
 @dataclass(frozen=True, eq=False)
 class _Told:
-    """A function, the model with it, and how much nearer it brings nudged runs."""
+    """A function, the model with it, and how much nearer it brings observer runs."""
 
     guess: Guess
     model: Model
@@ -74,10 +74,10 @@ class _Told:
 
 
 def described(level: Level, task: Task) -> Finding | None:
-    """The function that explains most of what a fit on short stretches leaves; None where no one explains much."""
-    size = sizes(level.model, level.stretches, task.substep_s)
+    """The function that explains most of what a fit on short segments leaves; None where no one explains much."""
+    size = sizes(level.model, level.segments, task.substep_s)
     acting = {TORQUE: size.torque, BAR_FORCE: size.k * size.bend, SENSOR: size.reading, GAP: size.d}
-    found = guesses(level.model, level.stretches, acting, task.substep_s)
+    found = guesses(level.model, level.segments, acting, task.substep_s)
     with registered(found), ThreadPoolExecutor(cores()) as pool:
         if not can_follow(level.model, *task.experiments):
             fits = list(pool.map(_direct, found, [level] * len(found), [task] * len(found)))
@@ -98,14 +98,14 @@ def _clear(fit: Level, level: Level) -> bool:
 
 def _direct(guess: Guess, level: Level, task: Task) -> Level:
     model = level.model.with_effect(guess.effect.id)
-    return fitted(model, Unknowns.of(model, task.rough), level.stretches, task.substep_s)
+    return fitted(model, Unknowns.of(model, task.rough), level.segments, task.substep_s)
 
 
 def _nearest(
     model: Model, found: Sequence[Guess], acting: Mapping[int, float], task: Task, pool: Executor
 ) -> _Told | None:
-    """The function that brings nudged runs nearest; a wave, whose phase no two recordings share, in one of them.  None
-    where the model cannot be run along the measurement."""
+    """The function that brings observer runs nearest; a wave, whose phase no two recordings share, in one of them.
+    None where the model cannot be run along the measurement."""
     follower = Follower.of(task, model)
     both = Descent.of(model, follower, TIGHT)
     if not math.isfinite(both.cost):
@@ -123,9 +123,10 @@ def _nearest(
 def _compared(
     model: Model, base_tight: Descent, found: Sequence[Guess], follower: Follower, pool: Executor
 ) -> list[_Told]:
-    """The functions, brought near with much nudging; the best of them, from there or from the beginning, with less.
+    """The functions, brought near with a high gain; the best of them, from there or from the beginning, with a lower
+    one.
 
-    base_tight: the model without them, much nudged.
+    base_tight: the model without them, with the high gain.
     """
     base = min((Descent.of(start, follower) for start in (base_tight.model, model)), key=attrgetter("cost"))
     if not math.isfinite(base.cost):
@@ -160,7 +161,7 @@ def _wave(told: _Told) -> Finding:
 
 
 def _finding(guess: Guess, heights: Heights | None = None) -> Finding:
-    """In words; with curve and formula where the heights are those of free stretches."""
+    """In words; with curve and formula where the heights are those of free segments."""
     acts_on, rubs = str(guess.effect.acts_on), len(guess.depends_on) > 1
     variable = words.variable(guess.depends_on[0])[0]
     what = "dry friction" if rubs else WHAT[acts_on]

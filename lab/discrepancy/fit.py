@@ -1,7 +1,7 @@
-"""Nudged runs brought nearer by Gauss and Newton's steps: for many small unknowns at once.  No choice of models here.
+"""Observer runs brought nearer by Gauss and Newton's steps: for many small unknowns at once.  No choice of models here.
 
-With strong nudging the error at the next sample is nearly linear in what is missing, so a curve of a dozen heights is
-found from nothing, together with the play; evolution (global_search.py) is for few unknowns and far starts.
+With a high observer gain the error at the next sample is nearly linear in what is missing, so a curve of a dozen
+heights is found from nothing, together with the play; evolution (global_search.py) is for few unknowns and far starts.
 """
 
 from __future__ import annotations
@@ -67,15 +67,15 @@ class Descent:
 
 
 def best_wave(model: Model, follower: Follower, target: int) -> float:
-    """The frequency [Hz] of the wave on that signal that strongly nudged runs miss most, nothing else changed.
+    """The frequency [Hz] of the wave on that signal that strongly observer runs miss most, nothing else changed.
 
     One of the sensor is taken to be in the errors as it is, which it is but for its phase.
     """
-    fastest = FASTEST_HZ if target == TORQUE else FASTEST * follower.stretches[0].rate_hz
+    fastest = FASTEST_HZ if target == TORQUE else FASTEST * follower.segments[0].rate_hz
     e = _errors(model, follower, TIGHT)
     weight = 1 / (1 + (e / OUTSIDE) ** 2)
     best, found = -1.0, SLOWEST_HZ
-    for hz in np.arange(SLOWEST_HZ, fastest, 0.5 / min(s.duration for s in follower.stretches)):
+    for hz in np.arange(SLOWEST_HZ, fastest, 0.5 / min(s.duration for s in follower.segments)):
         J = _torque_wave(model, follower, float(hz), e) if target == TORQUE else _sensor_wave(follower, float(hz))
         if not np.isfinite(J).all():
             continue
@@ -95,7 +95,7 @@ def _torque_wave(model: Model, follower: Follower, hz: float, e: FloatArray) -> 
 
 
 def _sensor_wave(follower: Follower, hz: float) -> FloatArray:
-    time = np.concatenate([stretch.time[settled(stretch)] for stretch in follower.stretches])
+    time = np.concatenate([segment.time[settled(segment)] for segment in follower.segments])
     return np.column_stack([np.sin(2 * math.pi * hz * time), np.cos(2 * math.pi * hz * time)])
 
 
@@ -104,7 +104,7 @@ def _errors(model: Model, follower: Follower, coupling: float) -> FloatArray:
     try:
         return follower.errors(model, coupling)
     except ModelError:
-        return np.full(sum(s.time[settled(s)].size for s in follower.stretches), np.inf)
+        return np.full(sum(s.time[settled(s)].size for s in follower.segments), np.inf)
 
 
 def _cost(e: FloatArray) -> float:

@@ -2,7 +2,7 @@
 
 The model may be wrong in one equation; an unknown input u enters there as a torque, a force, an angle or an error of
 the sensor, and may change by so much in so much time (Ornstein and Uhlenbeck's process).  The likelihood says how well
-that explains the measurement; the smoother says what u must have been.  Which equations are tried is blame's.
+that explains the measurement; the smoother says what u must have been.  localise.py says which equations are tried.
 After Kristensen, Madsen, Jorgensen 2004: "A method for systematic improvement of stochastic grey-box models".
 """
 
@@ -26,7 +26,7 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import ActsOn, Effect
 from lostmotion.model.kernel import Slots, compiled, kernel
 from lostmotion.model.motion import FloatArray
-from lostmotion.model.nudged import at_samples
+from lostmotion.model.observer import at_samples
 from lostmotion.model.parameter import Parameter
 from lostmotion.model.pieces import cut
 from lostmotion.model.signals import (

@@ -1,15 +1,15 @@
 """On which equation a misfit acts, and on what it depends: joint, oscillator, command or sensor.
 
-Each equation in turn is given an unknown input, and the model tracks the measurement with it (input_estimation.py).  A torque
-that is missing shifts impacts and shakes the bar through its resonance; a force on the bar is felt at once; an error of
-the sensor leaves the motion alone.  Where the truth lies little is needed to explain all; the likelihood weighs that.
-The input that was found is then held against every state.
+Each equation in turn is given an unknown input, and the model tracks the measurement with it
+(input_estimation.py).  A torque that is missing shifts impacts and shakes the bar through its resonance; a force on
+the bar is felt at once; an error of the sensor leaves the motion alone.  Where the truth lies little is needed to
+explain all; the likelihood weighs that. The input that was found is then held against every state.
 
 How often it is right, thorough and with the base's parameters known, on recordings of the hidden-effect bench that were
 not looked at before (seed 77, strong, 3 of 1 s, noise estimated, half of it coloured): 14 of 20 of the catalogue
 (contact counted as joint or command), 5 of 7 outside of it.
 Near misses: joint and command for what moves impacts, oscillator and sensor
-for what is seen in the ring only.  With parameters that are off, they are what is blamed: fit first.
+for what is seen in the ring only.  With parameters that are off, the misfit is ascribed to them: fit first.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from lostmotion.lab.shooting.segment import state_scales
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Blame", "blame"]
+__all__ = ["Localisation", "localise"]
 
 MEMORIES_S = (1e-2, 1e-1)
 ONE_MEMORY_S = 3e-2
@@ -47,7 +47,7 @@ LEAST_SHARE = 0.25
 
 
 @dataclass(frozen=True, eq=False)
-class Blame:
+class Localisation:
     """The equation in which the model misses something.
 
     acts_on: where; behind: by equation, how much less likely it is as the culprit (log-likelihood behind the best);
@@ -97,7 +97,7 @@ class Blame:
         return f"{text}; {share:.0f} % of it follows {words.variable(self.depends_on[0])[0]}"
 
 
-def blame(
+def localise(
     model: Model,
     experiments: Sequence[Experiment],
     starts: Sequence[FloatArray],
@@ -105,7 +105,7 @@ def blame(
     samples: int = 4000,
     *,
     thorough: bool = False,
-) -> Blame | None:
+) -> Localisation | None:
     """Which equation, from the first samples of the experiments, so many of all together.
 
     starts: the state (n,) at the first sample of each; noise: by column; thorough: twice the work.  None where
@@ -205,10 +205,10 @@ def _acceleration(experiment: Experiment) -> float:
 
 def _told(
     culprit: str, behind: Mapping[str, float], against_none: float, trackers: Sequence[Tracker], tracks: Sequence[Track]
-) -> Blame:
+) -> Localisation:
     signals = [tracker.signals(track.states) for tracker, track in zip(trackers, tracks, strict=True)]
     u = tuple(track.u for track in tracks)
     found = shapes(u, [track.deviation for track in tracks], signals)
     unit = UNITS.get(culprit, trackers[0].unit)
     size = float(np.sqrt(np.mean(np.concatenate(u) ** 2)))
-    return Blame(culprit, behind, against_none, size, unit, found, tuple(t.time for t in trackers), u)
+    return Localisation(culprit, behind, against_none, size, unit, found, tuple(t.time for t in trackers), u)

@@ -1,4 +1,4 @@
-"""How an input that was found depends on a state: its mean over the state, how much of unseen stretches that tells."""
+"""How an input that was found depends on a state: its mean over the state, how much of unseen segments that tells."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BLOCK = 0.2
 class Shape:
     """A series as a function of a variable: mean (K,) at x (K,) with the half width of a 95 % band.
 
-    explained: the share of its variance on stretches that were left out, below 0 where it says nothing.
+    explained: the share of its variance on segments that were left out, below 0 where it says nothing.
     """
 
     variable: str

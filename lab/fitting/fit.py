@@ -22,8 +22,8 @@ from lostmotion.lab.fitting.strategy import first_fit, grown
 from lostmotion.lab.results import Estimate, Fit
 from lostmotion.lab.shooting.continuation import Level, fitted, followed
 from lostmotion.lab.shooting.parameters import Unknown, Unknowns
-from lostmotion.lab.shooting.problem import Task, coarse_substep
-from lostmotion.lab.shooting.segment import FINE_STEP, Linearised, Stretch
+from lostmotion.lab.shooting.segment import FINE_STEP, Linearised, Segment
+from lostmotion.lab.shooting.task import Task, coarse_substep
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
@@ -64,7 +64,7 @@ def fit(
     progress("looking for the right valley", 0.0)
     level = first_fit(model, task, pool)
     try:
-        progress("longer stretches", 0.4)
+        progress("longer segments", 0.4)
         level = grown(level, task)
         progress("refining", 0.8)
         return refined_fit(level, task)
@@ -84,8 +84,8 @@ def _refined_level(level: Level, task: Task) -> Level:
     substep = coarse_substep(level.model, task.experiments, REFINED_STEPS)
     model = with_range(level.model, task.experiments)
     unknowns = Unknowns.of(model)
-    once = fitted(model, unknowns, level.stretches, substep)
-    return fitted(once.model, unknowns, once.stretches, substep, quadratic=True)
+    once = fitted(model, unknowns, level.segments, substep)
+    return fitted(once.model, unknowns, once.segments, substep, quadratic=True)
 
 
 def fit_of(level: Level, task: Task) -> Fit:
@@ -101,8 +101,8 @@ def fit_of(level: Level, task: Task) -> Fit:
     correlation = covariance / np.outer(deviation, deviation)
     return Fit(
         model=level.model,
-        experiments=tuple(stretch.experiment for stretch in level.stretches),
-        starts=tuple(stretch.start for stretch in level.stretches),
+        experiments=tuple(segment.experiment for segment in level.segments),
+        starts=tuple(segment.start for segment in level.segments),
         estimates=tuple(estimates),
         correlation=np.asarray(correlation),
         noise=task.noise,
@@ -112,15 +112,15 @@ def fit_of(level: Level, task: Task) -> Fit:
 
 
 def rms_by_column(level: Level, substep_s: float) -> dict[str, float]:
-    """Root mean square of the residual of each column over all stretches, in its unit."""
+    """Root mean square of the residual of each column over all segments, in its unit."""
     squares: dict[str, list[FloatArray]] = {}
-    for stretch in level.stretches:
-        model = stretch.experiment.model(level.model)
-        r = stretch.residual(model, stretch.start, substep_s)
+    for segment in level.segments:
+        model = segment.experiment.model(level.model)
+        r = segment.residual(model, segment.start, substep_s)
         at = 0
-        for name, values in stretch.experiment.measured.items():
+        for name, values in segment.experiment.measured.items():
             count = int(np.sum(~np.isnan(values)))
-            squares.setdefault(name, []).append((r[at : at + count] * stretch.noise[name]) ** 2)
+            squares.setdefault(name, []).append((r[at : at + count] * segment.noise[name]) ** 2)
             at += count
     return {name: float(np.sqrt(np.mean(np.concatenate(parts)))) for name, parts in squares.items()}
 
@@ -135,11 +135,11 @@ def _unbounded(item: Unknown, z: float) -> float:
 
 
 def _covariance(level: Level, substep_s: float) -> FloatArray:
-    """Of z (P, P), the start states eliminated; stretches that the model misses have no say."""
+    """Of z (P, P), the start states eliminated; segments that the model misses have no say."""
     good = followed(level, substep_s)
     H = np.diag(1 / level.unknowns.prior**2)
     G = H.copy()  # what the data does not tell is as unsure as before
-    blocks = [stretch.linearised(level.model, level.unknowns, level.z, substep_s, FINE_STEP) for stretch in good]
+    blocks = [segment.linearised(level.model, level.unknowns, level.z, substep_s, FINE_STEP) for segment in good]
     blocks = [block for block in blocks if block.finite]
     if not blocks:
         return np.diag(level.unknowns.prior**2)
@@ -158,8 +158,8 @@ def _without_start(block: Linearised) -> FloatArray:
     return np.asarray(block.A - q @ (q.T @ block.A))
 
 
-def _lags(stretch: Stretch) -> int:
-    return max(1, round(CORRELATED * stretch.experiment.rate_hz))
+def _lags(segment: Segment) -> int:
+    return max(1, round(CORRELATED * segment.experiment.rate_hz))
 
 
 def _autocovariance(residuals: Sequence[FloatArray], lags: int) -> FloatArray:

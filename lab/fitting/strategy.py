@@ -1,7 +1,7 @@
-"""The base of a fit: a first rough fit that lies in the right valley, then the growing horizon.  No verdicts here.
+"""The base of a fit: a first rough fit that lies in the right minimum, then the growing horizon.  No verdicts here.
 
-The oscillator's frequency comes from the spectrum, the play from nudged runs, or from a grid of values where no bar was
-measured: with another play every impact comes at another time, and no gradient leads from one to the other.
+The oscillator's frequency comes from the spectrum, the play from observer runs, or from a grid of values where no bar
+was measured: with another play every impact comes at another time, and no gradient leads from one to the other.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from lostmotion.lab.data.frequency_response import from_spectra
 from lostmotion.lab.observer.filter import can_follow, states_at
 from lostmotion.lab.observer.global_search import nearest
 from lostmotion.lab.shooting.continuation import Level, fitted, merged, missing, residuals, tiles
-from lostmotion.lab.shooting.initial_state import find_start, polished, repaired, ringing_hz, stretch_of
+from lostmotion.lab.shooting.initial_state import find_start, polished, repaired, ringing_hz, segment_of
 from lostmotion.lab.shooting.parameters import Unknowns, free_names
-from lostmotion.lab.shooting.problem import Task, coarse_substep
-from lostmotion.lab.shooting.segment import Stretch
+from lostmotion.lab.shooting.segment import Segment
+from lostmotion.lab.shooting.task import Task, coarse_substep
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
@@ -47,12 +47,12 @@ DAMPING_SHARE = (1.0, 0.4)
 FREQUENCY_SHARE = 0.12
 SUBSET = 10
 LOST = 4.0
-"""Times the error of the shortest stretches, from which longer ones have lost the motion."""
+"""Times the error of the shortest segments, from which longer ones have lost the motion."""
 CONVERGED = 0.3
 """What half the step may change, in units of the noise."""
-NUDGE = 1e-4
-NUDGED = 4.0
-"""What this share of the start state's scale may change, in units of the noise, before a stretch counts as chaotic."""
+DISTURBANCE = 1e-4
+CHAOTIC = 4.0
+"""What this share of the start state's scale may change, in units of the noise, before a segment counts as chaotic."""
 LONGEST_S = 1.01
 DOUBTED_SHARE = 0.3
 SCANNED = 4
@@ -75,14 +75,14 @@ def seeded(model: Model, experiments: Sequence[Experiment]) -> Model:
 
 
 def subset(task: Task) -> list[Experiment]:
-    """A few of the shortest stretches that stand for all, spread over the experiments."""
+    """A few of the shortest segments that stand for all, spread over the experiments."""
     every = [tile for experiment in task.experiments for tile in tiles(experiment, task.halvings)]
     return [every[i] for i in np.unique(np.linspace(0, len(every) - 1, min(SUBSET, len(every))).astype(int))]
 
 
-def started(model: Model, stretches: Sequence[Experiment], task: Task) -> Level:
-    """The stretches with their start states found, nothing else fitted."""
-    found = begun(model, stretches, passed(model, stretches, task.experiments, task), task)
+def started(model: Model, segments: Sequence[Experiment], task: Task) -> Level:
+    """The segments with their start states found, nothing else fitted."""
+    found = begun(model, segments, passed(model, segments, task.experiments, task), task)
     return fitted(model, Unknowns.of(model, task.rough), found, task.substep_s, iterations=0)
 
 
@@ -91,7 +91,7 @@ Likely = Mapping[tuple[str, float], FloatArray]
 
 
 def passed(model: Model, pieces: Sequence[Experiment], experiments: Sequence[Experiment], task: Task) -> Likely:
-    """The states in which nudged runs along these experiments pass the starts of the pieces; none without a bar."""
+    """The states in which observer runs along these experiments pass the starts of the pieces; none without a bar."""
     likely: dict[tuple[str, float], FloatArray] = {}
     for experiment in experiments:
         if can_follow(model, experiment):
@@ -101,25 +101,25 @@ def passed(model: Model, pieces: Sequence[Experiment], experiments: Sequence[Exp
     return likely
 
 
-def begun(model: Model, pieces: Sequence[Experiment], likely: Likely, task: Task) -> tuple[Stretch, ...]:
-    """Stretches with their start states: a likely one, where it comes near; else as a scan says."""
-    stretches = [stretch_of(model, piece, task.noise) for piece in pieces]
-    found = [_near(model, s, likely.get((s.experiment.name, float(s.experiment.time[0]))), task) for s in stretches]
+def begun(model: Model, pieces: Sequence[Experiment], likely: Likely, task: Task) -> tuple[Segment, ...]:
+    """Segments with their start states: a likely one, where it comes near; else as a scan says."""
+    segments = [segment_of(model, piece, task.noise) for piece in pieces]
+    found = [_near(model, s, likely.get((s.experiment.name, float(s.experiment.time[0]))), task) for s in segments]
     missed = missing(model, found, task.substep_s) if likely else np.zeros(len(found), dtype=bool)
     return tuple(find_start(model, s, task.substep_s, [s.start]) if out else s
                  for s, out in zip(found, missed, strict=True))  # fmt: skip
 
 
-def _near(model: Model, stretch: Stretch, likely: FloatArray | None, task: Task) -> Stretch:
+def _near(model: Model, segment: Segment, likely: FloatArray | None, task: Task) -> Segment:
     if likely is None:
-        return find_start(model, stretch, task.substep_s)
-    own = stretch.experiment.model(model)
-    return stretch.starting(polished(own, stretch, likely, task.substep_s, POLISHED)[0])
+        return find_start(model, segment, task.substep_s)
+    own = segment.experiment.model(model)
+    return segment.starting(polished(own, segment, likely, task.substep_s, POLISHED)[0])
 
 
 def first_fit(model: Model, task: Task, pool: Executor) -> Level:
-    """The best fit on the shortest stretches; on gears from where nudged runs come nearest, or from a grid of plays and
-    dampings."""
+    """The best fit on the shortest segments; on gears from where observer runs come nearest, or from a grid of plays
+    and dampings."""
     model = seeded(model, task.experiments)
     if can_follow(model, *task.experiments):
         fits = pool.map(nearest_fit, [model] * SEEDS, [task] * SEEDS, range(SEEDS))
@@ -132,13 +132,13 @@ def first_fit(model: Model, task: Task, pool: Executor) -> Level:
 
 
 def nearest_fit(model: Model, task: Task, seed: int, hopeless: float = 1.0) -> Level:
-    """The fit on all short stretches from where nudged runs come nearest, beginning with the model's values."""
+    """The fit on all short segments from where observer runs come nearest, beginning with the model's values."""
     return full_fit(nearest(model, task, seed), task, hopeless)
 
 
 def refined(level: Level, task: Task, iterations: int = 8) -> Level:
     """A few steps from a level's values."""
-    return fitted(level.model, level.unknowns, level.stretches, task.substep_s, iterations=iterations)
+    return fitted(level.model, level.unknowns, level.segments, task.substep_s, iterations=iterations)
 
 
 def best_of(levels: Iterable[Level], count: int) -> list[Level]:
@@ -147,26 +147,26 @@ def best_of(levels: Iterable[Level], count: int) -> list[Level]:
 
 
 def full_fit(model: Model, task: Task, hopeless: float = 1.0) -> Level:
-    """A fit on all of the shortest stretches, those that were missed begun anew."""
+    """A fit on all of the shortest segments, those that were missed begun anew."""
     every = [tile for experiment in task.experiments for tile in tiles(experiment, task.halvings)]
     level = started(model, every, task)
-    level = fitted(model, level.unknowns, level.stretches, task.substep_s)
-    return repaired_fit(level.model, level.unknowns, level.stretches, task, hopeless)
+    level = fitted(model, level.unknowns, level.segments, task.substep_s)
+    return repaired_fit(level.model, level.unknowns, level.segments, task, hopeless)
 
 
 def repaired_fit(
-    model: Model, unknowns: Unknowns, stretches: Sequence[Stretch], task: Task, hopeless: float = 1.0
+    model: Model, unknowns: Unknowns, segments: Sequence[Segment], task: Task, hopeless: float = 1.0
 ) -> Level:
-    """The fit from these starts, those of stretches that are missed begun anew."""
-    again = repaired(model, stretches, task.substep_s, hopeless)
+    """The fit from these starts, those of segments that are missed begun anew."""
+    again = repaired(model, segments, task.substep_s, hopeless)
     return fitted(model, unknowns, again, task.substep_s)
 
 
 def grown(level: Level, task: Task) -> Level:
-    """The fit on stretches twice as long, and so on; the longest of these levels that can be trusted.
+    """The fit on segments twice as long, and so on; the longest of these levels that can be trusted.
 
-    Trusted: hardly a stretch is missed, and half the integration step changes nothing.  In a chaotic record neither
-    holds for long stretches.
+    Trusted: hardly a segment is missed, and half the integration step changes nothing.  In a chaotic record neither
+    holds for long segments.
     """
     found = [level]
     while (longer := doubled(found[-1], task)) is not None:
@@ -178,45 +178,47 @@ def grown(level: Level, task: Task) -> Level:
 
 
 def doubled(level: Level, task: Task, hopeless: float = 1.0) -> Level | None:
-    """The fit on stretches twice as long, from where this one ended; None where there are none, or the motion drifts
+    """The fit on segments twice as long, from where this one ended; None where there are none, or the motion drifts
     away."""
-    stretches = _doubled(level.stretches, task)
-    if not stretches or level.model.base == "joint":
+    segments = _doubled(level.segments, task)
+    if not segments or level.model.base == "joint":
         return None
-    return repaired_fit(level.model, level.unknowns, stretches, task, hopeless)
+    return repaired_fit(level.model, level.unknowns, segments, task, hopeless)
 
 
-def _doubled(stretches: Sequence[Stretch], task: Task) -> tuple[Stretch, ...]:
-    halvings = round(math.log2(len(stretches) / len(task.experiments)))
-    return merged(stretches, task.experiments, halvings - 1) if halvings else ()
+def _doubled(segments: Sequence[Segment], task: Task) -> tuple[Segment, ...]:
+    halvings = round(math.log2(len(segments) / len(task.experiments)))
+    return merged(segments, task.experiments, halvings - 1) if halvings else ()
 
 
 def predictable(level: Level, task: Task) -> float:
-    """Longest stretches, up to a second, over which the motion is not chaotic [s]: there models can be told apart."""
-    stretches, horizon = level.stretches, level.horizon_s
-    while level.model.base != "joint" and (stretches := _doubled(stretches, task)):
-        longer = max(stretch.experiment.duration for stretch in stretches)
-        if longer > LONGEST_S or np.mean(_unpredictable(level.model, stretches, task)) > DOUBTED_SHARE:
+    """Longest segments, up to a second, over which the motion is not chaotic [s]: there models can be told apart."""
+    segments, horizon = level.segments, level.horizon_s
+    while level.model.base != "joint" and (segments := _doubled(segments, task)):
+        longer = max(segment.experiment.duration for segment in segments)
+        if longer > LONGEST_S or np.mean(_unpredictable(level.model, segments, task)) > DOUBTED_SHARE:
             break
         horizon = longer
     return horizon
 
 
 def _doubt(level: Level, task: Task) -> float:
-    """Share of the stretches that are missed, not converged or chaotic; up to a tenth of them count as none."""
-    missed = missing(level.model, level.stretches, task.substep_s)
-    share = float(np.mean(missed | _unpredictable(level.model, level.stretches, task)))
+    """Share of the segments that are missed, not converged or chaotic; up to a tenth of them count as none."""
+    missed = missing(level.model, level.segments, task.substep_s)
+    share = float(np.mean(missed | _unpredictable(level.model, level.segments, task)))
     return share if share > 0.1 else 0.0
 
 
-def _unpredictable(model: Model, stretches: Sequence[Stretch], task: Task) -> NDArray[np.bool_]:
-    """Which stretches are changed by half the integration step or by a nudge to their start (S,)."""
+def _unpredictable(model: Model, segments: Sequence[Segment], task: Task) -> NDArray[np.bool_]:
+    """Which segments are changed by half the integration step or by a small disturbance of their start (S,)."""
     fine = coarse_substep(model, task.experiments, 1.0)
-    here, halved = residuals(model, stretches, fine), residuals(model, stretches, fine / 2)
-    apart = residuals(model, [stretch.starting(stretch.start + NUDGE * stretch.scale) for stretch in stretches], fine)
+    here, halved = residuals(model, segments, fine), residuals(model, segments, fine / 2)
+    apart = residuals(
+        model, [segment.starting(segment.start + DISTURBANCE * segment.scale) for segment in segments], fine
+    )
     with np.errstate(invalid="ignore"):  # a motion that cannot be run is infinitely far off in both
         moved = [_rms(a - b) > CONVERGED for a, b in zip(here, halved, strict=True)]
-        chaotic = [_rms(a - b) > NUDGED for a, b in zip(here, apart, strict=True)]
+        chaotic = [_rms(a - b) > CHAOTIC for a, b in zip(here, apart, strict=True)]
     return np.asarray(np.array(moved) | np.array(chaotic))
 
 

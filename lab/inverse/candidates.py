@@ -23,9 +23,9 @@ from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import inertia_of, is_static
 from lostmotion.lab.selection.candidates import others
 from lostmotion.lab.selection.nesting import SIMPLER, wider
-from lostmotion.lab.shooting.initial_guess import AMPLITUDE, Sizes, seeds
+from lostmotion.lab.shooting.initial_guess import AMPLITUDE, Sizes, initial_guesses
 from lostmotion.lab.shooting.parameters import free_names
-from lostmotion.lab.shooting.problem import coarse_substep
+from lostmotion.lab.shooting.task import coarse_substep
 from lostmotion.model import Model, ModelError
 from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray
@@ -107,19 +107,19 @@ def fitted_with(name: str, wide: Model, now: Regression) -> Regression | None:
     """The best fit of a model with one more effect, from several initial values; None where nothing can be fitted or
     the effect would not be what its name says."""
     if not isinstance(now.data, OutputError):
-        found = _fitted_from_seeds(name, softened(wide, now.data), now, STARTS, MOST_STEPS)
+        found = _fitted_from_guesses(name, softened(wide, now.data), now, STARTS, MOST_STEPS)
         return found if found and _can_run(found) else None
-    fits = [_fitted_from_seeds(name, wide, now, 1, SHORT)]
+    fits = [_fitted_from_guesses(name, wide, now, 1, SHORT)]
     if _is_static(wide):
         fits.append(_fitted_from_acceleration(name, wide, now))
     return min((one for one in fits if one), key=lambda one: one.rms, default=None)
 
 
-def _fitted_from_seeds(name: str, wide: Model, now: Regression, most: int, steps: int) -> Regression | None:
+def _fitted_from_guesses(name: str, wide: Model, now: Regression, most: int, steps: int) -> Regression | None:
     """From those initial values that explain most of what is left."""
     size = sizes_of(now.model, now.data)
     wide = _within_speeds(wide, name, size)
-    begin = [wide.replace(values) for values in seeds(wide, name, size)]
+    begin = [wide.replace(values) for values in initial_guesses(wide, name, size)]
     data = now.data.suited(begin)
     ranked = sorted((entry for start in begin if (entry := _promise(name, start, now, data))), key=lambda one: -one[0])
     fits = [found for _, start, beside in ranked[:most] if (found := _tried(start, data, beside, steps))]
@@ -131,7 +131,9 @@ def _fitted_from_acceleration(name: str, wide: Model, now: Regression) -> Regres
     """From what the acceleration says of the whole model with the effect."""
     error = EquationError.driven(now.data.signals)
     base = _tried(softened(now.model, error), error, error.nuisance, MOST_STEPS)
-    found = base and _fitted_from_seeds(name, _with_values(softened(wide, error), base.model), base, STARTS, MOST_STEPS)
+    found = base and _fitted_from_guesses(
+        name, _with_values(softened(wide, error), base.model), base, STARTS, MOST_STEPS
+    )
     if not found:
         return None
     start = _with_values(wide, found.model)

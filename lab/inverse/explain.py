@@ -31,7 +31,7 @@ from lostmotion.lab.inverse.selection import LIMIT, Method, Selection, Step, amp
 from lostmotion.lab.inverse.signals import COLUMNS, Signals
 from lostmotion.lab.inverse.torques import can_invert
 from lostmotion.lab.results import Curve, Errors, Estimate, Explanation, Finding, Fit, Ranked, Verdict
-from lostmotion.lab.shooting.problem import Task, coarse_substep
+from lostmotion.lab.shooting.task import Task, coarse_substep
 from lostmotion.model import Model, build_model
 from lostmotion.model.motion import FloatArray
 
@@ -227,7 +227,7 @@ def _simulated(fit: Regression) -> list[tuple[Experiment, FloatArray]]:
 
 
 def _pieces(signals: Signals) -> list[tuple[Experiment, FloatArray]]:
-    """Stretches of a second, each with the filtered angle and speed at its first sample."""
+    """Segments of a second, each with the filtered angle and speed at its first sample."""
     whole, found = signals.experiment, []
     for start in np.arange(whole.time[0], whole.time[-1] - PIECE_S / 2, PIECE_S):
         piece = whole.between(float(start), float(start) + PIECE_S)

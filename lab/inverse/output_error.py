@@ -19,7 +19,7 @@ import numpy as np
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.fitting.identifiability import is_driven
 from lostmotion.lab.inverse.signals import Signals
-from lostmotion.lab.shooting.problem import coarse_substep, rubbing
+from lostmotion.lab.shooting.task import coarse_substep, rubbing
 from lostmotion.model import Model, ModelError
 from lostmotion.model.bases import get_base
 from lostmotion.model.motion import FloatArray

@@ -1,4 +1,5 @@
-"""Runs of gears that are nudged by the measurement: how far off the next sample is, in which states it is followed.
+"""Observers of gears, runs that each sample of the measurement corrects: how far off the next sample is, in which
+states it is followed.
 
 What the bar rings more than the model says, the joint's speed must have jumped: the gain is the constant Kalman gain of
 the bar for jumps of omega_2 at every sample, which act on q' and, by -1/l, on omega_2 itself.  The teeth then struck
@@ -18,7 +19,7 @@ from lostmotion.lab.shooting.segment import in_motion
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["SETTLED_S", "STRONG", "TIGHT", "WEAK", "Nudge", "can_follow", "sampled", "states_at"]
+__all__ = ["SETTLED_S", "STRONG", "TIGHT", "WEAK", "Observer", "can_follow", "sampled", "states_at"]
 
 TIGHT, STRONG, WEAK = 1.0, 0.3, 0.1
 """Rings that may begin at every sample, in units of the noise."""
@@ -26,20 +27,20 @@ JOINT = (("theta_2", "omega_2"), ("shaft_compliance.0", "shaft_compliance.1"))
 """Angle and speed of the joint, and of its gear where a shaft twists between them: an impact moves both."""
 EARLIER_S = 1.5e-3
 """By how much an impact comes earlier that the model does not have yet, or later that it has already: the errors of 39
-right models with ``STRONG`` nudging are smallest at 1 to 2 ms, a tenth below those at 0."""
+right models with the gain ``STRONG`` are smallest at 1 to 2 ms, a tenth below those at 0."""
 SETTLED_S = 0.2
 """A run has then forgotten that nobody knew where to begin."""
 
 
 @dataclass(frozen=True, eq=False)
-class Nudge:
+class Observer:
     """gain: (2,) on q and q'; expected: what an error is expected to be, in units of the noise."""
 
     gain: FloatArray
     expected: float
 
     @classmethod
-    def of(cls, model: Model, spacing_s: float, coupling: float) -> Nudge:
+    def of(cls, model: Model, spacing_s: float, coupling: float) -> Observer:
         """From the bar's Riccati equation; each sample q' may jump by coupling/w."""
         from scipy.linalg import expm, solve_discrete_are
 
@@ -63,7 +64,7 @@ class Nudge:
         for angle, speed in JOINT:
             if angle in names:
                 gain[names.index(angle)], gain[names.index(speed)] = -EARLIER_S * jump, jump
-        run = model.nudged(experiment.drive, experiment.time, ACCEL, experiment.clock_zero)
+        run = model.observer(experiment.drive, experiment.time, ACCEL, experiment.clock_zero)
         return run(start, gain, measured, substep_s)
 
 
@@ -83,7 +84,7 @@ def states_at(model: Model, experiment: Experiment, times: FloatArray, substep_s
     """Likely states (2, n) at those of the times [s] at which a run has settled, followed more and less closely."""
     own, bar = experiment.model(model), sampled(experiment)
     try:
-        runs = [Nudge.of(own, 1 / bar.rate_hz, coupling).run(own, bar, substep_s)[1] for coupling in (STRONG, WEAK)]
+        runs = [Observer.of(own, 1 / bar.rate_hz, coupling).run(own, bar, substep_s)[1] for coupling in (STRONG, WEAK)]
     except ModelError:
         return {}
     found = {}

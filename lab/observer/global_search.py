@@ -1,8 +1,8 @@
-"""Gears that are nudged to follow the measurement: which parameters, which effects come near it.  No verdicts here.
+"""Gears that an observer makes follow the measurement: which parameters, which effects come near it.  No verdicts here.
 
 A free run of gears has a valley for every way in which impacts may be confused; a run that is corrected at every sample
 has hardly any.  How far it is off at the next sample is a smooth function of play, damping and effects, searched by
-differential evolution (Storn and Price 1997), first with strong nudging and then with less.
+differential evolution (Storn and Price 1997), first with a high gain and then with a lower one.
 """
 
 from __future__ import annotations
@@ -19,18 +19,19 @@ from lostmotion.lab.data.experiment import ACCEL
 from lostmotion.lab.observer.filter import STRONG, WEAK
 from lostmotion.lab.observer.objective import Follower
 from lostmotion.lab.shooting.continuation import Level
-from lostmotion.lab.shooting.initial_guess import Sizes, seeds, sizes
+from lostmotion.lab.shooting.initial_guess import Sizes, initial_guesses, sizes
 from lostmotion.lab.shooting.parameters import Unknowns
-from lostmotion.lab.shooting.problem import Task
+from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["AHEAD", "Near", "cost_of", "nearest", "shortlist"]
 
 FIRST, EACH, MOST_EACH, POPULATION = 72, 9, 240, 20
-"""So many are tried at first, of effects with many seeds so many around each, up to a limit; then the best live on."""
+"""So many are tried at first, of effects with many initial guesses so many around each, up to a limit; then the best
+live on."""
 BASE_GENERATIONS, EFFECT_GENERATIONS, BESIDE_GENERATIONS, FINAL_GENERATIONS = 8, 5, 10, 8
-"""Beside an effect that is there already as far as nudged runs know it, its values have to give way."""
+"""Beside an effect that is there already as far as observer runs know it, its values have to give way."""
 KEPT, KEPT_BESIDE = (20, 10, 6), (8, 6, 4)
 """So many effects go on after the first generations, which hardly tell them apart; and after some more, where none is
 ahead, and where one is; fewer beside another one."""
@@ -61,7 +62,7 @@ class Near:
 
 
 def nearest(model: Model, task: Task, seed: int = 0) -> Model:
-    """The model with the free parameters that bring nudged runs nearest to the measurement."""
+    """The model with the free parameters that bring observer runs nearest to the measurement."""
     model = _with_bias(model, task)
     follower = Follower.of(task, model)
     found = _Population(follower, [model], seed)
@@ -73,14 +74,14 @@ def nearest(model: Model, task: Task, seed: int = 0) -> Model:
 def shortlist(
     base: Level, effects: Sequence[str], task: Task, pool: Executor, beside: Near | None = None, seed: int = 0
 ) -> list[Near]:
-    """The effects that bring nudged runs nearest to the measurement, best first; one whose whole number leaves valleys
-    far apart may be there twice.
+    """The effects that bring observer runs nearest to the measurement, best first; one whose whole number leaves
+    valleys far apart may be there twice.
 
-    base: the fit without them; seeds of an effect's parameters are tried with its values and with the file's; beside:
-    one that is there already, as far as nudged runs know it.
+    base: the fit without them; initial guesses of an effect's parameters are tried with its values and with the
+    file's; beside: one that is there already, as far as observer runs know it.
     """
     model = beside.model if beside else base.model
-    follower, size, count = _follower(model, task), sizes(base.model, base.stretches, task.substep_s), len(effects)
+    follower, size, count = _follower(model, task), sizes(base.model, base.segments, task.substep_s), len(effects)
     generations = BESIDE_GENERATIONS if beside else EFFECT_GENERATIONS
     given = ([model] * count, [follower.roughly()] * count, [size] * count, [generations] * count, [seed] * count)
     niches = zip(effects, pool.map(_begun, effects, *given), strict=True)
@@ -93,8 +94,8 @@ def shortlist(
 
 
 def cost_of(base: Level, task: Task) -> float:
-    """How far nudged runs of a fit are off, for comparison: the geometric mean of their costs with much and with little
-    nudging.  With little, the right model too may lose a motion that another one happens to follow."""
+    """How far observer runs of a fit are off, for comparison: the geometric mean of their costs with a high and a low
+    gain. With the low one the right model too may lose a motion that another one happens to follow."""
     return _cost(_follower(base.model, task), base.model)
 
 
@@ -142,7 +143,7 @@ class _Population:
         return Near(model, _cost(self._follower, model), effect)
 
     def loosen(self) -> None:
-        """Some more generations with little nudging."""
+        """Some more generations with the low gain."""
         self.judge_by(self._follower, WEAK)
         self.evolve(FINAL_GENERATIONS)
 
@@ -198,7 +199,7 @@ def _values(model: Model, effect: str, wide: Sequence[Sizes]) -> list[dict[str, 
     """Seeds of the effect at these sizes, of either sign."""
     found: list[dict[str, float]] = []
     for one in wide:
-        found += [values for values in seeds(model, effect, one) if values not in found]
+        found += [values for values in initial_guesses(model, effect, one) if values not in found]
     return found + [{**v, **opposite} for v in found if (opposite := _opposite(model, v))]
 
 

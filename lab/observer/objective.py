@@ -1,4 +1,4 @@
-"""What nudged runs follow, and how far off they are.  Searches for the models that come near are elsewhere."""
+"""What observer runs follow, and how far off they are.  Searches for the models that come near are elsewhere."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lostmotion.lab.data.experiment import ACCEL, Experiment
-from lostmotion.lab.observer.filter import SETTLED_S, STRONG, TIGHT, WEAK, Nudge, sampled
-from lostmotion.lab.shooting.problem import Task
+from lostmotion.lab.observer.filter import SETTLED_S, STRONG, TIGHT, WEAK, Observer, sampled
+from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
@@ -28,31 +28,33 @@ OUTSIDE, FAR = 3.0, 1e6
 
 @dataclass(frozen=True, eq=False)
 class Follower:
-    """Stretches that runs shall follow; noise [m/s²]; nudges: by coupling."""
+    """Segments that runs shall follow; noise [m/s²]; observers: by coupling."""
 
     rough: Model
-    stretches: tuple[Experiment, ...]
+    segments: tuple[Experiment, ...]
     noise: float
     substep_s: float
-    nudges: dict[float, Nudge]
+    observers: dict[float, Observer]
 
     @classmethod
     def of(cls, task: Task, rough: Model) -> Follower:
         """The liveliest parts of the first experiments."""
         value = {name: p.value for name, p in rough.parameters.items()}
         hz = max(LEAST_HZ, PERIOD_SAMPLES * math.sqrt(value["k"] / value["m"]) / (2 * math.pi))
-        stretches = tuple(_liveliest(e, hz) for e in task.experiments[:EXPERIMENTS])
-        nudges = {coupling: Nudge.of(rough, 1 / stretches[0].rate_hz, coupling) for coupling in (TIGHT, STRONG, WEAK)}
-        return cls(rough, stretches, task.noise[ACCEL], max(task.substep_s, SHORTEST_STEP_S), nudges)
+        segments = tuple(_liveliest(e, hz) for e in task.experiments[:EXPERIMENTS])
+        observers = {
+            coupling: Observer.of(rough, 1 / segments[0].rate_hz, coupling) for coupling in (TIGHT, STRONG, WEAK)
+        }
+        return cls(rough, segments, task.noise[ACCEL], max(task.substep_s, SHORTEST_STEP_S), observers)
 
     def alone(self) -> Follower:
-        """The first stretch only."""
-        return replace(self, stretches=self.stretches[:1])
+        """The first segment only."""
+        return replace(self, segments=self.segments[:1])
 
     def roughly(self) -> Follower:
-        """The first stretch only, errors in units of a part of its signal at least: where the noise is faint, hardly a
+        """The first segment only, errors in units of a part of its signal at least: where the noise is faint, hardly a
         model is near enough for its error to say which way is better."""
-        usual = float(np.std(self.stretches[0].measured[ACCEL]))
+        usual = float(np.std(self.segments[0].measured[ACCEL]))
         return replace(self.alone(), noise=max(self.noise, ROUGH * usual))
 
     def cost(self, model: Model, coupling: float) -> float:
@@ -67,9 +69,9 @@ class Follower:
     def errors(self, model: Model, coupling: float) -> FloatArray:
         """What runs did not expect at the samples after the first 0.2 s (N,), over what is expected of a model that is
         right.  Raises ModelError."""
-        nudge = self.nudges[coupling]
-        errors = [nudge.run(s.model(model), s, self.substep_s)[0][settled(s)] for s in self.stretches]
-        return np.asarray(np.concatenate(errors) / (nudge.expected * self.noise))
+        observer = self.observers[coupling]
+        errors = [observer.run(s.model(model), s, self.substep_s)[0][settled(s)] for s in self.segments]
+        return np.asarray(np.concatenate(errors) / (observer.expected * self.noise))
 
 
 def _liveliest(experiment: Experiment, hz: float) -> Experiment:
@@ -83,6 +85,6 @@ def _liveliest(experiment: Experiment, hz: float) -> Experiment:
     return replace(experiment, time=time[first : last[first]], measured={ACCEL: values[first : last[first]]})
 
 
-def settled(stretch: Experiment) -> slice:
-    """The samples at which a nudged run has forgotten its start."""
-    return slice(int(np.searchsorted(stretch.time, stretch.time[0] + SETTLED_S)), None)
+def settled(segment: Experiment) -> slice:
+    """The samples at which a observer run has forgotten its start."""
+    return slice(int(np.searchsorted(segment.time, segment.time[0] + SETTLED_S)), None)

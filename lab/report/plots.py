@@ -36,7 +36,7 @@ def spectrum(found: Amplitudes) -> str:
 
 
 def history(title: str, label: str, unit: str, start: FloatArray, rms: FloatArray, noise: float) -> str:
-    """Root mean squares (K,) of stretches that begin at start (K,) [s], against the noise."""
+    """Root mean squares (K,) of segments that begin at start (K,) [s], against the noise."""
     shown = scale(unit, *rms)
     ordinate = Axis.around(_label(label, shown.unit), rms * shown.factor, [0.0, noise * shown.factor])
     frame = Frame(Axis.around("time (s)", start), ordinate, title=title)

@@ -55,10 +55,10 @@ def _where(comparison: Comparison, column: str) -> list[str]:
 
 
 def _why(comparison: Comparison) -> list[str]:
-    blame = comparison.blame
-    if blame is None:
+    localisation = comparison.localisation
+    if localisation is None:
         return ["No single equation explains it: first fit the parameters (lostmotion lab fit)."]
     return [
-        f"As the parameters stand it looks as if {blame.description}.",
+        f"As the parameters stand it looks as if {localisation.description}.",
         "Parameters that are off look the same: lostmotion lab fit first, then lostmotion lab explain.",
     ]

@@ -24,7 +24,7 @@ __all__ = ["Amplitudes", "Trace", "amplitudes", "before", "traces"]
 
 LEAST_SAMPLES = 16
 SEGMENTS = 8
-"""At least so many half-overlapping stretches are averaged in a spectrum."""
+"""At least so many half-overlapping segments are averaged in a spectrum."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +104,7 @@ def before(fit: Fit | None, explanation: Explanation | None) -> Fit | None:
 
 
 def amplitudes(trace: Trace, comparison: Comparison | None = None) -> Amplitudes | None:
-    """Averaged over stretches with half overlap (Welch, Hann window); None for a few samples.
+    """Averaged over segments with half overlap (Welch, Hann window); None for a few samples.
 
     Samples that are not evenly spaced are interpolated onto the median spacing first.  The noise is that of the
     comparison, or else white.
@@ -132,7 +132,7 @@ def _run(fit: Fit) -> Iterator[Trajectory]:
 
 
 def _same(some: tuple[Experiment, ...], others: tuple[Experiment, ...]) -> bool:
-    """Whether they are the same stretches of the same recordings."""
+    """Whether they are the same segments of the same recordings."""
     return [(one.name, one.time.size, one.time[0]) for one in some] == [
         (one.name, one.time.size, one.time[0]) for one in others
     ]

@@ -11,16 +11,16 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
-from lostmotion.lab.selection.candidates import others, raced_fits
+from lostmotion.lab.selection.candidates import halving_fits, others
 from lostmotion.lab.selection.nesting import in_place, wider
 from lostmotion.lab.selection.step import Step, on_unseen, with_first
 from lostmotion.lab.selection.validate import FAR, Judged, Unseen, better, is_left, misfits
 from lostmotion.lab.shooting.continuation import Level
-from lostmotion.lab.shooting.initial_guess import seeds, sizes
-from lostmotion.lab.shooting.problem import Task
+from lostmotion.lab.shooting.initial_guess import initial_guesses, sizes
+from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model
 
-__all__ = ["told_apart", "widened"]
+__all__ = ["distinguished", "generalised"]
 
 LATE = ("command_delay", "actuator_lag", "sensor_lag")
 GAIN = 0.003
@@ -29,16 +29,16 @@ LOST = 4.0
 """Times the noise, from which on a fit has lost the motion."""
 
 
-def widened(step: Step, unseen: Unseen) -> Step:
-    """The accepted step, with an effect of its first fit widened to the one of which it is a part, where that explains
-    what the part leaves of the unseen data."""
+def generalised(step: Step, unseen: Unseen) -> Step:
+    """The accepted step, with an effect of its first fit generalised to the one of which it is a part, where that
+    explains what the part leaves of the unseen data."""
     first = step.tried[0]
     for part in unseen.task.added(first.level.model):
         if (found := wider(first.level.model, part)) and is_left(first.judged):
             whole, model = found
             shapes = ((whole, shape) for shape in _shapes(first.level, model, whole, unseen.task))
             begin = [(part, first.level.model), *shapes]
-            levels = {t.effect: t.level for t in raced_fits(begin, unseen.task, unseen.horizon_s, unseen.pool)}
+            levels = {t.effect: t.level for t in halving_fits(begin, unseen.task, unseen.horizon_s, unseen.pool)}
             step = _better_with(step, first.effect, levels.get(part), unseen)
             return _better_with(step, whole if first.effect == part else first.effect, levels.get(whole), unseen)
     return step
@@ -54,12 +54,12 @@ def _better_with(step: Step, effect: str, level: Level | None, unseen: Unseen) -
 
 def _shapes(level: Level, model: Model, effect: str, task: Task) -> Iterator[Model]:
     """The model in each shape that this effect may have beside its size."""
-    found = seeds(model, effect, sizes(level.model, level.stretches, task.substep_s))
+    found = initial_guesses(model, effect, sizes(level.model, level.segments, task.substep_s))
     for shape in {values[f"{effect}.omega_s"] for values in found}:
         yield model.replace({f"{effect}.omega_s": shape})
 
 
-def told_apart(step: Step, before: Judged, unseen: Unseen) -> Step:
+def distinguished(step: Step, before: Judged, unseen: Unseen) -> Step:
     """The accepted step, with another one of LATE in its first fit where that explains the unseen data better.
 
     before: the fit without its effect; where that was near the noise, what was told apart then still holds.  A fit that
@@ -72,7 +72,7 @@ def told_apart(step: Step, before: Judged, unseen: Unseen) -> Step:
     if not changed:
         return step
     begin = [("", first.level.model), *changed]
-    tried = on_unseen(raced_fits(begin, task, unseen.horizon_s, unseen.pool), first.judged, unseen)
+    tried = on_unseen(halving_fits(begin, task, unseen.horizon_s, unseen.pool), first.judged, unseen)
     misfit = dict(zip((one.effect for one in tried), misfits([one.judged for one in tried]).tolist(), strict=True))
     best = min(tried, key=lambda one: misfit[one.effect], default=first)
     gain = misfit.get("", math.inf) - misfit.get(best.effect, math.inf)

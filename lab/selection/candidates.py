@@ -1,9 +1,9 @@
 """Effects of the catalogue, tried on a model: rough fits with one more, from several beginnings.  No verdicts here.
 
 Near the noise the score test says where an effect would begin and how large it would be.  Far from it, an effect that
-moves the gears moves all impacts, and the play that fitted best without it is the wrong one: there nudged runs, in
-which effect and play are searched together, say which effects are worth a fit.  These race on longer and longer
-stretches, on which only the right one stays.
+moves the gears moves all impacts, and the play that fitted best without it is the wrong one: there observer runs, in
+which effect and play are searched together, say which effects are worth a fit.  They go through successive halving on
+longer and longer segments, on which only the right one stays.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from lostmotion.lab.shooting.continuation import Level, fitted
 from lostmotion.lab.shooting.initial_guess import AMPLITUDE
 from lostmotion.lab.shooting.initial_state import repaired
 from lostmotion.lab.shooting.parameters import Unknowns
-from lostmotion.lab.shooting.problem import Task
 from lostmotion.lab.shooting.segment import start_with, state_scales
+from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model, catalogue
 
 __all__ = [
@@ -36,30 +36,31 @@ __all__ = [
     "best_of_each",
     "far_trials",
     "followed_fit",
+    "halving_fits",
     "near_trials",
     "next_trials",
     "others",
     "pair_trials",
-    "raced_fits",
     "repaired_trial",
 ]
 
 NEAR, NEAR_ITERATIONS, FULL, TOGETHER = 12, 6, 4, 2
 FEW_NEAR, FEW_FULL, FOLLOWED, REPAIRED = 6, 2, 4, 6
 UNFOLLOWED = 1.4
-"""Times the cost of what nudged runs come nearest to, from which on another effect is not followed."""
+"""Times the cost of what observer runs come nearest to, from which on another effect is not followed."""
 HOPELESS = 0.45
-"""Share of missed stretches, from which on an effect is not worth finding their starts."""
+"""Share of missed segments, from which on an effect is not worth finding their starts."""
 NEARER_ALONE, NEARER = 0.9, 0.87
-"""To these parts of the cost without it the first of two effects must bring nudged runs, and the second one again."""
+"""To these parts of the cost without it the first of two effects must bring observer runs, and the second one again."""
 FIRST_BEHIND, BEHIND, MOST_RACED = 1.8, 3.0, 5
-"""Times the error of the best, from which on another one is out of the race: at its start, when longer."""
+"""Times the error of the best, from which on another one is dropped by successive halving: at its start, when
+longer."""
 COUNTED = 0.93
 """Part of the error of the next effect, below which one is worth searching its whole numbers from the beginning."""
 STILL = 0.9
 """Part of the error before, below which beginning anew is worth another time."""
 USELESS, UNRACED = 0.85, 2
-"""Share of the error without it, from which on no effect is worth a race; so many are told all the same."""
+"""Share of the error without it, from which on no effect is worth a fit; so many are told all the same."""
 
 
 class _OfEffect(Protocol):
@@ -95,7 +96,7 @@ def others(model: Model) -> list[str]:
 def near_trials(
     level: Level, directions: Sequence[Direction], task: Task, pool: Executor, iterations: int = 15
 ) -> list[Trial]:
-    """Fits on the same stretches, each beginning with what the score test asks for; best first."""
+    """Fits on the same segments, each beginning with what the score test asks for; best first."""
     count = len(directions)
     levels = pool.map(_with_direction, directions, [level] * count, [task] * count, [iterations] * count)
     return _ordered([Trial(d.effect, fit) for d, fit in zip(directions, levels, strict=True)])
@@ -104,60 +105,60 @@ def near_trials(
 def far_trials(
     base: Level, directions: Sequence[Direction], task: Task, horizon_s: float, pool: Executor
 ) -> tuple[list[Trial], list[Near]]:
-    """The best few effects, each fitted on stretches of about this length; best first.
+    """The best few effects, each fitted on segments of about this length; best first.
 
-    base: the fit without them on the shortest stretches; directions: of its score test.  Where the bar was measured and
-    more than noise is left by all of these, nudged runs say what else is worth a fit; what they come near to is told
+    base: the fit without them on the shortest segments; directions: of its score test.  Where the bar was measured and
+    more than noise is left by all of these, observer runs say what else is worth a fit; what they come near to is told
     as well.
     """
-    nudged = can_follow(task.rough, *task.experiments)
-    near = near_trials(base, directions[: FEW_NEAR if nudged else NEAR], task, pool, NEAR_ITERATIONS)
-    few = FEW_FULL if nudged and near and near[0].level.typical > FAR else FULL
+    observed = can_follow(task.rough, *task.experiments)
+    near = near_trials(base, directions[: FEW_NEAR if observed else NEAR], task, pool, NEAR_ITERATIONS)
+    few = FEW_FULL if observed and near and near[0].level.typical > FAR else FULL
     strongest = [trial for trial in near[few:] if trial.effect == directions[0].effect]
     full = _full_fits([(trial.effect, trial.level.model) for trial in (*near[:few], *strongest)], task, pool)
-    if not nudged:
-        return _race(full, task, horizon_s, pool, base.typical), []
+    if not observed:
+        return _halving(full, task, horizon_s, pool, base.typical), []
     if full and full[0].level.typical < min(FAR, USELESS * base.typical):
-        raced = _race(full, task, horizon_s, pool, base.typical)
-        if raced and not is_left(trained(raced[0].level, task.substep_s)):
+        survivors = _halving(full, task, horizon_s, pool, base.typical)
+        if survivors and not is_left(trained(survivors[0].level, task.substep_s)):
             # it may have a parameter too many
-            begin = [found] if (found := simpler(raced[0].level.model, raced[0].effect)) else []
-            return _ordered([*raced, *raced_fits(begin, task, horizon_s, pool, base.typical)]), []
+            begin = [found] if (found := simpler(survivors[0].level.model, survivors[0].effect)) else []
+            return _ordered([*survivors, *halving_fits(begin, task, horizon_s, pool, base.typical)]), []
     near_by = shortlist(base, others(base.model), task, pool)
     full = _ordered([*full, *_full_fits(_nearest(near_by), task, pool)])
-    return _race(full, task, horizon_s, pool, base.typical), best_of_each(near_by)
+    return _halving(full, task, horizon_s, pool, base.typical), best_of_each(near_by)
 
 
 def next_trials(
     known: Sequence[Model], near: Sequence[Near], task: Task, horizon_s: float, pool: Executor
 ) -> list[Trial]:
-    """Fits with the effects that come next in what nudged runs come near to; none where none of them helps more than
+    """Fits with the effects that come next in what observer runs come near to; none where none of them helps more than
     the models that are known already."""
     few = _nearest(near, FOLLOWED)
     full = _full_fits([*few, *(("", model) for model in known)], task, pool) if few else []
     before = next((trial.level.typical for trial in full if not trial.effect), math.inf)
     useful = [trial for trial in full if trial.level.typical < USELESS * before]
-    return _race(useful, task, horizon_s, pool, before) if useful else []
+    return _halving(useful, task, horizon_s, pool, before) if useful else []
 
 
 def pair_trials(base: Level, first: Sequence[Near], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
-    """Fits with two more effects at once, named by the second one: those that bring nudged runs with one of the first
+    """Fits with two more effects at once, named by the second one: those that bring observer runs with one of the first
     ones nearest to the measurement.  None where the first ones bring them hardly nearer: what is missing is another."""
     if not first or first[0].cost > NEARER_ALONE * cost_of(base, task):
         return []
     pairs = [shortlist(base, others(one.model), task, pool, one) for one in first]
     nearer = [pair for one, found in zip(first, pairs, strict=True) for pair in found if pair.cost < NEARER * one.cost]
-    return raced_fits(_nearest(sorted(nearer, key=lambda pair: pair.cost)), task, horizon_s, pool, base.typical)
+    return halving_fits(_nearest(sorted(nearer, key=lambda pair: pair.cost)), task, horizon_s, pool, base.typical)
 
 
 def repaired_trial(effect: str, model: Model, level: Level, task: Task) -> Trial:
     """The fit of a model with an effect that has no states of its own, from a level's starts; those that are missed
     begin anew."""
-    return Trial(effect, repaired_fit(model, Unknowns.of(model, task.rough), level.stretches, task, HOPELESS))
+    return Trial(effect, repaired_fit(model, Unknowns.of(model, task.rough), level.segments, task, HOPELESS))
 
 
 def followed_fit(near: Near, task: Task) -> Trial:
-    """The fit on all short stretches that begins where nudged runs have come to."""
+    """The fit on all short segments that begins where observer runs have come to."""
     return Trial(near.effect, full_fit(near.model, task, HOPELESS))
 
 
@@ -168,35 +169,35 @@ def _nearest(ordered: Sequence[Near], begin: int = 0) -> list[tuple[str, Model]]
     return [(near.effect, near.model) for near in followed[: FOLLOWED + 1]]
 
 
-def raced_fits(
+def halving_fits(
     begin: Sequence[tuple[str, Model]], task: Task, horizon_s: float, pool: Executor, before: float = math.inf
 ) -> list[Trial]:
-    """The models with their effects fitted on all short stretches, then raced up to this length; best first.
+    """The models with their effects fitted on all short segments, then survivors up to this length; best first.
 
-    before: the typical error of the short stretches without these effects; noise's is one.
+    before: the typical error of the short segments without these effects; noise's is one.
     """
-    return _race(_full_fits(begin, task, pool), task, horizon_s, pool, before)
+    return _halving(_full_fits(begin, task, pool), task, horizon_s, pool, before)
 
 
 def _full_fits(begin: Sequence[tuple[str, Model]], task: Task, pool: Executor) -> list[Trial]:
-    """The models with their effects fitted on all short stretches, best first."""
+    """The models with their effects fitted on all short segments, best first."""
     count = len(begin)
     levels = pool.map(full_fit, [model for _, model in begin], [task] * count, [HOPELESS] * count)
     return _ordered([Trial(effect, level) for (effect, _), level in zip(begin, levels, strict=True)])
 
 
-def _race(full: Sequence[Trial], task: Task, horizon_s: float, pool: Executor, before: float) -> list[Trial]:
+def _halving(full: Sequence[Trial], task: Task, horizon_s: float, pool: Executor, before: float) -> list[Trial]:
     each = _settled(best_of_each(full), task, pool)
     if each and each[0].level.typical > max(USELESS * before, FAR):
         return each[:UNRACED]
     if len(each) < 2 or each[0].level.typical < COUNTED * each[1].level.typical:
         each[:1] = [_recounted(trial, task, pool, _repaired) for trial in each[:1]]
-    raced = _raced(each, task, horizon_s, pool)
-    return _ordered([_recounted(trial, task, pool, refined) for trial in raced])
+    survivors = _survivors(each, task, horizon_s, pool)
+    return _ordered([_recounted(trial, task, pool, refined) for trial in survivors])
 
 
 def _settled(each: list[Trial], task: Task, pool: Executor) -> list[Trial]:
-    """The trials, the best of those that stay far from the noise also from where nudged runs come nearest with their
+    """The trials, the best of those that stay far from the noise also from where observer runs come nearest with their
     effect, again while that helps: they began with the play and the damping of a model without it."""
     for seed in itertools.count(step=TOGETHER):
         if not (each and each[0].level.typical > FAR and can_follow(task.rough, *task.experiments)):
@@ -213,8 +214,8 @@ def _settled(each: list[Trial], task: Task, pool: Executor) -> list[Trial]:
     return each
 
 
-def _raced(trials: list[Trial], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
-    """The trials on longer and longer stretches, those that fall far behind the best left out."""
+def _survivors(trials: list[Trial], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
+    """The trials on longer and longer segments, those that fall far behind the best left out."""
     behind = FIRST_BEHIND
     while trials and trials[0].level.horizon_s * LONGER < horizon_s:
         running = [t for t in trials if t.level.typical < behind * max(trials[0].level.typical, 1.0)][:MOST_RACED]
@@ -229,8 +230,8 @@ def _raced(trials: list[Trial], task: Task, horizon_s: float, pool: Executor) ->
 def _repaired(level: Level, task: Task) -> Level:
     """A few steps from a level's values, twice: what is missed after the first ones begins anew."""
     once = refined(level, task, REPAIRED)
-    starts = repaired(once.model, once.stretches, task.substep_s, HOPELESS)
-    return refined(replace(once, stretches=starts), task, REPAIRED)
+    starts = repaired(once.model, once.segments, task.substep_s, HOPELESS)
+    return refined(replace(once, segments=starts), task, REPAIRED)
 
 
 def _recounted(trial: Trial, task: Task, pool: Executor, fit: Callable[[Level, Task], Level]) -> Trial:
@@ -264,12 +265,12 @@ def _with_direction(direction: Direction, level: Level, task: Task, iterations: 
         wanted = faint * direction.amplitude
         values[full] = min(max(wanted, parameter.low, faint if parameter.low >= 0 else parameter.low), parameter.high)
     model = model.replace(values)
-    stretches = [
+    segments = [
         replace(
-            stretch,
-            start=start_with(stretch.experiment.model(model), stretch, level.model.state_names),
-            scale=state_scales(model, stretch.experiment),
+            segment,
+            start=start_with(segment.experiment.model(model), segment, level.model.state_names),
+            scale=state_scales(model, segment.experiment),
         )
-        for stretch in level.stretches
+        for segment in level.segments
     ]
-    return fitted(model, Unknowns.of(model, task.rough), stretches, task.substep_s, iterations=iterations)
+    return fitted(model, Unknowns.of(model, task.rough), segments, task.substep_s, iterations=iterations)

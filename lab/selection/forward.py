@@ -10,7 +10,7 @@ import numpy as np
 
 from lostmotion.lab.fitting.fit import Progress
 from lostmotion.lab.fitting.strategy import grown
-from lostmotion.lab.selection.alternatives import told_apart, widened
+from lostmotion.lab.selection.alternatives import distinguished, generalised
 from lostmotion.lab.selection.step import Step, further, promising, searched, together
 from lostmotion.lab.selection.validate import FAR, Judged, Unseen, better
 from lostmotion.lab.shooting.continuation import Level
@@ -24,7 +24,7 @@ MOST_MISSING, AT_LENGTH = 3, 2
 def descended(
     short: Level, level: Level, unseen: Unseen, rng: np.random.Generator, progress: Progress, until: float = math.inf
 ) -> tuple[Level, Level, list[Judged], list[Step]]:
-    """The last fits on short and on grown stretches, how the error fell, and what was tried.
+    """The last fits on short and on grown segments, how the error fell, and what was tried.
 
     No further step begins after time.monotonic() has passed ``until`` [s].
     """
@@ -35,7 +35,7 @@ def descended(
         steps += found
         if not found[-1].accepted:
             break
-        steps[-1] = last = told_apart(widened(found[-1], unseen), descent[-1], unseen)
+        steps[-1] = last = distinguished(generalised(found[-1], unseen), descent[-1], unseen)
         descent += [step.tried[0].judged for step in (*found[:-1], last)]
         short = last.tried[0].level
         level = grown(short, unseen.task)

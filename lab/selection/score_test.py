@@ -17,7 +17,7 @@ import numpy as np
 from lostmotion.lab.data.noise import NoiseModel, innovation_noise
 from lostmotion.lab.shooting.continuation import Level, followed
 from lostmotion.lab.shooting.initial_guess import AMPLITUDE, faint, sizes
-from lostmotion.lab.shooting.segment import Linearised, Stretch, start_with
+from lostmotion.lab.shooting.segment import Linearised, Segment, start_with
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
@@ -68,21 +68,21 @@ class Scores:
 def score_test(
     level: Level, effects: Sequence[str], substep_s: float, pool: Executor, rng: np.random.Generator
 ) -> Scores:
-    """Tests effects on a fit, whose stretches that are missed are left out."""
-    stretches = followed(level, substep_s)
-    count = len(stretches)
-    every = list(pool.map(_linearised, stretches, [level] * count, [substep_s] * count))
-    stretches = [stretch for stretch, block in zip(stretches, every, strict=True) if block.finite]
+    """Tests effects on a fit, whose segments that are missed are left out."""
+    segments = followed(level, substep_s)
+    count = len(segments)
+    every = list(pool.map(_linearised, segments, [level] * count, [substep_s] * count))
+    segments = [segment for segment, block in zip(segments, every, strict=True) if block.finite]
     blocks = [block for block in every if block.finite]
     if not blocks:
         return Scores((), 0.0, {}, NoiseModel.white(1.0))
     project = _Projection(blocks)
     noise = innovation_noise(*(block.r for block in blocks))
     r = project([block.r for block in blocks])
-    size = sizes(level.model, stretches, substep_s)
+    size = sizes(level.model, segments, substep_s)
     models = [(effect, model) for effect in effects for model in faint(level.model, effect, size)]
     count, r_before = len(models), [block.r for block in blocks]
-    columns = pool.map(_columns, [model for _, model in models], [level.model] * count, [stretches] * count,
+    columns = pool.map(_columns, [model for _, model in models], [level.model] * count, [segments] * count,
                        [r_before] * count, [substep_s] * count)  # fmt: skip
     usable = [(e, m, project(c)) for (e, m), c in zip(models, columns, strict=True) if c is not None]
     usable = [entry for entry in usable if entry[2] @ entry[2] > 1e-12]
@@ -104,18 +104,18 @@ def score_test(
     return Scores(ordered, float(np.quantile(largest, 0.95)), p, noise)
 
 
-def _linearised(stretch: Stretch, level: Level, substep_s: float) -> Linearised:
-    return stretch.linearised(level.model, level.unknowns, level.z, substep_s)
+def _linearised(segment: Segment, level: Level, substep_s: float) -> Linearised:
+    return segment.linearised(level.model, level.unknowns, level.z, substep_s)
 
 
 def _columns(
-    model: Model, before: Model, stretches: Sequence[Stretch], residuals: Sequence[FloatArray], substep_s: float
+    model: Model, before: Model, segments: Sequence[Segment], residuals: Sequence[FloatArray], substep_s: float
 ) -> list[FloatArray] | None:
-    """How a faint effect changes the residual of each stretch; None where it cannot be run."""
+    """How a faint effect changes the residual of each segment; None where it cannot be run."""
     changes = []
-    for stretch, r in zip(stretches, residuals, strict=True):
-        own = stretch.experiment.model(model)
-        there = stretch.residual(own, start_with(own, stretch, before.state_names), substep_s)
+    for segment, r in zip(segments, residuals, strict=True):
+        own = segment.experiment.model(model)
+        there = segment.residual(own, start_with(own, segment, before.state_names), substep_s)
         if not np.all(np.isfinite(there)):
             return None
         changes.append(there - r)
@@ -123,7 +123,7 @@ def _columns(
 
 
 class _Projection:
-    """Takes what parameters (shared) and start states (of each stretch) explain out of a residual."""
+    """Takes what parameters (shared) and start states (of each segment) explain out of a residual."""
 
     def __init__(self, blocks: Sequence[Linearised]) -> None:
         self._starts = [np.linalg.qr(block.B)[0] for block in blocks]
@@ -131,7 +131,7 @@ class _Projection:
         self._parameters = np.linalg.qr(A)[0]
 
     def __call__(self, parts: Sequence[FloatArray]) -> FloatArray:
-        """The residuals of all stretches (M_i,) as one, projected (M,)."""
+        """The residuals of all segments (M_i,) as one, projected (M,)."""
         whole = np.concatenate([self._off(q, part) for q, part in zip(self._starts, parts, strict=True)])
         return np.asarray(whole - self._parameters @ (self._parameters.T @ whole))
 

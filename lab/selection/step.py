@@ -27,7 +27,7 @@ from lostmotion.lab.selection.candidates import (
 from lostmotion.lab.selection.score_test import Direction, Scores, score_test
 from lostmotion.lab.selection.validate import FAR, LEAST_GAIN, LONGER, Judged, Unseen, better, misfits, trained
 from lostmotion.lab.shooting.continuation import Level
-from lostmotion.lab.shooting.problem import Task
+from lostmotion.lab.shooting.task import Task
 
 __all__ = ["Step", "Tried", "further", "on_unseen", "promising", "searched", "together", "with_first"]
 
@@ -65,8 +65,8 @@ class Tried:
 class Step:
     """A fit without, and those with, one more effect, best first; scores of the fit without.
 
-    near: what nudged runs come near to; accepted: the first one's effect is missing; trusted: as the first of two, as
-    it explains too little alone; blind: the unseen data are free of it, the training data said so.
+    near: what observer runs come near to; accepted: the first one's effect is missing; trusted: as the first of two, as
+    it explains too little alone; unvalidated: the unseen data are free of it, the training data said so.
     """
 
     scores: Scores
@@ -74,7 +74,7 @@ class Step:
     near: tuple[Near, ...] = ()
     accepted: bool = False
     trusted: bool = False
-    blind: bool = False
+    unvalidated: bool = False
 
     @property
     def equals(self) -> list[Tried]:
@@ -85,7 +85,7 @@ class Step:
 
     @property
     def ahead(self) -> Near | None:
-        """What brings nudged runs far nearer than all others, if anything."""
+        """What brings observer runs far nearer than all others, if anything."""
         if len(self.near) < 2 or self.near[0].cost > AHEAD * self.near[1].cost:
             return None
         return self.near[0]
@@ -98,7 +98,7 @@ class Step:
 
 def searched(level: Level, short: Level, now: Judged, unseen: Unseen, rng: np.random.Generator) -> Step:
     """One more effect, if there is evidence for one: near the noise, of those that the score test asks for; far from
-    it, also of what nudged runs come near to."""
+    it, also of what observer runs come near to."""
     task, pool = unseen.task, unseen.pool
     effects = others(level.model)
     scores = score_test(level, effects, task.substep_s, pool, rng)
@@ -112,7 +112,7 @@ def searched(level: Level, short: Level, now: Judged, unseen: Unseen, rng: np.ra
 
 
 def _near_step(level: Level, scores: Scores, now: Judged, unseen: Unseen) -> Step:
-    """The effects that the score test asks for, and the end of the sensor's range where readings stop at it: stretches
+    """The effects that the score test asks for, and the end of the sensor's range where readings stop at it: segments
     that reach it are missed, and the test does not see them."""
     task = unseen.task
     asked = [d for d in scores.directions[:NEAR_TRIALS] if d.statistic > scores.limit]
@@ -138,7 +138,7 @@ def with_first(step: Step, effect: str, level: Level, unseen: Unseen) -> Step:
 
 
 def further(step: Step, short: Level, now: Judged, unseen: Unseen) -> Step:
-    """The step, or that with the effects which bring nudged runs next nearest, if one of them is missing."""
+    """The step, or that with the effects which bring observer runs next nearest, if one of them is missing."""
     best = sorted((one.level for one in step.tried), key=lambda level: level.typical)[:1]
     known = [level.model for level in (short, *best)]
     trials = next_trials(known, step.near, unseen.task, unseen.horizon_s, unseen.pool)
@@ -166,16 +166,16 @@ def together(step: Step, short: Level, now: Judged, unseen: Unseen) -> list[Step
 
 def promising(step: Step, short: Level, now: Judged, unseen: Unseen) -> Step | None:
     """The step with an effect put first that explains too little alone, but more than all others: of the training data,
-    or of what keeps nudged runs from following the measurement."""
+    or of what keeps observer runs from following the measurement."""
     if short.model.base != "play" or now.error < FAR:
         return None
-    best = _outstanding(step, unseen.horizon_s) or _outstanding_nudged(step, short, now, unseen)
+    best = _outstanding(step, unseen.horizon_s) or _outstanding_observed(step, short, now, unseen)
     return replace(step, tried=_first(best, step.tried), accepted=True, trusted=True) if best else None
 
 
 def _outstanding(step: Step, horizon_s: float) -> Tried | None:
     """The effect whose error on the training data is far below all others', or before which all others fell out of the
-    race."""
+    successive halving."""
     if not step.tried:
         return None
     best, *rest = sorted(step.tried, key=lambda one: one.level.typical)
@@ -184,7 +184,7 @@ def _outstanding(step: Step, horizon_s: float) -> Tried | None:
     return best if best.level.horizon_s * LONGER > horizon_s else None
 
 
-def _outstanding_nudged(step: Step, short: Level, now: Judged, unseen: Unseen) -> Tried | None:
+def _outstanding_observed(step: Step, short: Level, now: Judged, unseen: Unseen) -> Tried | None:
     near = step.ahead
     if near is None or near.cost > AHEAD * cost_of(short, unseen.task):
         return None
@@ -199,7 +199,7 @@ def _strongest(*scores: Scores) -> list[Direction]:
 
 
 def on_unseen(trials: Sequence[Trial], now: Judged, unseen: Unseen) -> list[Tried]:
-    """The trials judged, each beginning stretches that it has lost where another one follows them."""
+    """The trials judged, each beginning segments that it has lost where another one follows them."""
     judged = unseen.judge_each([trial.level.model for trial in trials], now)
     return [Tried(trial.effect, trial.level, own) for trial, own in zip(trials, judged, strict=True)]
 
@@ -238,4 +238,4 @@ def _told_by_training(step: Step, level: Level, now: Judged, task: Task, sure: C
     if not full:
         return None
     ordered = sorted(tried, key=lambda one: one.misfit)
-    return Step(step.scores, _first(min(full, key=lambda one: one.misfit), ordered), accepted=True, blind=True)
+    return Step(step.scores, _first(min(full, key=lambda one: one.misfit), ordered), accepted=True, unvalidated=True)

@@ -14,8 +14,8 @@ from lostmotion.lab.data.stationarity import is_structured
 from lostmotion.lab.fitting.strategy import begun, passed
 from lostmotion.lab.shooting.continuation import Level, merged, residuals, tiles
 from lostmotion.lab.shooting.initial_state import polished, repaired
-from lostmotion.lab.shooting.problem import Task
-from lostmotion.lab.shooting.segment import Stretch, start_with
+from lostmotion.lab.shooting.segment import Segment, start_with
+from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
@@ -28,41 +28,41 @@ LEAST_GAIN = 0.01
 FAR_GAIN = 0.6
 """Where it stays far above the noise, to this part: what bends itself a little to something else is no effect."""
 LONGER = 1.2
-"""Times the length that is asked for, up to which a stretch may be."""
+"""Times the length that is asked for, up to which a segment may be."""
 POLISHED = 6
 LOST_SHARE = 0.4
 LOST, MOST = 1.3, 3.0
 UNLIKE_NOISE = 2.0
 """Times the noise, from which on what is left is no noise, whatever its shape: a steady hum passes for its colour."""
 SURE_SHARE = 0.75
-"""Of the unseen stretches, those that are followed best: in the others a start may be off, which is no structure."""
+"""Of the unseen segments, those that are followed best: in the others a start may be off, which is no structure."""
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """error: root mean square of r on unseen data, in units of the noise as it was estimated, without lost stretches;
-    errors, counts: (S,) of each stretch, all of them, and its samples; residual: r of those not lost, best first;
-    stretches: with the starts that were found; states: the names of what these hold.
+    """error: root mean square of r on unseen data, in units of the noise as it was estimated, without lost segments;
+    errors, counts: (S,) of each segment, all of them, and its samples; residual: r of those not lost, best first;
+    segments: with the starts that were found; states: the names of what these hold.
     """
 
     error: float
     errors: FloatArray
     counts: FloatArray
     residual: tuple[FloatArray, ...]
-    stretches: tuple[Stretch, ...] = ()
+    segments: tuple[Segment, ...] = ()
     states: tuple[str, ...] = ()
 
     @property
     def count(self) -> int:
-        """Samples of all stretches."""
+        """Samples of all segments."""
         return int(self.counts.sum())
 
 
 def misfits(judged: Sequence[Judged]) -> FloatArray:
     """The mean logarithm of each one's errors (J,): differences times the count are those of log-likelihoods, every
-    stretch with white noise of its own size.
+    segment with white noise of its own size.
 
-    Lost stretches count too, as one that few models follow tells most; but an error ends at some times the usual error
+    Lost segments count too, as one that few models follow tells most; but an error ends at some times the usual error
     of the best, as chaos makes any number.
     """
     end = MOST * min(_usual(one.errors) for one in judged)
@@ -79,7 +79,7 @@ def better(judged: Judged, now: Judged, base: str) -> bool:
 
 
 def is_left(judged: Judged) -> bool:
-    """Whether the stretches that are followed best hold more than noise."""
+    """Whether the segments that are followed best hold more than noise."""
     best = judged.residual[: math.ceil(SURE_SHARE * len(judged.residual))]
     return judged.error > UNLIKE_NOISE or is_structured(best)
 
@@ -90,7 +90,7 @@ def _usual(errors: FloatArray) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Unseen:
-    """An experiment that no fit has seen, and how long its stretches shall be."""
+    """An experiment that no fit has seen, and how long its segments shall be."""
 
     experiment: Experiment
     task: Task
@@ -98,10 +98,10 @@ class Unseen:
     pool: Executor
 
     def judge(self, model: Model, *others: Judged) -> Judged:
-        """The model on it, in stretches of about this length with start states of their own; others: where else these
+        """The model on it, in segments of about this length with start states of their own; others: where else these
         may begin.
 
-        Up to two fifths of the stretches are left out, those that stand out as lost: chaos, or a start that was not
+        Up to two fifths of the segments are left out, those that stand out as lost: chaos, or a start that was not
         found.
         """
         return self.again(model, _judged_on(self.experiment, model, self.task, self.horizon_s), *others)
@@ -116,56 +116,54 @@ class Unseen:
         return [self.again(model, own, *first) for model, own in zip(models, first, strict=True)]
 
     def again(self, model: Model, judged: Judged, *others: Judged) -> Judged:
-        """The same, but stretches that another model follows and this one has lost begun where that one begins: what
+        """The same, but segments that another model follows and this one has lost begun where that one begins: what
         the bar and the joint do there is the same."""
-        stretches, step = list(judged.stretches), self.task.substep_s
-        best = [min(others, key=lambda other: float(other.errors[i]), default=judged) for i in range(len(stretches))]
+        segments, step = list(judged.segments), self.task.substep_s
+        best = [min(others, key=lambda other: float(other.errors[i]), default=judged) for i in range(len(segments))]
         lost = [i for i, other in enumerate(best) if judged.errors[i] > LOST * other.errors[i]]
         if not lost:
             return judged
         for i in lost:
-            own, there = stretches[i].experiment.model(model), best[i].stretches[i]
-            stretches[i] = _polished(model, stretches[i], start_with(own, there, best[i].states)[None], step)
-        return _judged(residuals(model, stretches, step), stretches, model.state_names)
+            own, there = segments[i].experiment.model(model), best[i].segments[i]
+            segments[i] = _polished(model, segments[i], start_with(own, there, best[i].states)[None], step)
+        return _judged(residuals(model, segments, step), segments, model.state_names)
 
 
 def _judged_on(whole: Experiment, model: Model, task: Task, horizon_s: float) -> Judged:
     step, halvings = task.substep_s, task.halvings
     pieces = tiles(whole, halvings)
     likely = passed(model, pieces, [whole], task)
-    stretches = repaired(model, begun(model, pieces, likely, task), step)
+    segments = repaired(model, begun(model, pieces, likely, task), step)
     while halvings > 0 and whole.duration / 2 ** (halvings - 1) <= horizon_s * LONGER:
         halvings -= 1
-        stretches = repaired(model, merged(stretches, [whole], halvings), step)
-        also = [likely.get((whole.name, float(stretch.experiment.time[0]))) for stretch in stretches]
-        stretches = tuple(
-            _polished(model, stretch, state, step) for stretch, state in zip(stretches, also, strict=True)
-        )
-    return _judged(residuals(model, stretches, step), stretches, model.state_names)
+        segments = repaired(model, merged(segments, [whole], halvings), step)
+        also = [likely.get((whole.name, float(segment.experiment.time[0]))) for segment in segments]
+        segments = tuple(_polished(model, segment, state, step) for segment, state in zip(segments, also, strict=True))
+    return _judged(residuals(model, segments, step), segments, model.state_names)
 
 
 def trained(level: Level, substep_s: float) -> Judged:
-    """A fit on the stretches that it was made on."""
-    return _judged(residuals(level.model, level.stretches, substep_s))
+    """A fit on the segments that it was made on."""
+    return _judged(residuals(level.model, level.segments, substep_s))
 
 
 def trained_each(level: Level, substep_s: float) -> list[Judged]:
     """The same for each experiment alone: their noise may differ in colour."""
     parts: dict[str, list[FloatArray]] = {}
-    for stretch, r in zip(level.stretches, residuals(level.model, level.stretches, substep_s), strict=True):
-        parts.setdefault(stretch.experiment.name, []).append(r)
+    for segment, r in zip(level.segments, residuals(level.model, level.segments, substep_s), strict=True):
+        parts.setdefault(segment.experiment.name, []).append(r)
     return [_judged(own) for own in parts.values()]
 
 
-def _judged(parts: Sequence[FloatArray], stretches: Sequence[Stretch] = (), states: Sequence[str] = ()) -> Judged:
+def _judged(parts: Sequence[FloatArray], segments: Sequence[Segment] = (), states: Sequence[str] = ()) -> Judged:
     errors = np.array([np.sqrt(np.mean(part**2)) for part in parts])
     r = [parts[i] for i in np.argsort(errors) if errors[i] <= LOST * _usual(errors)]
     counts = np.array([float(part.size) for part in parts])
     error = float(np.sqrt(np.mean(np.concatenate(r) ** 2)))
-    return Judged(error, errors, counts, tuple(r), tuple(stretches), tuple(states))
+    return Judged(error, errors, counts, tuple(r), tuple(segments), tuple(states))
 
 
-def _polished(model: Model, stretch: Stretch, also: FloatArray | None, substep_s: float) -> Stretch:
-    own = stretch.experiment.model(model)
-    states = stretch.start[None] if also is None else np.vstack([stretch.start, also])
-    return stretch.starting(polished(own, stretch, states, substep_s, POLISHED)[0])
+def _polished(model: Model, segment: Segment, also: FloatArray | None, substep_s: float) -> Segment:
+    own = segment.experiment.model(model)
+    states = segment.start[None] if also is None else np.vstack([segment.start, also])
+    return segment.starting(polished(own, segment, states, substep_s, POLISHED)[0])

@@ -1,6 +1,6 @@
-"""Fitting on a growing horizon: many short stretches first, then half as many of twice the length, up to the whole.
+"""Fitting on a growing horizon: many short segments first, then half as many of twice the length, up to the whole.
 
-A long free run of gears has a minimum for every way in which impacts may be confused; a stretch of half a second has
+A long free run of gears has a minimum for every way in which impacts may be confused; a segment of half a second has
 hardly any.  Each level begins where the one before ended.  The numerics are levenberg's; nothing is searched here.
 """
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.shooting.least_squares import Problem, Solution, minimise
 from lostmotion.lab.shooting.parameters import Unknowns
-from lostmotion.lab.shooting.segment import Stretch
+from lostmotion.lab.shooting.segment import Segment
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
@@ -36,7 +36,7 @@ __all__ = [
 ]
 
 FIRST_S = {"play": 0.25, "joint": 1.0, "servo": 0.75}
-"""Length of the first stretches [s] where the motion is chaotic, drifts, or may stick at the wrong place."""
+"""Length of the first segments [s] where the motion is chaotic, drifts, or may stick at the wrong place."""
 FIRST_SAMPLES = 1024
 """The same for other motions: short enough that a part can stand for all."""
 OUTSIDE = 2.0  # medians of |r|: further out a residual counts by its magnitude
@@ -46,64 +46,64 @@ MISSED = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """A fit with stretches of one length: the model, where they start, how large r is (units of noise).
+    """A fit with segments of one length: the model, where they start, how large r is (units of noise).
 
-    rms: root mean square over all; typical: 1.48 medians of |r|, which a few missed stretches do not change.
+    rms: root mean square over all; typical: 1.48 medians of |r|, which a few missed segments do not change.
     """
 
     model: Model
     unknowns: Unknowns
     z: FloatArray
-    stretches: tuple[Stretch, ...]
+    segments: tuple[Segment, ...]
     rms: float
     typical: float
 
     @property
     def horizon_s(self) -> float:
-        """Length of the longest stretch [s]."""
-        return max(stretch.experiment.duration for stretch in self.stretches)
+        """Length of the longest segment [s]."""
+        return max(segment.experiment.duration for segment in self.segments)
 
 
 def first_level(base: str, experiment: Experiment) -> int:
-    """How often to halve the record for the first stretches."""
+    """How often to halve the record for the first segments."""
     first = FIRST_S.get(base, FIRST_SAMPLES / experiment.rate_hz)
     return max(0, math.ceil(math.log2(max(experiment.duration / first, 1.0)) - 0.2))
 
 
 def tiles(experiment: Experiment, halvings: int) -> list[Experiment]:
-    """The record in 2^halvings stretches of equal length."""
+    """The record in 2^halvings segments of equal length."""
     edges = np.linspace(experiment.time[0], experiment.time[-1], 2**halvings + 1)
     edges[-1] += 1.0
     return [experiment.between(a, b) for a, b in itertools.pairwise(edges)]
 
 
-def merged(stretches: Sequence[Stretch], experiments: Sequence[Experiment], halvings: int) -> tuple[Stretch, ...]:
-    """Stretches of 2^halvings a record, each with the start state of the shorter one that began there."""
-    known = {(s.experiment.name, float(s.experiment.time[0])): s for s in stretches}
+def merged(segments: Sequence[Segment], experiments: Sequence[Experiment], halvings: int) -> tuple[Segment, ...]:
+    """Segments of 2^halvings a record, each with the start state of the shorter one that began there."""
+    known = {(s.experiment.name, float(s.experiment.time[0])): s for s in segments}
     longer = []
     for experiment in experiments:
         for tile in tiles(experiment, halvings):
             old = known[experiment.name, float(tile.time[0])]
-            longer.append(Stretch(tile, old.noise, old.scale, old.start))
+            longer.append(Segment(tile, old.noise, old.scale, old.start))
     return tuple(longer)
 
 
 def level_of(problem: Problem, solution: Solution) -> Level:
     """A solution with its error."""
     model = problem.unknowns.put(problem.model, solution.z)
-    r = np.concatenate(residuals(model, solution.stretches, problem.substep_s))
+    r = np.concatenate(residuals(model, solution.segments, problem.substep_s))
     rms, typical = float(np.sqrt(np.mean(r**2))), 1.4826 * float(np.median(np.abs(r)))
-    return Level(model, problem.unknowns, solution.z, solution.stretches, rms, typical)
+    return Level(model, problem.unknowns, solution.z, solution.segments, rms, typical)
 
 
-def residuals(model: Model, stretches: Sequence[Stretch], substep_s: float) -> list[FloatArray]:
-    """r of each stretch, in units of the noise."""
-    return [s.residual(s.experiment.model(model), s.start, substep_s) for s in stretches]
+def residuals(model: Model, segments: Sequence[Segment], substep_s: float) -> list[FloatArray]:
+    """r of each segment, in units of the noise."""
+    return [s.residual(s.experiment.model(model), s.start, substep_s) for s in segments]
 
 
-def huber_of(model: Model, stretches: Sequence[Stretch], substep_s: float) -> float:
+def huber_of(model: Model, segments: Sequence[Segment], substep_s: float) -> float:
     """The bound beyond which residuals count as outside, from where they stand now."""
-    r = np.concatenate(residuals(model, stretches, substep_s))
+    r = np.concatenate(residuals(model, segments, substep_s))
     middle = float(np.median(np.abs(r[np.isfinite(r)]))) if np.any(np.isfinite(r)) else LEAST_HUBER
     return max(LEAST_HUBER, OUTSIDE * middle)
 
@@ -111,44 +111,44 @@ def huber_of(model: Model, stretches: Sequence[Stretch], substep_s: float) -> fl
 def fitted(
     model: Model,
     unknowns: Unknowns,
-    stretches: Sequence[Stretch],
+    segments: Sequence[Segment],
     substep_s: float,
     *,
     iterations: int = 15,
     quadratic: bool = False,
 ) -> Level:
-    """One level: minimises from the model's values and the stretches' start states.
+    """One level: minimises from the model's values and the segments' start states.
 
-    Stretches of gears that the model misses, because they began wrongly, have no say in the parameters.
+    Segments of gears that the model misses, because they began wrongly, have no say in the parameters.
     """
     z = unknowns.z(model)
-    missed = missing(model, stretches, substep_s)
-    good = [stretch for stretch, out in zip(stretches, missed, strict=True) if not out]
+    missed = missing(model, segments, substep_s)
+    good = [segment for segment, out in zip(segments, missed, strict=True) if not out]
     huber = math.inf if quadratic else huber_of(model, good, substep_s)
     problem = Problem(model, unknowns, z, substep_s, huber)
     solution = minimise(problem, z, good, iterations=iterations)
-    better = iter(solution.stretches)
-    every = tuple(stretch if out else next(better) for stretch, out in zip(stretches, missed, strict=True))
+    better = iter(solution.segments)
+    every = tuple(segment if out else next(better) for segment, out in zip(segments, missed, strict=True))
     return level_of(problem, Solution(solution.z, every, solution.cost))
 
 
-def errors(model: Model, stretches: Sequence[Stretch], substep_s: float) -> FloatArray:
-    """Root mean square of r of each stretch."""
-    return np.array([np.sqrt(np.mean(r**2)) for r in residuals(model, stretches, substep_s)])
+def errors(model: Model, segments: Sequence[Segment], substep_s: float) -> FloatArray:
+    """Root mean square of r of each segment."""
+    return np.array([np.sqrt(np.mean(r**2)) for r in residuals(model, segments, substep_s)])
 
 
-def missing(model: Model, stretches: Sequence[Stretch], substep_s: float) -> NDArray[np.bool_]:
-    """Which stretches of gears are missed: their error is several times that of the better ones, or infinite.
+def missing(model: Model, segments: Sequence[Segment], substep_s: float) -> NDArray[np.bool_]:
+    """Which segments of gears are missed: their error is several times that of the better ones, or infinite.
 
     Other motions forget where they began: what is off there is off because of the model.
     """
-    return outliers(errors(model, stretches, substep_s)) & (model.base == "play")
+    return outliers(errors(model, segments, substep_s)) & (model.base == "play")
 
 
-def followed(level: Level, substep_s: float) -> list[Stretch]:
-    """The stretches of a level that are not missed."""
-    missed = missing(level.model, level.stretches, substep_s)
-    return [stretch for stretch, out in zip(level.stretches, missed, strict=True) if not out]
+def followed(level: Level, substep_s: float) -> list[Segment]:
+    """The segments of a level that are not missed."""
+    missed = missing(level.model, level.segments, substep_s)
+    return [segment for segment, out in zip(level.segments, missed, strict=True) if not out]
 
 
 def outliers(error: FloatArray) -> NDArray[np.bool_]:

@@ -16,11 +16,11 @@ import numpy as np
 
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.frequency_response import usual_torque
-from lostmotion.lab.shooting.segment import Stretch, motions
+from lostmotion.lab.shooting.segment import Segment, motions
 from lostmotion.model import Domain, Model, Parameter
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["AMPLITUDE", "Sizes", "faint", "seeds", "sizes"]
+__all__ = ["AMPLITUDE", "Sizes", "faint", "initial_guesses", "sizes"]
 
 Values = dict[str, float]
 
@@ -47,9 +47,9 @@ class Sizes:
     length: float
 
 
-def sizes(model: Model, stretches: Sequence[Stretch], substep_s: float) -> Sizes:
-    """From the modelled motion of some stretches.  Raises ModelError where none can be run."""
-    runs = motions(model, stretches, substep_s)
+def sizes(model: Model, segments: Sequence[Segment], substep_s: float) -> Sizes:
+    """From the modelled motion of some segments.  Raises ModelError where none can be run."""
+    runs = motions(model, segments, substep_s)
     value = {name: parameter.value for name, parameter in model.parameters.items()}
     inertia = value.get("J2", value.get("J", 1.0))
 
@@ -63,8 +63,8 @@ def sizes(model: Model, stretches: Sequence[Stretch], substep_s: float) -> Sizes
     state = np.concatenate([run.states for run in runs])
     bar = {"play": (2, 3), "oscillator": (0, 1)}.get(model.base)
     bend, swing = (float(np.sqrt(np.mean(state[:, i] ** 2))) for i in bar) if bar else (0.0, 0.0)
-    measured = np.concatenate([v[~np.isnan(v)] for s in stretches for v in s.experiment.measured.values()])
-    experiments: list[Experiment] = [s.experiment for s in stretches]
+    measured = np.concatenate([v[~np.isnan(v)] for s in segments for v in s.experiment.measured.values()])
+    experiments: list[Experiment] = [s.experiment for s in segments]
     moving = inertia * rms("acceleration")
     driving = [usual_torque(model, e) for e in experiments] if model.base in ("joint", "servo") else []
     return Sizes(
@@ -83,7 +83,7 @@ def sizes(model: Model, stretches: Sequence[Stretch], substep_s: float) -> Sizes
     )
 
 
-def seeds(model: Model, effect: str, size: Sizes) -> list[Values]:
+def initial_guesses(model: Model, effect: str, size: Sizes) -> list[Values]:
     """Values to begin from, by the names of the model's parameters; the model has the effect already."""
     own = {name: p for name, p in model.parameters.items() if name.startswith(effect + ".")}
     found = _TABLE[effect](size, own) if effect in _TABLE else _defaults(own)
@@ -101,9 +101,9 @@ def faint(model: Model, effect: str, size: Sizes) -> list[Model]:
         return [own.replace(_within(own, values)) for values in named]
     amplitudes = [f"{effect}.{name}" for name in AMPLITUDE.get(effect, ()) if f"{effect}.{name}" in own.parameters]
     if not amplitudes:
-        return [own.replace(values) for values in seeds(own, effect, size)]
+        return [own.replace(values) for values in initial_guesses(own, effect, size)]
     shapes: dict[tuple[tuple[str, float], ...], Values] = {}
-    for values in seeds(own, effect, size):
+    for values in initial_guesses(own, effect, size):
         shape = {name: value for name, value in values.items() if name.startswith(effect) and name not in amplitudes}
         shapes.setdefault(tuple(sorted(shape.items())), {n: v for n, v in values.items() if n.startswith(effect)})
     return [own.replace({**v, **{name: FAINT * v[name] for name in amplitudes}}) for v in shapes.values()]

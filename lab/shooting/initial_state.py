@@ -1,4 +1,4 @@
-"""Where a fit begins: the unknown start state of a stretch, the frequency in the spectrum.  No parameters are fitted.
+"""Where a fit begins: the unknown start state of a segment, the frequency in the spectrum.  No parameters are fitted.
 
 A recording starts in the middle of the motion.  On gears the cost has a valley for every impact that may have come
 before, so the gap's position and speed are scanned; the bar's share is linear and follows from each.
@@ -16,11 +16,11 @@ import numpy as np
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.shooting.continuation import errors, missing
 from lostmotion.lab.shooting.least_squares import robust
-from lostmotion.lab.shooting.segment import STEP, Stretch, in_motion, state_scales
+from lostmotion.lab.shooting.segment import STEP, Segment, in_motion, state_scales
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["FINE", "find_start", "polished", "repaired", "ringing_hz", "stretch_of"]
+__all__ = ["FINE", "find_start", "polished", "repaired", "ringing_hz", "segment_of"]
 
 SCAN_S = 0.1
 LAST = 2
@@ -51,38 +51,38 @@ FINE = Effort(
 )
 
 
-def stretch_of(model: Model, experiment: Experiment, noise: dict[str, float]) -> Stretch:
-    """The stretch with its scales, starting along with the input."""
+def segment_of(model: Model, experiment: Experiment, noise: dict[str, float]) -> Segment:
+    """The segment with its scales, starting along with the input."""
     own = experiment.model(model)
     rest = in_motion(own, experiment.drive, float(experiment.time[0]))
-    return Stretch(experiment, noise, state_scales(model, experiment), rest)
+    return Segment(experiment, noise, state_scales(model, experiment), rest)
 
 
 def find_start(
-    model: Model, stretch: Stretch, substep_s: float, also: Sequence[FloatArray] = (), effort: Effort | None = None
-) -> Stretch:
-    """The stretch with the start state from which the model comes closest to it, the parameters held.
+    model: Model, segment: Segment, substep_s: float, also: Sequence[FloatArray] = (), effort: Effort | None = None
+) -> Segment:
+    """The segment with the start state from which the model comes closest to it, the parameters held.
 
     also: states to try beside those of the scan.
     """
-    own = stretch.experiment.model(model)
+    own = segment.experiment.model(model)
     if model.base != "play":
-        found = polished(own, stretch, np.array([_measured_state(own, stretch), *also]), substep_s, 6)
-        return stretch.starting(found[0])
+        found = polished(own, segment, np.array([_measured_state(own, segment), *also]), substep_s, 6)
+        return segment.starting(found[0])
     effort = effort or QUICK
-    states = np.array([*_scan(own, _first(stretch, SCAN_S), substep_s, effort), *also])
+    states = np.array([*_scan(own, _first(segment, SCAN_S), substep_s, effort), *also])
     for length, kept, iterations in effort.stages:
-        if length < stretch.experiment.duration:
-            states = polished(own, _first(stretch, length), states, substep_s, iterations)[:kept]
-    return stretch.starting(polished(own, stretch, states, substep_s, LAST)[0])
+        if length < segment.experiment.duration:
+            states = polished(own, _first(segment, length), states, substep_s, iterations)[:kept]
+    return segment.starting(polished(own, segment, states, substep_s, LAST)[0])
 
 
-def polished(model: Model, stretch: Stretch, states: FloatArray, substep_s: float, iterations: int) -> FloatArray:
+def polished(model: Model, segment: Segment, states: FloatArray, substep_s: float, iterations: int) -> FloatArray:
     """Start states (K, n) after some Levenberg-Marquardt steps of each at once, best first; robust as the fit is."""
     K, n = states.shape
     states = states.copy()
-    steps = STEP * np.diag(stretch.scale)
-    r = stretch.residuals(model, states, substep_s)
+    steps = STEP * np.diag(segment.scale)
+    r = segment.residuals(model, states, substep_s)
     finite = np.isfinite(r[:, 0])
     if not finite.any():
         return states
@@ -91,15 +91,15 @@ def polished(model: Model, stretch: Stretch, states: FloatArray, substep_s: floa
     for _ in range(iterations):
         moved = (states[:, None] + steps[None]).reshape(K * n, n)
         with np.errstate(invalid="ignore"):  # what cannot be run is infinite
-            slopes = (stretch.residuals(model, moved, substep_s).reshape(K, n, -1) - r[:, None]) / STEP
+            slopes = (segment.residuals(model, moved, substep_s).reshape(K, n, -1) - r[:, None]) / STEP
         slopes[~np.isfinite(slopes)] = 0.0
         w = 1 / np.maximum(1.0, np.abs(np.where(np.isfinite(r), r, 1.0)) / huber)
         weighted = slopes * w[:, None]
         H = weighted @ slopes.transpose(0, 2, 1)
         H[:, range(n), range(n)] = H[:, range(n), range(n)] * (1 + damping[:, None]) + 1e-3
         g = (weighted @ np.where(np.isfinite(r), r, 0.0)[:, :, None])[:, :, 0]
-        trial = states - np.clip(np.linalg.solve(H, g[:, :, None])[:, :, 0], -1.0, 1.0) * stretch.scale
-        there = stretch.residuals(model, trial, substep_s)
+        trial = states - np.clip(np.linalg.solve(H, g[:, :, None])[:, :, 0], -1.0, 1.0) * segment.scale
+        there = segment.residuals(model, trial, substep_s)
         new = robust(there, huber)
         better = new < cost
         states[better], r[better], cost[better] = trial[better], there[better], new[better]
@@ -107,40 +107,38 @@ def polished(model: Model, stretch: Stretch, states: FloatArray, substep_s: floa
     return np.asarray(states[np.argsort(cost)])
 
 
-def repaired(
-    model: Model, stretches: Sequence[Stretch], substep_s: float, hopeless: float = 1.0
-) -> tuple[Stretch, ...]:
-    """The stretches, those that the model misses begun anew: where the one before ended, or where a finer scan says.
+def repaired(model: Model, segments: Sequence[Segment], substep_s: float, hopeless: float = 1.0) -> tuple[Segment, ...]:
+    """The segments, those that the model misses begun anew: where the one before ended, or where a finer scan says.
 
     Gears only; other motions forget their start.  A model that misses more than this share begins hopelessly.
     """
     if model.base != "play":
-        return tuple(stretches)
-    missed = missing(model, stretches, substep_s)
+        return tuple(segments)
+    missed = missing(model, segments, substep_s)
     if np.mean(missed) > hopeless:
-        return tuple(stretches)
-    done: list[Stretch] = []
-    for stretch, out in zip(stretches, missed, strict=True):
-        done.append(_begun_anew(model, stretch, done, substep_s) if out else stretch)
+        return tuple(segments)
+    done: list[Segment] = []
+    for segment, out in zip(segments, missed, strict=True):
+        done.append(_begun_anew(model, segment, done, substep_s) if out else segment)
     return tuple(done)
 
 
-def _begun_anew(model: Model, stretch: Stretch, before: Sequence[Stretch], substep_s: float) -> Stretch:
-    own = stretch.experiment.model(model)
-    also = [stretch.start]
-    if before and before[-1].experiment.name == stretch.experiment.name:
+def _begun_anew(model: Model, segment: Segment, before: Sequence[Segment], substep_s: float) -> Segment:
+    own = segment.experiment.model(model)
+    also = [segment.start]
+    if before and before[-1].experiment.name == segment.experiment.name:
         last = before[-1]
-        times = np.append(last.experiment.time, stretch.experiment.time[0])
+        times = np.append(last.experiment.time, segment.experiment.time[0])
         with suppress(ModelError):  # the one before runs away
             also.append(own.simulate(last.experiment.drive, times, last.start, substep_s=substep_s).state)
-    anew = find_start(model, stretch, substep_s, also, FINE)
-    error = errors(model, [anew, stretch], substep_s)
-    return anew if error[0] < error[1] else stretch
+    anew = find_start(model, segment, substep_s, also, FINE)
+    error = errors(model, [anew, segment], substep_s)
+    return anew if error[0] < error[1] else segment
 
 
-def _first(stretch: Stretch, length: float) -> Stretch:
-    begin = stretch.experiment.time[0]
-    return replace(stretch, experiment=stretch.experiment.between(begin, begin + length))
+def _first(segment: Segment, length: float) -> Segment:
+    begin = segment.experiment.time[0]
+    return replace(segment, experiment=segment.experiment.between(begin, begin + length))
 
 
 def ringing_hz(experiment: Experiment, low: float, high: float) -> float:
@@ -162,12 +160,12 @@ def ringing_hz(experiment: Experiment, low: float, high: float) -> float:
     return float(hz[inside][np.argmax(smooth[inside])]) if inside.any() else math.sqrt(low * high)
 
 
-def _scan(model: Model, stretch: Stretch, substep_s: float, effort: Effort) -> list[FloatArray]:
+def _scan(model: Model, segment: Segment, substep_s: float, effort: Effort) -> list[FloatArray]:
     """The best start states on a grid of gap and speed, the bar's two states by linear least squares at each."""
-    rest, slopes = _by_base_state(model, stretch)
+    rest, slopes = _by_base_state(model, segment)
     grid = np.stack(np.meshgrid(effort.gaps, effort.speeds, indexing="ij"), axis=-1).reshape(-1, 2)
     begins = rest + grid @ slopes[:2]
-    every = stretch.residuals(model, np.vstack([rest, rest + slopes[2:], begins]), substep_s)
+    every = segment.residuals(model, np.vstack([rest, rest + slopes[2:], begins]), substep_s)
     if not np.isfinite(every[:3]).all():
         return [rest]
     bar, r = (every[1:3] - every[0]).T, every[3:]
@@ -181,30 +179,30 @@ def _scan(model: Model, stretch: Stretch, substep_s: float, effort: Effort) -> l
     return list(found)
 
 
-def _by_base_state(model: Model, stretch: Stretch) -> tuple[FloatArray, FloatArray]:
+def _by_base_state(model: Model, segment: Segment) -> tuple[FloatArray, FloatArray]:
     """The state that moves along with the input (n,), and how it changes with each scale of the base's four (4, n).
 
     The effects' own states follow those of the base, which they begin at.
     """
-    drive, begin = stretch.experiment.drive, float(stretch.experiment.time[0])
+    drive, begin = segment.experiment.drive, float(segment.experiment.time[0])
     at_rest = in_motion(model, drive, begin)
     own = at_rest.size > 4
 
     def moved(i: int) -> FloatArray:
         if not own:
-            return np.asarray(np.eye(4)[i] * stretch.scale[i])
+            return np.asarray(np.eye(4)[i] * segment.scale[i])
         given = {name: float(x) for name, x in zip(model.state_names[:4], at_rest, strict=False)}
-        given[model.state_names[i]] += float(stretch.scale[i])
+        given[model.state_names[i]] += float(segment.scale[i])
         return in_motion(model, drive, begin, **given) - at_rest
 
     slopes = np.array([moved(i) for i in range(4)])
-    rest = at_rest - at_rest[2] / stretch.scale[2] * slopes[2] - at_rest[3] / stretch.scale[3] * slopes[3]
+    rest = at_rest - at_rest[2] / segment.scale[2] * slopes[2] - at_rest[3] / segment.scale[3] * slopes[3]
     return np.asarray(rest), slopes
 
 
-def _measured_state(model: Model, stretch: Stretch) -> FloatArray:
+def _measured_state(model: Model, segment: Segment) -> FloatArray:
     """Position and speed as the first samples show them; a bar at rest."""
-    experiment = stretch.experiment
+    experiment = segment.experiment
     column = "displacement" if model.base == "oscillator" else "position"
     begin = float(experiment.time[0])
     if column not in experiment.measured:

@@ -1,6 +1,6 @@
-"""Levenberg-Marquardt for stretches that share parameters and have start states of their own.
+"""Levenberg-Marquardt for segments that share parameters and have start states of their own.
 
-The start states are eliminated stretch by stretch (Schur complement), so ten stretches cost little more than one.
+The start states are eliminated segment by segment (Schur complement), so ten segments cost little more than one.
 Residuals count in units of the noise; those far outside count by their magnitude only (Huber), and their weight is
 what keeps one impact at the wrong time from ruling the fit.
 """
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lostmotion.lab.shooting.parameters import Unknowns
-from lostmotion.lab.shooting.segment import Linearised, Stretch
+from lostmotion.lab.shooting.segment import Linearised, Segment
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
@@ -24,17 +24,17 @@ START_PRIOR = 20.0
 """Standard deviation of the prior on a start state, in its scale, around where this minimisation began."""
 TRIALS = 6
 EDGES = 0.5
-"""Share of the stretches from which on a step that makes them worse is too long."""
+"""Share of the segments from which on a step that makes them worse is too long."""
 Filter = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Parameters z (P,), the stretches with their start states, and the robust cost (half the sum of squares where
+    """Parameters z (P,), the segments with their start states, and the robust cost (half the sum of squares where
     nothing lies outside)."""
 
     z: FloatArray
-    stretches: tuple[Stretch, ...]
+    segments: tuple[Segment, ...]
     cost: float
 
 
@@ -54,36 +54,36 @@ class Problem:
         """What the parameters cost by themselves."""
         return 0.5 * float(np.sum(((z - self.centre) / self.unknowns.prior) ** 2))
 
-    def costs(self, z: FloatArray, stretches: Sequence[Stretch]) -> FloatArray:
-        """Robust cost of each stretch (S,); infinite where the model cannot be run."""
+    def costs(self, z: FloatArray, segments: Sequence[Segment]) -> FloatArray:
+        """Robust cost of each segment (S,); infinite where the model cannot be run."""
         try:
             model = self.unknowns.put(self.model, z)
         except ModelError:
-            return np.full(len(stretches), np.inf)
-        r = (s.residual(s.experiment.model(model), s.start, self.substep_s) for s in stretches)
+            return np.full(len(segments), np.inf)
+        r = (s.residual(s.experiment.model(model), s.start, self.substep_s) for s in segments)
         return np.array([float(robust(self._filtered(one), self.huber)) for one in r])
 
     def moved(
-        self, z: FloatArray, stretches: Sequence[Stretch], ds: Sequence[FloatArray], before: FloatArray
-    ) -> tuple[tuple[Stretch, ...], FloatArray]:
-        """The stretches at other parameters with their starts moved, and their costs (S,).
+        self, z: FloatArray, segments: Sequence[Segment], ds: Sequence[FloatArray], before: FloatArray
+    ) -> tuple[tuple[Segment, ...], FloatArray]:
+        """The segments at other parameters with their starts moved, and their costs (S,).
 
         A few that this makes worse stay where they began, if that is better: one start at the edge of an impact shall
         not hold up all others.  Where it makes many worse, the step is too long.  before: (S,) their costs.
         """
-        there = [s.starting(s.start + s.scale * d) for s, d in zip(stretches, ds, strict=True)]
+        there = [s.starting(s.start + s.scale * d) for s, d in zip(segments, ds, strict=True)]
         costs = self.costs(z, there)
         worse = np.flatnonzero(~(costs < before)).tolist()
         if len(worse) >= EDGES * len(there):
             return tuple(there), costs
-        for i, stayed in zip(worse, self.costs(z, [stretches[i] for i in worse]), strict=True):
+        for i, stayed in zip(worse, self.costs(z, [segments[i] for i in worse]), strict=True):
             if stayed < costs[i]:
-                there[i], costs[i] = stretches[i], stayed
+                there[i], costs[i] = segments[i], stayed
         return tuple(there), costs
 
-    def linearised(self, z: FloatArray, stretch: Stretch) -> Linearised:
-        """Of one stretch, filtered."""
-        raw = stretch.linearised(self.model, self.unknowns, z, self.substep_s)
+    def linearised(self, z: FloatArray, segment: Segment) -> Linearised:
+        """Of one segment, filtered."""
+        raw = segment.linearised(self.model, self.unknowns, z, self.substep_s)
         if self.whiten is None:
             return raw
         return Linearised(*(self._filtered(part) for part in (raw.r, raw.A, raw.B)))
@@ -95,7 +95,7 @@ class Problem:
 def minimise(
     problem: Problem,
     z: FloatArray,
-    stretches: Sequence[Stretch],
+    segments: Sequence[Segment],
     *,
     iterations: int = 20,
     tolerance: float = 1e-4,
@@ -105,31 +105,31 @@ def minimise(
 
     states: False keeps the start states.  Never returns anything worse than it was given.
     """
-    z, stretches = z.copy(), tuple(stretches)
+    z, segments = z.copy(), tuple(segments)
     low, high = problem.unknowns.bounds
-    home = [stretch.start for stretch in stretches]
-    costs = problem.costs(z, stretches)
+    home = [segment.start for segment in segments]
+    costs = problem.costs(z, segments)
     cost, damping = problem.prior(z) + float(costs.sum()), 1e-3
     for _ in range(iterations):
         if not math.isfinite(cost):
             break
-        blocks = [problem.linearised(z, stretch) for stretch in stretches]
+        blocks = [problem.linearised(z, segment) for segment in segments]
         if not all(block.finite for block in blocks):
             break
-        pull = [(s.start - h) / s.scale / START_PRIOR**2 for s, h in zip(stretches, home, strict=True)]
+        pull = [(s.start - h) / s.scale / START_PRIOR**2 for s, h in zip(segments, home, strict=True)]
         before = cost
         for _ in range(TRIALS):
             dz, ds = _step(problem, z, blocks, pull, damping, (low, high), states)
             new_z = np.clip(z + dz, low, high)
-            there, new_costs = problem.moved(new_z, stretches, ds, costs)
+            there, new_costs = problem.moved(new_z, segments, ds, costs)
             new_cost = problem.prior(new_z) + float(new_costs.sum())
             if new_cost < cost:
-                z, stretches, costs, cost, damping = new_z, there, new_costs, new_cost, max(damping / 8, 1e-9)
+                z, segments, costs, cost, damping = new_z, there, new_costs, new_cost, max(damping / 8, 1e-9)
                 break
             damping = max(damping * 6, 1e-6)
         if before - cost <= tolerance * before:
             break
-    return Solution(z, stretches, cost)
+    return Solution(z, segments, cost)
 
 
 def _step(

@@ -141,7 +141,7 @@ class Unknowns:
         return np.array([item.slope(float(x)) for item, x in zip(self.items, z, strict=True)])
 
 
-@lru_cache(maxsize=64)  # all stretches of a fit ask for the same; a model keeps the solver's tables
+@lru_cache(maxsize=64)  # all segments of a fit ask for the same; a model keeps the solver's tables
 def _around(
     unknowns: Unknowns, model: Model, z: tuple[float, ...], step: float
 ) -> tuple[Model, Sequence[tuple[Model, float]]]:

@@ -1,4 +1,4 @@
-"""A stretch of an experiment that is simulated from a start state of its own, and how far the model is off there.
+"""A segment of an experiment that is simulated from a start state of its own, and how far the model is off there.
 
 Restarting a chaotic or drifting motion every second or so is what makes its parameters findable.  No fitting here.
 """
@@ -24,7 +24,7 @@ __all__ = [
     "FINE_STEP",
     "STEP",
     "Linearised",
-    "Stretch",
+    "Segment",
     "in_motion",
     "motions",
     "scales",
@@ -57,8 +57,8 @@ class Linearised:
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
-    """experiment: the stretch; noise: by column, what a residual counts in; scale: (n,) what a state's change counts
+class Segment:
+    """experiment: the segment; noise: by column, what a residual counts in; scale: (n,) what a state's change counts
     in; start: (n,) the state at its first sample."""
 
     experiment: Experiment
@@ -66,12 +66,12 @@ class Stretch:
     scale: FloatArray
     start: FloatArray
 
-    def starting(self, state: FloatArray) -> Stretch:
+    def starting(self, state: FloatArray) -> Segment:
         """The same with another start state."""
         return replace(self, start=state)
 
     def simulate(self, model: Model, start: FloatArray, substep_s: float | None) -> Trajectory:
-        """The model's motion over the stretch.  ``model`` already holds what the recording states."""
+        """The model's motion over the segment.  ``model`` already holds what the recording states."""
         return model.simulate(self.experiment.drive, self.experiment.time, start, substep_s=substep_s)
 
     def residual(self, model: Model, start: FloatArray, substep_s: float) -> FloatArray:
@@ -127,21 +127,21 @@ def in_motion(model: Model, drive: Motion | None, time: float, **given: float) -
     return state
 
 
-def start_with(model: Model, stretch: Stretch, states: Sequence[str]) -> FloatArray:
-    """The stretch's start state for a model with other effects, whose own states begin where they belong.
+def start_with(model: Model, segment: Segment, states: Sequence[str]) -> FloatArray:
+    """The segment's start state for a model with other effects, whose own states begin where they belong.
 
-    states: the names of what the stretch's start holds.
+    states: the names of what the segment's start holds.
     """
-    given = {name: x for name, x in zip(states, stretch.start.tolist(), strict=True) if name in model.state_names}
-    return in_motion(model, stretch.experiment.drive, float(stretch.experiment.time[0]), **given)
+    given = {name: x for name, x in zip(states, segment.start.tolist(), strict=True) if name in model.state_names}
+    return in_motion(model, segment.experiment.drive, float(segment.experiment.time[0]), **given)
 
 
-def motions(model: Model, stretches: Sequence[Stretch], substep_s: float) -> list[Trajectory]:
-    """The model's motions over those stretches that it can be run on.  Raises ModelError when there are none."""
-    found, failed = [], ModelError("there is no stretch to run the model on")
-    for stretch in stretches:
+def motions(model: Model, segments: Sequence[Segment], substep_s: float) -> list[Trajectory]:
+    """The model's motions over those segments that it can be run on.  Raises ModelError when there are none."""
+    found, failed = [], ModelError("there is no segment to run the model on")
+    for segment in segments:
         try:
-            found.append(stretch.simulate(stretch.experiment.model(model), stretch.start, substep_s))
+            found.append(segment.simulate(segment.experiment.model(model), segment.start, substep_s))
         except ModelError as error:  # its start was not found, and is deep in the teeth
             failed = error
     if not found:

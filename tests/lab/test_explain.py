@@ -12,11 +12,11 @@ from scipy.integrate import solve_ivp
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab import explain
 from lostmotion.lab.data.experiment import experiments
-from lostmotion.lab.explain import is_idle
+from lostmotion.lab.explain import is_insignificant
 from lostmotion.lab.fitting.fit import noise_of
 from lostmotion.lab.fitting.strategy import full_fit
 from lostmotion.lab.selection.step import Step
-from lostmotion.lab.shooting.problem import Task
+from lostmotion.lab.shooting.task import Task
 from lostmotion.model import build_model
 from tests.lab.gears import GEARS, gears
 
@@ -87,7 +87,7 @@ def test_what_only_the_recordings_of_the_fit_hold() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("hidden", ["hum", "second_mode"])
 def test_a_hum_is_no_second_mode(hidden: str) -> None:
-    """A second mode that is hardly damped rings like a fan from where a stretch begins, without being driven: it is
+    """A second mode that is hardly damped rings like a fan from where a segment begins, without being driven: it is
     told from one that the motion drives."""
     mode = {"f2": 165.3, "zeta2": 0.03, "participation": 0.15}
     of_mode = {f"second_mode.{name}": value for name, value in mode.items()}
@@ -101,4 +101,4 @@ def test_a_hum_is_no_second_mode(hidden: str) -> None:
     with_mode = model.with_effect("second_mode").replace({f"second_mode.{n}": value for n, value in found.items()})
     base, level = full_fit(model, task), full_fit(with_mode, task)
     assert level.rms < 0.7 * base.rms
-    assert is_idle(level, task) == (hidden == "hum")
+    assert is_insignificant(level, task) == (hidden == "hum")

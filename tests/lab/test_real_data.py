@@ -17,10 +17,10 @@ from lostmotion.lab.data.experiment import Experiment, experiments
 from lostmotion.lab.fitting.fit import noise_of
 from lostmotion.lab.fitting.strategy import full_fit, grown, seeded
 from lostmotion.lab.shooting.continuation import Level, fitted
-from lostmotion.lab.shooting.initial_guess import seeds, sizes
-from lostmotion.lab.shooting.initial_state import find_start, stretch_of
+from lostmotion.lab.shooting.initial_guess import initial_guesses, sizes
+from lostmotion.lab.shooting.initial_state import find_start, segment_of
 from lostmotion.lab.shooting.parameters import Unknowns
-from lostmotion.lab.shooting.problem import Task, coarse_substep
+from lostmotion.lab.shooting.task import Task, coarse_substep
 from lostmotion.model import Model, Parameter, build_model
 from lostmotion.model.motion import FloatArray
 
@@ -41,11 +41,11 @@ def with_each(level: Level, start: Model, effects: Sequence[str], task: Task, mo
 
     start: the other parameters; a fit without the effect may have bent them too far.
     """
-    size = sizes(level.model, level.stretches, task.substep_s)
+    size = sizes(level.model, level.segments, task.substep_s)
     found = {}
     for effect in effects:
         model = start.with_effect(effect)
-        fits = [full_fit(model.replace(values), task) for values in seeds(model, effect, size)[:most]]
+        fits = [full_fit(model.replace(values), task) for values in initial_guesses(model, effect, size)[:most]]
         found[effect] = min(fits, key=lambda fit: fit.rms)
     return found
 
@@ -56,9 +56,9 @@ def best(levels: Mapping[str, Level]) -> str:
 
 def unseen(model: Model, experiment: Experiment, task: Task) -> FloatArray:
     """Measured minus modelled over a whole recording that no fit has seen, its start state alone adapted."""
-    stretch = find_start(model, stretch_of(model, experiment, task.noise), task.substep_s)
+    segment = find_start(model, segment_of(model, experiment, task.noise), task.substep_s)
     (column,) = experiment.measured
-    return stretch.residual(experiment.model(model), stretch.start, task.substep_s) * task.noise[column]
+    return segment.residual(experiment.model(model), segment.start, task.substep_s) * task.noise[column]
 
 
 def rms(values: FloatArray) -> float:
@@ -161,8 +161,8 @@ def test_friction_damper_has_a_gap(real_data: Path) -> None:
         (train,) = experiments(model, [damper(folder, "1Hz_30lb_1in")])
         (test,) = experiments(model, [damper(folder, "0p5Hz_30lb_1in")])
         task = Task(model, (train,), {"force": 500.0}, coarse_substep(model, [train]), 0)
-        level = fitted(model, Unknowns.of(model), [stretch_of(model, train, task.noise)], task.substep_s)
-        whole = stretch_of(level.model, test, task.noise)
+        level = fitted(model, Unknowns.of(model), [segment_of(model, train, task.noise)], task.substep_s)
+        whole = segment_of(level.model, test, task.noise)
         error[n, d] = 500 * rms(whole.residual(level.model, whole.start, task.substep_s))
         gaps.append(level.model.parameters["d"].value)
 

@@ -21,7 +21,7 @@ __all__ = ["fastest_rate"]
 
 PROBED = 300
 CHORD = {THETA2: 1e-3, OMEGA2: 2e-3, Q: 1e-5, Q_RATE: 1e-3}
-"""Half the stretch over which a slope is taken [rad, rad/s, m, m/s]: a jump counts as a step of that width, as dry
+"""Half the segment over which a slope is taken [rad, rad/s, m, m/s]: a jump counts as a step of that width, as dry
 friction in the catalogue does; a fixed-step solver cannot resolve a sharper one."""
 STATE_CHORD = 1e-4
 MOVING = {ActsOn.JOINT: (THETA2, OMEGA2), ActsOn.OSCILLATOR: (Q, Q_RATE)}

@@ -18,7 +18,7 @@ from lostmotion.lab.comparison.compare import Comparison, compare
 from lostmotion.lab.comparison.phases import phases
 from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.data.noise import NoiseModel
-from lostmotion.lab.discrepancy.localise import Blame, blame
+from lostmotion.lab.discrepancy.localise import Localisation, localise
 from lostmotion.lab.errors import ExperimentError
 from lostmotion.lab.report.summary import summary
 from lostmotion.model import HandWaved, Model, build_model
@@ -45,12 +45,12 @@ def held(model: Model, *recordings: Recording, samples: int = 0) -> Comparison:
     return compare(model, experiments(model, recordings), recordings=recordings, samples=samples)
 
 
-def blamed(seed: int, hidden: Mapping[str, float]) -> Blame:
-    """The equation blamed for a hidden effect, with the noise known."""
+def located(seed: int, hidden: Mapping[str, float]) -> Localisation:
+    """The equation in which a hidden effect acts, with the noise known."""
     model = build_model("play", values=GEARS)
     recording = measured(seed, **hidden)
     starts = held(model, recording).starts
-    found = blame(
+    found = localise(
         model, experiments(model, [recording]), starts, {"accel": NoiseModel.white(NOISE)}, 1600, thorough=True
     )
     assert found is not None
@@ -68,7 +68,7 @@ def test_true_model_leaves_only_noise() -> None:
     assert found.rms("accel") == pytest.approx(NOISE, rel=0.08)
     assert found.noise["accel"].rms == pytest.approx(NOISE, rel=0.1)
     assert found.is_noise
-    assert found.blame is None
+    assert found.localisation is None
     assert found.fit_percent("accel") == pytest.approx(93, abs=1)
     assert "nothing is missing" in summary(found)[-1]
 
@@ -103,9 +103,9 @@ HARDENING = {"hardening_spring.k3": 6e9}
     [(5, FRICTION, "joint", "omega_2"), (4, LEAKAGE, "sensor", "theta_2")],
     ids=["friction", "leakage"],
 )
-def test_blame(seed: int, hidden: dict[str, float], acts_on: str, variable: str) -> None:
-    """A hidden effect is blamed on its equation, and found to follow its variable: speed, angle."""
-    found = blamed(seed, hidden)
+def test_localise(seed: int, hidden: dict[str, float], acts_on: str, variable: str) -> None:
+    """A hidden effect is located in its equation, and found to follow its variable: speed, angle."""
+    found = located(seed, hidden)
     assert found.acts_on == acts_on
     assert min(behind for name, behind in found.behind.items() if name != acts_on) > 100
     assert found.against_none > 500
@@ -116,9 +116,9 @@ def test_blame(seed: int, hidden: dict[str, float], acts_on: str, variable: str)
 
 
 @pytest.mark.slow
-def test_blame_of_a_spring() -> None:
-    """A spring that hardens is blamed on the oscillator, far before the other equations."""
-    found = blamed(6, HARDENING)
+def test_localise_of_a_spring() -> None:
+    """A spring that hardens is located in the oscillator, far before the other equations."""
+    found = located(6, HARDENING)
     assert found.acts_on == "oscillator"
     assert min(behind for name, behind in found.behind.items() if name != "oscillator") > 100
 
@@ -126,7 +126,7 @@ def test_blame_of_a_spring() -> None:
 @pytest.mark.slow
 def test_size_of_the_missing_torque() -> None:
     """The torque that tracking finds for a hidden Coulomb friction is of its size and opposes the speed."""
-    found = blamed(5, FRICTION)
+    found = located(5, FRICTION)
     assert found.unit == "N m"
     assert found.size == pytest.approx(3e-4, rel=0.2)
     shape = next(one for one in found.shapes if one.variable == "omega_2")
@@ -136,10 +136,10 @@ def test_size_of_the_missing_torque() -> None:
 
 
 @pytest.mark.slow
-def test_compare_blames() -> None:
-    """The comparison blames the equation too, from a few samples, and says so in its document and its words."""
+def test_compare_localises() -> None:
+    """The comparison names the equation too, from a few samples, and says so in its document and its words."""
     found = held(build_model("play", values=GEARS), measured(4, **LEAKAGE), samples=900)
-    assert found.blame is not None
+    assert found.localisation is not None
     assert found.document()["residual"]["acts_on"] == "sensor"
     assert "an error of the sensor" in " ".join(summary(found))
 
@@ -239,7 +239,7 @@ def test_a_recording_without_the_columns(tmp_path: Path) -> None:
 
 
 def test_silverbox(real_data: Path) -> None:
-    """The linear oscillator with rough parameters on the Silverbox: far above the noise, the oscillator is blamed."""
+    """The linear oscillator with rough parameters on the Silverbox: far above the noise, the oscillator is named."""
     recording = read_recording(real_data / "silverbox" / "multisine_1.csv")
     part = slice(0, 4000)
     columns = {name: values[part] for name, values in recording.columns.items()}
@@ -252,5 +252,5 @@ def test_silverbox(real_data: Path) -> None:
     scaled = model.replace({"m": 1 / gain, "k": w**2 / gain, "b": 0.1 * w / gain})
     found = held(scaled, short, samples=1000)
     assert found.noise["displacement"].rms < 0.2 * found.rms("displacement")
-    assert found.blame is not None
-    assert found.blame.acts_on == "oscillator"
+    assert found.localisation is not None
+    assert found.localisation.acts_on == "oscillator"

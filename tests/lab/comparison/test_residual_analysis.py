@@ -20,7 +20,7 @@ TRIALS = 120
 
 
 def noises(correlation: float) -> list[FloatArray]:
-    """Stretches of first-order noise of innovation 1."""
+    """Segments of first-order noise of innovation 1."""
     rng = np.random.default_rng(int(100 * correlation))
     model = NoiseModel(np.array([correlation]), 1.0)
     return [model.simulate(rng, TIME.size) for _ in range(TRIALS)]
@@ -66,9 +66,9 @@ def test_residual_that_follows_the_input() -> None:
 @pytest.mark.parametrize("correlation", [0.0, 0.9])
 def test_maps_of_noise_are_flat(correlation: float) -> None:
     """A residual of coloured noise has a significant map over any of three variables in at most some 5 % of cases."""
-    stretches = noises(correlation)
+    segments = noises(correlation)
     variables = {"command": [INPUT, INPUT], "rate": [np.gradient(INPUT)] * 2, "time": [TIME, TIME]}
-    found = [residual_maps(stretches[i : i + 2], variables) for i in range(0, TRIALS, 2)]
+    found = [residual_maps(segments[i : i + 2], variables) for i in range(0, TRIALS, 2)]
     assert np.mean([any(one.significant for one in maps) for maps in found]) < 0.12
     p = np.array([one.p_value for maps in found for one in maps])
     assert np.mean(p < 0.5) == pytest.approx(0.5, abs=0.12)
@@ -99,14 +99,14 @@ def test_band_of_a_hidden_tone() -> None:
 
 def test_bands_of_noise_do_not_stand_out() -> None:
     """With noise that is known, hardly ever any band does."""
-    stretches = noises(0.5)
-    noise = innovation_noise(*stretches)
-    found = [spectra(stretches[i : i + 3], stretches[i : i + 3], RATE_HZ, noise) for i in range(0, TRIALS, 3)]
+    segments = noises(0.5)
+    noise = innovation_noise(*segments)
+    found = [spectra(segments[i : i + 3], segments[i : i + 3], RATE_HZ, noise) for i in range(0, TRIALS, 3)]
     assert np.mean([any(band.stands_out for band in one.bands) for one in found]) <= 0.06
 
 
-def test_shape_on_stretches_that_were_left_out() -> None:
-    """A law with noise of its own size explains half of unseen stretches; a variable without a law explains nothing."""
+def test_shape_on_segments_that_were_left_out() -> None:
+    """A law with noise of its own size explains half of unseen segments; a variable without a law explains nothing."""
     rng = np.random.default_rng(3)
     law = np.tanh(3 * INPUT)
     u = law + rng.normal(0, law.std(), TIME.size)

@@ -1,4 +1,4 @@
-"""The end of a sensor's range, seen in the readings themselves, and found although only one stretch reaches it."""
+"""The end of a sensor's range, seen in the readings themselves, and found although only one segment reaches it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lostmotion.lab.fitting.fit import noise_of
 from lostmotion.lab.fitting.strategy import full_fit
 from lostmotion.lab.selection.step import searched
 from lostmotion.lab.selection.validate import Unseen
-from lostmotion.lab.shooting.problem import Task
+from lostmotion.lab.shooting.task import Task
 from lostmotion.model import build_model
 from lostmotion.model.motion import FloatArray
 from tests.lab.gears import GEARS, gears
@@ -38,8 +38,8 @@ def test_readings_that_stop_are_told_from_noise_and_from_a_gap() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("largest", [24.0, np.inf])
-def test_an_end_that_one_stretch_reaches_is_found(largest: float) -> None:
-    """It is the stretch that the fit misses, so that neither the score test nor the unseen recording shows anything."""
+def test_an_end_that_one_segment_reaches_is_found(largest: float) -> None:
+    """It is the segment that the fit misses, so that neither the score test nor the unseen recording shows anything."""
     model = build_model("play", values=GEARS)
     held = experiments(model, [gears(102, largest=largest), gears(92), gears(93)])
     task = Task.of(model, held[:2], noise_of(held))
@@ -50,6 +50,6 @@ def test_an_end_that_one_stretch_reaches_is_found(largest: float) -> None:
     if np.isinf(largest):
         assert not step.accepted
         return
-    assert step.blind
+    assert step.unvalidated
     assert step.tried[0].effect == "sensor_saturation"
     assert step.tried[0].level.model.parameters["sensor_saturation.a_max"].value == pytest.approx(largest, rel=0.01)

@@ -207,7 +207,7 @@ def test_metadata_set_what_is_fixed() -> None:
     assert experiments(model, [first])[0].model(model).parameters["J"].value == model.parameters["J"].value
 
 
-def test_stretch_between_two_times() -> None:
+def test_segment_between_two_times() -> None:
     """From the first time on, up to but without the second; the input stays whole."""
     (whole,) = held("play", recording(command=COMMAND, accel=ACCEL))
     part = whole.between(0.25, 0.5)

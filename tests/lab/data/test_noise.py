@@ -121,7 +121,7 @@ def test_autocovariance_and_density_of_first_order() -> None:
 
 
 def test_simulated_noise_is_the_model() -> None:
-    """A long simulated stretch has the model's autocovariance, from its first sample on."""
+    """A long simulated segment has the model's autocovariance, from its first sample on."""
     model = NoiseModel(np.array([1.2, -0.5]), 0.7)
     x = model.simulate(np.random.default_rng(10), 200_000)
     found = [np.mean(x[: x.size - k] * x[k:]) for k in range(4)]

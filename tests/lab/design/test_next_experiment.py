@@ -12,7 +12,7 @@ import pytest
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.design.next_experiment import what_to_record
-from lostmotion.lab.shooting.problem import Task
+from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model, build_model, by_name
 
 NOISE = 5e-4
@@ -52,7 +52,7 @@ def test_names_a_motion_that_tells_more() -> None:
     assert there > 1.5 * here > 0
 
 
-def test_models_that_act_alike_are_not_told_apart() -> None:
+def test_models_that_act_alike_are_not_distinguished() -> None:
     """A Stribeck friction whose two levels are equal is Coulomb's: no motion is promised to tell."""
     alike = rubbing("stribeck_friction", tau_c=0.15, tau_s=0.15, omega_s=0.1)
     assert advised(rubbing("coulomb_friction", tau_c=0.15), alike).startswith("No motion")

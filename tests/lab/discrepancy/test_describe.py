@@ -15,7 +15,7 @@ from lostmotion.lab.discrepancy.describe import _finding, _nearest, described
 from lostmotion.lab.fitting.fit import noise_of
 from lostmotion.lab.fitting.strategy import first_fit
 from lostmotion.lab.results import Finding
-from lostmotion.lab.shooting.problem import Task
+from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model, Parameter, build_model, catalogue
 from lostmotion.model.effects import get_effect
 from lostmotion.model.signals import SENSOR, TORQUE

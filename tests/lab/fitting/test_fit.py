@@ -14,8 +14,8 @@ from lostmotion.lab.fitting.fit import fit, noise_of
 from lostmotion.lab.fitting.strategy import doubled, full_fit
 from lostmotion.lab.parallel import open_executor
 from lostmotion.lab.results import Fit
-from lostmotion.lab.shooting.problem import Task
 from lostmotion.lab.shooting.segment import FINE_STEP, STEP
+from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model, Parameter, build_model
 from lostmotion.model.motion import FloatArray
 from tests.lab.gears import GEARS, NOISE, gears
@@ -91,7 +91,7 @@ def test_ring_down(pool: Executor) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("at", ["longer stretches", "refining"])
+@pytest.mark.parametrize("at", ["longer segments", "refining"])
 def test_ctrl_c_leaves_the_best_so_far(at: str, pool: Executor) -> None:
     """The signal when growing or refining begins: a fit of what was found until then, marked as not complete."""
 
@@ -128,11 +128,11 @@ def test_intervals_do_not_depend_on_the_step_of_the_derivatives() -> None:
     level = full_fit(model, task)
     while (longer := doubled(level, task)) is not None:
         level = longer
-    (stretch,) = level.stretches
+    (segment,) = level.segments
 
     def deviation(by: float) -> FloatArray:
         """Of the parameters, the start unknown."""
-        block = stretch.linearised(level.model, level.unknowns, level.z, 6.25e-5, by)
+        block = segment.linearised(level.model, level.unknowns, level.z, 6.25e-5, by)
         q, _ = np.linalg.qr(block.B)
         J = block.A - q @ (q.T @ block.A)
         return np.asarray(np.sqrt(np.diag(np.linalg.inv(J.T @ J))))

@@ -1,4 +1,5 @@
-"""Runs nudged by a measurement, on recordings of the bench's own simulator: what they follow, play and effect found."""
+"""Runs corrected by a measurement, on recordings of the bench's own simulator: what they follow, play and effect
+found."""
 
 from __future__ import annotations
 
@@ -10,10 +11,10 @@ import pytest
 
 from lostmotion.lab.data.experiment import Experiment, experiments
 from lostmotion.lab.fitting.strategy import full_fit, seeded
-from lostmotion.lab.observer.filter import STRONG, WEAK, Nudge, can_follow, states_at
+from lostmotion.lab.observer.filter import STRONG, WEAK, Observer, can_follow, states_at
 from lostmotion.lab.observer.global_search import Near, nearest, shortlist
 from lostmotion.lab.observer.objective import Follower
-from lostmotion.lab.shooting.problem import Task
+from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model, build_model
 from lostmotion.model.motion import FloatArray
 from tests.lab.gears import GEARS, NOISE, RATE_HZ, gears, moved
@@ -44,7 +45,7 @@ def test_without_a_gain_it_is_a_simulation() -> None:
     experiment, _ = recorded(1)
     model = build_model("play", values=GEARS)
     start = model.initial_state(experiment.drive, float(experiment.time[0]))
-    run = model.nudged(experiment.drive, experiment.time, "accel", experiment.clock_zero)
+    run = model.observer(experiment.drive, experiment.time, "accel", experiment.clock_zero)
     e, states = run(start, np.zeros(4), experiment.measured["accel"], 1e-4)
     free = model.simulate(experiment.drive, experiment.time, start, substep_s=1e-4)
     early = slice(0, 200)  # later, chaos makes much of a knot more or less
@@ -69,12 +70,12 @@ def test_a_run_finds_into_the_motion() -> None:
 def test_errors_are_as_large_as_expected() -> None:
     """A true model misses the next sample by little more than the noise, one with half the play by far more."""
     experiment, _ = recorded(3)
-    nudge = Nudge.of(build_model("play", values=GEARS), 1 / RATE_HZ, WEAK)
-    assert 1.0 < nudge.expected < Nudge.of(build_model("play", values=GEARS), 1 / RATE_HZ, STRONG).expected < 2.0
+    observer = Observer.of(build_model("play", values=GEARS), 1 / RATE_HZ, WEAK)
+    assert 1.0 < observer.expected < Observer.of(build_model("play", values=GEARS), 1 / RATE_HZ, STRONG).expected < 2.0
 
     def typical(d: float) -> float:
-        e, _ = nudge.run(build_model("play", values={**GEARS, "d": d}), experiment, SUBSTEP)
-        return float(np.median(np.abs(e[200:]))) * 1.4826 / NOISE / nudge.expected
+        e, _ = observer.run(build_model("play", values={**GEARS, "d": d}), experiment, SUBSTEP)
+        return float(np.median(np.abs(e[200:]))) * 1.4826 / NOISE / observer.expected
 
     assert typical(8e-5) < 2.0
     assert typical(4e-5) > 2 * typical(8e-5)

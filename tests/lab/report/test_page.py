@@ -239,7 +239,7 @@ def browser(path: Path, **options: Any) -> Iterator[Any]:
 
 
 def shows(page: Any, low: float, high: float, tolerance: float = 0.03) -> bool:
-    """Whether both plots of the first recording show that stretch [s], at the latest after two seconds."""
+    """Whether both plots of the first recording show that segment [s], at the latest after two seconds."""
     for _ in range(100):
         ranges = page.evaluate("lostmotion.charts[0].plots.map((p) => [p.scales.x.min, p.scales.x.max])")
         if np.allclose(ranges, [[low, high]] * 2, atol=tolerance, rtol=0):

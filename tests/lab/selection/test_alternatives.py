@@ -1,4 +1,4 @@
-"""A delay and a lag told apart, friction widened, with the bench's own simulator; starts that another model knows."""
+"""A delay and a lag distinguished, friction generalised, by the bench's simulator; starts that another model knows."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.data.noise import NoiseModel
 from lostmotion.lab.fitting.fit import noise_of
 from lostmotion.lab.fitting.strategy import full_fit
-from lostmotion.lab.selection.alternatives import told_apart, widened
+from lostmotion.lab.selection.alternatives import distinguished, generalised
 from lostmotion.lab.selection.score_test import Direction, Scores
 from lostmotion.lab.selection.step import Step, Tried
 from lostmotion.lab.selection.validate import Unseen
 from lostmotion.lab.shooting.continuation import errors
-from lostmotion.lab.shooting.problem import Task
+from lostmotion.lab.shooting.task import Task
 from lostmotion.model import build_model
 from tests.lab.gears import GEARS, gears
 
@@ -36,7 +36,7 @@ def test_which_one_it_is(hidden: str, met: str) -> None:
         before, first = unseen.judge(full_fit(model, task).model), Tried(met, level, unseen.judge(level.model), 0.5)
         other = Tried("bias_drift", level, first.judged, 0.6)
         step = Step(Scores((), 0.0, {}, NoiseModel.white(1.0)), (first, other), accepted=True)
-        told = told_apart(step, before, unseen)
+        told = distinguished(step, before, unseen)
     assert [one.effect for one in told.tried] == list(dict.fromkeys([hidden, met, "bias_drift"]))
     found = told.tried[0].level.model
     assert found.effects == (hidden,)
@@ -48,7 +48,7 @@ STRIBECK = {"stribeck_friction.tau_c": 3e-4, "stribeck_friction.tau_s": 8e-4, "s
 
 @pytest.mark.slow
 @pytest.mark.parametrize("hidden", [STRIBECK, {"coulomb_friction.tau_c": 5e-4}])
-def test_a_part_is_widened_to_the_whole(hidden: dict[str, float]) -> None:
+def test_a_part_is_generalised_to_the_whole(hidden: dict[str, float]) -> None:
     """Friction that was met as Coulomb's is Stribeck's where that explains more, with its values; else it stays."""
     model = build_model("play", values=GEARS)
     *train, last = held = experiments(model, [gears(seed, **hidden) for seed in (65, 66, 67)])
@@ -57,7 +57,7 @@ def test_a_part_is_widened_to_the_whole(hidden: dict[str, float]) -> None:
         unseen = Unseen(last, task, 0.5, pool)
         level = full_fit(model.with_effect("coulomb_friction").replace({"coulomb_friction.tau_c": 5e-4}), task)
         first = Tried("coulomb_friction", level, unseen.judge(level.model), 0.5)
-        wide = widened(Step(Scores((), 0.0, {}, NoiseModel.white(1.0)), (first,), accepted=True), unseen)
+        wide = generalised(Step(Scores((), 0.0, {}, NoiseModel.white(1.0)), (first,), accepted=True), unseen)
     (found,) = wide.tried
     if "coulomb_friction.tau_c" in hidden:
         assert found is first
@@ -69,18 +69,18 @@ def test_a_part_is_widened_to_the_whole(hidden: dict[str, float]) -> None:
             assert found.level.model.parameters[name].value == pytest.approx(value, rel=0.1)
 
 
-def test_a_lost_stretch_begins_where_another_model_follows_it() -> None:
-    """Of two models that are the same, one is made to begin far off in a stretch: it borrows the other one's start."""
+def test_a_lost_segment_begins_where_another_model_follows_it() -> None:
+    """Of two models that are the same, one is made to begin far off in a segment: it borrows the other one's start."""
     model = build_model("play", values=GEARS)
     (experiment,) = experiments(model, [gears(64, 1.0)])
     task = Task.of(model, [experiment], {"accel": 0.2})
     with ThreadPoolExecutor(2) as pool:
         unseen = Unseen(experiment, task, 0.25, pool)
         good = unseen.judge(model)
-        stretches = list(good.stretches)
-        off = stretches[1].start + np.array([0.004, 3.0, 0.0, 0.0])
-        stretches[1] = stretches[1].starting(off)
-        poor = replace(good, stretches=tuple(stretches), errors=errors(model, stretches, task.substep_s))
+        segments = list(good.segments)
+        off = segments[1].start + np.array([0.004, 3.0, 0.0, 0.0])
+        segments[1] = segments[1].starting(off)
+        poor = replace(good, segments=tuple(segments), errors=errors(model, segments, task.substep_s))
         again = unseen.again(model, poor, good)
     assert poor.errors[1] > 3 * good.errors[1]
     np.testing.assert_allclose(again.errors, good.errors, rtol=1e-3)

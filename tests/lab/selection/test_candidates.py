@@ -11,9 +11,9 @@ import pytest
 from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.fitting.fit import noise_of
 from lostmotion.lab.fitting.strategy import first_fit, full_fit
-from lostmotion.lab.selection.candidates import far_trials, others, raced_fits
+from lostmotion.lab.selection.candidates import far_trials, halving_fits, others
 from lostmotion.lab.selection.score_test import score_test
-from lostmotion.lab.shooting.problem import Task
+from lostmotion.lab.shooting.task import Task
 from lostmotion.model import build_model
 from tests.lab.gears import GEARS, gears
 
@@ -21,14 +21,15 @@ TRUE = {"gear_eccentricity.e": 1e-5, "gear_eccentricity.N": 20.0, "gear_eccentri
 
 
 @pytest.mark.slow
-def test_teeth_are_counted_on_short_stretches() -> None:
-    """From three teeth off, where long stretches would lose the motion, the race comes to the true number and size."""
+def test_teeth_are_counted_on_short_segments() -> None:
+    """From three teeth off, where long segments would lose the motion, successive halving comes to the true number and
+    size."""
     model = build_model("play", values=GEARS)
     held = experiments(model, [gears(seed, **TRUE) for seed in (71, 72)])
     task = Task.of(model, held, noise_of(held))
     near = model.with_effect("gear_eccentricity").replace(TRUE | {"gear_eccentricity.N": 23.0})
     with ThreadPoolExecutor(2) as pool:
-        (trial,) = raced_fits([("gear_eccentricity", near)], task, 0.5, pool)
+        (trial,) = halving_fits([("gear_eccentricity", near)], task, 0.5, pool)
     found = trial.level.model.parameters
     assert found["gear_eccentricity.N"].value == 20
     assert found["gear_eccentricity.e"].value == pytest.approx(1e-5, rel=0.03)
@@ -37,7 +38,7 @@ def test_teeth_are_counted_on_short_stretches() -> None:
 
 @pytest.mark.slow
 def test_a_fit_in_the_valley_of_another_play_is_begun_anew() -> None:
-    """With the right effect, but the play and the damping of a model without it, nudged runs lead to the right ones,
+    """With the right effect, but the play and the damping of a model without it, observer runs lead to the right ones,
     not always at once."""
     model = build_model("play", values=GEARS)
     hidden = {"gravity_torque.tau_g": 1e-3, "gravity_torque.phi": 0.3}
@@ -45,7 +46,7 @@ def test_a_fit_in_the_valley_of_another_play_is_begun_anew() -> None:
     task = Task.of(model, held, noise_of(held))
     off = model.with_effect("gravity_torque").replace({**hidden, "gravity_torque.tau_g": 6e-4, "d": 9.6e-5})
     with ThreadPoolExecutor(2) as pool:
-        (trial,) = raced_fits([("gravity_torque", off)], task, 0.25, pool)
+        (trial,) = halving_fits([("gravity_torque", off)], task, 0.25, pool)
     assert full_fit(off, task).typical > 2
     assert trial.level.typical == pytest.approx(1.0, abs=0.1)
     assert trial.level.model.parameters["d"].value == pytest.approx(8e-5, rel=0.01)
@@ -53,8 +54,8 @@ def test_a_fit_in_the_valley_of_another_play_is_begun_anew() -> None:
 
 @pytest.mark.slow
 def test_what_explains_nothing_is_not_raced() -> None:
-    """Effects that leave the error of the short stretches where it was are told as they are, at most two; one that is
-    there is fitted on longer stretches."""
+    """Effects that leave the error of the short segments where it was are told as they are, at most two; one that is
+    there is fitted on longer segments."""
     model = build_model("play", values=GEARS)
     held = experiments(model, [gears(seed, **{"coulomb_friction.tau_c": 5e-4}) for seed in (73, 74)])
     task = Task.of(model, held, noise_of(held))
@@ -62,8 +63,8 @@ def test_what_explains_nothing_is_not_raced() -> None:
     right = ("coulomb_friction", model.with_effect("coulomb_friction").replace({"coulomb_friction.tau_c": 4e-4}))
     with ThreadPoolExecutor(2) as pool:
         before = first_fit(model, task, pool)
-        useless = raced_fits(wrong, task, 0.5, pool, before.typical)
-        useful = raced_fits([*wrong, right], task, 0.5, pool, before.typical)
+        useless = halving_fits(wrong, task, 0.5, pool, before.typical)
+        useful = halving_fits([*wrong, right], task, 0.5, pool, before.typical)
     assert before.typical > 2
     assert len(useless) == 2
     assert math.isclose(useless[0].level.horizon_s, before.horizon_s)
@@ -75,7 +76,7 @@ def test_what_explains_nothing_is_not_raced() -> None:
 @pytest.mark.parametrize(
     ("hidden", "size", "asked"), [("hardening_spring.k3", 1e10, False), ("viscous_friction.b_v", 5e-4, True)]
 )
-def test_nudged_runs_are_asked_where_more_than_noise_is_left(hidden: str, size: float, asked: bool) -> None:
+def test_observer_runs_are_asked_where_more_than_noise_is_left(hidden: str, size: float, asked: bool) -> None:
     """A spring that hardens moves no impact: the score test alone leads to it.  Friction moves them all."""
     model = build_model("play", values=GEARS)
     held = experiments(model, [gears(seed, **{hidden: size}) for seed in (75, 76)])

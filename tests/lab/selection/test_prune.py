@@ -14,20 +14,20 @@ from lostmotion.lab.selection.candidates import others
 from lostmotion.lab.selection.nesting import without
 from lostmotion.lab.selection.prune import simplified
 from lostmotion.lab.selection.validate import Judged, Unseen, better, misfits
-from lostmotion.lab.shooting.problem import Task
+from lostmotion.lab.shooting.task import Task
 from lostmotion.model import build_model
 from lostmotion.model.motion import FloatArray
 from tests.lab.gears import GEARS, gears
 
 
 def judged(*errors: float) -> Judged:
-    """On stretches of 100 samples."""
+    """On segments of 100 samples."""
     e: FloatArray = np.array(errors)
     return Judged(float(np.sqrt(np.mean(e**2))), e, np.full(e.size, 100.0), ())
 
 
-def test_a_lost_stretch_counts_but_not_without_end() -> None:
-    """One model loses two of five stretches: it is worse by what they count at most, whatever chaos makes of them."""
+def test_a_lost_segment_counts_but_not_without_end() -> None:
+    """One model loses two of five segments: it is worse by what they count at most, whatever chaos makes of them."""
     good, poor, poorer = judged(1, 1, 1, 1, 1), judged(1, 1, 1, 5, 9), judged(1, 1, 1, 500, 1e9)
     assert misfits([good, poor]) == pytest.approx([0.0, 2 / 5 * np.log(3)])
     assert misfits([good, poorer]) == pytest.approx(misfits([good, poor]))

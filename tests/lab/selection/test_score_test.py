@@ -15,7 +15,7 @@ from scipy.stats import binom
 from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.selection.score_test import Scores, score_test
 from lostmotion.lab.shooting.continuation import Level, fitted, tiles
-from lostmotion.lab.shooting.initial_state import stretch_of
+from lostmotion.lab.shooting.initial_state import segment_of
 from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.model import build_model
 from lostmotion.model.motion import FloatArray
@@ -42,16 +42,16 @@ def noise_like(rng: np.random.Generator, size: int, correlation: float) -> Float
 
 
 def level_of(seed: int, correlation: float, hidden: dict[str, float]) -> Level:
-    """The base play, fitted to gears with a hidden effect, on stretches that begin near their true states."""
+    """The base play, fitted to gears with a hidden effect, on segments that begin near their true states."""
     run = clean(tuple(hidden.items()))
     reading = run.accel + noise_like(np.random.default_rng(seed), run.time.size, correlation)
     model = build_model("play", values=GEARS)
     (experiment,) = experiments(model, [run.recording(reading)])
-    stretches = [
-        stretch_of(model, tile, {"accel": NOISE}).starting(run.states[np.searchsorted(run.time, tile.time[0]), :4])
+    segments = [
+        segment_of(model, tile, {"accel": NOISE}).starting(run.states[np.searchsorted(run.time, tile.time[0]), :4])
         for tile in tiles(experiment, 3)
     ]
-    return fitted(model, Unknowns.of(model), stretches, SUBSTEP)
+    return fitted(model, Unknowns.of(model), segments, SUBSTEP)
 
 
 def scored(level: Level, seed: int = 0, effects: Sequence[str] = EFFECTS) -> Scores:
@@ -68,12 +68,12 @@ def nothing_missing() -> Level:
 def with_noise(seed: int, correlation: float) -> Level:
     """The same model on its own motion with new noise."""
     rng, level = np.random.default_rng((seed, 77)), nothing_missing()
-    stretches = []
-    for stretch in level.stretches[:3]:
-        modelled = stretch.simulate(level.model, stretch.start, SUBSTEP)["accel"]
+    segments = []
+    for segment in level.segments[:3]:
+        modelled = segment.simulate(level.model, segment.start, SUBSTEP)["accel"]
         accel = modelled + noise_like(rng, modelled.size, correlation)
-        stretches.append(replace(stretch, experiment=replace(stretch.experiment, measured={"accel": accel})))
-    return replace(level, stretches=tuple(stretches))
+        segments.append(replace(segment, experiment=replace(segment.experiment, measured={"accel": accel})))
+    return replace(level, segments=tuple(segments))
 
 
 @pytest.mark.slow

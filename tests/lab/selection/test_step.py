@@ -16,7 +16,7 @@ from lostmotion.lab.selection.score_test import score_test
 from lostmotion.lab.selection.step import Step, Tried, further, promising
 from lostmotion.lab.selection.validate import Unseen
 from lostmotion.lab.shooting.continuation import Level
-from lostmotion.lab.shooting.problem import Task
+from lostmotion.lab.shooting.task import Task
 from lostmotion.model import build_model
 from tests.lab.gears import GEARS, gears
 
@@ -24,7 +24,7 @@ HIDDEN = {"coulomb_friction.tau_c": 4e-4, "contact_asymmetry.ratio": 4.0}
 
 
 @pytest.mark.slow
-def test_what_brings_nudged_runs_far_nearer_than_all_others_is_trusted() -> None:
+def test_what_brings_observer_runs_far_nearer_than_all_others_is_trusted() -> None:
     """Of two hidden effects one is put first although it explains too little alone; not where the next one comes as
     near, nor where the base does."""
     model = build_model("play", values=GEARS)
@@ -53,9 +53,9 @@ def test_what_brings_nudged_runs_far_nearer_than_all_others_is_trusted() -> None
 
         longer = doubled(short, task)
         assert longer is not None
-        raced = alone(longer)
+        survivors = alone(longer)
         assert alone(short) is None
-    assert raced is not None, "all others fell out of the race"
+    assert survivors is not None, "all others were dropped"
     assert step is not None
     assert step.trusted
     assert step.accepted
@@ -66,7 +66,7 @@ def test_what_brings_nudged_runs_far_nearer_than_all_others_is_trusted() -> None
 
 @pytest.mark.slow
 def test_an_effect_that_comes_fifth_is_found_where_four_others_were_not_it() -> None:
-    """What nudged runs come near to is only a hint: the next few are fitted before the search gives up."""
+    """What observer runs come near to is only a hint: the next few are fitted before the search gives up."""
     model = build_model("play", values=GEARS)
     held = experiments(model, [gears(seed, **{"coulomb_friction.tau_c": 4e-4}) for seed in (84, 85, 86)])
     task = Task.of(model, held[:2], noise_of(held))

@@ -9,8 +9,8 @@ import pytest
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.experiment import Experiment, experiments
-from lostmotion.lab.shooting.initial_state import find_start, ringing_hz, stretch_of
-from lostmotion.lab.shooting.segment import Stretch
+from lostmotion.lab.shooting.initial_state import find_start, ringing_hz, segment_of
+from lostmotion.lab.shooting.segment import Segment
 from lostmotion.model import Model, build_model
 from lostmotion.model.motion import FloatArray
 from tests.lab.gears import GEARS, NOISE, moved
@@ -26,9 +26,9 @@ def begun_in_motion(seed: int, hidden: dict[str, float] | None = None) -> tuple[
     return experiment, run.states[0, :4]
 
 
-def rms(model: Model, stretch: Stretch) -> float:
+def rms(model: Model, segment: Segment) -> float:
     """Error in units of the noise."""
-    return float(np.sqrt(np.mean(stretch.residual(model, stretch.start, SUBSTEP) ** 2)))
+    return float(np.sqrt(np.mean(segment.residual(model, segment.start, SUBSTEP) ** 2)))
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -37,7 +37,7 @@ def test_start_on_gears(seed: int) -> None:
     is the noise."""
     experiment, true = begun_in_motion(seed)
     model = build_model("play", values=GEARS)
-    found = find_start(model, stretch_of(model, experiment, {"accel": NOISE}), SUBSTEP)
+    found = find_start(model, segment_of(model, experiment, {"accel": NOISE}), SUBSTEP)
     assert rms(model, found) == pytest.approx(1.0, abs=0.2)
     gap = GEARS["d"] / model.parameters["R2"].value
     assert abs(found.start[0] - true[0]) < 0.1 * gap
@@ -49,7 +49,7 @@ def test_start_is_better_than_following_the_command() -> None:
     """The state that moves along with the command is far off, and is where the search would begin without a scan."""
     experiment, _ = begun_in_motion(1)
     model = build_model("play", values=GEARS)
-    plain = stretch_of(model, experiment, {"accel": NOISE})
+    plain = segment_of(model, experiment, {"accel": NOISE})
     assert rms(model, plain) > 5 * rms(model, find_start(model, plain, SUBSTEP))
 
 
@@ -58,7 +58,7 @@ def test_effects_states_follow_the_base() -> None:
     hidden = {"sensor_lag.T": 1e-3}
     experiment, _ = begun_in_motion(2, hidden)
     model = build_model("play", ["sensor_lag"], {**GEARS, **hidden})
-    found = find_start(model, stretch_of(model, experiment, {"accel": NOISE}), SUBSTEP)
+    found = find_start(model, segment_of(model, experiment, {"accel": NOISE}), SUBSTEP)
     assert found.start.size == 5
     assert rms(model, found) == pytest.approx(1.0, abs=0.25)
 
@@ -67,9 +67,9 @@ def test_known_state_is_tried_too() -> None:
     """A state from elsewhere that fits better than all of the scan is taken."""
     experiment, true = begun_in_motion(3)
     model = build_model("play", values=GEARS)
-    stretch = stretch_of(model, experiment, {"accel": NOISE})
-    without = find_start(model, stretch, SUBSTEP)
-    assert rms(model, find_start(model, stretch, SUBSTEP, [true])) <= 1.02 * rms(model, without)
+    segment = segment_of(model, experiment, {"accel": NOISE})
+    without = find_start(model, segment, SUBSTEP)
+    assert rms(model, find_start(model, segment, SUBSTEP, [true])) <= 1.02 * rms(model, without)
 
 
 @pytest.mark.parametrize(
@@ -94,12 +94,12 @@ def test_start_on_other_bases(base: str, column: str, noise: float, begun: dict[
     clean = model.simulate(drive, times, true)[column]
     columns[column] = clean + np.random.default_rng(5).normal(0, noise, times.size)
     (experiment,) = experiments(model, [Recording(times, columns)])
-    stretch = stretch_of(model, experiment, {column: noise})
-    found = find_start(model, stretch, 1e-4)
+    segment = segment_of(model, experiment, {column: noise})
+    found = find_start(model, segment, 1e-4)
     r = found.residual(model, found.start, 1e-4)
     assert np.sqrt(np.mean(r**2)) == pytest.approx(1.0, abs=0.12)
     np.testing.assert_allclose(found.start[0], true[0], atol=noise)
-    np.testing.assert_allclose(found.start, true, atol=0.05 * float(np.max(stretch.scale)))
+    np.testing.assert_allclose(found.start, true, atol=0.05 * float(np.max(segment.scale)))
 
 
 @pytest.mark.parametrize("f_res", [52.0, 57.3, 75.0])

@@ -35,7 +35,7 @@ class Recorded:
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """A stretch whose residual is target - A z - B start / scale + bend sin(z): linear but for the last part, and for
+    """A segment whose residual is target - A z - B start / scale + bend sin(z): linear but for the last part, and for
     an edge over which it jumps when its start moves."""
 
     target: FloatArray
@@ -65,7 +65,7 @@ class Line:
 
 
 def lines(z: FloatArray, count: int = 3, noise: float = 0.0) -> list[Any]:
-    """Stretches of 30 samples with start states of their own, all beginning at zero, made from the parameters z."""
+    """Segments of 30 samples with start states of their own, all beginning at zero, made from the parameters z."""
     made = []
     for _ in range(count):
         A, B = RNG.normal(size=(30, 2)), RNG.normal(size=(30, 3))
@@ -86,7 +86,7 @@ def home() -> FloatArray:
 
 
 def total(given: Problem, z: FloatArray, made: Sequence[Any]) -> float:
-    """Cost of the parameters and all stretches."""
+    """Cost of the parameters and all segments."""
     return given.prior(z) + float(given.costs(z, made).sum())
 
 
@@ -106,14 +106,14 @@ def test_linear_problem_is_solved_at_once() -> None:
 
 
 def test_a_start_at_an_edge_holds_up_no_others() -> None:
-    """The stretch that any step of its start makes worse keeps it; parameters and all other starts are found."""
+    """The segment that any step of its start makes worse keeps it; parameters and all other starts are found."""
     true = home() + np.array([0.3, -0.4])
     made = lines(true, count=8, noise=0.01)
     made[2] = replace(made[2], edge=1e3)
     found = minimise(problem(huber=3.0), home(), made)
-    np.testing.assert_array_equal(found.stretches[2].start, 0.0)
+    np.testing.assert_array_equal(found.segments[2].start, 0.0)
     np.testing.assert_allclose(found.z, true, atol=0.1)
-    assert all(np.any(stretch.start) for i, stretch in enumerate(found.stretches) if i != 2)
+    assert all(np.any(segment.start) for i, segment in enumerate(found.segments) if i != 2)
 
 
 def _dense(made: list[Any]) -> FloatArray:
@@ -130,7 +130,7 @@ def _dense(made: list[Any]) -> FloatArray:
 @pytest.mark.parametrize("damping", [0.0, 0.1, 3.0])
 @pytest.mark.parametrize("huber", [math.inf, 0.8])
 def test_elimination_gives_the_dense_step(huber: float, damping: float) -> None:
-    """The step with start states eliminated stretch by stretch is that of the whole damped normal equations."""
+    """The step with start states eliminated segment by segment is that of the whole damped normal equations."""
     given, made = problem(huber=huber), lines(home() + 0.1, noise=1.0)
     blocks = [line.linearised(MODEL, given.unknowns, home(), 1e-4) for line in made]
     pull = [RNG.normal(size=3) for _ in made]
@@ -151,7 +151,7 @@ def test_start_states_can_be_held() -> None:
     """Without them only the parameters move, to the least squares that they alone can reach."""
     made = lines(home() + 0.2, noise=0.5)
     found = minimise(problem(), home(), made, tolerance=0.0, states=False)
-    assert all(np.array_equal(after.start, before.start) for after, before in zip(found.stretches, made, strict=True))
+    assert all(np.array_equal(after.start, before.start) for after, before in zip(found.segments, made, strict=True))
     A, y = np.vstack([line.A for line in made]), np.concatenate([line.target for line in made])
     np.testing.assert_allclose(found.z, np.linalg.lstsq(A, y, rcond=None)[0], atol=1e-4)
 
@@ -177,7 +177,7 @@ def test_never_worse_than_given(bend: float, iterations: int) -> None:
         given = problem(huber=huber)
         found: Solution = minimise(given, home() - 0.7, made, iterations=iterations)
         assert found.cost <= total(given, home() - 0.7, made)
-        assert found.cost == pytest.approx(total(given, found.z, found.stretches), rel=1e-12)
+        assert found.cost == pytest.approx(total(given, found.z, found.segments), rel=1e-12)
 
 
 def test_what_cannot_be_run_is_left_alone() -> None:

@@ -1,4 +1,4 @@
-"""The residual of one stretch and its derivatives, against central differences with steps a hundred times larger."""
+"""The residual of one segment and its derivatives, against central differences with steps a hundred times larger."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from bench.hidden_effects.physics import follow, simulate
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.experiment import Experiment, experiments
-from lostmotion.lab.shooting.initial_state import stretch_of
+from lostmotion.lab.shooting.initial_state import segment_of
 from lostmotion.lab.shooting.parameters import Unknowns
-from lostmotion.lab.shooting.segment import STEP, Stretch, in_motion, motions, state_scales
+from lostmotion.lab.shooting.segment import STEP, Segment, in_motion, motions, state_scales
 from lostmotion.model import Model, ModelError, build_model
 from lostmotion.model.motion import FloatArray
 
@@ -37,24 +37,24 @@ def measured(accel: FloatArray | None = None) -> Experiment:
 
 def test_true_model_leaves_little() -> None:
     """Two simulators written apart agree within a tenth of the noise."""
-    stretch = stretch_of(gears(), measured(), NOISE)
-    assert np.max(np.abs(stretch.residual(gears(), stretch.start, SUBSTEP))) < 0.1
+    segment = segment_of(gears(), measured(), NOISE)
+    assert np.max(np.abs(segment.residual(gears(), segment.start, SUBSTEP))) < 0.1
 
 
 @pytest.mark.parametrize("effects", [(), ("coulomb_friction", "sensor_lag"), ("hardening_spring", "gravity_leakage")])
 def test_derivatives(effects: tuple[str, ...]) -> None:
     """By every parameter and every state, within 1 % of their size: the small step does not drown in rounding."""
     model = gears(effects)
-    stretch = stretch_of(model, measured(), NOISE)
+    segment = segment_of(model, measured(), NOISE)
     unknowns = Unknowns.of(model)
     z, step = unknowns.z(model), 100 * STEP
-    found = stretch.linearised(model, unknowns, z, SUBSTEP)
-    np.testing.assert_allclose(found.r, stretch.residual(model, stretch.start, SUBSTEP), atol=1e-9)
+    found = segment.linearised(model, unknowns, z, SUBSTEP)
+    np.testing.assert_allclose(found.r, segment.residual(model, segment.start, SUBSTEP), atol=1e-9)
 
     def at(dz: FloatArray, ds: FloatArray) -> FloatArray:
-        return stretch.residual(unknowns.put(model, z + dz), stretch.start + stretch.scale * ds, SUBSTEP)
+        return segment.residual(unknowns.put(model, z + dz), segment.start + segment.scale * ds, SUBSTEP)
 
-    P, n = z.size, stretch.start.size
+    P, n = z.size, segment.start.size
     for i, slope in enumerate(found.A.T):
         dz = step * np.eye(P)[i]
         central = (at(dz, np.zeros(n)) - at(-dz, np.zeros(n))) / (2 * step)
@@ -68,12 +68,12 @@ def test_derivatives(effects: tuple[str, ...]) -> None:
 def test_derivative_at_an_upper_bound() -> None:
     """A parameter at its bound is moved inwards, not held: its slope is that of the other side."""
     model = gears()
-    stretch = stretch_of(model, measured(), NOISE)
+    segment = segment_of(model, measured(), NOISE)
     d = model.parameters["d"]
     at_bound = model.replace({"d": type(d)(d.value, d.unit, d.low, d.value)})
     i = Unknowns.of(model).names.index("d")
     inside, edge = (
-        stretch.linearised(m, Unknowns.of(m), Unknowns.of(m).z(m), SUBSTEP).A[:, i] for m in (model, at_bound)
+        segment.linearised(m, Unknowns.of(m), Unknowns.of(m).z(m), SUBSTEP).A[:, i] for m in (model, at_bound)
     )
     assert np.linalg.norm(edge - inside) < 0.01 * np.linalg.norm(inside)
 
@@ -82,12 +82,12 @@ def test_empty_cells_are_left_out() -> None:
     """Residual and derivatives of a signal with gaps are those of the whole signal without these rows."""
     readings = measured().measured["accel"] + 0.3
     seen = np.arange(TIMES.size) % 3 != 1
-    full = stretch_of(gears(), measured(readings), NOISE)
+    full = segment_of(gears(), measured(readings), NOISE)
     holed = Experiment("holed", full.experiment.drive, TIMES, {"accel": np.where(seen, readings, np.nan)})
     unknowns = Unknowns.of(gears())
     z = unknowns.z(gears())
     every, some = (
-        s.linearised(gears(), unknowns, z, SUBSTEP) for s in (full, Stretch(holed, NOISE, full.scale, full.start))
+        s.linearised(gears(), unknowns, z, SUBSTEP) for s in (full, Segment(holed, NOISE, full.scale, full.start))
     )
     assert some.r.size == np.sum(seen)
     np.testing.assert_allclose(some.r, every.r[seen], atol=1e-9)
@@ -103,9 +103,9 @@ def test_two_columns_count_in_their_own_noise() -> None:
         {"accel": plain.measured["accel"] + 0.4, "position": np.where(TIMES < 0.1, np.nan, 0.5)},
     )  # fmt: skip
     noise = {"accel": 0.2, "position": 0.01}
-    stretch = Stretch(both, noise, state_scales(gears(), both), stretch_of(gears(), plain, NOISE).start)
-    r = stretch.residual(gears(), stretch.start, SUBSTEP)
-    run = stretch.simulate(gears(), stretch.start, SUBSTEP)
+    segment = Segment(both, noise, state_scales(gears(), both), segment_of(gears(), plain, NOISE).start)
+    r = segment.residual(gears(), segment.start, SUBSTEP)
+    run = segment.simulate(gears(), segment.start, SUBSTEP)
     assert r.size == TIMES.size + np.sum(TIMES >= 0.1)
     np.testing.assert_allclose(r[: TIMES.size], 2.0, atol=0.1)
     np.testing.assert_allclose(r[TIMES.size :], (0.5 - run["position"][TIMES >= 0.1]) / 0.01, rtol=1e-6)
@@ -113,13 +113,13 @@ def test_two_columns_count_in_their_own_noise() -> None:
 
 def test_many_start_states_at_once() -> None:
     """Each row is the residual of its own state; one that cannot be run is infinite, and spoils no other."""
-    stretch = stretch_of(gears(), measured(), NOISE)
-    starts = stretch.start + np.array([[0.0], [1.0], [-1.0]]) * stretch.scale
+    segment = segment_of(gears(), measured(), NOISE)
+    starts = segment.start + np.array([[0.0], [1.0], [-1.0]]) * segment.scale
     starts[1] = np.nan
-    rows = stretch.residuals(gears(), starts, SUBSTEP)
+    rows = segment.residuals(gears(), starts, SUBSTEP)
     assert np.all(np.isinf(rows[1]))
     for i in (0, 2):
-        np.testing.assert_allclose(rows[i], stretch.residual(gears(), starts[i], SUBSTEP), rtol=1e-12)
+        np.testing.assert_allclose(rows[i], segment.residual(gears(), starts[i], SUBSTEP), rtol=1e-12)
 
 
 def test_recording_states_its_own_values() -> None:
@@ -131,18 +131,18 @@ def test_recording_states_its_own_values() -> None:
     slopes = []
     for kp in (model.parameters["kp"].value, 1.5 * model.parameters["kp"].value):
         (experiment,) = experiments(model, [Recording(TIMES, columns, {"kp": kp})])
-        stretch = stretch_of(model, experiment, {"position": 1e-3})
+        segment = segment_of(model, experiment, {"position": 1e-3})
         own = model.replace({"kp": kp})
-        found = stretch.linearised(model, unknowns, unknowns.z(model), SUBSTEP)
-        np.testing.assert_allclose(found.r, stretch.residual(own, stretch.start, SUBSTEP), atol=1e-9)
+        found = segment.linearised(model, unknowns, unknowns.z(model), SUBSTEP)
+        np.testing.assert_allclose(found.r, segment.residual(own, segment.start, SUBSTEP), atol=1e-9)
         slopes.append(np.linalg.norm(found.A))
     assert slopes[0] != pytest.approx(slopes[1], rel=0.05)
 
 
-def test_a_stretch_that_cannot_be_run_is_left_out() -> None:
+def test_a_segment_that_cannot_be_run_is_left_out() -> None:
     """A start deep in the teeth flies off; the others' motions are there all the same, and none at all is an error."""
     model = gears()
-    good = stretch_of(model, measured(), NOISE)
+    good = segment_of(model, measured(), NOISE)
     lost = good.starting(good.start + np.eye(4)[0])
     assert len(motions(model, [good, lost, good], SUBSTEP)) == 2
     with pytest.raises(ModelError, match="exceeds all numbers"):

@@ -20,11 +20,11 @@ from lostmotion.model.motion import FloatArray, Motion
 from lostmotion.model.pieces import Pieces, cut
 from lostmotion.model.solve import IntArray, Plan, load, polynomial, rates, record, rk4
 
-__all__ = ["NudgedRun", "at_samples", "nudged_input"]
+__all__ = ["ObserverRun", "at_samples", "observer_input"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class NudgedRun:
+class ObserverRun:
     """Calling it with a start state (n,), gains (n,), the measured signal (N,) and a sub-step [s] gives what the run
     did not expect at each sample, e = measured - modelled (N,), and the states after gain e was added to them (N, n).
 
@@ -48,7 +48,7 @@ class NudgedRun:
         return e, states
 
 
-def nudged_input(
+def observer_input(
     drive: Motion | None, origin: float, times: tuple[float, ...], delay: float
 ) -> tuple[FloatArray, FloatArray, IntArray]:
     """Knots, coefficients and which knots the samples are; times: (N,) from origin [s], the first of them 0."""
@@ -79,7 +79,7 @@ def at_samples(pieces: Pieces, times: FloatArray) -> tuple[FloatArray, FloatArra
     return knots, moved
 
 
-def _nudge(
+def _corrected(
     plan: Any, knots: FloatArray, coefficients: FloatArray, at: IntArray, substep: float, start: FloatArray,
     gain: FloatArray, reading: IntArray, measured: FloatArray, origin: float, e: FloatArray, states: FloatArray,
 ) -> None:  # fmt: skip
@@ -116,4 +116,4 @@ def _nudge(
             k1, k4 = k4, k1
 
 
-_follow = compiled(lambda **options: njit(nogil=True, **OPTIONS, **options)(_nudge))
+_follow = compiled(lambda **options: njit(nogil=True, **OPTIONS, **options)(_corrected))
