@@ -6,6 +6,7 @@ import { axis, chart, colour, line, number, onTheme } from "./plot.js";
 const get = (id) => document.getElementById(id);
 const root = get("run"), name = root.dataset.run, api = `/api/lab/runs/${name}`;
 const NOISE = 1.96;
+const LOGARITHMIC = 30; // times the noise, from which on a bar of it would not be seen
 const state = { job: null, found: null, curves: [], which: 0, side: "after" };
 
 // ---- progress
@@ -49,6 +50,7 @@ function take(job) {
     const tick = () => { get("elapsed").textContent = `for ${duration(Math.max(0, Date.now() / 1000 - job.created))}`; };
     tick();
     clock = setInterval(tick, 1000);
+    if (about.rungs.length) ladder(null);
     follow();
     return;
   }
@@ -85,7 +87,7 @@ async function result() {
 }
 
 function verdict(found) {
-  get("words").replaceChildren(...found.words.map((words) => element("p", {}, words)));
+  get("words").replaceChildren(...found.words.map((words) => element("p", {}, sentence(words))));
   get("verdict").dataset.tone = found.verdict ?? (found.is_noise ? "nothing_missing" : "missing");
   const look = Object.values(found.look ?? {});
   get("look").hidden = !look.length;
@@ -113,47 +115,69 @@ function bar(from, to, noise, kind = "") {
   return svg;
 }
 
-const called = (id) => state.found.names?.[id] ?? state.job.about.names?.[id] ?? id;
+const called = (id) => state.found?.names?.[id] ?? state.job.about.names?.[id] ?? id;
 const sentence = (text) => text[0].toUpperCase() + text.slice(1);
-const plain = (effects) => effects.map(called).join(" and ");
+const joined = (names) => names.length < 2 ? names.join("") : `${names.slice(0, -1).join(", ")} and ${names.at(-1)}`;
+const plain = (effects) => joined(effects.map(called));
+
+// What share of a bar a value is; on a logarithmic scale where the largest is far above the noise.
+function scale(values, noise) {
+  const most = Math.max(...values.filter(isFinite)) || 1;
+  if (!(noise > 0) || most < LOGARITHMIC * noise) return { share: (v) => v / most, note: "" };
+  const least = noise / 3;
+  return { share: (v) => Math.log(Math.max(v, least) / least) / Math.log(most / least), note: " The bars are logarithmic." };
+}
 
 function ladder(found) {
-  const { about } = state.job, { unit } = found.error;
-  const climbed = about.rungs.map((rung) => ({ rms: rung.rms, noise: rung.noise, added: rung.added, run: rung.run }));
-  const rungs = [...climbed, ...found.ladder.map((rung, i) => ({
-    rms: rung.rms, noise: rung.noise, found: i > 0,
-    added: i ? rung.effects.filter((id) => !found.ladder[i - 1].effects.includes(id)) : about.added,
+  const { about } = state.job, unit = found?.error.unit ?? about.rungs[0].unit;
+  const rungs = [...about.rungs, ...(found?.ladder ?? []).map((rung, i) => ({
+    ...rung, found: i > 0, added: i ? rung.effects.filter((id) => !found.ladder[i - 1].effects.includes(id)) : about.added,
   }))];
-  const most = Math.max(...rungs.map((rung) => rung.rms));
-  get("ladder").replaceChildren(...rungs.map((rung, i) => {
+  const { share, note } = scale(rungs.map((rung) => rung.rms), rungs[0].noise);
+  const rows = rungs.map((rung, i) => {
     const what = !i ? "The model as it was given" : `${rung.found ? "With" : "Added:"} ${plain(rung.added)}`;
     const title = rung.run ? element("a", { href: `/lab/runs/${rung.run}` }, what) : element("span", {}, what);
     return element("li", { class: rung.found ? "found" : "" }, element("span", { class: "what" }, title,
       rung.found ? element("small", {}, " found, not yet added") : ""),
       element("span", { class: "number" }, figure(rung.rms, unit)),
-      bar(i ? rungs[i - 1].rms / most : rung.rms / most, rung.rms / most, rung.noise / most));
-  }));
+      bar(share(rungs[Math.max(i - 1, 0)].rms), share(rung.rms), share(rung.noise)));
+  });
+  if (!found) rows.push(element("li", {}, element("span", { class: "what" }, `Added: ${plain(about.added)}`), element("span", { class: "number" }, "…")));
+  get("ladder").replaceChildren(...rows);
+  get("ladder-scale").textContent = note;
   get("ladder-section").hidden = false;
-  const offered = found.missing.length > 0;
-  get("take").hidden = !offered;
-  get("add-found").textContent = `Add ${plain(found.missing)}, and look for more`;
+  get("take").hidden = !found?.missing.length;
+  if (!found?.missing.length) return;
+  const several = found.missing.length > 1;
+  get("add-found").textContent = several ? "Add all of it, and look for more" : `Add ${plain(found.missing)}, and look for more`;
   get("add-found").onclick = () => add(found.missing);
+  get("add-first").hidden = !several;
+  get("add-first").textContent = `Only ${called(found.missing[0])}`;
+  get("add-first").onclick = () => add(found.missing.slice(0, 1));
 }
 
 function ranking(found) {
   if (!found.ranking.length) return;
-  const { unit, noise } = found.error;
-  const most = Math.max(...found.ranking.map((one) => Math.max(one.rms_before ?? 0, 0)));
-  get("ranking").replaceChildren(...found.ranking.map((one) => {
+  const { unit, noise } = found.error, isFitted = (one) => one.rms_after !== one.rms_before || found.missing.includes(one.effect);
+  const { share, note } = scale(found.ranking.map((one) => one.rms_before), noise);
+  const rest = found.ranking.filter((one) => !isFitted(one));
+  const row = (one) => {
     const is = found.missing.includes(one.effect), p = one.p_value < 0.003 ? "p < 0.003" : `p = ${short(one.p_value, 2)}`;
-    const add_it = element("button", { type: "button", "aria-label": `Add ${called(one.effect)}` }, "Add");
-    add_it.addEventListener("click", () => add([one.effect]));
+    const button = element("button", { type: "button", "aria-label": `Add ${called(one.effect)}` }, "Add");
+    button.addEventListener("click", () => add([one.effect]));
     const values = Object.entries(one.parameters).map(([id, [value]]) => `${id} = ${short(value, 4)}`).join(", ");
+    const later = is && one.rms_after === one.rms_before ? "found once the others were there" : null;
+    const fell = isFitted(one) ? later ?? `${figure(one.rms_before, unit)} → ${figure(one.rms_after, unit)}` : "";
     return element("li", { class: is ? "found" : "", "data-effect": one.effect },
       element("span", { class: "what" }, element("strong", {}, sentence(called(one.effect))), element("small", {}, ` ${one.effect}${values ? `: ${values}` : ""}`)),
-      element("span", { class: "number" }, `${figure(one.rms_before, unit)} → ${figure(one.rms_after, unit)}`, element("small", {}, ` ${p}`)),
-      bar(one.rms_before / most, one.rms_after / most, noise / most, is ? "good" : ""), add_it);
-  }));
+      element("span", { class: "number" }, fell, element("small", {}, ` ${p}`)),
+      isFitted(one) && !later ? bar(share(one.rms_before), share(one.rms_after), share(noise), is ? "good" : "") : "", button);
+  };
+  get("ranking").replaceChildren(...found.ranking.filter(isFitted).map(row));
+  get("unfitted").replaceChildren(...rest.map(row));
+  get("unfitted-section").hidden = !rest.length;
+  get("unfitted-title").textContent = `${rest.length} more, of which a quick test saw too little to fit them`;
+  get("ranking-scale").textContent = note;
   get("seen").replaceChildren(...(found.seen_from ?? []).map((words) => element("li", {}, words)));
   get("seen-section").hidden = !found.seen_from?.length;
   get("ranking-section").hidden = false;
@@ -209,7 +233,7 @@ function where(found) {
 
 function missing(found) {
   const left = found.residual;
-  if (!left) return;
+  if (!left || (found.ladder && !left.curve)) return; // else the words have said it
   get("missing-words").textContent = `${sentence(left.description)}${/[.!?]$/.test(left.description) ? "" : "."}${left.formula ? ` A short formula that fits: ${left.formula}` : ""}`;
   get("missing").hidden = false;
   get("shape").parentElement.hidden = !left.curve;
