@@ -18,7 +18,7 @@ from starlette.routing import BaseRoute, Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from lostmotion.drivers.errors import LostmotionError
-from lostmotion.web import fleet, joint, lab, login, robot
+from lostmotion.web import fleet, joint, lab, lab_record, login, robot
 from lostmotion.web.events import News
 from lostmotion.web.pages import trouble
 from lostmotion.web.security import Guard, Keys, Sessions, Throttle
@@ -51,6 +51,7 @@ def _routes() -> list[BaseRoute]:
         *robot.ROUTES,
         *joint.ROUTES,
         *lab.ROUTES,
+        *lab_record.ROUTES,
         *login.ROUTES,
         *fleet.ROUTES,
         Route("/health", _health),

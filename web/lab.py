@@ -21,6 +21,7 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, Response, StreamingResponse
 from starlette.routing import Route
 
+from lostmotion.daemon.database import is_held
 from lostmotion.web.bodies import document
 from lostmotion.web.jobs import Job, JobError, Jobs
 from lostmotion.web.lab_models import BASES, ModelRefusedError, head, own_effects
@@ -28,13 +29,15 @@ from lostmotion.web.pages import json, page, site_of
 from lostmotion.web.recordings import Shelf
 from lostmotion.web.site import Site
 
-__all__ = ["ROUTES", "Lab"]
+__all__ = ["LONGEST_S", "PROGRAM", "ROUTES", "Lab", "lab_of"]
 
 PROGRAM = (sys.executable, "-P", "-c", "from lostmotion.daemon.cli import main; main()")
 BUDGET = "60s"
 MOST_RECORDINGS = 20
 MOST_MODEL = 100_000
 MOST_BODY = 2 * MOST_MODEL
+LONGEST_S = 600
+"""of a recording that is made here [s]"""
 LOOK_S, BEAT_S = 0.25, 15.0
 FILES = {
     "result.json": "application/json",
@@ -133,8 +136,12 @@ class Lab:
 
 def show(request: Request) -> Response:
     """The page on which one chooses."""
-    lab = _lab(request)
-    return page(request, "lab.html", title="Lab", bases=BASES, own=sorted(lab.own), most=lab.shelf.largest)
+    lab = lab_of(request)
+    site = site_of(request)
+    return page(
+        request, "lab.html", title="Lab", bases=BASES, own=sorted(lab.own), most=lab.shelf.largest, longest=LONGEST_S,
+        joints=[joint.name for joint in site.config().joints], is_watched=bool(is_held(site.database)),
+    )  # fmt: skip
 
 
 def show_run(request: Request) -> Response:
@@ -145,7 +152,7 @@ def show_run(request: Request) -> Response:
 
 def overview(request: Request) -> Response:
     """The recordings, and all runs."""
-    lab = _lab(request)
+    lab = lab_of(request)
     running = lab.jobs.running()
     return json(
         {"recordings": lab.shelf.all(), "runs": lab.jobs.all(), "running": running[0] if running else None,
@@ -158,31 +165,31 @@ async def upload(request: Request) -> Response:
     length = request.headers.get("content-length", "")
     chunks: AsyncIterator[bytes] = request.stream()
     name = request.query_params.get("name", "")
-    return json(await _lab(request).shelf.take(name, int(length) if length.isdecimal() else None, chunks), 201)
+    return json(await lab_of(request).shelf.take(name, int(length) if length.isdecimal() else None, chunks), 201)
 
 
 def recording(request: Request) -> Response:
     """A recording, to take away."""
-    path = _lab(request).shelf.path(request.path_params["name"])
+    path = lab_of(request).shelf.path(request.path_params["name"])
     return FileResponse(path, media_type="text/csv", filename=path.name)
 
 
 def remove_recording(request: Request) -> Response:
     """Deletes one."""
-    _lab(request).shelf.remove(request.path_params["name"])
+    lab_of(request).shelf.remove(request.path_params["name"])
     return json({"removed": True})
 
 
 async def begin(request: Request) -> Response:
     """Begins a run."""
     asked = await document(request, Asked, MOST_BODY)
-    return json({"id": await run_in_threadpool(_lab(request).begin, asked)}, 201)
+    return json({"id": await run_in_threadpool(lab_of(request).begin, asked)}, 201)
 
 
 async def add(request: Request) -> Response:
     """Begins a run with more effects than this one had."""
     asked = await document(request, Added)
-    return json({"id": await run_in_threadpool(_lab(request).add, request.path_params["id"], asked.effects)}, 201)
+    return json({"id": await run_in_threadpool(lab_of(request).add, request.path_params["id"], asked.effects)}, 201)
 
 
 def run(request: Request) -> Response:
@@ -193,13 +200,13 @@ def run(request: Request) -> Response:
 def stop(request: Request) -> Response:
     """Ends a run."""
     job = _job(request)
-    _lab(request).jobs.stop(job.id)
+    lab_of(request).jobs.stop(job.id)
     return json(_job(request))
 
 
 def remove(request: Request) -> Response:
     """Forgets a run."""
-    _lab(request).jobs.remove(_job(request).id)
+    lab_of(request).jobs.remove(_job(request).id)
     return json({"removed": True})
 
 
@@ -209,7 +216,7 @@ def file(request: Request) -> Response:
     if name not in FILES:
         raise HTTPException(404, f"a run leaves no {name[:40]!r}")
     job = _job(request)
-    path = _lab(request).jobs.path(job.id, name)
+    path = lab_of(request).jobs.path(job.id, name)
     as_file = None if name.endswith(".json") and "download" not in request.query_params else f"{job.id}-{name}"
     return FileResponse(path, media_type=FILES[name], filename=as_file)
 
@@ -218,7 +225,7 @@ async def events(request: Request) -> Response:
     """How a run goes on, until it ends."""
     job = _job(request)
     headers = {"cache-control": "no-store", "x-accel-buffering": "no"}
-    return StreamingResponse(_news(_lab(request).jobs, job.id), media_type="text/event-stream", headers=headers)
+    return StreamingResponse(_news(lab_of(request).jobs, job.id), media_type="text/event-stream", headers=headers)
 
 
 async def _news(jobs: Jobs, name: str) -> AsyncIterator[bytes]:
@@ -242,7 +249,7 @@ async def _news(jobs: Jobs, name: str) -> AsyncIterator[bytes]:
         waited += LOOK_S
 
 
-def _lab(request: Request) -> Lab:
+def lab_of(request: Request) -> Lab:
     """The lab; made when somebody first looks, and again when the configuration has changed."""
     site, state = site_of(request), request.app.state
     config = site.config()
@@ -253,7 +260,7 @@ def _lab(request: Request) -> Lab:
 
 
 def _job(request: Request) -> Job:
-    return _lab(request).jobs.find(request.path_params["id"])
+    return lab_of(request).jobs.find(request.path_params["id"])
 
 
 ROUTES = [

@@ -100,6 +100,13 @@ form.addEventListener("submit", async (event) => {
   } catch (error) { answer.textContent = error.message; }
 });
 
+get("record")?.addEventListener("click", async () => {
+  const answer = get("record-answer");
+  answer.textContent = "beginning …";
+  try { location.assign(`/lab/runs/${(await ask("/api/lab/record", { joint: get("joint").value, seconds: Number(get("seconds").value) })).id}`); }
+  catch (error) { answer.textContent = error.message; }
+});
+
 // What another run was asked, to be asked anew.
 async function from(run) {
   const api = `/api/lab/runs/${encodeURIComponent(run)}`;
@@ -107,6 +114,7 @@ async function from(run) {
     const { about } = await ask(api);
     chosen.clear();
     about.recordings.forEach((name) => chosen.add(name));
+    if (about.kind === "record") return;
     form.querySelectorAll('input[name="base"]').forEach((radio) => { radio.checked = radio.value === about.base; });
     form.querySelectorAll('input[name="own"]').forEach((box) => { box.checked = about.own.includes(box.value); });
     get("model").value = await (await fetch(`${api}/files/model.toml`)).text();

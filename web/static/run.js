@@ -36,21 +36,25 @@ function take(job) {
   root.dataset.state = job.state;
   const title = get("title").textContent = describe(job);
   document.title = `${title} · lostmotion`;
-  const about = job.about, model = `base ${about.base}; effects: ${about.effects.join(", ") || "none"}`;
-  get("about").textContent = `${about.recordings.join(", ")}; ${model}`;
+  const about = job.about, model = about.base ? `; base ${about.base}; effects: ${about.effects.join(", ") || "none"}` : "";
+  get("about").textContent = about.recordings.join(", ") + model;
   const goes = job.state === "running";
   get("going").hidden = !goes;
   clearInterval(clock);
   if (goes) {
     const last = job.progress.at(-1);
-    get("doing").textContent = last ? `${last.progress} …` : about.kind === "compare" ? "comparing …" : "beginning …";
+    get("doing").textContent = last ? `${last.progress} …` : { compare: "comparing …", record: "recording …" }[about.kind] ?? "beginning …";
     get("bar").value = last?.part ?? 0;
     if (!last?.part) get("bar").removeAttribute("value");
     get("steps").replaceChildren(...job.progress.slice(0, -1).map((one) => element("li", {}, one.progress)));
-    const tick = () => { get("elapsed").textContent = `for ${duration(Math.max(0, Date.now() / 1000 - job.created))}`; };
+    const tick = () => {
+      const gone = Math.max(0, Date.now() / 1000 - job.created);
+      get("elapsed").textContent = `for ${duration(gone)}${about.seconds ? ` of ${duration(about.seconds)}` : ""}`;
+      if (about.seconds) get("bar").value = gone / about.seconds;
+    };
     tick();
     clock = setInterval(tick, 1000);
-    if (about.rungs.length) ladder(null);
+    if (about.rungs?.length) ladder(null);
     follow();
     return;
   }
@@ -74,9 +78,12 @@ get("remove").addEventListener("click", async () => {
 
 async function result() {
   try {
-    [state.found, state.curves] = await Promise.all([ask(`${api}/files/result.json`), ask(`${api}/files/curves.json`)]);
+    const files = state.job.files.includes("curves.json") ? ["result.json", "curves.json"] : ["result.json"];
+    [state.found, state.curves = []] = await Promise.all(files.map((file) => ask(`${api}/files/${file}`)));
   } catch (error) { say(error.message); return; }
+  state.curves = whole(state.curves);
   const { found } = state;
+  if (state.job.about.kind === "record") { recorded(found); return; }
   verdict(found);
   if (found.ladder) { ladder(found); ranking(found); parameters(found); }
   else where(found);
@@ -95,6 +102,18 @@ function verdict(found) {
   get("advice").hidden = !found.advice;
   get("advice").textContent = found.advice ?? "";
   get("verdict").hidden = false;
+}
+
+// A recording was made: what is in it, and on to the lab with it.
+function recorded(found) {
+  const { about } = state.job, [name] = about.recordings, lost = Object.entries(found.losses).filter(([, count]) => count);
+  const rates = Object.entries(found.rates).filter(([, rate]) => rate > 0).map(([device, rate]) => `${device} ${short(rate)} Hz`);
+  verdict({ verdict: "nothing_missing", words: [`${found.rows} rows in ${short(found.duration)} s of joint ${about.joint}: ${joined(rates)}.`,
+    lost.length ? `Not in it: ${joined(lost.map(([kind, count]) => `${count} ${kind}`))}.` : "Nothing was lost on the way."] });
+  sessionStorage.setItem("recordings", JSON.stringify([...new Set([...JSON.parse(sessionStorage.getItem("recordings") ?? "[]"), name])]));
+  get("again").textContent = "Use it in the lab";
+  get("again").href = "/lab";
+  root.dataset.shown = "yes";
 }
 
 const SVG = "http://www.w3.org/2000/svg";
@@ -254,6 +273,18 @@ function banded(place, x, mean, low, high, across, up, height) {
 
 // ---- pictures over time
 
+// The stretches of a recording that were fitted one by one, after each other; a gap keeps their lines apart.
+function whole(curves) {
+  const found = new Map();
+  for (const curve of curves) {
+    const key = JSON.stringify([curve.recording, curve.column]), before = found.get(key);
+    if (!before) { found.set(key, { ...curve, time: [...curve.time], measured: [...curve.measured], modelled: [...curve.modelled], before: curve.before && [...curve.before] }); continue; }
+    before.time.push((before.time.at(-1) + curve.time[0]) / 2, ...curve.time);
+    for (const of of ["measured", "modelled", "before"]) if (before[of] && curve[of]) before[of].push(null, ...curve[of]);
+  }
+  return [...found.values()];
+}
+
 function pictures() {
   if (!state.curves.length) return;
   get("curves").hidden = false;
@@ -263,7 +294,10 @@ function pictures() {
   draw();
 }
 
-const rms = (values) => Math.sqrt(values.reduce((sum, v) => sum + (v ?? 0) ** 2, 0) / Math.max(values.length, 1));
+function rms(values) {
+  const there = values.filter((v) => v != null);
+  return Math.sqrt(there.reduce((sum, v) => sum + v ** 2, 0) / Math.max(there.length, 1));
+}
 const left = (curve, side, factor) => { const model = side === "before" && curve.before ? curve.before : curve.modelled; return curve.measured.map((v, i) => v == null || model[i] == null ? null : (v - model[i]) * factor); };
 
 function draw() {
