@@ -26,7 +26,7 @@ import msgspec
 
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["BusyError", "Job", "JobError", "Jobs", "Limits"]
+__all__ = ["BusyError", "FullError", "Job", "JobError", "Jobs", "Limits"]
 
 ID = re.compile(r"\d{8}T\d{6}-[0-9a-f]{6}")
 MOST_KEPT = 40
@@ -35,6 +35,8 @@ STOPPING_S = 5.0
 """how long a job may take to end by itself [s]"""
 LINES = 40
 """of progress that are told"""
+LEAST_FREE = 300 * 10**6
+"""bytes that have to be free on the disk: the database needs them"""
 TAIL = 20_000
 """bytes of the log that are looked at"""
 
@@ -54,6 +56,12 @@ class BusyError(JobError):
 def _memory() -> int:
     """Half of the machine's, but 2 GB are plenty [bytes]."""
     return min(os.sysconf("SC_PAGESIZE") * os.sysconf("SC_PHYS_PAGES") // 2, 2 * 10**9)
+
+
+class FullError(JobError):
+    """There is no room for what a job leaves."""
+
+    status = 507
 
 
 class Limits(msgspec.Struct, frozen=True):
@@ -108,8 +116,10 @@ class Jobs:
         self._mutex = threading.Lock()
 
     def new(self) -> Path:
-        """A folder for a job that is to be started; its name is the job's id."""
+        """A folder for a job that is to be started; its name is the job's id.  Raises FullError."""
         self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if shutil.disk_usage(self.folder).free < LEAST_FREE:
+            raise FullError("the robot's disk is nearly full: remove some recordings or runs first")
         folder = self.folder / f"{datetime.now(UTC):%Y%m%dT%H%M%S}-{secrets.token_hex(3)}"
         folder.mkdir(mode=0o700)
         return folder

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from lostmotion.web.jobs import BusyError, Job, JobError, Jobs, Limits
+from lostmotion.web.jobs import BusyError, FullError, Job, JobError, Jobs, Limits
 from tests.daemon.conftest import wait_until
 
 FOREVER = [sys.executable, "-c", "import time; print('here', flush=True); time.sleep(600)"]
@@ -133,6 +133,14 @@ def test_a_stamp_changes_with_what_is_told(jobs: Jobs) -> None:
     assert jobs.stamp(name) == after
     jobs.stop(name)
     assert jobs.stamp(name) != after
+
+
+def test_a_full_disk_takes_no_job(jobs: Jobs, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is said in words, and no folder is left."""
+    monkeypatch.setattr("lostmotion.web.jobs.LEAST_FREE", 10**18)
+    with pytest.raises(FullError, match="nearly full"):
+        jobs.new()
+    assert jobs.all() == list(jobs.folder.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", ["..", "../..", "20260101T000000-abcdef", "", "x" * 500, "20260101T000000-abcdef/.."])

@@ -32,6 +32,7 @@ async function load() {
     for (const name of chosen) if (!found.recordings.some((kept) => kept.name === name)) chosen.delete(name);
     get("recordings").replaceChildren(...found.recordings.map(pick));
     get("no-recordings").hidden = found.recordings.length > 0;
+    get("judge").hidden = found.recordings.length < 2;
     get("runs").replaceChildren(...found.runs.map(row));
     get("no-runs").hidden = found.runs.length > 0;
     get("running").hidden = !found.running;
@@ -108,7 +109,7 @@ get("record")?.addEventListener("click", async () => {
 });
 
 // What another run was asked, to be asked anew.
-async function from(run) {
+async function from(run, file) {
   const api = `/api/lab/runs/${encodeURIComponent(run)}`;
   try {
     const { about } = await ask(api);
@@ -117,12 +118,12 @@ async function from(run) {
     if (about.kind === "record") return;
     form.querySelectorAll('input[name="base"]').forEach((radio) => { radio.checked = radio.value === about.base; });
     form.querySelectorAll('input[name="own"]').forEach((box) => { box.checked = about.own.includes(box.value); });
-    get("model").value = await (await fetch(`${api}/files/model.toml`)).text();
+    get("model").value = await (await fetch(`${api}/files/${file === "improved.toml" ? file : "model.toml"}`)).text();
     get("model-details").open = true;
   } catch (error) { get("ask-answer").textContent = error.message; }
 }
 
 addEventListener("pageshow", (event) => { if (event.persisted) load(); });
 suggest();
-const asked = new URLSearchParams(location.search).get("from");
-(asked ? from(asked) : Promise.resolve()).then(load);
+const query = new URLSearchParams(location.search);
+(query.has("from") ? from(query.get("from"), query.get("file")) : Promise.resolve()).then(load);

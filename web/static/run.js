@@ -370,6 +370,9 @@ function downloads() {
   const offered = { "improved.toml": "Model file", "report.html": "Report", "model.toml": "Model as it was given", "result.json": "Numbers (JSON)", "curves.json": "Curves (JSON)" };
   const there = Object.entries(offered).filter(([file]) => state.job.files.includes(file));
   get("downloads").replaceChildren(...there.map(([file, text]) => element("a", { class: "button", href: `${api}/files/${file}?download`, "data-file": file }, text)));
+  if (state.job.files.includes("improved.toml")) {
+    get("downloads").append(element("a", { class: "button", href: `/lab?from=${name}&file=improved.toml` }, "Hold this model against other recordings"));
+  }
   get("takeaway").hidden = !there.length;
 }
 
