@@ -101,7 +101,7 @@ def _merged(
 
 
 def _metadata(kind: str, joint: str, chosen: Sequence[Chosen], samples: Samples) -> dict[str, Any]:
-    metadata: dict[str, Any] = {}
+    metadata = dict(samples.metadata)
     if joint:
         metadata["joint"] = _plain(joint)
     if samples.start is not None:

@@ -16,7 +16,7 @@ from lostmotion.drivers.units import COLUMN_UNITS
 __all__ = ["FORMATS", "Format", "is_foreign", "open_source"]
 
 EXPECTED = "lostmotion's CSV, PlotJuggler's or other text, MAT, Parquet, MCAP, rosbag2 or a LeRobot dataset"
-START = 4096
+START = 1 << 16
 """bytes that are looked at"""
 
 
@@ -121,4 +121,5 @@ def _is_own(start: bytes) -> bool:
     ours = set(names) & set(COLUMN_UNITS)
     if "time" in ours:
         return len(ours) > 1 or not any(column_of(name) for name in names)
-    return not any(letter.isalpha() for letter in header) or len(lines) < 2
+    is_whole = len(lines) > 1 or len(start) == START  # a header of a thousand names is cut off here
+    return not (is_whole and any(letter.isalpha() for letter in header))

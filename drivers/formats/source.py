@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Protocol
+from typing import Any, Protocol
 
 from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.errors import RecordingError
@@ -73,13 +73,15 @@ class Samples:
     """What was read.
 
     values: by series its times [s] from a common origin, never descending, and its values, shape (N,) each;
-    clock: what told the time; start: UTC of time 0 where it is known; notes: what a person should know of them.
+    clock: what told the time; start: UTC of time 0 where it is known; notes: what a person should know of them;
+    metadata: what the file says of the recording.
     """
 
     values: Mapping[str, tuple[FloatArray, FloatArray]]
     clock: str
     start: datetime | None = None
     notes: Sequence[str] = ()
+    metadata: Mapping[str, Any] = field(default_factory=dict)
 
 
 class Source(Protocol):

@@ -36,6 +36,7 @@ class Table:
     series: Sequence[Series]
     load: Callable[[Sequence[str]], Mapping[str, Array]]
     notes: Sequence[str] = field(default=())
+    metadata: Mapping[str, Any] = field(default_factory=dict)
 
     def read(self, names: Sequence[str], choice: Choice) -> Samples:
         """The samples of these series.  Raises RecordingError."""
@@ -57,7 +58,7 @@ class Table:
             numbers = np.asarray(loaded[name], dtype=np.float64)
             there = ~np.isnan(numbers) & ~np.isnan(times)
             values[name] = (times, numbers) if there.all() else (times[there], numbers[there])
-        return Samples(values, told, start, notes)
+        return Samples(values, told, start, notes, self.metadata)
 
     def _clock(self, choice: Choice) -> tuple[Series, Term] | None:
         """The series that tells the time; None where a rate was given.  Raises RecordingError."""

@@ -11,6 +11,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import islice
@@ -25,12 +26,15 @@ from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.source import MOST_SERIES, Series, check_count, shown, too_many
 from lostmotion.drivers.formats.table import Table
 from lostmotion.drivers.formats.words import SPELT, is_time
+from lostmotion.drivers.toml_text import TomlError, loads
 from lostmotion.drivers.units import to_si
 
 __all__ = ["open_text"]
 
 SEPARATORS = ",;\t|"
 COMMENT = ("#", "%", "//")
+CELLS_AT_ONCE = 500_000
+"""bounds the text held in memory: each cell takes some 60 bytes"""
 LOOKED_AT = 200
 """rows, to tell numbers from words"""
 LONGEST = 100 * LONGEST_LINE
@@ -42,7 +46,8 @@ DECIMAL_COMMA = re.compile(r"\s*[+-]?\d+,\d+(?:[eE][+-]?\d+)?\s*")
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """separator: " " for any blanks; header: the names; units: of a line below it; skipped: lines before the rows."""
+    """separator: " " for any blanks; header: the names; units: of a line below it, "" for none; skipped: lines before
+    the rows; metadata: of ``# key = value`` lines, as in lostmotion's own files."""
 
     encoding: str
     separator: str
@@ -51,22 +56,26 @@ class Layout:
     skipped: int
     decimal_comma: bool
     dates: frozenset[int]
+    metadata: Mapping[str, Any]
 
 
 def open_text(path: Path) -> Table:
     """Raises RecordingError."""
     layout, rows = _layout(path)
     kind = "PlotJuggler CSV" if "__time" in layout.header else f"text separated by {_called(layout.separator)}"
-    units = layout.units or [""] * len(layout.header)
+    units = [
+        layout.metadata.get(f"{name}_unit") or below for name, below in zip(layout.header, layout.units, strict=True)
+    ]
     numeric = [index for index in range(len(layout.header)) if _is_numeric(rows, index, layout)]
-    series = [Series(layout.header[index], units[index]) for index in numeric]
+    series = [Series(layout.header[index], str(units[index])) for index in numeric]
     if not series:
         raise RecordingError(f"{path}: found text without a column of numbers, expected a table; is it a recording?")
 
     def load(names: Sequence[str]) -> Mapping[str, NDArray[Any]]:
         return _load(path, layout, [layout.header.index(name) for name in names])
 
-    return Table(str(path), kind, series, load)
+    metadata = {key: value for key, value in layout.metadata.items() if not key.endswith("_unit")}
+    return Table(str(path), kind, series, load, metadata=metadata)
 
 
 def _layout(path: Path) -> tuple[Layout, list[list[str]]]:
@@ -74,11 +83,13 @@ def _layout(path: Path) -> tuple[Layout, list[list[str]]]:
     encoding = _encoding(path)
     comments: list[str] = []
     lines: list[str] = []
-    for line in islice(_lines(path, encoding), 4 * LOOKED_AT):
+    places: list[int] = []
+    for number, line in enumerate(islice(_lines(path, encoding), 4 * LOOKED_AT), start=1):
         if not lines and line.startswith(COMMENT):
             comments.append(line)
         elif line.strip() and len(lines) < LOOKED_AT:
             lines.append(line)
+            places.append(number)
     if not lines:
         raise RecordingError(f"{path}: found no rows, expected a table of numbers with a header; the file is empty")
     separator = _separator(lines[0])
@@ -89,8 +100,21 @@ def _layout(path: Path) -> tuple[Layout, list[list[str]]]:
         raise too_many(str(path), len(header), "columns")
     units = _units(rows[0], comma) if rows else []
     dates = frozenset(index for index, name in enumerate(header) if is_time(name) and _is_date(rows, index))
-    skipped = _position(path, encoding, len(lines) - len(rows) + bool(units), len(comments))
-    return Layout(encoding, separator, header, units, skipped, comma, dates), rows[1:] if units else rows
+    before = len(lines) - len(rows) + bool(units)
+    skipped = places[before - 1] if before else 0
+    below = units or [""] * len(header)
+    layout = Layout(encoding, separator, header, below, skipped, comma, dates, _metadata(comments))
+    whole = rows if lines[-1].endswith("\n") else rows[:-1]
+    return layout, whole[1:] if units else whole
+
+
+def _metadata(comments: list[str]) -> dict[str, Any]:
+    """What the comments say as ``key = value``; others are for people."""
+    metadata: dict[str, Any] = {}
+    for line in comments:
+        with suppress(TomlError):
+            metadata.update(loads(line.lstrip("#").strip()))
+    return metadata
 
 
 def _header(
@@ -104,27 +128,14 @@ def _header(
     return [f"column{index + 1}" for index in range(len(rows[0]))], rows
 
 
-def _position(path: Path, encoding: str, before: int, comments: int) -> int:
-    """How many lines of the file come before the first row; ``before`` of them are neither blank nor comments."""
-    if before == 0:
-        return comments
-    left = before
-    for number, line in enumerate(_lines(path, encoding), start=1):
-        if number > comments and line.strip():
-            left -= 1
-            if left == 0:
-                return number
-    return 0
-
-
 def _load(path: Path, layout: Layout, indices: Sequence[int]) -> dict[str, NDArray[Any]]:
     """The columns of these numbers.  Raises RecordingError."""
     parts: dict[int, list[NDArray[Any]]] = {index: [] for index in indices}
     lines = islice(_lines(path, layout.encoding), layout.skipped, None)
-    line, count = layout.skipped + 1, 0
-    while chunk := list(islice(lines, ROWS_AT_ONCE)):
+    line, count, most = layout.skipped + 1, 0, max(min(ROWS_AT_ONCE, CELLS_AT_ONCE // len(layout.header)), 1)
+    while chunk := list(islice(lines, most)):
         numbered = [(line + i, text) for i, text in enumerate(chunk) if text.strip() and not text.startswith(COMMENT)]
-        rows = _rows(path, layout, numbered, is_last=len(chunk) < ROWS_AT_ONCE)
+        rows = _rows(path, layout, numbered, indices)
         for index in indices:
             parts[index].append(_column([row[index] for row in rows], index, layout, path, [n for n, _ in numbered]))
         line += len(chunk)
@@ -133,20 +144,26 @@ def _load(path: Path, layout: Layout, indices: Sequence[int]) -> dict[str, NDArr
     return {layout.header[index]: np.concatenate(parts[index] or [np.empty(0)]) for index in indices}
 
 
-def _rows(path: Path, layout: Layout, lines: list[tuple[int, str]], *, is_last: bool) -> list[list[str]]:
+def _rows(path: Path, layout: Layout, lines: list[tuple[int, str]], indices: Sequence[int]) -> list[list[str]]:
     """Cells, as many in each row as the header has; a last line that was cut off is left out."""
     width = len(layout.header)
     rows = [_cells(text, layout.separator) for _, text in lines]
+    if lines and not lines[-1][1].endswith("\n") and not _is_whole(rows[-1], layout, indices):
+        rows.pop()
     for index, row in enumerate(rows):
         if len(row) == width or (len(row) > width and not any(cell.strip() for cell in row[width:])):
             continue
-        if is_last and index == len(rows) - 1 and not lines[index][1].endswith("\n"):
-            return rows[:-1]
         raise RecordingError(
             f"{path}: line {lines[index][0]}: found {len(row)} cells separated by {_called(layout.separator)}, "
             f"expected {width} as in the header"
         )
     return rows
+
+
+def _is_whole(row: list[str], layout: Layout, indices: Sequence[int]) -> bool:
+    """Whether a row without its newline may still be complete."""
+    numbers = [index for index in indices if index not in layout.dates]
+    return len(row) >= len(layout.header) and all(_number(row[i], layout.decimal_comma) is not None for i in numbers)
 
 
 def _column(cells: list[str], index: int, layout: Layout, path: Path, lines: Sequence[int]) -> NDArray[Any]:

@@ -151,6 +151,21 @@ def test_other_layouts_of_text(tmp_path: Path) -> None:
     assert "and no times; say which series they are" in refused(path)
 
 
+def test_text_with_metadata_and_many_columns(tmp_path: Path) -> None:
+    """Lines of ``# key = value`` count, as in lostmotion's own files; a header of 100 kB is another program's."""
+    path = tmp_path / "x.csv"
+    path.write_text('\n# angle_unit = "deg"\n\n# by hand, at noon\n# joint = "elbow"\nt,angle\n0,90\n1,180\n')
+    found = read_recording(path)
+    np.testing.assert_allclose(found.columns["position"], [np.pi / 2, np.pi])
+    assert found.metadata["joint"] == "elbow"
+    names = [f"/robot/some/long/name/of/a/signal/number/{k}" for k in range(2000)]
+    frame = pd.DataFrame(np.zeros((3, 2000)), columns=names)
+    frame.insert(0, "__time", [0.0, 0.1, 0.2])
+    frame["elbow/position"] = [1.0, 2.0, 3.0]
+    frame.to_csv(path, index=False)
+    assert read_recording(path).columns["position"].tolist() == [1, 2, 3]
+
+
 def test_parquet(tmp_path: Path) -> None:
     """Lists become a series a place, nanoseconds stay exact, null is not sampled."""
     path = tmp_path / "x.parquet"
@@ -248,8 +263,9 @@ def test_what_is_no_recording_is_told(content: bytes, message: str, tmp_path: Pa
 def test_cut_off_last_line_is_left_out(tmp_path: Path) -> None:
     """As a killed logger leaves it."""
     path = tmp_path / "x.csv"
-    path.write_text("t;q;tau\n0;1;2\n1;2;3\n2;3")
-    assert read(path).recording.time.tolist() == [0, 1]
+    for rest in ("2;3", "2;3;4e", "2"):
+        path.write_text(f"t;q;tau\n0;1;2\n1;2;3\n{rest}")
+        assert read(path).recording.time.tolist() == [0, 1]
 
 
 @settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
