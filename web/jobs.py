@@ -145,12 +145,12 @@ class Jobs:
     def _begin(self, folder: Path, lock: int) -> None:
         if self._runner:
             self._runner.poll()  # the one before has ended; nobody else would take its status
+        os.ftruncate(lock, 0)  # before anybody could take the one before for this one
         command = [sys.executable, "-P", "-m", "lostmotion.web.runner", str(folder)]
         self._runner = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
             start_new_session=True, pass_fds=(lock,),
         )  # fmt: skip
-        os.ftruncate(lock, 0)
         os.pwrite(lock, f"{folder.name} {self._runner.pid}".encode(), 0)
 
     @contextmanager

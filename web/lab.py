@@ -22,11 +22,12 @@ from starlette.responses import FileResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from lostmotion.daemon.database import is_held
+from lostmotion.drivers.formats.registry import is_foreign
 from lostmotion.web.bodies import document
 from lostmotion.web.jobs import Job, JobError, Jobs
 from lostmotion.web.lab_models import BASES, ModelRefusedError, head, own_effects
 from lostmotion.web.pages import json, page, site_of
-from lostmotion.web.recordings import Shelf
+from lostmotion.web.recordings import Shelf, harmless
 from lostmotion.web.site import Site
 
 __all__ = ["LONGEST_S", "PROGRAM", "ROUTES", "Lab", "lab_of"]
@@ -47,7 +48,8 @@ FILES = {
     "improved.toml": "application/toml",
 }
 """what a run leaves for a browser; only JSON is shown in it, the rest is for taking away"""
-Name = Annotated[str, Meta(max_length=200)]
+LONGEST_TEXT = 200
+Name = Annotated[str, Meta(max_length=LONGEST_TEXT)]
 
 
 class Asked(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -120,6 +122,16 @@ class Lab:
                                 "names": found["names"]}  # fmt: skip
         return self._start(folder, steps, about)
 
+    def import_file(self, part: Path, name: str, joint: str) -> str:
+        """Begins a run that makes a recording of another program's file; its id."""
+        folder = self.jobs.new()
+        file = part.rename(folder / f"given-{harmless(name)}")
+        kept = self.shelf.free(Path(name).stem)
+        command = [*PROGRAM, "import", str(file), "-o", str(self.shelf.folder / kept), "--joint", joint, "--json"]
+        return self.jobs.start(
+            folder, [command], self.shelf.folder, {"kind": "import", "recordings": [kept], "file": harmless(name)}
+        )
+
     def _start(self, folder: Path, steps: Sequence[list[str]], about: dict[str, Any]) -> str:
         """Begins; in the folder of the recordings, whose names are then what the reports call them."""
         verb = "compare" if about["kind"] == "compare" else "improve"
@@ -161,11 +173,17 @@ def overview(request: Request) -> Response:
 
 
 async def upload(request: Request) -> Response:
-    """Keeps a recording, which is the body; ``name``: what its file is called where it comes from."""
-    length = request.headers.get("content-length", "")
-    chunks: AsyncIterator[bytes] = request.stream()
-    name = request.query_params.get("name", "")
-    return json(await lab_of(request).shelf.take(name, int(length) if length.isdecimal() else None, chunks), 201)
+    """Keeps a recording, which is the body; ``name``: what its file is called where it comes from.  A file of another
+    program becomes a recording by a run; ``joint``: which one, where it has several."""
+    lab, length = lab_of(request), request.headers.get("content-length", "")
+    name, joint = (request.query_params.get(key, "")[:LONGEST_TEXT] for key in ("name", "joint"))
+    part = await lab.shelf.receive(int(length) if length.isdecimal() else None, request.stream())
+    try:
+        if is_foreign(part):
+            return json({"run": await run_in_threadpool(lab.import_file, part, name, joint)}, 202)
+        return json(lab.shelf.keep(part, name), 201)
+    finally:
+        part.unlink(missing_ok=True)
 
 
 def recording(request: Request) -> Response:

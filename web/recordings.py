@@ -12,10 +12,10 @@ from pathlib import Path
 
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["Kept", "RecordingRefusedError", "Shelf"]
+__all__ = ["Kept", "RecordingRefusedError", "Shelf", "harmless"]
 
 UNSAFE = re.compile(r"[^\w.+-]+")
-LONGEST_NAME = 60
+LONGEST_NAME = 50
 MOST_FILES = 200
 TIMES_LARGEST = 16
 """all recordings together may take so many times the largest one"""
@@ -23,6 +23,11 @@ LEAST_FREE = 200 * 10**6
 """bytes that stay free on the disk: the database needs them"""
 HEAD = 8192
 """bytes in which the header of a recording stands"""
+
+
+def harmless(wanted: str) -> str:
+    """A name from outside as a file may have it, without folders."""
+    return UNSAFE.sub("_", Path(wanted.replace("\\", "/")).name).lstrip("._+-")[-LONGEST_NAME - len(".parquet") :]
 
 
 class RecordingRefusedError(LostmotionError):
@@ -68,30 +73,35 @@ class Shelf:
 
     def free(self, wanted: str) -> str:
         """A name like the wanted one, safe as a file's and not taken."""
-        stem = UNSAFE.sub("_", Path(wanted.replace("\\", "/")).name).removesuffix(".csv")
-        stem = stem.lstrip("._+-")[:LONGEST_NAME].rstrip("._") or "recording"
+        stem = harmless(wanted).removesuffix(".csv")[:LONGEST_NAME].rstrip("._") or "recording"
         names = [f"{stem}.csv", *(f"{stem}-{number}.csv" for number in range(2, MOST_FILES + 2))]
         return next(name for name in names if not (self.folder / name).exists())
 
-    async def take(self, wanted: str, length: int | None, chunks: AsyncIterator[bytes]) -> Kept:
-        """Keeps what a browser sends.  length: what it says it is [bytes].  Raises RecordingRefusedError."""
+    async def receive(self, length: int | None, chunks: AsyncIterator[bytes]) -> Path:
+        """What a browser sends, as a file that ``keep`` takes, or the caller removes.  length: what it says it is
+        [bytes].  Raises RecordingRefusedError."""
         self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         self._check_room(length or 0)
         part = self.folder / f".{secrets.token_hex(8)}.part"
+        size = 0
         try:
             with part.open("xb") as file:
-                size = 0
                 async for chunk in chunks:
                     size += len(chunk)
                     if size > self.largest:
                         raise self._too_large()
                     file.write(chunk)
-            _check(_header(part), wanted)
-            name = self.free(wanted)
-            part.rename(self.folder / name)
-        finally:
+        except BaseException:
             part.unlink(missing_ok=True)
-        kept = _kept(self.folder / name)
+            raise
+        return part
+
+    def keep(self, part: Path, wanted: str) -> Kept:
+        """Puts a file among the recordings.  Raises RecordingRefusedError."""
+        _check(_header(part), wanted)
+        path = self.folder / self.free(wanted)
+        part.rename(path)
+        kept = _kept(path)
         assert kept is not None
         return kept
 

@@ -9,9 +9,14 @@ from pathlib import Path
 import pytest
 
 from lostmotion.web import recordings
-from lostmotion.web.recordings import RecordingRefusedError, Shelf
+from lostmotion.web.recordings import Kept, RecordingRefusedError, Shelf
 
 TINY = b"time,command,position\n0,0,0\n0.01,0.1,0.1\n"
+
+
+def take(shelf: Shelf, wanted: str, length: int | None, chunks: AsyncIterator[bytes]) -> Kept:
+    """Receives and keeps."""
+    return shelf.keep(asyncio.run(shelf.receive(length, chunks)), wanted)
 
 
 async def pieces(*parts: bytes) -> AsyncIterator[bytes]:
@@ -23,8 +28,8 @@ async def pieces(*parts: bytes) -> AsyncIterator[bytes]:
 def test_two_of_one_name_are_kept(tmp_path: Path) -> None:
     """The second gets another name; comments before the header are no header."""
     shelf = Shelf(tmp_path, 50_000)
-    first = asyncio.run(shelf.take("x.csv", None, pieces(TINY[:9], TINY[9:])))
-    second = asyncio.run(shelf.take("x.csv", len(TINY) + 14, pieces(b'# joint = "a"\n', TINY)))
+    first = take(shelf, "x.csv", None, pieces(TINY[:9], TINY[9:]))
+    second = take(shelf, "x.csv", len(TINY) + 14, pieces(b'# joint = "a"\n', TINY))
     assert [first.name, second.name] == ["x.csv", "x-2.csv"]
     assert second.columns == ("command", "position")
     assert second.size == len(TINY) + 14
@@ -40,7 +45,7 @@ def test_a_recording_without_an_end_is_refused(tmp_path: Path) -> None:
 
     shelf = Shelf(tmp_path, 50_000)
     with pytest.raises(RecordingRefusedError, match=r"more than 0\.05 MB"):
-        asyncio.run(shelf.take("x.csv", None, endless()))
+        take(shelf, "x.csv", None, endless())
     assert list(tmp_path.iterdir()) == []
 
 
@@ -48,15 +53,15 @@ def test_a_full_folder_takes_no_more(tmp_path: Path, monkeypatch: pytest.MonkeyP
     """By number, by size and by what is free on the disk; all are said in words."""
     shelf = Shelf(tmp_path, 100)
     for _ in range(3):
-        asyncio.run(shelf.take("x.csv", None, pieces(TINY)))
+        take(shelf, "x.csv", None, pieces(TINY))
     monkeypatch.setattr(recordings, "TIMES_LARGEST", 1)
     with pytest.raises(RecordingRefusedError, match="found 3 recordings already"):
-        asyncio.run(shelf.take("x.csv", None, pieces(TINY)))
+        take(shelf, "x.csv", None, pieces(TINY))
     monkeypatch.setattr(recordings, "TIMES_LARGEST", 100)
     monkeypatch.setattr(recordings, "MOST_FILES", 3)
     with pytest.raises(RecordingRefusedError, match="remove some of them"):
-        asyncio.run(shelf.take("x.csv", None, pieces(TINY)))
+        take(shelf, "x.csv", None, pieces(TINY))
     monkeypatch.setattr(recordings, "MOST_FILES", 30)
     monkeypatch.setattr(recordings, "LEAST_FREE", 10**18)
     with pytest.raises(RecordingRefusedError, match="nearly full"):
-        asyncio.run(shelf.take("x.csv", None, pieces(TINY)))
+        take(shelf, "x.csv", None, pieces(TINY))

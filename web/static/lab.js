@@ -54,16 +54,20 @@ async function attempt(answer, act) {
 
 async function bring(files) {
   const answer = get("files-answer"), most = Number(form.dataset.most), troubles = [];
+  let run = "";
   for (const file of files) {
     if (file.size > most) { troubles.push(`${file.name}: ${bytes(file.size)} are too much: ${bytes(most)} at most (web.upload_mb)`); continue; }
     answer.textContent = `bringing ${file.name} …`;
     try {
-      const kept = await send(`/api/lab/recordings?name=${encodeURIComponent(file.name)}`, file);
-      chosen.add(kept.name);
+      const query = new URLSearchParams({ name: file.name, joint: get("file-joint").value });
+      const kept = await send(`/api/lab/recordings?${query}`, file);
+      if (kept.run) run = kept.run; // another program's, which is made a recording first
+      else chosen.add(kept.name);
     } catch (error) { troubles.push(error.message); }
   }
   remember();
   answer.textContent = troubles.join("; ");
+  if (run && !troubles.length) { location.assign(`/lab/runs/${run}`); return; }
   get("files").value = "";
   load();
 }
@@ -115,7 +119,7 @@ async function from(run, file) {
     const { about } = await ask(api);
     chosen.clear();
     about.recordings.forEach((name) => chosen.add(name));
-    if (about.kind === "record") return;
+    if (!about.base) return;
     form.querySelectorAll('input[name="base"]').forEach((radio) => { radio.checked = radio.value === about.base; });
     form.querySelectorAll('input[name="own"]').forEach((box) => { box.checked = about.own.includes(box.value); });
     get("model").value = await (await fetch(`${api}/files/${file === "improved.toml" ? file : "model.toml"}`)).text();

@@ -24,6 +24,7 @@ export const short = (value, digits = 3) => value == null ? "–" : Number(value
 
 export function describe(run) {
   const { kind, base, effects, added = [], names = {} } = run.about;
+  if (kind === "import") return `A recording out of ${run.about.file}`;
   if (kind === "record") return `Recording of ${run.about.joint}`;
   if (added.length) return `With ${added.map((id) => names[id] ?? id).join(" and ")}: what is missing in ${base}?`;
   const model = effects.length ? `${base} with ${effects.join(", ")}` : base;

@@ -43,7 +43,7 @@ function take(job) {
   clearInterval(clock);
   if (goes) {
     const last = job.progress.at(-1);
-    get("doing").textContent = last ? `${last.progress} …` : { compare: "comparing …", record: "recording …" }[about.kind] ?? "beginning …";
+    get("doing").textContent = last ? `${last.progress} …` : { compare: "comparing …", record: "recording …", import: "reading …" }[about.kind] ?? "beginning …";
     get("bar").value = last?.part ?? 0;
     if (!last?.part) get("bar").removeAttribute("value");
     get("steps").replaceChildren(...job.progress.slice(0, -1).map((one) => element("li", {}, one.progress)));
@@ -83,7 +83,7 @@ async function result() {
   } catch (error) { say(error.message); return; }
   state.curves = whole(state.curves);
   const { found } = state;
-  if (state.job.about.kind === "record") { recorded(found); return; }
+  if (!state.job.about.base) { recorded(found); return; }
   verdict(found);
   if (found.ladder) { ladder(found); ranking(found); parameters(found); }
   else where(found);
@@ -106,15 +106,23 @@ function verdict(found) {
 
 // A recording was made: what is in it, and on to the lab with it.
 function recorded(found) {
-  const { about } = state.job, [name] = about.recordings, lost = Object.entries(found.losses).filter(([, count]) => count);
-  const rates = Object.entries(found.rates).filter(([, rate]) => rate > 0).map(([device, rate]) => `${device} ${short(rate)} Hz`);
-  verdict({ verdict: "nothing_missing", words: [`${found.rows} rows in ${short(found.duration)} s of joint ${about.joint}: ${joined(rates)}.`,
-    lost.length ? `Not in it: ${joined(lost.map(([kind, count]) => `${count} ${kind}`))}.` : "Nothing was lost on the way."] });
+  const { about } = state.job, [name] = about.recordings;
+  verdict({ verdict: "nothing_missing", words: about.kind === "record" ? measured(found, about) : imported(found) });
   sessionStorage.setItem("recordings", JSON.stringify([...new Set([...JSON.parse(sessionStorage.getItem("recordings") ?? "[]"), name])]));
   get("again").textContent = "Use it in the lab";
   get("again").href = "/lab";
   root.dataset.shown = "yes";
 }
+
+function measured(found, about) {
+  const lost = Object.entries(found.losses).filter(([, count]) => count);
+  const rates = Object.entries(found.rates).filter(([, rate]) => rate > 0).map(([device, rate]) => `${device} ${short(rate)} Hz`);
+  return [`${found.rows} rows in ${short(found.duration)} s of joint ${about.joint}: ${joined(rates)}.`,
+    lost.length ? `Not in it: ${joined(lost.map(([kind, count]) => `${count} ${kind}`))}.` : "Nothing was lost on the way."];
+}
+
+const imported = (found) => [`${found.rows} rows over ${short(found.duration)} s out of ${found.format}; time: ${found.clock}.`,
+  ...found.columns.map((one) => `${one.column} is ${one.series} (${one.unit || `${one.si}, as no unit is given`}; ${one.why}).`), ...found.notes];
 
 const SVG = "http://www.w3.org/2000/svg";
 function drawn(tag, attributes) {
