@@ -13,7 +13,7 @@ import logging
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any, BinaryIO, TextIO
@@ -112,11 +112,12 @@ class Recording:
         return {name: self.unit(name) for name in self.columns if self.unit(name) != COLUMN_UNITS[name]}
 
 
-def read_recording(path: str | Path) -> Recording:
+def read_recording(path: str | Path, joint: str = "") -> Recording:
     """Reads a recording and converts the units that its metadata name to SI.
 
     A file of another program is read as well (``formats/``); what was taken for what is logged as a warning, and
-    ``FILE#joint=elbow,position=SERIES:deg`` says it.  A last line that was cut off (a recorder was killed) is left out
+    ``FILE#joint=elbow,position=SERIES:deg`` says it.  joint: which one of such a file is meant, if it has one of that
+    name.  A last line that was cut off (a recorder was killed) is left out
     and counted in ``truncated``.  Raises RecordingError, one line: the file, the line, what was found and expected, and
     the likely cause.
     """
@@ -126,7 +127,7 @@ def read_recording(path: str | Path) -> Recording:
     else:
         from lostmotion.drivers.formats.read import imported
 
-        found = imported(path, choice)
+        found = imported(path, replace(choice, hint=joint))
         log.warning("%s", "\n".join(found.lines()))
         recording = found.recording
     _check_scale(recording)

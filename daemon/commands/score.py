@@ -37,7 +37,7 @@ def score(path: Path, config: Path | None, asked: Asked, as_json: bool) -> None:
     """Prints the score of each window; times are the recording's own [s].  Raises LostmotionError."""
     if asked.column not in COLUMN_UNITS:
         raise ScoreError(f"--column: found {asked.column!r}, expected one of {', '.join(COLUMN_UNITS)}")
-    recording = read_recording(path)
+    recording = read_recording(path, asked.joint or "")
     name = asked.joint or str(recording.metadata.get("joint", "joint"))
     settings = settings_for(recording, config, asked)
     scores = _scores(recording, asked.column, settings, name)

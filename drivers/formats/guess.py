@@ -127,6 +127,8 @@ def _joint(candidates: Mapping[str, Sequence[Series]], choice: Choice, name: str
         if choice.joint not in everywhere and everywhere:
             raise RecordingError(f"{name}: found no joint {shown(choice.joint)!r}, expected one of {_some(everywhere)}")
         return choice.joint
+    if choice.hint in moving:
+        return choice.hint
     said = {joint_of(term.name) for column, term in choice.terms.items() if column in OF_JOINTS and term.name} - {""}
     if len(said) == 1 and (said <= set(moving) or not moving):
         return said.pop()

@@ -22,6 +22,7 @@ from lostmotion.drivers.units import COLUMN_UNITS
 __all__ = ["Imported", "imported"]
 
 ANGLES = ("command", "position")
+DRIVES = {"command", "torque", "force", "displacement"}
 MANY_TURNS = 4 * pi
 """angles beyond are looked at with suspicion where no unit is known [rad]"""
 
@@ -63,6 +64,8 @@ def imported(path: Path, choice: Choice) -> Imported:
             f"{path}: found no numbers in {', '.join(shown(one.series) for one in guess.columns)}, expected samples; "
             "was the recording stopped at once?"
         )
+    if not {one.column for one in kept} & DRIVES:
+        notes.append("no command was found, which score and the models of a drive need; say command=SERIES")
     time, columns = _merged(kept, parts)
     metadata = _metadata(source.kind, guess.joint, kept, samples)
     return Imported(Recording(time, columns, metadata, name=str(path)), source.kind, samples.clock, kept, notes)

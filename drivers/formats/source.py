@@ -56,13 +56,14 @@ class Term:
 @dataclass(frozen=True, slots=True)
 class Choice:
     """What somebody has said of a file.  terms: by column; topics: come first where several tell a column; rate_hz:
-    where the file has no times."""
+    where the file has no times; hint: the joint that is meant where the file has one of that name."""
 
     terms: Mapping[str, Term] = field(default_factory=dict)
     joint: str = ""
     topics: Sequence[str] = ()
     episode: int | None = None
     rate_hz: float | None = None
+    hint: str = ""
 
     def __bool__(self) -> bool:
         return bool(self.terms or self.joint or self.topics or self.rate_hz or self.episode is not None)

@@ -13,6 +13,25 @@ import pytest
 from lostmotion.drivers.recording import read_recording
 from tests.daemon.cli_world import PROGRAM, call, is_one_line
 
+REPLAY = """
+[robot]
+name = "arm1"
+[store]
+path = "history.db"
+[replay]
+speed = "max"
+[[accelerometer]]
+name = "tip"
+driver = "replay"
+port = "FILE"
+rate_hz = 1000
+oscillator = { f_res_hz = 58.0 }
+[[joint]]
+name = "elbow"
+driver = "replay"
+port = "FILE"
+accelerometer = "tip"
+"""
 ELBOW = "/controller_state/reference/elbow/positions"
 
 
@@ -73,7 +92,20 @@ def test_a_foreign_file_stands_where_a_recording_does(own: Path, foreign: Path, 
     )
     assert "accel" in json.loads(result.stdout)["columns"]
     assert f"command = {ELBOW}  (deg, now rad; said)" in result.stderr
+    named = call("score", foreign, "--joint", "elbow", "--json")
+    assert json.loads(named.stdout)["joint"] == "elbow"
     assert is_one_line(call("score", foreign), "found 2 joints, expected one", "#joint=NAME")
+
+
+def test_a_service_replays_a_foreign_file(foreign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As port of the driver replay: the windows of three seconds are in the database."""
+    port = f"{foreign}#joint=elbow,command={ELBOW}:deg,accel=linear_acceleration/x:g"
+    monkeypatch.chdir(tmp_path)
+    Path("robot.toml").write_text(REPLAY.replace("FILE", port))
+    result = call("run", "--config", "robot.toml")
+    assert result.exit_code == 0, result.stderr
+    history = call("history", "elbow", "--config", "robot.toml", "--json")
+    assert len(json.loads(history.stdout)["scores"]) == len(scores(port))
 
 
 def test_looking_writes_nothing(foreign: Path, tmp_path: Path) -> None:
