@@ -29,6 +29,7 @@ BUILT_IN = {
     "replay": "lostmotion.drivers.replay:DRIVER",
     "ros2": "lostmotion.drivers.ros2:DRIVER",
     "simulated": "lostmotion.drivers.simulated:DRIVER",
+    "tap": "lostmotion.drivers.tap:DRIVER",
     "witmotion": "lostmotion.drivers.witmotion:DRIVER",
 }
 

@@ -59,7 +59,7 @@ class SerialPort:
         self.close()
         self._refuse_a_second_master()  # before opening, which restarts some microcontrollers
         try:
-            device = serial.Serial(self.path, self.baudrate, timeout=0, exclusive=True)
+            device = self._connect()
             fcntl.ioctl(device.fileno(), termios.TIOCEXCL)
         except (OSError, ValueError, termios.error) as error:
             raise PortError(self._explain(error)) from error
@@ -138,6 +138,9 @@ class SerialPort:
             return
         with self._busy:
             _release(device)
+
+    def _connect(self) -> serial.Serial:
+        return serial.Serial(self.path, self.baudrate, timeout=0, exclusive=True)
 
     def _receive(self, fd: int, timeout_ms: float) -> bytes:
         try:

@@ -18,7 +18,7 @@ from lostmotion.drivers.codec.servo_state import Model, ServoState
 from lostmotion.drivers.errors import DriverError
 from lostmotion.drivers.servo_port import ServoPort
 
-__all__ = ["LineBus", "LineOptions", "Said", "Servo"]
+__all__ = ["LineBus", "LineOptions", "Said", "Servo", "check_line"]
 
 LONGEST_WAIT_S = 0.3
 GATHER_S = 0.095
@@ -88,7 +88,7 @@ class LineBus(ABC):
         self, joints: Sequence[LineOptions], models: Mapping[str, Model], port: ServoPort, clock: Clock
     ) -> None:
         """Raises DriverError for an unknown model, an id used twice or different baud rates."""
-        _check(joints, models)
+        check_line(joints, models)
         self._clock = clock
         self._servos = [_servo(joint, models[joint.model]) for joint in joints]
         alike: dict[tuple[float, int], list[Servo]] = {}
@@ -272,7 +272,8 @@ def _questions(servos: Iterable[Servo]) -> list[Question]:
     return [servo.question for servo in servos if servo.question]
 
 
-def _check(joints: Sequence[LineOptions], models: Mapping[str, Model]) -> None:
+def check_line(joints: Sequence[LineOptions], models: Mapping[str, Model]) -> None:
+    """Raises DriverError for an unknown model, an id used twice, or different baud rates on one line."""
     seen: dict[int, str] = {}
     for joint in joints:
         if joint.model not in models:

@@ -12,6 +12,7 @@
 from lostmotion.drivers.emulator.canopen import CanopenLine, VirtualDrive
 from lostmotion.drivers.emulator.feetech import FeetechLine, VirtualFeetech
 from lostmotion.drivers.emulator.iio import IioEmulator, IioSensor
+from lostmotion.drivers.emulator.mastered import MasteredLine, Tap, TappedLine
 from lostmotion.drivers.emulator.motion import Motion, Taps
 from lostmotion.drivers.emulator.server import Device, Emulator
 from lostmotion.drivers.emulator.servos import ServoLine, VirtualServo
@@ -25,8 +26,11 @@ __all__ = [
     "FeetechLine",
     "IioEmulator",
     "IioSensor",
+    "MasteredLine",
     "Motion",
     "ServoLine",
+    "Tap",
+    "TappedLine",
     "Taps",
     "TextStream",
     "VirtualDrive",

@@ -41,7 +41,7 @@ class VirtualFeetech(VirtualServo):
         self._table[NUMBER:ID_ADDRESS] = number_bytes(self._kind)
         self._table[ID_ADDRESS] = self.id
 
-    def _block(self, now: float) -> bytes:
+    def block(self, now: float) -> bytes:
         return encode_state(self._kind, self.state(now))
 
     def _goal(self, parameters: bytes) -> tuple[int, int] | None:

@@ -67,7 +67,7 @@ class VirtualServo:
     def read(self, parameters: bytes, now: float) -> bytes:
         """The bytes that an instruction's address and length ask for."""
         at = self.model.address
-        self._table[at : at + self.model.block_size] = self._block(now)
+        self._table[at : at + self.model.block_size] = self.block(now)
         start, length = parameters if self.model.protocol == 1 else unpack_from("<HH", parameters)
         return bytes(self._table[start : start + length])
 
@@ -76,7 +76,7 @@ class VirtualServo:
         pack_into("<H", self._table, 0, self.model.number)
         self._table[ID_ADDRESS[self.model.protocol]] = self.id
 
-    def _block(self, now: float) -> bytes:
+    def block(self, now: float) -> bytes:
         """Its state block at a time [s]."""
         return encode_state(self.model, self.state(now))
 

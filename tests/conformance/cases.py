@@ -21,6 +21,7 @@ from lostmotion.drivers.emulator import (
     FeetechLine,
     IioEmulator,
     IioSensor,
+    MasteredLine,
     Motion,
     ServoLine,
     TextStream,
@@ -142,6 +143,18 @@ CASES = (
         joints=[{"model": "SCS0009", "id": 1, **TIP}, {"model": "SCS0009", "id": 2, **TIP}],
         hardware=lambda: FeetechLine.of("SCS0009", [1, 2], MOTION),
         silent=lambda: _silent_servos("SCS0009", FeetechLine),
+    ),
+    Case(
+        "tap-dynamixel",
+        "tap",
+        joints=[{"model": "XL330-M288", "id": 1, **TIP}, {"model": "XL330-M288", "id": 2, **TIP}],
+        hardware=lambda: MasteredLine(ServoLine.of("XL330-M288", [1, 2], MOTION)),
+    ),
+    Case(
+        "tap-feetech",
+        "tap",
+        joints=[{"model": "STS3215", "id": 1, **TIP}, {"model": "STS3215", "id": 2, **TIP}],
+        hardware=lambda: MasteredLine(FeetechLine.of("STS3215", [1, 2], MOTION)),
     ),
     Case(
         "witmotion",

@@ -1,0 +1,195 @@
+"""Driver of a second adapter on a servos' line whose master is somebody else: it listens, and never sends a byte.
+
+The commands are the goals that the master writes, the positions what it reads.  What the bytes mean stands in
+``codec/overheard.py`` and ``codec/registers.py``; the port in ``listening_port.py``.  Dynamixel of both protocols and
+Feetech, also mixed on one line.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from lostmotion.drivers.base import Driver, Identity, JointOptions, RobotOptions, ServoBus, ServoReading, ServoSample
+from lostmotion.drivers.clock import Clock
+from lostmotion.drivers.codec.overheard import Heard, Overheard, What
+from lostmotion.drivers.codec.registers import ALL_MODELS, POSITION, Registers
+from lostmotion.drivers.listening_port import ListeningPort
+from lostmotion.drivers.servo_line import GATHER_S, LineOptions, check_line
+
+__all__ = ["DRIVER", "TapBus", "TapOptions"]
+
+HOLD_S = 2e-3
+"""what comes within so long of a first byte is fetched together: a question with its answers takes 1 to 3 ms, and each
+fetch costs a wake-up"""
+LISTEN_S = 1.6
+WAIT_S = 0.2
+SILENT_POLLS = 5
+SHOWN = 24
+"""so many bytes of what is no packet are shown"""
+
+
+class TapOptions(LineOptions, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Keys of a joint that is listened to; poll_hz: how often its master reads the position.  See
+    ``servo_line.LineOptions``."""
+
+
+@dataclass(slots=True, eq=False)
+class _Servo:
+    """A servo that is listened to; heard: when its position was [s]; told: what was heard of it since ``open``."""
+
+    options: TapOptions
+    registers: Registers
+    heard: float = -math.inf
+    told: Counter[What] = field(default_factory=Counter)
+    positions: int = 0
+    asked: set[int] = field(default_factory=set)
+
+
+class TapBus:
+    """All joints on one line; see ``base.ServoBus``.
+
+    A sample is made of each position that is answered.  Its time is that at which the bytes began to come in, some ms
+    after the request: as late as the adapter delivers them (16 ms of an FTDI adapter as shipped).
+    """
+
+    def __init__(self, joints: Sequence[TapOptions], clock: Clock) -> None:
+        """Raises DriverError for an unknown model, an id used twice or different baud rates."""
+        check_line(joints, ALL_MODELS)
+        self._clock = clock
+        self._joints = joints
+        self._port = ListeningPort(joints[0].port, joints[0].baudrate)
+        models = {joint.name: ALL_MODELS[joint.model] for joint in joints}
+        self._streams = [Overheard(protocol) for protocol in sorted({model.protocol for model in models.values()})]
+        self.resolution_rad = max(model.step for model in models.values())
+        self._servos: dict[int, _Servo] = {}
+        self._broken, self._first = 0, b""
+        self._forget()
+
+    def open(self) -> None:
+        """Takes the port.  Raises PortError."""
+        self._port.open()
+        self._forget()
+
+    def identify(self) -> tuple[Identity, ...]:
+        """Listens to what is said of each servo.  Raises PortError."""
+        self._forget()
+        end = self._clock.now() + LISTEN_S
+        while (left := end - self._clock.now()) > 0:
+            self._listen(min(left, WAIT_S))
+        return tuple(self._identity(servo) for servo in self._servos.values())
+
+    def read(self) -> ServoReading:
+        """What was said in the next 95 ms.  Raises PortError."""
+        samples = self._listen(GATHER_S)
+        broken, self._broken = self._broken, self._damage()
+        return ServoReading(tuple(samples), self._silent(), broken=self._broken - broken)
+
+    def close(self) -> None:
+        """Gives the port back."""
+        self._port.close()
+
+    def _forget(self) -> None:
+        for stream in self._streams:
+            stream.reset()
+        self._servos = {joint.id: _Servo(joint, Registers(ALL_MODELS[joint.model])) for joint in self._joints}
+        self._broken, self._first = self._damage(), b""
+
+    def _listen(self, seconds: float) -> list[ServoSample]:
+        """Gathers what comes in for so long, and then looks at it: looking takes longest right after a wait."""
+        pieces: list[tuple[float, bytes]] = []
+        end = self._clock.now() + seconds
+        while (left := end - self._clock.now()) > 0:
+            if self._port.wait(left):
+                begun = self._clock.now()
+                time.sleep(HOLD_S)
+                pieces.append((begun, self._port.read(0.0)))
+        samples: list[ServoSample] = []
+        for begun, data in pieces:
+            self._first = self._first or data[:SHOWN]
+            for stream in self._streams:
+                for heard in stream.feed(data):
+                    self._take(heard, begun, samples)
+        return samples
+
+    def _take(self, heard: Heard, now: float, samples: list[ServoSample]) -> None:
+        servo = self._servos.get(heard.id)
+        if servo is None:
+            return
+        servo.told[heard.what] += 1
+        if heard.what is What.ASKED:
+            servo.asked.add(heard.address)
+            return
+        told = servo.registers.hear(heard.address, heard.data, now)
+        if heard.what is What.ANSWERED and POSITION in told and now > servo.heard:
+            servo.heard = now
+            servo.positions += 1
+            state = servo.registers.state(now)
+            samples.append(
+                ServoSample(
+                    servo.options.name, now, state.command, state.position, state.velocity, math.nan, state.current,
+                    state.voltage, state.temperature,
+                )
+            )  # fmt: skip
+
+    def _damage(self) -> int:
+        """Broken frames; on a line with two protocols each takes the other's frames for noise."""
+        return self._streams[0].broken if len(self._streams) == 1 else 0
+
+    def _silent(self) -> tuple[str, ...]:
+        now = self._clock.now()
+        return tuple(
+            servo.options.name
+            for servo in self._servos.values()
+            if now - servo.heard > max(WAIT_S, SILENT_POLLS / servo.options.poll_hz)
+        )
+
+    def _identity(self, servo: _Servo) -> Identity:
+        options = servo.options
+        expected = f"id {options.id}: positions of {options.model}"
+        if not servo.positions:
+            found = self._fault(servo)
+            return Identity(options.name, found, expected, False, found.replace(repr(self._first), "bytes"))
+        goals = "goals heard" if servo.registers.has_command else "no goal heard: commanded is the position until then"
+        rate = f"about {servo.positions / LISTEN_S:.2g} a second"
+        return Identity(options.name, f"{expected}, {rate}, {goals}", expected, True, expected)
+
+    def _fault(self, servo: _Servo) -> str:
+        """Why no position of a servo was heard."""
+        name = f"id {servo.options.id}"
+        if not self._first:
+            return f"{name}: nothing on the line; likely cause: its master does not run, or another wire"
+        if not any(stream.is_spoken for stream in self._streams):
+            return (
+                f"{name}: no packets, but {self._first!r}; likely cause: another device on the port, another baudrate,"
+                " or servos of another protocol"
+            )
+        if servo.told[What.ANSWERED]:
+            asked = ", ".join(str(address) for address in sorted(servo.asked))
+            return (
+                f"{name}: answers without the position, its master reads from address {asked}; likely cause: another"
+                " model, or indirect addresses, which a listener cannot know"
+            )
+        if servo.told[What.ASKED]:
+            return (
+                f"{name}: asked, and no answer heard; likely cause: it has no power, or only the master's own wire is"
+                " listened to"
+            )
+        if servo.told[What.WRITTEN]:
+            return f"{name}: goals, and no position; likely cause: its master never reads it"
+        return f"{name}: nobody speaks to it, though others are spoken to; likely cause: another id"
+
+
+def _make(joints: Sequence[JointOptions], robot: RobotOptions, clock: Clock) -> ServoBus:
+    return TapBus([joint for joint in joints if isinstance(joint, TapOptions)], clock)
+
+
+DRIVER = Driver(
+    name="tap",
+    summary="Dynamixel and Feetech servos on a line of another master, listening only",
+    servo=_make,
+    joint_options=TapOptions,
+)
