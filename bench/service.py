@@ -101,9 +101,10 @@ def running_floor(accel: str) -> Iterator[int]:
 
 
 @contextmanager
-def running_emulators(accel: str) -> Iterator[list[str]]:
+def running_emulators(accel: str, *options: str) -> Iterator[list[str]]:
     """The servos and the accelerometer in a process of their own; their ports."""
     command = [sys.executable, "-m", "lostmotion.drivers.emulator", "--servos", "ax12:1,2,3,4,5,6", "--accel", accel]
+    command += options
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as emulator:
         assert emulator.stdout is not None
         try:
@@ -113,11 +114,15 @@ def running_emulators(accel: str) -> Iterator[list[str]]:
 
 
 @contextmanager
-def running_service(folder: Path, accel: str, alarm: str = "") -> Iterator[subprocess.Popen[str]]:
-    """The emulators and the service, each in a process of its own; both end with the block."""
-    with running_emulators(accel) as ports:
+def running_service(
+    folder: Path, accel: str, alarm: str = "", servos: str = "dynamixel"
+) -> Iterator[subprocess.Popen[str]]:
+    """The emulators and the service, each in a process of its own; both end with the block.  servos: their driver; with
+    "tap" the servos have a master already."""
+    with running_emulators(accel, *["--mastered"] * (servos == "tap")) as ports:
         path = folder / "bench.toml"
-        path.write_text(configuration(folder, ports, accel) + alarm)
+        text = configuration(folder, ports, accel).replace('driver = "dynamixel"', f'driver = "{servos}"')
+        path.write_text(text + alarm)
         environment = os.environ | {"PYTHONUNBUFFERED": "1"}
         with subprocess.Popen(run_command(path), stderr=subprocess.PIPE, text=True, env=environment) as process:
             try:

@@ -17,6 +17,7 @@ from lostmotion.drivers.emulator import (
     Device,
     Emulator,
     FeetechLine,
+    MasteredLine,
     Motion,
     ServoLine,
     Taps,
@@ -39,6 +40,9 @@ SHORT_NAMES = {"ax12": "AX-12A", "xl330": "XL330-M288", "xm430": "XM430-W350", "
 )
 @click.option("--taps", type=float, metavar="S", help="Nothing moves; somebody flicks the bar every so many seconds.")
 @click.option("--baudrate", type=int, metavar="N", help="Be understood at this baud rate only, as on a real line.")
+@click.option(
+    "--mastered", is_flag=True, help="The servos have a master; their port is a second adapter's that listens."
+)
 @click.option("--link", type=click.Path(path_type=Path), help="Also make symbolic links LINK.0, LINK.1, …")
 def main(
     servos: tuple[str, ...],
@@ -47,6 +51,7 @@ def main(
     levers: str,
     taps: float | None,
     baudrate: int | None,
+    mastered: bool,
     link: Path | None,
 ) -> None:
     """Emulates servos and accelerometers on pseudo-terminals: one path a line, then runs until killed.
@@ -54,7 +59,9 @@ def main(
     All make one motion, each later than the next; the teeth of the last servo strike after the reversals of its goal.
     """
     motion = Taps(taps) if taps else Motion(play, levers=_levers(levers))
-    devices = [_servos(text, motion) for text in servos] + [_accelerometer(text, motion) for text in accel]
+    lines = [_servos(text, motion) for text in servos]
+    devices: list[Device] = [MasteredLine(line) for line in lines] if mastered else [*lines]
+    devices += [_accelerometer(text, motion) for text in accel]
     if not devices:
         raise click.UsageError("nothing to emulate; give --servos or --accel")
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that the links are taken away
@@ -73,7 +80,7 @@ def _levers(text: str) -> tuple[float, ...]:
         raise click.BadParameter(f"{text!r}: lever arms are numbers in metres, as in 0.25,0.1") from error
 
 
-def _servos(text: str, motion: Motion) -> Device:
+def _servos(text: str, motion: Motion) -> ServoLine:
     name, _, ids = text.partition(":")
     model = SHORT_NAMES.get(name.lower(), name)
     line = FeetechLine if model in feetech.MODELS else ServoLine

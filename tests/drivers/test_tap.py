@@ -199,12 +199,14 @@ def test_a_master_that_reads_other_registers_of_a_feetech_servo() -> None:
     line.servos[2].silent = True
     with tapped(line, {1: "STS3215", 2: "STS3215"}) as (path, bus, _):
         port, packets = sdk_port(path), PacketHandler(1.0)
-        port.setPacketTimeoutMillis(30)
         samples = []
-        packets.write2ByteTxOnly(port, 1, 42, 2100)
+        packets.write2ByteTxRx(port, 1, 42, 2100)
         for _ in range(5):
             for id in (1, 2):
-                packets.read2ByteTxRx(port, id, 56)
+                packets.readTx(port, id, 56, 2)
+                time.sleep(0.03)
+                port.is_using = False  # whatever came, the next one is asked
+                port.clearPort()
             samples += bus.read().samples
         assert "2" in bus.read().silent
         port.closePort()
