@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.needed import needed
 from lostmotion.drivers.formats.parquet import as_numbers, readable
-from lostmotion.drivers.formats.source import MOST_SERIES, Choice, Samples, Series, check_count, reason, shown
+from lostmotion.drivers.formats.source import MOST_SERIES, Choice, Samples, Series, check_count, reason, shown, too_many
 from lostmotion.drivers.formats.table import Table
 from lostmotion.drivers.textfile import TextFileError, read_text
 
@@ -146,6 +146,8 @@ def _places(info: Mapping[str, Any], path: Path) -> dict[str, _Place]:
             continue
         for place, name in enumerate(_names(told.get("names"), count)):
             found[f"{feature}[{name}]"] = _Place(feature, place)
+        if len(found) > MOST_SERIES:
+            raise too_many(str(path), len(found), "series")
     if not found:
         raise RecordingError(f"{path / INFO}: found no features of numbers, expected observation.state or action")
     return found

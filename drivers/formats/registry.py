@@ -69,6 +69,8 @@ def open_source(path: Path) -> Source:
     try:
         if path.is_dir():
             return _open_folder(path)
+        if path.exists() and not path.is_file():
+            raise RecordingError(f"{path}: found a pipe or device, expected a file, which is read more than once")
         with path.open("rb") as file:
             start = file.read(START)
         if not start:

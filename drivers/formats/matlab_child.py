@@ -1,0 +1,68 @@
+"""Reads a MAT file in a process of its own: SciPy's reader may crash on a damaged one, or ask for all memory.
+
+Run as a program with the file's path; it writes an NPZ archive to stdout: ``names``, and a vector for each, ``arr_0``
+and so on.  What is wrong is a line on stderr and exit status 1.  Imports nothing of lostmotion, to start quickly.
+"""
+
+from __future__ import annotations
+
+import io
+import resource
+import sys
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+MOST_MEMORY = 4_000_000_000
+DEEPEST = 16
+WIDEST = 64
+"""columns of a matrix that are signals side by side"""
+
+
+def main(path: str) -> int:
+    """The exit status."""
+    import scipy.io
+
+    resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
+    try:
+        found = dict(_vectors(scipy.io.loadmat(path, simplify_cells=True, appendmat=False), "", 0))
+    except Exception as error:  # noqa: BLE001 - SciPy raises almost anything on a damaged file
+        sys.stderr.write(f"{type(error).__name__}: {error}")
+        return 1
+    archive = io.BytesIO()
+    np.savez(archive, *found.values(), names=np.array(list(found), dtype=str))
+    sys.stdout.buffer.write(archive.getbuffer())
+    return 0
+
+
+def _vectors(value: Any, name: str, depth: int) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Everything of numbers with more than one row, by name."""
+    if depth > DEEPEST:
+        return
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            if not str(key).startswith("__"):
+                yield from _vectors(inner, f"{name}.{key}" if name else str(key), depth + 1)
+        return
+    if not isinstance(value, np.ndarray):
+        return
+    if value.dtype == object:
+        for index, inner in enumerate(value.ravel()[:WIDEST]):
+            yield from _vectors(inner, f"{name}[{index}]", depth + 1)
+    elif value.dtype.kind in "iuf" and value.size > 1:
+        yield from _columns(np.squeeze(value), name)
+
+
+def _columns(value: NDArray[Any], name: str) -> Iterator[tuple[str, NDArray[Any]]]:
+    if value.ndim == 1:
+        yield name, value
+    elif value.ndim == 2:
+        tall = value if value.shape[0] >= value.shape[1] else value.T
+        if tall.shape[1] <= WIDEST:
+            yield from ((f"{name}[{index}]", tall[:, index]) for index in range(tall.shape[1]))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1]))
