@@ -111,7 +111,7 @@ class Errors:
 class Curve:
     """The shape of what no effect explains: its mean over a variable with a 95 % band, each (K,).
 
-    unit: the variable's.
+    unit: the variable's; mean_unit: that of the mean, "" where nobody has said it.
     """
 
     variable: str
@@ -120,6 +120,7 @@ class Curve:
     mean: FloatArray
     low: FloatArray
     high: FloatArray
+    mean_unit: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +140,8 @@ class Finding:
                                  "description": self.description, "formula": self.formula}  # fmt: skip
         if self.curve is not None:
             arrays = {name: getattr(self.curve, name).tolist() for name in ("x", "mean", "low", "high")}
-            found["curve"] = {"variable": self.curve.variable, "unit": self.curve.unit, **arrays}
+            found["curve"] = {"variable": self.curve.variable, "unit": self.curve.unit, **arrays,
+                              "mean_unit": self.curve.mean_unit}  # fmt: skip
         return found
 
 

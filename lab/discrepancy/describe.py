@@ -185,7 +185,8 @@ def _curve(guess: Guess, heights: Heights, degree: int) -> Curve:
     mean = _beyond(mean, x, half_width, degree)
     known = half_width < max(float(np.ptp(mean)), float(np.min(half_width)) * 1.01)
     x, mean, half_width = x[known], mean[known], half_width[known]
-    return Curve(variable, words.variable(variable)[1], x, mean, mean - half_width, mean + half_width)
+    unit = words.variable(variable)[1]
+    return Curve(variable, unit, x, mean, mean - half_width, mean + half_width, guess.unit)
 
 
 def _beyond(values: FloatArray, x: FloatArray, deviation: FloatArray, degree: int) -> FloatArray:

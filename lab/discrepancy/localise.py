@@ -82,7 +82,7 @@ class Localisation:
         curve = None
         if self.depends_on:
             s = self.shapes[0]
-            curve = Curve(s.variable, s.unit, s.x, s.mean, s.mean - s.half_width, s.mean + s.half_width)
+            curve = Curve(s.variable, s.unit, s.x, s.mean, s.mean - s.half_width, s.mean + s.half_width, self.unit)
         return Finding(self.acts_on, self.depends_on, self.description, curve)
 
     @property

@@ -267,7 +267,9 @@ def _finding(fit: Regression) -> Finding:
     if not found or found[0].explained < LEAST_SHARE:
         return Finding("joint", (), f"{size}; it follows no single state")
     best = found[0]
-    curve = Curve(best.variable, best.unit, best.x, best.mean, best.mean - best.half_width, best.mean + best.half_width)
+    curve = Curve(
+        best.variable, best.unit, best.x, best.mean, best.mean - best.half_width, best.mean + best.half_width, "N m"
+    )
     text = f"{size}; {100 * best.explained:.0f} % of it follows {words.variable(best.variable)[0]}"
     return Finding("joint", (best.variable,), text, curve)
 
@@ -290,6 +292,8 @@ def _finding_of_motion(fit: Regression) -> Finding:
     if not found or found[0].explained < LEAST_SHARE:
         return Finding(acts_on, (), f"{size}; it follows no single state")
     best = found[0]
-    curve = Curve(best.variable, best.unit, best.x, best.mean, best.mean - best.half_width, best.mean + best.half_width)
+    curve = Curve(
+        best.variable, best.unit, best.x, best.mean, best.mean - best.half_width, best.mean + best.half_width, unit
+    )
     text = f"{size}; {100 * best.explained:.0f} % of it follows {words.variable(best.variable)[0]}"
     return Finding(acts_on, (best.variable,), text, curve)

@@ -14,9 +14,6 @@ from lostmotion.model.effects import get_effect
 
 __all__ = ["advice", "detectable", "ladder", "left", "ranking", "remedies"]
 
-ACTING = {"joint": "N m", "oscillator": "N", "command": "rad", "contact": "m"}
-"""Units of what acts there."""
-
 
 def remedies(effects: tuple[str, ...]) -> Html:
     """What to look at on the robot, for each effect that was found."""
@@ -81,7 +78,7 @@ def left(finding: Finding, unit: str) -> Section:
     if finding.formula:
         body = Html(body + paragraphs([f"A short formula that fits: {finding.formula}"]))
     if finding.curve is not None:
-        body = Html(body + _shape(finding.curve, ACTING.get(finding.acts_on, unit)))
+        body = Html(body + _shape(finding.curve, finding.curve.mean_unit or unit))
     return Section("left", "What no effect of the catalogue explains", body)
 
 

@@ -87,7 +87,7 @@ def outside_catalogue() -> Explanation:
     """A tight spot in the joint that no effect knows."""
     x = np.linspace(-0.3, 0.3, 25)
     mean = 2e-4 * np.exp(-((x / 0.05) ** 2))
-    shape = Curve("theta_2", "rad", x, mean, mean - 3e-5, mean + 3e-5)
+    shape = Curve("theta_2", "rad", x, mean, mean - 3e-5, mean + 3e-5, "N m")
     finding = Finding("joint", ("theta_2",), "A torque against the motion, in a narrow range of the angle.", shape,
                       "-0.0002 exp(-(theta_2/0.05)^2) sign(omega)")  # fmt: skip
     return Explanation("outside_catalogue", (), (), (), Errors(3.2, 3.2, NOISE, "m/s^2"), finding, "", {}, fit(), fit())

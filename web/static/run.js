@@ -265,9 +265,9 @@ function missing(found) {
   get("missing").hidden = false;
   get("shape").parentElement.hidden = !left.curve;
   if (!left.curve) return;
-  const { curve } = left, x = shown(curve.unit), unit = { joint: "N m", oscillator: "N" }[left.acts_on] ?? "";
-  state.shape = () => banded(get("shape"), curve.x.map((v) => v * x.factor), curve.mean, curve.low, curve.high,
-    `${found.variables?.[curve.variable] ?? curve.variable} (${x.unit})`, `what is left${unit && ` (${unit})`}`, 240);
+  const { curve } = left, x = shown(curve.unit), y = shown(curve.mean_unit ?? ""), scaled_by = (values) => values.map((v) => v == null ? null : v * y.factor);
+  state.shape = () => banded(get("shape"), curve.x.map((v) => v * x.factor), scaled_by(curve.mean), scaled_by(curve.low), scaled_by(curve.high),
+    `${found.variables?.[curve.variable] ?? curve.variable} (${x.unit})`, `what is left${y.unit && ` (${y.unit})`}`, 240);
 }
 
 function banded(place, x, mean, low, high, across, up, height) {
