@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from pathlib import Path
 
@@ -83,5 +84,10 @@ def _ranking(explanation: Explanation) -> Table:
     table = _table("effect", f"error before [{unit}]", f"after [{unit}]", "p")
     for entry in explanation.ranking[:MOST_RANKED]:
         p = "< 0.003" if entry.p_value < 0.003 else f"{entry.p_value:.2g}"
-        table.add_row(entry.effect, f"{entry.rms_before:.3g}", f"{entry.rms_after:.3g}", p)
+        table.add_row(entry.effect, _error(entry.rms_before), _error(entry.rms_after), p)
     return table
+
+
+def _error(rms: float) -> str:
+    """An error; infinite where the simulated motion runs away from an unseen recording."""
+    return f"{rms:.3g}" if math.isfinite(rms) else "diverges"
