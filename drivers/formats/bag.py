@@ -16,13 +16,24 @@ from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.logs import Log, McapLog, RosbagLog
 from lostmotion.drivers.formats.messages import BEFORE, Decoder, UnreadableError, decoder_of
-from lostmotion.drivers.formats.source import MOST_SERIES, Choice, Samples, Series, check_count, shown, too_many
+from lostmotion.drivers.formats.source import (
+    MOST_SERIES,
+    MOST_VALUES,
+    Choice,
+    Samples,
+    Series,
+    check_count,
+    shown,
+    too_many,
+)
 from lostmotion.drivers.formats.table import EPOCH_S
 
 __all__ = ["open_mcap", "open_rosbag"]
 
 LOOKED_AT = 50
 """messages of a topic, to learn its names"""
+LATEST_NS = 4_000_000_000_000_000_000
+"""in 2096: a stamp beyond is damage"""
 MOST_APART_NS = 1_000_000_000
 """between the clocks of stamps: further apart they are not one clock"""
 STAMPS, RECEIPT = "stamps of the headers", "when messages were received"
@@ -34,12 +45,11 @@ UNITS = {
 
 @dataclass(slots=True, eq=False)
 class _Topic:
-    """What is read of a topic: stamps of its header and of receipt [ns], and each series' values."""
+    """What is read of a topic: stamps of its headers, 0 for none, and of receipt [ns], and each series' values."""
 
     stamps: array[int] = field(default_factory=lambda: array("q"))
     received: array[int] = field(default_factory=lambda: array("q"))
     values: dict[str, array[float]] = field(default_factory=dict)
-    unstamped: int = 0
 
 
 class Bag:
@@ -80,10 +90,11 @@ class Bag:
         if term and term.name not in ("log", "header"):
             raise RecordingError(f"{self._name}: found time={term.name}, expected log (receipt) or header")
         clock, notes, stamps = _clock(topics, term.name if term else "")
-        first = min((int(each.min()) for each in stamps.values() if each.size), default=0)
+        first = min((int(each[each != 0].min()) for each in stamps.values() if each.any()), default=0)
         values: dict[str, tuple[FloatArray, FloatArray]] = {}
         for topic_name, topic in topics.items():
             order = np.argsort(stamps[topic_name], kind="stable")
+            order = order[stamps[topic_name][order] != 0]
             times = np.asarray((stamps[topic_name][order] - first) * 1e-9, dtype=np.float64)
             for name, numbers in topic.values.items():
                 values[name] = _sampled(times, np.array(numbers)[order])
@@ -129,14 +140,16 @@ class Bag:
             if told is None:
                 continue
             stamp, values = told
+            if max(received, abs(stamp or 0)) > LATEST_NS:
+                self._broken += 1
+                continue
             into = topics[topic]
             into.received.append(received)
-            into.stamps.append(received if stamp is None else stamp)
-            into.unstamped += stamp is None
+            into.stamps.append(stamp or 0)
             for field_name, name in wanted[topic].items():
                 into.values[name].append(values.get(field_name, math.nan))
             count += 2 + len(wanted[topic])
-            if not count % 1024:
+            if count > MOST_VALUES:
                 check_count(self._name, count)
         return topics
 
@@ -159,13 +172,14 @@ def open_rosbag(path: Path) -> Bag:
 
 
 def _clock(topics: dict[str, _Topic], said: str) -> tuple[str, list[str], dict[str, NDArray[np.int64]]]:
-    """What tells the time, what is odd about it, and the times [ns] of each topic's messages.
+    """What tells the time, what is odd about it, and the times [ns] of each topic's messages, 0 for none.
 
-    A topic without stamps takes part by the delay of the others.
+    A topic that mostly has no stamps takes part by the delay of the others.
     """
     received = {name: np.array(topic.received, dtype=np.int64) for name, topic in topics.items()}
-    stamps = {name: np.array(topic.stamps, dtype=np.int64) for name, topic in topics.items() if not topic.unstamped}
-    ahead = {name: float(np.median(stamps[name] - received[name])) for name in stamps if stamps[name].size}
+    stamps = {name: np.array(topic.stamps, dtype=np.int64) for name, topic in topics.items()}
+    stamps = {name: each for name, each in stamps.items() if 2 * np.count_nonzero(each) > each.size}
+    ahead = {name: float(np.median((each - received[name])[each != 0])) for name, each in stamps.items()}
     apart = max(ahead.values()) - min(ahead.values()) if ahead else 0.0
     if said == "log" or not ahead:
         return RECEIPT, [], received
@@ -176,6 +190,8 @@ def _clock(topics: dict[str, _Topic], said: str) -> tuple[str, list[str], dict[s
     notes = (
         [f"{shown(', '.join(bare))} without stamps: when received, {shift * 1e-6:+.3g} ms as others"] if bare else []
     )
+    lost = sum(int(np.count_nonzero(each == 0)) for each in stamps.values())
+    notes += [f"{lost} messages without a stamp among those that have one were left out"] if lost else []
     return STAMPS, notes, {name: stamps.get(name, received[name] + shift) for name in topics}
 
 

@@ -41,21 +41,21 @@ def angle(times: Any) -> Any:
     return 0.5 * np.sin(5 * np.asarray(times))
 
 
-def messages(has_stamps: bool = True) -> Iterator[Message]:
-    """Topic, time of receipt [ns] and message, in order of time."""
+def messages(unstamped: int = 0) -> Iterator[Message]:
+    """Topic, time of receipt [ns] and message, in order of time; the first ``unstamped`` instants have no stamps."""
     types, none = STORE.types, np.empty(0)
     vector, point = types["geometry_msgs/msg/Vector3"], types["trajectory_msgs/msg/JointTrajectoryPoint"]
 
     def header(stamp: int) -> Any:
-        seconds, rest = divmod(stamp if has_stamps else 0, 10**9)
+        seconds, rest = divmod(stamp, 10**9)
         return types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](seconds, rest), "base")
 
     def at(positions: Any) -> Any:
         return point(positions, none, none, none, types["builtin_interfaces/msg/Duration"](0, 0))
 
     for k in range(COUNT * 5):
-        stamp = START_NS + round(k * IMU_S * 1e9)
-        t, received = k * IMU_S, stamp + LATE_NS
+        instant = START_NS + round(k * IMU_S * 1e9)
+        t, received, stamp = k * IMU_S, instant + LATE_NS, instant if k >= unstamped else 0
         zero = vector(0.0, 0.0, 0.0)
         yield "/imu", received, types["sensor_msgs/msg/Imu"](
             header(stamp), types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0), np.zeros(9), zero, np.zeros(9),
@@ -76,11 +76,11 @@ def messages(has_stamps: bool = True) -> Iterator[Message]:
         yield "/voltage", received, types["std_msgs/msg/Float64"](12.0)
 
 
-def write_rosbag(path: Path, storage: StoragePlugin, has_stamps: bool = True) -> None:
+def write_rosbag(path: Path, storage: StoragePlugin, unstamped: int = 0) -> None:
     """A folder as ``ros2 bag record`` makes it."""
     with BagWriter(path, version=9, storage_plugin=storage) as writer:
         connections = {topic: writer.add_connection(topic, kind, typestore=STORE) for topic, kind in TYPES.items()}
-        for topic, received, message in messages(has_stamps):
+        for topic, received, message in messages(unstamped):
             writer.write(connections[topic], received, STORE.serialize_cdr(message, TYPES[topic]))
 
 

@@ -135,9 +135,15 @@ def test_bags_that_are_none(tmp_path: Path) -> None:
 
 
 def test_stamps_of_two_clocks_are_not_mixed(tmp_path: Path) -> None:
-    """Headers that say 0 are no stamps: receipt counts."""
-    bags.write_rosbag(tmp_path / "x", StoragePlugin.MCAP, has_stamps=False)
+    """Headers that say 0 are no stamps: receipt counts; of a few among others the messages are left out."""
+    bags.write_rosbag(tmp_path / "x", StoragePlugin.MCAP, unstamped=10**9)
     assert read(tmp_path / "x", joint="elbow").clock == "when messages were received"
+    bags.write_rosbag(tmp_path / "y", StoragePlugin.MCAP, unstamped=20)
+    found = read(tmp_path / "y", joint="elbow")
+    times, position = found.recording.signal("position")
+    np.testing.assert_allclose(position, bags.angle(times), atol=1e-9)
+    assert times.size == bags.COUNT - 4
+    assert "8 messages without a stamp among those that have one were left out" in found.notes
 
 
 def test_numbers_of_any_object() -> None:
