@@ -88,6 +88,8 @@ def find_taps(times: FloatArray, accel: FloatArray) -> TapRecording:
     no tap is found, with the reason of the first that could not be measured.
     """
     values, rate_hz = _on_grid(times, accel)
+    if values.size < rate_hz / LOWEST_HZ:
+        raise DetectorError(f"found {values.size / rate_hz:.2g} s of samples, expected a recording of some seconds")
     there = np.isfinite(values)
     rest = np.where(there, values - _moving_mean(values, there, round(rate_hz / LOWEST_HZ)), 0.0)
     hum, lines = np.zeros(rest.size), tuple[float, ...]()

@@ -18,7 +18,8 @@ from starlette.routing import BaseRoute, Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from lostmotion.drivers.errors import LostmotionError
-from lostmotion.web import fleet, joint, lab, lab_record, login, robot
+from lostmotion.web import calibrate, fleet, joint, lab, lab_record, login, robot
+from lostmotion.web.calibration import Calibration
 from lostmotion.web.events import News
 from lostmotion.web.pages import trouble
 from lostmotion.web.security import Guard, Keys, Sessions, Throttle
@@ -50,6 +51,7 @@ def _routes() -> list[BaseRoute]:
     return [
         *robot.ROUTES,
         *joint.ROUTES,
+        *calibrate.ROUTES,
         *lab.ROUTES,
         *lab_record.ROUTES,
         *login.ROUTES,
@@ -62,11 +64,12 @@ def _routes() -> list[BaseRoute]:
 
 @asynccontextmanager
 async def _lifespan(site: Site, app: Starlette) -> AsyncIterator[Mapping[str, Any]]:
-    app.state.news = News(site)
+    app.state.news, app.state.calibration = News(site), Calibration(site)
     try:
         yield {}
     finally:
         app.state.news.close()
+        app.state.calibration.close()
 
 
 async def _health(request: Request) -> Response:

@@ -19,7 +19,7 @@ from lostmotion.web.site import Site
 __all__ = ["json", "page", "site_of", "trouble", "wants_html"]
 
 FLEET = "/fleet"
-NAVIGATION = (("/", "Robot"), ("/lab", "Lab"), (FLEET, "Fleet"))
+NAVIGATION = (("/", "Robot"), ("/calibrate", "Calibrate"), ("/lab", "Lab"), (FLEET, "Fleet"))
 """address and name of the pages that every page leads to; to the fleet where one is asked"""
 TEMPLATES = Environment(
     loader=FileSystemLoader(Path(__file__).parent / "templates"),

@@ -111,10 +111,12 @@ def test_different_bars_are_refused() -> None:
 
 
 def test_no_tap_is_said() -> None:
-    """Noise and hum alone hold no tap; three samples are no recording."""
+    """Noise and hum alone hold no tap; three samples are no recording, nor is a tenth of a second."""
     rng = np.random.default_rng(7700)
     time = np.arange(0, 5, 1e-3)
     with pytest.raises(DetectorError, match="was the bar tapped"):
         find_taps(time, rng.normal(size=time.size) + np.sin(2 * math.pi * 50 * time))
     with pytest.raises(DetectorError, match="expected a recording"):
         find_taps(np.zeros(3), np.zeros(3))
+    with pytest.raises(DetectorError, match=r"0\.1 s .* expected a recording"):
+        find_taps(time[:100], rng.normal(size=100))

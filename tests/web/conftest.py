@@ -115,7 +115,12 @@ def look(chromium: Browser) -> Iterator[Open]:
         page = context.new_page()
         page.on("pageerror", lambda error: complaints.append(f"{address}: {error}"))
         if not complains:
-            page.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
+            page.on(
+                "console",
+                lambda message: (
+                    complaints.append(f"{message.text} {message.location}") if message.type == "error" else None
+                ),
+            )
         page.goto(address)
         return page
 
