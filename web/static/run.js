@@ -90,6 +90,7 @@ async function result() {
   missing(found);
   pictures();
   downloads();
+  redraw();
   root.dataset.shown = "yes";
 }
 
@@ -251,9 +252,8 @@ function where(found) {
     return element("figure", {}, plot, element("figcaption", {}, `Against ${found.variables[map.variable]}: ${Math.round(100 * map.explained)} % of the error follows it`));
   }));
   state.maps = () => maps.forEach((map, i) => {
-    const y = shown(unit), x = shown(map.unit);
-    const high = map.mean.map((v, k) => v == null ? null : (v + map.half_width[k]) * y.factor), low = map.mean.map((v, k) => v == null ? null : (v - map.half_width[k]) * y.factor);
-    banded(get("maps").children[i].firstChild, map.x.map((v) => v * x.factor), map.mean.map((v) => v == null ? null : v * y.factor), low, high,
+    const y = shown(unit), x = shown(map.unit), off = (sign) => map.mean.map((v, k) => v == null ? null : v + sign * map.half_width[k]);
+    banded(get("maps").children[i].firstChild, scaled(map.x, x.factor), scaled(map.mean, y.factor), scaled(off(-1), y.factor), scaled(off(1), y.factor),
       `${found.variables[map.variable]} (${x.unit})`, `error (${y.unit})`, 180);
   });
 }
@@ -265,8 +265,8 @@ function missing(found) {
   get("missing").hidden = false;
   get("shape").parentElement.hidden = !left.curve;
   if (!left.curve) return;
-  const { curve } = left, x = shown(curve.unit), y = shown(curve.mean_unit ?? ""), scaled_by = (values) => values.map((v) => v == null ? null : v * y.factor);
-  state.shape = () => banded(get("shape"), curve.x.map((v) => v * x.factor), scaled_by(curve.mean), scaled_by(curve.low), scaled_by(curve.high),
+  const { curve } = left, x = shown(curve.unit), y = shown(curve.mean_unit ?? ""), people = (values) => scaled(values, y.factor);
+  state.shape = () => banded(get("shape"), scaled(curve.x, x.factor), people(curve.mean), people(curve.low), people(curve.high),
     `${found.variables?.[curve.variable] ?? curve.variable} (${x.unit})`, `what is left${y.unit && ` (${y.unit})`}`, 240);
 }
 
@@ -299,7 +299,6 @@ function pictures() {
   get("which").replaceChildren(...state.curves.map((curve, i) => element("option", { value: String(i) }, `${curve.recording}, ${curve.what}`)));
   get("which-label").hidden = state.curves.length < 2;
   get("sides").hidden = !state.curves.some((curve) => curve.before);
-  draw();
 }
 
 function rms(values) {
@@ -384,12 +383,11 @@ function downloads() {
   get("takeaway").hidden = !there.length;
 }
 
-function pictures_again() {
+function redraw() {
   if (state.curves.length) draw();
   state.maps?.();
   state.shape?.();
 }
 
-onTheme(pictures_again);
+onTheme(redraw);
 ask(api).then(take, (error) => say(error.message));
-new MutationObserver(() => { if (root.dataset.shown) pictures_again(); }).observe(root, { attributes: true, attributeFilter: ["data-shown"] });
