@@ -11,13 +11,15 @@ one.  Each input depends on the seed and its number alone, and is printed where 
 from __future__ import annotations
 
 import argparse
+import logging
 import signal
 import struct
 import sys
 import tempfile
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -27,12 +29,15 @@ from types import FrameType
 import numpy as np
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
+from rosbags.rosbag2 import StoragePlugin
+from tests.drivers import bags
 
 from lostmotion.daemon import config
 from lostmotion.daemon.robot import Robot
 from lostmotion.drivers.codec import csv_line, dynamixel, servo_state, witmotion
 from lostmotion.drivers.errors import LostmotionError
-from lostmotion.drivers.recording import read_recording
+from lostmotion.drivers.formats.to_mcap import write_mcap
+from lostmotion.drivers.recording import Recording, read_recording
 from lostmotion.lab.models import modelfile
 
 __all__ = ["KINDS", "Kind", "Outcome", "fuzz", "main"]
@@ -237,10 +242,42 @@ def _of_file(read: Callable[[Path], object], ending: str) -> Taker:
     return take
 
 
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Without what is told of a file of another program."""
+    logging.disable()
+    try:
+        yield
+    finally:
+        logging.disable(logging.NOTSET)
+
+
 def _recording(path: Path) -> None:
-    recording = read_recording(path)
+    with _silent():
+        recording = read_recording(path)
     assert np.isfinite(recording.time).all()
     assert (np.diff(recording.time) >= 0).all()
+
+
+def _files_of_others() -> tuple[bytes, bytes, bytes]:
+    """A recording as Parquet, as MCAP and as the database of a rosbag2."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    times = np.arange(20) / 100
+    recording = Recording(times, {"command": times, "position": times**2, "accel": -times})
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        parquet.write_table(pa.table({"t": times, "q": times**2, "tau": times, "w": [[1.0, 2.0]] * 20}), folder / "x")
+        write_mcap(recording, "elbow", folder / "y")
+        bags.write_rosbag(folder / "z", StoragePlugin.SQLITE3, count=4)
+        (database,) = (folder / "z").glob("*.db3")
+        return (folder / "x").read_bytes(), (folder / "y").read_bytes(), database.read_bytes()
+
+
+def _bag(path: Path) -> None:
+    with _silent():
+        read_recording(path, "elbow")
 
 
 def _config(path: Path) -> None:
@@ -276,6 +313,7 @@ time,command,accel,state
 30,-0.4,,
 """
 PLAIN = b"time,command,position,accel\n" + b"".join(b"%.2f,%d,%d,%.1f\n" % (k / 100, k, k, k / 7) for k in range(20))
+TABLE = b'# angle_unit = "deg"\n"Time (ms)";angle;tau [Nm]\n' + b"".join(b"%d,5;%d;\n" % (10 * k, k) for k in range(20))
 SINKS = b"""
 [alarm]
 windows = 20
@@ -299,6 +337,7 @@ def kinds() -> tuple[Kind, ...]:
     """All kinds of input."""
     configs = _files("daemon/*.toml", "examples/arm.toml", "systemd/*.toml")
     configs += tuple(text + SINKS for text in configs if b"[detector]" not in text and b"[alarm" not in text)
+    parquet, mcap, bag = _files_of_others()
     return (
         Kind("csv lines", (CSV,), _lines),
         Kind("witmotion", (WIT, ACCELERATIONS), _frames),
@@ -306,6 +345,10 @@ def kinds() -> tuple[Kind, ...]:
         Kind("dynamixel 2", (_servo_frames(2),), _packets(2)),
         Kind("servo states", tuple({bytes(m.block_size) for m in servo_state.MODELS.values()}), _blocks),
         Kind("recordings", (RECORDING, PLAIN), _of_file(_recording, ".csv")),
+        Kind("tables as text", (TABLE,), _of_file(_recording, ".txt")),
+        Kind("Parquet", (parquet,), _of_file(_recording, ".parquet")),
+        Kind("MCAP", (mcap,), _of_file(_recording, ".mcap")),
+        Kind("rosbag2", (bag,), _of_file(_bag, ".db3")),
         Kind("configurations", configs, _of_file(_config, ".toml")),
         Kind("models", _files("examples/models/*.toml"), _of_file(modelfile.load, ".toml")),
     )

@@ -78,7 +78,7 @@ def layout_of(path: Path) -> tuple[Layout, list[list[str]]]:
     dates = frozenset(index for index, name in enumerate(header) if is_time(name) and _is_date(rows, index))
     before = len(lines) - len(rows) + bool(units)
     skipped = places[before - 1] if before else 0
-    below = units or [""] * len(header)
+    below = [*units, *[""] * len(header)][: len(header)]
     layout = Layout(encoding, separator, header, below, skipped, comma, dates, _metadata(comments))
     whole = rows if lines[-1].endswith("\n") else rows[:-1]
     return layout, whole[1:] if units else whole

@@ -41,7 +41,7 @@ def angle(times: Any) -> Any:
     return 0.5 * np.sin(5 * np.asarray(times))
 
 
-def messages(unstamped: int = 0) -> Iterator[Message]:
+def messages(unstamped: int = 0, count: int = COUNT) -> Iterator[Message]:
     """Topic, time of receipt [ns] and message, in order of time; the first ``unstamped`` instants have no stamps."""
     types, none = STORE.types, np.empty(0)
     vector, point = types["geometry_msgs/msg/Vector3"], types["trajectory_msgs/msg/JointTrajectoryPoint"]
@@ -53,7 +53,7 @@ def messages(unstamped: int = 0) -> Iterator[Message]:
     def at(positions: Any) -> Any:
         return point(positions, none, none, none, types["builtin_interfaces/msg/Duration"](0, 0))
 
-    for k in range(COUNT * 5):
+    for k in range(count * 5):
         instant = START_NS + round(k * IMU_S * 1e9)
         t, received, stamp = k * IMU_S, instant + LATE_NS, instant if k >= unstamped else 0
         zero = vector(0.0, 0.0, 0.0)
@@ -76,11 +76,11 @@ def messages(unstamped: int = 0) -> Iterator[Message]:
         yield "/voltage", received, types["std_msgs/msg/Float64"](12.0)
 
 
-def write_rosbag(path: Path, storage: StoragePlugin, unstamped: int = 0) -> None:
+def write_rosbag(path: Path, storage: StoragePlugin, unstamped: int = 0, count: int = COUNT) -> None:
     """A folder as ``ros2 bag record`` makes it."""
     with BagWriter(path, version=9, storage_plugin=storage) as writer:
         connections = {topic: writer.add_connection(topic, kind, typestore=STORE) for topic, kind in TYPES.items()}
-        for topic, received, message in messages(unstamped):
+        for topic, received, message in messages(unstamped, count):
             writer.write(connections[topic], received, STORE.serialize_cdr(message, TYPES[topic]))
 
 
