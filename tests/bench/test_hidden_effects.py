@@ -117,6 +117,7 @@ def test_integration_is_exact_enough(command: Command, effect: str) -> None:
     assert np.max(np.abs(accel(values, command, 1.0) - accel(values, command, 1.0, rtol=1e-12))) < LEAST_NOISE / 10
 
 
+@pytest.mark.slow
 def test_case_on_disk(tmp_path: Path) -> None:
     """A case is a rough model within what is promised, three recordings of 4 s at 800 Hz and the truth."""
     write_case(draw_case("nothing", 1, 3), tmp_path)

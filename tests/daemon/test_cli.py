@@ -28,8 +28,10 @@ COMMANDS = (
     "config",
     "doctor",
     "effects",
+    "export",
     "fleet",
     "history",
+    "import",
     "lab",
     "record",
     "run",
@@ -200,6 +202,7 @@ def test_full_disk_under_stdout(tmp_path: Path) -> None:
     assert done.stderr == "lostmotion: No space left on device\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arguments", [["history", "elbow", "--json", "--database", "h.db"], ["effects"]])
 def test_closed_stdout(tmp_path: Path, arguments: list[str]) -> None:
     """`>&-` is one line and status 2, whether a command prints JSON or a table."""
@@ -221,6 +224,7 @@ def test_run_tells_where_the_database_is(tmp_path: Path) -> None:
     assert any(re.fullmatch(line, said) for said in err.splitlines()), err
 
 
+@pytest.mark.slow
 def test_run_that_cannot_start_says_so_in_one_line(tmp_path: Path) -> None:
     """Another program's database and a folder in its place: status 2, and one line in all on stderr."""
     (tmp_path / "folder").mkdir()

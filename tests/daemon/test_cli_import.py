@@ -83,6 +83,7 @@ def test_import_makes_the_same_recording(own: Path, foreign: Path, tmp_path: Pat
     np.testing.assert_allclose(scores(tmp_path / "rec.csv"), scores(own), rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_a_foreign_file_stands_where_a_recording_does(own: Path, foreign: Path, tmp_path: Path) -> None:
     """score and the lab read it at once; stdout stays one document, and stderr says what was taken for what."""
     said = f"{foreign}#joint=elbow,command={ELBOW}:deg,accel=linear_acceleration/x:g"

@@ -157,6 +157,7 @@ def test_any_value_anywhere_is_taken_or_refused(changes: list[tuple[int, str]]) 
     assert "\n" not in refused(lambda: take("\n".join(lines)))
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(data=st.data())
 def test_any_file_is_taken_or_refused(data: st.DataObject, tmp_path_factory: pytest.TempPathFactory) -> None:

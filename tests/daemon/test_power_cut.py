@@ -17,6 +17,7 @@ START = datetime(2026, 1, 1, tzinfo=UTC)
 BATCHES, ROWS, CUTS = 12, 40, 40
 
 
+@pytest.mark.slow
 def test_a_database_opens_after_a_power_cut(tmp_path: Path) -> None:
     """The write-ahead log cut off, or torn, at any byte: the database opens, is sound, and holds the oldest scores."""
     store = Store(tmp_path / "history.db", "arm1")

@@ -99,6 +99,7 @@ def test_a_limit_beyond_the_database_is_refused() -> None:
     assert "is not in the range 1<=x<=" in result.stderr
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(data=st.data())
 def test_any_file_is_a_recording_or_not(data: st.DataObject, tmp_path_factory: pytest.TempPathFactory) -> None:

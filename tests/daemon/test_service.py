@@ -47,6 +47,7 @@ def count(database: Path, joint: str = "elbow") -> int:
         return 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_signal_finishes_what_is_open(configuration: Path, start: Start, number: signal.Signals) -> None:
     """Exit 0, and every window that was triggered is in the database: the open one was finished, not dropped."""
@@ -59,6 +60,7 @@ def test_a_signal_finishes_what_is_open(configuration: Path, start: Start, numbe
     assert count(configuration.parent / "history.db") == int(scored)
 
 
+@pytest.mark.slow
 def test_windows_follow_the_commands_rhythm(configuration: Path, start: Start) -> None:
     """The fake joint reverses its acceleration every 250 ms: so are the windows' times, in UTC of now."""
     service = start(configuration)
@@ -73,6 +75,7 @@ def test_windows_follow_the_commands_rhythm(configuration: Path, start: Start) -
     assert abs(times[-1] - time.time()) < 10.0
 
 
+@pytest.mark.slow
 def test_reload_takes_a_good_configuration_and_keeps_the_old_one_before_a_bad_one(
     configuration: Path, start: Start
 ) -> None:

@@ -51,6 +51,7 @@ def test_the_resonance_is_found_whatever_the_file_says(off: float, rate: float) 
     assert found.zeta == pytest.approx(0.012, rel=0.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [25, 100])
 def test_rings_in_white_noise(count: int) -> None:
     """Of 59 Hz and 0.012, at 20 dB, ten times over: within 0.2 % and 25 %, and within two standard deviations."""

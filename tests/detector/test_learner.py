@@ -38,6 +38,7 @@ def test_what_is_calibrated_is_not_learnt_over() -> None:
     assert settled(windows, RATE, SETTINGS).noise_ms2 == pytest.approx(1.0, rel=0.05)
 
 
+@pytest.mark.slow
 def test_the_first_noise_and_another_one_are_told() -> None:
     """White noise of 1 m/s²: said once; then hum comes: said once more, with its frequency, within 600 windows, and few
     windows score above the level from then on."""
@@ -66,6 +67,7 @@ def test_a_restart_goes_on() -> None:
     assert (other.settings, other.background) == (SETTINGS, None)
 
 
+@pytest.mark.slow
 def test_a_window_costs_one_round(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each window does at most three rounds of the work, and one once a noise is known; in the end the noise is that
     of ``learn``, which does all at once."""

@@ -109,6 +109,7 @@ def test_signals_against_cantools(bits: int, place: int, big: bool, signed: bool
     assert np.isfinite(layout.values([frame[: layout.ends] for frame in frames])).all()
 
 
+@pytest.mark.slow
 @settings(max_examples=PIECES, deadline=None)
 @given(
     frames=st.lists(st.tuples(st.integers(0, 0x1FFFFFFF), st.binary(max_size=8)), max_size=30), cut=st.integers(1, 40)
@@ -170,6 +171,7 @@ def server() -> sdo.SdoServer:
     return sdo.SdoServer(read, write)
 
 
+@pytest.mark.slow
 @settings(max_examples=PIECES, deadline=None)
 @given(requests=st.lists(st.binary(max_size=10) | st.binary(min_size=8, max_size=8), max_size=20))
 def test_any_requests_at_all_to_the_server(requests: list[bytes]) -> None:

@@ -78,6 +78,7 @@ def test_play_with_many_effects() -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", [None, "hardening_spring", "quadratic_damping"])
 def test_oscillator(effect: str | None) -> None:
     """The driven oscillator agrees with Radau, alone and with the effects on it."""

@@ -106,6 +106,7 @@ def test_a_window_is_the_one_that_was_kept(tmp_path: Path, serve: Serve) -> None
     assert [float(row[1]) for row in rows[1:]] == pytest.approx(picture["accel"], abs=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("path", "status", "words"),
     [

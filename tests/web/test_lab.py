@@ -186,6 +186,7 @@ def test_a_run_is_stopped_and_another_one_waits(site: Site, look: Open, recordin
     assert first.rsplit("/", 1)[1] not in [run["id"] for run in got(site, "/api/lab")["runs"]]
 
 
+@pytest.mark.slow
 def test_a_recording_that_is_too_large_is_refused(site: Site, look: Open, tmp_path: Path) -> None:
     """By the page before it is sent, by the server where it is sent all the same."""
     large = tmp_path / "large.csv"

@@ -153,6 +153,7 @@ def test_map_of_a_sensor_that_leaks() -> None:
     assert slope == pytest.approx(0.2 * 9.80665, rel=0.1)
 
 
+@pytest.mark.slow
 def test_temperature_is_one_of_the_variables() -> None:
     """A reading that follows the temperature, recorded beside it at a fortieth of the rate, maps over temperature."""
     plain = measured(4)

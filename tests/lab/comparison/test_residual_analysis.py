@@ -48,6 +48,7 @@ def test_coloured_noise_fails_the_whiteness_test() -> None:
     assert np.mean([one.values[0] for one in found]) == pytest.approx(0.2, abs=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("correlation", [0.0, 0.5, 0.9])
 def test_noise_is_independent_of_the_input(correlation: float) -> None:
     """However coloured the residual, it is said to follow an unrelated smooth input in some 5 % of cases."""
