@@ -13,6 +13,8 @@ export function shown(unit) {
   return { unit: unit.replace("^2", "²").replace("^3", "³"), factor: 1 };
 }
 
+export const sentence = (text) => text[0].toUpperCase() + text.slice(1);
+export const scaled = (values, factor) => values.map((v) => v == null ? null : v * factor);
 export const withUnit = (value, unit) => `${short(value)}${unit === "°" ? "" : " "}${unit}`.trim();
 export const figure = (value, unit) => {
   if (value == null || !isFinite(value)) return "–";

@@ -1,13 +1,13 @@
 // One run of the lab: how far it is, and what it has found.
+import { bar, scale } from "./bars.js";
 import { ask, element, say } from "./common.js";
-import { describe, duration, figure, short, shown, withUnit } from "./labshared.js";
-import { axis, chart, colour, line, number, onTheme } from "./plot.js";
+import { describe, duration, figure, scaled, sentence, short, shown } from "./labshared.js";
+import { axis, chart, colour, line, onTheme } from "./plot.js";
+import { draw, pictures } from "./runcurves.js";
 
 const get = (id) => document.getElementById(id);
 const root = get("run"), name = root.dataset.run, api = `/api/lab/runs/${name}`;
-const NOISE = 1.96;
-const LOGARITHMIC = 30; // times the noise, from which on a bar of it would not be seen
-const state = { job: null, found: null, curves: [], which: 0, side: "after" };
+const state = { job: null, found: null, maps: null, shape: null };
 
 // ---- progress
 
@@ -77,18 +77,18 @@ get("remove").addEventListener("click", async () => {
 // ---- what was found
 
 async function result() {
+  let curves;
   try {
     const files = state.job.files.includes("curves.json") ? ["result.json", "curves.json"] : ["result.json"];
-    [state.found, state.curves = []] = await Promise.all(files.map((file) => ask(`${api}/files/${file}`)));
+    [state.found, curves = []] = await Promise.all(files.map((file) => ask(`${api}/files/${file}`)));
   } catch (error) { say(error.message); return; }
-  state.curves = whole(state.curves);
   const { found } = state;
   if (!state.job.about.base) { recorded(found); return; }
   verdict(found);
   if (found.ladder) { ladder(found); ranking(found); parameters(found); }
   else where(found);
   missing(found);
-  pictures();
+  pictures(curves);
   downloads();
   redraw();
   root.dataset.shown = "yes";
@@ -125,36 +125,9 @@ function measured(found, about) {
 const imported = (found) => [`${found.rows} rows over ${short(found.duration)} s out of ${found.format}; time: ${found.clock}.`,
   ...found.columns.map((one) => `${one.column} is ${one.series} (${one.unit || `${one.si}, as no unit is given`}; ${one.why}).`), ...found.notes];
 
-const SVG = "http://www.w3.org/2000/svg";
-function drawn(tag, attributes) {
-  const made = document.createElementNS(SVG, tag);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-  return made;
-}
-
-// A bar that falls from one share of its width to another; noise: where the floor is, as a share.
-function bar(from, to, noise, kind = "") {
-  const svg = drawn("svg", { viewBox: "0 0 100 10", preserveAspectRatio: "none", class: `fall ${kind}`, "aria-hidden": "true" });
-  const width = (share) => String(Math.max(0, Math.min(100 * share, 100)));
-  const fill = drawn("rect", { class: "fill", x: 0, y: 1, width: width(from), height: 8 });
-  svg.append(drawn("rect", { class: "was", x: 0, y: 1, width: width(from), height: 8 }), fill);
-  if (noise != null) svg.append(drawn("line", { x1: width(noise), x2: width(noise), y1: 0, y2: 10 }));
-  requestAnimationFrame(() => requestAnimationFrame(() => fill.setAttribute("width", width(to))));
-  return svg;
-}
-
 const called = (id) => state.found?.names?.[id] ?? state.job.about.names?.[id] ?? id;
-const sentence = (text) => text[0].toUpperCase() + text.slice(1);
 const joined = (names) => names.length < 2 ? names.join("") : `${names.slice(0, -1).join(", ")} and ${names.at(-1)}`;
 const plain = (effects) => joined(effects.map(called));
-
-// What share of a bar a value is; on a logarithmic scale where the largest is far above the noise.
-function scale(values, noise) {
-  const most = Math.max(...values.filter(isFinite)) || 1;
-  if (!(noise > 0) || most < LOGARITHMIC * noise) return { share: (v) => v / most, note: "" };
-  const least = noise / 3;
-  return { share: (v) => Math.log(Math.max(v, least) / least) / Math.log(most / least), note: " The bars are logarithmic." };
-}
 
 function ladder(found) {
   const { about } = state.job, unit = found?.error.unit ?? about.rungs[0].unit;
@@ -165,7 +138,7 @@ function ladder(found) {
   const rows = rungs.map((rung, i) => {
     const what = !i ? "The model as it was given" : `${rung.found ? "With" : "Added:"} ${plain(rung.added)}`;
     const title = rung.run ? element("a", { href: `/lab/runs/${rung.run}` }, what) : element("span", {}, what);
-    return element("li", { class: rung.found ? "found" : "" }, element("span", { class: "what" }, title,
+    return element("li", { class: rung.found ? "is-found" : "" }, element("span", { class: "what" }, title,
       rung.found ? element("small", {}, " found, not yet added") : ""),
       element("span", { class: "number" }, figure(rung.rms, unit)),
       bar(share(rungs[Math.max(i - 1, 0)].rms), share(rung.rms), share(rung.noise)));
@@ -196,7 +169,7 @@ function ranking(found) {
     const values = Object.entries(one.parameters).map(([id, [value]]) => `${id} = ${short(value, 4)}`).join(", ");
     const later = is && one.rms_after === one.rms_before ? "found once the others were there" : null;
     const fell = isFitted(one) ? later ?? `${figure(one.rms_before, unit)} → ${figure(one.rms_after, unit)}` : "";
-    return element("li", { class: is ? "found" : "", "data-effect": one.effect },
+    return element("li", { class: is ? "is-found" : "", "data-effect": one.effect },
       element("span", { class: "what" }, element("strong", {}, sentence(called(one.effect))), element("small", {}, ` ${one.effect}${values ? `: ${values}` : ""}`)),
       element("span", { class: "number" }, fell, element("small", {}, ` ${p}`)),
       isFitted(one) && !later ? bar(share(one.rms_before), share(one.rms_after), share(noise), is ? "good" : "") : "", button);
@@ -279,98 +252,6 @@ function banded(place, x, mean, low, high, across, up, height) {
   }, [by(x), by(low), by(high), by(mean)], height);
 }
 
-// ---- pictures over time
-
-// The stretches of a recording that were fitted one by one, after each other; a gap keeps their lines apart.
-function whole(curves) {
-  const found = new Map();
-  for (const curve of curves) {
-    const key = JSON.stringify([curve.recording, curve.column]), before = found.get(key);
-    if (!before) { found.set(key, { ...curve, time: [...curve.time], measured: [...curve.measured], modelled: [...curve.modelled], before: curve.before && [...curve.before] }); continue; }
-    before.time.push((before.time.at(-1) + curve.time[0]) / 2, ...curve.time);
-    for (const of of ["measured", "modelled", "before"]) if (before[of] && curve[of]) before[of].push(null, ...curve[of]);
-  }
-  return [...found.values()];
-}
-
-function pictures() {
-  if (!state.curves.length) return;
-  get("curves").hidden = false;
-  get("which").replaceChildren(...state.curves.map((curve, i) => element("option", { value: String(i) }, `${curve.recording}, ${curve.what}`)));
-  get("which-label").hidden = state.curves.length < 2;
-  get("sides").hidden = !state.curves.some((curve) => curve.before);
-}
-
-function rms(values) {
-  const there = values.filter((v) => v != null);
-  return Math.sqrt(there.reduce((sum, v) => sum + v ** 2, 0) / Math.max(there.length, 1));
-}
-const left = (curve, side, factor) => { const model = side === "before" && curve.before ? curve.before : curve.modelled; return curve.measured.map((v, i) => v == null || model[i] == null ? null : (v - model[i]) * factor); };
-
-function draw() {
-  const curve = state.curves[state.which], { unit, factor } = shown(curve.unit);
-  const after = left(curve, "after", factor), before = curve.before ? left(curve, "before", factor) : null;
-  const values = state.side === "before" && before ? before : after;
-  let largest = 0;
-  for (const side of [after, before ?? []]) for (const v of side) if (v != null && Math.abs(v) > largest) largest = Math.abs(v);
-  const span = 1.08 * Math.max(largest, NOISE * (curve.noise ?? 0) * factor) || 1, noise = curve.noise == null ? 0 : NOISE * curve.noise * factor;
-  const hero = chart(get("residual"), {
-    scales: { x: { time: false }, y: { range: () => [-span, span] } }, axes: [axis("time (s)"), axis(`measured − modelled (${unit})`)],
-    series: [{ label: "time (s)", value: (_, v) => number(v) }, ...(before ? [line("before", state.side === "before" ? "residual" : "noise", { width: state.side === "before" ? 1.3 : 0.6 })] : []),
-      ...(before && state.side === "before" ? [] : [line(before ? "after" : "left", "residual", { width: before ? 1.8 : 1.3 })])],
-    cursor: { sync: { key: "run", scales: ["x", null] } },
-    hooks: { drawClear: [(plot) => floor(plot, noise)], setScale: [zoomed] },
-  }, [curve.time, ...(before ? [before] : []), ...(before && state.side === "before" ? [] : [after])], 320);
-  chart(get("overlay"), {
-    scales: { x: { time: false } }, axes: [axis("time (s)"), axis(`${curve.what} (${unit})`)],
-    series: [{ label: "time (s)", value: (_, v) => number(v) }, line("measured", "measured"),
-      line("modelled", "modelled", { dash: [6, 3] })],
-    cursor: { sync: { key: "run", scales: ["x", null] } }, hooks: { setScale: [zoomed] },
-  }, [curve.time, scaled(curve.measured, factor), scaled(state.side === "before" && curve.before ? curve.before : curve.modelled, factor)], 240);
-  const told = (v) => withUnit(v, unit), noisy = curve.noise == null ? "" : ` The noise is ${told(curve.noise * factor)}.`;
-  get("residual-words").textContent = (before
-    ? `${sentence(state.side)}, both on one scale: ${told(rms(before))} before, ${told(rms(after))} after.`
-    : `The error is ${told(rms(values))}.`) + noisy;
-  get("residual").dataset.side = state.side;
-  state.hero = hero;
-}
-
-const scaled = (values, factor) => values.map((v) => v == null ? null : v * factor);
-
-function floor(plot, noise) {
-  const { left: x, width } = plot.bbox, a = plot.valToPos(noise, "y", true), b = plot.valToPos(-noise, "y", true);
-  plot.ctx.fillStyle = colour("band");
-  plot.ctx.fillRect(x, a, width, b - a);
-}
-
-// Both plots show the same stretch of time.
-let zooming = false;
-function zoomed(plot, key) {
-  if (key !== "x" || zooming) return;
-  zooming = true;
-  const { min, max } = plot.scales.x;
-  for (const place of ["residual", "overlay"]) {
-    const other = get(place).plot;
-    if (other && other !== plot && min != null && other.root.isConnected) other.setScale("x", { min, max });
-  }
-  zooming = false;
-}
-
-get("residual").addEventListener("keydown", (event) => {
-  const plot = state.hero;
-  if (!plot) return;
-  const time = state.curves[state.which].time, [first, last] = [time[0], time.at(-1)], { min, max } = plot.scales.x, size = max - min;
-  const to = (a, b) => plot.setScale("x", { min: Math.max(a, first), max: Math.min(b, last) });
-  const act = { ArrowLeft: () => min > first && to(min - size / 4, max - size / 4), ArrowRight: () => max < last && to(min + size / 4, max + size / 4),
-    "+": () => to(min + size / 4, max - size / 4), "=": () => to(min + size / 4, max - size / 4), "-": () => to(min - size / 2, max + size / 2), Home: () => to(first, last) }[event.key];
-  if (!act) return;
-  event.preventDefault();
-  act();
-});
-
-get("which").addEventListener("change", (event) => { state.which = Number(event.target.value); draw(); });
-document.querySelectorAll('input[name="side"]').forEach((radio) => radio.addEventListener("change", () => { state.side = radio.value; draw(); }));
-
 // ---- to take away
 
 function downloads() {
@@ -384,7 +265,7 @@ function downloads() {
 }
 
 function redraw() {
-  if (state.curves.length) draw();
+  draw();
   state.maps?.();
   state.shape?.();
 }
