@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from mcap.writer import IndexType
 from mcap.writer import Writer as McapWriter
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as BagWriter
 from rosbags.typesys import get_types_from_msg
 
@@ -76,9 +76,14 @@ def messages(unstamped: int = 0, count: int = COUNT) -> Iterator[Message]:
         yield "/voltage", received, types["std_msgs/msg/Float64"](12.0)
 
 
-def write_rosbag(path: Path, storage: StoragePlugin, unstamped: int = 0, count: int = COUNT) -> None:
+def write_rosbag(
+    path: Path, storage: StoragePlugin, unstamped: int = 0, count: int = COUNT, is_compressed: bool = False
+) -> None:
     """A folder as ``ros2 bag record`` makes it."""
-    with BagWriter(path, version=9, storage_plugin=storage) as writer:
+    bag = BagWriter(path, version=9, storage_plugin=storage)
+    if is_compressed:
+        bag.set_compression(CompressionMode.MESSAGE, CompressionFormat.ZSTD)
+    with bag as writer:
         connections = {topic: writer.add_connection(topic, kind, typestore=STORE) for topic, kind in TYPES.items()}
         for topic, received, message in messages(unstamped, count):
             writer.write(connections[topic], received, STORE.serialize_cdr(message, TYPES[topic]))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from mcap.writer import CompressionType
 from rosbags.rosbag2 import StoragePlugin
 
 from lostmotion.drivers.errors import RecordingError
@@ -36,7 +37,9 @@ def refused(path: Path, *terms: str, **choice: Any) -> str:
     return told
 
 
-@pytest.fixture(scope="module", params=["SQLITE3", "MCAP", "one file", "one database", "unindexed"])
+@pytest.fixture(
+    scope="module", params=["SQLITE3", "MCAP", "one file", "one database", "unindexed", "lz4", "compressed"]
+)
 def bag(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The same messages in each storage."""
     folder = tmp_path_factory.mktemp("bag")
@@ -44,6 +47,12 @@ def bag(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
         case "one file":
             bags.write_mcap(folder / "x.mcap")
             return folder / "x.mcap"
+        case "lz4":
+            bags.write_mcap(folder / "x.mcap", compression=CompressionType.LZ4)
+            return folder / "x.mcap"
+        case "compressed":
+            bags.write_rosbag(folder / "x", StoragePlugin.SQLITE3, is_compressed=True)
+            return folder / "x"
         case "unindexed":
             bags.write_unindexed(folder / "x.mcap")
             return folder / "x.mcap"
