@@ -9,6 +9,8 @@ from contextlib import closing
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+import pytest
+
 from lostmotion.daemon.records import ScoreRow
 from lostmotion.daemon.store import Store
 from tests.daemon.conftest import wait_until

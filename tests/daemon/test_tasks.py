@@ -6,6 +6,8 @@ import signal
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+import pytest
+
 from lostmotion.daemon.records import Answer, Request, Task
 from lostmotion.daemon.requests import ask, wait
 from lostmotion.daemon.tasks import KEPT, recording_path
