@@ -1,4 +1,5 @@
-"""CAN as a sink: a thread that owns the bus, sends heartbeats and what ``emcy.py`` makes of alarms and states.
+"""CAN as a sink: a thread that owns the bus, sends heartbeats and what ``emcy.py`` makes of alarms and states, and what
+``node.py`` answers.
 
 The caller never waits for the bus.  Whatever goes wrong there (adapter unplugged, bus off, nobody acknowledges, queue
 full) has one answer: close it, open it again after a pause, and tell every error that stands.
@@ -12,15 +13,17 @@ import threading
 import time
 from collections import deque
 from collections.abc import Sequence
-from contextlib import suppress
+from typing import Any
 
 import can
-from can.interfaces.slcan import slcanBus
 
 from lostmotion.daemon.options import CanOptions
 from lostmotion.daemon.records import JointRow, ScoreRow, Transition
 from lostmotion.daemon.repeats import Condition
-from lostmotion.daemon.sinks.emcy import BOOT_UP, EmcyNode, Frame
+from lostmotion.daemon.sinks.emcy import BOOT_UP, OPERATIONAL, EmcyNode, Frame
+from lostmotion.daemon.sinks.node import NMT, STOPPED, Node
+from lostmotion.daemon.sinks.wakeup import Wakeup
+from lostmotion.drivers.codec.sdo import REQUEST
 
 __all__ = ["FAULTS", "CanSink", "open_bus"]
 
@@ -36,7 +39,11 @@ SEND_S = 0.5
 CLOSE_S = 2.0
 WAITING = 256
 """frames that wait at most; more are replaced by one telling of what stands"""
+IN_KERNEL = "socketcan"
+LISTEN_S = 0.1
+"""how long an interface without a file descriptor is listened to before what has come up is sent [s]"""
 READ_AT_ONCE = 1000
+"""frames that are looked at before it is sent on a bus that floods the node"""
 
 
 class CanSink:
@@ -48,41 +55,42 @@ class CanSink:
     def __init__(self, joints: Sequence[str], options: CanOptions) -> None:
         self._options = options
         self._node = EmcyNode(options.node_id, joints)
+        self._services = Node(self._node, options.node_id, options.heartbeat_s)
         self._waiting: deque[Frame] = deque()
         self._changed: dict[str, None] = {}
-        self._wake = threading.Condition()
-        self._closing = False
+        self._lock = threading.Lock()
+        self._wakeup = Wakeup()
+        self._closing = threading.Event()
         self._condition = Condition()
         self._thread = threading.Thread(target=self._run, name="can", daemon=True)
         self._thread.start()
 
     def score(self, row: ScoreRow) -> None:
-        with self._wake:
+        with self._lock:
             self._node.score(row)
             self._has_changed(row.joint)
 
     def alarm(self, transition: Transition, again: bool = False) -> None:
-        with self._wake:
+        with self._lock:
             self._waiting.extend(self._node.alarm(transition))
             if len(self._waiting) > WAITING:
                 self._waiting = deque(self._node.everything())
-            self._wake.notify()
+        self._wakeup.ring()
 
     def health(self, row: JointRow) -> None:
-        with self._wake:
+        with self._lock:
             self._node.health(row.name, row.health)
             self._has_changed(row.name)
 
     def close(self) -> None:
         """Sends what is waiting, and leaves the bus.  A bus that hangs is left hanging."""
-        with self._wake:
-            self._closing = True
-            self._wake.notify()
+        self._closing.set()
+        self._wakeup.ring()
         self._thread.join(CLOSE_S)
 
     def _run(self) -> None:
         pause = FIRST_RETRY_S
-        while not self._closing:
+        while not self._closing.is_set():
             try:
                 with open_bus(self._options) as bus:
                     self._begin(bus)
@@ -90,13 +98,14 @@ class CanSink:
                     self._serve(bus)
             except FAULTS as error:
                 self._say(str(error) or type(error).__name__)
-            with self._wake:
-                self._wake.wait_for(lambda: self._closing, pause)
+            self._closing.wait(pause)
             pause = min(2 * pause, LAST_RETRY_S)
 
     def _begin(self, bus: can.BusABC) -> None:
-        """The node is there; what stands is told, whatever was told before."""
-        with self._wake:
+        """The node is there; what stands is told, whatever was told before.  A boot-up ends whatever a master had
+        commanded."""
+        with self._lock:
+            self._services.state = OPERATIONAL
             self._waiting = deque([self._node.heartbeat(BOOT_UP), *self._node.everything()])
             self._changed = dict.fromkeys(self._node.states())
         self._send_waiting(bus)
@@ -104,14 +113,41 @@ class CanSink:
 
     def _serve(self, bus: can.BusABC) -> None:
         beat = 0.0
-        while not self._closing:
+        while not self._closing.is_set():
             if time.monotonic() >= beat:
                 beat = time.monotonic() + self._options.heartbeat_s
-                _drain(bus)
-                _send(bus, self._node.heartbeat())
-            with self._wake:
-                self._wake.wait_for(lambda: self._waiting or self._changed or self._closing, beat - time.monotonic())
+                _send(bus, self._node.heartbeat(self._services.state))
+            self._listen(bus, max(beat - time.monotonic(), 0.0))
             self._send_waiting(bus)
+
+    def _listen(self, bus: can.BusABC, seconds: float) -> None:
+        """Waits to be woken or for the bus, and answers what has come in; whoever reads an adapter also keeps it
+        sending."""
+        descriptor = _descriptor(bus)
+        if descriptor is None:
+            seconds = min(seconds, LISTEN_S)
+        else:
+            self._wakeup.wait(seconds, descriptor)
+            seconds = 0.0
+        for _ in range(READ_AT_ONCE):
+            try:
+                message = bus.recv(seconds)
+            except NotImplementedError:  # an interface that only sends
+                self._wakeup.wait(seconds)
+                return
+            if message is None:
+                return
+            seconds = 0.0
+            if not (message.is_error_frame or message.is_remote_frame or message.is_extended_id):
+                self._answer(bus, message)
+
+    def _answer(self, bus: can.BusABC, message: can.Message) -> None:
+        with self._lock:
+            frames, anew = self._services.receive(message.arbitration_id, bytes(message.data))
+            if anew:
+                self._changed = dict.fromkeys(self._node.states())
+        for frame in frames:
+            _send(bus, frame)
 
     def _send_waiting(self, bus: can.BusABC) -> None:
         while frames := self._next():
@@ -119,10 +155,14 @@ class CanSink:
                 _send(bus, frame)
 
     def _next(self) -> Sequence[Frame]:
-        """What has waited longest, alarms before states."""
-        with self._wake:
+        """What has waited longest, alarms before states; a stopped node tells all that stands when it is started."""
+        with self._lock:
+            if self._services.state == STOPPED:
+                self._waiting.clear()
             if self._waiting:
                 return [self._waiting.popleft()]
+            if self._services.state != OPERATIONAL:
+                return []
             frames = [frame for joint in self._changed for frame in self._node.state(joint)]
             self._changed = {}
             return frames
@@ -130,7 +170,7 @@ class CanSink:
     def _has_changed(self, joint: str) -> None:
         """Only the newest state of a joint waits, so that many scores are no flood."""
         self._changed[joint] = None
-        self._wake.notify()
+        self._wakeup.ring()
 
     def _say(self, problem: str) -> None:
         """Logs when the bus begins to fail and when it works again, not every time: one on which nobody answers opens
@@ -145,23 +185,22 @@ class CanSink:
 
 
 def open_bus(options: CanOptions) -> can.BusABC:
-    """The bus, of which only NMT commands would be received.  Raises one of ``FAULTS``."""
-    bitrate = {"bitrate": options.bitrate} if options.bitrate else {}
-    filters: list[can.typechecking.CanFilter] = [{"can_id": 0, "can_mask": 0x7FF, "extended": False}]
-    given = bitrate | options.options
-    return can.Bus(options.channel, interface=options.interface, can_filters=filters, **given)  # type: ignore[arg-type]
+    """The bus.  The kernel lets in NMT commands and questions to the node alone; python-can's own filter, of the other
+    interfaces, is none that saves anything.  Raises one of ``FAULTS``."""
+    given: dict[str, Any] = {"bitrate": options.bitrate} if options.bitrate else {}
+    if options.interface == IN_KERNEL:
+        ids = (NMT, REQUEST + options.node_id)
+        given["can_filters"] = [{"can_id": id, "can_mask": 0x7FF, "extended": False} for id in ids]
+    return can.Bus(options.channel, interface=options.interface, **(given | options.options))
+
+
+def _descriptor(bus: can.BusABC) -> int | None:
+    """What becomes readable with a frame, of an interface that has such a thing."""
+    try:
+        return bus.fileno()
+    except NotImplementedError:
+        return None
 
 
 def _send(bus: can.BusABC, frame: Frame) -> None:
     bus.send(can.Message(arbitration_id=frame.cob_id, data=frame.data, is_extended_id=False), timeout=SEND_S)
-
-
-def _drain(bus: can.BusABC) -> None:
-    """Throws away what came in: an adapter that nobody reads may stop to send."""
-    if isinstance(bus, slcanBus):
-        bus.flush()
-        return
-    with suppress(NotImplementedError):
-        for _ in range(READ_AT_ONCE):
-            if bus.recv(0.0) is None:
-                return

@@ -5,19 +5,20 @@ EMCY, COB-ID 0x80 + node, 8 bytes, little-endian: error code (u16), error regist
 joint index (u8, in the order of the configuration), score x 10 (u16), play in arc-minutes x 10 (u16); 0xFFFF is
 unknown, 0xFFFE that or more. TPDO1, COB-ID 0x180 + node, 6 bytes: joint index (u8), health (u8, 0 OK to 3 ERROR),
 severity and play in arc-minutes x 10 (u16 each) of the last window. Heartbeat, COB-ID 0x700 + node: one byte, the NMT
-state. ``lostmotion.dbc`` has it too.
+state. ``lostmotion.dbc`` has it too; what the node answers stands in ``node.py``.
 """
 
 from __future__ import annotations
 
 import math
 import struct
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lostmotion.daemon.records import AlarmEvent, AlarmRow, Cause, Health, ScoreRow, Severity, Transition
 
-__all__ = ["BOOT_UP", "OPERATIONAL", "EmcyNode", "Frame"]
+__all__ = ["BOOT_UP", "EMCY", "OPERATIONAL", "TPDO1", "EmcyNode", "Frame"]
 
 EMCY, TPDO1, HEARTBEAT = 0x080, 0x180, 0x700
 CLEARED, PLAY_WARNING, PLAY_ERROR, DEVICE_FAULT = 0x0000, 0xFF01, 0xFF02, 0xFF03
@@ -28,6 +29,8 @@ LAYOUT, STATE_LAYOUT = struct.Struct("<HBBHH"), struct.Struct("<BBHH")
 HEALTHS = {health: number for number, health in enumerate(Health)}
 ALL_JOINTS = 0xFF
 UNKNOWN, MOST = 0xFFFF, 0xFFFE
+HISTORY = 8
+"""errors that object 0x1003 holds"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +43,10 @@ class Frame:
 
 class EmcyNode:
     """What one node has to say of its joints' alarms and states.  A DEGRADED alarm has no code: it counts as no error
-    here."""
+    here.
+
+    history: the newest errors first, each as its code and the joint's index; last_state: what TPDO1 told last.
+    """
 
     def __init__(self, node_id: int, joints: Sequence[str]) -> None:
         self._node = node_id
@@ -48,6 +54,13 @@ class EmcyNode:
         self._scores: dict[str, ScoreRow] = {}
         self._healths: dict[str, Health] = {}
         self._standing: dict[tuple[str, Cause], int] = {}
+        self.history: deque[tuple[int, int]] = deque(maxlen=HISTORY)
+        self.last_state = STATE_LAYOUT.pack(ALL_JOINTS, 0, UNKNOWN, UNKNOWN)
+
+    @property
+    def register(self) -> int:
+        """Object 0x1001."""
+        return REGISTER if self._standing else 0
 
     def score(self, row: ScoreRow) -> None:
         """The figures that the joint's next frame tells."""
@@ -64,7 +77,8 @@ class EmcyNode:
         last = self._scores.get(joint)
         severity, play = (_arcmin(last.severity), _arcmin(last.play)) if last else (UNKNOWN, UNKNOWN)
         health = HEALTHS[self._healths.get(joint, Health.OK)]
-        return [Frame(TPDO1 + self._node, STATE_LAYOUT.pack(self._index[joint], health, severity, play))]
+        self.last_state = STATE_LAYOUT.pack(self._index[joint], health, severity, play)
+        return [Frame(TPDO1 + self._node, self.last_state)]
 
     def states(self) -> list[str]:
         """The joints of which something is known."""
@@ -81,6 +95,8 @@ class EmcyNode:
         key, code = (alarm.joint, alarm.cause), _code(alarm)
         if alarm.joint not in self._index or self._standing.get(key, CLEARED) == code:
             return [self._emcy(code, alarm.joint)] if transition.event is AlarmEvent.REMINDED and code else []
+        if code:
+            self.history.appendleft((code, self._index[alarm.joint]))
         if key not in self._standing:
             self._standing[key] = code
             return [self._emcy(code, alarm.joint)]
@@ -104,8 +120,7 @@ class EmcyNode:
         last = self._scores.get(joint or "")
         index = ALL_JOINTS if joint is None else self._index[joint]
         score, play = (_tenths(last.score), _arcmin(last.play)) if last else (UNKNOWN, UNKNOWN)
-        register = REGISTER if self._standing else 0
-        return Frame(EMCY + self._node, LAYOUT.pack(code, register, index, score, play))
+        return Frame(EMCY + self._node, LAYOUT.pack(code, self.register, index, score, play))
 
 
 def _code(alarm: AlarmRow) -> int:

@@ -1,0 +1,31 @@
+"""What wakes a thread that waits for file descriptors, such as that of a bus; ``daemon/bell.py`` is for one that waits
+for nothing else."""
+
+from __future__ import annotations
+
+import os
+import select
+import weakref
+
+__all__ = ["Wakeup"]
+
+
+class Wakeup:
+    """Rung by any thread, heard by one that waits, once.  Ringing never blocks."""
+
+    def __init__(self) -> None:
+        self._event = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
+        weakref.finalize(self, os.close, self._event)  # who rings late must not ring at another file
+
+    def ring(self) -> None:
+        """Ends a wait, also the next one if nobody waits now."""
+        os.eventfd_write(self._event, 1)
+
+    def wait(self, seconds: float, *others: int) -> None:
+        """Returns when it is rung, when another descriptor is readable or broken, or after so many seconds."""
+        poll = select.poll()
+        for descriptor in (self._event, *others):
+            poll.register(descriptor, select.POLLIN)
+        ready = poll.poll(max(seconds, 0.0) * 1000)
+        if any(descriptor == self._event for descriptor, _ in ready):
+            os.eventfd_read(self._event)
