@@ -1,6 +1,7 @@
 #!/bin/sh
 # The main job on the simulated robot: a year of wear in 40 seconds, then the questions one asks of it.
-# The shoulder has no play; the elbow's grows.  Everything lies in a folder of its own, which is removed at the end.
+# The shoulder has no play; the elbow's grows.  DEMO_WEB=1: the page is served meanwhile, and afterwards until Ctrl-C.
+# Everything lies in a folder of its own, which is removed at the end.
 set -eu
 PATH="$(cd "${BIN:-.venv/bin}" && pwd):$PATH"
 folder=$(mktemp -d)
@@ -58,9 +59,19 @@ show() {
 show config check robot.toml
 show record --config robot.toml --joint elbow --duration 2 -o new.csv   # compiles the model where it never was
 show score new.csv --config robot.toml
+if [ "${DEMO_WEB:-}" = 1 ]; then
+    lostmotion web --config robot.toml &
+    page=$!
+    trap 'kill "$page" 2>/dev/null || true; rm -rf "$folder"' EXIT
+fi
 show run --config robot.toml --duration 36
 show status --config robot.toml
 show alarms ack elbow --config robot.toml
 show history shoulder --config robot.toml --limit 5
 show history elbow --config robot.toml --limit 5
 show trend elbow --config robot.toml
+
+if [ "${DEMO_WEB:-}" = 1 ]; then
+    printf '\nThe page is at http://127.0.0.1:8737/ until Ctrl-C.\n'
+    wait "$page"
+fi

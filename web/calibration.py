@@ -241,8 +241,9 @@ class Calibration:
         try:
             detector, said = self._judged()
         except (LostmotionError, OSError, subprocess.SubprocessError, ValueError) as error:
+            told = str(error).replace("promise less with --false-alarm", "allow more false alarms")
             with self._lock:
-                self._tell(is_judging=False, trouble=str(error))
+                self._tell(is_judging=False, trouble=told)
             return
         with self._lock:
             self._detector = detector

@@ -82,6 +82,8 @@ function showChange(found) {
 function showAll(found) {
   const busy = found.step || found.is_judging;
   if (found.joint && (busy || found.taps || found.motion)) part("joint").value = found.joint;
+  if (busy) part("rate").value = String(found.false_alarm);
+  part("rate").disabled = Boolean(busy);
   state = found;
   part("joint").disabled = Boolean(busy);
   for (const button of document.querySelectorAll("[data-begin]")) button.disabled = Boolean(busy);
