@@ -119,7 +119,10 @@ def seconds(values: Array, unit: str, factor: float | None, name: str) -> tuple[
 
 def _since_start(stamps: Array, factor: float, told: str) -> tuple[FloatArray, datetime | None, str]:
     """Exact also in ns: the first is subtracted before a float is made."""
-    first = stamps[np.isfinite(stamps)][0] if stamps.dtype.kind == "f" else stamps[stamps != np.iinfo(np.int64).min][0]
+    known = stamps[np.isfinite(stamps) if stamps.dtype.kind == "f" else stamps != np.iinfo(np.int64).min]
+    if known.size == 0:
+        return np.full(stamps.shape, np.nan), None, told
+    first = known[0]
     start = datetime.fromtimestamp(round(float(first) * factor, 6), UTC)
     times = np.asarray((stamps - first) * factor, dtype=np.float64)
     if stamps.dtype.kind != "f":

@@ -125,7 +125,7 @@ def date(cell: str) -> np.datetime64:
 
 def _is_date(rows: list[list[str]], index: int) -> bool:
     cells = [row[index] for row in rows if index < len(row) and row[index].strip()]
-    return bool(cells) and not np.isnat(date(cells[-1])) and number(cells[-1], False) is None
+    return bool(cells) and not any(np.isnat(date(cell)) or number(cell, False) is not None for cell in cells)
 
 
 def _units(row: list[str], comma: bool) -> list[str]:
