@@ -99,6 +99,14 @@ CREATE VIEW scores AS SELECT joint.name AS joint, {_iso("time_us")} AS time, sco
     FROM score JOIN joint ON joint.id = score.joint_id;
 """
 
-MIGRATIONS = (FIRST, SECOND, THIRD, FOURTH)
+# The commanded motion before each kept window: float32, first all times from its begin [s], then all angles [rad].
+FIFTH = f"""
+ALTER TABLE window ADD COLUMN command BLOB;
+DROP VIEW windows;
+CREATE VIEW windows AS SELECT joint.name AS joint, {_iso("time_us")} AS time, impact, rate_hz, offset, accel, command
+    FROM window JOIN joint ON joint.id = window.joint_id;
+"""
+
+MIGRATIONS = (FIRST, SECOND, THIRD, FOURTH, FIFTH)
 CURRENT = len(MIGRATIONS)
 """the schema version this program writes (PRAGMA user_version)"""

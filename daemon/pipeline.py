@@ -38,6 +38,8 @@ TOGETHER_S, TOGETHER_UNHEARD_S = 0.008, 0.03
 where nobody else hears of them, so that they only have to be on the disk a quarter of a second after their end"""
 COMMANDS_S = 4.0
 """commands are kept for so long, for the size of the play [s]"""
+COMMANDED_S = 0.5
+"""so much of the commanded motion before a window is kept with it: the reversal and what led to it [s]"""
 SERVO_SILENT_S = 5.0
 """a joint that says nothing for so long no longer holds back the release of acceleration [s]"""
 
@@ -55,11 +57,13 @@ class JointPlan:
 
 @dataclass(frozen=True, slots=True)
 class Scored:
-    """A window and what the detector says of it; origin: where play comes from, of joints that share accelerometers."""
+    """A window and what the detector says of it; origin: where play comes from, of joints that share accelerometers;
+    commands: times [s] and angles [rad] from ``COMMANDED_S`` before the window to its end, shape (2, M)."""
 
     window: Window
     score: Score
     origin: Origin | None = None
+    commands: FloatArray = field(default_factory=lambda: np.empty((2, 0)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,6 +148,12 @@ class _Joint:
     def commands(self) -> FloatArray:
         """The last ones: times [s] and angles [rad], shape (2, M)."""
         return np.array((self._times, self._angles))
+
+    def commanded(self, window: _Pending) -> FloatArray:
+        """Those from shortly before a window to its end."""
+        first = bisect_left(self._times, window.start - COMMANDED_S)
+        last = bisect_left(self._times, window.end)
+        return np.array((self._times[first:last], self._angles[first:last]))
 
 
 class Pipeline:
@@ -246,7 +256,7 @@ class Pipeline:
         if not done:
             return done
         told = {joint: attributor.origin for joint, attributor in self._shared.items()}
-        return [Scored(scored.window, scored.score, told.get(scored.window.joint)) for scored in done]
+        return [replace(scored, origin=told.get(scored.window.joint)) for scored in done]
 
     def _is_felt(self, joint: _Joint, accelerometer: str) -> bool:
         """Whether windows of this joint need that accelerometer."""
@@ -283,7 +293,7 @@ class Pipeline:
             joint.counts.lost[score.quality] += 1
         else:
             joint.counts.scored += 1
-        scored = Scored(window, self._sized(joint, score, ring))
+        scored = Scored(window, self._sized(joint, score, ring), commands=joint.commanded(pending))
         self._learn(joint, window)
         return scored
 

@@ -349,15 +349,16 @@ class Reader:
 
     def window(self, joint: str, time: datetime) -> WindowRow | None:
         """The kept raw window whose begin is nearest to a time; None where none is kept."""
-        query = f"SELECT time_us, impact, rate_hz, offset, accel FROM window{WINDOW_OF}"
+        command = "command" if self._version >= 5 else "NULL"
+        query = f"SELECT time_us, impact, rate_hz, offset, accel, {command} FROM window{WINDOW_OF}"
         near = [micros(time)]
         before = self._db.execute(f"{query} AND time_us <= ? ORDER BY time_us DESC LIMIT 1", [joint, *near]).fetchall()
         after = self._db.execute(f"{query} AND time_us > ? ORDER BY time_us LIMIT 1", [joint, *near]).fetchall()
         found = min(before + after, key=lambda row: abs(row[0] - near[0]), default=None)
         if found is None:
             return None
-        accel = np.frombuffer(found[4], "<f4")
-        return WindowRow(joint, from_micros(found[0]), bool(found[1]), found[2], found[3], accel)
+        accel, commands = np.frombuffer(found[4], "<f4"), np.frombuffer(found[5] or b"", "<f4").reshape(2, -1)
+        return WindowRow(joint, from_micros(found[0]), bool(found[1]), found[2], found[3], accel, commands)
 
     def score_at(self, joint: str, time: datetime) -> ScoreRow | None:
         """The score of the window that began at this very time."""

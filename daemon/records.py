@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from enum import Enum
 
@@ -135,7 +135,8 @@ class ScoreRow(msgspec.Struct, frozen=True, gc=False):
 @dataclass(frozen=True, slots=True)
 class WindowRow:
     """The raw samples of a window: tip acceleration [m/s²], shape (N,), sample k at time + offset + k / rate_hz, NaN
-    where one is missing; float32 is finer than any sensor it holds."""
+    where one is missing; float32 is finer than any sensor it holds.  command: times from the window's begin [s] and the
+    commanded angles [rad] before and in it, shape (2, M)."""
 
     joint: str
     time: datetime
@@ -143,12 +144,14 @@ class WindowRow:
     rate_hz: float
     offset: float
     accel: NDArray[np.float32]
+    command: NDArray[np.float32] = field(default_factory=lambda: np.empty((2, 0), np.float32))
 
     @classmethod
-    def of(cls, window: Window, impact: bool, time: datetime) -> WindowRow:
-        """The row of a window that began at ``time``."""
+    def of(cls, window: Window, impact: bool, time: datetime, commands: NDArray[np.float64]) -> WindowRow:
+        """The row of a window that began at ``time``; commands: robot times [s] and angles [rad], shape (2, M)."""
         offset = float(window.time[0]) - window.start
-        return cls(window.joint, time, impact, window.rate_hz, offset, window.accel.astype(np.float32))
+        command = (commands - np.array([[window.start], [0.0]])).astype(np.float32)
+        return cls(window.joint, time, impact, window.rate_hz, offset, window.accel.astype(np.float32), command)
 
 
 @dataclass(frozen=True, slots=True)

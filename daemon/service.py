@@ -290,7 +290,7 @@ class Service:
                 self._guard(sink.score, row)
             self._store.add(_marked(row) if self._time is not None and self._time.is_doubtful else row)
             if self._config.store.keep_windows_mb:
-                self._store.add(WindowRow.of(scored.window, row.impact, utc))
+                self._store.add(WindowRow.of(scored.window, row.impact, utc, scored.commands))
             self._guard(self._desk.scored, row, scored.origin)
         self._store.add(*self._noises.rows())
         if self._store.is_settling:

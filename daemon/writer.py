@@ -200,13 +200,14 @@ class Writer:
         )
 
     def _window(self, row: WindowRow, limit: int) -> None:
-        accel = row.accel.astype("<f4").tobytes()
+        accel, command = row.accel.astype("<f4").tobytes(), row.command.astype("<f4").tobytes()
+        size = len(accel) + len(command)
         self._db.execute(
-            "INSERT OR REPLACE INTO window (joint_id, time_us, impact, bytes, rate_hz, offset, accel)"
-            " VALUES (?, ?, ?, ?, ?, ?, ?)",
-            [self._id(row.joint), micros(row.time), row.impact, len(accel), row.rate_hz, row.offset, accel],
+            "INSERT OR REPLACE INTO window (joint_id, time_us, impact, bytes, rate_hz, offset, accel, command)"
+            " VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+            [self._id(row.joint), micros(row.time), row.impact, size, row.rate_hz, row.offset, accel, command],
         )
-        self._kept_bytes += len(accel)
+        self._kept_bytes += size
         if self._kept_bytes > limit:
             self._make_room(0.95 * limit)
 

@@ -21,7 +21,8 @@ Band = tuple[float, float]
 @dataclass(frozen=True, slots=True)
 class Picture:
     """A window: time [s] from its begin, tip acceleration [m/s²], frequency [Hz], amplitude [m/s²]; f_res_hz: the
-    bar's resonance; mask, norm: the bands of eqs. 10 and 8 [Hz], empty where there are none."""
+    bar's resonance; mask, norm: the bands of eqs. 10 and 8 [Hz], empty where there are none; commanded: times [s] and
+    angles [rad] of the motion before and in it, empty where it was not kept."""
 
     time: str
     is_impact: bool
@@ -33,6 +34,7 @@ class Picture:
     f_res_hz: float | None
     mask: list[Band]
     norm: list[Band]
+    commanded: list[list[float]]
 
 
 def picture(row: WindowRow, settings: DetectorSettings | None) -> Picture:
@@ -54,20 +56,26 @@ def picture(row: WindowRow, settings: DetectorSettings | None) -> Picture:
         settings.f_res_hz if settings else None,
         mask,
         norm,
+        [[float(f"{value:.6g}") for value in numbers] for numbers in row.command],
     )
 
 
 def csv(row: WindowRow, settings: DetectorSettings | None) -> str:
-    """The window as a recording."""
+    """The window as a recording, with the commanded motion where it was kept."""
     text = io.StringIO()
     text.write(f'# joint = "{_toml(row.joint)}"\n# begin = "{iso(row.time)}"\n')
     if settings:
         text.write(f"# f_res_hz = {settings.f_res_hz!r}\n# zeta = {settings.zeta!r}\n")
-    text.write("time,accel\n")
-    for k, value in enumerate(row.accel.tolist()):
-        cell = f"{value:.7g}" if np.isfinite(value) else ""
-        text.write(f"{row.offset + k / row.rate_hz:.6f},{cell}\n")
+    text.write("time,command,accel\n")
+    commands = {round(time, 6): _cell(angle) for time, angle in row.command.T.tolist()}
+    accels = {round(row.offset + k / row.rate_hz, 6): _cell(value) for k, value in enumerate(row.accel.tolist())}
+    for time in sorted({*commands, *accels}):
+        text.write(f"{time:.6f},{commands.get(time, '')},{accels.get(time, '')}\n")
     return text.getvalue()
+
+
+def _cell(value: float) -> str:
+    return f"{value:.7g}" if np.isfinite(value) else ""
 
 
 def _bands(length: int, rate_hz: float, settings: DetectorSettings | None) -> tuple[list[Band], list[Band]]:

@@ -65,6 +65,10 @@ def test_every_reversal_is_scored() -> None:
     assert done[-1].score.temperature == 41.0
     assert world.pipeline.counts["elbow"].scored == len(done)
     assert world.pipeline.counts["elbow"].lost.total() == 0
+    times, angles = done[-1].commands
+    start = done[-1].window.start
+    assert (times[0], times[-1]) == pytest.approx((start - 0.5, start + done[-1].window.duration), abs=0.021)
+    assert angles == pytest.approx(0.5 * np.sin(2 * math.pi * WAVE_HZ * times), abs=1e-9)
 
 
 def test_an_impact_scores_higher_than_none() -> None:

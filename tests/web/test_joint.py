@@ -103,7 +103,11 @@ def test_a_window_is_the_one_that_was_kept(tmp_path: Path, serve: Serve) -> None
     recording = read_recording(path)
     assert recording.number("f_res_hz", 0.0) == F_RES_HZ
     rows = list(csv.reader(line for line in body.decode().splitlines() if not line.startswith("#")))
-    assert [float(row[1]) for row in rows[1:]] == pytest.approx(picture["accel"], abs=1e-4)
+    assert [float(row[2]) for row in rows[1:] if row[2]] == pytest.approx(picture["accel"], abs=1e-4)
+    moments, angles = picture["commanded"]
+    assert moments[0] == pytest.approx(-0.499)
+    assert angles == pytest.approx(0.5 * np.cos(2 * np.pi * np.array(moments)), abs=1e-5)
+    assert recording.signal("command")[1] == pytest.approx(angles, abs=1e-5)
 
 
 @pytest.mark.slow

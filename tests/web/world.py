@@ -69,4 +69,6 @@ def ringing(joint: str, time: datetime, impact: bool) -> WindowRow:
     """A window in which the bar rings with 5 m/s²."""
     seconds = np.arange(250) / RATE_HZ
     wave = 5 * np.exp(-0.012 * 2 * np.pi * F_RES_HZ * seconds) * np.sin(2 * np.pi * F_RES_HZ * seconds)
-    return WindowRow(joint, time, impact, RATE_HZ, 0.0, wave.astype(np.float32))
+    moments = np.arange(-0.5, 0.25, 0.01) + 1e-3
+    command = np.array([moments, 0.5 * np.cos(2 * np.pi * moments)], np.float32)
+    return WindowRow(joint, time, impact, RATE_HZ, 0.0, wave.astype(np.float32), command)

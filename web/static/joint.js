@@ -173,6 +173,16 @@ function drawWindow() {
     scales: { x: { time: false } }, axes: [axis("time (s)"), axis("acceleration (m/s²)")],
     series: [{ label: "time (s)", value: (_, v) => number(v) }, line("this", "measured", { spanGaps: true }), ...held],
   }, joined(state.shown, "seconds", "accel"));
+  const commanded = [state.shown, state.held].some((one) => one?.picture.commanded[0].length);
+  document.getElementById("commanded-figure").hidden = !commanded;
+  if (commanded) {
+    const motion = (one) => { const [x, y] = one.picture.commanded; return [x, y.map((angle) => angle * 180 / Math.PI)]; };
+    chart(document.getElementById("commanded"), {
+      scales: { x: { time: false } }, axes: [axis("time (s)"), axis("angle (°)")],
+      series: [{ label: "time (s)", value: (_, v) => number(v) }, line("this", "measured", { spanGaps: true }), ...held],
+      hooks: { draw: [(plot) => upright(plot, 0, "modelled", [6, 4])] },
+    }, uPlot.join([motion(state.shown), ...(state.held ? [motion(state.held)] : [])]));
+  }
   const last = picture.frequency.at(-1), high = Math.max(picture.f_res_hz ?? 0, ...picture.norm.map((band) => band[1]));
   chart(document.getElementById("spectrum"), {
     scales: { x: { time: false, range: () => [0, high ? Math.min(last, 2.2 * high) : last] } }, axes: [axis("frequency (Hz)"), axis("amplitude (m/s²)")],
