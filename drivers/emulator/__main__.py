@@ -13,6 +13,7 @@ import click
 from lostmotion.drivers.codec import feetech
 from lostmotion.drivers.codec.servo_state import MODELS
 from lostmotion.drivers.emulator import (
+    CanopenLine,
     CsvStream,
     Device,
     Emulator,
@@ -26,9 +27,18 @@ from lostmotion.drivers.emulator import (
 
 SHORT_NAMES = {"ax12": "AX-12A", "xl330": "XL330-M288", "xm430": "XM430-W350", "sts3215": "STS3215"}
 
+SENSOR_NODE = 32
+"""of the accelerometer on an emulated CAN bus"""
+
 
 @click.command()
 @click.option("--servos", multiple=True, metavar="MODEL:ID,ID…", help="A line of servos, such as ax12:1,2,3.")
+@click.option(
+    "--canopen",
+    multiple=True,
+    metavar="NODE,NODE…",
+    help="A CAN bus behind a serial adapter (slcan): CiA 402 drives, their master, a CiA 404 sensor at 1 kHz as node 32.",
+)
 @click.option("--accel", multiple=True, metavar="KIND:RATE", help="csv:1000 (t_us,value), values:1000, witmotion:200.")
 @click.option("--play", default=1.0, show_default=True, help="Play of the last servo, in units of 4 mrad (14').")
 @click.option(
@@ -46,6 +56,7 @@ SHORT_NAMES = {"ax12": "AX-12A", "xl330": "XL330-M288", "xm430": "XM430-W350", "
 @click.option("--link", type=click.Path(path_type=Path), help="Also make symbolic links LINK.0, LINK.1, …")
 def main(
     servos: tuple[str, ...],
+    canopen: tuple[str, ...],
     accel: tuple[str, ...],
     play: float,
     levers: str,
@@ -61,9 +72,10 @@ def main(
     motion = Taps(taps) if taps else Motion(play, levers=_levers(levers))
     lines = [_servos(text, motion) for text in servos]
     devices: list[Device] = [MasteredLine(line) for line in lines] if mastered else [*lines]
+    devices += [_bus(text, motion) for text in canopen]
     devices += [_accelerometer(text, motion) for text in accel]
     if not devices:
-        raise click.UsageError("nothing to emulate; give --servos or --accel")
+        raise click.UsageError("nothing to emulate; give --servos, --canopen or --accel")
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that the links are taken away
     if baudrate is not None and not hasattr(termios, f"B{baudrate}"):
         raise click.BadParameter(f"--baudrate: {baudrate} is none that Linux has a name for, such as 57600 or 1000000")
@@ -91,6 +103,13 @@ def _servos(text: str, motion: Motion) -> ServoLine:
         return line.of(model, [int(id) for id in ids.split(",")], motion)
     except ValueError as error:
         raise click.BadParameter(f"{text!r}: ids are whole numbers, as in ax12:1,2,3") from error
+
+
+def _bus(text: str, motion: Motion) -> CanopenLine:
+    try:
+        return CanopenLine([int(node) for node in text.split(",")], motion, sensor=SENSOR_NODE)
+    except ValueError as error:
+        raise click.BadParameter(f"{text!r}: nodes are whole numbers, as in 1,2,3") from error
 
 
 def _accelerometer(text: str, motion: Motion) -> Device:

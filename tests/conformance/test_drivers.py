@@ -14,6 +14,7 @@ from lostmotion.drivers.conformance import CHECKS, Subject, collect
 from lostmotion.drivers.emulator import TextStream
 from lostmotion.drivers.errors import PortError
 from lostmotion.drivers.registry import get_driver, names
+from lostmotion.drivers.serial_port import SerialPort
 from tests.conformance.cases import CASES, Case, Rig, make, plugged
 
 HARDWARE = [case for case in CASES if case.hardware is not None]
@@ -80,13 +81,17 @@ def test_a_missing_port_and_a_closed_one(case: Case, tmp_path: Path) -> None:
 
 @every_device
 def test_a_port_has_one_owner(rig: Rig, case: Case) -> None:
-    """A second driver on the same port is told that it is busy, and the first goes on; on a bus both hear."""
+    """A second driver on the same port is told that it is busy, and the first goes on.  On a bus both hear, in this
+    process: a serial adapter is still busy to whoever opens its port anew, as another process would.  A network
+    interface such as can0 would not be; that is the kernel's, and there is none here."""
     assert rig.emulator is not None
     rig.driver.open()
     second, _ = make(case, rig.emulator.paths[0])
     if get_driver(case.driver).shares:
         second.open()
         assert len(collect(second, 0.1)) >= 5
+        with pytest.raises(PortError, match="is busy; likely cause"):
+            SerialPort(rig.emulator.paths[0], 115200).open()
     else:
         with pytest.raises(PortError, match="is busy; likely cause"):
             second.open()
