@@ -13,9 +13,10 @@ from pathlib import Path
 import lostmotion
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["STATE", "UNIT", "Layout", "ServiceError", "check_reachable", "template", "unit_text"]
+__all__ = ["PAGE_UNIT", "STATE", "UNIT", "Layout", "ServiceError", "check_reachable", "template", "unit_text"]
 
 UNIT = "lostmotion.service"
+PAGE_UNIT = "lostmotion-web.service"
 STATE = Path("/var/lib/lostmotion")
 FOLDER = Path(lostmotion.__file__).parent / "systemd"
 HIDDEN = tuple(map(Path, ("/home", "/root", "/run/user", "/tmp", "/var/tmp")))
@@ -41,6 +42,10 @@ class Layout:
         return self.root / "etc/systemd/system" / UNIT
 
     @property
+    def page(self) -> Path:
+        return self.unit.with_name(PAGE_UNIT)
+
+    @property
     def rules(self) -> Path:
         return self.root / "etc/udev/rules.d/70-lostmotion.rules"
 
@@ -59,10 +64,10 @@ def template(name: str) -> str:
     return (FOLDER / name).read_text(encoding="utf-8")
 
 
-def unit_text(command: Path, systemd: int) -> str:
-    """The unit for the installed ``command``, with what that version of systemd knows."""
+def unit_text(command: Path, systemd: int, name: str = UNIT) -> str:
+    """A unit for the installed ``command``, with what that version of systemd knows."""
     word = re.sub(r'(["\\])', r"\\\1", str(command)).replace("%", "%%").replace("$", "$$")
-    lines = template(UNIT).replace("@COMMAND@", f'"{word}"' if re.search(r"\s|[\"'\\]", word) else word).splitlines()
+    lines = template(name).replace("@COMMAND@", f'"{word}"' if re.search(r"\s|[\"'\\]", word) else word).splitlines()
     known = (line for line in lines if SINCE.get(line.partition("=")[0], 0) <= systemd)
     return "".join(f"{line}\n" for line in known)
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import lostmotion
 from lostmotion.daemon import config as configuration
 from lostmotion.daemon.commands import output
-from lostmotion.daemon.unit import STATE, UNIT, Layout, ServiceError, check_reachable, template, unit_text
+from lostmotion.daemon.unit import PAGE_UNIT, STATE, UNIT, Layout, ServiceError, check_reachable, template, unit_text
 
 __all__ = ["install", "print_unit", "uninstall"]
 
@@ -36,8 +36,9 @@ def print_unit() -> None:
     output.print_lines(unit_text(_command(), _version()).splitlines())
 
 
-def install(root: Path | None, dry_run: bool) -> None:
-    """Writes the files and starts the service; with ``root`` only the files, below it.  Raises ServiceError before
+def install(root: Path | None, page: bool, dry_run: bool) -> None:
+    """Writes the files and starts the service, and the page where it is wanted or was there before; with ``root`` only
+    the files, below it.  Raises ServiceError before
     anything is changed, ConfigError for a configuration that is there and wrong."""
     layout = Layout(root or Path("/"))
     if root is None:
@@ -46,7 +47,8 @@ def install(root: Path | None, dry_run: bool) -> None:
     check_reachable([command, Path(sys.executable).resolve(), Path(lostmotion.__file__).resolve()])
     if layout.config.exists():
         _check_config(layout.config)
-    steps = [*_files(layout, command), *(_live_start() if root is None else _offline_start(root))]
+    units = [UNIT, PAGE_UNIT] if page or layout.page.exists() else [UNIT]
+    steps = [*_files(layout, command, units), *(_live_start(units) if root is None else _offline_start(root, units))]
     _go(steps, dry_run)
     if root is None and not dry_run:
         output.print_lines(
@@ -61,10 +63,11 @@ def uninstall(purge: bool, dry_run: bool) -> None:
     """
     layout = Layout(Path("/"))
     _check_machine(dry_run)
-    steps = []
-    if layout.unit.exists():
-        steps.append(Step(f"stop and disable {UNIT}", lambda: _systemctl("disable", "--now", UNIT)))
-    steps += [Step(f"remove {path}", path.unlink) for path in (layout.unit, layout.rules) if path.exists()]
+    there = [unit for unit in (layout.page, layout.unit) if unit.exists()]
+    steps = [
+        Step(f"stop and disable {unit.name}", partial(_systemctl, "disable", "--now", unit.name)) for unit in there
+    ]
+    steps += [Step(f"remove {path}", path.unlink) for path in (*there, layout.rules) if path.exists()]
     steps += [Step("systemctl daemon-reload", lambda: _systemctl("daemon-reload")), *_udev()]
     if purge:
         steps += [_remove(path) for path in (layout.config.parent, *layout.state) if path.exists() or path.is_symlink()]
@@ -130,24 +133,25 @@ def _check_config(path: Path) -> None:
 # --- the steps ------------------------------------------------------------------------------------------------------
 
 
-def _files(layout: Layout, command: Path) -> Iterator[Step]:
-    yield _write(layout.unit, unit_text(command, _version()))
+def _files(layout: Layout, command: Path, units: list[str]) -> Iterator[Step]:
+    for unit in units:
+        yield _write(layout.unit.with_name(unit), unit_text(command, _version(), unit))
     yield _write(layout.rules, template(layout.rules.name))
     if not layout.config.exists():
         yield _write(layout.config, template(layout.config.name))
 
 
-def _live_start() -> list[Step]:
+def _live_start(units: list[str]) -> list[Step]:
     return [
         Step("systemctl daemon-reload", lambda: _systemctl("daemon-reload")),
         *_udev(),
-        Step(f"enable {UNIT}", lambda: _systemctl("enable", UNIT)),
-        Step(f"start {UNIT}", _restart),
+        *(Step(f"enable {unit}", partial(_systemctl, "enable", unit)) for unit in units),
+        *(Step(f"start {unit}", partial(_restart, unit)) for unit in units),
     ]
 
 
-def _offline_start(root: Path) -> list[Step]:
-    return [Step(f"enable {UNIT}", lambda: _systemctl(f"--root={root.absolute()}", "enable", UNIT))]
+def _offline_start(root: Path, units: list[str]) -> list[Step]:
+    return [Step(f"enable {unit}", partial(_systemctl, f"--root={root.absolute()}", "enable", unit)) for unit in units]
 
 
 def _udev() -> list[Step]:
@@ -172,13 +176,14 @@ def _remove(path: Path) -> Step:
     return Step(f"remove {path}", path.unlink if path.is_symlink() else lambda: shutil.rmtree(path))
 
 
-def _restart() -> None:
-    """Starts the service, or again with the new files; waits until it says that it is ready."""
+def _restart(unit: str) -> None:
+    """Starts a unit, or again with the new files; waits until the service says that it is ready."""
     try:
-        _systemctl("restart", UNIT)
+        _systemctl("restart", unit)
     except ServiceError as error:
-        last = _run("journalctl", "-u", UNIT, "-n", "1", "-o", "cat", "-t", "lostmotion", check=False)
-        raise ServiceError(f"installed, but it does not start: {last or error}; journalctl -u lostmotion") from error
+        last = _run("journalctl", "-u", unit, "-n", "1", "-o", "cat", "-t", "lostmotion", check=False)
+        name = unit.removesuffix(".service")
+        raise ServiceError(f"installed, but it does not start: {last or error}; journalctl -u {name}") from error
 
 
 def _systemctl(*arguments: str) -> None:

@@ -20,10 +20,11 @@ def service() -> None:
 
 
 @service.command("install", short_help="Write, enable and start the service.")
+@click.option("--web", "page", is_flag=True, help="The page as well (docs/web.md), as a service of its own.")
 @click.option("--print", "print_it", is_flag=True, help="Only print the unit.")
 @dry_run
 @click.option("--root", type=FILE, metavar="DIR", help="Write below DIR and start nothing: for the image of a robot.")
-def install(print_it: bool, dry_run: bool, root: Path | None) -> None:
+def install(page: bool, print_it: bool, dry_run: bool, root: Path | None) -> None:
     """Write the unit, udev rules and a first configuration; enable and start the service.
 
     Once more after an upgrade: a configuration that is there stays.
@@ -31,7 +32,7 @@ def install(print_it: bool, dry_run: bool, root: Path | None) -> None:
     if print_it:
         commands.print_unit()
     else:
-        commands.install(root, dry_run)
+        commands.install(root, page, dry_run)
 
 
 @service.command("uninstall", short_help="Stop and remove the service; data stay.")

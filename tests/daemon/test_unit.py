@@ -12,7 +12,7 @@ import pytest
 
 from lostmotion.daemon import config as configuration
 from lostmotion.daemon.metrics_http import MOST_CONNECTIONS
-from lostmotion.daemon.unit import STATE, ServiceError, check_reachable, template, unit_text
+from lostmotion.daemon.unit import PAGE_UNIT, STATE, UNIT, ServiceError, check_reachable, template, unit_text
 
 COMMAND = Path("/opt/lostmotion/bin/lostmotion")
 
@@ -43,11 +43,11 @@ def test_files_and_threads_are_bounded(version: int) -> None:
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is missing")
-@pytest.mark.parametrize("version", [252, 254])
-def test_exposure_is_small(tmp_path: Path, version: int) -> None:
+@pytest.mark.parametrize(("name", "version"), [(UNIT, 252), (UNIT, 254), (PAGE_UNIT, 252)])
+def test_exposure_is_small(tmp_path: Path, name: str, version: int) -> None:
     """systemd's own analysis of the file gives at most 1.5 of 10."""
-    unit = tmp_path / "lostmotion.service"
-    unit.write_text(unit_text(COMMAND, version))
+    unit = tmp_path / name
+    unit.write_text(unit_text(COMMAND, version, name))
     analysis = ["systemd-analyze", "security", "--offline=true", "--no-pager", unit]
     overall = subprocess.run(analysis, capture_output=True, text=True, check=True).stdout.splitlines()[-1]
     assert float(overall.split(": ")[1].split()[0]) <= 1.5

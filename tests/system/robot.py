@@ -64,9 +64,9 @@ def plug_in(machine: Machine) -> None:
     machine.run("sh", "-c", "chgrp dialout $(realpath /run/robot.*); chmod 660 $(realpath /run/robot.*)")
 
 
-def show(machine: Machine, name: str) -> str:
-    """A property of the service, such as MainPID."""
-    return machine.run("systemctl", "show", "lostmotion", "--value", "-p", name).strip()
+def show(machine: Machine, name: str, unit: str = "lostmotion") -> str:
+    """A property of the service, or of another unit, such as MainPID."""
+    return machine.run("systemctl", "show", unit, "--value", "-p", name).strip()
 
 
 def scores(machine: Machine) -> int:

@@ -19,6 +19,18 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]  # the first one may b
 
 EXPOSURE = 1.5
 COMPILE_S = 180.0
+UNITS = ("lostmotion", "lostmotion-web")
+BROWSER = """
+import json, time, urllib.request
+def ask(path, body=None, **headers):
+    request = urllib.request.Request("http://127.0.0.1:8737" + path, body, headers)
+    return urllib.request.urlopen(request, timeout=50).read().decode()
+token = ask("/").split('name="csrf" content="')[1].split('"')[0]
+wish = {"verb": "begin", "joint": "elbow", "step": "motion"}
+print(json.loads(ask("/api/calibrate", json.dumps(wish).encode(), **{"X-CSRF-Token": token}))["step"])
+time.sleep(3)
+ask("/api/calibrate", json.dumps({"verb": "end"}).encode(), **{"X-CSRF-Token": token})
+"""
 KEYS = "/etc/lostmotion/zenoh"
 ROUTER = f"""
 import threading, zenoh
@@ -52,6 +64,26 @@ def test_the_simulated_robot_is_scored_under_all_the_hardening(machine: Machine)
     machine.wait_until(lambda: health().get("last_window"), COMPILE_S)
     assert health()["name"] == "elbow"
     assert machine.run("ls", "/var/lib/lostmotion/history.db").strip()
+
+
+def recorded(machine: Machine) -> bool:
+    """Whether the page's wish for a recording was heard, and there are samples in it."""
+    said = machine.run(f"{VENV}/bin/python", "-c", BROWSER, check=False)
+    there = machine.run("sh", "-c", "cat /var/lib/lostmotion/recordings/*.csv | wc -l", check=False)
+    return said.strip() == "motion" and there.strip().isdecimal() and int(there) > 100
+
+
+def test_the_page_is_a_service_beside_it(machine: Machine) -> None:
+    """``--web`` brings the page: the same user, hardened; it sees the service's private database, and the service
+    records a joint when the page asks."""
+    machine.run(LOSTMOTION, "service", "install", "--web")
+    machine.wait_until(lambda: recorded(machine), COMPILE_S)
+    status = [machine.run("cat", f"/proc/{show(machine, 'MainPID', unit)}/status") for unit in UNITS]
+    users = {re.findall(r"^Uid:\t(\d+)", text, re.MULTILINE)[0] for text in status}
+    assert len(users) == 1
+    assert int(users.pop()) >= 61184
+    overall = machine.run("systemd-analyze", "security", "lostmotion-web", "--no-pager").splitlines()[-1]
+    assert float(overall.split(": ")[1].split()[0]) <= EXPOSURE
 
 
 def test_its_user_is_its_own(machine: Machine) -> None:
