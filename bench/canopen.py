@@ -9,17 +9,14 @@ on the same machine.
 
 from __future__ import annotations
 
-import argparse
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from bench.beside import compare, parser
 from bench.process import run_command
-from bench.ros2 import measured
-from bench.service import running_service
 
 NODES = range(1, 7)
 TABLES = """
@@ -57,22 +54,7 @@ accelerometer = "tip"
 
 def main(arguments: Sequence[str] = ()) -> None:
     """Prints a row for each driver and the ratio."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--duration", type=float, default=30.0, help="seconds for each driver")
-    given = parser.parse_args(arguments)
-    cores = []
-    print(f"{'driver':<12}{'core':>8}{'RSS MB':>9}{'triggered':>11}{'scored':>8}{'lost':>6}")
-    with tempfile.TemporaryDirectory() as one, tempfile.TemporaryDirectory() as other:
-        services = (
-            ("dynamixel", running_service(Path(one), "csv:1000")),
-            ("canopen", listening(Path(other))),
-        )
-        for name, service in services:
-            with service as process:
-                core, rss_mb, counts = measured(process, given.duration)
-            cores.append(core)
-            print(f"{name:<12}{core:>8.2%}{rss_mb:>9.1f}{counts[0]:>11}{counts[1]:>8}{counts[2]:>6}", flush=True)
-    print(f"ratio {cores[1] / cores[0]:.2f}")
+    compare("canopen", listening, parser(__doc__).parse_args(arguments).duration)
 
 
 @contextmanager

@@ -10,17 +10,14 @@ with ROS 2 tells unquantised commands, so that more windows are opened, each of 
 from __future__ import annotations
 
 import argparse
-import signal
 import subprocess
 import sys
-import tempfile
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from bench.process import cpu_seconds, memory_mb, run_command, windows
-from bench.service import WARM_UP_S, running_service
+from bench.beside import compare, parser
+from bench.process import run_command
 from lostmotion.drivers.emulator.ros2 import Ros2Robot
 
 JOINTS = tuple(f"joint{i}" for i in range(6))
@@ -43,37 +40,13 @@ JOINT = '\n[[joint]]\nname = "{}"\ndriver = "ros2"\nreference = "/controller_sta
 
 def main(arguments: Sequence[str] = ()) -> None:
     """Prints a row for each driver and the ratio."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--duration", type=float, default=30.0, help="seconds for each driver")
-    parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
-    given = parser.parse_args(arguments)
+    known = parser(__doc__)
+    known.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
+    given = known.parse_args(arguments)
     if given.serve:
         serve()
-        return
-    cores = []
-    print(f"{'driver':<12}{'core':>8}{'RSS MB':>9}{'triggered':>11}{'scored':>8}{'lost':>6}")
-    with tempfile.TemporaryDirectory() as one, tempfile.TemporaryDirectory() as other:
-        services = (
-            ("dynamixel", running_service(Path(one), "csv:1000")),
-            ("ros2", listening(Path(other))),
-        )
-        for name, service in services:
-            with service as process:
-                core, rss_mb, counts = measured(process, given.duration)
-            cores.append(core)
-            print(f"{name:<12}{core:>8.2%}{rss_mb:>9.1f}{counts[0]:>11}{counts[1]:>8}{counts[2]:>6}", flush=True)
-    print(f"ratio {cores[1] / cores[0]:.2f}")
-
-
-def measured(process: subprocess.Popen[str], duration_s: float) -> tuple[float, float, tuple[int, int, int]]:
-    """Share of a core after the warm-up, peak resident memory [MB], windows triggered, scored and lost."""
-    time.sleep(WARM_UP_S)
-    before, start = cpu_seconds(process.pid), time.monotonic()
-    time.sleep(duration_s)
-    core = (cpu_seconds(process.pid) - before) / (time.monotonic() - start)
-    rss_mb = memory_mb(process.pid, "VmHWM")
-    process.send_signal(signal.SIGTERM)
-    return core, rss_mb, windows(process.communicate(timeout=30)[1])
+    else:
+        compare("ros2", listening, given.duration)
 
 
 @contextmanager

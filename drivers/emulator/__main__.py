@@ -50,9 +50,7 @@ SENSOR_NODE = 32
 )
 @click.option("--taps", type=float, metavar="S", help="Nothing moves; somebody flicks the bar every so many seconds.")
 @click.option("--baudrate", type=int, metavar="N", help="Be understood at this baud rate only, as on a real line.")
-@click.option(
-    "--mastered", is_flag=True, help="The servos have a master; their port is a second adapter's that listens."
-)
+@click.option("--mastered", is_flag=True, help="The servos have a master; the port is that of a second adapter.")
 @click.option("--link", type=click.Path(path_type=Path), help="Also make symbolic links LINK.0, LINK.1, …")
 def main(
     servos: tuple[str, ...],
