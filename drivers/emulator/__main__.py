@@ -37,7 +37,7 @@ SENSOR_NODE = 32
     "--canopen",
     multiple=True,
     metavar="NODE,NODE…",
-    help="A CAN bus behind a serial adapter (slcan): CiA 402 drives, their master, a CiA 404 sensor at 1 kHz as node 32.",
+    help="A CAN bus behind an slcan adapter: CiA 402 drives, their master, and node 32, a CiA 404 sensor at 1 kHz.",
 )
 @click.option("--accel", multiple=True, metavar="KIND:RATE", help="csv:1000 (t_us,value), values:1000, witmotion:200.")
 @click.option("--play", default=1.0, show_default=True, help="Play of the last servo, in units of 4 mrad (14').")
