@@ -67,15 +67,16 @@ class CsvFormat:
         rows: FloatArray | list[tuple[float, ...] | None] | None = self._decoder.table(data)
         if rows is None:
             rows = self._decoder.feed(data)
+        lost, self._decoder.lost = self._decoder.lost, 0
         accel = _column(rows, self._column) * self._scale
         if self.range_ms2 < math.inf:
             accel[~(np.abs(accel) <= self.range_ms2)] = np.nan
         if self._time_column is None:
-            return Readings(accel, None, int(np.count_nonzero(np.isnan(accel))))
+            return Readings(accel, None, int(np.count_nonzero(np.isnan(accel))) - lost, lost)
         stamps = _column(rows, self._time_column) * self._unit
         if math.isfinite(accel.sum() + stamps.sum()):  # nothing is NaN, as nearly always
             return Readings(accel, stamps, 0)
-        broken = int(np.count_nonzero(np.isnan(accel + stamps)))
+        broken = int(np.count_nonzero(np.isnan(accel + stamps))) - lost  # the gap in the stamps tells what is lost
         timed = ~np.isnan(stamps)
         return Readings(accel[timed], stamps[timed], broken)
 

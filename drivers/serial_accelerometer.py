@@ -6,7 +6,7 @@ What their bytes mean is told by a ``Format``: ``witmotion.py``, ``csv_serial.py
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -31,11 +31,13 @@ NOTHING = np.empty(0)
 @dataclass(frozen=True, slots=True)
 class Readings:
     """What a chunk of bytes held: accelerations [m/s²], shape (N,), NaN for a broken one; the sensor's own times [s] of
-    each, (N,), or None if it sends none; how many frames or lines were broken."""
+    each, (N,), or None if it sends none; how many frames or lines were broken; how many of the NaN the sensor itself
+    tells as lost."""
 
     accel: FloatArray
     stamps: FloatArray | None
     broken: int
+    lost: int = 0
 
 
 class Format(Protocol):
@@ -126,7 +128,8 @@ class SerialAccelerometer:
         if not readings.accel.size:
             return AccelBlock(NOTHING, NOTHING, broken=readings.broken)
         if readings.stamps is None:
-            return self._timeline.counted(readings.accel, arrival, readings.broken)
+            block = self._timeline.counted(readings.accel, arrival, readings.broken)
+            return replace(block, lost=block.lost + readings.lost) if readings.lost else block
         return self._timeline.stamped(readings.stamps, readings.accel, arrival, readings.broken)
 
     def close(self) -> None:

@@ -1,11 +1,13 @@
 """Lines of numbers, as a microcontroller prints them: ``value`` or ``t_us,value`` or more columns.
 
-Columns are separated by a comma, a semicolon or a tab; lines end with LF or CR LF.
+Columns are separated by a comma, a semicolon or a tab; lines end with LF or CR LF.  A line that begins with ``#`` is a
+comment; ``#lost N`` says that N readings are missing in its place, as when a sensor's FIFO has run over.
 """
 
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +16,7 @@ __all__ = ["CsvDecoder"]
 
 MAX_LINE = 256
 """a line longer than this [bytes] is garbage without line ends, and is not kept"""
+LOST = re.compile(rb"#lost (\d{1,5})\r?")
 TO_COMMAS = bytes.maketrans(b";\t_", b",,?")
 """also spoils 1_000, which float() takes and no device prints"""
 OF_NUMBERS = b"0123456789+-. \r"
@@ -25,13 +28,14 @@ class CsvDecoder:
 
     A broken line becomes None in its place and is counted in ``broken``: one that is not all numbers (NaN and infinity
     are none), or that has another number of columns than the others, as happens when bytes are lost.  The second line
-    running with the same new number of columns is believed, so a change of format costs one line.  The first line
+    running with the same new number of columns is believed, so a change of format costs one line.  Readings that the
+    device tells as lost are None, too, but counted in ``lost``.  The first line
     after ``reset`` is dropped without counting, for it is rarely whole.  ``table`` says the same as ``feed`` in a
     quarter of the time, where all lines are as they nearly always are.
     """
 
     def __init__(self) -> None:
-        self.broken = 0
+        self.broken = self.lost = 0
         self._rest = b""
         self._columns = 0
         self._new_columns = 0
@@ -46,7 +50,7 @@ class CsvDecoder:
         if lines and self._skip_first:
             del lines[0]
             self._skip_first = False
-        return [self._row(line) for line in lines]
+        return [row for line in lines for row in (self._told(line) if line[:1] == b"#" else (self._row(line),))]
 
     def table(self, data: bytes) -> NDArray[np.float64] | None:
         """The same as an array, shape (rows, columns); None, and nothing is taken in, where a line is not plainly one
@@ -72,6 +76,13 @@ class CsvDecoder:
         """The line was opened anew, most likely in the middle of a reading."""
         self._rest = b""
         self._skip_first = True
+
+    def _told(self, comment: bytes) -> list[None]:
+        """A place for each reading that the comment says is lost."""
+        found = LOST.fullmatch(comment)
+        count = int(found[1]) if found else 0
+        self.lost += count
+        return [None] * count
 
     def _row(self, line: bytes) -> tuple[float, ...] | None:
         try:

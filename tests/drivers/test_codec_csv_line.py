@@ -38,7 +38,7 @@ def test_garbage_never_raises(pieces: list[bytes]) -> None:
     decode = CsvDecoder()
     found = [row for piece in pieces for row in decode.feed(piece)]
     assert all(row is None or all(abs(x) < float("inf") for x in row) for row in found)
-    assert found.count(None) == decode.broken
+    assert found.count(None) == decode.broken + decode.lost
 
 
 @given(st.sampled_from([b"", b"nan,1", b"inf,1", b"1,", b"1_0,2", b"1.2.3,4", b"ERROR", b"12", b"1,2,3", b"\xff,\x00"]))
@@ -103,3 +103,10 @@ def test_bytes_without_line_ends_do_not_pile_up() -> None:
         decode.feed(b"x" * 100)
     assert decode.broken >= 30
     assert decode.feed(b"\n1.5\n")[-1] == (1.5,)
+
+
+def test_what_the_device_tells_as_lost() -> None:
+    """``#lost 3`` makes three places, counted as lost and not as broken; other comments make none."""
+    decode = begun()
+    assert decode.feed(b"1,2\n#lost 3\r\n# hello\n3,4\n#lost many\n") == [(1.0, 2.0), None, None, None, (3.0, 4.0)]
+    assert (decode.lost, decode.broken) == (3, 0)

@@ -195,3 +195,21 @@ def test_a_silent_port_is_told_as_such() -> None:
         sensor.close()
     assert not identity.ok
     assert identity.found == "nothing in 2.5 s; likely cause: unpowered, or another port"
+
+
+@pytest.mark.parametrize("stamps", [True, False])
+def test_an_overrun_that_the_device_tells_is_counted_once(stamps: bool) -> None:
+    """``#lost 7`` and seven samples missing: 7 lost and none broken, by the stamps' gap or, without stamps, by the
+    line."""
+    stream = CsvStream(MOTION, 1000, stamps=stamps)
+    with Emulator(stream) as emulator:
+        sensor = accelerometer("csv_serial", emulator.paths[0], 1000, time_column=0 if stamps else None)
+        sensor.open()
+        block(sensor, 0.2)
+        stream.skip(7)
+        stream.insert(b"#lost 7\n")
+        got = block(sensor, 0.4)
+        sensor.close()
+    assert (got.lost, got.broken) == (7, 0)
+    assert np.isnan(got.accel).sum() == 7
+    assert np.diff(got.time).min() > 0
