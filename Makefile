@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 
-.PHONY: help demo test test-vm check format bench bench-soak bench-faults fuzz bench-detector table1 bench-hidden bench-real figures clean
+.PHONY: help demo test test-vm check format bench bench-soak bench-faults fuzz bench-detector table1 bench-hidden bench-real figures screenshots clean
 help:
 	@grep -E '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
@@ -68,6 +68,9 @@ table1: $(READY)  ## the paper's section 4 again: table 1 over noise, rates and 
 
 figures: $(READY)  ## the paper's figures 1, 2, 4 and 5 from the model, into docs/figures
 	$(BIN)/python -m bench.figures
+
+screenshots: $(READY)  ## the pages in a browser, wide and on a phone, into docs/figures (needs Chromium)
+	$(BIN)/python -m bench.screenshots
 
 clean:  ## removes what the targets made
 	rm -rf $(VENV) build dist *.egg-info src/*.egg-info .mypy_cache .pytest_cache .ruff_cache

@@ -92,8 +92,9 @@ class Tasks:
 
 
 def _make_room(path: Path) -> None:
-    """The folder is there, and holds few recordings."""
+    """The folder is there, may be written, and holds few recordings."""
     path.parent.mkdir(exist_ok=True)
     for old in sorted(path.parent.glob("[0-9]*.csv"), key=lambda one: one.stat().st_mtime)[: 1 - KEPT]:
         with suppress(FileNotFoundError):
             old.unlink()
+    path.touch()

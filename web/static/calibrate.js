@@ -35,13 +35,13 @@ function showTaps(found) {
 function draw({ taps, history }) {
   const resonance = taps.f_res_hz?.value;
   chart(part("spectrum"), {
-    axes: [axis("frequency [Hz]"), axis("amplitude [m/s²]")], scales: { x: { time: false } }, legend: { show: false },
+    axes: [axis("frequency (Hz)"), axis("amplitude (m/s²)")], scales: { x: { time: false } }, legend: { show: false },
     series: [{}, line("amplitude", "measured")],
     hooks: { draw: [(plot) => resonance && upright(plot, resonance, "modelled", [4, 3])] },
   }, [taps.frequency, taps.amplitude], HEIGHT);
   const of = (key) => history.map((one) => one.f_res_hz[key]);
   chart(part("converge"), {
-    axes: [axis("taps"), axis("f_res [Hz]", { size: 64 })], scales: { x: { time: false } }, legend: { show: false },
+    axes: [axis("taps"), axis("f_res (Hz)", { size: 64 })], scales: { x: { time: false } }, legend: { show: false },
     series: [{}, line("f_res", "measured", { points: { show: true } }), line("low", "noise"), line("high", "noise")],
     bands: [{ series: [3, 2], fill: colour("band") }],
   }, [history.map((one) => one.taps), of("value"), of("low"), of("high")], HEIGHT);
