@@ -10,6 +10,7 @@ import math
 import threading
 from collections import deque
 from collections.abc import Mapping, Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -81,7 +82,11 @@ class Capture:
 
 
 def head(
-    config: Config, sensor: AccelerometerOptions, joint: JointOptions | None, start: Any, limits: Mapping[str, float]
+    config: Config,
+    sensor: AccelerometerOptions,
+    joint: JointOptions | None,
+    start: datetime,
+    limits: Mapping[str, float],
 ) -> dict[str, Any]:
     """What stands at the head of a recording of an accelerometer, and of a joint where there is one.
 
