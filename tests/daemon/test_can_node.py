@@ -182,7 +182,7 @@ def test_a_node_that_nobody_asks_sleeps() -> None:
 
 
 def test_a_flood_of_questions_delays_no_alarm(network: canopen.Network, request: pytest.FixtureRequest) -> None:
-    """While a bus asks faster than anybody can answer, an alarm goes out, and before the answers to what came later."""
+    """While a bus asks faster than anybody can answer, an alarm goes out."""
     done = threading.Event()
 
     def ask() -> None:

@@ -6,7 +6,9 @@
 
 class Adxl345 {
  public:
-  Adxl345(SPIClass &spi, uint8_t select) : spi_(spi), select_(select) {}
+  using Bus = decltype(SPI);  // each core has a class of its own name
+
+  Adxl345(Bus &spi, uint8_t select) : spi_(spi), select_(select) {}
 
   // Returns whether an ADXL345 answers; rate_hz: 800, 1600 or 3200.
   bool begin(uint16_t rate_hz) {
@@ -62,6 +64,6 @@ class Adxl345 {
     end_transfer();
   }
 
-  SPIClass &spi_;
+  Bus &spi_;
   uint8_t select_;
 };
