@@ -52,10 +52,10 @@ def main(arguments: Sequence[str] = ()) -> None:
 
 
 @contextmanager
-def serving(database: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
+def serving(database: Path, *options: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """The page in a process of its own, and its address."""
     call = "from lostmotion.daemon.cli import main; main()"
-    command = [sys.executable, "-c", call, "web", "--database", str(database), "--listen", "127.0.0.1:0"]
+    command = [sys.executable, "-c", call, "web", "--database", str(database), "--listen", "127.0.0.1:0", *options]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         assert process.stderr is not None
         line = next(line for line in process.stderr if "serving " in line)

@@ -20,7 +20,7 @@ from lostmotion.drivers.emulator.motion import Motion
 if TYPE_CHECKING:
     import zenoh
 
-__all__ = ["Ros2Robot", "typestore"]
+__all__ = ["Ros2Robot", "free_port", "typestore"]
 
 G_MS2 = 9.80665
 LATE_S = 0.2
@@ -81,7 +81,7 @@ class Ros2Robot:
         self._store = typestore(layout)
         self._layout = layout
         self._hz = {"joint_states": joints_hz, "controller_state": joints_hz, "imu": imu_hz}
-        self._endpoint = endpoint or f"tcp/127.0.0.1:{_free_port()}"
+        self._endpoint = endpoint or f"tcp/127.0.0.1:{free_port()}"
         self._session: zenoh.Session | None = None
         self._lock = threading.Lock()
         self._stop = threading.Event()
@@ -221,7 +221,8 @@ class Ros2Robot:
         return self._store.types["builtin_interfaces/msg/Time"](whole, int((seconds - whole) * 1e9))
 
 
-def _free_port() -> int:
+def free_port() -> int:
+    """A port of loopback that nobody has now."""
     with socket.socket() as one:
         one.bind(("127.0.0.1", 0))
         return int(one.getsockname()[1])
