@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import http.client
 import socket
+import ssl
+import subprocess
+import sys
 from pathlib import Path
-from urllib.parse import urlencode
+from urllib.parse import urlencode, urlsplit
 
 import pytest
+from playwright.sync_api import expect
 
 from lostmotion.web.security import Throttle, hash_password
+from tests.conftest import ROOT
 from tests.daemon.cli_world import call, is_one_line
-from tests.web.conftest import Serve, Site
+from tests.web.conftest import Open, Serve, Site
 from tests.web.world import fill, robot
 
 PASSWORD = "correct horse"
@@ -86,6 +92,51 @@ def test_a_session_begins_and_ends(locked: Site) -> None:
     assert locked.ask("POST", "/api/alarms", ACK, cookie=name, x_csrf_token=token)[0] == 200
     assert locked.ask("POST", "/logout", b"", cookie=name, x_csrf_token=token)[0] == 303
     assert locked.ask("GET", "/api/status", cookie=name)[0] == 401
+
+
+@pytest.mark.slow
+def test_a_page_whose_session_has_ended_leads_to_the_form(tmp_path: Path, serve: Serve, look: Open) -> None:
+    """The server was started again and knows no session any more: the page that is open asks for the password, and
+    shows the robot after it."""
+    fill(tmp_path / "history.db", count=20)
+    config = robot(tmp_path, extra=f'[web]\npassword_hash = "{hash_password(PASSWORD)}"\n')
+    first = serve("--config", config)
+    page = look(first.address, complains=True)  # the browser's console tells of 401
+    page.get_by_label("Password").fill(PASSWORD)
+    page.keyboard.press("Enter")
+    page.locator("body[data-updated]").wait_for()
+    first.close()
+    serve("--config", config, "--listen", urlsplit(first.address).netloc)
+    page.wait_for_url(f"{first.address}/login")
+    page.get_by_label("Password").fill(PASSWORD)
+    page.keyboard.press("Enter")
+    expect(page.locator('[data-joint="elbow"].card')).to_be_visible()
+
+
+def test_with_a_certificate_nothing_goes_in_the_clear(tmp_path: Path, serve: Serve) -> None:
+    """TLS by files: a client that trusts the authority reads the form and gets a cookie that is for TLS only; one that
+    does not is refused, and so is a request in the clear."""
+    fill(tmp_path / "history.db", count=20)
+    script = ROOT / "examples" / "zenoh" / "certificates.py"
+    subprocess.run([sys.executable, script, tmp_path], check=True)
+    lines = f'[web]\npassword_hash = "{hash_password(PASSWORD)}"\ncertificate = "router.pem"\nkey = "router.key"\n'
+    site = serve("--config", robot(tmp_path, extra=lines))
+    assert site.address.startswith("https://")
+    where = urlsplit(site.address).netloc
+    trusting = ssl.create_default_context(cafile=str(tmp_path / "ca.pem"))
+    connection = http.client.HTTPSConnection(where, context=trusting, timeout=60)
+    form = {"content-type": "application/x-www-form-urlencoded"}
+    connection.request("POST", "/login", urlencode({"password": PASSWORD}), form)
+    answer = connection.getresponse()
+    assert answer.status == 303
+    assert "Secure" in (answer.getheader("set-cookie") or "")
+    connection.close()
+    with pytest.raises(ssl.SSLCertVerificationError):
+        http.client.HTTPSConnection(where, timeout=60).request("GET", "/")
+    clear = http.client.HTTPConnection(where, timeout=60)
+    clear.request("GET", "/login")
+    with pytest.raises((ConnectionError, http.client.BadStatusLine)):
+        clear.getresponse()
 
 
 def test_a_program_has_a_token(locked: Site) -> None:
