@@ -33,6 +33,7 @@ from lostmotion.drivers.clock import Clock
 from lostmotion.drivers.codec import sdo
 from lostmotion.drivers.codec.pdo import fields_of
 from lostmotion.drivers.errors import DriverError, IdentityError
+from lostmotion.drivers.servo_line import silence_s
 
 __all__ = ["DRIVER", "CanopenBus"]
 
@@ -42,7 +43,6 @@ GATHER_S = 0.095
 WAIT_S = 0.2
 LISTEN_S = 1.6
 """heartbeats come once a second"""
-SILENT_POLLS = 5
 SDO_S = 0.3
 """how long a node may take to answer"""
 STAYS_S = 2.0
@@ -167,11 +167,7 @@ class CanopenBus:
 
     def _silent(self) -> tuple[str, ...]:
         now = self._clock.now()
-        return tuple(
-            drive.joint
-            for drive in self._drives
-            if now - drive.heard > max(WAIT_S, SILENT_POLLS / drive.options.poll_hz)
-        )
+        return tuple(drive.joint for drive in self._drives if now - drive.heard > silence_s(drive.options.poll_hz))
 
     def _asker(self, node: int) -> Ask:
         """Asks a node by SDO, one object after the other; a node that is silent once is not asked again."""

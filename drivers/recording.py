@@ -30,7 +30,7 @@ from lostmotion.drivers.pacing import as_utc
 from lostmotion.drivers.ticks import evened
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
-__all__ = ["Recording", "merge", "read_recording", "replacing", "toml_value", "write_recording"]
+__all__ = ["Recording", "merge", "read_recording", "replaced", "replacing", "toml_value", "write_recording"]
 
 log = logging.getLogger(__name__)
 
@@ -234,13 +234,19 @@ def replacing(path: str | Path) -> Iterator[TextIO]:
 
     Raises RecordingError when it cannot be written.
     """
+    with replaced(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+        yield file
+
+
+@contextmanager
+def replaced(path: str | Path) -> Iterator[Path]:
+    """The same for what writes a file by its path."""
     path = Path(path).resolve()
     is_device = path.exists() and not path.is_file()  # /dev/stdout, a pipe: nothing there to replace
     target = path if is_device else path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         try:
-            with target.open("w", encoding="utf-8", newline="") as file:
-                yield file
+            yield target
             if not is_device:
                 target.replace(path)
         finally:

@@ -64,11 +64,13 @@ def hear(listener: Listener, wanted: Sequence[Wanted], now: Callable[[], float])
         listener.take(topic)
     start = now()
     _listen(listener, heard, start, LISTEN_S, now)
-    if any(_clock_fault(_sum(one, heard[one.topic])) for one in wanted):
+    sums = [_sum(one, heard[one.topic]) for one in wanted]
+    if any(map(_clock_fault, sums)):
         _listen(listener, heard, start, DOUBT_S, now)
+        sums = [_sum(one, heard[one.topic]) for one in wanted]
     listener.check()
     shown = listener.publishers()
-    return [_identity(one, heard[one.topic], shown) for one in wanted]
+    return [_identity(one, heard[one.topic], total, shown) for one, total in zip(wanted, sums, strict=True)]
 
 
 def _listen(
@@ -86,7 +88,7 @@ def _listen(
             one.messages += [(moment, message) for message in listener.take(topic)]
 
 
-def _identity(wanted: Wanted, heard: Heard, shown: Sequence[Endpoint]) -> Identity:
+def _identity(wanted: Wanted, heard: Heard, total: _Sum, shown: Sequence[Endpoint]) -> Identity:
     what = f"joint {wanted.joint!r}" if wanted.joint else IMU
     expected = f"{what} on {wanted.topic}" + (f" at {wanted.rate_hz:g} Hz" if wanted.rate_hz else "")
 
@@ -101,7 +103,6 @@ def _identity(wanted: Wanted, heard: Heard, shown: Sequence[Endpoint]) -> Identi
             f"{', '.join(sorted(other))} on {wanted.topic}, which is none of {', '.join(wanted.types)};"
             " likely cause: another topic is meant"
         )
-    total = _sum(wanted, heard)
     if fault := _fault(wanted, total, shown):
         return wrong(fault)
     rate = _rate([stamp for _, stamp in total.stamps])

@@ -18,7 +18,7 @@ from lostmotion.drivers.codec.servo_state import Model, ServoState
 from lostmotion.drivers.errors import DriverError
 from lostmotion.drivers.servo_port import ServoPort
 
-__all__ = ["LineBus", "LineOptions", "Said", "Servo", "check_line"]
+__all__ = ["LineBus", "LineOptions", "Said", "Servo", "check_line", "silence_s"]
 
 LONGEST_WAIT_S = 0.3
 GATHER_S = 0.095
@@ -26,6 +26,8 @@ GATHER_S = 0.095
 reversal is usually certain 0.11 s before the end of its window"""
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.1, 2.0
 """a silent servo costs 34 ms each time it is asked, so the pause before the next time doubles from one to the other"""
+SILENT_POLLS, LEAST_SILENCE_S = 5, 0.2
+"""a joint that is listened to has lost so many polls, and as long as two gathered readings take, before it is silent"""
 EAVESDROP_S = 1.2
 """a GPS receiver speaks once a second"""
 MAX_ID = 252
@@ -270,6 +272,11 @@ def _servo(joint: LineOptions, model: Model) -> Servo:
 
 def _questions(servos: Iterable[Servo]) -> list[Question]:
     return [servo.question for servo in servos if servo.question]
+
+
+def silence_s(poll_hz: float) -> float:
+    """After how long without a word a joint that is only listened to is silent [s]."""
+    return max(LEAST_SILENCE_S, SILENT_POLLS / poll_hz)
 
 
 def check_line(joints: Sequence[LineOptions], models: Mapping[str, Model]) -> None:

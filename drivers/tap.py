@@ -18,7 +18,7 @@ from lostmotion.drivers.clock import Clock
 from lostmotion.drivers.codec.overheard import Heard, Overheard, What
 from lostmotion.drivers.codec.registers import ALL_MODELS, POSITION, Registers
 from lostmotion.drivers.listening_port import ListeningPort
-from lostmotion.drivers.servo_line import GATHER_S, LineOptions, check_line
+from lostmotion.drivers.servo_line import GATHER_S, LineOptions, check_line, silence_s
 
 __all__ = ["DRIVER", "TapBus", "TapOptions"]
 
@@ -26,8 +26,7 @@ HOLD_S = 2e-3
 """what comes within so long of a first byte is fetched together: a question with its answers takes 1 to 3 ms, and each
 fetch costs a wake-up"""
 LISTEN_S = 1.6
-WAIT_S = 0.2
-SILENT_POLLS = 5
+"""a master that reads once a second is heard"""
 SHOWN = 24
 """so many bytes of what is no packet are shown"""
 
@@ -77,9 +76,7 @@ class TapBus:
     def identify(self) -> tuple[Identity, ...]:
         """Listens to what is said of each servo.  Raises PortError."""
         self._forget()
-        end = self._clock.now() + LISTEN_S
-        while (left := end - self._clock.now()) > 0:
-            self._listen(min(left, WAIT_S))
+        self._listen(LISTEN_S)
         return tuple(self._identity(servo) for servo in self._servos.values())
 
     def read(self) -> ServoReading:
@@ -144,7 +141,7 @@ class TapBus:
         return tuple(
             servo.options.name
             for servo in self._servos.values()
-            if now - servo.heard > max(WAIT_S, SILENT_POLLS / servo.options.poll_hz)
+            if now - servo.heard > silence_s(servo.options.poll_hz)
         )
 
     def _identity(self, servo: _Servo) -> Identity:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import click
@@ -30,14 +27,14 @@ def export(recording: Path, output: Path, joint: str | None, as_json: bool) -> N
     An existing FILE is replaced, once all is written.
     """
     from lostmotion.daemon.commands.output import print_json
-    from lostmotion.drivers.recording import read_recording
+    from lostmotion.drivers.recording import read_recording, replaced
 
     suffix = output.suffix.lower()
     if suffix not in (".mcap", ".rrd"):
         raise ExportError(f"{output}: found the ending {suffix!r}, expected .mcap, or .rrd for Rerun")
     read = read_recording(recording)
     name = joint or str(read.metadata.get("joint", "joint"))
-    with _replacing(output) as part:
+    with replaced(output) as part:
         if suffix == ".mcap":
             from lostmotion.drivers.formats.to_mcap import write_mcap as write
         else:
@@ -48,17 +45,3 @@ def export(recording: Path, output: Path, joint: str | None, as_json: bool) -> N
     else:
         what = "messages" if suffix == ".mcap" else "numbers"
         click.echo(f"{output}: {count} {what} of {', '.join(read.columns)}, joint {name}", err=True)
-
-
-@contextmanager
-def _replacing(path: Path) -> Iterator[Path]:
-    """A file beside ``path`` that takes its place when the block ends without an error.  Raises OutputError."""
-    from lostmotion.daemon.commands.output import writing
-
-    part = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
-    try:
-        with writing(path):
-            yield part
-            part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
