@@ -16,9 +16,9 @@ from enum import Enum
 
 import numpy as np
 
-from lostmotion.daemon.bell import Bell
 from lostmotion.daemon.repeats import Condition
 from lostmotion.daemon.ring import Ring
+from lostmotion.daemon.waker import Waker
 from lostmotion.drivers.base import Accelerometer, Identity, ServoBus, ServoSample
 from lostmotion.drivers.errors import DriverError, EndOfData, IdentityError, PortError
 
@@ -75,10 +75,10 @@ class Account:
 
 @dataclass(slots=True)
 class Inbox:
-    """Servo samples on their way to the pipeline, with the resolution of their command [rad]; and the bell that wakes
+    """Servo samples on their way to the pipeline, with the resolution of their command [rad]; and what wakes
     the main thread."""
 
-    bell: Bell = field(default_factory=Bell)
+    waker: Waker = field(default_factory=Waker)
     servo: deque[tuple[float, tuple[ServoSample, ...]]] = field(default_factory=deque)
 
 
@@ -221,12 +221,12 @@ class BusPoller(Poller):
         account.asked.update(spoken)
         account.usable.update(spoken)
         self._inbox.servo.append((self._bus.resolution_rad, samples))
-        self._inbox.bell.ring()
+        self._inbox.waker.wake()
         while self._waits and len(self._inbox.servo) > INBOX_READINGS and not self._stop.is_set():
             self._stop.wait(0.002)
 
     def _end(self) -> None:
-        self._inbox.bell.ring()
+        self._inbox.waker.wake()
 
 
 class AccelPoller(Poller):

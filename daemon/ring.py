@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from lostmotion.daemon.bell import Bell
+from lostmotion.daemon.waker import Waker
 from lostmotion.drivers.base import AccelBlock, FloatArray
 
 __all__ = ["Ring"]
@@ -26,15 +26,15 @@ class Ring:
 
     Everything is written twice, ``capacity`` apart, so that any stretch lies in one piece and a slice costs one copy.
     ``overwritten`` counts samples lost because nobody had released them; ``unordered`` those that came with a time not
-    after the last one's and were left out.  ``bell`` rings when a robot time has come that the reader expects, or when
-    a writer needs room; ``sooner`` when the reader expects one before the last that the writer was told by ``due``.
-    ``range_ms2`` is the sensor's; ``copy`` is given every block as it comes, while somebody records.
+    after the last one's and were left out.  ``waker`` wakes the reader when a robot time has come that the reader
+    expects, or when a writer needs room; ``sooner`` when the reader expects one before the last that the writer was
+    told by ``due``.  ``range_ms2`` is the sensor's; ``copy`` is given every block as it comes, while somebody records.
     """
 
-    def __init__(self, capacity: int, bell: Bell) -> None:
+    def __init__(self, capacity: int, waker: Waker) -> None:
         self.capacity = capacity
-        self._bell = bell
-        self.sooner = Bell()
+        self._waker = waker
+        self.sooner = Waker()
         self._told = -math.inf  # what ``due`` said last
         self.overwritten = 0
         self.unordered = 0
@@ -74,16 +74,16 @@ class Ring:
             self._write(block.time[piece], block.accel[piece], wait)
         self.unordered += fresh
         if self._awaited and self._last >= self._awaited[0]:
-            self._bell.ring()
+            self._waker.wake()
 
     def expect(self, times: Sequence[float]) -> None:
         """The reader waits for these robot times [s], ascending; the first may have come already."""
         self._awaited = times
         if times and times[0] < self._told:
             self._told = times[0]
-            self.sooner.ring()
+            self.sooner.wake()
         if times and self.newest >= times[0]:
-            self._bell.ring()
+            self._waker.wake()
 
     @property
     def awaited(self) -> float:
@@ -91,8 +91,8 @@ class Ring:
         return next((time for time in self._awaited if time > self._last), math.inf)
 
     def due(self, latest: float) -> float:
-        """When the writer should write [s]: at the next time that is awaited, at ``latest`` then; ``sooner`` rings if
-        it is to be before."""
+        """When the writer should write [s]: at the next time that is awaited, at ``latest`` then; ``sooner`` wakes it
+        if it is to be before."""
         self._told = latest  # before it looks, so that what is expected in between rings
         self._told = min(self.awaited, latest)
         return self._told
@@ -100,12 +100,12 @@ class Ring:
     def end(self) -> None:
         """Nothing more will be written."""
         self.ended = True
-        self._bell.ring()
+        self._waker.wake()
 
     def _write(self, time: FloatArray, accel: FloatArray, wait: threading.Event | None) -> None:
         with self._changed:
             while wait and self._written + len(time) - self._released > self.capacity and not wait.is_set():
-                self._bell.ring()
+                self._waker.wake()
                 self._changed.wait(UNTIL_CLOSED_S)
             excess = self._written + len(time) - self._released - self.capacity
             if excess > 0:

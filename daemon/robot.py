@@ -160,7 +160,7 @@ class Robot:
 
     def _ring(self, sensor: AccelerometerOptions) -> Ring:
         seconds = VIRTUAL_RING_S if self._virtual else RING_S
-        return Ring(max(int(seconds * sensor.rate_hz), 1024), self.inbox.bell)
+        return Ring(max(int(seconds * sensor.rate_hz), 1024), self.inbox.waker)
 
     def _check(self, sensor: str) -> SensorCheck:
         arms = {joint.name: self.config.levers(joint) for joint in self.config.joints}

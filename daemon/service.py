@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, TypeVar
 
 from msgspec.structs import replace
 
-from lostmotion.daemon import accounts, database, logs
+from lostmotion.daemon import counters, database, logs
 from lostmotion.daemon.alarm import Change
+from lostmotion.daemon.alarm_manager import AlarmManager
 from lostmotion.daemon.config import Config
-from lostmotion.daemon.desk import AlarmDesk
 from lostmotion.daemon.noises import Noises
 from lostmotion.daemon.notify import Notifier
 from lostmotion.daemon.poller import Poller
@@ -118,7 +118,7 @@ class Service:
         """Steps until there is a reason to stop."""
         end = math.inf
         while not (self._flags.stop or self._robot.finished or time.monotonic() >= end):
-            self._robot.inbox.bell.wait(SOON_S if self._store.is_settling else LOOP_S)
+            self._robot.inbox.waker.wait(SOON_S if self._store.is_settling else LOOP_S)
             self._step()
             self._look_around()
             if duration_s is not None and end == math.inf and self._robot.is_open:
@@ -135,7 +135,7 @@ class Service:
         """Finishes what is open, in the order of the data's way; how many rows were lost."""
         self._notifier.stopping()
         self._finish()
-        accounts.log_summary(self._robot, self._store)
+        counters.log_summary(self._robot, self._store)
         lost = self._store.close()
         self._notifier.close()
         log.info("stopped")
@@ -155,7 +155,7 @@ class Service:
         self._sinks, self._exporter = [], None
         self._sinks = _sinks(config)
         self._exporter = _exporter(config, self._store, self._robot)
-        self._desk = self._open_desk()
+        self._alarm_manager = self._open_alarm_manager()
         self._tasks = self._open_tasks()
         self._threads = [
             threading.Thread(target=self._poll, args=(poller, self._robot.stop), name=poller.name, daemon=True)
@@ -175,9 +175,9 @@ class Service:
         self._robot.stop.set()
         for thread in self._threads:
             thread.join(1.0)
-        self._store.add(*accounts.rows(self._robot, self._utc()), *([self._time.row] if self._time else []))
-        self._desk.tell_settled(FINISH_S)
-        self._desk.close()
+        self._store.add(*counters.rows(self._robot, self._utc()), *([self._time.row] if self._time else []))
+        self._alarm_manager.tell_settled(FINISH_S)
+        self._alarm_manager.close()
         self._close_sinks()
 
     def _close_sinks(self) -> None:
@@ -235,20 +235,20 @@ class Service:
         self._notice = f"the history begins anew: {database.explain(self._store.path, damage)}"
         self._notice_ends = time.monotonic() + NOTICE_S
         self._finish()
-        self._store.begin_anew(self._desk.known)
+        self._store.begin_anew(self._alarm_manager.known)
         self._store.settled(FINISH_S)
         self._robot, self._errors = Robot(self._config), Repeats()
         self._begin()
 
-    def _open_desk(self) -> AlarmDesk:
+    def _open_alarm_manager(self) -> AlarmManager:
         joints = [joint.name for joint in self._config.joints]
-        return AlarmDesk(joints, self._config.alarm, self._store, self._tell, self._utc())
+        return AlarmManager(joints, self._config.alarm, self._store, self._tell, self._utc())
 
     def _know_history(self) -> None:
         """The disk, which was full at the start, has let the database be opened, and has taken all that waited."""
-        self._desk.close()
+        self._alarm_manager.close()
         self._tasks.close()
-        self._desk = self._open_desk()
+        self._alarm_manager = self._open_alarm_manager()
         self._tasks = self._open_tasks()
 
     def _open_tasks(self) -> Tasks:
@@ -291,10 +291,10 @@ class Service:
             self._store.add(_marked(row) if self._time is not None and self._time.is_doubtful else row)
             if self._config.store.keep_windows_mb:
                 self._store.add(WindowRow.of(scored.window, row.impact, utc, scored.commands))
-            self._guard(self._desk.scored, row, scored.origin)
+            self._guard(self._alarm_manager.scored, row, scored.origin)
         self._store.add(*self._noises.rows())
         if self._store.is_settling:
-            self._desk.tell_settled()
+            self._alarm_manager.tell_settled()
 
     def _tell(self, change: Change, again: bool = False) -> None:
         for sink in self._sinks:
@@ -309,24 +309,24 @@ class Service:
             self._store.look()
             if self._store.damage is not None:
                 self._leave_damaged_store(self._store.damage)
-            if self._desk.is_provisional and self._store.is_open and not self._store.waiting():
+            if self._alarm_manager.is_provisional and self._store.is_open and not self._store.waiting():
                 self._know_history()
             utc = self._utc()
             notice = self._notice if time.monotonic() < self._notice_ends else ""
             for joint in self._config.joints:
                 fault = self._robot.fault(joint)
-                self._desk.look(joint.name, fault or notice or fault, utc, self._robot.doubt(joint))
-            self._guard(self._desk.take_requests, utc)
+                self._alarm_manager.look(joint.name, fault or notice or fault, utc, self._robot.doubt(joint))
+            self._guard(self._alarm_manager.take_requests, utc)
             self._store.add(*(self._guard(self._tasks.take) or ()))
-            self._guard(self._desk.ask_trend, utc)
-            self._desk.tell_settled()
-            self._notifier.status(accounts.status_line(self._robot, self._store, self._desk.healths))
+            self._guard(self._alarm_manager.ask_trend, utc)
+            self._alarm_manager.tell_settled()
+            self._notifier.status(counters.status_line(self._robot, self._store, self._alarm_manager.healths))
         if self._is_due(ACCOUNT_S):
-            self._store.add(*accounts.rows(self._robot, self._utc()))
+            self._store.add(*counters.rows(self._robot, self._utc()))
             if self._time is not None:
                 self._store.add(self._time.row)
         if self._is_due(SUMMARY_S):
-            accounts.log_summary(self._robot, self._store)
+            counters.log_summary(self._robot, self._store)
         self._feed_watchdog()
 
     def _is_due(self, period_s: float) -> bool:

@@ -1,23 +1,24 @@
-"""Which of several joints has the play: kicks that one accelerometer, or several, feel from all of them.
+"""Which of several joints has the play: impulses that one accelerometer, or several, feel from all of them.
 
-A joint without play hands on its acceleration smoothly, one with play in kicks: its teeth part where the acceleration
-a(t) changes direction, fly freely over the gap, strike the other flank and may rebound.  So a joint's kicks have the
-direction of its a(t), and an accelerometer whose lever arm to the joint's axis is l feels l times their speed v
-[rad/s].  Teeth with the gap phi strike at a rate [1/s] and with usual speeds m of two kinds,
+A joint without play hands on its acceleration smoothly, one with play in impulses: its teeth part where the
+acceleration a(t) changes direction, fly freely over the gap, strike the other flank and may rebound.  So a joint's
+impulses have the direction of its a(t), and an accelerometer whose lever arm to the joint's axis is l feels l times
+their speed v [rad/s].  Teeth with the gap phi strike at a rate [1/s] and with usual speeds m of two kinds,
 
     first strike:  d/dt Phi(ln(x(t) / phi) / FLIGHT),   m = x'(t),   x(t) the way flown since a changed direction
     rebounds:      c |a(t)| / m,                         m = sqrt(2 |a(t)| phi),
 
 Phi the normal distribution, c the share of the motion that rebounds carry, speeds distributed as g(v / m) / m with
-g(z) = 4 z exp(-2 z).  Kicks that no joint explains come at a rate b in either direction.  The log-likelihood of the
-kicks (t_k, v_k) of a window under a set of joints with play is that of a Poisson process: the sum over k of the
-logarithm of the rate of such a kick, all of the set's joints and b together, less the number of kicks to be expected
-that are large enough to be seen.  It is averaged over c and b of each window, and over phi of all windows together.  A
-kick and its rebounds tell less than independent ones, so a window counts with the power TRUST; and any may be odd.
+g(z) = 4 z exp(-2 z).  Impulses that no joint explains come at a rate b in either direction.  The log-likelihood of the
+impulses (t_k, v_k) of a window under a set of joints with play is that of a Poisson process: the sum over k of the
+logarithm of the rate of such an impulse, all of the set's joints and b together, less the number of impulses to be
+expected that are large enough to be seen.  It is averaged over c and b of each window, and over phi of all windows
+together.  An impulse and its rebounds tell less than independent ones, so a window counts with the power TRUST; and any
+may be odd.
 
 A joint that is carried by another one turns with it: its teeth feel both accelerations.  Joints with longer lever arms
-carry those with shorter ones, or do not; that is averaged over too.  Several accelerometers: a joint's kick lies along
-its vector of lever arms, to within LEVER of its size.  docs/decisions/0008-attribution.md has the measurements.
+carry those with shorter ones, or do not; that is averaged over too.  Several accelerometers: a joint's impulse lies
+along its vector of lever arms, to within LEVER of its size.  docs/decisions/0008-attribution.md has the measurements.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.detector.commanded import smoothed
-from lostmotion.detector.kicks import edges, noise_of
+from lostmotion.detector.deconvolution import edges, noise_of
 from lostmotion.detector.window import DetectorSettings, FloatArray, Window
 
 __all__ = ["Attribution", "Evidence", "Mover", "attribute", "evidence"]
@@ -40,7 +41,7 @@ __all__ = ["Attribution", "Evidence", "Mover", "attribute", "evidence"]
 SHARES, PLAYS, STRAY_HZ = (0.1, 0.3, 0.8, 1.5), (2e-4, 1e-3, 5e-3, 2e-2), (0.3, 3.0, 20.0)
 """What c [-], phi [rad] and b [1/s] may be."""
 STRAY_ACCEL = 10.0
-"""Kicks that no joint explains are as large as those of a joint that accelerates so much [rad/s²]."""
+"""Impulses that no joint explains are as large as those of a joint that accelerates so much [rad/s²]."""
 SLACK = 2.0
 """How well a commanded acceleration is known [rad/s²]; around zero it has either direction."""
 LEVER = 0.15
@@ -48,9 +49,9 @@ LEVER = 0.15
 TRUST, ODD = 0.4, 0.05
 """What a window counts, as a power of its likelihood; share of windows in which something else happens."""
 SIGNIFICANT, LEAST_KICK = 6.0, 0.02
-"""A kick stands out by so many standard deviations, and is as large as that [rad/s] at the settings' length."""
+"""An impulse stands out by so many standard deviations, and is as large as that [rad/s] at the settings' length."""
 PRESSED = 1.2
-"""A kick is so much larger than what teeth that part, or come to rest on a flank, do to a smooth motion."""
+"""An impulse is so much larger than what teeth that part, or come to rest on a flank, do to a smooth motion."""
 FLIGHT, GRAIN = 0.8, 1e-5
 """How far the way flown at the first strike is from phi, as a logarithm; the least way flown [rad]."""
 MOST = 6
@@ -109,7 +110,7 @@ def attribute(told: Iterable[Evidence], prior: Sequence[float]) -> Attribution:
 def evidence(
     stretches: Sequence[Window], movers: Sequence[Mover], settings: Sequence[DetectorSettings], since: float
 ) -> Evidence | None:
-    """What the kicks after ``since`` [s] say; None where nothing can be said, as of bars beyond half of the rate.
+    """What the impulses after ``since`` [s] say; None where nothing can be said, as of bars beyond half of the rate.
 
     stretches: tip acceleration at each accelerometer from ``BEFORE_S`` before a reversal to the window's end, none of
     its samples missing; settings: of each, with its bar and the length [m] at which LEAST_KICK counts; movers: all
@@ -136,7 +137,7 @@ def evidence(
     levers = np.array([mover.levers for mover in movers])
     # Teeth that part, or come to rest, change the tip's motion by no more than their joint's own acceleration.
     least = np.maximum(felt.least, PRESSED * felt.width * felt.step * np.abs(levers).T @ np.abs(accel))
-    clarity = np.max(np.abs(felt.kicks) / least, axis=0)
+    clarity = np.max(np.abs(felt.impulses) / least, axis=0)
     highest = np.lib.stride_tricks.sliding_window_view(np.pad(clarity, felt.width), 2 * felt.width + 1).max(axis=1)
     where = np.flatnonzero((clarity == highest) & (clarity > 1) & heard)
     each = [_likelihood(felt, drive, levers, least, where, heard) for drive in _drives(accel, levers)]
@@ -145,11 +146,12 @@ def evidence(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Felt:
-    """Kicks of the tip [m/s] at each accelerometer beyond the smooth motion of all joints, their standard deviation and
-    the least that counts, shape (S, K), at times [s] from the first stretch's start; width: steps that a kick takes."""
+    """Impulses of the tip [m/s] at each accelerometer beyond the smooth motion of all joints, their standard deviation
+    and the least that counts, shape (S, K), at times [s] from the first stretch's start; width: steps that an impulse
+    takes."""
 
     times: FloatArray
-    kicks: FloatArray
+    impulses: FloatArray
     deviation: FloatArray
     least: FloatArray
     width: int
@@ -160,7 +162,7 @@ class _Felt:
 
     @property
     def first(self) -> float:
-        """Before this a kick cannot be told from a smooth motion [s]."""
+        """Before this an impulse cannot be told from a smooth motion [s]."""
         return float(self.times[2 * self.width])
 
     @property
@@ -170,7 +172,7 @@ class _Felt:
 
 
 def _felt(stretches: Sequence[Window], settings: Sequence[DetectorSettings]) -> _Felt:
-    """The kicks of all stretches on the grid of the first."""
+    """The impulses of all stretches on the grid of the first."""
     start, rows, times, width = stretches[0].time[0], [], np.empty(0), 0
     for stretch, chosen in zip(stretches, settings, strict=True):
         told = edges(stretch.accel.size, stretch.rate_hz, noise_of(stretch.accel, chosen), chosen)
@@ -182,8 +184,8 @@ def _felt(stretches: Sequence[Window], settings: Sequence[DetectorSettings]) -> 
         least = np.maximum(SIGNIFICANT * deviation, LEAST_KICK)
         reach = abs(chosen.length_m)
         rows.append((np.interp(times, own, sharp) * chosen.length_m, deviation * reach, least * reach))
-    kicks, deviations, leasts = (np.array(row) for row in zip(*rows, strict=True))
-    return _Felt(times, kicks, deviations, leasts, width)
+    impulses, deviations, leasts = (np.array(row) for row in zip(*rows, strict=True))
+    return _Felt(times, impulses, deviations, leasts, width)
 
 
 def _drives(accel: FloatArray, levers: FloatArray) -> list[FloatArray]:
@@ -197,9 +199,11 @@ def _likelihood(
     felt: _Felt, drive: FloatArray, levers: FloatArray, least: FloatArray, where: NDArray[np.intp],
     heard: NDArray[np.bool_],
 ) -> FloatArray:  # fmt: skip
-    """Log-likelihood of each set for each phi and each choice of c and b, shape (P, G, M), of the kicks at ``where``.
+    """Log-likelihood of each set for each phi and each choice of c and b, shape (P, G, M), of the impulses at
+    ``where``.
 
-    drive: accelerations of the joints, shape (J, K); least: the tip's speed [m/s] from which a kick is seen, (S, K).
+    drive: accelerations of the joints, shape (J, K); least: the tip's speed [m/s] from which an impulse is seen, (S,
+    K).
     """
     play, share, stray = (
         np.array(PLAYS)[:, None, None],
@@ -209,8 +213,8 @@ def _likelihood(
     members = _members(len(levers))
     with np.errstate(divide="ignore"):
         slowest = (least / np.abs(levers)[:, :, None]).min(axis=1)[:, heard]
-    kicks = felt.kicks[:, where]
-    speed, beside = _sources(kicks, felt.deviation[:, where], levers)
+    impulses = felt.impulses[:, where]
+    speed, beside = _sources(impulses, felt.deviation[:, where], levers)
     rates, counts = [], []  # of first strikes and of rebounds, for each phi and joint
     for rate, usual in _strikes(drive, play, felt.step):
         relative = np.abs(speed) / usual[..., where]
@@ -220,7 +224,7 @@ def _likelihood(
     toward = (1 + np.sign(speed) * drive[:, where] / np.hypot(drive[:, where], SLACK)) / 2
     arms = np.array([np.abs(column[column != 0]).mean() for column in levers.T])
     scale = np.sqrt(2 * STRAY_ACCEL * play) * arms[:, None]
-    strays = stray * np.prod(np.exp(-np.abs(kicks) / scale) / (2 * scale), axis=1)[:, None, None, None]
+    strays = stray * np.prod(np.exp(-np.abs(impulses) / scale) / (2 * scale), axis=1)[:, None, None, None]
     struck = members @ ((rates[0][:, None] + share * rates[1][:, None]) * toward * beside)
     expected = (counts[0][:, None] + share[..., 0] * counts[1][:, None]) @ members.T
     told = np.log(struck[:, :, None] + strays).sum(axis=-1)
@@ -247,17 +251,17 @@ def _strikes(
     return (gained / flown * normal, gained), (size / rebound, rebound)
 
 
-def _sources(kicks: FloatArray, deviation: FloatArray, levers: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Speed v [rad/s] of kicks (S, E) if they are a joint's, and the density of what the accelerometers feel beside it
-    (integrated over v, so that rate(t, v) times this is per m/s of each accelerometer); shape (J, E) both."""
+def _sources(impulses: FloatArray, deviation: FloatArray, levers: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Speed v [rad/s] of impulses (S, E) if they are a joint's, and the density of what the accelerometers feel beside
+    it (integrated over v, so that rate(t, v) times this is per m/s of each accelerometer); shape (J, E) both."""
     variance = deviation**2
-    if len(kicks) > 1:
-        variance = variance + LEVER**2 * np.sum(kicks**2, axis=0)
+    if len(impulses) > 1:
+        variance = variance + LEVER**2 * np.sum(impulses**2, axis=0)
     arms = levers[:, :, None]
     precision = np.sum(arms**2 / variance, axis=1)
-    speed = np.sum(arms * kicks / variance, axis=1) / precision
-    misfit = np.sum((kicks - arms * speed[:, None]) ** 2 / variance, axis=1)
-    spread = np.log(variance).sum(axis=0) + np.log(precision) + (len(kicks) - 1) * math.log(2 * math.pi)
+    speed = np.sum(arms * impulses / variance, axis=1) / precision
+    misfit = np.sum((impulses - arms * speed[:, None]) ** 2 / variance, axis=1)
+    spread = np.log(variance).sum(axis=0) + np.log(precision) + (len(impulses) - 1) * math.log(2 * math.pi)
     return speed, np.exp(-(misfit + spread) / 2)
 
 

@@ -1,8 +1,8 @@
 """Where in a stretch a joint may touch the flanks of its teeth: blows, and rests during which it is pushed along.
 
-Both show in the joint's acceleration alone, without the play.  A blow is a kick that is larger than the push of the
-command; the bar's reaction on the joint makes kicks too, but their sum over a period of the bar vanishes.  A rest is a
-row of steps in which the joint's acceleration, averaged over a period of the bar, is that of the command, and clearly
+Both show in the joint's acceleration alone, without the play.  A blow is an impulse that is larger than the push of the
+command; the bar's reaction on the joint makes impulses too, but their sum over a period of the bar vanishes.  A rest is
+a row of steps in which the joint's acceleration, averaged over a period of the bar, is that of the command, and clearly
 not zero: a joint in free flight has none.
 """
 
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lostmotion.detector.kicks import STEP, Inverse
+from lostmotion.detector.deconvolution import STEP, Inverse
 from lostmotion.detector.window import FloatArray
 
 __all__ = ["LEAST_PUSH", "Contacts", "averaged", "contacts"]
@@ -28,7 +28,7 @@ FRICTION = 2.0
 ABOVE_PUSH, CLEARLY_ABOVE = 1.2, 1.5
 """A blow is so many times what the command's own acceleration does in three steps; with the latter it surely is one."""
 OF_LARGEST, CLEARLY_LARGE = 0.35, 0.6
-"""Share of the largest kick of the two periods before: smaller ones may be the bar's answer to it."""
+"""Share of the largest impulse of the two periods before: smaller ones may be the bar's answer to it."""
 SUM_KEPT = 0.6
 """Share of a blow that its sum over a period keeps at least; the bar's reaction cancels."""
 LEAST_PUSH = 5.0
@@ -44,38 +44,38 @@ NOISE_OF_COMMAND = 0.7
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Contacts:
-    """By step of the grid, shape (K,): blows and sure blows; rests and what may be a rest beside one; the kick of three
-    steps [rad/s]; the commanded acceleration averaged over a period of the bar [rad/s²]."""
+    """By step of the grid, shape (K,): blows and sure blows; rests and what may be a rest beside one; the impulse of
+    three steps [rad/s]; the commanded acceleration averaged over a period of the bar [rad/s²]."""
 
     blows: Mask
     hard: Mask
     rests: Mask
     loose: Mask
-    kick: FloatArray
+    impulse: FloatArray
     push: FloatArray
 
 
-def contacts(undone: Inverse, kicks: FloatArray, commanded: FloatArray, known: Mask) -> Contacts:
+def contacts(undone: Inverse, impulses: FloatArray, commanded: FloatArray, known: Mask) -> Contacts:
     """What may be contacts; commanded: acceleration [rad/s²] at the grid's times, known: where there is one."""
-    count, step = kicks.size, float(undone.times[1] - undone.times[0])
+    count, step = impulses.size, float(undone.times[1] - undone.times[0])
     inner = known.copy()
     inner[: PERIOD // 2] = inner[count - PERIOD // 2 :] = False
-    moved, push = averaged(kicks) / step, averaged(commanded)
-    kick = np.convolve(kicks, np.ones(3), "same")
-    size, driven = np.abs(kick), 3 * step * (np.abs(push) + FRICTION)
+    moved, push = averaged(impulses) / step, averaged(commanded)
+    impulse = np.convolve(impulses, np.ones(3), "same")
+    size, driven = np.abs(impulse), 3 * step * (np.abs(push) + FRICTION)
     largest = size >= _highest(size, 3, 3)
     answer = _highest(size, 2 * PERIOD, 0)
     blows = inner & largest & (size > LEAST_KICK) & (size > SIGNIFICANT * undone.deviation)
-    blows &= (PERIOD * step * moved * np.sign(kick) > SUM_KEPT * size) & (size > ABOVE_PUSH * driven)
+    blows &= (PERIOD * step * moved * np.sign(impulse) > SUM_KEPT * size) & (size > ABOVE_PUSH * driven)
     blows &= size > OF_LARGEST * answer
     hard = blows & (size > CLEARLY_LARGE * answer) & (size > CLEARLY_ABOVE * driven)
-    beside = np.abs(kick - 3 * step * push)
+    beside = np.abs(impulse - 3 * step * push)
     jolts = beside > np.maximum(5 * undone.deviation, JOLT * 3 * step * np.abs(push))
     deviation = undone.slow_deviation
     rests = inner & (np.abs(moved - push) < SAME * np.abs(push) + 1.5 * deviation) & ~_near(jolts, CLOSE)
     rests = _runs(rests & (np.abs(push) > np.maximum(6 * deviation, LEAST_PUSH)), LEAST_RUN)
     loose = inner & (np.abs(moved - push) < 2.5 * np.hypot(deviation, NOISE_OF_COMMAND))
-    return Contacts(blows, hard, rests, loose, kick, push)
+    return Contacts(blows, hard, rests, loose, impulse, push)
 
 
 def averaged(values: FloatArray) -> FloatArray:

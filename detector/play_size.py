@@ -1,9 +1,9 @@
 """How large the play is, from one reversal: the bar's ring tells how the joint moved, the command how the gear did.
 
-The accelerometer at the bar's tip knows every kick that the joint gets: eq. 7 turned round, which holds whatever pushes
-the joint, the bar's own reaction too.  Kicks integrated twice are the joint's angle theta_2, up to a constant speed and
-angle, so D = theta_2 - theta_1 is known but for a + b t and with the covariance of kicks and command.  Where the joint
-touches a flank (``contacts``: it is struck, or pushed along) and is accelerated in the direction s,
+The accelerometer at the bar's tip knows every impulse that the joint gets: eq. 7 turned round, which holds whatever
+pushes the joint, the bar's own reaction too.  Impulses integrated twice are the joint's angle theta_2, up to a constant
+speed and angle, so D = theta_2 - theta_1 is known but for a + b t and with the covariance of impulses and command.
+Where the joint touches a flank (``contacts``: it is struck, or pushed along) and is accelerated in the direction s,
 
     D(t_k) = a + b t_k - s_k X_k phi / 2,    X = (|theta_2''| / A)^(1/n),
 
@@ -24,21 +24,21 @@ from numpy.typing import NDArray
 
 from lostmotion.detector.commanded import BEFORE_S, Commanded, smoothed
 from lostmotion.detector.contacts import LEAST_PUSH, Contacts, averaged, contacts
+from lostmotion.detector.deconvolution import Inverse, inverse, mistuned, noise_of
 from lostmotion.detector.flank import CONTACT_ACCEL, SOFTNESS, FlankLaw, Sized, law_of
-from lostmotion.detector.kicks import Inverse, inverse, mistuned, noise_of
 from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
 from lostmotion.detector.windows import cut
 
 __all__ = ["PlaySize", "learnt_play", "play_size", "pooled", "stretch_of", "with_play"]
 
 LEAST_RATE = 8.0
-"""Samples a period of the bar: with fewer, kicks cannot be told from each other."""
+"""Samples a period of the bar: with fewer, impulses cannot be told from each other."""
 LEAST_CONTACTS = 4
 FLANK, POINT, GRAIN = 0.03, 0.02, 5e-5
 """Where on a flank a contact is: standard deviation of a whole rest and of each point, as shares of half the play, and
 least [rad]."""
 TIMING, ROUNDED = 0.15, 0.1
-"""A blow's place is uncertain by, and is rounded off by, so many steps of the grid times its kick."""
+"""A blow's place is uncertain by, and is rounded off by, so many steps of the grid times its impulse."""
 FIRST_TIMING = 0.3
 """The same before the fit says which of three steps comes closest to the flank."""
 BIAS, GRAVITY = 0.1, 10.0
@@ -62,7 +62,7 @@ BESIDE = 0.12
 LEAST_DRIVE = 1.0
 """A rest ends where the command pushes less [rad/s²]."""
 REBOUND = 1.7
-"""Kick of a blow over its speed of approach."""
+"""Impulse of a blow over its speed of approach."""
 BEYOND = 0.1
 """Share of the stretch in which the joint may seem to be beyond a flank: more, and model and data do not fit."""
 LEAST_PLAY, MOST_PLAY = 1e-4, 0.1
@@ -94,11 +94,12 @@ class _Apart:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Touch:
-    """Contacts: their places on the grid, the flank (+1 where D is + phi/2) and the blow's kick [rad/s], 0 in rests."""
+    """Contacts: their places on the grid, the flank (+1 where D is + phi/2) and the blow's impulse [rad/s], 0 in
+    rests."""
 
     at: Places
     flank: FloatArray
-    kick: FloatArray
+    impulse: FloatArray
 
     @property
     def enough(self) -> bool:
@@ -203,19 +204,19 @@ def _told(stretch: Window, times: FloatArray, commands: FloatArray, settings: De
     accel = stretch.accel - np.mean(stretch.accel[told] - settings.length_m * command.acceleration(local[told]))
     noise = noise_of(stretch.accel, settings)
     undone = inverse(accel.size, rate_hz, noise, settings)
-    kicks = undone.gain @ accel
-    command, late = _followed(undone, kicks, command)
+    impulses = undone.gain @ accel
+    command, late = _followed(undone, impulses, command)
     basis = command.basis(np.minimum(undone.times, command.end))
     astray = mistuned(accel.size, rate_hz, noise, settings, MISTUNED) @ accel
-    apart = _apart(undone, kicks, command, basis, late, astray, settings)
-    found = contacts(undone, kicks, command.derivative(basis, 2), apart.known)
+    apart = _apart(undone, impulses, command, basis, late, astray, settings)
+    found = contacts(undone, impulses, command.derivative(basis, 2), apart.known)
     return _solve(apart, found)
 
 
-def _followed(undone: Inverse, kicks: FloatArray, command: Commanded) -> tuple[Commanded, float]:
+def _followed(undone: Inverse, impulses: FloatArray, command: Commanded) -> tuple[Commanded, float]:
     """The command with the delay that it shows against the joint's acceleration, and how uncertain that is [s]."""
     step = float(undone.times[1] - undone.times[0])
-    felt = averaged(kicks) / step
+    felt = averaged(impulses) / step
     known = np.arange(command.start, command.end, step)
     driven = averaged(command.acceleration(known))
     late = np.interp(undone.times - DELAYS[:, None], known, driven)
@@ -227,12 +228,12 @@ def _followed(undone: Inverse, kicks: FloatArray, command: Commanded) -> tuple[C
 
 
 def _apart(
-    undone: Inverse, kicks: FloatArray, command: Commanded, basis: FloatArray, late: float, astray: FloatArray,
+    undone: Inverse, impulses: FloatArray, command: Commanded, basis: FloatArray, late: float, astray: FloatArray,
     settings: DetectorSettings,
 ) -> _Apart:  # fmt: skip
     """D and what is uncertain about it: a delay by ``late`` [s], and the angles [rad] that a wrong resonance adds.
 
-    basis: of the command at the times of the kicks.
+    basis: of the command at the times of the impulses.
     """
     time = undone.times
     driven, speed = basis @ command.coefficients, command.derivative(basis, 1)
@@ -246,14 +247,14 @@ def _apart(
         astray,
     ])  # fmt: skip
     covariance = undone.doubt + basis @ command.covariance @ basis.T + columns @ columns.T
-    return _Apart(time, undone.twice @ kicks - basis @ command.coefficients, covariance, time <= command.end)
+    return _Apart(time, undone.twice @ impulses - basis @ command.coefficients, covariance, time <= command.end)
 
 
 def _solve(apart: _Apart, found: Contacts) -> Sized | PlaySize:
     """Fits and chooses contacts in turn."""
-    flank = np.where(found.hard, -np.sign(found.kick), -np.sign(found.push))
+    flank = np.where(found.hard, -np.sign(found.impulse), -np.sign(found.push))
     sure = found.hard | (found.rests & _thinned(found.rests.size))
-    touch = _Touch(np.flatnonzero(sure), flank[sure], np.where(found.hard, np.abs(found.kick), 0.0)[sure])
+    touch = _Touch(np.flatnonzero(sure), flank[sure], np.where(found.hard, np.abs(found.impulse), 0.0)[sure])
     if not touch.enough:
         return _unknown("the teeth did not touch both flanks clearly")
     play, step = 20 * LEAST_PLAY, float(apart.time[1] - apart.time[0])
@@ -283,9 +284,9 @@ def _fit(apart: _Apart, touch: _Touch, play: float, timing: float) -> _Fit:
     half = min(max(play, LEAST_PLAY), MOST_PLAY) / 2
     run = np.cumsum(np.concatenate([[True], (np.diff(touch.at) > THIN + 1) | (np.diff(touch.flank) != 0)]))
     noise = apart.covariance[np.ix_(touch.at, touch.at)] + (run[:, None] == run) * (FLANK * half) ** 2
-    noise[np.diag_indices_from(noise)] += (POINT * half) ** 2 + GRAIN**2 + (timing * step * touch.kick) ** 2
+    noise[np.diag_indices_from(noise)] += (POINT * half) ** 2 + GRAIN**2 + (timing * step * touch.impulse) ** 2
     weight = np.linalg.inv(noise)
-    observed = apart.angle[touch.at] + touch.flank * ROUNDED * step * touch.kick
+    observed = apart.angle[touch.at] + touch.flank * ROUNDED * step * touch.impulse
     values, covariance, left = _least(_design(apart, touch), weight, observed)
     # A play that is lost in its uncertainty must not make the search for contacts narrow.
     return _Fit(values, covariance, weight, observed, left,
@@ -330,15 +331,15 @@ def _chosen(found: Contacts, place: FloatArray, deviation: FloatArray, play: flo
             label = np.cumsum(np.concatenate([[True], row[1:] != row[:-1]]))
             rests = rests | (row & (np.bincount(label, core)[label] > 0))
     rests &= _thinned(place.size)
-    kick = np.zeros(place.size)
+    impulse = np.zeros(place.size)
     for blow in np.flatnonzero(found.blows):
-        flank, size = -float(np.sign(found.kick[blow])), abs(float(found.kick[blow]))
+        flank, size = -float(np.sign(found.impulse[blow])), abs(float(found.impulse[blow]))
         closest = blow - 1 + int(np.argmax(flank * place[blow - 1 : blow + 2]))
         allowed = max(near[closest], 0.5 * step * size + 0.1 * play)
         if abs(flank * place[closest] - play / 2) < allowed:
-            kick[closest], side[closest], rests[closest] = size, flank, True
+            impulse[closest], side[closest], rests[closest] = size, flank, True
     at = np.flatnonzero(rests)
-    return _Touch(at, side[at], kick[at])
+    return _Touch(at, side[at], impulse[at])
 
 
 def _sized(apart: _Apart, touch: _Touch, found: Contacts, play: float) -> Sized:
@@ -351,8 +352,10 @@ def _sized(apart: _Apart, touch: _Touch, found: Contacts, play: float) -> Sized:
     yielded = design[0, :, 2].copy()
     for _ in range(2):
         # A blow's force lasts as long as it takes to stop on the flank: (n + 1) v² / (X phi) of eq. 1.
-        struck = np.maximum(touch.kick / (2 * step), (touch.kick / REBOUND) ** 2 / (np.maximum(softness, 0.01) * size))
-        load = np.where(touch.kick > 0, struck, pushed)
+        struck = np.maximum(
+            touch.impulse / (2 * step), (touch.impulse / REBOUND) ** 2 / (np.maximum(softness, 0.01) * size)
+        )
+        load = np.where(touch.impulse > 0, struck, pushed)
         design[:, :, 2] = yielded * (load / CONTACT_ACCEL) ** softness
         values, covariance, left = _least(design, fit.weight, fit.observed)
         deviation = np.sqrt(covariance[:, 2, 2])

@@ -55,8 +55,8 @@ NOISE_RINGS = 2.2
 UNSEEN = 0.002
 """Weight of there being no impact within the stretch, or a late or a soft one: silence alone excludes no large play."""
 CORNER = 2.0
-"""A corner in the command, a step of its acceleration by the swing, kicks the bar by up to swing / omega_res; below so
-many times that speed the ring proves no play, and the interval begins at 0."""
+"""A corner in the command, a step of its acceleration by the swing, excites the bar by up to swing / omega_res; below
+so many times that speed the ring proves no play, and the interval begins at 0."""
 WRONG = 0.1
 """Weight of the interval of ``play_size`` being wrong, which keeps a wrong size from deciding alone: 12 % of these
 intervals do not hold, half of them at 1 mrad and less, where windows that err upwards tell a size and others none.

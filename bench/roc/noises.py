@@ -55,8 +55,8 @@ def _filtered(rng: np.random.Generator, count: int, length: int, pole: complex) 
     from scipy.signal import lfilter
 
     turns = bool(pole.imag)
-    kicks, before = rng.normal(size=(count, length)).astype(complex), rng.normal(size=(count, 1)).astype(complex)
+    innovations, before = rng.normal(size=(count, length)).astype(complex), rng.normal(size=(count, 1)).astype(complex)
     if turns:
-        kicks, before = ((one + 1j * rng.normal(size=one.shape)) / math.sqrt(2) for one in (kicks, before))
-    moved, _ = lfilter([math.sqrt(1 - abs(pole) ** 2)], [1, -pole], kicks, axis=1, zi=pole * before)
+        innovations, before = ((one + 1j * rng.normal(size=one.shape)) / math.sqrt(2) for one in (innovations, before))
+    moved, _ = lfilter([math.sqrt(1 - abs(pole) ** 2)], [1, -pole], innovations, axis=1, zi=pole * before)
     return np.asarray(moved.real)

@@ -75,7 +75,7 @@ class CanSink:
             self._waiting.extend(self._node.alarm(transition))
             if len(self._waiting) > WAITING:
                 self._waiting = deque(self._node.everything())
-        self._wakeup.ring()
+        self._wakeup.wake()
 
     def health(self, row: JointRow) -> None:
         with self._lock:
@@ -85,7 +85,7 @@ class CanSink:
     def close(self) -> None:
         """Sends what is waiting, and leaves the bus.  A bus that hangs is left hanging."""
         self._closing.set()
-        self._wakeup.ring()
+        self._wakeup.wake()
         self._thread.join(CLOSE_S)
 
     def _run(self) -> None:
@@ -170,7 +170,7 @@ class CanSink:
     def _has_changed(self, joint: str) -> None:
         """Only the newest state of a joint waits, so that many scores are no flood."""
         self._changed[joint] = None
-        self._wakeup.ring()
+        self._wakeup.wake()
 
     def _say(self, problem: str) -> None:
         """Logs when the bus begins to fail and when it works again, not every time: one on which nobody answers opens

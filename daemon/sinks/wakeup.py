@@ -1,4 +1,4 @@
-"""What wakes a thread that waits for file descriptors, such as that of a bus; ``daemon/bell.py`` is for one that waits
+"""What wakes a thread that waits for file descriptors, such as that of a bus; ``daemon/waker.py`` is for one that waits
 for nothing else."""
 
 from __future__ import annotations
@@ -11,18 +11,18 @@ __all__ = ["Wakeup"]
 
 
 class Wakeup:
-    """Rung by any thread, heard by one that waits, once.  Ringing never blocks."""
+    """Wakes one thread that waits, once, from any other; never blocks."""
 
     def __init__(self) -> None:
         self._event = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
-        weakref.finalize(self, os.close, self._event)  # who rings late must not ring at another file
+        weakref.finalize(self, os.close, self._event)  # who wakes it late must not write into another file
 
-    def ring(self) -> None:
+    def wake(self) -> None:
         """Ends a wait, also the next one if nobody waits now."""
         os.eventfd_write(self._event, 1)
 
     def wait(self, seconds: float, *others: int) -> None:
-        """Returns when it is rung, when another descriptor is readable or broken, or after so many seconds."""
+        """Returns when it is woken, when another descriptor is readable or broken, or after so many seconds."""
         poll = select.poll()
         for descriptor in (self._event, *others):
             poll.register(descriptor, select.POLLIN)

@@ -116,16 +116,16 @@ def _driven(gap: float) -> FloatArray:
     """One period of the acceleration [rad/s²] of a gear that flies freely between stops ``gap`` [rad] apart."""
     lead = round(LEAD_S * FINE_HZ)
     time = np.arange(-lead, round(PERIOD_S * FINE_HZ)) / FINE_HZ
-    kicks = np.zeros(time.size)
+    impulses = np.zeros(time.size)
     stops, drifts = _waves(time, 0).tolist(), _waves(time, 1).tolist()
     place, speed = stops[0], drifts[0]
     for i, (stop, drift) in enumerate(zip(stops, drifts, strict=True)):
         place += speed / FINE_HZ
         beyond = place - stop
         if abs(beyond) > gap / 2 and beyond * (speed - drift) > 0:
-            place, kicks[i] = stop + math.copysign(gap / 2, beyond), (1 + BOUNCE) * (drift - speed)
-            speed += kicks[i]
-    return kicks[lead:] * FINE_HZ
+            place, impulses[i] = stop + math.copysign(gap / 2, beyond), (1 + BOUNCE) * (drift - speed)
+            speed += impulses[i]
+    return impulses[lead:] * FINE_HZ
 
 
 def _waves(time: FloatArray, derivative: int) -> FloatArray:

@@ -1,4 +1,5 @@
-"""Joints that share accelerometers, from samples to the joint that has the play; kicks by an independent simulation."""
+"""Joints that share accelerometers, from samples to the joint that has the play; impulses by an independent
+simulation."""
 
 from __future__ import annotations
 
@@ -9,10 +10,10 @@ import numpy as np
 import pytest
 
 from lostmotion.daemon.attributor import Attributor, Ear, Speaker
-from lostmotion.daemon.bell import Bell
 from lostmotion.daemon.pipeline import JointPlan, Pipeline, Scored
 from lostmotion.daemon.records import SURE, Origin
 from lostmotion.daemon.ring import Ring
+from lostmotion.daemon.waker import Waker
 from lostmotion.detector.attribution import Evidence
 from lostmotion.detector.window import DetectorSettings, Window
 from lostmotion.drivers.base import AccelBlock, ServoSample
@@ -29,7 +30,7 @@ def ears(*levers: dict[str, float]) -> list[Ear]:
 
 def heard(listeners: Sequence[Ear], worn: str, attributor: Attributor, pieces: int = 16) -> list[Scored]:
     """The windows of eight seconds in which both joints move and one has play; samples come piece by piece."""
-    rings = {ear.accelerometer: Ring(20_000, Bell()) for ear in listeners}
+    rings = {ear.accelerometer: Ring(20_000, Waker()) for ear in listeners}
     plans = [
         JointPlan(joint, "s0", RATE, 100.0, replace(SETTINGS, length_m=listeners[0].levers[joint])) for joint in SEEDS
     ]
@@ -101,7 +102,7 @@ def test_an_earlier_run_is_remembered_with_doubt() -> None:
 def test_a_joint_that_says_nothing_holds_nothing_up() -> None:
     """Windows whose other joint stays silent are given up a second later, and nobody is named."""
     listeners = ears({"elbow": 0.1, "shoulder": 0.25})
-    ring = Ring(20_000, Bell())
+    ring = Ring(20_000, Waker())
     attributor = Attributor(listeners)
     plans = [JointPlan(joint, "s0", RATE, 100.0, SETTINGS) for joint in SEEDS]
     pipeline = Pipeline(plans, {"s0": ring}, attributors=[attributor])

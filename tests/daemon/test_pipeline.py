@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from lostmotion.daemon.bell import Bell
 from lostmotion.daemon.pipeline import GIVE_UP_S, JointPlan, Pipeline, Scored, _together
 from lostmotion.daemon.ring import Ring
+from lostmotion.daemon.waker import Waker
 from lostmotion.detector.window import DetectorSettings
 from lostmotion.drivers.base import AccelBlock, ServoSample
 
@@ -22,8 +22,8 @@ class World:
     """One joint that swings at WAVE_HZ, and its ring, both fed by hand."""
 
     def __init__(self, virtual: bool = False, range_ms2: float = 100.0) -> None:
-        self.bell = Bell()
-        self.ring = Ring(20_000, self.bell)
+        self.waker = Waker()
+        self.ring = Ring(20_000, self.waker)
         self.ring.range_ms2 = range_ms2
         plan = JointPlan("elbow", "tip", RATE_HZ, POLL_HZ, SETTINGS)
         self.pipeline = Pipeline([plan], {"tip": self.ring}, virtual)
@@ -85,7 +85,7 @@ def test_an_impact_scores_higher_than_none() -> None:
 
 
 def test_a_window_waits_for_its_end_and_no_longer() -> None:
-    """The sample at its end completes it, and rings the bell."""
+    """The sample at its end completes it, and wakes who waits."""
     world = World()
     world.feel(0.0, 1.6)
     world.move(0.0, 1.7)
@@ -95,9 +95,9 @@ def test_a_window_waits_for_its_end_and_no_longer() -> None:
     last = math.floor(world.ring.awaited * RATE_HZ) / RATE_HZ
     world.feel(1.6, last)
     assert world.pipeline.step(1.8) == []
-    world.bell.wait(0)
+    world.waker.wait(0)
     world.feel(last, last + 0.002)
-    assert world.bell.wait(0)
+    assert world.waker.wait(0)
     assert len(world.pipeline.step(1.8)) == 1
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lostmotion.daemon.bell import Bell
 from lostmotion.daemon.ring import Ring
+from lostmotion.daemon.waker import Waker
 from lostmotion.drivers.base import AccelBlock
 
 
@@ -21,8 +21,8 @@ def block(first: int, count: int) -> AccelBlock:
 
 
 def ring(capacity: int = 8) -> Ring:
-    """A ring with a bell of its own."""
-    return Ring(capacity, Bell())
+    """A ring with a waker of its own."""
+    return Ring(capacity, Waker())
 
 
 @given(st.lists(st.tuples(st.integers(1, 20), st.booleans()), max_size=30))
@@ -62,13 +62,13 @@ def test_a_step_back_in_time_is_left_out_and_counted() -> None:
 
 def test_the_bell_rings_when_the_awaited_time_has_come() -> None:
     """Not before: the reader sleeps until a window is complete."""
-    bell = Bell()
-    buffer = Ring(100, bell)
+    waker = Waker()
+    buffer = Ring(100, waker)
     buffer.expect([6.0, 8.5])
     buffer.push(block(0, 6))
-    assert (bell.wait(0), buffer.awaited) == (False, 6.0)
+    assert (waker.wait(0), buffer.awaited) == (False, 6.0)
     buffer.push(block(6, 1))
-    assert (bell.wait(0), buffer.awaited) == (True, 8.5)
+    assert (waker.wait(0), buffer.awaited) == (True, 8.5)
     buffer.push(block(7, 2))
     assert buffer.awaited == 8.5
     buffer.push(block(9, 1))
@@ -91,26 +91,26 @@ def test_a_writer_learns_that_it_is_expected_sooner() -> None:
 
 def test_a_bell_is_heard_once() -> None:
     """However often it is rung before anyone waits; and from another thread by one who waits already."""
-    bell = Bell()
-    bell.ring()
-    bell.ring()
-    assert (bell.wait(0), bell.wait(0.01)) == (True, False)
-    thread = threading.Timer(0.05, bell.ring)
+    waker = Waker()
+    waker.wake()
+    waker.wake()
+    assert (waker.wait(0), waker.wait(0.01)) == (True, False)
+    thread = threading.Timer(0.05, waker.wake)
     thread.start()
-    assert bell.wait(5.0)
+    assert waker.wait(5.0)
     thread.join()
 
 
 def test_the_bell_rings_at_once_for_a_time_that_has_come() -> None:
-    """What came in while the reader was at work is not slept through; expecting nothing rings no bell."""
-    bell = Bell()
-    buffer = Ring(100, bell)
+    """What came in while the reader was at work is not slept through; expecting nothing wakes nobody."""
+    waker = Waker()
+    buffer = Ring(100, waker)
     buffer.push(block(0, 7))
     buffer.expect([])
     buffer.expect([6.5])
-    assert not bell.wait(0)
+    assert not waker.wait(0)
     buffer.expect([6.0, 6.5])
-    assert bell.wait(0)
+    assert waker.wait(0)
 
 
 def test_a_patient_writer_waits_and_loses_nothing() -> None:

@@ -16,7 +16,6 @@ import pytest
 
 from lostmotion.daemon import config
 from lostmotion.daemon.alarm import JointMonitor
-from lostmotion.daemon.bell import Bell
 from lostmotion.daemon.losses import Losses
 from lostmotion.daemon.options import AlarmOptions
 from lostmotion.daemon.poller import DeviceState
@@ -25,6 +24,7 @@ from lostmotion.daemon.records import Health, JointRow, ScoreRow
 from lostmotion.daemon.ring import Ring
 from lostmotion.daemon.robot import Robot
 from lostmotion.daemon.sensorcheck import FIRST_PACE_S, LAST, SensorCheck
+from lostmotion.daemon.waker import Waker
 from lostmotion.detector.window import Score, Window
 from lostmotion.drivers.base import AccelBlock, FloatArray, ServoSample
 from lostmotion.drivers.emulator import CsvStream, Emulator, Motion, ServoLine, WitMotionStream
@@ -168,7 +168,7 @@ def test_a_line_that_loses_three_bytes_of_ten(tmp_path: Path, start: Start) -> N
 def check(levers: dict[str, float], felt: dict[str, float], noise: float = 0.05, seconds: float = 60.0) -> SensorCheck:
     """A check that has seen a minute of two joints that move, and of a sensor that feels ``felt`` of them [m]."""
     rng, rate = np.random.default_rng(7), 200.0
-    ring = Ring(8000, Bell())
+    ring = Ring(8000, Waker())
     sensor = SensorCheck("tip", ring, levers)
     shift = {"elbow": 0.0, "wrist": 1.7}
     times = np.arange(0, seconds, 1 / rate)
@@ -238,7 +238,7 @@ def test_a_doubt_keeps_a_joint_from_being_ok() -> None:
 
 def test_a_joint_at_rest_accuses_no_sensor() -> None:
     """An angle that flickers by a servo's step of 5 mrad, and one that hardly moves, are no motion to be felt."""
-    rng, ring = np.random.default_rng(3), Ring(8000, Bell())
+    rng, ring = np.random.default_rng(3), Ring(8000, Waker())
     sensor = SensorCheck("tip", ring, {"elbow": 0.1, "wrist": 0.1})
     for begin in range(0, 100, 5):
         times = np.arange(begin, begin + 5, 0.005)
@@ -261,7 +261,7 @@ def window(quality: str, value: float = 0.0) -> tuple[Window, Score]:
 
 def test_ten_unsound_windows_are_a_fault_and_five_sound_ones_its_end() -> None:
     """Nine are none; gentle ones count as neither; the words stay the same until all ten have another cause."""
-    sensor = SensorCheck("tip", Ring(1000, Bell()), {"elbow": 0.1})
+    sensor = SensorCheck("tip", Ring(1000, Waker()), {"elbow": 0.1})
     for _ in range(LAST - 1):
         sensor.scored(*window("flat"))
         sensor.scored(*window("gentle"))

@@ -21,11 +21,11 @@ def noise(rng: np.random.Generator, kind: str, count: int, rate_hz: float) -> Fl
     white = rng.normal(0, 0.2, count)
     if kind == "coloured":
         rho = 0.7 ** (200 / rate_hz)
-        kicks = rng.normal(0, 0.3 * math.sqrt(1 - rho**2), count)
+        impulses = rng.normal(0, 0.3 * math.sqrt(1 - rho**2), count)
         slow = np.empty(count)
         state = 0.0
-        for i, kick in enumerate(kicks):
-            slow[i] = state = rho * state + kick
+        for i, impulse in enumerate(impulses):
+            slow[i] = state = rho * state + impulse
         return white + slow
     if kind == "hum":
         return np.asarray(white + 0.3 * np.sin(2 * math.pi * 50.02 * time + rng.uniform(0, 6)))

@@ -120,7 +120,7 @@ def _resonant(rng: np.random.Generator, count: int, time: FloatArray, f_res_hz: 
     state = rng.normal(size=count) + 1j * rng.normal(size=count)
     out = np.empty((count, time.size))
     for i in range(time.size):
-        kick = rng.normal(size=count) + 1j * rng.normal(size=count)
-        state = turn * state + math.sqrt(1 - damping**2) * kick
+        impulse = rng.normal(size=count) + 1j * rng.normal(size=count)
+        state = turn * state + math.sqrt(1 - damping**2) * impulse
         out[:, i] = state.real
     return out

@@ -1,4 +1,4 @@
-"""Which joint has the play: joints that fly freely between hard stops, their kicks ringing one bar or two."""
+"""Which joint has the play: joints that fly freely between hard stops, their impulses ringing one bar or two."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ def shaft(seed: int, times: np.ndarray, order: int) -> np.ndarray:
 
 
 @lru_cache
-def kicks(seed: int) -> tuple[tuple[float, float], ...]:
-    """Times [s] and sizes [rad/s] of the kicks that a body gets between stops ± PLAY / 2 on a swaying shaft: it flies
-    freely, and leaves a stop with BOUNCE times the speed at which it came."""
+def impulses(seed: int) -> tuple[tuple[float, float], ...]:
+    """Times [s] and sizes [rad/s] of the impulses that a body gets between stops ± PLAY / 2 on a swaying shaft: it
+    flies freely, and leaves a stop with BOUNCE times the speed at which it came."""
     step = 2e-5
     times = np.arange(0, SECONDS, step)
     angle, rate = shaft(seed, times, 0), shaft(seed, times, 1)
@@ -48,9 +48,9 @@ def kicks(seed: int) -> tuple[tuple[float, float], ...]:
         place += speed * step
         beyond = place - stop
         if abs(beyond) > PLAY / 2 and beyond * (speed - drift) > 0:
-            kick = (1 + BOUNCE) * (drift - speed)
-            place, speed = stop + math.copysign(PLAY / 2, beyond), speed + kick
-            struck.append((float(time), float(kick)))
+            impulse = (1 + BOUNCE) * (drift - speed)
+            place, speed = stop + math.copysign(PLAY / 2, beyond), speed + impulse
+            struck.append((float(time), float(impulse)))
     return tuple(struck)
 
 
@@ -64,8 +64,8 @@ def tip(seed: int, worn: bool) -> np.ndarray:
     times = np.arange(0, SECONDS, fine)
     if worn:
         place = np.zeros(times.size)
-        for time, kick in kicks(seed):
-            place[min(round(time / fine), times.size - 1)] += kick / fine
+        for time, impulse in impulses(seed):
+            place[min(round(time / fine), times.size - 1)] += impulse / fine
     else:
         place = shaft(seed, times, 2)
     transfer = ([2 * zeta * omega, omega**2], [1, 2 * zeta * omega, omega**2])
@@ -118,7 +118,8 @@ def test_names_do_not_matter() -> None:
 
 
 def test_a_lever_arm_has_a_sign() -> None:
-    """Of two joints that move alike, one on a lever arm the other way round: the sign of the kicks tells them apart."""
+    """Of two joints that move alike, one on a lever arm the other way round: the sign of the impulses tells them
+    apart."""
     windows = told((0,), seeds=(11, 11), levers=((0.1,), (-0.1,)))
     assert attribute(windows, EVEN).joints == pytest.approx([1, 0], abs=0.02)
 
@@ -139,7 +140,7 @@ def test_two_accelerometers_tell_the_same_motion_apart(worn: int) -> None:
 
 
 def test_too_much_noise_leaves_it_open() -> None:
-    """Where no kick can stand out of the noise, no joint is accused, and none acquitted."""
+    """Where no impulse can stand out of the noise, no joint is accused, and none acquitted."""
     joints = attribute(told((0,), noise=20.0), EVEN).joints
     assert np.all((joints > 0.25) & (joints < 0.75))
 

@@ -99,7 +99,7 @@ def test_intervals_are_as_wide_as_they_must_be() -> None:
 @lru_cache
 def flights(play: float, rate: float = 1000.0) -> tuple[Window, np.ndarray, np.ndarray]:
     """A body that flies freely between hard stops ± play/2 on a swaying shaft, without a rebound: its stretch of tip
-    acceleration by the exact ring of each kick, and the shaft's angle."""
+    acceleration by the exact ring of each impulse, and the shaft's angle."""
 
     def shaft(t: np.ndarray) -> np.ndarray:
         return np.asarray(0.15 * np.sin(2 * math.pi * 1.7 * t))
@@ -109,18 +109,18 @@ def flights(play: float, rate: float = 1000.0) -> tuple[Window, np.ndarray, np.n
     angles = shaft(fine)
     rates = np.gradient(angles, step)
     place, speed = angles[0] - play / 2, rates[0]
-    kicks: list[tuple[float, float]] = []
+    impulses: list[tuple[float, float]] = []
     for i in range(1, fine.size):
         place += speed * step
         off = place - angles[i]
         if abs(off) > play / 2:
             place = angles[i] + math.copysign(play / 2, off)
             if (speed - rates[i]) * off > 0:
-                kicks.append((fine[i], rates[i] - speed))
+                impulses.append((fine[i], rates[i] - speed))
                 speed = rates[i]
     times = np.arange(0, total, 1 / rate)
     omega, zeta = 2 * math.pi * 58, 0.012
-    when, size = (np.array(column) for column in zip(*kicks, strict=True))
+    when, size = (np.array(column) for column in zip(*impulses, strict=True))
     after = times[:, None] - when
     waves = np.where(after >= 0, np.exp(-zeta * omega * np.maximum(after, 0)) * np.sin(omega * after), 0.0)
     accel = 0.1 * omega * waves @ size

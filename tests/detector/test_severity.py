@@ -127,8 +127,8 @@ def test_a_servo_that_lags_has_no_play() -> None:
 
 
 def test_speed_of_the_impact_by_hand() -> None:
-    """One ring of amplitude A is a kick of v = A / (l omega_res), and without commands the play that this speed tells
-    is within a factor 2 of 3 phi = sqrt(2 v³ / (9 j)) with j = swing / 0.2 s; a louder one tells more."""
+    """One ring of amplitude A is an impulse of v = A / (l omega_res), and without commands the play that this speed
+    tells is within a factor 2 of 3 phi = sqrt(2 v³ / (9 j)) with j = swing / 0.2 s; a louder one tells more."""
     time = np.arange(450) / 1000
     after = np.maximum(time - 0.25, 0.0)
     omega = 2 * math.pi * 58

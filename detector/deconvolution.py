@@ -14,20 +14,21 @@ from lostmotion.detector.window import DetectorSettings, FloatArray
 __all__ = ["STEP", "Edges", "Inverse", "edges", "inverse", "mistuned", "noise_of"]
 
 STEP = 0.145
-"""Grid of the kicks in periods of the bar."""
-KICK = 0.1
+"""Grid of the impulses in periods of the bar."""
+IMPULSE = 0.1
 """Usual change of the joint's speed in a step of the grid [rad/s]."""
 PIECES = 8
-"""The response to kicks is made in so many pieces, which saves a robot's small computer five megabytes at its start."""
+"""The response to impulses is made in so many pieces, which saves a robot's small computer five megabytes at its
+start."""
 LEAST_WIDTH, SAMPLES_WIDE = 3, 3.0
-"""As long as the inverse makes a kick: steps of the grid at least, and samples."""
+"""As long as the inverse makes an impulse: steps of the grid at least, and samples."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Inverse:
-    """Kicks at times (K,) from accelerations (N,): gain (K, N), covariance (K, K), twice (K, K) making angles of kicks,
-    deviation (K,) of the sum of three neighbours; doubt (K, K): covariance of these angles; slow_deviation (K,): that
-    of the acceleration [rad/s²] averaged over a period of the bar."""
+    """Impulses at times (K,) from accelerations (N,): gain (K, N), covariance (K, K), twice (K, K) making angles of
+    impulses, deviation (K,) of the sum of three neighbours; doubt (K, K): covariance of these angles; slow_deviation
+    (K,): that of the acceleration [rad/s²] averaged over a period of the bar."""
 
     times: FloatArray
     gain: FloatArray
@@ -40,8 +41,8 @@ class Inverse:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Edges:
-    """What stands out of a smooth motion at times (K,): what ``width`` neighbouring kicks have more than the mean of as
-    many before and after, in gain (K, N) from accelerations (N,), and its standard deviation (K,)."""
+    """What stands out of a smooth motion at times (K,): what ``width`` neighbouring impulses have more than the mean of
+    as many before and after, in gain (K, N) from accelerations (N,), and its standard deviation (K,)."""
 
     times: FloatArray
     width: int
@@ -60,7 +61,7 @@ def noise_of(accel: FloatArray, settings: DetectorSettings) -> float:
 
 @lru_cache(maxsize=16)
 def inverse(length: int, rate_hz: float, noise: float, settings: DetectorSettings) -> Inverse:
-    """Bayes' linear inverse of eq. 7 for kicks of usual size KICK, a ring from before, and white noise."""
+    """Bayes' linear inverse of eq. 7 for impulses of usual size IMPULSE, a ring from before, and white noise."""
     return _inverse(length, rate_hz, noise, settings)
 
 
@@ -68,20 +69,20 @@ def _inverse(length: int, rate_hz: float, noise: float, settings: DetectorSettin
     """The same, not kept: it takes up to two megabytes."""
     time = np.arange(length) / rate_hz
     step = STEP / settings.f_res_hz
-    kicks = np.arange(0.0, time[-1] - step / 2, step) + step / 2
-    pieces = [_kicked(time[:, None] - some, settings) for some in np.array_split(kicks, PIECES)]
+    impulses = np.arange(0.0, time[-1] - step / 2, step) + step / 2
+    pieces = [_response(time[:, None] - some, settings) for some in np.array_split(impulses, PIECES)]
     response: FloatArray = np.hstack([*pieces, ring(time, settings)])
-    count = kicks.size
-    trust = np.concatenate([np.full(count, KICK**-2), [1e-4, 1e-4]])
+    count = impulses.size
+    trust = np.concatenate([np.full(count, IMPULSE**-2), [1e-4, 1e-4]])
     covariance = np.linalg.inv(response.T @ response / noise**2 + np.diag(trust))
     gain = covariance @ response.T / noise**2
     sums = np.eye(count) + np.eye(count, k=1) + np.eye(count, k=-1)
     own = np.asarray(covariance[:count, :count], dtype=np.float64)
-    twice = np.maximum(kicks[:, None] - kicks, 0.0)
+    twice = np.maximum(impulses[:, None] - impulses, 0.0)
     index, period = np.arange(count), round(1 / STEP)
     slow = (np.abs(index[:, None] - index) <= period // 2) / (period * step)
     doubt = np.asarray(twice @ own @ twice.T)
-    return Inverse(kicks, gain[:count], own, twice, _deviation(sums, own), doubt, _deviation(slow, own))
+    return Inverse(impulses, gain[:count], own, twice, _deviation(sums, own), doubt, _deviation(slow, own))
 
 
 @lru_cache(maxsize=16)
@@ -97,7 +98,7 @@ def mistuned(length: int, rate_hz: float, noise: float, settings: DetectorSettin
 
 @lru_cache(maxsize=16)
 def edges(length: int, rate_hz: float, noise: float, settings: DetectorSettings) -> Edges:
-    """The same inverse for kicks beside smooth motions of any size."""
+    """The same inverse for impulses beside smooth motions of any size."""
     undone = _inverse(length, rate_hz, noise, settings)
     step = STEP / settings.f_res_hz
     width = 2 * math.ceil((max(SAMPLES_WIDE / rate_hz / step, LEAST_WIDTH) - 1) / 2) + 1
@@ -112,8 +113,8 @@ def _deviation(rows: FloatArray, covariance: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.sum((rows @ covariance) * rows, axis=1)))
 
 
-def _kicked(after: FloatArray, settings: DetectorSettings) -> FloatArray:
-    """Tip acceleration -(b q' + k q)/m after a kick of 1 rad/s, which leaves q = 0, q' = -l (eq. 7)."""
+def _response(after: FloatArray, settings: DetectorSettings) -> FloatArray:
+    """Tip acceleration -(b q' + k q)/m after an impulse of 1 rad/s, which leaves q = 0, q' = -l (eq. 7)."""
     omega, zeta = 2 * math.pi * settings.f_res_hz, settings.zeta
     damped = omega * math.sqrt(1 - zeta**2)
     since = np.maximum(after, 0.0)

@@ -1,4 +1,4 @@
-"""The desk: what is stored, what is told, and in which order; on a real database."""
+"""The alarm_manager: what is stored, what is told, and in which order; on a real database."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from lostmotion.daemon.alarm import Change
-from lostmotion.daemon.desk import AlarmDesk
+from lostmotion.daemon.alarm_manager import AlarmManager
 from lostmotion.daemon.options import AlarmOptions
 from lostmotion.daemon.reader import open_readonly
 from lostmotion.daemon.records import AlarmEvent, Health, JointRow, Request, ScoreRow, Severity, Transition, Verb
@@ -29,12 +29,12 @@ def store(tmp_path: Path) -> Iterator[Store]:
 
 
 class World:
-    """A desk for the elbow, and what it has told."""
+    """A alarm_manager for the elbow, and what it has told."""
 
     def __init__(self, store: Store, utc: datetime = NOON) -> None:
         self.store = store
         self.told: list[tuple[Change, bool]] = []
-        self.desk = AlarmDesk(["elbow"], AlarmOptions(off_delay_s=0.0), store, self._tell, utc)
+        self.alarm_manager = AlarmManager(["elbow"], AlarmOptions(off_delay_s=0.0), store, self._tell, utc)
 
     def _tell(self, change: Change, again: bool) -> None:
         if isinstance(change, Transition):
@@ -44,7 +44,7 @@ class World:
 
     def events(self, again: bool = False) -> list[AlarmEvent]:
         """What has happened to alarms, for the first time or again."""
-        self.desk.tell_settled(5.0)
+        self.alarm_manager.tell_settled(5.0)
         return [change.event for change, before in self.told if isinstance(change, Transition) and before is again]
 
 
@@ -52,37 +52,37 @@ def test_an_alarm_is_in_the_database_when_it_is_told(store: Store) -> None:
     """Each transition is found by a reader at the moment at which it is told, each once, in order."""
     world = World(store)
     for second, fault in enumerate(["gone", "", "gone", "another one", ""]):
-        world.desk.look("elbow", fault, NOON + timedelta(seconds=second))
+        world.alarm_manager.look("elbow", fault, NOON + timedelta(seconds=second))
     assert world.events() == [
         AlarmEvent.RAISED, AlarmEvent.CLEARED, AlarmEvent.RAISED, AlarmEvent.CHANGED, AlarmEvent.CLEARED,
     ]  # fmt: skip
-    assert world.desk.healths == [Health.DEGRADED]  # no window has been judged
+    assert world.alarm_manager.healths == [Health.DEGRADED]  # no window has been judged
 
 
 def test_another_run_tells_the_newest_transitions_again(store: Store) -> None:
     """As told before, marked as such, then the joint's health; nothing new happens."""
     first = World(store)
-    first.desk.look("elbow", "gone", NOON)
+    first.alarm_manager.look("elbow", "gone", NOON)
     assert first.events() == [AlarmEvent.RAISED]
     before = [change for change, _ in first.told if isinstance(change, Transition)]
-    first.desk.close()
+    first.alarm_manager.close()
     wait_until(lambda: not store.waiting())
     second = World(store)
-    second.desk.look("elbow", "gone", NOON + timedelta(seconds=9))
+    second.alarm_manager.look("elbow", "gone", NOON + timedelta(seconds=9))
     assert [change for change, again in second.told if again] == before
     assert second.events() == []
     assert isinstance(second.told[-1][0], JointRow)
-    assert second.desk.healths == [Health.DEGRADED]
+    assert second.alarm_manager.healths == [Health.DEGRADED]
 
 
 def test_requests_are_taken_up_once(store: Store) -> None:
     """What another program has left in the database is done and answered at the next look, and not at the one after."""
     world = World(store)
-    world.desk.look("elbow", "gone", NOON)
+    world.alarm_manager.look("elbow", "gone", NOON)
     world.events()
     number = ask(store.path, Request(0, "elbow", Verb.ACK, by="ann"), NOON)
-    world.desk.take_requests(NOON + timedelta(seconds=1))
-    world.desk.take_requests(NOON + timedelta(seconds=2))
+    world.alarm_manager.take_requests(NOON + timedelta(seconds=1))
+    world.alarm_manager.take_requests(NOON + timedelta(seconds=2))
     assert world.events() == [AlarmEvent.RAISED, AlarmEvent.ACKNOWLEDGED]
     wait_until(lambda: not store.waiting())
     with open_readonly(store.path) as reader:
@@ -100,10 +100,10 @@ def test_the_trend_is_asked_of_the_database(store: Store) -> None:
         store.add(ScoreRow("elbow", time, 0.25, 2 + 4 * k / 800, 8.0, False))
     wait_until(lambda: not store.waiting())
     world = World(store)
-    world.desk.ask_trend(NOON)
+    world.alarm_manager.ask_trend(NOON)
     assert world.events() == [AlarmEvent.RAISED]
     (raised,) = [change for change, _ in world.told if isinstance(change, Transition)]
     assert (raised.event, raised.alarm.severity) == (AlarmEvent.RAISED, Severity.DEGRADED)
     assert "at its limit in 20 days" in raised.alarm.reason
-    world.desk.ask_trend(NOON + timedelta(minutes=59))
+    world.alarm_manager.ask_trend(NOON + timedelta(minutes=59))
     assert len(world.events()) == 1

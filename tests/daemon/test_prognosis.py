@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lostmotion.daemon.outlook import days_to_limit
+from lostmotion.daemon.prognosis import days_to_limit
 from lostmotion.daemon.reader import open_readonly
 from lostmotion.daemon.records import ScoreRow
 from lostmotion.daemon.store import Store
@@ -17,7 +17,7 @@ from lostmotion.daemon.store import Store
 START = datetime(2026, 1, 1, tzinfo=UTC)
 
 
-def outlook(folder: Path, days: float, per_day: float, count: int = 2000, since: float = math.inf) -> float:
+def prognosis_days(folder: Path, days: float, per_day: float, count: int = 2000, since: float = math.inf) -> float:
     """Days until level 8 for scores from 2 on that rise by so much a day, with noise; since: the day from which on
     there are severities [mrad] that rise alike, while the scores no longer do."""
     store, noise = Store(folder / "history.db", "arm"), np.random.default_rng(1)
@@ -34,22 +34,24 @@ def outlook(folder: Path, days: float, per_day: float, count: int = 2000, since:
 
 def test_a_steady_rise_is_drawn_on(tmp_path: Path) -> None:
     """0.04 a day from 2: level 8 after 150 days, seen from day 100: 50 left."""
-    assert outlook(tmp_path, 100, 0.04) == pytest.approx(50, abs=5)
+    assert prognosis_days(tmp_path, 100, 0.04) == pytest.approx(50, abs=5)
 
 
 def test_severities_count_where_there_are_enough(tmp_path: Path) -> None:
     """0.04 mrad a day from 2: 10 mrad after 200 days, seen from day 150 or from day 50: 50 left, although the score
     stands still; with an eighth of the rows the scores count."""
     (tmp_path / "whole").mkdir()
-    assert outlook(tmp_path / "whole", 150, 0.04, since=0) == pytest.approx(50, abs=8)
+    assert prognosis_days(tmp_path / "whole", 150, 0.04, since=0) == pytest.approx(50, abs=8)
     (tmp_path / "half").mkdir()
-    assert outlook(tmp_path / "half", 150, 0.04, since=50) == pytest.approx(50, abs=12)
+    assert prognosis_days(tmp_path / "half", 150, 0.04, since=50) == pytest.approx(50, abs=12)
     for name in ("late", "none"):
         (tmp_path / name).mkdir()
-    assert outlook(tmp_path / "late", 150, 0.04, since=130) == outlook(tmp_path / "none", 150, 0.04, since=150)
+    assert prognosis_days(tmp_path / "late", 150, 0.04, since=130) == prognosis_days(
+        tmp_path / "none", 150, 0.04, since=150
+    )
 
 
 @pytest.mark.parametrize(("days", "per_day"), [(100, 0.0), (100, -0.05), (100, 0.02), (5, 0.5)])
 def test_nothing_is_promised_where_nothing_tells(tmp_path: Path, days: float, per_day: float) -> None:
     """Level, falling, reached only after twice the time that was seen, or seen for less than a week: NaN."""
-    assert math.isnan(outlook(tmp_path, days, per_day))
+    assert math.isnan(prognosis_days(tmp_path, days, per_day))

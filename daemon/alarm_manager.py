@@ -8,13 +8,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from datetime import datetime, timedelta
 
-from lostmotion.daemon import outlook, requests
+from lostmotion.daemon import prognosis, requests
 from lostmotion.daemon.alarm import Change
 from lostmotion.daemon.options import AlarmOptions
 from lostmotion.daemon.records import AlarmState, Answer, Cause, Health, JointRow, Origin, ScoreRow, Transition
 from lostmotion.daemon.store import Store
 
-__all__ = ["AlarmDesk"]
+__all__ = ["AlarmManager"]
 
 TELL_S = 0.02
 """how long the main thread waits for the disk to take an alarm before it goes on and tells it later [s]"""
@@ -24,7 +24,7 @@ TREND = timedelta(hours=1)
 """how often a joint's trend is asked"""
 
 
-class AlarmDesk:
+class AlarmManager:
     """Health and alarms of the joints, from where an earlier run left them.
 
     tell: gets what changed, and whether an earlier run may have told it already.  An alarm is told by ``tell_settled``
@@ -95,7 +95,7 @@ class AlarmDesk:
         joint = next((joint for joint, due in self._trend_due.items() if due <= utc), None)
         if joint is not None:
             self._trend_due[joint] = utc + TREND
-            days = outlook.days_to_limit(self._reader, joint, utc, self._options.severity_warning)
+            days = prognosis.days_to_limit(self._reader, joint, utc, self._options.severity_warning)
             self._change(self._monitors[joint].trend(days, utc))
 
     def tell_settled(self, wait_s: float = TELL_S) -> None:
