@@ -6,24 +6,24 @@ from pathlib import Path
 
 import click
 
-from lostmotion.lab.commands.options import curves_option, json_option, report_option
+from lostmotion.lab.commands.options import curves_option, json_option, model_argument, report_option
+from lostmotion.lab.commands.reading import Files, recordings_argument
 
 __all__ = ["compare"]
 
 
 @click.command(short_help="How far a model is off, and where.")
-@click.argument("model")
-@click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="REC...")
+@model_argument
+@recordings_argument
 @report_option
 @curves_option
 @json_option
-def compare(model: str, recordings: tuple[Path, ...], report: Path | None, curves: Path | None, as_json: bool) -> None:
+def compare(model: str, recordings: Files, report: Path | None, curves: Path | None, as_json: bool) -> None:
     """Hold MODEL against recordings: how far it is off, where it fails, and in which equation.
 
     MODEL is a model file, or the name of a base.  No parameter is fitted; the state in which each recording begins is
     searched for.
     """
-    from lostmotion.drivers.recording import read_recording
     from lostmotion.lab.commands.told import told
     from lostmotion.lab.comparison.compare import compare as compared
     from lostmotion.lab.data.experiment import experiments
@@ -32,7 +32,7 @@ def compare(model: str, recordings: tuple[Path, ...], report: Path | None, curve
     from lostmotion.model import ModelError
 
     built = modelfile.load(model).build()
-    read = [read_recording(path) for path in recordings]
+    read = recordings.read()
     try:
         found = compared(built, experiments(built, read), recordings=read)
     except ModelError as error:

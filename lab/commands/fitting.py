@@ -18,10 +18,10 @@ from lostmotion.lab.commands.options import (
     model_argument,
     output_option,
     progress_option,
-    recordings_argument,
     report_option,
 )
 from lostmotion.lab.commands.progress import Progress, shown
+from lostmotion.lab.commands.reading import Files, recordings_argument
 
 __all__ = ["explain", "fit", "improve"]
 
@@ -36,7 +36,7 @@ __all__ = ["explain", "fit", "improve"]
 @progress_option
 @json_option
 def fit(
-    model: str, recordings: tuple[Path, ...], output: Path, executor: str | None, report: Path | None,
+    model: str, recordings: Files, output: Path, executor: str | None, report: Path | None,
     curves: Path | None, progress: str, as_json: bool,
 ) -> None:  # fmt: skip
     """Estimate MODEL's free parameters from all recordings together, with confidence intervals, into MODEL2."""
@@ -64,7 +64,7 @@ def fit(
 @progress_option
 @json_option
 def explain(
-    model: str, recordings: tuple[Path, ...], executor: str | None, report: Path | None, curves: Path | None,
+    model: str, recordings: Files, executor: str | None, report: Path | None, curves: Path | None,
     budget_s: float, effects: tuple[str, ...], progress: str, as_json: bool,
 ) -> None:  # fmt: skip
     """Say which physical effect MODEL lacks, judged on the last recording, which the fit does not see."""
@@ -93,7 +93,7 @@ def explain(
 @progress_option
 @json_option
 def improve(
-    model: str, recordings: tuple[Path, ...], output: Path, executor: str | None, report: Path | None,
+    model: str, recordings: Files, output: Path, executor: str | None, report: Path | None,
     curves: Path | None, budget_s: float, effects: tuple[str, ...], progress: str, as_json: bool,
 ) -> None:  # fmt: skip
     """Explain, add and fit until nothing significant is missing; print how the error falls; write MODEL2."""
@@ -130,10 +130,9 @@ def _beside(references: tuple[str, ...]) -> Iterator[None]:
 
 @contextmanager
 def _prepared(
-    model: str, recordings: tuple[Path, ...], executor: str | None, progress: str
+    model: str, recordings: Files, executor: str | None, progress: str
 ) -> Iterator[tuple[Any, Any, Any, Progress]]:
     """The model, the experiments, an executor and what progress is told to; input that cannot be used is refused."""
-    from lostmotion.drivers.recording import read_recording
     from lostmotion.lab.data.experiment import experiments
     from lostmotion.lab.errors import ExperimentError
     from lostmotion.lab.models import modelfile
@@ -141,7 +140,7 @@ def _prepared(
     from lostmotion.model import ModelError
 
     built = modelfile.load(model).build()
-    held = experiments(built, [read_recording(path) for path in recordings])
+    held = experiments(built, recordings.read())
     try:
         with open_executor(executor) as pool, shown(progress) as tell:
             yield built, held, pool, tell

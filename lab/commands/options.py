@@ -17,14 +17,10 @@ __all__ = [
     "model_argument",
     "output_option",
     "progress_option",
-    "recordings_argument",
     "report_option",
 ]
 
 model_argument = click.argument("model")
-recordings_argument = click.argument(
-    "recordings", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="REC..."
-)
 output_option = click.option(
     "-o", "--output", type=click.Path(path_type=Path), required=True, metavar="MODEL2", help="Model file to write."
 )

@@ -65,11 +65,12 @@ def seeded(model: Model, experiments: Sequence[Experiment]) -> Model:
     """The model with its frequency from the spectrum, where a bar is measured and its stiffness is free; with more
     from the spectra of input and output, where both were recorded."""
     known = from_spectra(model, experiments)
-    if known is not model or model.base not in ("play", "oscillator") or "k" not in free_names(model):
+    ringing = [one for one in experiments if {"accel", "displacement"} & set(one.measured)]
+    if known is not model or not ringing or "k" not in free_names(model):
         return known
     k, m = model.parameters["k"], model.parameters["m"].value
     rough = math.sqrt(k.value / m) / (2 * math.pi)
-    lines = [ringing_hz(e, rough * (1 - FREQUENCY_SHARE), rough * (1 + FREQUENCY_SHARE)) for e in experiments]
+    lines = [ringing_hz(e, rough * (1 - FREQUENCY_SHARE), rough * (1 + FREQUENCY_SHARE)) for e in ringing]
     stiffness = m * (2 * math.pi * float(np.median(lines))) ** 2
     return model.replace({"k": min(max(stiffness, k.low), k.high)})
 

@@ -17,6 +17,7 @@ from lostmotion.lab.inverse.regression import (
     Problem,
     Regression,
     by_recording,
+    can_run,
     regressed,
 )
 from lostmotion.lab.inverse.signals import Signals
@@ -25,8 +26,7 @@ from lostmotion.lab.selection.candidates import others
 from lostmotion.lab.selection.nesting import SIMPLER, wider
 from lostmotion.lab.shooting.initial_guess import AMPLITUDE, Sizes, initial_guesses
 from lostmotion.lab.shooting.parameters import free_names
-from lostmotion.lab.shooting.task import coarse_substep
-from lostmotion.model import Model, ModelError
+from lostmotion.model import Model, ModelError, build_model
 from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray
 
@@ -51,12 +51,14 @@ PERIODS = 2.0
 
 
 def softened(model: Model, data: Problem) -> Model:
-    """The model with dry friction that changes sign no more steeply than the filtered speed tells."""
-    least = UNSURE_SPEED * _rms([one.velocity for one in data.signals])
+    """The model with dry friction that changes sign as steeply as the filtered speed tells, or less where the model
+    says so: a width in rad/s is wide for a slow joint, and for an axis in m/s."""
+    told = UNSURE_SPEED * _rms([one.velocity for one in data.signals])
+    usual = build_model(model.base, model.effects).parameters
     widths = {
-        name: least
+        name: told
         for name, parameter in model.parameters.items()
-        if name.endswith(".omega_0") and parameter.fixed and parameter.value < least
+        if name.endswith(".omega_0") and parameter.fixed and (parameter.value < told or parameter == usual[name])
     }
     return model.replace(widths)
 
@@ -108,7 +110,7 @@ def fitted_with(name: str, wide: Model, now: Regression) -> Regression | None:
     the effect would not be what its name says."""
     if not isinstance(now.data, OutputError):
         found = _fitted_from_guesses(name, softened(wide, now.data), now, STARTS, MOST_STEPS)
-        return found if found and _can_run(found) else None
+        return found if found and can_run(found.model, now.data.signals) else None
     fits = [_fitted_from_guesses(name, wide, now, 1, SHORT)]
     if _is_static(wide):
         fits.append(_fitted_from_acceleration(name, wide, now))
@@ -139,15 +141,6 @@ def _fitted_from_acceleration(name: str, wide: Model, now: Regression) -> Regres
     start = _with_values(wide, found.model)
     fit = _tried(start, now.data.suited([start]), now.data.nuisance, SHORT)
     return fit if fit and get_effect(name).is_apt(_own(fit.model, name)) else None
-
-
-def _can_run(fit: Regression) -> bool:
-    """Whether the model can be simulated: of an inertia that friction makes superfluous, nothing is left."""
-    try:
-        coarse_substep(fit.model, [one.experiment for one in fit.data.signals])
-    except ModelError:
-        return False
-    return True
 
 
 def _is_static(model: Model) -> bool:

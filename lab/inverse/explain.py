@@ -13,6 +13,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
 
@@ -26,13 +27,13 @@ from lostmotion.lab.design.next_experiment import what_to_record
 from lostmotion.lab.discrepancy.shape import shapes
 from lostmotion.lab.fitting.identifiability import is_driven, with_scale
 from lostmotion.lab.inverse.output_error import initial_state
-from lostmotion.lab.inverse.regression import Data, Regression, blocks_of, by_recording
+from lostmotion.lab.inverse.regression import Data, Regression, blocks_of, by_recording, can_run
 from lostmotion.lab.inverse.selection import LIMIT, Method, Selection, Step, amplitudes, error_on, selected
 from lostmotion.lab.inverse.signals import COLUMNS, Signals
 from lostmotion.lab.inverse.torques import can_invert
 from lostmotion.lab.results import Curve, Errors, Estimate, Explanation, Finding, Fit, Ranked, Verdict
 from lostmotion.lab.shooting.task import Task, coarse_substep
-from lostmotion.model import Model, build_model
+from lostmotion.model import Model, ModelError, build_model
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["explained", "method_of"]
@@ -149,11 +150,14 @@ def _ranking(selection: Selection, unseen: Signals, before: float) -> tuple[Rank
 
 
 def _advice(selection: Selection, train: Sequence[Experiment], noise: dict[str, float], pool: Executor) -> str:
-    """What to record to tell apart the first effects that these recordings confuse."""
+    """What to record to tell apart the first effects that these recordings confuse; nothing where their motion cannot
+    be simulated."""
     for step in selection.steps:
         if step.confusable and step.judged[0].effect in selection.added:
             alike = [one.fit.model for one in step.judged if one.effect in (step.judged[0].effect, *step.confusable)]
-            return what_to_record(alike, Task.of(alike[0], train, noise), pool)
+            with suppress(ModelError):
+                return what_to_record(alike, Task.of(alike[0], train, noise), pool)
+            break
     return ""
 
 
@@ -193,7 +197,8 @@ def _fit(fit: Regression, rough: Model, noise: dict[str, float], column: str) ->
     block = blocks_of(fit)
     covariance = fit.covariance(block)
     deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-100))
-    model = _sharp(fit.model, rough)
+    sharp = _sharp(fit.model, rough)
+    model = sharp if can_run(sharp, fit.data.signals) else fit.model
     experiments, starts = zip(*_simulated(fit), strict=True)
     substep = coarse_substep(model, experiments, 1.0)
     return Fit(

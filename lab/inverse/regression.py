@@ -15,10 +15,11 @@ from scipy.optimize import least_squares
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import acceleration, inertia_of, needed
 from lostmotion.lab.shooting.parameters import Unknowns
+from lostmotion.lab.shooting.task import coarse_substep
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Data", "EquationError", "Problem", "Regression", "blocks_of", "by_recording", "regressed"]
+__all__ = ["Data", "EquationError", "Problem", "Regression", "blocks_of", "by_recording", "can_run", "regressed"]
 
 PRIOR = 0.1
 """Weight of a change of the base's parameters by a factor e, in units of one sample that is off by the usual motion.
@@ -328,7 +329,19 @@ def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, s
         return Regression(model, data, unknowns, z, data.residual(model, z), np.empty((size, 0)), z)
     once = fitted(*_prior(unknowns, data.centre))
     untold = _untold(once) if data.centre is None else np.zeros(count, dtype=bool)
-    return fitted(np.asarray(untold * once.rms / usual), z[:count]) if untold.any() else once
+    if not untold.any():
+        return once
+    near = np.maximum(z[:count], _unnoticed(once))
+    return fitted(np.asarray(untold * once.rms / usual), np.where(untold, near, z[:count]))
+
+
+def can_run(model: Model, signals: Sequence[Signals]) -> bool:
+    """Whether the motion can be simulated: of an inertia that friction makes superfluous, nothing is left."""
+    try:
+        coarse_substep(model, [one.experiment for one in signals])
+    except ModelError:
+        return False
+    return True
 
 
 def _jacobian(
@@ -368,6 +381,14 @@ def _untold(fit: Regression) -> NDArray[np.bool_]:
     noticed = np.linalg.norm(fit.jacobian[:, : fit.count], axis=0) > fit.rms
     own = [item.logarithmic and "." not in item.name for item in fit.unknowns.items]
     return np.asarray(np.array(own, dtype=bool) & ~noticed)
+
+
+def _unnoticed(fit: Regression) -> FloatArray:
+    """The largest values (P,) of positive parameters of the base that the samples do not notice; see ``_untold``.  The
+    torque is proportional to an inertia.  Smaller ones explain the samples as well, but a joint whose friction is large
+    for its inertia is slow to simulate."""
+    noticed = np.maximum(np.linalg.norm(fit.jacobian[:, : fit.count], axis=0), 1e-300)
+    return np.asarray(fit.z + np.log(max(fit.rms, 1e-300) / noticed))
 
 
 def _scaled(unknowns: Unknowns, model: Model, data: Problem) -> Unknowns:

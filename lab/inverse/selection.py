@@ -17,6 +17,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from enum import Enum
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -137,8 +138,9 @@ def selected(
             break
         best = step.judged[0]
         now = _with(best, now, method)
-        added = [effect for effect in added if effect in now.model.effects] + [best.effect]
-        fits.append(now)
+        still = [effect in now.model.effects for effect in added]  # a wider effect takes the place of a simpler one
+        fits = [fits[0], *compress(fits[1:], still), now]
+        added = [*compress(added, still), best.effect]
         if time.monotonic() > until:
             complete = False
             break

@@ -25,6 +25,10 @@ MOTION = 0.9
 """Share of the power of the speed that lies within the band: below, a swing has nothing but noise too."""
 FASTEST = 0.2
 """Of the rate: the highest end of a band, where the second derivative of the spline is still right to 1 %."""
+WHOLE = 2.0
+"""Times the end of the band, that of the filter which smooths the motion: it leaves 99.6 % of what lies at the end of
+the band.  Dry friction needs the speed itself; with a filter that ends with the band, a fast sine near its end made a
+damper's 50 N of friction 23 N."""
 SPLINE = 5
 """Degree of the spline that is differentiated.  Central differences are 3 % too small at a twentieth of the rate."""
 SLOWEST = 4.0
@@ -73,12 +77,13 @@ class Signals:
         drive = experiment.drive if is_force else None
         torque = np.asarray(drive.position(np.clip(time, at[0], at[-1]))) if drive else np.zeros_like(time)
         band, density = _band(position, 1 / step)
-        smooth = _lowpass(position, band * step)
+        whole = min(WHOLE * band, FASTEST / step)
+        smooth = _lowpass(position, whole * step)
         spline = make_interp_spline(time, smooth, k=SPLINE)
         velocity, acceleration = (np.asarray(spline.derivative(order)(time)) for order in (1, 2))
         noise = _torque_noise(torque, 1 / step, band)
         return cls(
-            experiment, time, smooth, velocity, acceleration, _lowpass(torque, band * step), band, density, noise,
+            experiment, time, smooth, velocity, acceleration, _lowpass(torque, whole * step), band, density, noise,
             column,
         )  # fmt: skip
 

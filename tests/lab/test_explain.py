@@ -18,7 +18,7 @@ from lostmotion.lab.fitting.strategy import full_fit
 from lostmotion.lab.selection.step import Step
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import build_model
-from tests.lab.gears import GEARS, gears
+from tests.lab.gears import GEARS, LEAD, gears, moved
 
 J, TAU_G = 4e-4, 2.5e-3
 NOISE, RATE_HZ, LENGTH = 3e-4, 400.0, 2.0
@@ -102,3 +102,25 @@ def test_a_hum_is_no_second_mode(hidden: str) -> None:
     base, level = full_fit(model, task), full_fit(with_mode, task)
     assert level.rms < 0.7 * base.rms
     assert is_insignificant(level, task) == (hidden == "hum")
+
+
+@pytest.mark.slow
+def test_gears_with_an_encoder_on_either_side() -> None:
+    """Without an accelerometer the angles before and behind the gear tell the play and what is missing; the bar, of
+    which nothing was recorded, is not told."""
+    runs = [moved(seed, **{"coulomb_friction.tau_c": 2e-4}) for seed in (51, 52)]
+    recordings = [
+        Recording(
+            run.time, {"command": run.command.at(run.time + LEAD), "position": run.states[:, 0] + 2e-4 * run.noise}
+        )
+        for run in runs
+    ]
+    model = build_model("play", values={"d": 6e-5})
+    with ThreadPoolExecutor(2) as pool:
+        found = explain(model, experiments(model, recordings), pool)
+    assert found.missing == ("coulomb_friction",)
+    estimates = {e.name: e for e in found.best.estimates}
+    for name, true in (("coulomb_friction.tau_c", 2e-4), ("d", GEARS["d"])):
+        assert estimates[name].low < true < estimates[name].high
+        assert estimates[name].value == pytest.approx(true, rel=0.05)
+    assert [e.name for e in found.best.estimates if not e.told] == ["l", "b", "k", "bias"]

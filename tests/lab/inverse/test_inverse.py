@@ -16,6 +16,7 @@ from lostmotion.daemon.cli import cli
 from lostmotion.drivers.recording import Recording, write_recording
 from lostmotion.lab.data.experiment import Experiment, experiments
 from lostmotion.lab.fitting.identifiability import with_scale
+from lostmotion.lab.inverse.candidates import softened
 from lostmotion.lab.inverse.explain import method_of
 from lostmotion.lab.inverse.regression import Data, blocks_of, regressed
 from lostmotion.lab.inverse.selection import selected
@@ -85,24 +86,23 @@ def test_friction_is_found_in_a_closed_loop() -> None:
 
 
 @pytest.mark.slow
-def test_the_interval_of_the_inertia_holds_the_truth() -> None:
-    """95 % intervals of the inertia hold the truth in at least 21 of 24 cases, and 50 % ones in fewer than 21; friction
-    is within 12 % of the truth.  Its own intervals are too narrow by a factor of two: sticking is faster than the
-    filter."""
+def test_intervals_hold_the_truth() -> None:
+    """Of inertia, viscous and Coulomb friction 95 % intervals hold the truth in 65 to 71 of 72 cases and 50 % ones in
+    24 to 48: neither half nor twice as wide.  Friction is right to 1 % in the mean."""
+    truth = {"J": INERTIA, "viscous_friction.b_v": VISCOUS, "coulomb_friction.tau_c": COULOMB}
     model = build_model("joint", ["viscous_friction", "coulomb_friction"])
-    truth = {"viscous_friction.b_v": VISCOUS, "coulomb_friction.tau_c": COULOMB}
-    held, narrow = 0, 0
+    off, sizes = [], []
     for seed in range(100, 124):
         (one,) = experiments(model, [robot(seed)])
-        signals = Signals.of(one)
-        fit = regressed(model, Data((signals,), (signals.torque,)))
-        at = fit.unknowns.names.index("J")
-        off = abs(fit.z[at] - math.log(INERTIA)) / math.sqrt(fit.covariance(blocks_of(fit))[at, at])
-        held, narrow = held + (off < 2.1), narrow + (off < 0.7)
-        for name, value in truth.items():
-            assert fit.model.parameters[name].value == pytest.approx(value, rel=0.12)
-    assert held >= 21
-    assert narrow < 21
+        data = Data.of([Signals.of(one)], model)
+        fit = regressed(softened(model, data), data)
+        deviations = dict(zip(fit.unknowns.names, fit.deviations(blocks_of(fit)), strict=True))
+        values = {name: fit.model.parameters[name].value for name in truth}
+        off += [abs(values[name] - true) / deviations[name] for name, true in truth.items()]
+        sizes.append([values[name] / true for name, true in truth.items()])
+    assert 65 <= sum(one < 2.1 for one in off) <= 71
+    assert 24 <= sum(one < 0.7 for one in off) <= 48
+    assert np.mean(sizes, axis=0) == pytest.approx(1.0, abs=0.01)
 
 
 @pytest.mark.slow
@@ -168,7 +168,7 @@ def test_the_answer_has_its_keys(tmp_path: Path) -> None:
     assert error["unit"] == "N m"
     assert answer["columns"]["torque"] == error
     assert sum(answer["share"].values()) == pytest.approx(1 - (error["after"] / error["before"]) ** 2)
-    assert error["noise"] < 0.5 * error["after"], "the disturbances are no noise of the sensors"
+    assert error["noise"] < 0.7 * error["after"], "the disturbances are no noise of the sensors"
     assert answer["complete"] is False
     assert answer["residual"]["acts_on"] == "joint"
 
@@ -273,3 +273,27 @@ def test_an_effect_of_ones_own_is_tried_beside_the_catalogue(tmp_path: Path) -> 
     )
     assert "detent" in [one["effect"] for one in answer["ranking"]]
     assert "detent" not in answer["missing"]
+
+
+def test_a_damper_whose_displacement_is_given(tmp_path: Path) -> None:
+    """Force and displacement of a damper on a shaking table, under other names: viscous and Coulomb friction are
+    named through the command line with their sizes, although the motion tells no inertia."""
+    rng = np.random.default_rng(6)
+    time = np.arange(0, 20, 0.01)
+    stroke, speed = np.zeros(time.size), np.zeros(time.size)
+    for size, w, phase in zip((0.008, 0.004, 0.003), 2 * np.pi * np.array([0.5, 1.3, 2.9]), (0, 1, 2), strict=True):
+        stroke, speed = stroke + size * np.sin(w * time + phase), speed + size * w * np.cos(w * time + phase)
+    force = 1400 * speed + 50 * np.tanh(speed / 1e-3) - 130 + rng.normal(0, 2.0, time.size)
+    measured = 1e3 * stroke + rng.normal(0, 0.02, time.size)
+    np.savetxt(tmp_path / "damper.csv", np.column_stack([time, measured, force]), delimiter=",",
+               header="time,stroke,load", comments="")  # fmt: skip
+    (tmp_path / "axis.toml").write_text('base = "joint"\n')
+    files = [str(tmp_path / name) for name in ("axis.toml", "damper.csv")]
+    said = ["--map", "position=stroke:mm", "--map", "torque=load:N", "--json"]
+    result = CliRunner().invoke(cli, ["lab", "explain", *files, *said])
+    assert result.exit_code == 0, result.stderr
+    found = json.loads(result.stdout)
+    assert set(found["missing"]) == {"viscous_friction", "coulomb_friction"}
+    values = found["parameters"]
+    assert values["viscous_friction.b_v"][0] == pytest.approx(1400, rel=0.05)
+    assert values["coulomb_friction.tau_c"][0] == pytest.approx(50, rel=0.1)
