@@ -24,9 +24,8 @@ from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.codec import recording_csv
 from lostmotion.drivers.codec.recording_csv import toml_value
 from lostmotion.drivers.errors import RecordingError
-from lostmotion.drivers.formats.choice import split_address
+from lostmotion.drivers.formats.choice import parse_map, split_address
 from lostmotion.drivers.formats.registry import is_foreign
-from lostmotion.drivers.formats.source import Term
 from lostmotion.drivers.pacing import as_utc
 from lostmotion.drivers.ticks import evened
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
@@ -113,17 +112,17 @@ class Recording:
         return {name: self.unit(name) for name in self.columns if self.unit(name) != COLUMN_UNITS[name]}
 
 
-def read_recording(path: str | Path, joint: str = "", terms: Mapping[str, Term] | None = None) -> Recording:
+def read_recording(path: str | Path, joint: str = "", said: Sequence[str] = ()) -> Recording:
     """Reads a recording and converts the units that its metadata name to SI.
 
     A file of another program is read as well (``formats/``); what was taken for what is logged as a warning, and
     ``FILE#joint=elbow,position=SERIES:deg`` says it.  joint: which one of such a file is meant, if it has one of that
-    name; terms: which series is which column, where the address says nothing of it.  A last line that was cut off (a
+    name; said: ``position=SERIES:deg`` for columns of which the address says nothing.  A last line that was cut off (a
     recorder was killed) is left out and counted in ``truncated``.  Raises RecordingError, one line: the file, the line,
     what was found and expected, and the likely cause.
     """
     path, choice = split_address(Path(path))
-    choice = replace(choice, terms={**(terms or {}), **choice.terms})
+    choice = replace(choice, terms={**parse_map(said), **choice.terms})
     if not choice and not is_foreign(path):
         recording = _read_own(path)
     else:

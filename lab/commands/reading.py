@@ -26,11 +26,9 @@ class Files:
 
     def read(self) -> list[Recording]:
         """All of them.  Raises RecordingError."""
-        from lostmotion.drivers.formats.choice import parse_map
         from lostmotion.drivers.recording import read_recording
 
-        said = parse_map(self.terms)
-        return [read_recording(path, self.joint, said) for path in self.paths]
+        return [read_recording(path, self.joint, self.terms) for path in self.paths]
 
 
 def recordings_argument(command: Callable[..., None]) -> Callable[..., None]:
