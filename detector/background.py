@@ -14,6 +14,7 @@ import numpy as np
 
 from lostmotion.detector import ringdown
 from lostmotion.detector.errors import DetectorError
+from lostmotion.detector.middle import middle
 from lostmotion.detector.whitening import MOST_ORDER, Noise, levinson, rounded, spectrum, whitener
 from lostmotion.detector.window import DetectorSettings, FloatArray
 
@@ -178,7 +179,7 @@ def _white(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -> N
     """As if all that is left beside slow motion were white, in the middle one of the windows."""
     slow = ringdown.bank(windows.shape[1], rate_hz, settings).slow
     energy = np.sum((windows - (windows @ slow) @ slow.T) ** 2, axis=1)
-    return Noise(math.sqrt(float(np.median(energy)) / (windows.shape[1] - slow.shape[1])), ())
+    return Noise(math.sqrt(middle(energy) / (windows.shape[1] - slow.shape[1])), ())
 
 
 def _loudness(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -> FloatArray:
@@ -186,7 +187,7 @@ def _loudness(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -
     bank = ringdown.bank(windows.shape[1], rate_hz, settings)
     left = windows - (windows @ bank.slow) @ bank.slow.T
     total = np.sum(left**2, axis=1)
-    energy = np.add.reduceat(((left @ bank.rings) @ bank.mixes) ** 2, bank.begins, axis=1).max(axis=1)
+    energy = ringdown.explained(left, bank).max(axis=1)
     return np.asarray(energy / np.maximum(total - energy, ringdown.DUST * total + np.finfo(float).tiny))
 
 
@@ -271,8 +272,7 @@ def _rings(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
     """Of each window: ln of the likelihood's gain by rings, probability of one, what the likeliest one leaves; basis of
     all these rings, weighted by the root of the probability, (R, N); the variance of their amplitudes."""
-    amplitudes = (white @ bank.rings) @ bank.mixes
-    energy = np.add.reduceat(amplitudes**2, bank.begins, axis=1)
+    energy = ringdown.explained(white, bank)
     ends = np.append(bank.begins[1:], bank.mixes.shape[1])
     sizes = ends - bank.begins
     # Normal amplitudes of variance S² cost ln(1 + S²)/2 each, and what is explained counts for S² / (1 + S²) of it.
@@ -286,14 +286,15 @@ def _rings(
     ring = np.exp(log_ring - gain)
     odds *= (ring / odds.sum(axis=1))[:, None]
     power = float(np.sum(odds * energy)) / max(float(np.sum(odds @ sizes)) * model.noise.deviation**2, 1e-300) - 1
-    left, bases = white.copy(), [np.zeros((0, white.shape[1]))]
-    best = evidence.argmax(axis=1)
-    for i in np.flatnonzero(ring > LEAST_RINGING):
+    best, picked = evidence.argmax(axis=1), np.flatnonzero(ring > LEAST_RINGING)
+    left, bases, done = white.copy(), np.empty((int(sizes[best[picked]].sum()), white.shape[1])), 0
+    for i in picked:
         own = slice(bank.begins[best[i]], ends[best[i]])
         basis = (bank.rings @ bank.mixes[:, own]).T
-        left[i] -= amplitudes[i, own] @ basis
-        bases.append(math.sqrt(ring[i]) * basis)
-    return gain, ring, left, np.vstack(bases), max(power, LEAST_POWER)
+        left[i] -= (basis @ white[i]) @ basis
+        bases[done : done + len(basis)] = math.sqrt(ring[i]) * basis
+        done += len(basis)
+    return gain, ring, left, bases, max(power, LEAST_POWER)
 
 
 def _share_above(score: float, windows: FloatArray, rate_hz: float, settings: DetectorSettings, fit: _Fit) -> float:

@@ -178,22 +178,37 @@ def _told(windows: FloatArray, rate_hz: float, settings: DetectorSettings, bank:
 def _is_alone(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -> Generator[None, None, bool]:
     """Whether the ring begins anew within the windows, and no steady line elsewhere adds to it."""
     length = windows.shape[1]
-    bank = ringdown.build(length, rate_hz, settings)
-    whole = float(_told(windows, rate_hz, settings, bank).sum())
-    before = replace(bank, mixes=bank.mixes[:, : bank.begins[1]], begins=bank.begins[:1],
-                     prior=bank.prior[:1] + math.log(bank.starts.size))  # fmt: skip
-    if whole - float(_told(windows, rate_hz, settings, before).sum()) < NEW * whole:
+    whole, new = _new(windows, rate_hz, settings)
+    if new < NEW * whole:
         return False
     yield
     apart = APART * rate_hz / length
     tried = settings.f_res_hz * (1 + np.arange(-1.5 * REACH, 1.5 * REACH, 2 * COARSE))
     for line in tried[(np.abs(tried - settings.f_res_hz) > apart) & (tried < rate_hz / 2)]:
-        with_line = ringdown.build(length, rate_hz, settings, line_hz=float(line))
-        gain = _told(windows, rate_hz, settings, with_line).sum() + _line(windows, bank.slow, with_line.slow)
-        if gain - whole > FOREIGN * whole:
+        if _beside(windows, rate_hz, settings, float(line)) - whole > FOREIGN * whole:
             return False
         yield
     return True
+
+
+def _new(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -> tuple[float, float]:
+    """The log-likelihood of all windows, and what rings that begin within them contribute to it.
+
+    Its bank goes with the function: a megabyte that each joint that learns would hold.
+    """
+    bank = ringdown.build(windows.shape[1], rate_hz, settings)
+    whole = float(_told(windows, rate_hz, settings, bank).sum())
+    before = replace(bank, mixes=bank.mixes[:, : bank.begins[1]], begins=bank.begins[:1],
+                     prior=bank.prior[:1] + math.log(bank.starts.size))  # fmt: skip
+    return whole, whole - float(_told(windows, rate_hz, settings, before).sum())
+
+
+def _beside(windows: FloatArray, rate_hz: float, settings: DetectorSettings, line_hz: float) -> float:
+    """The log-likelihood of all windows where a steady line sounds beside the rings."""
+    length = windows.shape[1]
+    bank = ringdown.build(length, rate_hz, settings, line_hz=line_hz)
+    slow = ringdown.slow_basis(length, rate_hz, settings)
+    return float(_told(windows, rate_hz, settings, bank).sum()) + _line(windows, slow, bank.slow)
 
 
 def _line(windows: FloatArray, slow: FloatArray, with_line: FloatArray) -> float:

@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.detector.errors import DetectorError
+from lostmotion.detector.middle import middle
 from lostmotion.detector.whitening import whiten
 from lostmotion.detector.window import DetectorSettings, FloatArray
 
-__all__ = ["Bank", "bank", "build", "filled", "leftover", "ring", "scores", "slow_basis", "slow_motion",
+__all__ = ["Bank", "bank", "build", "explained", "filled", "leftover", "ring", "scores", "slow_basis", "slow_motion",
            "validate"]  # fmt: skip
 
 SLOW_HZ, SLOW_SHARE = 16.0, 0.3
@@ -36,6 +37,8 @@ LEAST_SAMPLES, LEAST_CYCLES = 16, 3
 FILLS = 8
 """Rounds in which missing samples are drawn from what the others say."""
 CHUNK = 2048
+TOGETHER = 32
+"""Windows whose products with a bank are formed at once: those of a hundred take three megabytes for a moment."""
 DUST = 1e-12
 """Share of the window's power below which what is left of it is rounding."""
 
@@ -87,13 +90,23 @@ def _scores(windows: FloatArray, chosen: Bank, settings: DetectorSettings) -> Fl
     trust = 0.0 if settings.noise_ms2 is None else TRUST
     whole = np.where(silent, 1.0, total) + trust * (settings.noise_ms2 or 0.0) ** 2
     freedom = white.shape[1] - chosen.slow.shape[1] + trust
-    explained = np.add.reduceat(((white @ chosen.rings) @ chosen.mixes) ** 2, chosen.begins, axis=1)
-    share = np.minimum(explained / whole[:, None], 1 - DUST)
+    share = np.minimum(explained(white, chosen) / whole[:, None], 1 - DUST)
     evidence = -freedom / 2 * np.log1p(-share) + chosen.prior
     top = np.maximum(evidence.max(axis=1), 0.0)
     # ln(1 + sum exp): the 1 is "only noise".
     likelihood = top + np.log(np.exp(-top) + np.sum(np.exp(evidence - top[:, None]), axis=1))
     return np.where(silent, np.nan, np.sqrt(freedom * np.expm1(2 * likelihood / freedom)))
+
+
+def explained(white: FloatArray, chosen: Bank) -> FloatArray:
+    """The energy of whitened windows, shape (M, N), that each hypothesis of a bank explains, shape (M, H)."""
+    energy = np.empty((len(white), chosen.begins.size))
+    pairs = white @ chosen.rings
+    for i in range(0, len(white), TOGETHER):
+        amplitudes = pairs[i : i + TOGETHER] @ chosen.mixes
+        np.square(amplitudes, out=amplitudes)
+        np.add.reduceat(amplitudes, chosen.begins, axis=1, out=energy[i : i + TOGETHER])
+    return energy
 
 
 def leftover(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -> float:
@@ -102,8 +115,8 @@ def leftover(windows: FloatArray, rate_hz: float, settings: DetectorSettings) ->
     chosen = bank(windows.shape[1], rate_hz, settings)
     white = whiten(windows, settings.noise_colour)
     white -= (white @ chosen.slow) @ chosen.slow.T
-    explained = np.add.reduceat(((white @ chosen.rings) @ chosen.mixes) ** 2, chosen.begins, axis=1).max(axis=1)
-    return float(np.median((np.sum(white**2, axis=1) - explained) / windows.shape[1]))
+    left = np.sum(white**2, axis=1) - explained(white, chosen).max(axis=1)
+    return middle(left / windows.shape[1])
 
 
 def filled(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> FloatArray:
@@ -202,25 +215,31 @@ def slow_motion(length: int, rate_hz: float, settings: DetectorSettings) -> Floa
 def _hypotheses(gram: FloatArray) -> tuple[FloatArray, NDArray[np.intp], FloatArray]:
     """mixes, begins and prior of a Bank from the products (2 K, 2 K) of its rings."""
     size = gram.shape[0]
-    starts = range(size // 2)
-    families: list[list[tuple[int, ...]]] = [
-        [(k,) for k in starts],
-        [(0, k) for k in starts[1:]],
-        [(0, *later) for later in combinations(starts[1:], 2)],
-    ]
-    columns, sizes, prior = [], [], []
-    for family in families:
-        members = np.array(family)
-        chosen = (2 * members[:, :, None] + (0, 1)).reshape(len(family), -1)
+    coordinates, sizes, prior = [], [], []
+    for chosen in _families(size // 2):
         power, directions = np.linalg.eigh(gram[chosen[:, :, None], chosen[:, None, :]])
         told = power > LEAST_NEW
-        mix = np.zeros((len(family), size, chosen.shape[1]))
-        mix[np.arange(len(family))[:, None], chosen] = directions / np.sqrt(np.maximum(power, LEAST_NEW))[:, None, :]
-        columns.append(mix.transpose(1, 0, 2)[:, told])
+        which, mode = np.nonzero(told)
+        coordinates.append((chosen[which], directions[which, :, mode] / np.sqrt(power[told])[:, None]))
         sizes.append(told.sum(axis=1))
-        prior.append(-PENALTY * sizes[-1] - math.log(len(family)))
+        prior.append(-PENALTY * sizes[-1] - math.log(len(chosen)))
     ends = np.cumsum(np.concatenate(sizes))
-    return np.hstack(columns), np.concatenate([[0], ends[:-1]]), np.concatenate(prior)
+    mixes, done = np.zeros((size, int(ends[-1]))), 0
+    for rows, values in coordinates:
+        mixes[rows.T, np.arange(done, done + len(rows))] = values.T
+        done += len(rows)
+    return mixes, np.concatenate([[0], ends[:-1]]), np.concatenate(prior)
+
+
+@lru_cache(maxsize=16)
+def _families(starts: int) -> tuple[NDArray[np.intp], ...]:
+    """The rings of each hypothesis, shape (hypotheses, rings), alike ones together: a start, the begin and a start, the
+    begin and two."""
+    later = range(1, starts)
+    families = [(k,) for k in range(starts)], [(0, k) for k in later], [(0, *two) for two in combinations(later, 2)]
+    return tuple(
+        (2 * np.array(family, dtype=np.intp)[:, :, None] + (0, 1)).reshape(len(family), -1) for family in families
+    )
 
 
 def _orthonormal(columns: FloatArray, least: float) -> FloatArray:

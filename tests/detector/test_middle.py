@@ -1,0 +1,43 @@
+"""The median as NumPy tells it, without what NumPy imports for it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from lostmotion.detector.middle import middle
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 8, 247])
+def test_it_is_numpys_median(count: int) -> None:
+    """Of odd and even numbers of values, also where some are infinite; NaN where one is."""
+    values = np.random.default_rng(count).normal(size=count)
+    assert middle(values) == np.median(values)
+    values[0] = np.inf
+    assert middle(values) == np.median(values)
+    values[0] = np.nan
+    assert np.isnan(middle(values))
+
+
+def test_learning_imports_no_masked_arrays() -> None:
+    """Noise, bar and severity are learnt without ``numpy.ma``."""
+    program = """if True:
+        import sys
+        import numpy as np
+        from lostmotion.detector.learner import Learner
+        from lostmotion.detector.severity import severity
+        from lostmotion.detector.window import DetectorSettings, Window
+        settings, random = DetectorSettings(f_res_hz=58.0), np.random.default_rng(1)
+        learner = Learner(settings, 1000.0, 250)
+        for accel in random.normal(size=(50, 250)):
+            learner.hear(accel)
+        learner.finish()
+        assert learner.background is not None
+        time = np.arange(450) / 1000
+        assert severity(Window("j", 0.0, 0.45, time, random.normal(size=450), 1000.0), (), (), 9.0, settings).high > 0
+        sys.exit("numpy.ma" in sys.modules)
+    """
+    assert subprocess.run([sys.executable, "-c", program], timeout=60, check=False).returncode == 0
