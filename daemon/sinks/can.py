@@ -39,6 +39,9 @@ SEND_S = 0.5
 CLOSE_S = 2.0
 WAITING = 256
 """frames that wait at most; more are replaced by one telling of what stands"""
+REST_S = 0.2
+"""after states it rests so long before the next ones, of all joints together [s]: each wait costs more than what is
+sent; alarms are told at once"""
 IN_KERNEL = "socketcan"
 LISTEN_S = 0.1
 """how long an interface without a file descriptor is listened to before what has come up is sent [s]"""
@@ -58,6 +61,7 @@ class CanSink:
         self._services = Node(self._node, options.node_id, options.heartbeat_s)
         self._waiting: deque[Frame] = deque()
         self._changed: dict[str, None] = {}
+        self._rests, self._rest_ends = False, 0.0
         self._lock = threading.Lock()
         self._wakeup = Wakeup()
         self._closing = threading.Event()
@@ -107,7 +111,7 @@ class CanSink:
         with self._lock:
             self._services.state = OPERATIONAL
             self._waiting = deque([self._node.heartbeat(BOOT_UP), *self._node.everything()])
-            self._changed = dict.fromkeys(self._node.states())
+            self._changed, self._rests = dict.fromkeys(self._node.states()), False
         self._send_waiting(bus)
         self._say("")
 
@@ -117,7 +121,8 @@ class CanSink:
             if time.monotonic() >= beat:
                 beat = time.monotonic() + self._options.heartbeat_s
                 _send(bus, self._node.heartbeat(self._services.state))
-            self._listen(bus, max(beat - time.monotonic(), 0.0))
+            until = min(beat, self._rest_ends) if self._rests else beat
+            self._listen(bus, max(until - time.monotonic(), 0.0))
             self._send_waiting(bus)
 
     def _listen(self, bus: can.BusABC, seconds: float) -> None:
@@ -161,16 +166,22 @@ class CanSink:
                 self._waiting.clear()
             if self._waiting:
                 return [self._waiting.popleft()]
+            now = time.monotonic()
+            if self._rests and now < self._rest_ends:
+                return []
+            self._rests = False
             if self._services.state != OPERATIONAL:
                 return []
             frames = [frame for joint in self._changed for frame in self._node.state(joint)]
             self._changed = {}
+            self._rests, self._rest_ends = bool(frames), now + REST_S
             return frames
 
     def _has_changed(self, joint: str) -> None:
         """Only the newest state of a joint waits, so that many scores are no flood."""
         self._changed[joint] = None
-        self._wakeup.wake()
+        if not self._rests:
+            self._wakeup.wake()
 
     def _say(self, problem: str) -> None:
         """Logs when the bus begins to fail and when it works again, not every time: one on which nobody answers opens

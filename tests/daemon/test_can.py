@@ -121,6 +121,31 @@ def test_canopen_receives_the_states(request: pytest.FixtureRequest) -> None:
     network.disconnect()
 
 
+def test_states_rest_and_alarms_do_not(request: pytest.FixtureRequest) -> None:
+    """Of a hundred scores in one second states are sent five times a second at most, the last ones the newest; an alarm
+    amid a rest is told at once, before them."""
+    with (
+        can.Bus(request.node.name, interface="virtual") as bus,
+        closing(CanSink(JOINTS, options(request.node.name))) as sink,
+    ):
+        sink.score(SCORE)
+        wait_until(lambda: (message := bus.recv(0.1)) is not None and message.arbitration_id == 0x1A1)
+        start = time.monotonic()
+        for k in range(100):
+            sink.score(msgspec.structs.replace(SCORE, severity=1e-5 * k))
+            time.sleep(max(start + 0.01 * k - time.monotonic(), 0.0))
+        sink.alarm(WARNING)
+        states, codes, end = [], [], time.monotonic() + 2 * sinking.REST_S
+        while time.monotonic() < end:
+            if (message := bus.recv(0.1)) is not None and message.arbitration_id == 0x1A1:
+                states.append(bytes(message.data))
+            elif message is not None and message.arbitration_id == 0xA1:
+                codes.append(len(states))
+    assert codes == [len(states) - 1]
+    assert 2 <= len(states) <= 2 + (end - start) / sinking.REST_S
+    assert states[-1] == struct.pack("<BBHH", 1, 0, round(math.degrees(9.9e-4) * 600), 34)
+
+
 def test_a_cleared_error_leaves_the_others_standing() -> None:
     """Error reset with a register that still shows an error, then the others again; the last clears the register."""
     node = EmcyNode(0x21, JOINTS)
