@@ -224,11 +224,11 @@ def _hypotheses(gram: FloatArray) -> tuple[FloatArray, NDArray[np.intp], FloatAr
         sizes.append(told.sum(axis=1))
         prior.append(-PENALTY * sizes[-1] - math.log(len(chosen)))
     ends = np.cumsum(np.concatenate(sizes))
-    mixes, done = np.zeros((size, int(ends[-1]))), 0
+    mixes, done = np.zeros((int(ends[-1]), size)), 0
     for rows, values in coordinates:
-        mixes[rows.T, np.arange(done, done + len(rows))] = values.T
+        mixes[np.arange(done, done + len(rows))[:, None], rows] = values
         done += len(rows)
-    return mixes, np.concatenate([[0], ends[:-1]]), np.concatenate(prior)
+    return mixes.T, np.concatenate([[0], ends[:-1]]), np.concatenate(prior)
 
 
 @lru_cache(maxsize=16)
