@@ -136,7 +136,8 @@ def _confusable(selection: Selection) -> tuple[tuple[str, ...], ...]:
 
 
 def _ranking(selection: Selection, unseen: Signals, before: float) -> tuple[Ranked, ...]:
-    """The candidates of the first step, best first; those that are in the last fit with its values."""
+    """The candidates of the first step, best first; those that are in the last fit with its values.  The error with one
+    that predicts nothing better is that without it: its fit may be far off, and take a minute to simulate."""
     final = {e.name: (e.value, e.low, e.high) for e in _estimates(selection.fits[-1].judged)}
 
     def values(effect: str, fit: Regression) -> dict[str, tuple[float, float, float]]:
@@ -144,7 +145,13 @@ def _ranking(selection: Selection, unseen: Signals, before: float) -> tuple[Rank
         return {name.removeprefix(f"{effect}."): v for name, v in own.items() if name.startswith(f"{effect}.")}
 
     return tuple(
-        Ranked(one.effect, before, error_on(one.fit, unseen), one.p_value, values(one.effect, one.fit))
+        Ranked(
+            one.effect,
+            before,
+            error_on(one.fit, unseen) if one.gain > 0 else before,
+            one.p_value,
+            values(one.effect, one.fit),
+        )
         for one in selection.steps[0].judged
     )
 

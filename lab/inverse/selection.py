@@ -46,6 +46,8 @@ FINISHED = 5
 LEAST_PROMISE = 1e-3
 """Share of the squared error that an effect has to take in these few steps to be finished: those that went on to a name
 had taken 30 % at least (servos and oscillators of ``bench.real``), those that stayed at zero less than 3e-4."""
+FIRSTS = 3
+"""Effects that are tried as the first of two, those that explain most alone."""
 MOST = 6
 """Effects that are added at most."""
 
@@ -107,6 +109,11 @@ class Step:
     judged: tuple[Judged, ...]
     confusable: tuple[str, ...] = ()
 
+    @property
+    def is_accepted(self) -> bool:
+        """Whether the first effect is significant."""
+        return bool(self.judged) and _is_significant(self.judged[0])
+
 
 @dataclass(frozen=True, eq=False)
 class Selection:
@@ -132,19 +139,49 @@ def selected(
     fits, added, steps, complete = [now], list[str](), list[Step](), True
     while len(added) < MOST:
         progress("looking for more" if added else "looking for what is missing", 0.15 + 0.12 * len(added))
-        step = _step(now, tuple(added), unseen, method, pool)
-        steps.append(step)
-        if not step.judged or not _is_significant(step.judged[0]):
+        found = _step(now, tuple(added), unseen, method, pool)
+        several = [found] if found.is_accepted else _two(found, now, tuple(added), unseen, method, pool)
+        steps += several or [found]
+        for step in several:
+            best = step.judged[0]
+            now = _with(best, now, method)
+            still = [effect in now.model.effects for effect in added]  # a wider effect takes a simpler one's place
+            fits = [fits[0], *compress(fits[1:], still), now]
+            added = [*compress(added, still), best.effect]
+        if not several:
             break
-        best = step.judged[0]
-        now = _with(best, now, method)
-        still = [effect in now.model.effects for effect in added]  # a wider effect takes the place of a simpler one
-        fits = [fits[0], *compress(fits[1:], still), now]
-        added = [*compress(added, still), best.effect]
         if time.monotonic() > until:
             complete = False
             break
     return _eliminated(fits, added, steps, complete, method)
+
+
+def _two(
+    step: Step, now: Fitted, added: tuple[str, ...], unseen: Signals, method: Method, pool: Executor | None
+) -> list[Step]:
+    """The steps of two effects at once, where neither is significant alone; none where no two are.
+
+    Of a weight, viscous and Coulomb friction the first that is added leaves the other two mixed (UR10e, joint 4).  The
+    two are tested against neither, among all pairs, and each against the other one alone.  Not for simulated motions,
+    whose fits take seconds each.
+    """
+    if method is Method.MOTION:
+        return []
+    alone = {one.effect: one.fit for one in step.judged}
+    pairs = len(alone) * (len(alone) - 1) / 2
+    promising = sorted((one for one in step.judged if one.gain > LEAST_GAIN), key=lambda one: -one.gain)
+    found: list[list[Step]] = []
+    for first in promising[:FIRSTS]:
+        second = _step(_with(first, now, method), (*added, first.effect), unseen, method, pool)
+        if not second.is_accepted:
+            continue
+        both = second.judged[0]
+        others = (now.judged, *(alone[name] for name in (both.effect,) if name in alone))
+        if all(pairs * _p(one, both.fit) < LIMIT for one in others):
+            found.append([Step((first, *(one for one in step.judged if one is not first))), second])
+    least = min((two[1].judged[0].fit.rms for two in found), default=0.0)
+    alike = [two for two in found if two[1].judged[0].fit.rms ** 2 * (1 - LEAST_GAIN) <= least**2]
+    return min(alike, key=lambda two: _preferred(two[0].judged[0], now.inverse), default=[])
 
 
 def _first(model: Model, signals: Sequence[Signals], method: Method) -> Fitted:

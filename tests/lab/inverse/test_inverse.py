@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from scipy.integrate import solve_ivp
+from scipy.ndimage import gaussian_filter1d
 
 from lostmotion.daemon.cli import cli
 from lostmotion.drivers.recording import Recording, write_recording
@@ -57,6 +58,19 @@ def robot(seed: int, viscous: float = VISCOUS, coulomb: float = COULOMB, disturb
     return Recording(times[::every], columns, {}, {}, 0, f"robot{seed}.csv")
 
 
+def back_and_forth(seed: int) -> Recording:
+    """A joint that goes four times to and fro, each time faster, against its weight and friction."""
+    rng = np.random.default_rng(seed)
+    speeds = np.repeat(0.2 * 1.5 ** np.arange(4), 2) * np.tile([1, -1], 4)
+    steps = np.concatenate([np.r_[np.full(round(140 / abs(speed)), speed), np.zeros(30)] for speed in speeds])
+    speed = gaussian_filter1d(steps, 12)
+    times, angle = np.arange(speed.size) / 100, np.cumsum(speed) / 100 - 0.7
+    dry, weight = 0.26 * np.tanh(speed / 0.01), 0.33 * np.sin(angle - 1.62)
+    torque = 0.06 * np.gradient(speed, 0.01) + 0.33 * speed + dry + weight + 0.01 * rng.standard_normal(speed.size)
+    measured = angle + 1e-4 * rng.standard_normal(speed.size)
+    return Recording(times, {"torque": torque, "position": measured}, {}, {}, 0, f"joint{seed}.csv")
+
+
 def pendulum(seed: int, drag: float = 0.02, inertia: float = 1.0) -> Recording:
     """A pendulum in air, filmed at 30 frames a second: quadratic drag per inertia, 0.5 degrees of noise."""
     rng = np.random.default_rng(seed)
@@ -83,6 +97,13 @@ def named(model: Model, recordings: list[Recording]) -> tuple[str, ...]:
 def test_friction_is_found_in_a_closed_loop() -> None:
     """A stiff controller's torque follows the disturbances; viscous and Coulomb friction are named all the same."""
     assert set(named(build_model("joint"), [robot(1), robot(2)])) == {"viscous_friction", "coulomb_friction"}
+
+
+@pytest.mark.slow
+def test_what_helps_only_together() -> None:
+    """Coulomb friction comes first, and then neither the weight nor viscous friction is significant alone."""
+    found = named(build_model("joint"), [back_and_forth(0)])
+    assert set(found) == {"coulomb_friction", "viscous_friction", "gravity_torque"}
 
 
 @pytest.mark.slow
