@@ -44,7 +44,7 @@ from lostmotion.drivers.emulator import Emulator
 GOAL_ZENOH_S, GOAL_SLCAN_S = 0.020, 0.050
 WINDOW_S = 0.25
 NODE = 0x21
-RESTLESS = "[detector]\nlevel = 5.0\n[alarm]\nwindows = 3\noff_delay_s = 0\ndeadband = 0\n"
+RESTLESS = "[detector]\nlevel = 200.0\n[alarm]\nwindows = 3\noff_delay_s = 0\ndeadband = 0\n"
 ZENOH_TABLE = '[alarm.zenoh]\nlisten = ["{endpoint}"]\n'
 PAUSE_S = 0.04
 

@@ -6,7 +6,7 @@ import heapq
 import math
 from array import array
 from bisect import bisect_left
-from collections import Counter, defaultdict
+from collections import Counter, defaultdict, deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
@@ -36,6 +36,8 @@ GIVE_UP_S = 1.0
 TOGETHER_S, TOGETHER_UNHEARD_S = 0.008, 0.03
 """windows that end within so long of each other are scored together [s]: each wake-up costs as much as a score; and
 where nobody else hears of them, so that they only have to be on the disk a quarter of a second after their end"""
+MOST_TO_LEARN = 12
+"""two windows of each of six joints, which often end at the same time"""
 COMMANDS_S = 4.0
 """commands are kept for so long, for the size of the play [s]"""
 COMMANDED_S = 0.5
@@ -161,7 +163,7 @@ class Pipeline:
     ``attributors``: for joints that share accelerometers; ``together_s``: windows that end within so long of each other
     are scored together [s].
 
-    Call ``servo`` with what the joints said, then ``step``.
+    Call ``servo`` with what the joints said, then ``step``; then ``learn``, when nobody waits for a score.
     """
 
     def __init__(
@@ -175,6 +177,7 @@ class Pipeline:
         self._closed = False
         self.attributors = tuple(attributors)
         self._learnt: list[Learnt] = []
+        self._to_learn: deque[tuple[_Joint, Window]] = deque()
         self._shared = {joint: attributor for attributor in self.attributors for joint in attributor.joints}
         self._behind = {
             name: [joint for joint in self._joints.values() if self._is_felt(joint, name)] for name in rings
@@ -243,7 +246,28 @@ class Pipeline:
                 ring.release(min((self._needed(joint, ring) for joint in joints), default=math.inf))
             ends = (pending.end for joint in joints for pending in joint.pending)
             ring.expect(_together(ends, self._together_s))
+        while self._virtual and self.learn():
+            pass
         return done
+
+    def learn(self) -> bool:
+        """Holds the windows to come against the noise of those so far, by the next one that has been scored: some 13 ms
+        of work, for which no other window's score shall wait.  Whether there was one."""
+        if not self._to_learn:
+            return False
+        joint, window = self._to_learn.popleft()
+        assert joint.learner is not None
+        known = joint.learner.background, joint.learner.bar
+        change = joint.learner.hear(window.accel)
+        now = joint.learner.background, joint.learner.bar
+        if any(one is not other for one, other in zip(known, now, strict=True)):
+            self._learnt.append(Learnt(joint.plan.joint, window.start + window.duration, joint.learner, change))
+        return True
+
+    @property
+    def is_behind(self) -> bool:
+        """Whether so many windows wait to be learnt from that it shall wait no longer."""
+        return len(self._to_learn) > MOST_TO_LEARN
 
     def _attribute(self, done: list[Scored]) -> list[Scored]:
         """The same in time order, each with what is known by now of whose play it is."""
@@ -294,18 +318,9 @@ class Pipeline:
         else:
             joint.counts.scored += 1
         scored = Scored(window, self._sized(joint, score, ring), commands=joint.commanded(pending))
-        self._learn(joint, window)
+        if joint.learner is not None:
+            self._to_learn.append((joint, window))
         return scored
-
-    def _learn(self, joint: _Joint, window: Window) -> None:
-        """Holds the windows to come against the noise of those so far."""
-        if joint.learner is None:
-            return
-        known = joint.learner.background, joint.learner.bar
-        change = joint.learner.hear(window.accel)
-        now = joint.learner.background, joint.learner.bar
-        if any(one is not other for one, other in zip(known, now, strict=True)):
-            self._learnt.append(Learnt(joint.plan.joint, window.start + window.duration, joint.learner, change))
 
     def _sized(self, joint: _Joint, score: Score, ring: Ring) -> Score:
         """The score with the size of the play and its severity, from before its reversal on."""

@@ -172,9 +172,12 @@ class Service:
         while self._robot.pipeline.open_windows and time.monotonic() < end:
             self._step()
             time.sleep(0.01)
+        while self._guard(self._robot.pipeline.learn):
+            pass
         self._robot.stop.set()
         for thread in self._threads:
             thread.join(1.0)
+        self._store.add(*self._noises.rows())
         self._store.add(*counters.rows(self._robot, self._utc()), *([self._time.row] if self._time else []))
         self._alarm_manager.tell_settled(FINISH_S)
         self._alarm_manager.close()
@@ -292,9 +295,13 @@ class Service:
             if self._config.store.keep_windows_mb:
                 self._store.add(WindowRow.of(scored.window, row.impact, utc, scored.commands))
             self._guard(self._alarm_manager.scored, row, scored.origin)
-        self._store.add(*self._noises.rows())
         if self._store.is_settling:
             self._alarm_manager.tell_settled()
+        if not self._store.is_settling:
+            self._guard(self._robot.pipeline.learn)
+        while self._robot.pipeline.is_behind:
+            self._guard(self._robot.pipeline.learn)
+        self._store.add(*self._noises.rows())
 
     def _tell(self, change: Change, again: bool = False) -> None:
         for sink in self._sinks:

@@ -71,6 +71,22 @@ def test_every_reversal_is_scored() -> None:
     assert angles == pytest.approx(0.5 * np.sin(2 * math.pi * WAVE_HZ * times), abs=1e-9)
 
 
+def test_no_score_waits_for_learning() -> None:
+    """Windows are learnt from one by one when ``learn`` is called, after all of them have been scored; where time is
+    not real, at once."""
+    for virtual in (False, True):
+        world = World(virtual)
+        world.feel(0.0, 10.0)
+        world.move(0.0, 9.0)
+        count = len(world.pipeline.step(10.0))
+        learner = world.pipeline.learners["elbow"]
+        assert learner.seen == (count if virtual else 0)
+        assert world.pipeline.is_behind == (not virtual)
+        while world.pipeline.learn():
+            pass
+        assert learner.seen == count
+
+
 def test_an_impact_scores_higher_than_none() -> None:
     """The window in which the bar rings stands out of the others by far."""
     world = World()
