@@ -58,6 +58,7 @@ bench-detector: $(READY)  ## the detector against its rivals and the bounds: tab
 	$(BIN)/python -m bench.play_size
 	$(BIN)/python -m bench.severity
 	$(BIN)/python -m bench.severity --rate 200
+	$(BIN)/python -m bench.severity --found
 	$(BIN)/python -m bench.forecasts
 	$(BIN)/python -m bench.attribution
 	$(BIN)/python -m bench.promises

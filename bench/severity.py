@@ -1,10 +1,10 @@
-"""How well each figure tells how bad the play is: `python -m bench.severity [--rate 200] [--noise 0.5]`.
+"""How well each figure tells how bad the play is: `python -m bench.severity [--rate 200] [--noise 0.5] [--found]`.
 
 Four motions, gears of 10 mm with 2 to 1000 um of play, commands of an AX-12A (0.29°, 100 Hz), a bar of 58 Hz whose
 setting is 0.3 % off; three simulators: eq. 1, MuJoCo's hard stops (nothing was fitted to it), and ``hardstops`` with a
 restitution of 0.3, friction and a bar of 5 g.  Seeds used nowhere else.  Spearman's correlation with the true play, of
 single windows and of medians of ten, over all motions together; the median of each figure; how many of the 95 %
-intervals hold the truth.
+intervals hold the truth.  With --found instead: how often each figure tells that there is play, at 1 % false alarms.
 """
 
 from __future__ import annotations
@@ -18,20 +18,26 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from bench.hardstops import MOTIONS, hard_stops
-from bench.roc.waveforms import POLL_HZ, RADIUS_M, STEP_RAD, Bar, FloatArray, tip
+from bench.roc.waveforms import POLL_HZ, RADIUS_M, STEP_RAD, Bar, FloatArray, tip, tip_without_play
 from lostmotion.detector.series import score_series
 from lostmotion.detector.window import DetectorSettings, Score
 
 SEEDS = range(8400, 8402)
 PLAYS = (2e-6, 5e-6, 10e-6, 30e-6, 60e-6, 100e-6, 300e-6, 1000e-6)
 FIGURES = ("band", "ringdown", "severity")
+TELLING = ("band", "ringdown", "severity_low")
+"""What says that there is play at all: a score, or an interval of the severity that excludes none."""
+FALSE = 0.01
+HEALTHY_SEEDS = range(8500, 8510)
 RECORD_S, TOGETHER = 13.0, 10
 
 
 def recorded(simulator: str, motion_name: str, seed: int, play_m: float, bar: Bar, noise: float) -> list[Score]:
-    """The scores of one recording; the first second is left out."""
+    """The scores of one recording, of a joint without play where it is 0; the first second is left out."""
     motion, times = MOTIONS[motion_name](seed), np.arange(round(RECORD_S * bar.rate_hz)) / bar.rate_hz
-    if simulator == "stops":
+    if not play_m:
+        accel = tip_without_play(motion, times, bar)
+    elif simulator == "stops":
         accel = hard_stops(motion, times, play_m / RADIUS_M, bar)
     else:
         accel = tip(motion, times, play_m, bar, simulator == "MuJoCo")
@@ -58,12 +64,12 @@ def rows(simulator: str, bar: Bar, noise: float) -> Iterator[str]:
     for play in PLAYS:
         there: list[Score] = []
         for name in MOTIONS:
-            found = [score for seed in SEEDS for score in recorded(simulator, name, seed, play, bar, noise)]
+            these = [score for seed in SEEDS for score in recorded(simulator, name, seed, play, bar, noise)]
             for figure in FIGURES:
-                middles = medians(np.array([getattr(score, figure) for score in found]))
+                middles = medians(np.array([getattr(score, figure) for score in these]))
                 grouped[figure][0].extend([play] * len(middles))
                 grouped[figure][1].extend(middles)
-            there += found
+            there += these
         angle = play / RADIUS_M
         held = np.mean([score.severity_low <= angle <= score.severity_high for score in there])
         told = np.mean([math.isfinite(score.play) for score in there])
@@ -78,17 +84,38 @@ def rows(simulator: str, bar: Bar, noise: float) -> Iterator[str]:
     yield f"{simulator:7} Spearman, tens    {tens[0]:6.3f} {tens[1]:9.3f} {tens[2]:10.3f}"
 
 
+def found(simulator: str, bar: Bar, noise: float) -> Iterator[str]:
+    """A line for each play: how many windows, and medians of ten, lie above a limit of 1 % false alarms."""
+
+    def told(seeds: range, play: float) -> list[FloatArray]:
+        """Each figure of all windows, and of tens of one recording: twice as many rows as figures."""
+        each = [recorded(simulator, name, seed, play, bar, noise) for name in MOTIONS for seed in seeds]
+        parts = [[np.array([getattr(score, figure) for score in one]) for one in each] for figure in TELLING]
+        singles = [np.concatenate(part) for part in parts]
+        return [*singles, *(np.array([x for one in part for x in medians(one)]) for part in parts)]
+
+    limits = [float(np.nanquantile(values, 1 - FALSE)) for values in told(HEALTHY_SEEDS, 0.0)]
+    for play in PLAYS[1:]:
+        values = told(range(SEEDS.start, SEEDS.stop), play)
+        shares = [float(np.mean(one > limit)) for one, limit in zip(values, limits, strict=True)]
+        yield f"{simulator:7} {play / RADIUS_M * 1e3:7.1f}" + "".join(f"{share:10.1%}" for share in shares)
+
+
 def main(arguments: list[str]) -> None:
     """A table for each simulator."""
     parser = argparse.ArgumentParser(prog="python -m bench.severity")
     parser.add_argument("--rate", type=float, default=1000.0)
     parser.add_argument("--noise", type=float, default=0.5)
     parser.add_argument("--simulators", default="model,MuJoCo,stops")
+    parser.add_argument("--found", action="store_true", help="how often play is found, at 1 %% false alarms")
     asked = parser.parse_args(arguments)
     print(f"{asked.rate:g} Hz, noise {asked.noise:g} m/s²")
-    print("          [um]  [mrad]   eq. 8  ringdown  severity [mrad]  held   told  windows")
+    if asked.found:
+        print("         [mrad]  windows: eq. 8, ringdown, severity   tens: eq. 8, ringdown, severity")
+    else:
+        print("          [um]  [mrad]   eq. 8  ringdown  severity [mrad]  held   told  windows")
     for simulator in asked.simulators.split(","):
-        for row in rows(simulator, Bar(rate_hz=asked.rate), asked.noise):
+        for row in (found if asked.found else rows)(simulator, Bar(rate_hz=asked.rate), asked.noise):
             print(row, flush=True)
 
 
