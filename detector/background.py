@@ -14,7 +14,7 @@ import numpy as np
 
 from lostmotion.detector import ringdown
 from lostmotion.detector.errors import DetectorError
-from lostmotion.detector.middle import middle
+from lostmotion.detector.median import median
 from lostmotion.detector.whitening import MOST_ORDER, Noise, levinson, rounded, spectrum, whitener
 from lostmotion.detector.window import DetectorSettings, FloatArray
 
@@ -179,7 +179,7 @@ def _white(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -> N
     """As if all that is left beside slow motion were white, in the middle one of the windows."""
     slow = ringdown.bank(windows.shape[1], rate_hz, settings).slow
     energy = np.sum((windows - (windows @ slow) @ slow.T) ** 2, axis=1)
-    return Noise(math.sqrt(middle(energy) / (windows.shape[1] - slow.shape[1])), ())
+    return Noise(math.sqrt(median(energy) / (windows.shape[1] - slow.shape[1])), ())
 
 
 def _loudness(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -> FloatArray:

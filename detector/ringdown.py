@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.detector.errors import DetectorError
-from lostmotion.detector.middle import middle
+from lostmotion.detector.median import median
 from lostmotion.detector.whitening import whiten
 from lostmotion.detector.window import DetectorSettings, FloatArray
 
@@ -116,7 +116,7 @@ def leftover(windows: FloatArray, rate_hz: float, settings: DetectorSettings) ->
     white = whiten(windows, settings.noise_colour)
     white -= (white @ chosen.slow) @ chosen.slow.T
     left = np.sum(white**2, axis=1) - explained(white, chosen).max(axis=1)
-    return middle(left / windows.shape[1])
+    return median(left / windows.shape[1])
 
 
 def filled(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> FloatArray:

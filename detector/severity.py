@@ -26,7 +26,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from lostmotion.detector.middle import middle
+from lostmotion.detector.median import median
 from lostmotion.detector.quality import mended
 from lostmotion.detector.ringdown import ring
 from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
@@ -257,7 +257,7 @@ def _noise(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> flo
     left = pieces - (pieces @ held) @ held.T
     power = np.sort(np.sum(left**2, axis=1))[min(1, count - 1)]
     found = math.sqrt(float(power) / (length - held.shape[1]))
-    rough = middle(np.abs(np.diff(accel, 4))) / DIFFERENCES
+    rough = median(np.abs(np.diff(accel, 4))) / DIFFERENCES
     return max(min(found, rough), LEAST_NOISE)
 
 

@@ -6,10 +6,10 @@ import numpy as np
 
 from lostmotion.detector.window import FloatArray
 
-__all__ = ["middle"]
+__all__ = ["median"]
 
 
-def middle(values: FloatArray) -> float:
+def median(values: FloatArray) -> float:
     """The median of values, shape (N,), N at least 1; NaN where one of them is.
 
     ``numpy.median`` says the same in three times the time, and imports ``numpy.ma``, two megabytes of a robot's memory.
