@@ -7,8 +7,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from statistics import median
 
+import numpy as np
+
 from lostmotion.daemon.options import AlarmOptions
 from lostmotion.daemon.records import Origin, ScoreRow, Severity
+from lostmotion.detector.median import weighted_quantile
 
 __all__ = ["LEAST_WINDOWS", "RANK", "Evidence", "grade"]
 
@@ -18,10 +21,10 @@ LEAST_WINDOWS = 5
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """windows: how many count; share: of them above the level; ratio: median of score / level; play: its median size
-    [rad]; days: until the limit as the trend goes; origin: whose play it is, where joints share accelerometers;
-    severity, severity_low: median equivalent play [rad] and median lower end of its interval, 0 where most windows may
-    have no play.  NaN is unknown, and leads nowhere."""
+    """windows: how many count; share: of them above the level; ratio: median of score / level; play: their size, the
+    median with each window weighted by 1 / its interval [rad]; days: until the limit as the trend goes; origin: whose
+    play it is, where joints share accelerometers; severity, severity_low: median equivalent play [rad] and median lower
+    end of its interval, 0 where most windows may have no play.  NaN is unknown, and leads nowhere."""
 
     windows: int
     share: float
@@ -36,7 +39,6 @@ class Evidence:
     def of(cls, windows: Sequence[ScoreRow], days: float, origin: Origin | None) -> Evidence:
         """What these windows, at least one, and the trend say."""
         ratios = [score.score / score.level for score in windows]
-        plays = [score.play for score in windows if math.isfinite(score.play)]
         known = [score for score in windows if math.isfinite(score.severity)]
         severity = severity_low = math.nan
         if len(known) >= LEAST_WINDOWS or len(known) == len(windows):
@@ -44,7 +46,7 @@ class Evidence:
             severity_low = median(score.severity_low for score in known)
         return cls(
             len(ratios), sum(ratio > 1 for ratio in ratios) / len(ratios), median(ratios),
-            median(plays) if plays else math.nan, days, origin, severity, severity_low,
+            _play(windows), days, origin, severity, severity_low,
         )  # fmt: skip
 
     @property
@@ -89,6 +91,17 @@ def grade(evidence: Evidence, options: AlarmOptions, before: Severity | None) ->
         if bound is not None and figure(evidence) >= bound * (1 - options.deadband if held else 1.0):
             return severity
     return None
+
+
+def _play(windows: Sequence[ScoreRow]) -> float:
+    """The median play [rad], each window weighted by 1 / its interval where all have one, as ``play_size.pooled``: of
+    an elbow of 4 mrad on a busy computer medians of 12 windows were 4.0 to 8.3 mrad, weighted ones 3.9 to 5.0."""
+    told = np.array([(one.play, one.play_high - one.play_low) for one in windows if math.isfinite(one.play)])
+    if not told.size:
+        return math.nan
+    width = told[:, 1]
+    weights = 1 / np.maximum(width, 1e-12) if np.isfinite(width).all() else np.ones(width.size)
+    return weighted_quantile(told[:, 0], weights, 0.5)
 
 
 def _arcmin(angle: float) -> str:

@@ -26,6 +26,7 @@ from lostmotion.detector.commanded import BEFORE_S, Commanded, smoothed
 from lostmotion.detector.contacts import LEAST_PUSH, Contacts, averaged, contacts
 from lostmotion.detector.deconvolution import Inverse, inverse, mistuned, noise_of
 from lostmotion.detector.flank import CONTACT_ACCEL, SOFTNESS, FlankLaw, Sized, law_of
+from lostmotion.detector.median import weighted_quantile
 from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
 from lostmotion.detector.windows import cut
 
@@ -131,21 +132,30 @@ def play_size(
     return told if isinstance(told, PlaySize) else _under(told, law or law_of(settings))
 
 
-def pooled(values: Sequence[float] | FloatArray, halves: Sequence[float] | FloatArray = ()) -> PlaySize:
-    """The median of many windows' plays [rad], NaN left out, with its 95 % interval (binomial; needs 6 windows).
+def pooled(values: Sequence[float] | FloatArray, halves: Sequence[float] | FloatArray | None = None) -> PlaySize:
+    """The play [rad] that many windows tell together, with its 95 % interval (needs 6 windows).
 
-    halves: half the windows' own intervals [rad]; what is uncertain in all of them alike, as the gear's stiffness, is
-    at most the tenth of them that are narrowest, and is added.
+    values: the plays of the windows [rad], NaN where a window tells none; halves: half of their own intervals [rad],
+    None where nothing is known of them.
+
+    The value is the median, each window weighted by 1 / half (``median.weighted_quantile``).  The interval lies between
+    the values at 1/2 +- z |w|_2 / (2 |w|_1) of the weight, which is the binomial interval of a median where all weights
+    are alike.  What is uncertain in all windows alike, as the gear's stiffness, is at most the tenth of the halves that
+    are narrowest, and is added.
     """
-    known = np.sort([value for value in values if math.isfinite(value)])
-    if known.size < 6:
-        return _unknown(f"{known.size} windows tell a play; expected at least 6")
-    reach = Z * math.sqrt(known.size) / 2
-    low, high = math.floor(known.size / 2 - reach), math.ceil(known.size / 2 + reach) - 1
-    middle, own = float(np.median(known)), [half for half in halves if math.isfinite(half)]
-    common = float(np.quantile(own, 0.1)) if own else 0.0
-    below, above = middle - float(known[max(low, 0)]), float(known[min(high, known.size - 1)]) - middle
-    return PlaySize(middle, max(middle - math.hypot(below, common), 0.0), middle + math.hypot(above, common))
+    plays = np.asarray(values, dtype=float)
+    own = np.ones_like(plays) if halves is None else np.asarray(halves, dtype=float)
+    known = np.isfinite(plays) & np.isfinite(own)
+    if (count := int(known.sum())) < 6:
+        return _unknown(f"{count} windows tell a play; expected at least 6")
+    plays, own = plays[known], own[known]
+    weight = 1 / np.maximum(own, 1e-12)
+    reach = Z * float(np.linalg.norm(weight)) / (2 * float(weight.sum()))
+    low, middle, high = (weighted_quantile(plays, weight, share) for share in (0.5 - reach, 0.5, 0.5 + reach))
+    common = 0.0 if halves is None else float(np.quantile(own, 0.1))
+    return PlaySize(
+        middle, max(middle - math.hypot(middle - low, common), 0.0), middle + math.hypot(high - middle, common)
+    )
 
 
 def stretch_of(score: Score, times: FloatArray, accel: FloatArray, rate_hz: float) -> Window:

@@ -181,6 +181,23 @@ def test_only_impacts_that_can_be_sized_are() -> None:
     assert with_play(loud, window, polls.tolist(), shaft.tolist(), HARD).play == pytest.approx(0.008, rel=0.12)
 
 
+def test_pooled_weights_windows_by_their_intervals() -> None:
+    """A fifth of the windows are 60 % too large and say three times the interval: the value is off by at most 3 %,
+    where the plain median is off by 4 % and more.  Of windows of unlike intervals the pooled one covers the truth in 93
+    to 99 %."""
+    rng = np.random.default_rng(8211)
+    wrong = np.arange(400) % 5 == 0
+    plays = np.where(wrong, 1.6, 1.0) * (1 + 0.2 * rng.normal(size=400))
+    halves = np.where(wrong, 1.2, 0.4)
+    assert pooled(plays, halves).value == pytest.approx(1.0, abs=0.03)
+    assert pooled(plays).value > 1.04
+    found = []
+    for _ in range(400):
+        spread = rng.choice([0.03, 0.1, 0.3], 25)
+        found.append(pooled(rng.normal(1.0, spread), 1e-3 * spread))
+    assert 0.93 <= np.mean([one.low <= 1.0 <= one.high for one in found]) <= 0.99
+
+
 def test_pooled_is_a_median_with_its_interval() -> None:
     """The interval of 400 medians of 25 normal values covers the truth in 93 to 99 %; five values are too few."""
     rng = np.random.default_rng(8210)
