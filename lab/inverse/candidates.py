@@ -30,7 +30,7 @@ from lostmotion.model import Model, ModelError, build_model
 from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["candidates", "fitted_with", "refined", "sizes_of", "softened", "starts"]
+__all__ = ["are_apt", "candidates", "fitted_with", "refined", "sizes_of", "softened", "starts"]
 
 ANGLES = 6
 """Angles of zero that are tried in a period of an effect: one of them is at most 30 degrees of phase away."""
@@ -117,6 +117,16 @@ def fitted_with(name: str, wide: Model, now: Regression) -> Regression | None:
     return min((one for one in fits if one), key=lambda one: one.rms, default=None)
 
 
+def are_apt(model: Model, effects: Sequence[str]) -> bool:
+    """Whether each of these effects is what its name says, with the model's values."""
+    return all(get_effect(name).is_apt(_own(model, name)) for name in effects)
+
+
+def _own(model: Model, effect: str) -> dict[str, float]:
+    prefix = f"{effect}."
+    return {name.removeprefix(prefix): p.value for name, p in model.parameters.items() if name.startswith(prefix)}
+
+
 def _fitted_from_guesses(name: str, wide: Model, now: Regression, most: int, steps: int) -> Regression | None:
     """From those initial values that explain most of what is left."""
     size = sizes_of(now.model, now.data)
@@ -125,7 +135,7 @@ def _fitted_from_guesses(name: str, wide: Model, now: Regression, most: int, ste
     data = now.data.suited(begin)
     ranked = sorted((entry for start in begin if (entry := _promise(name, start, now, data))), key=lambda one: -one[0])
     fits = [found for _, start, beside in ranked[:most] if (found := _tried(start, data, beside, steps))]
-    possible = [one for one in fits if get_effect(name).is_apt(_own(one.model, name))]
+    possible = [one for one in fits if are_apt(one.model, [name])]
     return min(possible, key=lambda one: one.rms, default=None)
 
 
@@ -140,7 +150,7 @@ def _fitted_from_acceleration(name: str, wide: Model, now: Regression) -> Regres
         return None
     start = _with_values(wide, found.model)
     fit = _tried(start, now.data.suited([start]), now.data.nuisance, SHORT)
-    return fit if fit and get_effect(name).is_apt(_own(fit.model, name)) else None
+    return fit if fit and are_apt(fit.model, [name]) else None
 
 
 def _is_static(model: Model) -> bool:
@@ -235,11 +245,6 @@ def _tried(model: Model, data: Problem, nuisance: FloatArray, steps: int) -> Reg
     except (ModelError, ValueError, np.linalg.LinAlgError):
         return None
     return found if np.isfinite(found.residual).all() else None
-
-
-def _own(model: Model, effect: str) -> dict[str, float]:
-    prefix = f"{effect}."
-    return {name.removeprefix(prefix): p.value for name, p in model.parameters.items() if name.startswith(prefix)}
 
 
 def _needs_angle(name: str) -> bool:

@@ -331,8 +331,8 @@ def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, s
     untold = _untold(once) if data.centre is None else np.zeros(count, dtype=bool)
     if not untold.any():
         return once
-    near = np.maximum(z[:count], _unnoticed(once))
-    return fitted(np.asarray(untold * once.rms / usual), np.where(untold, near, z[:count]))
+    near = np.where(untold, np.maximum(z[:count], _unnoticed(once, z[:count], untold)), z[:count])
+    return fitted(np.asarray(untold * once.rms / usual), near)
 
 
 def can_run(model: Model, signals: Sequence[Signals]) -> bool:
@@ -383,12 +383,24 @@ def _untold(fit: Regression) -> NDArray[np.bool_]:
     return np.asarray(np.array(own, dtype=bool) & ~noticed)
 
 
-def _unnoticed(fit: Regression) -> FloatArray:
-    """The largest values (P,) of positive parameters of the base that the samples do not notice; see ``_untold``.  The
-    torque is proportional to an inertia.  Smaller ones explain the samples as well, but a joint whose friction is large
-    for its inertia is slow to simulate."""
-    noticed = np.maximum(np.linalg.norm(fit.jacobian[:, : fit.count], axis=0), 1e-300)
-    return np.asarray(fit.z + np.log(max(fit.rms, 1e-300) / noticed))
+def _unnoticed(fit: Regression, z: FloatArray, untold: NDArray[np.bool_]) -> FloatArray:
+    """The largest values (P,) of these positive parameters of the base that the samples do not notice; see ``_untold``.
+
+    The torque is proportional to an inertia, so that its derivative by the logarithm at z is what a doubling adds;
+    where a fit ended at nearly zero, the Jacobian is rounding.  Smaller values explain the samples as well, but a joint
+    whose friction is large for its inertia is slow to simulate.
+    """
+    found = z.copy()
+    for at in np.flatnonzero(untold):
+        once, twice = (
+            fit.data.residual(
+                fit.unknowns.put(fit.model, np.where(np.arange(z.size) == at, value, fit.z)), fit.nuisance
+            )
+            for value in (z[at], z[at] + math.log(2.0))
+        )
+        noticed = max(float(np.linalg.norm(twice - once)), 1e-300)
+        found[at] = z[at] + math.log(max(fit.rms, 1e-300) / noticed)
+    return found
 
 
 def _scaled(unknowns: Unknowns, model: Model, data: Problem) -> Unknowns:

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from lostmotion.lab.inverse.candidates import candidates, fitted_with, refined, softened, starts
+from lostmotion.lab.inverse.candidates import are_apt, candidates, fitted_with, refined, softened, starts
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.regression import Data, Problem, Regression, blocks_of, regressed
 from lostmotion.lab.inverse.signals import Signals
@@ -321,13 +321,15 @@ def _with_load(model: Model, data: Problem, nuisance: FloatArray | None = None) 
 
 
 def _eliminated(fits: list[Fitted], added: list[str], steps: list[Step], complete: bool, method: Method) -> Selection:
-    """Without those effects that the later ones have made superfluous."""
+    """Without those effects that the later ones have made superfluous, as long as the others remain what their names
+    say."""
     for effect in list(added):
         if len(added) < 2:
             break
         now = fits[-1]
         less = Fitted.of(regressed(without(now.model, effect), now.inverse.data, now.inverse.nuisance), method)
-        if _p(less.judged, now.judged) > LIMIT:
+        others = [name for name in added if name != effect]
+        if _p(less.judged, now.judged) > LIMIT and are_apt(less.model, others):
             at = added.index(effect)
             added.remove(effect)
             fits.pop(at + 1)
