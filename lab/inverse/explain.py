@@ -111,6 +111,7 @@ def explained(
         unshown=tuple(
             effect for effect, (less, more) in zip(selection.added, pairwise(descent), strict=True) if more >= less
         ),
+        contradicted=_contradicted(selection),
         untried=() if selection.complete else tuple(one.effect for one in selection.steps[-1].judged[1:]),
     )
     progress("done", 1.0)
@@ -133,6 +134,11 @@ def _least_spread(residual: FloatArray) -> float:
 def _confusable(selection: Selection) -> tuple[tuple[str, ...], ...]:
     firsts = [(step.judged[0].effect, *step.confusable) for step in selection.steps if step.confusable]
     return tuple(group for group in firsts if group[0] in selection.added)
+
+
+def _contradicted(selection: Selection) -> tuple[str, ...]:
+    refuted = dict.fromkeys(one.effect for step in selection.steps for one in step.judged if one.is_refuted)
+    return tuple(effect for effect in refuted if effect not in selection.added)
 
 
 def _ranking(selection: Selection, unseen: Signals, before: float) -> tuple[Ranked, ...]:

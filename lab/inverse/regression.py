@@ -33,6 +33,8 @@ PER_CORRELATION = 4.0
 """Correlation times of the residual in a block: the means of neighbouring blocks are then nearly independent."""
 LEAST_BLOCKS = 12
 """Blocks in all recordings together; with fewer, a t-test tells nothing."""
+MOST_ROUNDS, LOAD_CONVERGED = 40, 1e-3
+"""Rounds in which the transmitted torque is found, and the relative change that ends them."""
 MOST_STEPS = 60
 """Of a fit."""
 REFITS, LEAST_DAMPING, CONVERGED = 8, 1e-6, 1e-7
@@ -79,9 +81,20 @@ class Data:
 
     @classmethod
     def of(cls, signals: Sequence[Signals], model: Model, zeros: FloatArray | None = None) -> Data:
-        """With the transmitted torque that a model needs for the motion."""
-        measured = cls(tuple(signals), tuple(one.torque for one in signals))
-        return cls(measured.signals, tuple(measured.needed(model, zeros)))
+        """With the transmitted torque that a model needs for the motion: the one that comes out where it goes in, of
+        friction that grows with load, too.
+
+        The measured torque is no load: it holds the very friction, and noise.  Friction mu |load| makes each round a
+        factor mu more exact.
+        """
+        data = cls(tuple(signals), tuple(np.zeros(one.time.size) for one in signals))
+        for _ in range(MOST_ROUNDS):
+            load = tuple(data.needed(model, zeros))
+            change = max(float(np.abs(new - old).max()) for new, old in zip(load, data.transmitted, strict=True))
+            data = cls(data.signals, load)
+            if change <= LOAD_CONVERGED * max(float(np.abs(one).max()) for one in load):
+                break
+        return data
 
     def needed(self, model: Model, zeros: FloatArray | None = None) -> list[FloatArray]:
         """The torque that the motion of each recording needs of a model, (N,) each [N m]."""
