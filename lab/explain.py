@@ -37,9 +37,9 @@ from lostmotion.lab.selection.score_test import Scores
 from lostmotion.lab.selection.step import Step, Tried
 from lostmotion.lab.selection.validate import Judged, Unseen, is_left, trained_each
 from lostmotion.lab.shooting.continuation import Level, followed, residuals
-from lostmotion.lab.shooting.initial_guess import AMPLITUDE
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model, ModelError
+from lostmotion.model.effects import get_effect
 
 __all__ = ["explain", "is_insignificant"]
 
@@ -149,8 +149,8 @@ def is_insignificant(level: Level, task: Task) -> bool:
     """Whether all that was added may as well be zero, and only its states explain something where they begin: a second
     mode that is neither driven nor damped is a hum."""
     added = task.added(level.model)
-    names = {f"{effect}.{name}" for effect in added for name in AMPLITUDE.get(effect, ())}
-    if not names or not all(effect in AMPLITUDE for effect in added):
+    names = {f"{effect}.{name}" for effect in added for name in get_effect(effect).amplitudes}
+    if not names or not all(get_effect(effect).amplitudes for effect in added):
         return False
     return all(
         abs(e.value) < INSIGNIFICANT * (e.high - e.low) / 2 for e in fit_of(level, task).estimates if e.name in names
@@ -208,7 +208,7 @@ def _detectable(scores: Scores) -> dict[str, tuple[str, float]]:
     """The amplitude at which each effect's statistic would have passed the limit with an even chance."""
     sizes = {}
     for d in scores.directions:
-        names = AMPLITUDE.get(d.effect)
+        names = get_effect(d.effect).amplitudes
         if not names or d.statistic <= 0:
             continue
         name = names[0]

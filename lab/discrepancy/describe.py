@@ -27,7 +27,7 @@ from lostmotion.lab.quantity import quantity
 from lostmotion.lab.results import Curve, Finding
 from lostmotion.lab.selection.candidates import HOPELESS
 from lostmotion.lab.shooting.continuation import Level, fitted
-from lostmotion.lab.shooting.initial_guess import sizes
+from lostmotion.lab.shooting.initial_guess import scales_of
 from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model
@@ -75,7 +75,7 @@ class _Told:
 
 def described(level: Level, task: Task) -> Finding | None:
     """The function that explains most of what a fit on short segments leaves; None where no one explains much."""
-    size = sizes(level.model, level.segments, task.substep_s)
+    size = scales_of(level.model, level.segments, task.substep_s)
     acting = {TORQUE: size.torque, BAR_FORCE: size.k * size.bend, SENSOR: size.reading, GAP: size.d}
     found = guesses(level.model, level.segments, acting, task.substep_s)
     with registered(found), ThreadPoolExecutor(cores()) as pool:

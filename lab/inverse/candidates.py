@@ -23,11 +23,12 @@ from lostmotion.lab.inverse.regression import (
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import inertia_of, is_static
 from lostmotion.lab.selection.candidates import others
-from lostmotion.lab.selection.nesting import SIMPLER, wider
-from lostmotion.lab.shooting.initial_guess import AMPLITUDE, Sizes, initial_guesses
+from lostmotion.lab.selection.nesting import wider
+from lostmotion.lab.shooting.initial_guess import initial_guesses
 from lostmotion.lab.shooting.parameters import free_names
 from lostmotion.model import Model, ModelError, build_model
 from lostmotion.model.effects import get_effect
+from lostmotion.model.effects.guesses import MotionScales
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["are_apt", "candidates", "fitted_with", "refined", "sizes_of", "softened", "starts"]
@@ -70,7 +71,7 @@ def starts(model: Model, signals: Sequence[Signals]) -> list[Model]:
     return [model, _with_values(model, found.model)] if found else [model]
 
 
-def sizes_of(model: Model, data: Problem) -> Sizes:
+def sizes_of(model: Model, data: Problem) -> MotionScales:
     """Usual magnitudes in the motion."""
     signals = data.signals
     position, speed, acceleration = (
@@ -79,7 +80,7 @@ def sizes_of(model: Model, data: Problem) -> Sizes:
     driving = [usual_torque(model, one.experiment) for one in signals if model.base == "servo"]
     torque = data.usual(model) if isinstance(data, Data) else max(inertia_of(model) * _rms(acceleration), *driving, 0.0)
     stiffness, damping = (model.parameters[name].value if name in model.parameters else 0.0 for name in ("k", "b"))
-    return Sizes(
+    return MotionScales(
         torque=torque, speed=_rms(speed), span=max(float(np.ptp(one)) for one in position),
         bend=_rms([one - one.mean() for one in position]), swing=_rms(speed) if stiffness else 0.0,
         reading=_rms(acceleration),
@@ -101,7 +102,7 @@ def candidates(model: Model, added: tuple[str, ...], data: Problem) -> Iterator[
             continue
         if name in nested:
             yield name, nested[name]
-        elif SIMPLER.get(name, name) == name or SIMPLER[name] in model.effects:
+        elif (simple := get_effect(name).simpler) is None or simple.effect in model.effects:
             yield name, model.with_effect(name)
 
 
@@ -163,7 +164,7 @@ def _with_values(model: Model, other: Model) -> Model:
     return model.replace({name: other.parameters[name].value for name in names})
 
 
-def _within_speeds(model: Model, name: str, size: Sizes) -> Model:
+def _within_speeds(model: Model, name: str, size: MotionScales) -> Model:
     """The model with the speeds at which an effect changes among those of the motion."""
     speeds = {
         full: replace(
@@ -189,7 +190,7 @@ def _promise(name: str, start: Model, now: Regression, data: Problem) -> tuple[f
     if power <= 1e-12 * float(column @ column):
         return None
     factor = -float(own @ now.residual) / power
-    names = [f"{name}.{part}" for part in AMPLITUDE.get(name, ()) if f"{name}.{part}" in start.parameters]
+    names = [f"{name}.{part}" for part in get_effect(name).amplitudes]
     signed = all(start.parameters[full].low < 0 for full in names)
     if names and (factor > 0 or signed):
         start = _sized(start, {full: start.parameters[full].value * factor for full in names}, now, data, beside)

@@ -28,8 +28,8 @@ from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.regression import Data, Problem, Regression, blocks_of, regressed
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.selection.nesting import without
-from lostmotion.lab.shooting.initial_guess import AMPLITUDE
 from lostmotion.model import Model, ModelError
+from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["LIMIT", "Judged", "Method", "Selection", "amplitudes", "error_on", "selected"]
@@ -316,7 +316,7 @@ def _is_sized(effect: str, fit: Regression) -> bool:
 
 def amplitudes(effect: str, fit: Regression) -> list[str]:
     """The free parameters without which the effect vanishes, by their full names."""
-    names = (f"{effect}.{part}" for part in AMPLITUDE.get(effect, ()))
+    names = (f"{effect}.{part}" for part in get_effect(effect).amplitudes)
     return [name for name in names if name in fit.unknowns.names]
 
 

@@ -19,10 +19,11 @@ from lostmotion.lab.data.experiment import ACCEL
 from lostmotion.lab.observer.filter import STRONG, WEAK
 from lostmotion.lab.observer.objective import Follower
 from lostmotion.lab.shooting.continuation import Level
-from lostmotion.lab.shooting.initial_guess import Sizes, initial_guesses, sizes
+from lostmotion.lab.shooting.initial_guess import initial_guesses, scales_of
 from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model
+from lostmotion.model.effects.guesses import MotionScales
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["AHEAD", "Near", "cost_of", "nearest", "shortlist"]
@@ -81,7 +82,7 @@ def shortlist(
     file's; beside: one that is there already, as far as observer runs know it.
     """
     model = beside.model if beside else base.model
-    follower, size, count = _follower(model, task), sizes(base.model, base.segments, task.substep_s), len(effects)
+    follower, size, count = _follower(model, task), scales_of(base.model, base.segments, task.substep_s), len(effects)
     generations = BESIDE_GENERATIONS if beside else EFFECT_GENERATIONS
     given = ([model] * count, [follower.roughly()] * count, [size] * count, [generations] * count, [seed] * count)
     niches = zip(effects, pool.map(_begun, effects, *given), strict=True)
@@ -184,7 +185,9 @@ class _Population:
         return np.array([BIAS_WIDTH / i.scale if i.name == "bias" else WIDTH.get(i.name, EFFECT_WIDTH) for i in items])
 
 
-def _begun(effect: str, base: Model, follower: Follower, size: Sizes, generations: int, seed: int) -> list[_Population]:
+def _begun(
+    effect: str, base: Model, follower: Follower, size: MotionScales, generations: int, seed: int
+) -> list[_Population]:
     models = [base.with_effect(effect), follower.rough.with_effect(effect)]
     found = _values(models[0], effect, [size, replace(size, torque=LARGER * size.torque)])
     populations = []
@@ -195,7 +198,7 @@ def _begun(effect: str, base: Model, follower: Follower, size: Sizes, generation
     return populations
 
 
-def _values(model: Model, effect: str, wide: Sequence[Sizes]) -> list[dict[str, float]]:
+def _values(model: Model, effect: str, wide: Sequence[MotionScales]) -> list[dict[str, float]]:
     """Seeds of the effect at these sizes, of either sign."""
     found: list[dict[str, float]] = []
     for one in wide:

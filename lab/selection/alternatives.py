@@ -16,13 +16,13 @@ from lostmotion.lab.selection.nesting import in_place, wider
 from lostmotion.lab.selection.step import Step, on_unseen, with_first
 from lostmotion.lab.selection.validate import FAR, Judged, Unseen, better, is_left, misfits
 from lostmotion.lab.shooting.continuation import Level
-from lostmotion.lab.shooting.initial_guess import initial_guesses, sizes
+from lostmotion.lab.shooting.initial_guess import initial_guesses, scales_of
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model
+from lostmotion.model.effects import get_effect
 
 __all__ = ["distinguished", "generalised"]
 
-LATE = ("command_delay", "actuator_lag", "sensor_lag")
 GAIN = 0.003
 """What another one must lower the misfit of unseen data by: ten in log-likelihood, for a recording of 4 s."""
 LOST = 4.0
@@ -54,19 +54,19 @@ def _better_with(step: Step, effect: str, level: Level | None, unseen: Unseen) -
 
 def _shapes(level: Level, model: Model, effect: str, task: Task) -> Iterator[Model]:
     """The model in each shape that this effect may have beside its size."""
-    found = initial_guesses(model, effect, sizes(level.model, level.segments, task.substep_s))
+    found = initial_guesses(model, effect, scales_of(level.model, level.segments, task.substep_s))
     for shape in {values[f"{effect}.omega_s"] for values in found}:
         yield model.replace({f"{effect}.omega_s": shape})
 
 
 def distinguished(step: Step, before: Judged, unseen: Unseen) -> Step:
-    """The accepted step, with another one of LATE in its first fit where that explains the unseen data better.
+    """The accepted step, with another effect that delays in its first fit where that explains the unseen data better.
 
     before: the fit without its effect; where that was near the noise, what was told apart then still holds.  A fit that
     has lost the motion tells nothing apart: what is still missing says which one follows better.
     """
     first, task = step.tried[0], unseen.task
-    if first.level.typical > LOST or (before.error < FAR and first.effect not in LATE):
+    if first.level.typical > LOST or (before.error < FAR and not get_effect(first.effect).delays_by):
         return step
     changed = list(_changed(first.level.model, task))
     if not changed:
@@ -84,9 +84,10 @@ def distinguished(step: Step, before: Judged, unseen: Unseen) -> Step:
 
 
 def _changed(model: Model, task: Task) -> Iterator[tuple[str, Model]]:
-    """What takes the place of one of LATE, and the model with it, of the same T."""
-    possible = [effect for effect in LATE if effect in others(model)]
+    """What takes the place of an effect that delays, and the model with it, of the same delay."""
+    possible = [effect for effect in others(model) if get_effect(effect).delays_by]
     for old in task.added(model):
-        if old in LATE:
+        if own := get_effect(old).delays_by:
+            delay = model.parameters[f"{old}.{own}"].value
             for new in possible:
-                yield new, in_place(model, old, new).replace({f"{new}.T": model.parameters[f"{old}.T"].value})
+                yield new, in_place(model, old, new).replace({f"{new}.{get_effect(new).delays_by}": delay})

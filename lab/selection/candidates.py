@@ -24,12 +24,12 @@ from lostmotion.lab.selection.nesting import contained, simpler
 from lostmotion.lab.selection.score_test import Direction
 from lostmotion.lab.selection.validate import FAR, LONGER, is_left, trained
 from lostmotion.lab.shooting.continuation import Level, fitted
-from lostmotion.lab.shooting.initial_guess import AMPLITUDE
 from lostmotion.lab.shooting.initial_state import repaired
 from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.lab.shooting.segment import start_with, state_scales
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model, catalogue
+from lostmotion.model.effects import get_effect
 
 __all__ = [
     "Trial",
@@ -259,7 +259,7 @@ def _ordered(trials: Sequence[Trial]) -> list[Trial]:
 def _with_direction(direction: Direction, level: Level, task: Task, iterations: int) -> Level:
     """The level's fit with one more effect, of the amplitude that the score test asks for, within what it may be."""
     model, values = direction.model, {}
-    for name in AMPLITUDE.get(direction.effect, ()):
+    for name in get_effect(direction.effect).amplitudes:
         parameter = model.parameters[full := f"{direction.effect}.{name}"]
         faint = parameter.value
         wanted = faint * direction.amplitude

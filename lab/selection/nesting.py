@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
-from lostmotion.model import Model, build_model
+from lostmotion.model import Model, build_model, catalogue
+from lostmotion.model.effects import get_effect
+from lostmotion.model.effects.base import Simpler
 
-__all__ = ["SIMPLER", "contained", "in_place", "simpler", "wider", "with_effects", "without"]
-
-SIMPLER = {"stribeck_friction": "coulomb_friction"}
-"""What an effect is when one of its parameters says nothing."""
-SAME: Mapping[str, tuple[str, ...]] = {"tau_c": ("tau_c", "tau_s")}
-"""Which parameters of the whole grow by that of the part, where both act: stick and slip by the same dry friction."""
+__all__ = ["contained", "in_place", "simpler", "wider", "with_effects", "without"]
 
 
 def with_effects(model: Model, effects: Sequence[str]) -> Model:
@@ -19,7 +16,8 @@ def with_effects(model: Model, effects: Sequence[str]) -> Model:
     values = {}
     for name, parameter in model.parameters.items():
         effect, _, own = name.rpartition(".")
-        effect = effect if effect in effects else SIMPLER.get(effect, effect)
+        if effect and effect not in effects and (part := get_effect(effect).simpler):
+            effect = part.effect
         values[f"{effect}.{own}" if effect else own] = parameter
     bare = build_model(model.base, effects)
     return bare.replace({name: given for name, given in values.items() if name in bare.parameters})
@@ -32,39 +30,46 @@ def in_place(model: Model, old: str, new: str) -> Model:
 
 def contained(model: Model, effect: str) -> list[str]:
     """The effects of the model of which this one is a part."""
-    return [whole for whole, part in SIMPLER.items() if part == effect and whole in model.effects]
+    return [whole for whole, part in _wider_than(effect) if whole in model.effects]
 
 
 def without(model: Model, effect: str) -> Model:
     """The model without one of its effects; another one of which it is a part goes on with what it did."""
     left = with_effects(model, [other for other in model.effects if other != effect])
-    for whole in contained(left, effect):
-        for part, grown in SAME.items():
-            size = model.parameters[f"{effect}.{part}"].value
-            own = {name: left.parameters[name] for name in (f"{whole}.{one}" for one in grown)}
-            left = left.replace({name: min(p.value + size, p.high) for name, p in own.items()})
+    for whole, part in _wider_than(effect):
+        if whole not in left.effects:
+            continue
+        for name, grown in part.grown.items():
+            size = model.parameters[f"{effect}.{name}"].value
+            own = {full: left.parameters[full] for full in (f"{whole}.{one}" for one in grown)}
+            left = left.replace({full: min(p.value + size, p.high) for full, p in own.items()})
     return left
 
 
 def simpler(model: Model, effect: str) -> tuple[str, Model] | None:
     """The simpler effect of this one's kind, and the model with it in its place; None where there is none, or the model
     has it already."""
-    simple = SIMPLER.get(effect)
-    if simple is None or simple in model.effects:
+    part = get_effect(effect).simpler
+    if part is None or part.effect in model.effects:
         return None
-    return simple, in_place(model, effect, simple)
+    return part.effect, in_place(model, effect, part.effect)
 
 
 def wider(model: Model, effect: str) -> tuple[str, Model] | None:
     """The effect of which this one is a part, and the model with it in its place, with the same motion; None where
     there is none."""
-    whole = next((whole for whole, part in SIMPLER.items() if part == effect and whole not in model.effects), None)
-    if whole is None:
-        return None
-    own = {
-        name.removeprefix(f"{effect}."): p.value
-        for name, p in model.parameters.items()
-        if name.startswith(f"{effect}.")
-    }
-    values = {**own, **{grown: own[part] for part, more in SAME.items() for grown in more}}
-    return whole, in_place(model, effect, whole).replace({f"{whole}.{name}": value for name, value in values.items()})
+    for whole, part in _wider_than(effect):
+        if whole in model.effects:
+            continue
+        prefix = f"{effect}."
+        own = {name.removeprefix(prefix): p.value for name, p in model.parameters.items() if name.startswith(prefix)}
+        values = {**own, **{grown: own[name] for name, more in part.grown.items() for grown in more}}
+        found = in_place(model, effect, whole)
+        return whole, found.replace({f"{whole}.{name}": value for name, value in values.items()})
+    return None
+
+
+def _wider_than(effect: str) -> list[tuple[str, Simpler]]:
+    """The effects of the catalogue of which this one is a part, and how."""
+    every = ((info.id, get_effect(info.id).simpler) for info in catalogue())
+    return [(whole, part) for whole, part in every if part and part.effect == effect]

@@ -16,9 +16,10 @@ import numpy as np
 
 from lostmotion.lab.data.noise import NoiseModel, innovation_noise
 from lostmotion.lab.shooting.continuation import Level, followed
-from lostmotion.lab.shooting.initial_guess import AMPLITUDE, faint, sizes
+from lostmotion.lab.shooting.initial_guess import faint, scales_of
 from lostmotion.lab.shooting.segment import Linearised, Segment, start_with
 from lostmotion.model import Model
+from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["Direction", "Scores", "score_test"]
@@ -41,7 +42,7 @@ class Direction:
     @property
     def possible(self) -> bool:
         """Whether the effect may have the sign that the residual wants; a weight with the opposite phase may."""
-        names = (f"{self.effect}.{name}" for name in AMPLITUDE.get(self.effect, ()))
+        names = (f"{self.effect}.{name}" for name in get_effect(self.effect).amplitudes)
         return self.amplitude > 0 or all(self.model.parameters[name].low < 0 for name in names)
 
 
@@ -79,7 +80,7 @@ def score_test(
     project = _Projection(blocks)
     noise = innovation_noise(*(block.r for block in blocks))
     r = project([block.r for block in blocks])
-    size = sizes(level.model, segments, substep_s)
+    size = scales_of(level.model, segments, substep_s)
     models = [(effect, model) for effect in effects for model in faint(level.model, effect, size)]
     count, r_before = len(models), [block.r for block in blocks]
     columns = pool.map(_columns, [model for _, model in models], [level.model] * count, [segments] * count,

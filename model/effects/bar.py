@@ -7,6 +7,8 @@ from collections.abc import Mapping
 
 from lostmotion.model.base import Operating, Term
 from lostmotion.model.effects.base import JOINT_MOST, ActsOn, Effect, on
+from lostmotion.model.effects.guesses import SMALL, grid
+from lostmotion.model.effects.words import Words
 from lostmotion.model.kernel import Slots, kernel
 from lostmotion.model.parameter import Domain, Parameter
 from lostmotion.model.signals import ALPHA2, BAR_FORCE, OMEGA2, Q_RATE, TIP, TORQUE, Q
@@ -56,6 +58,18 @@ HARDENING_SPRING = Effect(
     bases=BARS,
     parameters={"k3": Parameter(2e9, "N/m^3", -1e12, 1e12, False, "guess: 10 % of k q at 0.4 mm", "cubic stiffness")},
     terms=on(BARS, Term(BAR_FORCE, hardening, ("k3",))),
+    amplitudes=("k3",),
+    guesses=lambda scales: [
+        {"k3": share * scales.k / (3 * scales.bend**2), "k": scales.k * (1 - part)}
+        for share, part in ((0.05, 0.04), (0.15, 0.12), (0.3, 0.22), (-0.05, -0.04), (-0.15, -0.12))
+    ],
+    words=Words(
+        "a bar that stiffens",
+        "The bar stiffens as it bends: its cubic stiffness is {k3}.",
+        "Look how the bar is clamped and whether it touches something; gentler reversals, a lighter tip bend it less.",
+        lambda values: values["k3"] >= 0,
+        "The bar softens as it bends: its cubic stiffness is {k3}.",
+    ),
 )
 QUADRATIC_DAMPING = Effect(
     id="quadratic_damping",
@@ -76,6 +90,17 @@ QUADRATIC_DAMPING = Effect(
         base: {"b2": Parameter(value, "N m s^2/rad^2", 0.0, most, False, "guess", "drag", Domain.NOT_NEGATIVE)}
         for base, value, most in (("joint", 1e-5, JOINT_MOST), ("servo", 2e-3, 10.0))
     },
+    amplitudes=("b2",),
+    guesses=lambda scales: (
+        [{"b2": share * scales.b / scales.swing, "b": scales.b * (1 - 0.6 * share)} for share in (0.3, 0.9)]
+        if scales.swing
+        else grid(b2=[scales.torque / scales.speed**2 * share for share in SMALL])
+    ),
+    words=Words(
+        "drag that grows with the square of speed",
+        "Something brakes with the square of speed, as air does: drag of {b2}.",
+        "Look for a broad plate, tape or a loose cable that moves through the air; else it is only air.",
+    ),
 )
 SECOND_MODE = Effect(
     id="second_mode",
@@ -91,4 +116,13 @@ SECOND_MODE = Effect(
     terms=on(("play",), Term(TIP, second_mode, ("f2", "zeta2", "participation", "l"))),
     states=(None, None),
     rate=_second_rate,
+    amplitudes=("participation",),
+    guesses=lambda scales: grid(
+        f2=(100.0, 130.0, 160.0, 190.0, 220.0, 260.0, 310.0), zeta2=(0.02,), participation=(0.1,)
+    ),
+    words=Words(
+        "a second resonance of the bar",
+        "The bar has a second resonance, at {f2}.",
+        "Look for a loose screw or cable at the sensor; else it is the bar's own, and a low-pass filter takes it away.",
+    ),
 )  # fmt: skip

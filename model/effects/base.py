@@ -11,10 +11,12 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from lostmotion.model.base import Operating, Term
+from lostmotion.model.effects.guesses import Guesses, no_guesses
+from lostmotion.model.effects.words import Words
 from lostmotion.model.errors import ModelError
 from lostmotion.model.parameter import Parameter
 
-__all__ = ["ActsOn", "Effect", "EffectInfo", "joint_sized", "omega_0", "on", "servo_sized"]
+__all__ = ["ActsOn", "Effect", "EffectInfo", "Simpler", "joint_sized", "omega_0", "on", "servo_sized"]
 
 JOINT_MOST = 1e9
 """[N m], or that per speed: the base ``joint`` stands for a finger as well as for a crane, in whatever unit its torque
@@ -31,6 +33,18 @@ class ActsOn(StrEnum):
     COMMAND = "command"
     CONTACT = "contact"
     SENSOR = "sensor"
+
+
+@dataclass(frozen=True)
+class Simpler:
+    """The effect that another one becomes when one of its parameters says nothing.
+
+    effect: its id; grown: for each of its parameters those of the wider effect that take its value where the wider one
+    takes its place.
+    """
+
+    effect: str
+    grown: Mapping[str, tuple[str, ...]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +69,11 @@ class Effect(EffectInfo):
     own and the base's values.  delay [s] shifts the input, clock_rate stretches the sensor's time stamps; both are
     plain functions of the effect's values, outside the kernels.  defaults: other values of the parameters on one base.
     is_apt: whether values of its parameters are what its name says: a Stribeck friction is largest near rest.
+
+    For a search: amplitudes: parameters without which it vanishes; guesses: values from which it may begin in a motion
+    of these scales; barely: values with which it hardly acts, one for each shape, where it has no amplitude; simpler:
+    the effect that is a part of it; delays_by: its parameter T [s] where to first order it makes the reading come later
+    by T.  words: what a person reads of it.
     """
 
     terms: Mapping[str, tuple[Term, ...]] = field(default_factory=dict)
@@ -64,6 +83,12 @@ class Effect(EffectInfo):
     clock_rate: Callable[[Mapping[str, float]], float] | None = None
     defaults: Mapping[str, Mapping[str, Parameter]] = field(default_factory=dict)
     is_apt: Callable[[Mapping[str, float]], bool] = lambda values: True
+    amplitudes: tuple[str, ...] = ()
+    guesses: Guesses = no_guesses
+    barely: Guesses = no_guesses
+    simpler: Simpler | None = None
+    delays_by: str = ""
+    words: Words | None = None
 
     def parameters_on(self, base: str) -> dict[str, Parameter]:
         """Its parameters with their defaults on that base.  Raises ModelError when it does not act there."""

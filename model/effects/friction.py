@@ -10,7 +10,9 @@ import math
 from collections.abc import Mapping
 
 from lostmotion.model.base import Operating, Term
-from lostmotion.model.effects.base import ActsOn, Effect, joint_sized, omega_0, on, servo_sized
+from lostmotion.model.effects.base import ActsOn, Effect, Simpler, joint_sized, omega_0, on, servo_sized
+from lostmotion.model.effects.guesses import SMALL, grid
+from lostmotion.model.effects.words import Words
 from lostmotion.model.kernel import Slots, kernel
 from lostmotion.model.parameter import Domain, Parameter
 from lostmotion.model.signals import FORCE, OMEGA2, TORQUE
@@ -87,6 +89,13 @@ VISCOUS = Effect(
     terms=on(JOINTS, Term(TORQUE, viscous, ("b_v",))),
     rate=_viscous_rate,
     defaults={"joint": {"b_v": joint_sized(_B_V)}, "servo": {"b_v": servo_sized(_B_V)}},
+    amplitudes=("b_v",),
+    guesses=lambda scales: grid(b_v=[scales.torque / scales.speed * share for share in SMALL]),
+    words=Words(
+        "viscous friction",
+        "The joint drags in proportion to its speed: viscous friction of {b_v}.",
+        "Look at the grease: too much, too thick, old, or cold. A motor that is held by shorted leads drags so too.",
+    ),
 )
 COULOMB = Effect(
     id="coulomb_friction",
@@ -101,6 +110,14 @@ COULOMB = Effect(
         "joint": {"tau_c": joint_sized(_TAU_C), **_SLOW["joint"]},
         "servo": {"tau_c": servo_sized(_TAU_C), **_SLOW["servo"]},
     },
+    amplitudes=("tau_c",),
+    guesses=lambda scales: grid(tau_c=[scales.torque * share for share in SMALL]),
+    words=Words(
+        "Coulomb friction",
+        "The joint rubs: Coulomb friction of {tau_c}.",
+        "Turn the joint by hand without power: look for a dry or dirty bearing, one that is pressed too hard, a seal "
+        "or a cable that drags.",
+    ),
 )
 STRIBECK = Effect(
     id="stribeck_friction",
@@ -116,6 +133,20 @@ STRIBECK = Effect(
         "servo": {"tau_c": servo_sized(_TAU_C), "tau_s": servo_sized(_TAU_S), **_SLOW["servo"]},
     },
     is_apt=lambda values: values["tau_s"] >= values["tau_c"],
+    amplitudes=("tau_c", "tau_s"),
+    guesses=lambda scales: [
+        {"tau_c": scales.torque * share, "tau_s": scales.torque * share * 2.5, "omega_s": scales.speed * speed}
+        for share, speed in ((0.02, 0.3), (0.06, 0.3), (0.15, 0.3), (0.06, 0.8))
+    ],
+    simpler=Simpler("coulomb_friction", {"tau_c": ("tau_c", "tau_s")}),
+    words=Words(
+        "Stribeck friction",
+        "The joint sticks before it slides: near rest its friction is {tau_s}; in motion it is {tau_c}.",
+        "Look for grease that was pressed out of the bearing or has hardened, and for a seal that sticks; move the "
+        "joint through its whole range and grease it anew.",
+        lambda values: values["tau_s"] >= values["tau_c"],
+        "The joint slides more easily near rest: there its friction is {tau_s}; in motion it is {tau_c}.",
+    ),
 )
 LOAD_DEPENDENT = Effect(
     id="load_dependent_friction",
@@ -136,4 +167,11 @@ LOAD_DEPENDENT = Effect(
     rate=_load_rate,
     defaults=_SLOW,
     is_apt=lambda values: values["mu"] <= MOST_LOST,
+    amplitudes=("mu",),
+    guesses=lambda scales: grid(mu=(0.01, 0.05, 0.15)),
+    words=Words(
+        "friction that grows with load",
+        "The gear rubs the more, the more it carries: its coefficient of friction is {mu}.",
+        "Look at the flanks of the teeth: dry, rough or worn; at a shaft out of line, and at bearings under side load.",
+    ),
 )

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 
 from lostmotion.model.base import Operating, Term
 from lostmotion.model.effects.base import ActsOn, Effect, joint_sized, on, servo_sized
+from lostmotion.model.effects.guesses import PHASES, grid, turns
+from lostmotion.model.effects.words import Words
 from lostmotion.model.kernel import Slots, kernel, whole_power
 from lostmotion.model.parameter import Domain, Parameter
 from lostmotion.model.signals import FORCE, GAP, GAP_RATE, OMEGA1, THETA1, THETA2, TORQUE
@@ -58,6 +60,15 @@ GEAR_ECCENTRICITY = Effect(
         "phi": _PHI,
     },
     terms=on(("play",), Term(GAP, eccentric_gap, ("e", "N", "phi")), Term(GAP_RATE, eccentric_rate, ("e", "N", "phi"))),
+    amplitudes=("e",),
+    guesses=lambda scales: grid(e=[0.1 * scales.d, 0.03 * scales.d], N=turns(scales), phi=PHASES[:2]),
+    words=Words(
+        "a gear out of true",
+        "The driving gear runs out of true, {N} times a turn, by {e.size}.",
+        "Look for a gear that sits askew or off centre on its shaft, a bent shaft, or a worn bore.",
+        lambda values: values["N"] != 1,
+        "The driving gear runs out of true, once a turn, by {e.size}.",
+    ),
 )
 CONTACT_ASYMMETRY = Effect(
     id="contact_asymmetry",
@@ -71,6 +82,15 @@ CONTACT_ASYMMETRY = Effect(
         )
     },
     terms=on(("play",), Term(FORCE, asymmetric, ("ratio", "beta", "n", "d"))),
+    guesses=lambda scales: grid(ratio=(0.4, 2.5, 6.0)),
+    barely=lambda scales: [{"ratio": 1.02}],
+    words=Words(
+        "flanks that differ",
+        "The teeth are harder on the one flank, that which holds the joint back, by a factor of {ratio}.",
+        "Look at both flanks of the teeth: wear on one side, a chipped tooth, plastic that was pressed flat.",
+        lambda values: values["ratio"] >= 1,
+        "The teeth are softer on the one flank, that which holds the joint back, by a factor of {ratio.inverse}.",
+    ),
 )
 _TAU_R = Parameter(2e-4, "N m", -0.1, 0.1, False, "guess", "amplitude")
 TORQUE_RIPPLE = Effect(
@@ -87,4 +107,13 @@ TORQUE_RIPPLE = Effect(
     terms=on(JOINTS, Term(TORQUE, ripple, ("tau_r", "N", "phi"))),
     rate=_ripple_rate,
     defaults={"joint": {"tau_r": joint_sized(_TAU_R)}, "servo": {"tau_r": servo_sized(_TAU_R)}},
+    amplitudes=("tau_r",),
+    guesses=lambda scales: grid(tau_r=[0.05 * scales.torque], N=turns(scales), phi=PHASES[:2]),
+    words=Words(
+        "a torque that ripples",
+        "The torque ripples {N} times a turn, by {tau_r.size}.",
+        "Look for a damaged tooth, a bearing with a flat ball, or a motor that cogs; the count a turn tells which.",
+        lambda values: values["N"] != 1,
+        "The torque ripples once a turn, by {tau_r.size}.",
+    ),
 )

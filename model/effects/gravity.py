@@ -7,6 +7,8 @@ from collections.abc import Mapping
 
 from lostmotion.model.base import Operating, Term
 from lostmotion.model.effects.base import ActsOn, Effect, joint_sized, on, servo_sized
+from lostmotion.model.effects.guesses import PHASES, grid
+from lostmotion.model.effects.words import Words
 from lostmotion.model.kernel import Slots, kernel
 from lostmotion.model.parameter import Domain, Parameter
 from lostmotion.model.signals import THETA2, TORQUE
@@ -41,4 +43,11 @@ GRAVITY_TORQUE = Effect(
     terms=on(JOINTS, Term(TORQUE, gravity_torque, ("tau_g", "phi"))),
     rate=_rate,
     defaults={"joint": {"tau_g": joint_sized(_TAU_G)}, "servo": {"tau_g": servo_sized(_TAU_G)}},
+    amplitudes=("tau_g",),
+    guesses=lambda scales: grid(tau_g=[scales.torque * share for share in (0.02, 0.1)], phi=PHASES),
+    words=Words(
+        "the weight of the arm",
+        "The arm is out of balance: its weight turns the joint with up to {tau_g}.",
+        "Usually no fault: a tool or load that the model does not know; else a spring or counterweight has lost force.",
+    ),
 )

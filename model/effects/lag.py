@@ -6,6 +6,8 @@ from collections.abc import Mapping
 
 from lostmotion.model.base import Operating, Term
 from lostmotion.model.effects.base import ActsOn, Effect, on
+from lostmotion.model.effects.guesses import MotionScales, Values, grid
+from lostmotion.model.effects.words import Words
 from lostmotion.model.kernel import Slots, kernel
 from lostmotion.model.parameter import Domain, Parameter
 from lostmotion.model.signals import COMMAND, OMEGA1, SENSOR, THETA1, TIP
@@ -40,6 +42,11 @@ def _rate(values: Mapping[str, float], operating: Operating) -> float:
     return 1 / values["T"]
 
 
+def _barely(scales: MotionScales) -> list[Values]:
+    """A lag faster than the solver's step would not run; a millisecond acts nearly linearly."""
+    return [{"T": 1e-3}]
+
+
 ACTUATOR_LAG = Effect(
     id="actuator_lag",
     equation="T theta_1' + theta_1 = command",
@@ -52,6 +59,15 @@ ACTUATOR_LAG = Effect(
     terms=on(COMMANDED, Term(THETA1, lagged_angle, ("T",)), Term(OMEGA1, lagged_rate, ("T",))),
     states=(COMMAND,),
     rate=_rate,
+    amplitudes=("T",),
+    guesses=lambda scales: grid(T=(1.5e-3, 4e-3, 8e-3)),
+    barely=_barely,
+    delays_by="T",
+    words=Words(
+        "an actuator that lags",
+        "The motor trails behind its command, with a time constant of {T}.",
+        "Look at the servo's gains and its limits of speed and acceleration; a low supply voltage makes it slow too.",
+    ),
 )
 SENSOR_LAG = Effect(
     id="sensor_lag",
@@ -65,4 +81,13 @@ SENSOR_LAG = Effect(
     terms=on(SENSED, Term(SENSOR, low_pass, ("T",))),
     states=(TIP,),
     rate=_rate,
+    amplitudes=("T",),
+    guesses=lambda scales: grid(T=(2e-4, 1e-3, 3e-3)),
+    barely=_barely,
+    delays_by="T",
+    words=Words(
+        "a sensor that smooths",
+        "The accelerometer smooths its signal, with a time constant of {T}.",
+        "Look at the bandwidth that is set in the sensor, and for a soft mount: foam or thick tape smooths as well.",
+    ),
 )

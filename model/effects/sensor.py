@@ -6,6 +6,8 @@ import math
 
 from lostmotion.model.base import Term
 from lostmotion.model.effects.base import ActsOn, Effect, on
+from lostmotion.model.effects.guesses import PHASES, grid
+from lostmotion.model.effects.words import Words
 from lostmotion.model.kernel import Slots, kernel
 from lostmotion.model.parameter import Domain, Parameter
 from lostmotion.model.signals import OMEGA2, READING, THETA2, TIME, TIP
@@ -52,6 +54,14 @@ GRAVITY_LEAKAGE = Effect(
         "phi": Parameter(0.0, "rad", -math.pi, math.pi, False, "guess", "angle at theta_2 = 0"),
     },
     terms=on(("play",), Term(TIP, leakage, ("c", "phi"))),
+    amplitudes=("c",),
+    guesses=lambda scales: grid(c=(0.02, 0.1), phi=PHASES),
+    words=Words(
+        "gravity in the sensor",
+        "The accelerometer feels gravity, as if its axis were tilted by {c.size.tilt}.",
+        "Look whether the sensor sits square on its bar, and whether the joint's axis is vertical.",
+        read_as={"c": "tilt"},
+    ),
 )
 CENTRIPETAL_CROSSTALK = Effect(
     id="centripetal_crosstalk",
@@ -61,6 +71,14 @@ CENTRIPETAL_CROSSTALK = Effect(
     bases=("play",),
     parameters={"c": Parameter(0.05, "", -20.0, 20.0, False, "guess: a sensor turned by 3 deg", "crosstalk")},
     terms=on(("play",), Term(TIP, centripetal, ("c", "l"))),
+    amplitudes=("c",),
+    guesses=lambda scales: grid(c=(0.3,)),
+    words=Words(
+        "centripetal acceleration in the sensor",
+        "The accelerometer feels the centripetal acceleration, as if it were turned on its bar by {c.size.tilt}.",
+        "Look whether the sensor's axis stands square to the bar, and whether its screws or its tape are loose.",
+        read_as={"c": "tilt"},
+    ),
 )
 BIAS_DRIFT = Effect(
     id="bias_drift",
@@ -70,6 +88,13 @@ BIAS_DRIFT = Effect(
     bases=SENSED,
     parameters={"c": Parameter(0.01, "m/s^3", -10.0, 10.0, False, "guess", "drift")},
     terms=on(SENSED, Term(READING, drift, ("c",))),
+    amplitudes=("c",),
+    guesses=lambda scales: grid(c=(scales.reading / scales.length * 0.01,)),
+    words=Words(
+        "a sensor that drifts",
+        "The accelerometer's zero drifts by {c}.",
+        "Let the sensor warm up before recording; look for a supply voltage that sags, or a mount that creeps.",
+    ),
 )
 SENSOR_SATURATION = Effect(
     id="sensor_saturation",
@@ -79,4 +104,11 @@ SENSOR_SATURATION = Effect(
     bases=SENSED,
     parameters={"a_max": Parameter(19.6, "m/s^2", 0.1, 2000.0, False, "a 2 g range", "range", Domain.POSITIVE)},
     terms=on(SENSED, Term(READING, saturation, ("a_max",))),
+    guesses=lambda scales: grid(a_max=(0.999 * scales.peak,)),
+    barely=lambda scales: [{"a_max": 0.98 * scales.peak}],
+    words=Words(
+        "a sensor at its limit",
+        "The accelerometer is cut off at {a_max}.",
+        "Set a wider range in the sensor, or make the reversals gentler; what is cut off is lost.",
+    ),
 )

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 
 from lostmotion.model.base import Operating, Term
 from lostmotion.model.effects.base import ActsOn, Effect, on
+from lostmotion.model.effects.guesses import MotionScales, Values, grid
+from lostmotion.model.effects.words import Words
 from lostmotion.model.kernel import Slots, kernel
 from lostmotion.model.parameter import Domain, Parameter
 from lostmotion.model.signals import (
@@ -94,6 +96,20 @@ def _servo_rate(values: Mapping[str, float], operating: Operating) -> float:
     return 2 * math.pi * values["f1"] * max(2.0, 2 * values["zeta1"])
 
 
+def _stiffness(scales: MotionScales, share: float, frequency_hz: float) -> float:
+    """Of a shaft that lets this share of the inertia swing against the rest [N m/rad]."""
+    return scales.inertia * share * (1 - share) * (2 * math.pi * frequency_hz) ** 2
+
+
+def _shafts(scales: MotionScales) -> list[Values]:
+    return [
+        {"share": share, "k_s": k, "c_s": 0.02 * math.sqrt(k * scales.inertia / 2)}
+        for share, frequencies in ((0.5, (35.0, 60.0, 100.0, 160.0)), (0.8, (160.0, 260.0, 420.0)))
+        for f in frequencies
+        for k in [_stiffness(scales, share, f)]
+    ]
+
+
 _SHAFT = ("share", "k_s", "c_s", "J2", "R2")
 SHAFT_COMPLIANCE = Effect(
     id="shaft_compliance",
@@ -111,6 +127,17 @@ SHAFT_COMPLIANCE = Effect(
              Term(INERTIA, far_inertia, _SHAFT), Term(TORQUE, twist, _SHAFT)),
     states=(THETA2, OMEGA2),
     rate=_twist_rate,
+    guesses=_shafts,
+    barely=lambda scales: [
+        {"share": share, "k_s": k, "c_s": 0.05 * math.sqrt(k * scales.inertia)}
+        for share in (0.3, 0.7)
+        for k in [_stiffness(scales, share, 200.0)]
+    ],
+    words=Words(
+        "a shaft that twists",
+        "The shaft behind the gear twists: its stiffness is only {k_s}.",
+        "Look for loose screws in the coupling or horn, a cracked hub, or a long thin shaft.",
+    ),
 )  # fmt: skip
 _ACTUATOR = ("J1", "f1", "zeta1", "R1")
 FINITE_ACTUATOR = Effect(
@@ -129,4 +156,13 @@ FINITE_ACTUATOR = Effect(
              Term(TORQUE, push_back, _ACTUATOR)),
     states=(COMMAND, COMMAND_RATE),
     rate=_servo_rate,
+    guesses=lambda scales: grid(
+        f1=(10.0, 18.0, 28.0, 40.0, 60.0), zeta1=(0.7,), J1=(2 * scales.inertia, 6 * scales.inertia)
+    ),
+    barely=lambda scales: [{"f1": 40.0, "zeta1": 0.7, "J1": 5 * scales.inertia}],
+    words=Words(
+        "an actuator that gives way",
+        "The motor gives way when the gear hits it: it holds its position only up to {f1}.",
+        "Look at the servo's position gain and torque limit, and at the supply voltage under load.",
+    ),
 )  # fmt: skip

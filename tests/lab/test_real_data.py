@@ -17,7 +17,7 @@ from lostmotion.lab.data.experiment import Experiment, experiments
 from lostmotion.lab.fitting.fit import noise_of
 from lostmotion.lab.fitting.strategy import full_fit, grown, seeded
 from lostmotion.lab.shooting.continuation import Level, fitted
-from lostmotion.lab.shooting.initial_guess import initial_guesses, sizes
+from lostmotion.lab.shooting.initial_guess import initial_guesses, scales_of
 from lostmotion.lab.shooting.initial_state import find_start, segment_of
 from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.lab.shooting.task import Task, coarse_substep
@@ -41,7 +41,7 @@ def with_each(level: Level, start: Model, effects: Sequence[str], task: Task, mo
 
     start: the other parameters; a fit without the effect may have bent them too far.
     """
-    size = sizes(level.model, level.segments, task.substep_s)
+    size = scales_of(level.model, level.segments, task.substep_s)
     found = {}
     for effect in effects:
         model = start.with_effect(effect)
