@@ -13,7 +13,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -21,8 +20,10 @@ from dataclasses import replace
 import numpy as np
 
 from lostmotion.lab import words
+from lostmotion.lab.data.excerpt import excerpts
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.noise import innovation_noise
+from lostmotion.lab.deadline import within
 from lostmotion.lab.design.next_experiment import what_to_record
 from lostmotion.lab.discrepancy.describe import described
 from lostmotion.lab.discrepancy.localise import localise
@@ -37,7 +38,7 @@ from lostmotion.lab.selection.score_test import Scores
 from lostmotion.lab.selection.step import Step, Tried
 from lostmotion.lab.selection.validate import Judged, Unseen, is_left, trained_each
 from lostmotion.lab.shooting.continuation import Level, followed, residuals
-from lostmotion.lab.shooting.task import Task
+from lostmotion.lab.shooting.task import Task, coarse_substep, rubbing
 from lostmotion.model import Model, ModelError
 from lostmotion.model.effects import get_effect
 
@@ -47,6 +48,11 @@ BUDGET_S = 60.0
 """What a person waits for an answer [s]."""
 INSIGNIFICANT = 1.5
 """Half widths of its interval, within which an amplitude may as well be zero: three standard deviations."""
+SEARCH_SHARE = 0.75
+"""Of the budget; the rest is for the last refinement and for the description of what is left."""
+MOST_SAMPLES, STEP_COST = 6400, 0.4
+"""Samples that a search of a minute can use, an integration step costing as much as this part of one: two recordings of
+4 s at 800 Hz, in steps of 0.5 ms, take half a minute (docs/lab.md); three of 20 s had no answer after nine minutes."""
 BY_FAR = 4.0
 """Effects that bring the error down by this factor are missing, although structure is left behind them."""
 
@@ -61,30 +67,49 @@ def explain(
 ) -> Explanation:
     """What these experiments say is missing from the model.
 
-    The last experiment is kept for judging (the last third of a single one).  seed: of the bootstrap; budget_s: no
-    further effect is looked for after so long [s].  Raises ModelError where the model cannot be run on the experiments
-    at all.
+    The last experiment is kept for judging (the last third of a single one).  seed: of the bootstrap; budget_s: about
+    how long it may take [s]; of long recordings of gears a search uses as much as it can in this time.  Raises
+    ModelError where the model cannot be run on the experiments at all.
     """
-    until = time.monotonic() + budget_s
     train, last = _split(experiments)
     if method := method_of(model, experiments):
         return explained(model, train, last, method, noise_of(experiments), pool, progress, budget_s)
     model, held = with_scale(model, experiments)
-    task = Task.of(model, train, noise_of(experiments))
+    whole_s = sum(one.duration for one in experiments)
+    noise = noise_of(experiments)
+    train, last = _used(model, train, last, budget_s)
+    task = Task.of(model, train, noise)
     rng = np.random.default_rng(seed)
     progress("fitting what is there", 0.0)
-    short = first_fit(model, task, pool)
-    base = grown(short, task)
-    unseen = Unseen(last, task, predictable(short, task), pool)
-    last_short, level, descent, steps = descended(short, base, unseen, rng, progress, until)
-    level, descent = simplified(level, descent, unseen, _unvalidated(steps))
+    with within(SEARCH_SHARE * budget_s):
+        short = first_fit(model, task, pool)
+        base = grown(short, task)
+        unseen = Unseen(last, task, predictable(short, task), pool)
+        last_short, level, descent, steps = descended(short, base, unseen, rng, progress)
+        level, descent = simplified(level, descent, unseen, _unvalidated(steps))
     if insignificant := is_insignificant(level, task):
         last_short, level, descent, steps = short, base, descent[:1], [replace(steps[0], accepted=False)]
-    short = last_short if last_short.model.effects == level.model.effects else full_fit(level.model, task)
     progress("refining", 0.9)
-    found = _explanation(base, level, short, descent, steps, unseen, outside=insignificant)
+    with within((1 - SEARCH_SHARE) * budget_s):
+        short = last_short if last_short.model.effects == level.model.effects else full_fit(level.model, task)
+        found = _explanation(base, level, short, descent, steps, unseen, outside=insignificant)
     progress("done", 1.0)
-    return replace(found, held=held, complete=found.verdict != "outside_catalogue" and found.residual is None)
+    return replace(
+        found,
+        held=held,
+        complete=found.verdict != "outside_catalogue" and found.residual is None,
+        used_s=(sum(one.duration for one in (*train, last)), whole_s),
+    )
+
+
+def _used(
+    model: Model, train: Sequence[Experiment], last: Experiment, budget_s: float
+) -> tuple[list[Experiment], Experiment]:
+    """What a search of so long can use of the experiments to fit, and of the last one."""
+    step = coarse_substep(rubbing(model, train), train)
+    rate = max(max(one.rate_hz for one in (*train, last)), STEP_COST / step)
+    most_s = MOST_SAMPLES * budget_s / BUDGET_S / rate
+    return excerpts(train, most_s), excerpts([last], most_s / 2)[0]
 
 
 def _split(experiments: Sequence[Experiment]) -> tuple[list[Experiment], Experiment]:
@@ -107,8 +132,7 @@ def _explanation(
 ) -> Explanation:
     """outside: it is known that something is left, which no effect explains."""
     task, before, after = unseen.task, descent[0], descent[-1]
-    column = next(iter(task.noise))
-    unit = task.noise[column]
+    first = next(iter(task.noise))
     named = task.added(best.model)
     refined = unseen.pool.submit(refined_fit, best, task)  # it works on one core while what is left is described
     left = outside or is_left(after) or (not named and steps[-1].is_full and any(_left_of_each(best, task)))
@@ -120,22 +144,27 @@ def _explanation(
         verdict = "missing"
     elif left:
         verdict = "outside_catalogue"
-    errors = Errors(before.error * unit, after.error * unit, unit, words.column(column)[1])
+    columns = {
+        name: Errors(before.of(name), after.of(name), noise, words.column(name)[1])
+        for name, noise in task.noise.items()
+        if name in before.columns
+    }
     residual = _residual(short, best, task) if left else None
     best_fit = refined.result()
     return Explanation(
         verdict=verdict,
         missing=named if verdict == "missing" else (),
         confusable=_confusable(named, steps),
-        ranking=_with_intervals(_ranking(steps, before, unit), best_fit),
-        error=errors,
+        ranking=_with_intervals(_ranking(steps, before, first), best_fit),
+        error=columns[first],
         residual=residual,
         advice=_advice(named, steps, unseen),
         detectable=_detectable(steps[-1].scores) if verdict == "nothing_missing" else {},
         base=fit_of(base, task),
         best=best_fit,
-        columns={column: errors},
-        descent=tuple(judged.error * unit for judged in descent),
+        columns=columns,
+        descent=tuple(judged.of(first) for judged in descent),
+        left_out=(after.errors.size - len(after.residual), after.errors.size),
         unshown=tuple(effect for effect in _unvalidated(steps) if effect in named) if verdict == "missing" else (),
     )
 
@@ -157,13 +186,13 @@ def is_insignificant(level: Level, task: Task) -> bool:
     )
 
 
-def _ranking(steps: Sequence[Step], before: Judged, unit: float) -> tuple[Ranked, ...]:
+def _ranking(steps: Sequence[Step], before: Judged, column: str) -> tuple[Ranked, ...]:
     """The effects of the first search, best first; those that were not fitted by their score."""
     if not steps:
         return ()
-    step, error = steps[0], before.error * unit
+    step, error = steps[0], before.of(column)
     ranked = [
-        Ranked(one.effect, error, one.judged.error * unit, step.scores.p_values.get(one.effect, 1.0), _values(one))
+        Ranked(one.effect, error, one.judged.of(column), step.scores.p_values.get(one.effect, 1.0), _values(one))
         for one in step.tried
     ]
     tried = {entry.effect for entry in ranked}

@@ -20,14 +20,16 @@ from concurrent.futures import (
     as_completed,
 )
 from contextlib import contextmanager, suppress
+from contextvars import copy_context
 from dataclasses import dataclass
 from importlib import import_module
 from multiprocessing import get_context
 from typing import Any, Generic, TypeVar
 
+from lostmotion.lab.deadline import bounded, remaining_s
 from lostmotion.lab.errors import ExecutorError
 
-__all__ = ["Gathered", "cores", "gather", "open_executor"]
+__all__ = ["Gathered", "Threads", "cores", "gather", "open_executor"]
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -103,14 +105,30 @@ def _result(future: Future[R]) -> R | None:
     return future.result() if done else None
 
 
+class Threads(ThreadPoolExecutor):
+    """Threads that end with the search that they work for."""
+
+    def submit(self, fn: Callable[..., R], /, *args: Any, **kwargs: Any) -> Future[R]:
+        """Calls it in the context of whoever asks."""
+        return super().submit(copy_context().run, fn, *args, **kwargs)
+
+
+class _Processes(ProcessPoolExecutor):
+    """The same with processes."""
+
+    def submit(self, fn: Callable[..., R], /, *args: Any, **kwargs: Any) -> Future[R]:
+        """Calls it with the time that is left."""
+        return super().submit(bounded, remaining_s(), fn, *args, **kwargs)
+
+
 @contextmanager
 def _pool(kind: str, count: int) -> Iterator[Executor]:
     """Processes are spawned, not forked: this one may have threads, and compiled code in use."""
     pool: Executor
     if kind == "threads":
-        pool = ThreadPoolExecutor(count)
+        pool = Threads(count)
     else:
-        pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=_leave_ctrl_c)
+        pool = _Processes(count, mp_context=get_context("spawn"), initializer=_leave_ctrl_c)
     try:
         yield pool
     finally:

@@ -178,6 +178,10 @@ class Explanation:
     """Parameters that these recordings cannot tell, at the value at which they were held."""
     untried: tuple[str, ...] = ()
     """Effects that were not tried because the time was up."""
+    used_s: tuple[float, float] | None = None
+    """Seconds of the recordings that the search used, and of all, where it may not have used all."""
+    left_out: tuple[int, int] = (0, 0)
+    """Segments of unseen data that could not be followed and do not count in the errors, and all of them."""
 
     @property
     def share(self) -> dict[str, float]:
@@ -200,6 +204,8 @@ class Explanation:
             "columns": {name: errors.document() for name, errors in self.columns.items()},
             "scale": [{"parameter": e.name, "value": _number(e.value), "unit": e.unit} for e in self.held],
             "untried": list(self.untried),
+            "used": {"seconds": self.used_s[0], "of": self.used_s[1]} if self.used_s else None,
+            "left_out": {"segments": self.left_out[0], "of": self.left_out[1]},
             "residual": self.residual.document() if self.residual else None,
             "advice": self.advice,
             "detectable": {effect: {name: _number(size)} for effect, (name, size) in self.detectable.items()},

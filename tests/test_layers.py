@@ -20,7 +20,7 @@ ALLOWED = {
     "web": {"web", "daemon", "detector", "drivers"},
 }
 LAB = (
-    ("errors", "quantity"), ("parallel", "data"), ("results",), ("words", "models"), ("shooting",), ("observer",),
+    ("errors", "quantity", "deadline"), ("parallel", "data"), ("results",), ("words", "models"), ("shooting",), ("observer",),
     ("fitting",), ("selection", "design"), ("discrepancy",), ("inverse", "comparison"), ("explain",), ("report",),
     ("commands",), ("cli", "__init__"),
 )  # fmt: skip

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from operator import attrgetter
 
@@ -22,7 +22,7 @@ from lostmotion.lab.fitting.fit import fit_of
 from lostmotion.lab.fitting.strategy import full_fit
 from lostmotion.lab.observer.filter import TIGHT, can_follow
 from lostmotion.lab.observer.objective import Follower
-from lostmotion.lab.parallel import cores
+from lostmotion.lab.parallel import Threads, cores
 from lostmotion.lab.quantity import quantity
 from lostmotion.lab.results import Curve, Finding
 from lostmotion.lab.selection.candidates import HOPELESS
@@ -78,7 +78,7 @@ def described(level: Level, task: Task) -> Finding | None:
     size = scales_of(level.model, level.segments, task.substep_s)
     acting = {TORQUE: size.torque, BAR_FORCE: size.k * size.bend, SENSOR: size.reading, GAP: size.d}
     found = guesses(level.model, level.segments, acting, task.substep_s)
-    with registered(found), ThreadPoolExecutor(cores()) as pool:
+    with registered(found), Threads(cores()) as pool:
         if not can_follow(level.model, *task.experiments):
             fits = list(pool.map(_direct, found, [level] * len(found), [task] * len(found)))
             best = min(range(len(fits)), key=lambda i: fits[i].typical)

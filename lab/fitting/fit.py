@@ -27,7 +27,7 @@ from lostmotion.lab.shooting.task import Task, coarse_substep
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Progress", "fit", "fit_of", "noise_of", "refined_fit"]
+__all__ = ["Progress", "fit", "fit_of", "noise_of", "refined_fit", "rms_by_column"]
 
 SURE = 1.959964
 """Standard deviations to either side of a 95 % interval."""
@@ -106,17 +106,15 @@ def fit_of(level: Level, task: Task) -> Fit:
         estimates=tuple(estimates),
         correlation=np.asarray(correlation),
         noise=task.noise,
-        rms=rms_by_column(level, substep),
+        rms=rms_by_column([(s, s.residual(s.experiment.model(level.model), s.start, substep)) for s in level.segments]),
         substep_s=substep,
     )
 
 
-def rms_by_column(level: Level, substep_s: float) -> dict[str, float]:
-    """Root mean square of the residual of each column over all segments, in its unit."""
+def rms_by_column(segments: Sequence[tuple[Segment, FloatArray]]) -> dict[str, float]:
+    """Root mean square of the residual of each column, in its unit; each segment with its r (M,) in units of noise."""
     squares: dict[str, list[FloatArray]] = {}
-    for segment in level.segments:
-        model = segment.experiment.model(level.model)
-        r = segment.residual(model, segment.start, substep_s)
+    for segment, r in segments:
         at = 0
         for name, values in segment.experiment.measured.items():
             count = int(np.sum(~np.isnan(values)))

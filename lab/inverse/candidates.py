@@ -31,7 +31,7 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.guesses import MotionScales
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["are_apt", "candidates", "fitted_with", "refined", "sizes_of", "softened", "starts"]
+__all__ = ["are_apt", "by_acceleration", "candidates", "fitted_with", "refined", "sizes_of", "softened", "starts"]
 
 ANGLES = 6
 """Angles of zero that are tried in a period of an effect: one of them is at most 30 degrees of phase away."""
@@ -66,9 +66,15 @@ def softened(model: Model, data: Problem) -> Model:
 
 def starts(model: Model, signals: Sequence[Signals]) -> list[Model]:
     """Models from which the base is fitted to a simulated motion: the file's, and what the acceleration says."""
-    error = EquationError.driven(signals)
-    found = _tried(softened(model, error), error, error.nuisance, MOST_STEPS) if _is_static(model) else None
+    found = by_acceleration(model, signals)
     return [model, _with_values(model, found.model)] if found else [model]
+
+
+def by_acceleration(model: Model, signals: Sequence[Signals]) -> Regression | None:
+    """The model fitted to the acceleration instead of the motion; None where that does not follow from the motion at
+    the same instant."""
+    error = EquationError.driven(signals)
+    return _tried(softened(model, error), error, error.nuisance, MOST_STEPS) if _is_static(model) else None
 
 
 def sizes_of(model: Model, data: Problem) -> MotionScales:
@@ -106,15 +112,16 @@ def candidates(model: Model, added: tuple[str, ...], data: Problem) -> Iterator[
             yield name, model.with_effect(name)
 
 
-def fitted_with(name: str, wide: Model, now: Regression) -> Regression | None:
+def fitted_with(name: str, wide: Model, now: Regression, inverse: Regression | None) -> Regression | None:
     """The best fit of a model with one more effect, from several initial values; None where nothing can be fitted or
-    the effect would not be what its name says."""
+    the effect would not be what its name says.  inverse: the present model by the acceleration, for a simulated
+    motion."""
     if not isinstance(now.data, OutputError):
         found = _fitted_from_guesses(name, softened(wide, now.data), now, STARTS, MOST_STEPS)
         return found if found and can_run(found.model, now.data.signals) else None
     fits = [_fitted_from_guesses(name, wide, now, 1, SHORT)]
-    if _is_static(wide):
-        fits.append(_fitted_from_acceleration(name, wide, now))
+    if inverse and _is_static(wide):
+        fits.append(_fitted_from_acceleration(name, wide, now, inverse))
     return min((one for one in fits if one), key=lambda one: one.rms, default=None)
 
 
@@ -140,13 +147,10 @@ def _fitted_from_guesses(name: str, wide: Model, now: Regression, most: int, ste
     return min(possible, key=lambda one: one.rms, default=None)
 
 
-def _fitted_from_acceleration(name: str, wide: Model, now: Regression) -> Regression | None:
+def _fitted_from_acceleration(name: str, wide: Model, now: Regression, inverse: Regression) -> Regression | None:
     """From what the acceleration says of the whole model with the effect."""
-    error = EquationError.driven(now.data.signals)
-    base = _tried(softened(now.model, error), error, error.nuisance, MOST_STEPS)
-    found = base and _fitted_from_guesses(
-        name, _with_values(softened(wide, error), base.model), base, STARTS, MOST_STEPS
-    )
+    begun = _with_values(softened(wide, inverse.data), inverse.model)
+    found = _fitted_from_guesses(name, begun, inverse, STARTS, MOST_STEPS)
     if not found:
         return None
     start = _with_values(wide, found.model)

@@ -10,7 +10,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
@@ -23,14 +22,16 @@ from scipy.stats import t as student
 from lostmotion.lab import words
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.frequency_response import from_spectra
+from lostmotion.lab.deadline import within
 from lostmotion.lab.design.next_experiment import what_to_record
 from lostmotion.lab.discrepancy.shape import shapes
 from lostmotion.lab.fitting.identifiability import is_driven, with_scale
 from lostmotion.lab.inverse.output_error import initial_state
 from lostmotion.lab.inverse.regression import Data, Regression, blocks_of, by_recording, can_run
-from lostmotion.lab.inverse.selection import LIMIT, Method, Selection, Step, amplitudes, error_on, selected
+from lostmotion.lab.inverse.selection import Search, Selection, Step, selected
 from lostmotion.lab.inverse.signals import COLUMNS, Signals
 from lostmotion.lab.inverse.torques import can_invert
+from lostmotion.lab.inverse.validate import LIMIT, Method, amplitudes, error_on
 from lostmotion.lab.results import Curve, Errors, Estimate, Explanation, Finding, Fit, Ranked, Verdict
 from lostmotion.lab.shooting.task import Task, coarse_substep
 from lostmotion.model import Model, ModelError, build_model
@@ -70,16 +71,16 @@ def explained(
 ) -> Explanation:  # fmt: skip
     """What is missing, found on ``train`` and reported on ``last``.
 
-    noise: floor of each column; budget_s: no further effect is looked for after so long [s].
+    noise: floor of each column; budget_s: how long effects are looked for [s].
     """
     progress("fitting what is there", 0.0)
-    until = time.monotonic() + budget_s
     model, held = with_scale(model, train)
     rough = from_spectra(model, train)
     is_force = model.base != "servo"
     signals = [Signals.of(one, is_force) for one in train]
     unseen = Signals.of(last, is_force)
-    selection = selected(rough, signals, unseen, method, until, progress, pool)
+    with within(budget_s):
+        selection = selected(rough, signals, Search(method, unseen, pool), progress)
     progress("judging", 0.9)
     fits = [one.judged for one in selection.fits]
     base, best = fits[0], fits[-1]
@@ -112,7 +113,7 @@ def explained(
             effect for effect, (less, more) in zip(selection.added, pairwise(descent), strict=True) if more >= less
         ),
         contradicted=_contradicted(selection),
-        untried=() if selection.complete else tuple(one.effect for one in selection.steps[-1].judged[1:]),
+        untried=selection.untried,
     )
     progress("done", 1.0)
     return found

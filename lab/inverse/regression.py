@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from lostmotion.lab.deadline import is_over
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import acceleration, inertia_of, needed
 from lostmotion.lab.shooting.parameters import Unknowns
@@ -91,7 +92,7 @@ class Data:
         for _ in range(MOST_ROUNDS):
             load = tuple(data.needed(model, zeros))
             change = max(float(np.abs(new - old).max()) for new, old in zip(load, data.transmitted, strict=True))
-            data = cls(data.signals, load)
+            data = replace(data, transmitted=load)
             if change <= LOAD_CONVERGED * max(float(np.abs(one).max()) for one in load):
                 break
         return data
@@ -308,9 +309,18 @@ class Regression:
         return np.asarray(np.abs(self.unknowns.slopes(self.z)) * np.sqrt(variance))
 
 
+class _TimeIsUpError(Exception):
+    """A fit ends where it is."""
+
+    def __init__(self, at: FloatArray) -> None:
+        super().__init__()
+        self.at = at.copy()
+
+
 def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, steps: int = MOST_STEPS) -> Regression:
-    """The model with its free parameters fitted, within their bounds, in so many steps at most.  nuisance: where
-    what is fitted beside them begins.  Raises ModelError where the first values cannot be simulated."""
+    """The model with its free parameters fitted, within their bounds, in so many steps at most, or as far as the
+    time allows.  nuisance: where what is fitted beside them begins.  Raises ModelError where the first values
+    cannot be simulated."""
     unknowns = _scaled(Unknowns.of(model), model, data)
     low, high = unknowns.bounds
     beside = data.nuisance if nuisance is None else nuisance
@@ -329,14 +339,19 @@ def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, s
         if not np.isfinite(residual(z)).all():
             raise ModelError("the motion cannot be simulated with the first values of the parameters")
 
-        def jacobian(at: FloatArray) -> FloatArray:
+        def jacobian(at: FloatArray) -> FloatArray:  # it is asked for at the first values and after each step
+            if is_over():
+                raise _TimeIsUpError(at)
             return _jacobian(residual, at, bounds[1], data)
 
-        with np.errstate(over="ignore"):  # a trial step may be far off: its error is compared, no more
-            found = least_squares(residual, z, jacobian, bounds, x_scale="jac", max_nfev=steps, ftol=CONVERGED)
-        error, slopes = found.fun[:size] * usual, np.asarray(found.jac)[:size] * usual
-        values = unknowns.put(model, found.x[:count])
-        return Regression(values, data, unknowns, found.x[:count], error, slopes, found.x[count:])
+        try:
+            with np.errstate(over="ignore"):  # a trial step may be far off: its error is compared, no more
+                found = least_squares(residual, z, jacobian, bounds, x_scale="jac", max_nfev=steps, ftol=CONVERGED)
+            x, error, slopes = found.x, found.fun, np.asarray(found.jac)
+        except _TimeIsUpError as end:
+            x, error, slopes = end.at, residual(end.at), _jacobian(residual, end.at, bounds[1], data)
+        values = unknowns.put(model, x[:count])
+        return Regression(values, data, unknowns, x[:count], error[:size] * usual, slopes[:size] * usual, x[count:])
 
     if not z.size:
         return Regression(model, data, unknowns, z, data.residual(model, z), np.empty((size, 0)), z)

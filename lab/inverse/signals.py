@@ -11,7 +11,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
-from scipy.signal import butter, sosfiltfilt, welch
+from scipy.signal import butter, sosfilt, sosfilt_zi, welch
 
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.model.motion import FloatArray
@@ -148,15 +148,28 @@ def _integrated_twice(acceleration: FloatArray, step: float) -> FloatArray:
 
 
 def _lowpass(values: FloatArray, band: float) -> FloatArray:
-    """Zero-phase; band: its end in cycles per sample."""
+    """Zero-phase, along the last axis; band: its end in cycles per sample.
+
+    As ``scipy.signal.sosfiltfilt`` does, which finds the filter's initial state anew each time: that takes as long as
+    filtering some thousand samples.
+    """
+    sections, settled = _butterworth(band)
     padding = min(values.shape[-1] - 1, round(3 / band))
-    return np.asarray(sosfiltfilt(_butterworth(band), values, axis=-1, padlen=padding))
+    first, last = values[..., :1], values[..., -1:]
+    filtered = np.concatenate(
+        [2 * first - values[..., padding:0:-1], values, 2 * last - values[..., -2 : -padding - 2 : -1]], axis=-1
+    )
+    for _ in range(2):  # forwards, then backwards
+        start = settled.reshape(settled.shape[0], *[1] * (values.ndim - 1), 2) * filtered[..., :1]
+        filtered = sosfilt(sections, filtered, zi=start)[0][..., ::-1]
+    return np.asarray(filtered[..., padding : padding + values.shape[-1]])
 
 
 @lru_cache(maxsize=64)
-def _butterworth(band: float) -> FloatArray:
-    """Second-order sections; designing them takes longer than filtering some thousand samples."""
-    return np.asarray(butter(ORDER, 2 * band, output="sos"))
+def _butterworth(band: float) -> tuple[FloatArray, FloatArray]:
+    """Second-order sections, and their state (sections, 2) after a long time at one."""
+    sections = np.asarray(butter(ORDER, 2 * band, output="sos"))
+    return sections, np.asarray(sosfilt_zi(sections))
 
 
 def _density(values: FloatArray, rate: float) -> tuple[FloatArray, FloatArray]:

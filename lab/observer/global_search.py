@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lostmotion.lab.data.experiment import ACCEL
+from lostmotion.lab.deadline import is_over
 from lostmotion.lab.observer.filter import STRONG, WEAK
 from lostmotion.lab.observer.objective import Follower
 from lostmotion.lab.shooting.continuation import Level
@@ -76,11 +77,13 @@ def shortlist(
     base: Level, effects: Sequence[str], task: Task, pool: Executor, beside: Near | None = None, seed: int = 0
 ) -> list[Near]:
     """The effects that bring observer runs nearest to the measurement, best first; one whose whole number leaves
-    valleys far apart may be there twice.
+    valleys far apart may be there twice.  None where there is no time for it.
 
     base: the fit without them; initial guesses of an effect's parameters are tried with its values and with the
     file's; beside: one that is there already, as far as observer runs know it.
     """
+    if is_over():
+        return []
     model = beside.model if beside else base.model
     follower, size, count = _follower(model, task), scales_of(base.model, base.segments, task.substep_s), len(effects)
     generations = BESIDE_GENERATIONS if beside else EFFECT_GENERATIONS
@@ -157,6 +160,8 @@ class _Population:
         """Differential evolution, current to p-best."""
         random, z, size = self._random, self._z, len(self._z)
         for _ in range(generations):
+            if is_over():
+                break
             top = np.argsort(self.costs)[: max(3, size // 5)]
             for i in range(size):
                 (a, b), lead = random.choice(size, 2, replace=False), int(random.choice(top))

@@ -32,13 +32,11 @@ def of_explanation(explanation: Explanation) -> tuple[str, ...]:
         sentences += of_finding(found) if found else ()
     sentences += [f"These recordings cannot tell {_apart(group)}." for group in explanation.confusable]
     if explanation.missing and not explanation.complete and found:
-        sentences.append("Something more is missing that no effect of the catalogue explains.")
+        beyond = "" if explanation.untried else " that no effect of the catalogue explains"
+        sentences.append(f"Something more is missing{beyond}.")
         sentences += of_finding(found)
     sentences += [_held(one) for one in explanation.held]
-    if explanation.untried:
-        sentences.append(
-            f"Not tried for want of time: {joined([words.name(effect) for effect in explanation.untried])}."
-        )
+    sentences += _unused(explanation)
     if explanation.unshown:
         effects = joined([words.name(effect) for effect in explanation.unshown])
         sentences.append(f"The recording kept for judging does not show {effects}: only the others tell it.")
@@ -48,6 +46,26 @@ def of_explanation(explanation: Explanation) -> tuple[str, ...]:
             f"The fitted recordings seem to show {effects}; the recording kept for judging contradicts it."
         )
     return tuple(sentences)
+
+
+def _unused(explanation: Explanation) -> list[str]:
+    """What the search did not try or use."""
+    sentences = []
+    if explanation.untried:
+        effects = joined([words.name(effect) for effect in explanation.untried])
+        sentences.append(f"Not tried for want of time (--budget): {effects}.")
+    used, whole = explanation.used_s or (0.0, 0.0)
+    if used < whole:
+        sentences.append(
+            f"Of {whole:.0f} s of recordings the {used:.0f} s that move most were used; a larger --budget uses more."
+        )
+    left, segments = explanation.left_out
+    if left:
+        sentences.append(
+            f"{left} of {segments} segments of the recording kept for judging could not be followed, and do not count "
+            "in the errors."
+        )
+    return sentences
 
 
 def of_finding(finding: Finding) -> tuple[str, ...]:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
-import time
 from operator import attrgetter
 
 import numpy as np
 
+from lostmotion.lab.deadline import is_over
 from lostmotion.lab.fitting.fit import Progress
 from lostmotion.lab.fitting.strategy import grown
 from lostmotion.lab.selection.alternatives import distinguished, generalised
@@ -22,16 +21,13 @@ MOST_MISSING, AT_LENGTH = 3, 2
 
 
 def descended(
-    short: Level, level: Level, unseen: Unseen, rng: np.random.Generator, progress: Progress, until: float = math.inf
+    short: Level, level: Level, unseen: Unseen, rng: np.random.Generator, progress: Progress
 ) -> tuple[Level, Level, list[Judged], list[Step]]:
-    """The last fits on short and on grown segments, how the error fell, and what was tried.
-
-    No further step begins after time.monotonic() has passed ``until`` [s].
-    """
+    """The last fits on short and on grown segments, how the error fell, and what was tried."""
     descent, steps = [unseen.judge(level.model)], list[Step]()
-    while len(descent) <= MOST_MISSING and (not steps or time.monotonic() < until):
+    while len(descent) <= MOST_MISSING and not (steps and is_over()):
         progress("looking for more" if steps else "looking for what is missing", 0.15 + 0.25 * len(steps))
-        found = _next(short, level, descent[-1], unseen, rng, until)
+        found = _next(short, level, descent[-1], unseen, rng)
         steps += found
         if not found[-1].accepted:
             break
@@ -44,12 +40,10 @@ def descended(
     return short, level, descent, steps
 
 
-def _next(
-    short: Level, level: Level, now: Judged, unseen: Unseen, rng: np.random.Generator, until: float
-) -> list[Step]:
+def _next(short: Level, level: Level, now: Judged, unseen: Unseen, rng: np.random.Generator) -> list[Step]:
     """One step; or two, of which the first, or each, explains too little alone.  The last may not be accepted."""
     step = searched(level, short, now, unseen, rng)
-    if step.accepted or len(unseen.task.added(short.model)) >= AT_LENGTH or time.monotonic() > until:
+    if step.accepted or len(unseen.task.added(short.model)) >= AT_LENGTH or is_over():
         return [step]
     if (step := further(step, short, now, unseen)).accepted:
         return [step]

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lostmotion.lab.data.clipping import RANGE, at_its_rail
+from lostmotion.lab.deadline import is_over
 from lostmotion.lab.observer.global_search import AHEAD, Near, cost_of
 from lostmotion.lab.selection.candidates import (
     Trial,
@@ -40,6 +41,8 @@ FULL = 3.0
 FREE, FULL_GAIN = 0.01, 0.05
 """An effect of which unseen data are free leaves their errors within this; then it must lower the misfit of the data of
 the fit by this."""
+FEWEST = 2
+"""So many fits are judged when the time is up."""
 FIRST = 2
 """So many effects are tried as the first of two, where none is far ahead."""
 
@@ -199,7 +202,10 @@ def _strongest(*scores: Scores) -> list[Direction]:
 
 
 def on_unseen(trials: Sequence[Trial], now: Judged, unseen: Unseen) -> list[Tried]:
-    """The trials judged, each beginning segments that it has lost where another one follows them."""
+    """The trials judged, each beginning segments that it has lost where another one follows them; the best few, when
+    the time is up."""
+    if is_over():
+        trials = sorted(trials, key=lambda trial: trial.level.typical)[:FEWEST]
     judged = unseen.judge_each([trial.level.model for trial in trials], now)
     return [Tried(trial.effect, trial.level, own) for trial, own in zip(trials, judged, strict=True)]
 

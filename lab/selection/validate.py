@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.stationarity import is_structured
+from lostmotion.lab.fitting.fit import rms_by_column
 from lostmotion.lab.fitting.strategy import begun, passed
 from lostmotion.lab.shooting.continuation import Level, merged, residuals, tiles
 from lostmotion.lab.shooting.initial_state import polished, repaired
@@ -42,7 +43,8 @@ SURE_SHARE = 0.75
 class Judged:
     """error: root mean square of r on unseen data, in units of the noise as it was estimated, without lost segments;
     errors, counts: (S,) of each segment, all of them, and its samples; residual: r of those not lost, best first;
-    segments: with the starts that were found; states: the names of what these hold.
+    segments: with the starts that were found; states: the names of what these hold; columns: root mean square of the
+    error of each measured column in its own unit, without lost segments.
     """
 
     error: float
@@ -51,6 +53,11 @@ class Judged:
     residual: tuple[FloatArray, ...]
     segments: tuple[Segment, ...] = ()
     states: tuple[str, ...] = ()
+    columns: Mapping[str, float] = field(default_factory=dict)
+
+    def of(self, column: str) -> float:
+        """Error of a column in its unit; infinite where the model could not be run."""
+        return self.columns.get(column, math.inf)
 
     @property
     def count(self) -> int:
@@ -157,10 +164,12 @@ def trained_each(level: Level, substep_s: float) -> list[Judged]:
 
 def _judged(parts: Sequence[FloatArray], segments: Sequence[Segment] = (), states: Sequence[str] = ()) -> Judged:
     errors = np.array([np.sqrt(np.mean(part**2)) for part in parts])
-    r = [parts[i] for i in np.argsort(errors) if errors[i] <= LOST * _usual(errors)]
+    kept = [int(i) for i in np.argsort(errors) if errors[i] <= LOST * _usual(errors)]
+    r = [parts[i] for i in kept]
     counts = np.array([float(part.size) for part in parts])
     error = float(np.sqrt(np.mean(np.concatenate(r) ** 2)))
-    return Judged(error, errors, counts, tuple(r), tuple(segments), tuple(states))
+    columns = rms_by_column([(segments[i], parts[i]) for i in kept]) if segments else {}
+    return Judged(error, errors, counts, tuple(r), tuple(segments), tuple(states), columns)
 
 
 def _polished(model: Model, segment: Segment, also: FloatArray | None, substep_s: float) -> Segment:

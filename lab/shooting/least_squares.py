@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lostmotion.lab.deadline import is_over
 from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.lab.shooting.segment import Linearised, Segment
 from lostmotion.model import Model, ModelError
@@ -103,7 +104,8 @@ def minimise(
 ) -> Solution:
     """Improves z and the start states until the cost falls by less than ``tolerance`` of itself.
 
-    states: False keeps the start states.  Never returns anything worse than it was given.
+    states: False keeps the start states.  Never returns anything worse than it was given; when the time is up, what it
+    has.
     """
     z, segments = z.copy(), tuple(segments)
     low, high = problem.unknowns.bounds
@@ -111,7 +113,7 @@ def minimise(
     costs = problem.costs(z, segments)
     cost, damping = problem.prior(z) + float(costs.sum()), 1e-3
     for _ in range(iterations):
-        if not math.isfinite(cost):
+        if is_over() or not math.isfinite(cost):
             break
         blocks = [problem.linearised(z, segment) for segment in segments]
         if not all(block.finite for block in blocks):

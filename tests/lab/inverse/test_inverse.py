@@ -20,7 +20,7 @@ from lostmotion.lab.fitting.identifiability import with_scale
 from lostmotion.lab.inverse.candidates import softened
 from lostmotion.lab.inverse.explain import method_of
 from lostmotion.lab.inverse.regression import Data, blocks_of, regressed
-from lostmotion.lab.inverse.selection import selected
+from lostmotion.lab.inverse.selection import Search, selected
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.model import Model, build_model
 from lostmotion.model.effects import get_effect
@@ -90,7 +90,7 @@ def named(model: Model, recordings: list[Recording]) -> tuple[str, ...]:
     method = method_of(model, held)
     assert method
     signals = [Signals.of(one) for one in held]
-    return selected(model, signals, signals[-1], method, np.inf, lambda what, part: None).added
+    return selected(model, signals, Search(method, signals[-1]), lambda what, part: None).added
 
 
 @pytest.mark.slow

@@ -1,0 +1,205 @@
+"""How well a candidate predicts samples that its fit has not seen, and whether that is significant.  No search here.
+
+A candidate is judged by the squared error of predictions: each of three folds of blocks is predicted by a fit to the
+other two.  The logarithms of the ratio of two models' errors, block by block, are nearly independent, and their mean is
+that of the log-likelihood ratio when each block has noise of its own size: recordings differ in theirs.  Student's
+t-test asks whether the mean is above zero, and the p-value is multiplied by the number of candidates that were tried
+(Bonferroni), so that it is the chance of a false name in the whole step.  A model need not be true for that, only
+better: the test compares predictions (Diebold and Mariano 1995; Hansen, Lunde and Nason 2011, "The model confidence
+set").
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from lostmotion.lab.inverse.output_error import OutputError
+from lostmotion.lab.inverse.regression import Data, Regression, blocks_of, regressed
+from lostmotion.lab.inverse.signals import Signals
+from lostmotion.model import Model, ModelError
+from lostmotion.model.effects import get_effect
+from lostmotion.model.motion import FloatArray
+
+__all__ = [
+    "LEAST_GAIN", "LIMIT", "Fitted", "Judged", "Method", "amplitudes", "are_alike", "error_on", "is_refuted", "judged",
+    "named", "p_of", "preferred",
+]  # fmt: skip
+
+LIMIT = 0.05
+"""Chance of a false name in one step of the search."""
+LEAST_GAIN = 0.01
+"""Share of the squared error that an effect has to take, however sure it is: less is not worth a name."""
+HORIZONS = (0.2, 0.5)
+"""Shares of a free swing that are fitted before the whole: a frequency that is 2 % off is out of phase after ten
+swings, and a fit to all of them ends in another minimum."""
+
+
+class Method(Enum):
+    """Whose error is judged: that of the torque, which a controller made; that of a free motion, whose effects are
+    looked for in the acceleration; that of a motion whose input follows no disturbance."""
+
+    TORQUE = "torque"
+    FREE = "free"
+    MOTION = "motion"
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """inverse: the fit in which effects are looked for; judged: the fit whose predictions count, the same one except
+    where a joint swings freely."""
+
+    inverse: Regression
+    judged: Regression
+
+    @classmethod
+    def of(cls, inverse: Regression, method: Method) -> Fitted:
+        """Beginning with the fit in which effects are looked for."""
+        if method is not Method.FREE:
+            return cls(inverse, inverse)
+        swings = OutputError.of(inverse.data.signals, inverse.model)
+        model = inverse.model
+        for share in HORIZONS:
+            model = regressed(model, swings.first(share)).model
+        return cls(inverse, regressed(model, swings))
+
+    @property
+    def model(self) -> Model:
+        """The model of the fit that counts."""
+        return self.judged.model
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A candidate: the fit with it, the share of the squared error of unseen samples that it takes, the p-value,
+    whether its size is told: that its interval does not hold zero; and whether the unseen recording contradicts it."""
+
+    effect: str
+    fitted: Fitted
+    gain: float
+    p_value: float
+    is_sized: bool = True
+    is_refuted: bool = False
+
+    @property
+    def fit(self) -> Regression:
+        """The fit that counts."""
+        return self.fitted.judged
+
+    @property
+    def is_significant(self) -> bool:
+        """Whether it may be named."""
+        return self.p_value < LIMIT and self.gain > LEAST_GAIN and self.is_sized and not self.is_refuted
+
+
+def named(alike: Sequence[Judged], now: Regression, unseen: Signals) -> Judged:
+    """Of effects that explain alike: that with the fewest parameters, then the one that best predicts the recording
+    that no fit has seen, then the one whose shape suits the motion."""
+    few = min(one.fit.count for one in alike)
+    simple = [one for one in alike if one.fit.count == few]
+    if len(simple) == 1:
+        return simple[0]
+    errors = [error_on(one.fit, unseen) ** 2 for one in simple]
+    best = [one for one, error in zip(simple, errors, strict=True) if error * (1 - LEAST_GAIN) <= min(errors)]
+    return min(best, key=lambda one: (*preferred(one, now), one.fit.rms))
+
+
+def error_on(fit: Regression, unseen: Signals) -> float:
+    """Root mean square of what a fit lacks in a recording that it has not seen [N m or rad], infinite where its motion
+    has no end there."""
+    there = _on(fit, unseen)
+    return there.rms if there else math.inf
+
+
+def _on(fit: Regression, unseen: Signals) -> Regression | None:
+    """The fit's model on a recording that it has not seen, None where its motion has no end there: only the initial
+    state of a motion, or the zero of an angle, is fitted."""
+    known = fit.model.replace({name: replace(fit.model.parameters[name], fixed=True) for name in fit.unknowns.names})
+    try:
+        if isinstance(fit.data, OutputError):
+            return regressed(known, OutputError.of([unseen], known))
+        data = replace(Data.of([unseen], known), is_anchored=fit.nuisance.size == 0)
+        return regressed(known, data)
+    except ModelError:
+        return None
+
+
+def is_refuted(fit: Regression, now: Regression, unseen: Signals) -> bool:
+    """Whether the recording that no fit has seen is predicted worse with an effect than without, significantly and by
+    what is worth a name.
+
+    Folds of the other recordings have the same speeds and amplitudes.  An effect that bends itself to these by a
+    difference of large terms, as a Stribeck friction beside a drag, is wild a little outside of them: a damper's 80 N
+    became 254 N where the folds' error fell by 12 %.
+    """
+    without, there = _on(now, unseen), _on(fit, unseen)
+    if without is None or there is None:
+        return there is None and without is not None
+    worse = there.residual @ there.residual * (1 - LEAST_GAIN) > without.residual @ without.residual
+    return bool(worse) and _chance(there.residual**2, without.residual**2, blocks_of(without)) < LIMIT
+
+
+def preferred(one: Judged, now: Regression) -> tuple[bool]:
+    """Of two effects of the same shape, that which repeats every turn of a shaft comes first where the motion covers
+    several turns, as no arm does."""
+    turns = max(float(np.ptp(signals.position)) for signals in now.data.signals) / (2 * np.pi)
+    repeats = f"{one.effect}.N" in one.fit.model.parameters
+    return ((repeats and turns < 2) or (not repeats and turns >= 2),)
+
+
+def are_alike(one: Judged, best: Judged, tried: int) -> bool:
+    """Whether the best of so many predicts no better than another, significantly and by what is worth a name."""
+    left, least = 1 - one.gain, 1 - best.gain
+    return left * (1 - LEAST_GAIN) <= least or tried * p_of(one.fit, best.fit) > LIMIT
+
+
+def judged(name: str, found: Fitted, now: Fitted, tried: int) -> Judged:
+    before, after, block = _errors(now.judged, found.judged)
+    p_value = min(tried * _chance(before, after, block), 1.0)
+    return Judged(name, found, float(1 - after.sum() / before.sum()), p_value, _is_sized(name, found.judged))
+
+
+def _is_sized(effect: str, fit: Regression) -> bool:
+    """Whether the interval of an amplitude of the effect does not hold zero.  A curve that is nearly a sum of others
+    bends itself to a motion better than they do, and is wild outside of it.  The base's positive parameters are taken
+    as given: all torques of a servo share a scale that its motion does not tell."""
+    names = amplitudes(effect, fit)
+    if not names:
+        return True
+    block = blocks_of(fit)
+    given = [item.name for item in fit.unknowns.items if item.logarithmic and "." not in item.name]
+    limits = student.isf(LIMIT / 2, int(block.max())) * fit.deviations(block, given)
+    sizes = {name: abs(fit.model.parameters[name].value) for name in names}
+    return any(sizes[name] > limit for name, limit in zip(fit.unknowns.names, limits, strict=True) if name in sizes)
+
+
+def amplitudes(effect: str, fit: Regression) -> list[str]:
+    """The free parameters without which the effect vanishes, by their full names."""
+    names = (f"{effect}.{part}" for part in get_effect(effect).amplitudes)
+    return [name for name in names if name in fit.unknowns.names]
+
+
+def p_of(one: Regression, other: Regression) -> float:
+    """The chance of predictions of ``other`` this much better than those of ``one``, if both were as good."""
+    return _chance(*_errors(one, other))
+
+
+def _errors(one: Regression, other: Regression) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
+    """Squared errors of both fits at samples that they have not seen (M,) each, and the block of each sample: those of
+    the residual of ``other``, which if it explains nothing is the one before."""
+    block = blocks_of(other)
+    return one.predicted**2, other.predicted**2, block
+
+
+def _chance(before: FloatArray, after: FloatArray, block: NDArray[np.intp]) -> float:
+    """Of a mean of the blocks' logarithms this far above zero, if it is zero."""
+    sums = [np.maximum(np.bincount(block, each), 1e-300) for each in (before, after)]
+    ratio = 0.5 * np.log(sums[0] / sums[1])
+    spread = float(ratio.std(ddof=1)) / np.sqrt(ratio.size)
+    return float(student.sf(ratio.mean() / max(spread, 1e-12), ratio.size - 1))
