@@ -23,7 +23,7 @@ from lostmotion.lab import words
 from lostmotion.lab.data.excerpt import excerpts
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.noise import innovation_noise
-from lostmotion.lab.deadline import within
+from lostmotion.lab.deadline import is_over, within
 from lostmotion.lab.design.next_experiment import what_to_record
 from lostmotion.lab.discrepancy.describe import described
 from lostmotion.lab.discrepancy.localise import localise
@@ -32,6 +32,7 @@ from lostmotion.lab.fitting.identifiability import with_scale
 from lostmotion.lab.fitting.strategy import first_fit, full_fit, grown, predictable
 from lostmotion.lab.inverse.explain import explained, method_of
 from lostmotion.lab.results import Errors, Explanation, Finding, Fit, Ranked, Verdict
+from lostmotion.lab.selection.candidates import others
 from lostmotion.lab.selection.forward import descended
 from lostmotion.lab.selection.prune import simplified
 from lostmotion.lab.selection.score_test import Scores
@@ -87,6 +88,7 @@ def explain(
         unseen = Unseen(last, task, predictable(short, task), pool)
         last_short, level, descent, steps = descended(short, base, unseen, rng, progress)
         level, descent = simplified(level, descent, unseen, _unvalidated(steps))
+        untried = _untried(level.model, steps) if is_over() else ()
     if insignificant := is_insignificant(level, task):
         last_short, level, descent, steps = short, base, descent[:1], [replace(steps[0], accepted=False)]
     progress("refining", 0.9)
@@ -97,9 +99,16 @@ def explain(
     return replace(
         found,
         held=held,
+        untried=untried,
         complete=found.verdict != "outside_catalogue" and found.residual is None,
         used_s=(sum(one.duration for one in (*train, last)), whole_s),
     )
+
+
+def _untried(model: Model, steps: Sequence[Step]) -> tuple[str, ...]:
+    """Effects that the last step, which time cut off, has not fitted."""
+    tried = {one.effect for one in steps[-1].tried}
+    return tuple(effect for effect in others(model) if effect not in tried)
 
 
 def _used(

@@ -28,7 +28,11 @@ def of_explanation(explanation: Explanation) -> tuple[str, ...]:
     else:
         sentences.append(_falls(error, len(explanation.missing)))
     if explanation.verdict == "outside_catalogue":
-        sentences.append("Something is missing that no effect of the catalogue explains.")
+        sentences.append(
+            "Something is missing; the time was not enough to say what."
+            if explanation.untried
+            else "Something is missing that no effect of the catalogue explains."
+        )
         sentences += of_finding(found) if found else ()
     sentences += [f"These recordings cannot tell {_apart(group)}." for group in explanation.confusable]
     if explanation.missing and not explanation.complete and found:
