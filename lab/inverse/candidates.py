@@ -20,7 +20,7 @@ from lostmotion.lab.inverse.regression import (
     can_run,
     regressed,
 )
-from lostmotion.lab.inverse.signals import Signals
+from lostmotion.lab.inverse.signals import UNSURE_SPEED, Signals
 from lostmotion.lab.inverse.torques import inertia_of, is_static
 from lostmotion.lab.selection.candidates import others
 from lostmotion.lab.selection.nesting import wider
@@ -43,8 +43,6 @@ PARTS = (1.0, 0.5, 0.25, 0.1, 0.03)
 """Of the amplitude that a linear extrapolation says."""
 SHORT = 7
 """Steps of the first fit of an effect to a simulated motion."""
-UNSURE_SPEED = 0.02
-"""Of the usual speed: below it the filtered speed does not tell the sign of the speed, whatever a model's omega_0."""
 SLOW = 0.5
 """Of the usual speed: an effect near rest that reaches further cannot be told from one of all speeds."""
 PERIODS = 2.0

@@ -31,7 +31,7 @@ from lostmotion.lab.inverse.regression import Data, Regression, blocks_of, by_re
 from lostmotion.lab.inverse.selection import Search, Selection, Step, selected
 from lostmotion.lab.inverse.signals import COLUMNS, Signals
 from lostmotion.lab.inverse.torques import can_invert
-from lostmotion.lab.inverse.validate import LIMIT, Method, amplitudes, error_on
+from lostmotion.lab.inverse.validate import LIMIT, Method, amplitudes, error_on, fit_on
 from lostmotion.lab.results import Curve, Errors, Estimate, Explanation, Finding, Fit, Ranked, Verdict
 from lostmotion.lab.shooting.task import Task, coarse_substep
 from lostmotion.model import Model, ModelError, build_model
@@ -91,7 +91,8 @@ def explained(
         floors["torque"] = max(_floor(one, best.model) for one in (unseen, *best.data.signals))
     elif column != "accel":
         floors[column] = min(noise[column], max(one.position_noise for one in (unseen, *best.data.signals)))
-    complete = _least_spread(best.residual) < STRUCTURED * floors[column]
+    left = [best.residual, *(there.residual for there in (fit_on(best, unseen),) if there)]
+    complete = max(map(_least_spread, left)) < STRUCTURED * floors[column]
     verdict: Verdict = "missing" if selection.added else "nothing_missing" if complete else "outside_catalogue"
     errors = Errors(descent[0], descent[-1], floors[column], words.column(column)[1])
     found = Explanation(

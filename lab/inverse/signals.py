@@ -10,13 +10,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 from scipy.signal import butter, sosfilt, sosfilt_zi, welch
 
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["COLUMNS", "Signals"]
+__all__ = ["COLUMNS", "UNSURE_SPEED", "Signals"]
 
 CLEAR = 30.0
 """The band ends where the angle's power density falls to this many times its noise.  Amplitudes stand out of the noise
@@ -29,6 +30,11 @@ WHOLE = 2.0
 """Times the end of the band, that of the filter which smooths the motion: it leaves 99.6 % of what lies at the end of
 the band.  Dry friction needs the speed itself; with a filter that ends with the band, a fast sine near its end made a
 damper's 50 N of friction 23 N."""
+UNSURE_SPEED, SURE_SPEED, SLOW_SPEED = 0.02, 3.0, 0.25
+"""A part is at rest below this share of its usual speed, or below so many standard deviations of the speed's noise, but
+never above this share of the usual speed."""
+LEAST_MOVING = 100
+"""With fewer samples in motion, those at rest count, too."""
 SPLINE = 5
 """Degree of the spline that is differentiated.  Central differences are 3 % too small at a twentieth of the rate."""
 SLOWEST = 4.0
@@ -88,11 +94,21 @@ class Signals:
         )  # fmt: skip
 
     @cached_property
-    def kept(self) -> slice:
-        """The samples that count: none near the ends, where the filter knows one side only."""
+    def kept(self) -> NDArray[np.intp]:
+        """The samples that count (M,): none near the ends, where the filter knows one side only, and none at rest,
+        where dry friction may have any value up to its largest."""
         per_period = self._rate / self.band_hz
         edge = min(round(EDGE * per_period), self.time.size // 4)
-        return slice(edge, self.time.size - edge, max(round(per_period / PER_PERIOD), 1))
+        found = np.arange(edge, self.time.size - edge, max(round(per_period / PER_PERIOD), 1))
+        moving = found[np.abs(self.velocity[found]) > self._rest_speed]
+        return moving if moving.size >= LEAST_MOVING else found
+
+    @property
+    def _rest_speed(self) -> float:
+        """Below it nothing tells the sign of the speed [rad/s]."""
+        usual = float(np.sqrt(np.mean(self.velocity**2)))
+        noise = self._derivative_noise(min(WHOLE * self.band_hz, FASTEST * self._rate), 1)
+        return min(max(SURE_SPEED * noise, UNSURE_SPEED * usual), SLOW_SPEED * usual)
 
     @property
     def _rate(self) -> float:
@@ -131,9 +147,14 @@ class Signals:
 
     @property
     def acceleration_noise(self) -> float:
-        """Root mean square of the acceleration's error within the band [rad/s²], by the angle's noise: the integral of
-        (2 pi f)^4 times its density."""
-        return float(np.sqrt(self.position_density * (2 * np.pi) ** 4 * self.band_hz**5 / 5))
+        """Root mean square of the acceleration's error within the band [rad/s²], by the angle's noise."""
+        return self._derivative_noise(self.band_hz, 2)
+
+    def _derivative_noise(self, end_hz: float, order: int) -> float:
+        """Root mean square of the error of the angle's derivative up to this frequency: the square root of the integral
+        of (2 pi f)^(2 order) times the noise's density."""
+        power = 2 * order + 1
+        return float(np.sqrt(self.position_density * (2 * np.pi) ** (2 * order) * end_hz**power / power))
 
 
 def _integrated_twice(acceleration: FloatArray, step: float) -> FloatArray:
@@ -182,11 +203,15 @@ def _density(values: FloatArray, rate: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _band(position: FloatArray, rate: float) -> tuple[float, float]:
-    """Where the angle falls into its noise [Hz], and the noise's density, that of the upper quarter of frequencies."""
+    """Where the angle falls into its noise [Hz], and the noise's density, that of the upper quarter of frequencies.
+
+    Only what is clear of the noise counts as motion: at high frequencies the noise of a speed is more than the speed.
+    """
     frequency, power = _density(position, rate)
     noise = float(np.median(power[3 * power.size // 4 :]))
-    moving = np.cumsum(power * frequency**2)
-    lost = np.flatnonzero((power < CLEAR * noise) & (moving >= MOTION * moving[-1]))
+    is_clear = power > CLEAR * noise
+    moving = np.cumsum(np.where(is_clear, power * frequency**2, 0.0))
+    lost = np.flatnonzero(~is_clear & (moving >= MOTION * moving[-1]))
     end = float(frequency[lost[0]]) if lost.size else float(frequency[-1])
     return min(max(end, SLOWEST * rate / position.size), FASTEST * rate), noise
 
