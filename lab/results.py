@@ -168,8 +168,6 @@ class Explanation:
     """Errors on unseen data without, and with one, two, … of what is missing."""
     unshown: tuple[str, ...] = ()
     """Of what is missing, what does not lower the error on unseen data: those of the fit tell it."""
-    contradicted: tuple[str, ...] = ()
-    """What would explain the recordings of the fit better, but unseen data worse than without: not named."""
     complete: bool = False
     """Whether only noise is left with what is missing."""
     columns: Mapping[str, Errors] = field(default_factory=dict)

@@ -31,7 +31,17 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.guesses import MotionScales
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["are_apt", "by_acceleration", "candidates", "fitted_with", "refined", "sizes_of", "softened", "starts"]
+__all__ = [
+    "are_apt",
+    "by_acceleration",
+    "candidates",
+    "fitted_beside",
+    "fitted_with",
+    "refined",
+    "sizes_of",
+    "softened",
+    "starts",
+]
 
 ANGLES = 6
 """Angles of zero that are tried in a period of an effect: one of them is at most 30 degrees of phase away."""
@@ -121,6 +131,13 @@ def fitted_with(name: str, wide: Model, now: Regression, inverse: Regression | N
     if inverse and _is_static(wide):
         fits.append(_fitted_from_acceleration(name, wide, now, inverse))
     return min((one for one in fits if one), key=lambda one: one.rms, default=None)
+
+
+def fitted_beside(name: str, wide: Model, now: Regression) -> Regression | None:
+    """The fit of a simulated motion with one more effect that begins with the present values; None where that explains
+    nothing."""
+    short = _fitted_from_guesses(name, _with_values(wide, now.model), now, 1, SHORT)
+    return refined(short) if short and short.rms < now.rms else None
 
 
 def are_apt(model: Model, effects: Sequence[str]) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import compress
@@ -14,6 +14,7 @@ from lostmotion.lab.inverse.candidates import (
     are_apt,
     by_acceleration,
     candidates,
+    fitted_beside,
     fitted_with,
     refined,
     softened,
@@ -29,7 +30,7 @@ from lostmotion.lab.inverse.validate import (
     Judged,
     Method,
     are_alike,
-    is_refuted,
+    is_sized,
     judged,
     named,
     p_of,
@@ -56,10 +57,11 @@ MOST = 6
 
 @dataclass(frozen=True)
 class Search:
-    """method: whose error is judged; unseen: a recording that no parameter is fitted to; pool: threads, if any."""
+    """method: whose error is judged; choosing: a recording that is predicted to choose, and not fitted, if any;
+    pool: threads, if any."""
 
     method: Method
-    unseen: Signals
+    choosing: Signals | None = None
     pool: Executor | None = None
 
     def each(self, work: Callable[[T], R], items: Sequence[T], first: int = 0) -> list[R]:
@@ -104,11 +106,7 @@ class Selection:
 def selected(
     model: Model, signals: Sequence[Signals], search: Search, progress: Callable[[str, float], None]
 ) -> Selection:
-    """Adds effects as long as one is significant and there is time.
-
-    Of effects that explain alike, the one that predicts the unseen recording best is named, and none with which it is
-    predicted worse than without.
-    """
+    """Adds effects as long as one is significant and there is time."""
     now = _first(model, signals, search)
     fits, added, steps = [now], list[str](), list[Step]()
     untried: tuple[str, ...] = ()
@@ -135,26 +133,41 @@ def _two(step: Step, now: Fitted, added: tuple[str, ...], search: Search) -> lis
     """The steps of two effects at once, where neither is significant alone; none where no two are.
 
     Of a weight, viscous and Coulomb friction the first that is added leaves the other two mixed (UR10e, joint 4).  The
-    two are tested against neither, among all pairs, and each against the other one alone.  Not for simulated motions,
-    whose fits take seconds each.
+    two are tested against neither, among all pairs, and each against the other one alone.  A weight without a damping
+    is out of phase after some swings, and predicts nothing: what explains the acceleration comes first.  Not for
+    simulated motions, whose fits take seconds each.
     """
     if search.method is Method.MOTION:
         return []
-    alone = {one.effect: one.fit for one in step.judged}
+    alone = {one.effect: one for one in step.judged}
     pairs = len(alone) * (len(alone) - 1) / 2
-    promising = sorted((one for one in step.judged if one.gain > LEAST_GAIN), key=lambda one: -one.gain)
+    least = math.sqrt(1 - LEAST_GAIN) * now.inverse.rms
+    promising = [one for one in step.judged if one.fitted.inverse.rms < least]
+    promising.sort(key=lambda one: one.fitted.inverse.rms)
     found: list[list[Step]] = []
     for first in promising[:FIRSTS]:
         second = _step(_with(first, now, search.method), (*added, first.effect), search)
         if not second.is_accepted:
             continue
         both = second.judged[0]
-        others = (now.judged, *(alone[name] for name in (both.effect,) if name in alone))
-        if all(pairs * p_of(one, both.fit) < LIMIT for one in others):
+        others = (now.judged, *(alone[name].fit for name in (both.effect,) if name in alone))
+        if all(pairs * p_of(one, both.fit, search.choosing) < LIMIT for one in others):
             found.append([Step((first, *(one for one in step.judged if one is not first))), second])
     least = min((two[1].judged[0].fit.rms for two in found), default=0.0)
     alike = [two for two in found if two[1].judged[0].fit.rms ** 2 * (1 - LEAST_GAIN) <= least**2]
-    return min(alike, key=lambda two: preferred(two[0].judged[0], now.inverse), default=[])
+    best = min(alike, key=lambda two: preferred(two[0].judged[0], now.inverse), default=[])
+    return _stronger_first(best, alone) if best else []
+
+
+def _stronger_first(two: Sequence[Step], alone: Mapping[str, Judged]) -> list[Step]:
+    """The two steps so that the effect comes first that alone leaves less."""
+    first, both = two[0].judged[0], two[1].judged[0]
+    other = alone.get(both.effect)
+    if other is None or other.fit.rms >= first.fit.rms:
+        return list(two)
+    rest = [one for one in two[0].judged if one.effect != other.effect]
+    swapped = replace(both, effect=first.effect)
+    return [Step((other, *rest), untried=two[0].untried), replace(two[1], judged=(swapped, *two[1].judged[1:]))]
 
 
 def _first(model: Model, signals: Sequence[Signals], search: Search) -> Fitted:
@@ -179,21 +192,30 @@ def _step(now: Fitted, added: tuple[str, ...], search: Search) -> Step:
     """All candidates, judged against the present fit."""
     wide = list(candidates(now.inverse.model, added, now.inverse.data))
     fits, hopeless = _fitted_each(wide, now.inverse, search)
-    found = search.each(
-        lambda one: judged(one[0], Fitted.of(one[1], search.method), now, len(wide)), fits, first=FINISHED
-    )
+
+    def work(one: tuple[str, Regression]) -> Judged:
+        return judged(one[0], _as_judged(*one, now, search.method), now, len(wide), search.choosing)
+
+    found = search.each(work, fits, first=FINISHED)
     found.sort(key=lambda one: -one.gain)
     untried = tuple(name for name, _ in wide if name not in {*(one.effect for one in found), *hopeless})
     good = [one for one in found if one.is_significant]
-    while good:
-        alike = [one for one in good if are_alike(one, good[0], len(wide))]
-        first = named(alike, now.inverse, search.unseen)
-        if not is_refuted(first.fit, now.judged, search.unseen):
-            rest = [one for one in found if one is not first]
-            return Step((first, *rest), tuple(one.effect for one in alike if one is not first), untried)
-        good.remove(first)
-        found = [replace(one, is_refuted=True) if one is first else one for one in found]
-    return Step(tuple(sorted(found, key=lambda one: (one.is_refuted, one.p_value))), untried=untried)
+    if not good:
+        return Step(tuple(sorted(found, key=lambda one: one.p_value)), untried=untried)
+    alike = [one for one in good if are_alike(one, good[0], len(wide), search.choosing)]
+    first = named(alike, now.inverse)
+    rest = [one for one in found if one is not first]
+    return Step((first, *rest), tuple(one.effect for one in alike if one is not first), untried)
+
+
+def _as_judged(name: str, inverse: Regression, now: Fitted, method: Method) -> Fitted:
+    """The fit that counts.  That of a free motion begins where the acceleration puts it, or where this explains nothing
+    beside the present one: the acceleration does not show what a damping takes from one swing to the next."""
+    found = Fitted.of(inverse, method)
+    if method is not Method.FREE or found.judged.rms < math.sqrt(1 - LEAST_GAIN) * now.judged.rms:
+        return found
+    other = fitted_beside(name, inverse.model, now.judged)
+    return Fitted(inverse, other) if other and other.rms < found.judged.rms else found
 
 
 def _fitted_each(
@@ -224,25 +246,28 @@ def _with_load(model: Model, data: Problem, nuisance: FloatArray | None = None) 
 
 
 def _without(effect: str, now: Fitted, method: Method) -> Fitted:
-    """The fit without an effect."""
+    """The fit without an effect; a motion begins where it is."""
     model, nuisance = without(now.model, effect), now.inverse.nuisance
     if method is Method.MOTION:
         return Fitted.of(regressed(model, now.inverse.data, nuisance), method)
-    return Fitted.of(_with_load(model, Data.of(now.inverse.data.signals, model, nuisance), nuisance), method)
+    inverse = _with_load(model, Data.of(now.inverse.data.signals, model, nuisance), nuisance)
+    judged = regressed(model, now.judged.data, now.judged.nuisance) if method is Method.FREE else inverse
+    return Fitted(inverse, judged)
 
 
 def _eliminated(
     fits: list[Fitted], added: list[str], steps: list[Step], untried: tuple[str, ...], search: Search
 ) -> Selection:
-    """Without those effects that the later ones have made superfluous, as long as the others remain what their names
-    say."""
+    """Without those effects that the later ones have made superfluous, or whose size nothing tells any more, as long as
+    the others remain what their names say."""
     for effect in list(added):
         if len(added) < 2 or is_over():
             break
         now = fits[-1]
         less = _without(effect, now, search.method)
         others = [name for name in added if name != effect]
-        if p_of(less.judged, now.judged) > LIMIT and are_apt(less.model, others):
+        is_needed = p_of(less.judged, now.judged, search.choosing) < LIMIT and is_sized(effect, now.judged)
+        if not is_needed and are_apt(less.model, others):
             at = added.index(effect)
             added.remove(effect)
             fits.pop(at + 1)

@@ -1,12 +1,12 @@
 """How well a candidate predicts samples that its fit has not seen, and whether that is significant.  No search here.
 
 A candidate is judged by the squared error of predictions: each of three folds of blocks is predicted by a fit to the
-other two.  The logarithms of the ratio of two models' errors, block by block, are nearly independent, and their mean is
-that of the log-likelihood ratio when each block has noise of its own size: recordings differ in theirs.  Student's
-t-test asks whether the mean is above zero, and the p-value is multiplied by the number of candidates that were tried
-(Bonferroni), so that it is the chance of a false name in the whole step.  A model need not be true for that, only
-better: the test compares predictions (Diebold and Mariano 1995; Hansen, Lunde and Nason 2011, "The model confidence
-set").
+other two, and another recording, where there are few, by the fit to all three.  The logarithms of the ratio
+of two models' errors, block by block, are nearly independent, and their mean is that of the log-likelihood ratio when
+each block has noise of its own size: recordings differ in theirs.  Student's t-test asks whether the mean is above
+zero, and the p-value is multiplied by the number of candidates that were tried (Bonferroni), so that it is the chance
+of a false name in the whole step.  A model need not be true for that, only better: the test compares predictions
+(Diebold and Mariano 1995; Hansen, Lunde and Nason 2011, "The model confidence set").
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,7 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray
 
 __all__ = [
-    "LEAST_GAIN", "LIMIT", "Fitted", "Judged", "Method", "amplitudes", "are_alike", "error_on", "fit_on", "is_refuted",
+    "LEAST_GAIN", "LIMIT", "Fitted", "Judged", "Method", "amplitudes", "are_alike", "error_on", "fit_on", "is_sized",
     "judged", "named", "p_of", "preferred",
 ]  # fmt: skip
 
@@ -79,15 +80,14 @@ class Fitted:
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A candidate: the fit with it, the share of the squared error of unseen samples that it takes, the p-value,
-    whether its size is told: that its interval does not hold zero; and whether the unseen recording contradicts it."""
+    """A candidate: the fit with it, the share of the squared error of samples outside of the fit that it takes, the
+    p-value, and whether its size is told: that its interval does not hold zero."""
 
     effect: str
     fitted: Fitted
     gain: float
     p_value: float
     is_sized: bool = True
-    is_refuted: bool = False
 
     @property
     def fit(self) -> Regression:
@@ -97,18 +97,16 @@ class Judged:
     @property
     def is_significant(self) -> bool:
         """Whether it may be named."""
-        return self.p_value < LIMIT and self.gain > LEAST_GAIN and self.is_sized and not self.is_refuted
+        return self.p_value < LIMIT and self.gain > LEAST_GAIN and self.is_sized
 
 
-def named(alike: Sequence[Judged], now: Regression, unseen: Signals) -> Judged:
-    """Of effects that explain alike: that with the fewest parameters, then the one that best predicts the recording
-    that no fit has seen, then the one whose shape suits the motion."""
+def named(alike: Sequence[Judged], now: Regression) -> Judged:
+    """Of effects that explain alike: that with the fewest parameters, then the one that predicts best, then the one
+    whose shape suits the motion."""
     few = min(one.fit.count for one in alike)
     simple = [one for one in alike if one.fit.count == few]
-    if len(simple) == 1:
-        return simple[0]
-    errors = [error_on(one.fit, unseen) ** 2 for one in simple]
-    best = [one for one, error in zip(simple, errors, strict=True) if error * (1 - LEAST_GAIN) <= min(errors)]
+    left = min(1 - one.gain for one in simple)
+    best = [one for one in simple if (1 - one.gain) * (1 - LEAST_GAIN) <= left]
     return min(best, key=lambda one: (*preferred(one, now), one.fit.rms))
 
 
@@ -119,6 +117,7 @@ def error_on(fit: Regression, unseen: Signals) -> float:
     return there.rms if there else math.inf
 
 
+@lru_cache(maxsize=64)  # each candidate is compared with several others
 def fit_on(fit: Regression, unseen: Signals) -> Regression | None:
     """The fit's model on a recording that it has not seen, None where its motion has no end there: only the initial
     state of a motion, or the zero of an angle, is fitted."""
@@ -132,21 +131,6 @@ def fit_on(fit: Regression, unseen: Signals) -> Regression | None:
         return None
 
 
-def is_refuted(fit: Regression, now: Regression, unseen: Signals) -> bool:
-    """Whether the recording that no fit has seen is predicted worse with an effect than without, significantly and by
-    what is worth a name.
-
-    Folds of the other recordings have the same speeds and amplitudes.  An effect that bends itself to these by a
-    difference of large terms, as a Stribeck friction beside a drag, is wild a little outside of them: a damper's 80 N
-    became 254 N where the folds' error fell by 12 %.
-    """
-    without, there = fit_on(now, unseen), fit_on(fit, unseen)
-    if without is None or there is None:
-        return there is None and without is not None
-    worse = there.residual @ there.residual * (1 - LEAST_GAIN) > without.residual @ without.residual
-    return bool(worse) and _chance(there.residual**2, without.residual**2, blocks_of(without)) < LIMIT
-
-
 def preferred(one: Judged, now: Regression) -> tuple[bool]:
     """Of two effects of the same shape, that which repeats every turn of a shaft comes first where the motion covers
     several turns, as no arm does."""
@@ -155,16 +139,17 @@ def preferred(one: Judged, now: Regression) -> tuple[bool]:
     return ((repeats and turns < 2) or (not repeats and turns >= 2),)
 
 
-def are_alike(one: Judged, best: Judged, tried: int) -> bool:
+def are_alike(one: Judged, best: Judged, tried: int, choosing: Signals | None) -> bool:
     """Whether the best of so many predicts no better than another, significantly and by what is worth a name."""
     left, least = 1 - one.gain, 1 - best.gain
-    return left * (1 - LEAST_GAIN) <= least or tried * p_of(one.fit, best.fit) > LIMIT
+    return left * (1 - LEAST_GAIN) <= least or tried * p_of(one.fit, best.fit, choosing) > LIMIT
 
 
-def judged(name: str, found: Fitted, now: Fitted, tried: int) -> Judged:
-    before, after, block = _errors(now.judged, found.judged)
+def judged(name: str, found: Fitted, now: Fitted, tried: int, choosing: Signals | None) -> Judged:
+    """A candidate of so many, against the present fit; choosing: see ``p_of``."""
+    before, after, block = _errors(now.judged, found.judged, choosing)
     p_value = min(tried * _shapes(name, found.model) * _chance(before, after, block), 1.0)
-    return Judged(name, found, float(1 - after.sum() / before.sum()), p_value, _is_sized(name, found.judged))
+    return Judged(name, found, float(1 - after.sum() / before.sum()), p_value, is_sized(name, found.judged))
 
 
 def _shapes(effect: str, model: Model) -> float:
@@ -178,7 +163,7 @@ def _shapes(effect: str, model: Model) -> float:
     return math.prod(n * (n + 1) for n in whole)
 
 
-def _is_sized(effect: str, fit: Regression) -> bool:
+def is_sized(effect: str, fit: Regression) -> bool:
     """Whether the interval of an amplitude of the effect does not hold zero.  A curve that is nearly a sum of others
     bends itself to a motion better than they do, and is wild outside of it.  The base's positive parameters are taken
     as given: all torques of a servo share a scale that its motion does not tell."""
@@ -198,16 +183,31 @@ def amplitudes(effect: str, fit: Regression) -> list[str]:
     return [name for name in names if name in fit.unknowns.names]
 
 
-def p_of(one: Regression, other: Regression) -> float:
-    """The chance of predictions of ``other`` this much better than those of ``one``, if both were as good."""
-    return _chance(*_errors(one, other))
+def p_of(one: Regression, other: Regression, choosing: Signals | None) -> float:
+    """The chance of predictions of ``other`` this much better than those of ``one``, if both were as good.
+
+    choosing: a recording that is not fitted, but predicted as the folds are.  These have the speeds and amplitudes of
+    the fit: an effect that bends itself to these by a difference of large terms is wild a little outside of them.
+    """
+    return _chance(*_errors(one, other, choosing))
 
 
-def _errors(one: Regression, other: Regression) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
+def _errors(
+    one: Regression, other: Regression, choosing: Signals | None
+) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
     """Squared errors of both fits at samples that they have not seen (M,) each, and the block of each sample: those of
     the residual of ``other``, which if it explains nothing is the one before."""
-    block = blocks_of(other)
-    return one.predicted**2, other.predicted**2, block
+    before, after, block = one.predicted**2, other.predicted**2, blocks_of(other)
+    if choosing is None:
+        return before, after, block
+    without, there = fit_on(one, choosing), fit_on(other, choosing)
+    if without is None or there is None:
+        return before, after, block
+    return (
+        np.concatenate([before, without.residual**2]),
+        np.concatenate([after, there.residual**2]),
+        np.concatenate([block, block.max() + 1 + blocks_of(there)]),
+    )
 
 
 def _chance(before: FloatArray, after: FloatArray, block: NDArray[np.intp]) -> float:

@@ -44,11 +44,6 @@ def of_explanation(explanation: Explanation) -> tuple[str, ...]:
     if explanation.unshown:
         effects = joined([words.name(effect) for effect in explanation.unshown])
         sentences.append(f"The recording kept for judging does not show {effects}: only the others tell it.")
-    if explanation.contradicted:
-        effects = joined([words.name(effect) for effect in explanation.contradicted])
-        sentences.append(
-            f"The fitted recordings seem to show {effects}; the recording kept for judging contradicts it."
-        )
     return tuple(sentences)
 
 
