@@ -21,9 +21,9 @@ from lostmotion.lab.inverse.regression import (
     regressed,
 )
 from lostmotion.lab.inverse.signals import UNSURE_SPEED, Signals
-from lostmotion.lab.inverse.torques import inertia_of, is_static
+from lostmotion.lab.inverse.torques import inertia_of, is_static, needed
 from lostmotion.lab.selection.candidates import others
-from lostmotion.lab.selection.nesting import wider
+from lostmotion.lab.selection.nesting import wider, without
 from lostmotion.lab.shooting.initial_guess import initial_guesses
 from lostmotion.lab.shooting.parameters import free_names
 from lostmotion.model import Model, ModelError, build_model
@@ -55,6 +55,8 @@ SHORT = 7
 """Steps of the first fit of an effect to a simulated motion."""
 SLOW = 0.5
 """Of the usual speed: an effect near rest that reaches further cannot be told from one of all speeds."""
+ALONG = 0.5
+"""Correlation of a torque and the speed, from which on it takes energy: of friction 0.8 and more, of a weight zero."""
 PERIODS = 2.0
 """A torque of N periods a turn is told from one that varies slowly when the motion covers so many of them."""
 
@@ -135,9 +137,25 @@ def fitted_with(name: str, wide: Model, now: Regression, inverse: Regression | N
 
 def fitted_beside(name: str, wide: Model, now: Regression) -> Regression | None:
     """The fit of a simulated motion with one more effect that begins with the present values; None where that explains
-    nothing."""
+    nothing, and for effects that take no energy: these show in the acceleration."""
+    if not _dissipates(name, wide, now):
+        return None
     short = _fitted_from_guesses(name, _with_values(wide, now.model), now, 1, SHORT)
     return refined(short) if short and short.rms < now.rms else None
+
+
+def _dissipates(name: str, wide: Model, now: Regression) -> bool:
+    """Whether a torque of an effect goes along with the speed."""
+    guess = wide.replace(initial_guesses(wide, name, sizes_of(now.model, now.data))[0])
+    work, power = 0.0, 0.0
+    for one in now.data.signals:
+        none = np.zeros(one.time.size)
+        torque = needed(one.experiment.model(guess), one, none) - needed(
+            one.experiment.model(without(wide, name)), one, none
+        )
+        work += float(torque @ one.velocity)
+        power += float(np.linalg.norm(torque) * np.linalg.norm(one.velocity))
+    return abs(work) > ALONG * power
 
 
 def are_apt(model: Model, effects: Sequence[str]) -> bool:

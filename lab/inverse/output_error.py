@@ -32,6 +32,9 @@ smoothed; with 0.02 to 0.2 the same effects are found in drops of a servo, in an
 SCATTERS = 3.0
 """Standard deviations of the readings about the filtered signals, of all or of those in the first period of the band,
 within which a motion begins: near its end the filter bends what it smooths."""
+FINEST = 1 / 8
+"""Of the step of the present model, which leaves room for dry friction: the shortest step of one with one more effect.
+A guess that needs a shorter one is far off; one of a dropped servo made a search of nine seconds last minutes."""
 STEPS = 4.0
 """Integration steps of a fit, times the model's own choice."""
 
@@ -94,11 +97,10 @@ class OutputError:
         return np.concatenate(parts)
 
     def suited(self, models: Sequence[Model]) -> OutputError:
-        """With the integration step that these models need, too."""
+        """With the integration step that these models need, too, within ``FINEST``."""
         experiments = [one.experiment for one in self.signals]
-        return replace(
-            self, substep_s=min(self.substep_s, *(coarse_substep(one, experiments, STEPS) for one in models))
-        )
+        needed = min(coarse_substep(one, experiments, STEPS) for one in models)
+        return replace(self, substep_s=min(self.substep_s, max(needed, FINEST * self.substep_s)))
 
     def usual(self, model: Model) -> float:
         """Root mean square of the motion's deviation from its mean [rad or m]."""
