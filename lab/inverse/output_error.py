@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -98,8 +99,10 @@ class OutputError:
 
     def suited(self, models: Sequence[Model]) -> OutputError:
         """With the integration step that these models need, too, within ``FINEST``."""
-        experiments = [one.experiment for one in self.signals]
-        needed = min(coarse_substep(one, experiments, STEPS) for one in models)
+        experiments, needed = [one.experiment for one in self.signals], math.inf
+        for one in models:
+            with suppress(ModelError):  # a guess that runs away is no beginning
+                needed = min(needed, coarse_substep(one, experiments, STEPS))
         return replace(self, substep_s=min(self.substep_s, max(needed, FINEST * self.substep_s)))
 
     def usual(self, model: Model) -> float:
