@@ -41,7 +41,7 @@ def fit(
 ) -> None:  # fmt: skip
     """Estimate MODEL's free parameters from all recordings together, with confidence intervals, into MODEL2."""
     from lostmotion.lab.commands.told import told
-    from lostmotion.lab.fitting.fit import fit as fitted
+    from lostmotion.lab.estimate import fit as fitted
 
     with _prepared(model, recordings, executor, progress) as (built, experiments, pool, tell):
         found = fitted(built, experiments, pool, tell)

@@ -27,7 +27,7 @@ from lostmotion.lab.shooting.task import Task, coarse_substep
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Progress", "fit", "fit_of", "noise_of", "refined_fit", "rms_by_column"]
+__all__ = ["Progress", "fit_of", "fit_segments", "noise_of", "refined_fit", "rms_by_column"]
 
 SURE = 1.959964
 """Standard deviations to either side of a 95 % interval."""
@@ -52,7 +52,7 @@ def noise_of(experiments: Sequence[Experiment]) -> dict[str, float]:
     return found
 
 
-def fit(
+def fit_segments(
     model: Model, experiments: Sequence[Experiment], pool: Executor, progress: Progress = lambda what, part: None
 ) -> Fit:
     """The model with its free parameters fitted to all the experiments together.

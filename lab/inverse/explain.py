@@ -29,7 +29,7 @@ from lostmotion.lab.discrepancy.shape import shapes
 from lostmotion.lab.fitting.identifiability import is_driven, with_scale
 from lostmotion.lab.inverse.output_error import initial_state
 from lostmotion.lab.inverse.regression import Data, Regression, blocks_of, by_recording, can_run
-from lostmotion.lab.inverse.selection import Search, Selection, Step, selected
+from lostmotion.lab.inverse.selection import Search, Selection, Step, first_fit, selected
 from lostmotion.lab.inverse.signals import COLUMNS, Signals
 from lostmotion.lab.inverse.torques import can_invert
 from lostmotion.lab.inverse.validate import LIMIT, Method, amplitudes, error_on, fit_on
@@ -38,7 +38,7 @@ from lostmotion.lab.shooting.task import Task, coarse_substep
 from lostmotion.model import Model, ModelError, build_model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["explained", "method_of"]
+__all__ = ["explained", "fitted", "method_of"]
 
 STRUCTURED = 1.6
 """Times the noise within the band, from which on the residual holds more than noise: the error of the floor itself,
@@ -122,6 +122,17 @@ def explained(
     )
     progress("done", 1.0)
     return found
+
+
+def fitted(model: Model, experiments: Sequence[Experiment], method: Method, noise: dict[str, float]) -> Fit:
+    """The model with its free parameters fitted to all of these experiments; noise: floor of each column."""
+    model, _ = with_scale(model, experiments)
+    signals = [Signals.of(one, model.base != "servo") for one in experiments]
+    fit = first_fit(from_spectra(model, experiments), signals, Search(method)).judged
+    floors = dict(noise)
+    if method is Method.TORQUE:
+        floors["torque"] = max(_floor(one, fit.model) for one in signals)
+    return _fit(fit, model, floors, "torque" if method is Method.TORQUE else signals[0].column)
 
 
 def _floor(signals: Signals, model: Model) -> float:
@@ -222,7 +233,8 @@ def _fit(fit: Regression, rough: Model, noise: dict[str, float], column: str) ->
         estimates=tuple(_estimates(fit)),
         correlation=np.asarray(covariance / np.outer(deviation, deviation)),
         noise=noise,
-        rms={**_motion_rms(fit, model, experiments, starts, substep), column: fit.rms},
+        rms={column: fit.rms}
+        | {name: rms for name, rms in _motion_rms(fit, model, experiments, starts, substep).items() if name != column},
         substep_s=substep,
     )
 

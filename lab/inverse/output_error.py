@@ -36,6 +36,9 @@ within which a motion begins: near its end the filter bends what it smooths."""
 FINEST = 1 / 8
 """Of the step of the present model, which leaves room for dry friction: the shortest step of one with one more effect.
 A guess that needs a shorter one is far off; one of a dropped servo made a search of nine seconds last minutes."""
+MOST_SAMPLES, PER_PERIOD = 20_000, 20
+"""Samples of all recordings, from which on fewer are compared, but never fewer than so many in a period of the end of
+the band: 113 000 readings of a pendulum that swings for two minutes had no whole answer in a minute."""
 STEPS = 4.0
 """Integration steps of a fit, times the model's own choice."""
 
@@ -54,7 +57,12 @@ class OutputError:
     @classmethod
     def of(cls, signals: Sequence[Signals], model: Model) -> OutputError:
         """With the step that this model needs; a joint that has come to rest tells no more."""
-        moving = tuple(replace(one, experiment=_until_rest(one)) for one in signals)
+        parts = [_until_rest(one) for one in signals]
+        surplus = sum(part.time.size for part in parts) // MOST_SAMPLES
+        moving = tuple(
+            replace(one, experiment=_thinned(part, min(surplus, int(part.rate_hz / one.band_hz / PER_PERIOD))))
+            for one, part in zip(signals, parts, strict=True)
+        )
         experiments = [one.experiment for one in moving]
         return cls(moving, coarse_substep(rubbing(model, experiments), experiments, STEPS), model)
 
@@ -133,6 +141,14 @@ def initial_state(model: Model, experiment: Experiment, start: FloatArray) -> Fl
     first, second = (state.name for state in get_base(model.base).states)
     given = {first: float(start[0]), second: float(start[1])}
     return model.initial_state(experiment.drive, float(experiment.time[0]), **given)
+
+
+def _thinned(experiment: Experiment, every: int) -> Experiment:
+    """One sample of so many."""
+    if every < 2:
+        return experiment
+    measured = {name: values[::every] for name, values in experiment.measured.items()}
+    return replace(experiment, time=experiment.time[::every], measured=measured)
 
 
 def _until_rest(signals: Signals) -> Experiment:

@@ -40,7 +40,7 @@ from lostmotion.lab.selection.nesting import without
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Search", "Selection", "Step", "selected"]
+__all__ = ["Search", "Selection", "Step", "first_fit", "selected"]
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -107,7 +107,7 @@ def selected(
     model: Model, signals: Sequence[Signals], search: Search, progress: Callable[[str, float], None]
 ) -> Selection:
     """Adds effects as long as one is significant and there is time."""
-    now = _first(model, signals, search)
+    now = first_fit(model, signals, search)
     fits, added, steps = [now], list[str](), list[Step]()
     untried: tuple[str, ...] = ()
     while len(added) < MOST:
@@ -170,7 +170,7 @@ def _stronger_first(two: Sequence[Step], alone: Mapping[str, Judged]) -> list[St
     return [Step((other, *rest), untried=two[0].untried), replace(two[1], judged=(swapped, *two[1].judged[1:]))]
 
 
-def _first(model: Model, signals: Sequence[Signals], search: Search) -> Fitted:
+def first_fit(model: Model, signals: Sequence[Signals], search: Search) -> Fitted:
     """The fit of the model as it is."""
     if search.method is Method.MOTION:
         fits = [regressed(start, OutputError.of(signals, start)) for start in starts(model, signals)]

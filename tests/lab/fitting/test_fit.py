@@ -10,7 +10,8 @@ import pytest
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.experiment import Experiment, experiments
-from lostmotion.lab.fitting.fit import fit, noise_of
+from lostmotion.lab.estimate import fit
+from lostmotion.lab.fitting.fit import noise_of
 from lostmotion.lab.fitting.strategy import doubled, full_fit
 from lostmotion.lab.parallel import open_executor
 from lostmotion.lab.results import Fit

@@ -1,0 +1,31 @@
+"""The free parameters of a model from recordings: by the error that suits what drives it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+
+from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.fitting.fit import Progress, fit_segments, noise_of
+from lostmotion.lab.inverse.explain import fitted, method_of
+from lostmotion.lab.results import Fit
+from lostmotion.model import Model
+
+__all__ = ["fit"]
+
+
+def fit(
+    model: Model, experiments: Sequence[Experiment], pool: Executor, progress: Progress = lambda what, part: None
+) -> Fit:
+    """The model with its free parameters fitted to all the experiments together.
+
+    progress is told what is done and which part of the whole is behind.  Ctrl-C (KeyboardInterrupt) during the last
+    refinement of gears leaves the best so far, with ``complete`` False.
+    """
+    method = method_of(model, experiments)
+    if method is None:
+        return fit_segments(model, experiments, pool, progress)
+    progress("fitting", 0.0)
+    found = fitted(model, experiments, method, noise_of(experiments))
+    progress("done", 1.0)
+    return found
