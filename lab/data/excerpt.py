@@ -27,7 +27,7 @@ def excerpts(experiments: Sequence[Experiment], most_s: float) -> list[Experimen
     chosen: dict[int, Experiment] = {}
     left = most_s
     for at in _spread(len(experiments)):
-        if left <= 0:
+        if left < window / 2:
             break
         chosen[at] = _liveliest(experiments[at], min(window, left))
         left -= chosen[at].duration

@@ -30,7 +30,7 @@ from lostmotion.model.motion import FloatArray
 
 __all__ = [
     "LEAST_GAIN", "LIMIT", "Fitted", "Judged", "Method", "amplitudes", "are_alike", "error_on", "fit_on", "is_sized",
-    "judged", "named", "p_of", "preferred",
+    "judged", "named", "p_of", "preferred", "shapes_tried",
 ]  # fmt: skip
 
 LIMIT = 0.05
@@ -148,11 +148,11 @@ def are_alike(one: Judged, best: Judged, tried: int, choosing: Signals | None) -
 def judged(name: str, found: Fitted, now: Fitted, tried: int, choosing: Signals | None) -> Judged:
     """A candidate of so many, against the present fit; choosing: see ``p_of``."""
     before, after, block = _errors(now.judged, found.judged, choosing)
-    p_value = min(tried * _shapes(name, found.model) * _chance(before, after, block), 1.0)
+    p_value = min(tried * shapes_tried(name, found.model) * _chance(before, after, block), 1.0)
     return Judged(name, found, float(1 - after.sum() / before.sum()), p_value, is_sized(name, found.judged))
 
 
-def _shapes(effect: str, model: Model) -> float:
+def shapes_tried(effect: str, model: Model) -> float:
     """Among how many shapes that of the effect was chosen, for the p-value: a whole number is not fitted to the folds,
     but chosen by all samples.
 

@@ -22,6 +22,7 @@ from lostmotion.lab.inverse.explain import method_of
 from lostmotion.lab.inverse.regression import Data, blocks_of, regressed
 from lostmotion.lab.inverse.selection import Search, selected
 from lostmotion.lab.inverse.signals import Signals
+from lostmotion.lab.inverse.validate import Method, shapes_tried
 from lostmotion.model import Model, build_model
 from lostmotion.model.effects import get_effect
 
@@ -318,3 +319,36 @@ def test_a_damper_whose_displacement_is_given(tmp_path: Path) -> None:
     values = found["parameters"]
     assert values["viscous_friction.b_v"][0] == pytest.approx(1400, rel=0.05)
     assert values["coulomb_friction.tau_c"][0] == pytest.approx(50, rel=0.1)
+
+
+def test_a_whole_number_is_paid_for_in_the_p_value() -> None:
+    """A ripple of 12 periods a turn was chosen among many shapes: its p-value is 156 times that of the test alone, one
+    of once a turn twice that; an effect without a whole number pays nothing."""
+    model = build_model("joint", ["torque_ripple", "coulomb_friction"])
+    once = model.replace({"torque_ripple.N": 1.0})
+    assert shapes_tried("torque_ripple", model) == 156
+    assert shapes_tried("torque_ripple", once) == 2
+    assert shapes_tried("coulomb_friction", model) == 1
+
+
+@pytest.mark.slow
+def test_a_joint_that_mostly_rests() -> None:
+    """At rest dry friction may have any value up to its largest: Coulomb friction is named, right to a tenth, although
+    the joint stands still for most of the time, under a torque that goes on."""
+    recordings = []
+    for seed in (1, 2):
+        rng = np.random.default_rng(seed)
+        times = np.arange(0.0, 80.0, 0.01)
+        lively = (times % 20) < 6  # 6 of 20 s
+        speed = gaussian_filter1d(0.3 * np.sign(np.sin(2 * np.pi * times / rng.uniform(1.5, 2.5))) * lively, 8)
+        angle = np.cumsum(speed) * 0.01
+        friction = np.where(np.abs(speed) > 1e-3, 0.5 * np.sign(speed), 0.4 * np.sin(2 * np.pi * times / 11))
+        torque = 0.02 * np.gradient(speed, 0.01) + 0.2 * speed + friction + 0.01 * rng.standard_normal(times.size)
+        columns = {"torque": torque, "position": angle + 1e-4 * rng.standard_normal(times.size)}
+        recordings.append(Recording(times, columns, {}, {}, 0, f"resting{seed}.csv"))
+    model = build_model("joint", ["viscous_friction"])
+    held = experiments(model, recordings)
+    signals = [Signals.of(one) for one in held]
+    found = selected(model, signals, Search(Method.TORQUE), lambda what, part: None)
+    assert found.added == ("coulomb_friction",)
+    assert found.fits[-1].model.parameters["coulomb_friction.tau_c"].value == pytest.approx(0.5, rel=0.1)

@@ -1,0 +1,49 @@
+"""The time of a search: it goes along into threads and processes, and fits end with it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lostmotion.drivers.recording import Recording
+from lostmotion.lab import experiments, explain, open_executor
+from lostmotion.lab.deadline import is_over, remaining_s, within
+from lostmotion.model import HandWaved, build_model
+
+
+def test_a_block_inside_of_another_has_a_time_of_its_own() -> None:
+    """Outside of any block time never ends; after a block the one around it counts again."""
+    assert not is_over()
+    with within(1000.0):
+        with within(-1.0):
+            assert is_over()
+        assert 990.0 < remaining_s() <= 1000.0
+    assert remaining_s() == np.inf
+
+
+@pytest.mark.parametrize("spec", ["threads:2", pytest.param("processes:1", marks=pytest.mark.slow)])
+def test_workers_know_the_time_of_who_asks(spec: str) -> None:
+    """A thread or process that works for a search is over when the search is, and only then."""
+    with open_executor(spec) as pool:
+        with within(-1.0):
+            assert pool.submit(is_over).result()
+        assert not pool.submit(is_over).result()
+
+
+def servo(seed: int) -> Recording:
+    """A servo with dry friction, by the model."""
+    times = np.arange(0.0, 4.0, 0.01)
+    model = build_model("servo", ["viscous_friction", "coulomb_friction"])
+    run = model.simulate(HandWaved(seed=seed), times)
+    angle = run["position"] + 5e-4 * np.random.default_rng(seed).standard_normal(times.size)
+    return Recording(times, {"command": run["command"], "position": angle}, {}, {}, 0, f"servo{seed}.csv")
+
+
+def test_an_answer_comes_without_any_time() -> None:
+    """With a budget of nothing the model is fitted as far as that goes, and what was not tried is named."""
+    model = build_model("servo", ["viscous_friction"])
+    with open_executor("threads:1") as pool:
+        found = explain(model, experiments(model, [servo(1), servo(2)]), pool, budget_s=0.0)
+    assert "coulomb_friction" in found.untried
+    assert found.missing == ()
+    assert np.isfinite(found.error.before)
