@@ -52,7 +52,7 @@ SOON_S = 0.005
 """the same while an alarm is on its way to the disk: it is told when it is there [s]"""
 LOOK_S = 1.0
 """how often devices are looked at [s]"""
-ACCOUNT_S = 10.0
+COUNTS_S = 10.0
 """how often the devices' counts go to the database [s]"""
 LATE_S = 60.0
 """by how much stamps may be ahead of what the database has of the time [s]"""
@@ -97,7 +97,7 @@ class Service:
         self._exporter: Exporter | None = None
         self._robot = Robot(config)
         self._store = _store(config)
-        self._due = {period_s: time.monotonic() + period_s for period_s in (LOOK_S, ACCOUNT_S, SUMMARY_S)}
+        self._due = {period_s: time.monotonic() + period_s for period_s in (LOOK_S, COUNTS_S, SUMMARY_S)}
         self._fed = (time.monotonic(), 0)
         self._errors = Repeats()
         self._notice, self._notice_ends = "", 0.0
@@ -328,7 +328,7 @@ class Service:
             self._guard(self._alarm_manager.ask_trend, utc)
             self._alarm_manager.tell_settled()
             self._notifier.status(counters.status_line(self._robot, self._store, self._alarm_manager.healths))
-        if self._is_due(ACCOUNT_S):
+        if self._is_due(COUNTS_S):
             self._store.add(*counters.rows(self._robot, self._utc()))
             if self._time is not None:
                 self._store.add(self._time.row)

@@ -287,8 +287,8 @@ def test_losses_hide_no_held_value(tmp_path: Path, fake_driver: None, monkeypatc
     robot = Robot(config.load(path))
     (joint,), check = robot.config.joints, robot._checks["tip"]
     for poller in robot.pollers:
-        poller.account.state = DeviceState.READING
-        poller.account.heard.update(dict.fromkeys(poller.members, monotonic()))
+        poller.status.state = DeviceState.READING
+        poller.status.heard.update(dict.fromkeys(poller.members, monotonic()))
     assert robot.fault(joint) == ""
     monkeypatch.setattr(Losses, "fault", lambda *_: "30% of the samples were lost within 12 s")
     for _ in range(LAST):
