@@ -93,7 +93,7 @@ def _full(world: World) -> Undo:
 
 def _killed(world: World) -> Undo:
     world.kill()
-    return world.start
+    return world.revive
 
 
 def _deleted(world: World) -> Undo:
@@ -183,8 +183,7 @@ def _starved(world: World) -> Undo:
     def end() -> None:
         with suppress(ProcessLookupError):
             resource.prlimit(pid, resource.RLIMIT_AS, (hard, hard))
-        if world.process is not None and world.process.poll() is not None:
-            world.start()
+        world.revive()
 
     return end
 

@@ -115,6 +115,11 @@ class World:
         while "started: robot" not in self.said[length:] and self.process.poll() is None and time.monotonic() < end:
             time.sleep(0.05)
 
+    def revive(self) -> None:
+        """Starts the service where it has ended, as systemd does."""
+        if self.process is not None and self.process.poll() is not None:
+            self.start()
+
     def kill(self) -> None:
         """Ends it at once."""
         assert self.process is not None
