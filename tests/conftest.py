@@ -14,6 +14,14 @@ for library in ("OPENBLAS", "MKL"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Before several workers start, all that they would compile at the same time is compiled once."""
+    if getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput"):
+        from tests.compiled import compile_models
+
+        compile_models()
+
+
 @pytest.fixture(scope="session")
 def real_data() -> Path:
     """The folder of real measurements; tests that need it are skipped where it is missing."""
