@@ -100,7 +100,7 @@ def scores(windows: FloatArray, rate_hz: float, settings: DetectorSettings, chos
     return np.concatenate(parts) if parts else np.empty(0)
 
 
-@np.errstate(invalid="ignore")  # of a reading that is infinite nothing can be told: NaN
+@np.errstate(invalid="ignore", over="ignore")  # of a reading that is beyond all numbers nothing can be told: NaN
 def _scores(windows: FloatArray, chosen: Bank, settings: DetectorSettings) -> FloatArray:
     white = whiten(windows, settings.noise_colour)
     before = np.sum(white**2, axis=1)

@@ -98,6 +98,24 @@ def test_a_sensor_at_the_end_of_its_range(tmp_path: Path, start: Start, motion: 
 
 
 @pytest.mark.slow
+def test_a_column_that_is_a_clock(tmp_path: Path, start: Start) -> None:
+    """Lines of time and value of which the time is read as acceleration: a device alarm with the cause, and neither OK
+    nor play."""
+    motion = Motion()
+    with Emulator(ServoLine.of("AX-12A", [3], motion), CsvStream(motion, 800.0)) as emulator:
+        path = configured(tmp_path, emulator)
+        text = path.read_text().replace('"witmotion"', '"csv_serial"').replace("rate_hz = 200", "rate_hz = 800")
+        path.write_text(text.replace('axis = "x"', "column = 0"))
+        service = start(path)
+        log = service.wait_for("cause=device severity=error event=raised")
+        wait_until(lambda: not is_healthy(tmp_path))
+        assert service.stop(signal.SIGTERM) == 0
+    assert "tip shows what no accelerometer does, values without noise or beyond all numbers: another column" in log
+    assert "health=OK" not in service.log.read_text()
+    assert "cause=play" not in service.log.read_text()
+
+
+@pytest.mark.slow
 def test_a_value_that_is_held(tmp_path: Path, start: Start) -> None:
     """A joint that is OK is not any more when its sensor hangs, and is again when the sensor moves on."""
     motion = Motion(play=0.0)
