@@ -215,6 +215,7 @@ def test_an_open_address_is_worth_a_note() -> None:
     assert any("metrics listens at 0.0.0.0:9464: open to everybody" in note for note in notes)
 
 
+@pytest.mark.slow
 def test_the_service_answers_and_gives_the_address_back(tmp_path: Path, start: Callable[..., Running]) -> None:
     """A running service counts its windows; a reload keeps the address, one without the table frees it."""
     port, path = free_port(), tmp_path / "fake.toml"

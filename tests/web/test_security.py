@@ -113,6 +113,7 @@ def test_a_page_whose_session_has_ended_leads_to_the_form(tmp_path: Path, serve:
     expect(page.locator('[data-joint="elbow"].card')).to_be_visible()
 
 
+@pytest.mark.slow
 def test_with_a_certificate_nothing_goes_in_the_clear(tmp_path: Path, serve: Serve) -> None:
     """TLS by files: a client that trusts the authority reads the form and gets a cookie that is for TLS only; one that
     does not is refused, and so is a request in the clear."""
