@@ -62,6 +62,7 @@ NOTICE_S = 60.0
 FINISH_S = 3.0
 """how long a stopping service waits for open windows [s]"""
 CRASH_PAUSE_S = 5.0
+NO_MEMORY = "no memory is left: another program takes it, or a limit such as the unit's MemoryMax is too low"
 
 
 def run(config: Config, *, duration_s: float | None = None, reload: Callable[[], Config] | None = None) -> int:
@@ -364,6 +365,11 @@ class Service:
             try:
                 poller.run()
                 return
+            except MemoryError:
+                if errors.is_news(NO_MEMORY, time.monotonic()):
+                    log.error("%s: %s; it is tried again", poller.name, NO_MEMORY)
+                poller.fail(NO_MEMORY)
+                poller.rest(CRASH_PAUSE_S)
             except Exception as error:
                 if errors.is_news(place(error), time.monotonic()):
                     log.exception("%s: broke down and is started again", poller.name)
@@ -380,6 +386,9 @@ class Service:
             if self._errors.is_news(text, time.monotonic()):
                 after = "; it stays in use until writing meets the damage, too" if database.is_damage(error) else ""
                 log.error("cannot be read: %s%s", text, after)
+        except MemoryError:
+            if self._errors.is_news(NO_MEMORY, time.monotonic()):
+                log.error("%s; windows are lost as long as that lasts, the service goes on", NO_MEMORY)
         except Exception as error:
             if self._errors.is_news(f"{stage}: {place(error)}", time.monotonic()):
                 log.exception("internal error in %s", stage)

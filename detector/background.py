@@ -11,6 +11,7 @@ from collections.abc import Generator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.fft import irfft  # not when it is needed first: then there may be no memory
 
 from lostmotion.detector import ringdown
 from lostmotion.detector.errors import DetectorError
@@ -199,7 +200,7 @@ def _notched(noise: Noise, f_res_hz: float, rate_hz: float, length: int) -> Nois
     edges = [edge for edge in (f_res_hz - half, f_res_hz + half) if 0 < edge < rate_hz / 2]
     floor = float(np.interp(edges, frequency, power).min())
     inside = np.abs(frequency - f_res_hz) <= half
-    covariance = np.fft.irfft(np.where(inside, np.minimum(power, floor), power))
+    covariance = irfft(np.where(inside, np.minimum(power, floor), power))
     return levinson(covariance[: _orders(length) + 1], 1e6)
 
 
