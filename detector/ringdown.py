@@ -13,6 +13,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from lostmotion.detector import legendre
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.median import median
 from lostmotion.detector.whitening import whiten
@@ -233,7 +234,7 @@ def slow_motion(length: int, rate_hz: float, settings: DetectorSettings) -> Floa
     """Polynomials, the highest with zeros as close as a sine of 16 Hz or 0.3 f_res has them, at least cubic; (N, P)."""
     top_hz = min(SLOW_HZ, SLOW_SHARE * settings.f_res_hz)
     degree = max(min(int(2 * top_hz * length / rate_hz + 1e-6), length // 4), 3)  # whatever a rate is rounded to
-    return np.asarray(np.polynomial.legendre.legvander(np.linspace(-1, 1, length), degree))
+    return legendre.values(np.linspace(-1, 1, length), degree)
 
 
 def _hypotheses(gram: FloatArray) -> tuple[tuple[Family, ...], NDArray[np.intp], FloatArray]:

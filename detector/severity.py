@@ -26,6 +26,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from lostmotion.detector import legendre
 from lostmotion.detector.median import median
 from lostmotion.detector.quality import IMPLAUSIBLE, mended
 from lostmotion.detector.ringdown import ring
@@ -299,4 +300,4 @@ def _paths(length: int, rate_hz: float, settings: DetectorSettings) -> _Paths:
 
 def _legendre(place: FloatArray, degree: int) -> FloatArray:
     """Legendre's polynomials of mean square 1 at places -1..1, shape (N, degree + 1)."""
-    return np.asarray(np.polynomial.legendre.legvander(place, degree) * np.sqrt(2 * np.arange(degree + 1) + 1))
+    return np.asarray(legendre.values(place, degree) * np.sqrt(2 * np.arange(degree + 1) + 1))
