@@ -39,7 +39,7 @@ bench: $(READY)  ## speed and memory as ratios, side by side in one run
 bench-soak: $(READY)  ## whether the service's memory grows: twenty minutes at 20 times real speed, all sinks on
 	$(BIN)/python -m bench.soak
 
-bench-faults: $(READY)  ## random faults against the service, 200 campaigns: what holds, and how soon each is told (an hour and a half)
+bench-faults: $(READY)  ## random faults against the service, 200 campaigns: what holds, and how soon each is told (half an hour)
 	$(BIN)/python -m bench.faults
 
 fuzz: $(READY)  ## broken bytes, lines and files at random, COUNT (100000) of each kind: taken or refused in one line (four minutes)

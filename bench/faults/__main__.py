@@ -1,6 +1,6 @@
 """Faults at random against the service: what of 200 campaigns holds, and how soon each fault is told.
 
-    python -m bench.faults [--seeds 200] [--first 0] [--jobs 3]
+    python -m bench.faults [--seeds 200] [--first 0] [--jobs 4]
 
 Each campaign is a robot of its own (an emulated AX-12A, an accelerometer and an slcan adapter behind the real drivers),
 a Zenoh router with a subscriber, and a service, in processes of their own, against which four faults are chosen by the
@@ -27,7 +27,7 @@ def main(arguments: Sequence[str] = ()) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=200, help="how many campaigns")
     parser.add_argument("--first", type=int, default=0, help="the first seed")
-    parser.add_argument("--jobs", type=int, default=3, help="campaigns at a time: each takes a tenth of a core")
+    parser.add_argument("--jobs", type=int, default=4, help="campaigns at a time: each takes a tenth of a core")
     given = parser.parse_args(arguments)
     begun, outcomes = time.monotonic(), list[Outcome]()
     # A process each: emulated devices that wait for one another would send what was late in a burst.
