@@ -7,6 +7,7 @@ import socket
 import ssl
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import urlencode, urlsplit
 
@@ -32,11 +33,12 @@ def locked(tmp_path: Path, serve: Serve) -> Site:
     return serve("--config", robot(tmp_path, extra=lines))
 
 
-@pytest.fixture
-def open_site(tmp_path: Path, serve: Serve) -> Site:
+@pytest.fixture(scope="module")
+def open_site(tmp_path_factory: pytest.TempPathFactory, serve_all: Callable[[Path, Path], Site]) -> Site:
     """A page on this computer alone."""
-    fill(tmp_path / "history.db", count=20)
-    return serve("--config", robot(tmp_path))
+    folder = tmp_path_factory.mktemp("robot")
+    fill(folder / "history.db", count=20)
+    return serve_all(folder, robot(folder))
 
 
 def log_in(site: Site, password: str = PASSWORD, **headers: str) -> tuple[int, dict[str, str], bytes]:
