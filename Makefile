@@ -19,14 +19,12 @@ demo: $(READY)  ## the main job on the simulated robot: a year of wear in a minu
 test: $(READY)  ## everything: format, lint, types, all tests
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(BIN)/mypy -p lostmotion
-	$(BIN)/python -m pytest -n 3 --dist worksteal -rs
+	$(BIN)/mypy -p lostmotion & types=$$!; $(BIN)/python -m pytest -n 4 --dist worksteal -rs && wait $$types
 
 check: $(READY)  ## the same with the fast tests only, in under two minutes
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(BIN)/mypy -p lostmotion
-	$(BIN)/python -m pytest -q -n 3 --dist worksteal -m "not slow"
+	$(BIN)/mypy -p lostmotion & types=$$!; $(BIN)/python -m pytest -q -n 4 --dist worksteal -m "not slow" && wait $$types
 
 test-vm: $(READY)  ## a real CAN interface, in a virtual machine (qemu; some minutes, root, x86_64)
 	LOSTMOTION_VM=1 $(BIN)/python -m pytest -n 0 tests/system/test_can_bus.py
@@ -41,7 +39,7 @@ bench: $(READY)  ## speed and memory as ratios, side by side in one run
 bench-soak: $(READY)  ## whether the service's memory grows: twenty minutes at 20 times real speed, all sinks on
 	$(BIN)/python -m bench.soak
 
-bench-faults: $(READY)  ## random faults against the service, 200 campaigns: what holds, and how soon each is told (an hour and a half)
+bench-faults: $(READY)  ## random faults against the service, 200 campaigns: what holds, and how soon each is told (half an hour)
 	$(BIN)/python -m bench.faults
 
 fuzz: $(READY)  ## broken bytes, lines and files at random, COUNT (100000) of each kind: taken or refused in one line (four minutes)

@@ -24,7 +24,7 @@ from pathlib import Path
 from bench.process import cpu_seconds, memory_mb, run_command, waits, windows
 from bench.sinks import all_sinks
 
-GOAL_CORE, GOAL_MB = 0.05, 80.0
+GOAL_CORE, GOAL_MB = 0.05, 75.0
 WARM_UP_S = 5.0
 JOINT = """
 [[joint]]

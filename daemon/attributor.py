@@ -20,7 +20,7 @@ from lostmotion.detector.commanded import BEFORE_S, smoothed
 from lostmotion.detector.window import DetectorSettings, FloatArray, Window
 from lostmotion.detector.windows import cut
 
-__all__ = ["Attributor", "Ear", "Speaker"]
+__all__ = ["Attributor", "SharedSensor", "Speaker"]
 
 WINDOWS = 100
 """the last so many windows count"""
@@ -34,7 +34,7 @@ DOUBT = 0.04
 
 
 @dataclass(frozen=True, slots=True)
-class Ear:
+class SharedSensor:
     """An accelerometer that several joints move: its rate, its bar, and their lever arms [m]."""
 
     accelerometer: str
@@ -56,10 +56,10 @@ class Speaker(Protocol):
 class Attributor:
     """Joints that share accelerometers, directly or by way of others."""
 
-    def __init__(self, ears: Sequence[Ear]) -> None:
-        self.joints = tuple(sorted({joint for ear in ears for joint in ear.levers}))
-        self.accelerometers = tuple(ear.accelerometer for ear in ears)
-        self._ears = ears
+    def __init__(self, sensors: Sequence[SharedSensor]) -> None:
+        self.joints = tuple(sorted({joint for sensor in sensors for joint in sensor.levers}))
+        self.accelerometers = tuple(sensor.accelerometer for sensor in sensors)
+        self._sensors = sensors
         self._prior = [0.5] * len(self.joints)
         self._told: deque[Evidence] = deque(maxlen=WINDOWS)
         self._waiting: deque[Window] = deque()
@@ -83,16 +83,16 @@ class Attributor:
         """Takes the windows for which everything is there, and gives up those for which it does not come."""
         if not self._waiting:
             return
-        ears, joints = [rings[ear.accelerometer] for ear in self._ears], [speakers[joint] for joint in self.joints]
+        sensors, joints = [rings[name] for name in self.accelerometers], [speakers[joint] for joint in self.joints]
         fresh = False
         while self._waiting:
             window = self._waiting[0]
             end = window.start + window.duration
-            there = min(*(ring.newest for ring in ears), *(joint.heard for joint in joints)) >= end
-            if not there and max(ring.newest for ring in ears) < end + GIVE_UP_S:
+            there = min(*(ring.newest for ring in sensors), *(joint.heard for joint in joints)) >= end
+            if not there and max(ring.newest for ring in sensors) < end + GIVE_UP_S:
                 break
             self._waiting.popleft()
-            found = self._weigh(window, ears, joints) if there else None
+            found = self._weigh(window, sensors, joints) if there else None
             if found is not None:
                 self._told.append(found)
                 fresh = True
@@ -102,15 +102,15 @@ class Attributor:
     def _weigh(self, window: Window, rings: Sequence[Ring], joints: Sequence[Speaker]) -> Evidence | None:
         start, length = window.start - BEFORE_S, window.duration + BEFORE_S
         stretches = []
-        for ear, ring in zip(self._ears, rings, strict=True):
-            times, accel = ring.slice(start - 1 / ear.rate_hz, start + length + 1 / ear.rate_hz)
-            stretches.append(cut("", times, accel, start, length, ear.rate_hz))
+        for sensor, ring in zip(self._sensors, rings, strict=True):
+            times, accel = ring.slice(start - 1 / sensor.rate_hz, start + length + 1 / sensor.rate_hz)
+            stretches.append(cut("", times, accel, start, length, sensor.rate_hz))
         movers = []
         for name, joint in zip(self.joints, joints, strict=True):
             times, angles = joint.commands
-            movers.append(Mover(times, angles, tuple(ear.levers.get(name, 0.0) for ear in self._ears)))
+            movers.append(Mover(times, angles, tuple(sensor.levers.get(name, 0.0) for sensor in self._sensors)))
         since = max(window.start, self._told[-1].until) if self._told else window.start
-        return evidence(stretches, movers, [ear.settings for ear in self._ears], since)
+        return evidence(stretches, movers, [sensor.settings for sensor in self._sensors], since)
 
     def is_sure(self, joint: str) -> bool:
         """Whether the play is known to be this joint's."""
@@ -119,14 +119,14 @@ class Attributor:
     def alone(self, stretch: Window, accelerometer: str, speakers: Mapping[str, Speaker]) -> Window | None:
         """The stretch as if its joint had moved alone: less what the others' commands make of it, slowly as they are
         for the bar.  None where these have said too little."""
-        ear = next(ear for ear in self._ears if ear.accelerometer == accelerometer)
+        sensor = next(sensor for sensor in self._sensors if sensor.accelerometer == accelerometer)
         accel = stretch.accel.copy()
-        for name in ear.levers.keys() - {stretch.joint}:
+        for name in sensor.levers.keys() - {stretch.joint}:
             times, angles = speakers[name].commands
             command = smoothed(times, angles, stretch)
             if command is None:
                 return None
-            accel -= ear.levers[name] * command.acceleration(np.minimum(stretch.time - stretch.time[0], command.end))
+            accel -= sensor.levers[name] * command.acceleration(np.minimum(stretch.time - stretch.time[0], command.end))
         return replace(stretch, accel=accel)
 
     def _pool(self) -> None:

@@ -20,7 +20,7 @@ def rows(robot: Robot, utc: datetime) -> Iterator[DeviceRow | Origins]:
     """The devices' counts and whose play it is, for `status` and `doctor`."""
     yield Origins(tuple(attributor.origin for attributor in robot.pipeline.attributors))
     for poller in robot.pollers:
-        of, ring = poller.account, robot.rings.get(poller.name)
+        of, ring = poller.status, robot.rings.get(poller.name)
         reason = of.reason or "; ".join(of.faults.values())
         overwritten = ring.overwritten if ring else 0
         counts = (of.samples, of.lost, of.late, of.broken, of.silent, overwritten)
@@ -39,7 +39,7 @@ def status_line(robot: Robot, store: Store, healths: Iterable[Health]) -> str:
 def log_summary(robot: Robot, store: Store) -> None:
     """The counts of devices and windows as log lines, and what waits for the disk."""
     for poller in robot.pollers:
-        of = poller.account
+        of = poller.status
         log.info(
             "%s: %s samples=%d lost=%d late=%d broken=%d silent=%d",
             *(poller.name, of.state.value, of.samples, of.lost, of.late, of.broken, of.silent),

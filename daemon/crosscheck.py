@@ -66,7 +66,6 @@ def _packages(config: Config) -> None:
     for key, table, package in (
         ("alarm.zenoh", config.zenoh, "zenoh"),
         ("alarm.can", config.alarm.can, "can"),
-        ("metrics", config.metrics, "prometheus_client"),
     ):
         if table and not is_there(package):
             raise CrossCheckError(f"{key}: {missing(package, f'[{key}]')}")

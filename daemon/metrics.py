@@ -11,12 +11,9 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
-from prometheus_client import CollectorRegistry, Metric
-from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, InfoMetricFamily
-from prometheus_client.registry import Collector
-
 from lostmotion import __version__
 from lostmotion.daemon.database import DAMAGED
+from lostmotion.daemon.exposition import Family, text
 from lostmotion.daemon.metrics_http import MetricsServer
 from lostmotion.daemon.pipeline import Counts
 from lostmotion.daemon.reader import Reader, ReaderError, open_readonly
@@ -51,11 +48,9 @@ class Exporter:
 
     def __init__(self, listen: str, store: Store, counts: Mapping[str, Counts]) -> None:
         self._server: MetricsServer | None = None
-        registry = CollectorRegistry()
-        registry.register(_Collector(store, counts))
         host, _, port = listen.rpartition(":")
         try:
-            self._server = MetricsServer(host.strip("[]"), int(port), registry)
+            self._server = MetricsServer(host.strip("[]"), int(port), lambda: text(_all(store, counts)))
             log.info("metrics: http://%s/metrics", listen)
         except OSError as error:
             log.error("metrics: found %s not to be had (%s), expected a free address of this computer", listen, error)
@@ -66,80 +61,75 @@ class Exporter:
             self._server.close()
 
 
-class _Collector(Collector):
-    def __init__(self, store: Store, counts: Mapping[str, Counts]) -> None:
-        self._store = store
-        self._counts = counts
-
-    def collect(self) -> Iterator[Metric]:
-        """All metrics; those of the database only while it can be read."""
-        yield GaugeMetricFamily("lostmotion_store_waiting_rows", "Rows not on the disk yet", self._store.waiting())
-        yield CounterMetricFamily("lostmotion_store_dropped_rows", "Rows given up", self._store.dropped)
-        yield GaugeMetricFamily("lostmotion_store_writable", "0 while the disk refuses rows", not self._store.problem)
-        yield from _windows(dict(self._counts))
-        yield from _process()
-        readable = 1.0
-        try:
-            with open_readonly(self._store.path) as reader:
-                yield from [_info(reader), *_joints(reader), _alarms(reader), *_devices(reader)]
-        except (ReaderError, *DAMAGED):
-            readable = 0.0
-        yield GaugeMetricFamily("lostmotion_database_readable", "Whether the database can be read", readable)
+def _all(store: Store, counts: Mapping[str, Counts]) -> Iterator[Family]:
+    """All metrics; those of the database only while it can be read."""
+    yield Family("lostmotion_store_waiting_rows", "gauge", "Rows not on the disk yet").add(store.waiting())
+    yield Family("lostmotion_store_dropped_rows", "counter", "Rows given up").add(store.dropped)
+    yield Family("lostmotion_store_writable", "gauge", "0 while the disk refuses rows").add(not store.problem)
+    yield from _windows(dict(counts))
+    yield from _process()
+    readable = 1.0
+    try:
+        with open_readonly(store.path) as reader:
+            yield from [_info(reader), *_joints(reader), _alarms(reader), *_devices(reader)]
+    except (ReaderError, *DAMAGED):
+        readable = 0.0
+    yield Family("lostmotion_database_readable", "gauge", "Whether the database can be read").add(readable)
 
 
-def _process() -> Iterator[Metric]:
-    """Under the names of the client's own collector, which needs more of /proc than a hardened service sees."""
+def _process() -> Iterator[Family]:
+    """Under the names that Prometheus' own clients give them, from what of /proc a hardened service sees."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     memory = pages * resource.getpagesize()
-    yield GaugeMetricFamily("process_resident_memory_bytes", "Resident memory", memory)
-    yield CounterMetricFamily("process_cpu_seconds", "Processor time", time.process_time())
+    yield Family("process_resident_memory_bytes", "gauge", "Resident memory").add(memory)
+    yield Family("process_cpu_seconds", "counter", "Processor time").add(time.process_time())
 
 
-def _info(reader: Reader) -> Metric:
-    about = {"version": __version__, "robot": reader.robot()}
-    return InfoMetricFamily("lostmotion", "The program and its robot", about)
+def _info(reader: Reader) -> Family:
+    about = Family("lostmotion", "info", "The program and its robot", ("version", "robot"))
+    return about.add(1.0, __version__, reader.robot())
 
 
-def _windows(counts: Mapping[str, Counts]) -> Iterator[Metric]:
-    triggered = CounterMetricFamily("lostmotion_windows_triggered", "Reversals seen", labels=["joint"])
-    scored = CounterMetricFamily("lostmotion_windows_scored", "Windows scored", labels=["joint"])
-    lost = CounterMetricFamily("lostmotion_windows_lost", "Windows lost, by reason", labels=["joint", "reason"])
+def _windows(counts: Mapping[str, Counts]) -> Iterator[Family]:
+    triggered = Family("lostmotion_windows_triggered", "counter", "Reversals seen", ("joint",))
+    scored = Family("lostmotion_windows_scored", "counter", "Windows scored", ("joint",))
+    lost = Family("lostmotion_windows_lost", "counter", "Windows lost, by reason", ("joint", "reason"))
     for joint, count in counts.items():
-        triggered.add_metric([joint], count.triggered)
-        scored.add_metric([joint], count.scored)
+        triggered.add(count.triggered, joint)
+        scored.add(count.scored, joint)
         for reason, number in dict(count.lost).items():
-            lost.add_metric([joint, reason], number)
+            lost.add(number, joint, reason)
     yield from (triggered, scored, lost)
 
 
-def _joints(reader: Reader) -> Iterator[Metric]:
-    health = GaugeMetricFamily("lostmotion_joint_health", "1 for the joint's health", labels=["joint", "health"])
-    rows = [(f"joint_{name}", text, of) for name, text, of in LAST] + list(SEVERITY)
-    last = [(GaugeMetricFamily(f"lostmotion_{name}", text, labels=["joint"]), of) for name, text, of in rows]
+def _joints(reader: Reader) -> Iterator[Family]:
+    health = Family("lostmotion_joint_health", "gauge", "1 for the joint's health", ("joint", "health"))
+    rows = [(f"joint_{name}", words, of) for name, words, of in LAST] + list(SEVERITY)
+    last = [(Family(f"lostmotion_{name}", "gauge", words, ("joint",)), of) for name, words, of in rows]
     for joint in reader.joints():
         for state in Health:
-            health.add_metric([joint.name, state.value], joint.health is state)
+            health.add(joint.health is state, joint.name, state.value)
         if window := reader.last_window(joint.name):
             for family, of in last:
-                family.add_metric([joint.name], of(window))
+                family.add(of(window), joint.name)
     yield from (health, *(family for family, _ in last))
 
 
-def _alarms(reader: Reader) -> Metric:
-    labels = ["joint", "cause", "severity", "state"]
-    family = GaugeMetricFamily("lostmotion_alarm", "1 for each active alarm", labels=labels)
+def _alarms(reader: Reader) -> Family:
+    labels = ("joint", "cause", "severity", "state")
+    family = Family("lostmotion_alarm", "gauge", "1 for each active alarm", labels)
     for alarm in reader.active_alarms():
-        family.add_metric([alarm.joint, alarm.cause.value, alarm.severity.value, alarm.state.value], 1.0)
+        family.add(1.0, alarm.joint, alarm.cause.value, alarm.severity.value, alarm.state.value)
     return family
 
 
-def _devices(reader: Reader) -> Iterator[Metric]:
-    reading = GaugeMetricFamily("lostmotion_device_reading", "1 while samples arrive", labels=["device"])
-    samples = CounterMetricFamily("lostmotion_device_samples", "Samples since the start", labels=["device"])
-    losses = CounterMetricFamily("lostmotion_device_losses", "Samples lost, by kind", labels=["device", "kind"])
+def _devices(reader: Reader) -> Iterator[Family]:
+    reading = Family("lostmotion_device_reading", "gauge", "1 while samples arrive", ("device",))
+    samples = Family("lostmotion_device_samples", "counter", "Samples since the start", ("device",))
+    losses = Family("lostmotion_device_losses", "counter", "Samples lost, by kind", ("device", "kind"))
     for device in reader.devices():
-        reading.add_metric([device.name], device.state == "reading")
-        samples.add_metric([device.name], device.samples)
+        reading.add(device.state == "reading", device.name)
+        samples.add(device.samples, device.name)
         for kind in LOSSES:
-            losses.add_metric([device.name, kind], getattr(device, kind))
+            losses.add(getattr(device, kind), device.name, kind)
     yield from (reading, samples, losses)

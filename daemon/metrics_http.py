@@ -1,6 +1,7 @@
 """An HTTP server that connections cannot exhaust: each ends after a time, and there are never more than a few.
 
-What it answers is ``metrics.py``'s business.
+What it answers is ``metrics.py``'s business.  Python's own ``http.server`` brings mail and TLS, 6 MB, for a page that
+needs neither.
 """
 
 from __future__ import annotations
@@ -9,12 +10,12 @@ import logging
 import socket
 import socketserver
 import sys
+from collections.abc import Callable
 from contextlib import suppress
-from http.server import ThreadingHTTPServer
 from threading import Lock, Thread
 from typing import Any
 
-from prometheus_client import CollectorRegistry, MetricsHandler
+from lostmotion.daemon.exposition import CONTENT_TYPE
 
 __all__ = ["MOST_CONNECTIONS", "MetricsServer"]
 
@@ -24,22 +25,51 @@ MOST_CONNECTIONS = 16
 """open at the same time: a scrape takes milliseconds, and few programs scrape"""
 TIMEOUT_S = 5.0
 """how long a connection may send nothing, or take nothing [s]"""
+LONGEST_LINE, MOST_LINES = 8192, 100
+"""of a request: a scrape has half a dozen lines of a hundred characters"""
 
 
-class MetricsServer(ThreadingHTTPServer):
+class _Handler(socketserver.StreamRequestHandler):
+    """One request and its answer, as HTTP/1.0 has it."""
+
+    page: Callable[[], str]
+
+    def handle(self) -> None:
+        words = self.rfile.readline(LONGEST_LINE).split()
+        for _ in range(MOST_LINES):
+            if not self.rfile.readline(LONGEST_LINE).strip():
+                break
+        if len(words) != 3 or not words[2].startswith(b"HTTP/"):
+            self._answer("400 Bad Request", "found no request of HTTP, expected GET /metrics\n")
+        elif words[0] not in (b"GET", b"HEAD"):
+            self._answer("405 Method Not Allowed", "expected GET\n")
+        elif words[1].split(b"?")[0] not in (b"/metrics", b"/"):
+            self._answer("404 Not Found", "expected /metrics\n")
+        else:
+            self._answer("200 OK", type(self).page(), is_head=words[0] == b"HEAD")
+
+    def _answer(self, status: str, page: str, is_head: bool = False) -> None:
+        body = page.encode()
+        head = f"HTTP/1.0 {status}\r\nContent-Type: {CONTENT_TYPE}\r\nContent-Length: {len(body)}\r\n\r\n"
+        self.wfile.write(head.encode() + (b"" if is_head else body))
+
+
+class MetricsServer(socketserver.ThreadingTCPServer):
     """Answers at an address, in a thread of its own and one for each connection, until it is closed.
 
     Where one connection too many is opened the oldest is ended: those that send nothing keep no scrape out, since a
     scrape sends its request at once.  Raises OSError when the address cannot be had.
     """
 
+    allow_reuse_address = True
+    daemon_threads = True
     request_queue_size = 128  # a burst of connections waits for its turn here
 
-    def __init__(self, host: str, port: int, registry: CollectorRegistry) -> None:
+    def __init__(self, host: str, port: int, page: Callable[[], str]) -> None:
         self.address_family = socket.AF_INET6 if ":" in host else socket.AF_INET
         self._connections: dict[socket.socket, None] = {}  # oldest first
         self._lock = Lock()
-        handler = type("Handler", (MetricsHandler.factory(registry),), {"timeout": TIMEOUT_S})
+        handler = type("Handler", (_Handler,), {"timeout": TIMEOUT_S, "page": staticmethod(page)})
         super().__init__((host, port), handler)
         self._thread = Thread(target=self.serve_forever, name="metrics", daemon=True)
         self._thread.start()
@@ -49,10 +79,6 @@ class MetricsServer(ThreadingHTTPServer):
         self.shutdown()
         self.server_close()
         self._thread.join()
-
-    def server_bind(self) -> None:
-        """Without the base's question for this computer's name, which may wait for a name server."""
-        socketserver.TCPServer.server_bind(self)
 
     def process_request(self, request: Any, client_address: Any) -> None:
         with self._lock:

@@ -1,6 +1,6 @@
 """One thread for each servo bus and accelerometer: open, identify, read, and again when the port went away.
 
-A poller knows no window and no score.  It hands on what was read and keeps a public account of its device: the state
+A poller knows no window and no score.  It hands on what was read and keeps the public status of its device: the state
 it is in, why, and how many samples came, were lost, late or broken.
 """
 
@@ -22,7 +22,7 @@ from lostmotion.daemon.waker import Waker
 from lostmotion.drivers.base import Accelerometer, Identity, ServoBus, ServoSample
 from lostmotion.drivers.errors import DriverError, EndOfData, IdentityError, PortError
 
-__all__ = ["AccelPoller", "Account", "BusPoller", "DeviceState", "Inbox", "Poller"]
+__all__ = ["AccelPoller", "BusPoller", "DeviceState", "DeviceStatus", "Inbox", "Poller"]
 
 log = logging.getLogger(__name__)
 
@@ -52,7 +52,7 @@ class DeviceState(Enum):
 
 
 @dataclass(slots=True)
-class Account:
+class DeviceStatus:
     """What has become of one device; written by its poller, read by anyone.
 
     faults: by joint or accelerometer, why it is not what was expected; heard: by the same names, host time [s]
@@ -94,7 +94,7 @@ class Poller:
     ) -> None:
         self.name = name
         self.members = members
-        self.account = Account()
+        self.status = DeviceStatus()
         self.pulse = time.monotonic()
         self._device = device
         self._stop = stop
@@ -121,7 +121,7 @@ class Poller:
                 pause = min(pause, longest) if isinstance(error, IdentityError) else longest
             finally:
                 self._device.close()
-            if self.account.state is DeviceState.ENDED:
+            if self.status.state is DeviceState.ENDED:
                 break
             self.rest(pause)
             pause = min(2 * pause, longest)
@@ -134,7 +134,7 @@ class Poller:
 
     def supply(self, member: str, now: float) -> tuple[float, float]:
         """How many samples of a member should have come by host time ``now`` [s], and how many did, since any start."""
-        return self.account.asked[member], self.account.usable[member]
+        return self.status.asked[member], self.status.usable[member]
 
     def named(self, reason: str) -> str:
         """A reason with the device's name before it."""
@@ -149,20 +149,20 @@ class Poller:
         """Opens the port and asks who is there; one wrong servo of several does not stop the others."""
         self._device.open()
         self._note(self._device.identify())
-        if len(self.account.faults) == len(self.members):
-            raise IdentityError("; ".join(self.account.faults.values()))
+        if len(self.status.faults) == len(self.members):
+            raise IdentityError("; ".join(self.status.faults.values()))
         self._now(DeviceState.READING, "")
 
     def _note(self, identities: tuple[Identity, ...]) -> None:
-        before = self.account.faults
+        before = self.status.faults
         wrong = [who for who in identities if not who.ok]
-        self.account.faults = {
+        self.status.faults = {
             who.name: f"{who.name}: found {who.gist or who.found}, expected {who.expected}" for who in wrong
         }
         for who in wrong:
-            if before.get(who.name) != self.account.faults[who.name]:
+            if before.get(who.name) != self.status.faults[who.name]:
                 log.error("%s", self.named(f"{who.name}: found {who.found}, expected {who.expected}"))
-        self._check_again = time.monotonic() + WRONG_RETRY_S if self.account.faults else math.inf
+        self._check_again = time.monotonic() + WRONG_RETRY_S if self.status.faults else math.inf
 
     def _read_on(self) -> None:
         while not self._stop.is_set():
@@ -178,7 +178,7 @@ class Poller:
         """Called once, when nothing more will come."""
 
     def _now(self, state: DeviceState, reason: str) -> None:
-        self.account.state, self.account.reason = state, reason
+        self.status.state, self.status.reason = state, reason
         bad = state in (DeviceState.RETRYING, DeviceState.WRONG)
         text = f"{self.name}: {state.value}" + (f": {reason.removeprefix(f'{self.name}: ')}" if bad else "")
         if not self._condition.is_news(text if bad else "", time.monotonic()) and state is not DeviceState.ENDED:
@@ -205,21 +205,21 @@ class BusPoller(Poller):
 
     def _read(self) -> None:
         reading = self._bus.read()
-        account, now = self.account, time.monotonic()
-        account.lost += reading.lost
-        account.broken += reading.broken
-        account.silent += len(reading.silent)
-        account.asked.update(reading.silent)
+        status, now = self.status, time.monotonic()
+        status.lost += reading.lost
+        status.broken += reading.broken
+        status.silent += len(reading.silent)
+        status.asked.update(reading.silent)
         samples = reading.samples
-        if account.faults:
-            samples = tuple(sample for sample in samples if sample.joint not in account.faults)
+        if status.faults:
+            samples = tuple(sample for sample in samples if sample.joint not in status.faults)
         if not samples:
             return
-        account.samples += len(samples)
+        status.samples += len(samples)
         spoken = [sample.joint for sample in samples]
-        account.heard.update(dict.fromkeys(spoken, now))
-        account.asked.update(spoken)
-        account.usable.update(spoken)
+        status.heard.update(dict.fromkeys(spoken, now))
+        status.asked.update(spoken)
+        status.usable.update(spoken)
         self._inbox.servo.append((self._bus.resolution_rad, samples))
         self._inbox.waker.wake()
         while self._waits and len(self._inbox.servo) > INBOX_READINGS and not self._stop.is_set():
@@ -248,19 +248,19 @@ class AccelPoller(Poller):
         if self._wait is None:
             self._gather()
         block = self._sensor.read()
-        account = self.account
-        account.lost += block.lost
-        account.late += block.late
-        account.broken += block.broken
+        status = self.status
+        status.lost += block.lost
+        status.late += block.late
+        status.broken += block.broken
         if len(block.time):
-            account.samples += len(block.time)
-            account.heard[self.name] = time.monotonic()
-            account.usable[self.name] += int(np.count_nonzero(np.isfinite(block.accel)))
+            status.samples += len(block.time)
+            status.heard[self.name] = time.monotonic()
+            status.usable[self.name] += int(np.count_nonzero(np.isfinite(block.accel)))
             self._ring.range_ms2 = self._sensor.range_ms2
             self._ring.push(block, self._wait)
 
     def supply(self, member: str, now: float) -> tuple[float, float]:
-        return now / self._period, self.account.usable[member]
+        return now / self._period, self.status.usable[member]
 
     def _gather(self) -> None:
         """Leaves hardware alone until a window has ended: a wake-up costs more than the samples it brings."""

@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Iterator
 
-from lostmotion.daemon.attributor import Attributor, Ear
+from lostmotion.daemon.attributor import Attributor, SharedSensor
 from lostmotion.daemon.capture import Capture
 from lostmotion.daemon.config import Config
 from lostmotion.daemon.losses import Losses
@@ -80,7 +80,7 @@ class Robot:
 
     def _listen(self) -> None:
         """Hands on what the joints said, the readings of one bus together."""
-        ended = [poller for poller in self.pollers if poller.account.state is DeviceState.ENDED]
+        ended = [poller for poller in self.pollers if poller.status.state is DeviceState.ENDED]
         spoken: dict[float, list[ServoSample]] = {}
         while self.inbox.servo:
             resolution_rad, samples = self.inbox.servo.popleft()
@@ -99,12 +99,12 @@ class Robot:
     @property
     def is_open(self) -> bool:
         """Whether any device has been opened, or has failed to."""
-        return any(poller.account.state is not DeviceState.OPENING for poller in self.pollers)
+        return any(poller.status.state is not DeviceState.OPENING for poller in self.pollers)
 
     @property
     def finished(self) -> bool:
         """Whether every device has come to its end and all its data has been used."""
-        ended = all(poller.account.state is DeviceState.ENDED for poller in self.pollers)
+        ended = all(poller.status.state is DeviceState.ENDED for poller in self.pollers)
         return ended and not self.inbox.servo and not self.pipeline.open_windows
 
     def fault(self, joint: JointOptions) -> str | None:
@@ -125,25 +125,25 @@ class Robot:
 
     def _fault(self, member: str) -> str | None:
         poller = self._by_member[member]
-        account = poller.account
-        if account.state is not DeviceState.RETRYING and member in account.faults:
-            return account.faults[member]
-        if account.state in BAD:
-            return poller.named(account.reason)
-        if self._virtual or account.state is DeviceState.ENDED:
+        status = poller.status
+        if status.state is not DeviceState.RETRYING and member in status.faults:
+            return status.faults[member]
+        if status.state in BAD:
+            return poller.named(status.reason)
+        if self._virtual or status.state is DeviceState.ENDED:
             return ""
-        heard, now = account.heard.get(member), time.monotonic()
-        if now - (heard or self._started) > DEAD_S and account.state is DeviceState.READING:
+        heard, now = status.heard.get(member), time.monotonic()
+        if now - (heard or self._started) > DEAD_S and status.state is DeviceState.READING:
             return f"{member}: no data for more than {DEAD_S:g} s from {poller.name}"
         return None if heard is None else ""
 
     def _lost(self, member: str) -> str:
         """Which share of its samples is lost, "" while that is little."""
         poller, losses, now = self._by_member[member], self._losses[member], time.monotonic()
-        if poller.account.state is not DeviceState.READING or self._virtual:
+        if poller.status.state is not DeviceState.READING or self._virtual:
             losses.clear()
             return ""
-        if member not in poller.account.heard:
+        if member not in poller.status.heard:
             return ""
         lost = losses.fault(now, *poller.supply(member, now))
         return lost and f"{member}: {lost}: a slow or noisy line, a loose plug, or a busy computer"
@@ -151,7 +151,7 @@ class Robot:
     @property
     def samples(self) -> int:
         """All that the devices have delivered."""
-        return sum(poller.account.samples for poller in self.pollers)
+        return sum(poller.status.samples for poller in self.pollers)
 
     def hung(self, patience_s: float) -> list[str]:
         """The devices whose poller has shown no sign of life for so long; waiting for a device is life."""
@@ -201,18 +201,18 @@ def _plan(config: Config, joint: JointOptions) -> JointPlan:
     return JointPlan(joint.name, joint.accelerometer, rate_hz, joint.poll_hz, config.settings(joint.name))
 
 
-def _shared(config: Config) -> list[list[Ear]]:
+def _shared(config: Config) -> list[list[SharedSensor]]:
     """The accelerometers that several joints move, those together that have a joint in common."""
-    groups: list[list[Ear]] = []
+    groups: list[list[SharedSensor]] = []
     for sensor in config.accelerometers:
         levers = {
             joint.name: arms[sensor.name] for joint in config.joints if sensor.name in (arms := config.levers(joint))
         }
         if not levers:
             continue
-        ear = Ear(sensor.name, sensor.rate_hz, config.bar_settings(sensor), levers)
+        shared = SharedSensor(sensor.name, sensor.rate_hz, config.bar_settings(sensor), levers)
         linked = [group for group in groups if any(levers.keys() & other.levers.keys() for other in group)]
         groups = [group for group in groups if group not in linked] + [
-            [*(one for group in linked for one in group), ear]
+            [*(one for group in linked for one in group), shared]
         ]
-    return [group for group in groups if len({joint for ear in group for joint in ear.levers}) > 1]
+    return [group for group in groups if len({joint for one in group for joint in one.levers}) > 1]

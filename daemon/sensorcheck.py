@@ -17,7 +17,7 @@ import numpy as np
 
 from lostmotion.daemon.ring import Ring
 from lostmotion.detector.lever import levers
-from lostmotion.detector.quality import FULL_SCALE
+from lostmotion.detector.quality import FULL_SCALE, IMPLAUSIBLE
 from lostmotion.detector.window import FloatArray, Score, Window
 from lostmotion.drivers.base import ServoSample
 
@@ -40,9 +40,11 @@ BRISK = 3.0
 """rms of the joint's acceleration that is compared [rad/s²]: an angle that flickers by 5 mrad at rest shows 0.3"""
 LARGEST_STEP = 0.5
 """angles that jump by more between two samples are those of a counter that has wrapped [rad]"""
-KINDS = ("flat", "clipped", "gappy", "short")
+KINDS = ("flat", IMPLAUSIBLE, "clipped", "gappy", "short")
 OF_LOSSES = ("gappy", "short")
 CAUSES = {
+    IMPLAUSIBLE: "shows what no accelerometer does, values without noise or beyond all numbers: "
+    "another column, such as that of a clock, or a wrong unit",
     "clipped": "reaches the end of its range in every window: its range is too small for this bar",
     "gappy": "loses samples in every window: the line is too slow or noisy, or rate_hz is wrong",
     "short": "has no samples for part of every window: the line is too slow or noisy, or rate_hz is wrong",

@@ -52,7 +52,7 @@ SOON_S = 0.005
 """the same while an alarm is on its way to the disk: it is told when it is there [s]"""
 LOOK_S = 1.0
 """how often devices are looked at [s]"""
-ACCOUNT_S = 10.0
+COUNTS_S = 10.0
 """how often the devices' counts go to the database [s]"""
 LATE_S = 60.0
 """by how much stamps may be ahead of what the database has of the time [s]"""
@@ -62,6 +62,7 @@ NOTICE_S = 60.0
 FINISH_S = 3.0
 """how long a stopping service waits for open windows [s]"""
 CRASH_PAUSE_S = 5.0
+NO_MEMORY = "no memory is left: another program takes it, or a limit such as the unit's MemoryMax is too low"
 
 
 def run(config: Config, *, duration_s: float | None = None, reload: Callable[[], Config] | None = None) -> int:
@@ -97,7 +98,7 @@ class Service:
         self._exporter: Exporter | None = None
         self._robot = Robot(config)
         self._store = _store(config)
-        self._due = {period_s: time.monotonic() + period_s for period_s in (LOOK_S, ACCOUNT_S, SUMMARY_S)}
+        self._due = {period_s: time.monotonic() + period_s for period_s in (LOOK_S, COUNTS_S, SUMMARY_S)}
         self._fed = (time.monotonic(), 0)
         self._errors = Repeats()
         self._notice, self._notice_ends = "", 0.0
@@ -328,7 +329,7 @@ class Service:
             self._guard(self._alarm_manager.ask_trend, utc)
             self._alarm_manager.tell_settled()
             self._notifier.status(counters.status_line(self._robot, self._store, self._alarm_manager.healths))
-        if self._is_due(ACCOUNT_S):
+        if self._is_due(COUNTS_S):
             self._store.add(*counters.rows(self._robot, self._utc()))
             if self._time is not None:
                 self._store.add(self._time.row)
@@ -364,6 +365,11 @@ class Service:
             try:
                 poller.run()
                 return
+            except MemoryError:
+                if errors.is_news(NO_MEMORY, time.monotonic()):
+                    log.error("%s: %s; it is tried again", poller.name, NO_MEMORY)
+                poller.fail(NO_MEMORY)
+                poller.rest(CRASH_PAUSE_S)
             except Exception as error:
                 if errors.is_news(place(error), time.monotonic()):
                     log.exception("%s: broke down and is started again", poller.name)
@@ -380,6 +386,9 @@ class Service:
             if self._errors.is_news(text, time.monotonic()):
                 after = "; it stays in use until writing meets the damage, too" if database.is_damage(error) else ""
                 log.error("cannot be read: %s%s", text, after)
+        except MemoryError:
+            if self._errors.is_news(NO_MEMORY, time.monotonic()):
+                log.error("%s; windows are lost as long as that lasts, the service goes on", NO_MEMORY)
         except Exception as error:
             if self._errors.is_news(f"{stage}: {place(error)}", time.monotonic()):
                 log.exception("internal error in %s", stage)

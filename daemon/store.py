@@ -284,9 +284,10 @@ class Store:
         try:
             if self._writer is not None:
                 self._writer.roll_up(self._policy, ROLL_UP_S)
-        except database.UNREADABLE as error:
-            # A disk that is full will refuse the next rows too, which are told of and tried again.
-            self.damage = error if database.is_damage(error) else None
+        except (*database.UNREADABLE, MemoryError) as error:
+            # A disk that is full will refuse the next rows too, which are told of and tried again; so will no memory.
+            is_damage = not isinstance(error, MemoryError) and database.is_damage(error)
+            self.damage = error if is_damage else None
 
     def _flush(self, queue: deque[Row]) -> bool:
         """Commits the oldest rows of a queue; on failure they go back to its head."""
@@ -318,6 +319,8 @@ class Store:
         except database.UNREADABLE as error:
             self.damage = error if database.is_damage(error) else None
             return database.explain(self.path, error)
+        except MemoryError:  # this thread must not end: nobody would write any more
+            return f"{self.path}: no memory is left to write it"
         if isinstance(self.damage, ReplacedError):  # what was just written is lost with the file
             return str(self.damage)
         self._written = policy

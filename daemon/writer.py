@@ -99,7 +99,7 @@ class Writer:
         try:
             with self._db:
                 self._write(rows, policy)
-        except database.UNREADABLE:
+        except (*database.UNREADABLE, MemoryError):
             self._joints, self._kept_bytes = {}, kept_bytes
             raise
         self._robot = policy.robot

@@ -48,7 +48,7 @@ LEVER = 0.15
 """Relative error of the lever arms."""
 TRUST, ODD = 0.4, 0.05
 """What a window counts, as a power of its likelihood; share of windows in which something else happens."""
-SIGNIFICANT, LEAST_KICK = 6.0, 0.02
+SIGNIFICANT, LEAST_IMPULSE = 6.0, 0.02
 """An impulse stands out by so many standard deviations, and is as large as that [rad/s] at the settings' length."""
 PRESSED = 1.2
 """An impulse is so much larger than what teeth that part, or come to rest on a flank, do to a smooth motion."""
@@ -113,7 +113,7 @@ def evidence(
     """What the impulses after ``since`` [s] say; None where nothing can be said, as of bars beyond half of the rate.
 
     stretches: tip acceleration at each accelerometer from ``BEFORE_S`` before a reversal to the window's end, none of
-    its samples missing; settings: of each, with its bar and the length [m] at which LEAST_KICK counts; movers: all
+    its samples missing; settings: of each, with its bar and the length [m] at which LEAST_IMPULSE counts; movers: all
     joints that they feel.
     """
     start = float(stretches[0].time[0])
@@ -181,7 +181,7 @@ def _felt(stretches: Sequence[Window], settings: Sequence[DetectorSettings]) -> 
         width = max(width, told.width)
         sharp = told.gain @ (stretch.accel - stretch.accel.mean())
         deviation = np.interp(times, own, told.deviation)
-        least = np.maximum(SIGNIFICANT * deviation, LEAST_KICK)
+        least = np.maximum(SIGNIFICANT * deviation, LEAST_IMPULSE)
         reach = abs(chosen.length_m)
         rows.append((np.interp(times, own, sharp) * chosen.length_m, deviation * reach, least * reach))
     impulses, deviations, leasts = (np.array(row) for row in zip(*rows, strict=True))

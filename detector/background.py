@@ -11,6 +11,7 @@ from collections.abc import Generator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.fft import irfft  # not when it is needed first: then there may be no memory
 
 from lostmotion.detector import ringdown
 from lostmotion.detector.errors import DetectorError
@@ -199,7 +200,7 @@ def _notched(noise: Noise, f_res_hz: float, rate_hz: float, length: int) -> Nois
     edges = [edge for edge in (f_res_hz - half, f_res_hz + half) if 0 < edge < rate_hz / 2]
     floor = float(np.interp(edges, frequency, power).min())
     inside = np.abs(frequency - f_res_hz) <= half
-    covariance = np.fft.irfft(np.where(inside, np.minimum(power, floor), power))
+    covariance = irfft(np.where(inside, np.minimum(power, floor), power))
     return levinson(covariance[: _orders(length) + 1], 1e6)
 
 
@@ -272,9 +273,7 @@ def _rings(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
     """Of each window: ln of the likelihood's gain by rings, probability of one, what the likeliest one leaves; basis of
     all these rings, weighted by the root of the probability, (R, N); the variance of their amplitudes."""
-    energy = ringdown.explained(white, bank)
-    ends = np.append(bank.begins[1:], bank.mixes.shape[1])
-    sizes = ends - bank.begins
+    energy, sizes = ringdown.explained(white, bank), bank.sizes
     # Normal amplitudes of variance S² cost ln(1 + S²)/2 each, and what is explained counts for S² / (1 + S²) of it.
     price = ringdown.PENALTY - math.log1p(model.power) / 2
     share = np.minimum(model.power / (1 + model.power) * energy / whole[:, None], 1 - ringdown.DUST)
@@ -289,8 +288,7 @@ def _rings(
     best, picked = evidence.argmax(axis=1), np.flatnonzero(ring > LEAST_RINGING)
     left, bases, done = white.copy(), np.empty((int(sizes[best[picked]].sum()), white.shape[1])), 0
     for i in picked:
-        own = slice(bank.begins[best[i]], ends[best[i]])
-        basis = (bank.rings @ bank.mixes[:, own]).T
+        basis = bank.basis(int(best[i]))
         left[i] -= (basis @ white[i]) @ basis
         bases[done : done + len(basis)] = math.sqrt(ring[i]) * basis
         done += len(basis)

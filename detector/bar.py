@@ -194,12 +194,12 @@ def _is_alone(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -
 def _new(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -> tuple[float, float]:
     """The log-likelihood of all windows, and what rings that begin within them contribute to it.
 
-    Its bank goes with the function: a megabyte that each joint that learns would hold.
+    Its bank goes with the function, as it is needed once.
     """
     bank = ringdown.build(windows.shape[1], rate_hz, settings)
     whole = float(_told(windows, rate_hz, settings, bank).sum())
-    before = replace(bank, mixes=bank.mixes[:, : bank.begins[1]], begins=bank.begins[:1],
-                     prior=bank.prior[:1] + math.log(bank.starts.size))  # fmt: skip
+    first = ringdown.Family(bank.families[0].columns[:1], bank.families[0].mixes[:1])
+    before = replace(bank, families=(first,), sizes=bank.sizes[:1], prior=bank.prior[:1] + math.log(bank.starts.size))
     return whole, whole - float(_told(windows, rate_hz, settings, before).sum())
 
 

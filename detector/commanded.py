@@ -14,6 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from lostmotion.detector import legendre
 from lostmotion.detector.window import FloatArray, Window
 
 __all__ = ["BEFORE_S", "Commanded", "smoothed"]
@@ -157,18 +158,17 @@ def _penalty(degree: int, order: int) -> FloatArray:
 def _basis(place: FloatArray, degree: int) -> FloatArray:
     """Legendre's polynomials up to a degree at places -1..1, shape (N, degree + 1)."""
     if degree > MOST_POWERS:
-        return np.asarray(np.polynomial.legendre.legvander(place, degree), np.float64)
+        return legendre.values(place, degree)
     return np.asarray(np.vander(place, degree + 1, increasing=True) @ _powers(degree))
 
 
 @lru_cache(maxsize=16)
 def _powers(degree: int) -> FloatArray:
     """Legendre's polynomials by powers, a column each, shape (degree + 1, degree + 1)."""
-    rows = [np.polynomial.legendre.leg2poly(unit[: k + 1]) for k, unit in enumerate(np.eye(degree + 1))]
-    return np.column_stack([np.pad(row, (0, degree + 1 - row.size)) for row in rows])
+    return np.ascontiguousarray(legendre.powers(degree).T)
 
 
 @lru_cache(maxsize=32)
 def _derivative(degree: int, order: int) -> FloatArray:
     """Coefficients of a derivative from those of a polynomial, shape (degree + 1 - order, degree + 1)."""
-    return np.asarray(np.polynomial.legendre.legder(np.eye(degree + 1), order))
+    return legendre.derivative(degree, order)

@@ -1,9 +1,9 @@
-"""Where in a stretch a joint may touch the flanks of its teeth: blows, and rests during which it is pushed along.
+"""Where in a stretch a joint may touch the flanks of its teeth: impacts, and rests during which it is pushed along.
 
-Both show in the joint's acceleration alone, without the play.  A blow is an impulse that is larger than the push of the
-command; the bar's reaction on the joint makes impulses too, but their sum over a period of the bar vanishes.  A rest is
-a row of steps in which the joint's acceleration, averaged over a period of the bar, is that of the command, and clearly
-not zero: a joint in free flight has none.
+Both show in the joint's acceleration alone, without the play.  An impact is an impulse that is larger than the push of
+the command; the bar's reaction on the joint makes impulses too, but their sum over a period of the bar vanishes.  A
+rest is a row of steps in which the joint's acceleration, averaged over a period of the bar, is that of the command, and
+clearly not zero: a joint in free flight has none.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ __all__ = ["LEAST_PUSH", "Contacts", "averaged", "contacts"]
 Mask = NDArray[np.bool_]
 PERIOD = round(1 / STEP)
 """Steps of the grid in a period of the bar."""
-LEAST_KICK, SIGNIFICANT = 0.02, 6.0
-"""A blow changes the speed by so much [rad/s] within three steps, and stands out by so many standard deviations."""
+LEAST_IMPULSE, SIGNIFICANT = 0.02, 6.0
+"""An impact changes the speed by so much [rad/s] within three steps, and stands out by so many standard deviations."""
 FRICTION = 2.0
 """Friction may accelerate a joint in flight by so much [rad/s²]."""
 ABOVE_PUSH, CLEARLY_ABOVE = 1.2, 1.5
-"""A blow is so many times what the command's own acceleration does in three steps; with the latter it surely is one."""
+"""An impact is so many times what the command's own acceleration does in three steps; with the latter it surely is."""
 OF_LARGEST, CLEARLY_LARGE = 0.35, 0.6
 """Share of the largest impulse of the two periods before: smaller ones may be the bar's answer to it."""
 SUM_KEPT = 0.6
-"""Share of a blow that its sum over a period keeps at least; the bar's reaction cancels."""
+"""Share of an impact that its sum over a period keeps at least; the bar's reaction cancels."""
 LEAST_PUSH = 5.0
 """Commanded acceleration [rad/s²] from which a rest is sure: more than friction."""
 SAME, JOLT = 0.3, 0.8
@@ -44,10 +44,10 @@ NOISE_OF_COMMAND = 0.7
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Contacts:
-    """By step of the grid, shape (K,): blows and sure blows; rests and what may be a rest beside one; the impulse of
+    """By step of the grid, shape (K,): impacts and sure ones; rests and what may be a rest beside one; the impulse of
     three steps [rad/s]; the commanded acceleration averaged over a period of the bar [rad/s²]."""
 
-    blows: Mask
+    impacts: Mask
     hard: Mask
     rests: Mask
     loose: Mask
@@ -65,17 +65,17 @@ def contacts(undone: Inverse, impulses: FloatArray, commanded: FloatArray, known
     size, driven = np.abs(impulse), 3 * step * (np.abs(push) + FRICTION)
     largest = size >= _highest(size, 3, 3)
     answer = _highest(size, 2 * PERIOD, 0)
-    blows = inner & largest & (size > LEAST_KICK) & (size > SIGNIFICANT * undone.deviation)
-    blows &= (PERIOD * step * moved * np.sign(impulse) > SUM_KEPT * size) & (size > ABOVE_PUSH * driven)
-    blows &= size > OF_LARGEST * answer
-    hard = blows & (size > CLEARLY_LARGE * answer) & (size > CLEARLY_ABOVE * driven)
+    impacts = inner & largest & (size > LEAST_IMPULSE) & (size > SIGNIFICANT * undone.deviation)
+    impacts &= (PERIOD * step * moved * np.sign(impulse) > SUM_KEPT * size) & (size > ABOVE_PUSH * driven)
+    impacts &= size > OF_LARGEST * answer
+    hard = impacts & (size > CLEARLY_LARGE * answer) & (size > CLEARLY_ABOVE * driven)
     beside = np.abs(impulse - 3 * step * push)
     jolts = beside > np.maximum(5 * undone.deviation, JOLT * 3 * step * np.abs(push))
     deviation = undone.slow_deviation
     rests = inner & (np.abs(moved - push) < SAME * np.abs(push) + 1.5 * deviation) & ~_near(jolts, CLOSE)
     rests = _runs(rests & (np.abs(push) > np.maximum(6 * deviation, LEAST_PUSH)), LEAST_RUN)
     loose = inner & (np.abs(moved - push) < 2.5 * np.hypot(deviation, NOISE_OF_COMMAND))
-    return Contacts(blows, hard, rests, loose, impulse, push)
+    return Contacts(impacts, hard, rests, loose, impulse, push)
 
 
 def averaged(values: FloatArray) -> FloatArray:

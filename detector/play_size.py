@@ -39,7 +39,7 @@ FLANK, POINT, GRAIN = 0.03, 0.02, 5e-5
 """Where on a flank a contact is: standard deviation of a whole rest and of each point, as shares of half the play, and
 least [rad]."""
 TIMING, ROUNDED = 0.15, 0.1
-"""A blow's place is uncertain by, and is rounded off by, so many steps of the grid times its impulse."""
+"""An impact's place is uncertain by, and is rounded off by, so many steps of the grid times its impulse."""
 FIRST_TIMING = 0.3
 """The same before the fit says which of three steps comes closest to the flank."""
 BIAS, GRAVITY = 0.1, 10.0
@@ -63,7 +63,7 @@ BESIDE = 0.12
 LEAST_DRIVE = 1.0
 """A rest ends where the command pushes less [rad/s²]."""
 REBOUND = 1.7
-"""Impulse of a blow over its speed of approach."""
+"""Impulse of an impact over its speed of approach."""
 BEYOND = 0.1
 """Share of the stretch in which the joint may seem to be beyond a flank: more, and model and data do not fit."""
 LEAST_PLAY, MOST_PLAY = 1e-4, 0.1
@@ -95,7 +95,7 @@ class _Apart:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Touch:
-    """Contacts: their places on the grid, the flank (+1 where D is + phi/2) and the blow's impulse [rad/s], 0 in
+    """Contacts: their places on the grid, the flank (+1 where D is + phi/2) and the impact's impulse [rad/s], 0 in
     rests."""
 
     at: Places
@@ -342,9 +342,9 @@ def _chosen(found: Contacts, place: FloatArray, deviation: FloatArray, play: flo
             rests = rests | (row & (np.bincount(label, core)[label] > 0))
     rests &= _thinned(place.size)
     impulse = np.zeros(place.size)
-    for blow in np.flatnonzero(found.blows):
-        flank, size = -float(np.sign(found.impulse[blow])), abs(float(found.impulse[blow]))
-        closest = blow - 1 + int(np.argmax(flank * place[blow - 1 : blow + 2]))
+    for impact in np.flatnonzero(found.impacts):
+        flank, size = -float(np.sign(found.impulse[impact])), abs(float(found.impulse[impact]))
+        closest = impact - 1 + int(np.argmax(flank * place[impact - 1 : impact + 2]))
         allowed = max(near[closest], 0.5 * step * size + 0.1 * play)
         if abs(flank * place[closest] - play / 2) < allowed:
             impulse[closest], side[closest], rests[closest] = size, flank, True
@@ -361,7 +361,7 @@ def _sized(apart: _Apart, touch: _Touch, found: Contacts, play: float) -> Sized:
     design = np.repeat(_design(apart, touch)[None], SOFTNESS.size, axis=0)
     yielded = design[0, :, 2].copy()
     for _ in range(2):
-        # A blow's force lasts as long as it takes to stop on the flank: (n + 1) v² / (X phi) of eq. 1.
+        # An impact's force lasts as long as it takes to stop on the flank: (n + 1) v² / (X phi) of eq. 1.
         struck = np.maximum(
             touch.impulse / (2 * step), (touch.impulse / REBOUND) ** 2 / (np.maximum(softness, 0.01) * size)
         )

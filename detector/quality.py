@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from lostmotion.detector.window import GENTLE, FloatArray, Window
 
-__all__ = ["LEAST_SHARE", "OK", "describe", "mended"]
+__all__ = ["IMPLAUSIBLE", "LEAST_SHARE", "OK", "describe", "mended", "scoreless"]
 
 OK = "ok"
+IMPLAUSIBLE = "implausible"
 LEAST_SHARE = 0.8
 """A window with fewer of its samples than this is not scored."""
 GAPPY_SHARE = 0.98
@@ -45,6 +46,12 @@ def describe(window: Window, range_ms2: float = math.inf, gentle: float = GENTLE
         "gentle": abs(window.excitation) < gentle,
     }
     return ",".join(name for name, applies in found.items() if applies) or OK
+
+
+def scoreless(quality: str) -> str:
+    """The quality of a window that has no score although nothing else is wrong with it: implausible.  Beside a slow
+    motion it holds no noise at all, as a clock's column does, or its squares are beyond all numbers."""
+    return {OK: IMPLAUSIBLE, "gentle": f"{IMPLAUSIBLE},gentle"}.get(quality, quality)
 
 
 def mended(accel: FloatArray) -> FloatArray:

@@ -13,6 +13,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from lostmotion.detector import legendre
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.median import median
 from lostmotion.detector.whitening import whiten
@@ -39,8 +40,19 @@ FILLS = 8
 CHUNK = 2048
 TOGETHER = 32
 """Windows whose products with a bank are formed at once: those of a hundred take three megabytes for a moment."""
+KEPT = 32
+"""Banks that are kept, each of 0.2 MB for windows of 250 samples: one of each joint, and of what it knew before."""
 DUST = 1e-12
 """Share of the window's power below which what is left of it is rounding."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Family:
+    """Hypotheses of equally many rings: columns, (H, R), those of the bank's rings that each is made of; mixes,
+    (H, R, R), what makes orthonormal coordinates of them, one a row, zero where two rings are hardly two."""
+
+    columns: NDArray[np.intp]
+    mixes: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,16 +60,25 @@ class Bank:
     """What the windows of one length are compared with; everything lies in the space of whitened samples.
 
     slow: orthonormal, (N, P), what the arm's motion may be; rings: ring-downs from each start on, without their slow
-    parts, in orthonormal pairs, (N, 2 K); starts: [s] from the window's begin, (K,); mixes: (2 K, C), what makes
-    orthonormal coordinates of each hypothesis, begins: (H,) its first column, prior: (H,) minus its price [nats].
+    parts, in orthonormal pairs, (N, 2 K); starts: [s] from the window's begin, (K,); families: all hypotheses; sizes:
+    how many amplitudes each has, prior: minus its price [nats], both (H,).
     """
 
     slow: FloatArray
     rings: FloatArray
     starts: FloatArray
-    mixes: FloatArray
-    begins: NDArray[np.intp]
+    families: tuple[Family, ...]
+    sizes: NDArray[np.intp]
     prior: FloatArray
+
+    def basis(self, hypothesis: int) -> FloatArray:
+        """What one hypothesis may explain of a whitened window: orthonormal, (size, N)."""
+        for family in self.families:
+            if hypothesis < len(family.columns):
+                mix = family.mixes[hypothesis]
+                return np.asarray(mix[mix.any(axis=1)] @ self.rings[:, family.columns[hypothesis]].T)
+            hypothesis -= len(family.columns)
+        raise IndexError(hypothesis)
 
 
 def scores(windows: FloatArray, rate_hz: float, settings: DetectorSettings, chosen: Bank | None = None) -> FloatArray:
@@ -80,7 +101,7 @@ def scores(windows: FloatArray, rate_hz: float, settings: DetectorSettings, chos
     return np.concatenate(parts) if parts else np.empty(0)
 
 
-@np.errstate(invalid="ignore")  # of a reading that is infinite nothing can be told: NaN
+@np.errstate(invalid="ignore", over="ignore")  # of a reading that is beyond all numbers nothing can be told: NaN
 def _scores(windows: FloatArray, chosen: Bank, settings: DetectorSettings) -> FloatArray:
     white = whiten(windows, settings.noise_colour)
     before = np.sum(white**2, axis=1)
@@ -100,12 +121,16 @@ def _scores(windows: FloatArray, chosen: Bank, settings: DetectorSettings) -> Fl
 
 def explained(white: FloatArray, chosen: Bank) -> FloatArray:
     """The energy of whitened windows, shape (M, N), that each hypothesis of a bank explains, shape (M, H)."""
-    energy = np.empty((len(white), chosen.begins.size))
-    pairs = white @ chosen.rings
+    energy = np.empty((len(white), chosen.prior.size))
+    pairs = (white @ chosen.rings).T
     for i in range(0, len(white), TOGETHER):
-        amplitudes = pairs[i : i + TOGETHER] @ chosen.mixes
-        np.square(amplitudes, out=amplitudes)
-        np.add.reduceat(amplitudes, chosen.begins, axis=1, out=energy[i : i + TOGETHER])
+        done = 0
+        for family in chosen.families:
+            amplitudes = family.mixes @ pairs[:, i : i + TOGETHER][family.columns]
+            np.square(amplitudes, out=amplitudes)
+            own = slice(done, done + len(family.columns))
+            energy[i : i + TOGETHER, own] = amplitudes.sum(axis=1).T
+            done = own.stop
     return energy
 
 
@@ -153,7 +178,7 @@ def validate(length: int, rate_hz: float, settings: DetectorSettings) -> None:
         )
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=KEPT)
 def bank(length: int, rate_hz: float, settings: DetectorSettings) -> Bank:
     """The bank for windows of ``length`` samples, at least 16; kept."""
     return build(length, rate_hz, settings)
@@ -209,26 +234,20 @@ def slow_motion(length: int, rate_hz: float, settings: DetectorSettings) -> Floa
     """Polynomials, the highest with zeros as close as a sine of 16 Hz or 0.3 f_res has them, at least cubic; (N, P)."""
     top_hz = min(SLOW_HZ, SLOW_SHARE * settings.f_res_hz)
     degree = max(min(int(2 * top_hz * length / rate_hz + 1e-6), length // 4), 3)  # whatever a rate is rounded to
-    return np.asarray(np.polynomial.legendre.legvander(np.linspace(-1, 1, length), degree))
+    return legendre.values(np.linspace(-1, 1, length), degree)
 
 
-def _hypotheses(gram: FloatArray) -> tuple[FloatArray, NDArray[np.intp], FloatArray]:
-    """mixes, begins and prior of a Bank from the products (2 K, 2 K) of its rings."""
-    size = gram.shape[0]
-    coordinates, sizes, prior = [], [], []
-    for chosen in _families(size // 2):
-        power, directions = np.linalg.eigh(gram[chosen[:, :, None], chosen[:, None, :]])
+def _hypotheses(gram: FloatArray) -> tuple[tuple[Family, ...], NDArray[np.intp], FloatArray]:
+    """families, sizes and prior of a Bank from the products (2 K, 2 K) of its rings."""
+    families, sizes, prior = [], [], []
+    for columns in _families(gram.shape[0] // 2):
+        power, directions = np.linalg.eigh(gram[columns[:, :, None], columns[:, None, :]])
         told = power > LEAST_NEW
-        which, mode = np.nonzero(told)
-        coordinates.append((chosen[which], directions[which, :, mode] / np.sqrt(power[told])[:, None]))
+        scale = np.where(told, 1 / np.sqrt(np.maximum(power, LEAST_NEW)), 0.0)
+        families.append(Family(columns, np.ascontiguousarray((directions * scale[:, None, :]).transpose(0, 2, 1))))
         sizes.append(told.sum(axis=1))
-        prior.append(-PENALTY * sizes[-1] - math.log(len(chosen)))
-    ends = np.cumsum(np.concatenate(sizes))
-    mixes, done = np.zeros((int(ends[-1]), size)), 0
-    for rows, values in coordinates:
-        mixes[np.arange(done, done + len(rows))[:, None], rows] = values
-        done += len(rows)
-    return mixes.T, np.concatenate([[0], ends[:-1]]), np.concatenate(prior)
+        prior.append(-PENALTY * sizes[-1] - math.log(len(columns)))
+    return tuple(families), np.concatenate(sizes), np.concatenate(prior)
 
 
 @lru_cache(maxsize=16)

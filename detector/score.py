@@ -8,7 +8,7 @@ import numpy as np
 
 from lostmotion.detector import ringdown
 from lostmotion.detector.errors import DetectorError
-from lostmotion.detector.quality import LEAST_SHARE, describe, mended
+from lostmotion.detector.quality import LEAST_SHARE, describe, mended, scoreless
 from lostmotion.detector.spectrum import bands, normalised_mask
 from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Statistic, Window
 from lostmotion.detector.windows import window_length
@@ -60,7 +60,7 @@ def score_window(window: Window, settings: DetectorSettings, range_ms2: float = 
         impact=value > settings.level,
         excitation=window.excitation,
         temperature=window.temperature,
-        quality=quality,
+        quality=scoreless(quality) if math.isnan(value) else quality,
         band=statistics["band"],
         ringdown=statistics["ringdown"],
     )

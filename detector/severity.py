@@ -26,8 +26,9 @@ from functools import lru_cache
 
 import numpy as np
 
+from lostmotion.detector import legendre
 from lostmotion.detector.median import median
-from lostmotion.detector.quality import mended
+from lostmotion.detector.quality import IMPLAUSIBLE, mended
 from lostmotion.detector.ringdown import ring
 from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
 
@@ -150,6 +151,8 @@ def with_severity(
     settings: DetectorSettings,
 ) -> Score:  # fmt: skip
     """The score with the severity of its stretch; ``score.play`` is that of ``play_size``, where it is known."""
+    if IMPLAUSIBLE in score.quality:
+        return score
     play = (score.play, (score.play_high - score.play_low) / (2 * 1.959964))
     found = severity(stretch, times, commands, abs(score.excitation), settings, play, "clipped" in score.quality)
     return replace(score, severity=found.value, severity_low=found.low, severity_high=found.high)
@@ -297,4 +300,4 @@ def _paths(length: int, rate_hz: float, settings: DetectorSettings) -> _Paths:
 
 def _legendre(place: FloatArray, degree: int) -> FloatArray:
     """Legendre's polynomials of mean square 1 at places -1..1, shape (N, degree + 1)."""
-    return np.asarray(np.polynomial.legendre.legvander(place, degree) * np.sqrt(2 * np.arange(degree + 1) + 1))
+    return np.asarray(legendre.values(place, degree) * np.sqrt(2 * np.arange(degree + 1) + 1))

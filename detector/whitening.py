@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.fft import rfft  # not when it is needed first: then there may be no memory
 
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.window import FloatArray
@@ -89,7 +90,7 @@ def spectrum(noise: Noise, points: int) -> FloatArray:
     """Power of the process at ``points`` + 1 even frequencies from 0 to half of the rate; the mean over all, also the
     negative ones, is its variance."""
     taps = _filters(noise.colour)[-1, ::-1]
-    return np.asarray(noise.deviation**2 / np.abs(np.fft.rfft(taps, 2 * points)) ** 2)
+    return np.asarray(noise.deviation**2 / np.abs(rfft(taps, 2 * points)) ** 2)
 
 
 def _covariance(noise: Noise, length: int) -> FloatArray:

@@ -15,7 +15,6 @@ DISTRIBUTIONS = {
     "can": "python-can",
     "canopen": "'lostmotion[can]'",
     "cantools": "'lostmotion[can]'",
-    "prometheus_client": "prometheus-client",
     "sqlite_utils": "sqlite-utils",
     "dynamixel_sdk": "dynamixel-sdk",
     "serial": "pyserial",

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import os
+import re
 import resource
+import shutil
 import signal
+import socket
 import sqlite3
 import subprocess
 import sys
 from collections.abc import Callable
-from contextlib import closing, suppress
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
+from pathlib import Path
+from urllib.request import urlopen
 
 from bench.faults.world import CAN, SENSOR, SERVOS, World
 
@@ -20,6 +25,10 @@ Undo = Callable[[], None]
 DEVICE = r"cause=device severity=error event=(raised|changed)"
 LOSS = r"event=(raised|changed).*(samples were lost|loses samples|has no samples|no data for|broken)"
 YEAR_S = 365.25 * 86400
+HALF_OPEN, SCRAPE_S = 300, 10.0
+"""connections to the metrics that send half a request, and how long a scrape beside them may take [s]"""
+SPARE_BYTES = 4 << 20
+"""what the service may still take of memory under a limit"""
 BAD_LINES = ("x = ", "[[[", "\0", "path = 1e999", "rate_hz = -1", "=" * 5000)
 
 
@@ -84,7 +93,7 @@ def _full(world: World) -> Undo:
 
 def _killed(world: World) -> Undo:
     world.kill()
-    return world.start
+    return world.revive
 
 
 def _deleted(world: World) -> Undo:
@@ -96,6 +105,18 @@ def _replaced(world: World) -> Undo:
     copy = world.folder / "copy.db"
     with closing(sqlite3.connect(world.database)) as source, closing(sqlite3.connect(copy)) as target:
         source.backup(target)
+    copy.rename(world.database)
+    return lambda: None
+
+
+def _copied(world: World) -> Undo:
+    """What a backup by `cp` while it is written holds, put back: the file and its log, perhaps of two moments."""
+    copy = world.folder / "copy.db"
+    for suffix in ("", "-wal"):
+        with suppress(FileNotFoundError):
+            shutil.copyfile(f"{world.database}{suffix}", f"{copy}{suffix}")
+    with suppress(FileNotFoundError):
+        Path(f"{copy}-wal").rename(f"{world.database}-wal")
     copy.rename(world.database)
     return lambda: None
 
@@ -115,9 +136,7 @@ def _reader(world: World) -> Undo:
 
 def _reloaded(world: World) -> Undo:
     lines = world.text.splitlines()
-    lines[world.dice.randrange(len(lines))] = world.dice.choice(
-        ("x = ", "[[[", "\0", "path = 1e999", "rate_hz = -1", "=" * 5000)
-    )
+    lines[world.dice.randrange(len(lines))] = world.dice.choice(BAD_LINES)
     world.config.write_text("\n".join(lines))
     os.kill(world.pid, signal.SIGHUP)
 
@@ -154,6 +173,51 @@ def _stopped(world: World) -> Undo:
     return end
 
 
+def _starved(world: World) -> Undo:
+    """No more memory than it has; where that ends it, it is begun again, as systemd does."""
+    status = Path(f"/proc/{world.pid}/status").read_text()
+    now = int(re.findall(r"VmSize:\s+(\d+)", status)[0]) * 1024
+    pid, (_, hard) = world.pid, resource.prlimit(world.pid, resource.RLIMIT_AS)
+    resource.prlimit(pid, resource.RLIMIT_AS, (now + SPARE_BYTES, hard))
+
+    def end() -> None:
+        with suppress(ProcessLookupError):
+            resource.prlimit(pid, resource.RLIMIT_AS, (hard, hard))
+        world.revive()
+
+    return end
+
+
+def _router_killed(world: World) -> Undo:
+    world.router.kill()
+    return world.router.start
+
+
+def _router_hung(world: World) -> Undo:
+    world.router.hang()
+    return world.router.resume
+
+
+def _subscriber_stopped(world: World) -> Undo:
+    world.watcher.signal(signal.SIGSTOP)
+    return lambda: world.watcher.signal(signal.SIGCONT)
+
+
+def _half_open(world: World) -> Undo:
+    """Connections to the metrics that send half a request: a scrape is answered all the same."""
+    stack = ExitStack()
+    with suppress(OSError):  # the service is not there at the moment
+        for _ in range(HALF_OPEN):
+            connection = stack.enter_context(socket.create_connection(("127.0.0.1", world.metrics), timeout=SCRAPE_S))
+            connection.sendall(b"GET /metr")
+        try:
+            with urlopen(f"http://127.0.0.1:{world.metrics}/metrics", timeout=SCRAPE_S) as answer:
+                answer.read()
+        except OSError as error:
+            world.wrong.append(f"no scrape beside {HALF_OPEN} half-open connections: {error}")
+    return stack.close
+
+
 ATTACKS = (
     Attack("three bytes of ten of the sensor lost", _lossy, LOSS),
     Attack("sensor's value held", _held, "shows the same value all the time"),
@@ -172,4 +236,10 @@ ATTACKS = (
     Attack("bad configuration and SIGHUP", _reloaded, "the old configuration stays|configuration taken"),
     Attack("second service by a link", _second, "another lostmotion service writes it"),
     Attack("service stopped (SIGSTOP)", _stopped),
+    Attack("database replaced by a copy mid-write", _copied, "was replaced by another file while it was open"),
+    Attack("no more memory", _starved),
+    Attack("Zenoh router killed", _router_killed, "nobody answers at|session not open"),
+    Attack("Zenoh router hangs", _router_hung),
+    Attack("Zenoh subscriber stopped", _subscriber_stopped),
+    Attack("300 half-open connections to the metrics", _half_open),
 )

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 
-from tests.daemon.alarm_world import broken_links
+from tests.daemon.alarm_world import broken_links, stored
 
 from bench.faults.attacks import ATTACKS, LOSS, Attack
 from bench.faults.world import NODE, Witness, World
@@ -25,9 +25,9 @@ from lostmotion.daemon.sinks.emcy import _code
 __all__ = ["Outcome", "run"]
 
 FAULTS = 4
-READY_S, TOLD_S, HIDDEN_S, LASTS_S, CALM_S = 60.0, 30.0, 10.0, (1.5, 5.0), 60.0
+READY_S, TOLD_S, HIDDEN_S, LASTS_S, CALM_S, HEARD_S = 60.0, 30.0, 10.0, (1.5, 5.0), 60.0, 30.0
 """until the first scores; until a fault is told; until one on top of another is; how long one lasts that need
-not be told; until all works again [s]"""
+not be told; until all works again; until a subscriber has heard all alarms [s]"""
 MOST_MB, MOST_FILES, MOST_THREADS, MOST_LINES = 100.0, 64, 24, 200
 
 
@@ -55,8 +55,9 @@ def run(seed: int) -> Outcome:
             _calm(world, outcome)
         finally:
             witness.close()
-        outcome.failures += sorted(witness.wrong)
+        outcome.failures += [*sorted(witness.wrong), *world.wrong]
         _check_process(world, outcome)
+        _check_subscriber(world, outcome)
         if (status := world.stop()) != 0:
             outcome.failures.append(f"exit status {status}")
         time.sleep(0.2)
@@ -125,6 +126,22 @@ def _check_process(world: World, outcome: Outcome) -> None:
         outcome.failures += [
             f"{value:.0f} {what}, expected {most} at most" for what, value, most in found if value > most
         ]
+
+
+def _check_subscriber(world: World, outcome: Outcome) -> None:
+    """All transitions that are stored are heard in the end, each once."""
+    missing = {"?"}
+
+    def all_heard() -> bool:
+        nonlocal missing
+        missing = {transition.id for transition in stored(world.database)} - set(world.watcher.ids)
+        return not missing
+
+    if not _wait(all_heard, HEARD_S):
+        outcome.failures.append(f"stored and not heard over Zenoh: {sorted(missing)[:3]}")
+    heard = world.watcher.ids
+    if len(set(heard)) < len(heard):
+        outcome.failures.append(f"heard {len(heard)} transitions over Zenoh, {len(set(heard))} different ones")
 
 
 def _check_database(world: World, outcome: Outcome, begun: float) -> None:

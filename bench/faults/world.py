@@ -1,4 +1,5 @@
-"""One robot under attack: emulated devices, a service in a process of its own, and a witness of its database."""
+"""One robot under attack: emulated devices, a service in a process of its own, a Zenoh router and a subscriber in
+theirs, and a witness of its database."""
 
 from __future__ import annotations
 
@@ -15,9 +16,11 @@ from contextlib import closing, suppress
 from pathlib import Path
 from types import TracebackType
 
+from tests.daemon.alarm_world import Watcher
 from tests.daemon.canbus import SlcanAdapter
+from tests.daemon.zenoh_world import Router
 
-from bench.sinks import CAN_TABLE
+from bench.sinks import CAN_TABLE, free_port
 from lostmotion.drivers.emulator import CsvStream, Emulator, Motion, ServoLine
 
 __all__ = ["NODE", "Witness", "World"]
@@ -46,12 +49,21 @@ id = 3
 accelerometer = "tip"
 [alarm]
 off_delay_s = 0
+[metrics]
+listen = "127.0.0.1:{metrics}"
+[alarm.zenoh]
+mode = "client"
+connect = ["{endpoint}"]
 """
 LOOK_S, START_S = 0.25, 60.0
 
 
 class World:
-    """Devices and service; ``said`` is all that every service of this world has logged."""
+    """Devices and service; ``said`` is all that every service of this world has logged, ``wrong`` what an attack has
+    found broken."""
+
+    router: Router
+    watcher: Watcher
 
     def __init__(self, folder: Path, dice: random.Random) -> None:
         self.folder, self.dice = folder, dice
@@ -60,8 +72,11 @@ class World:
         motion = Motion(play=dice.choice((0.0, 1.0)))
         self.line, self.stream, self.adapter = ServoLine.of("AX-12A", [3], motion), CsvStream(motion), SlcanAdapter()
         self.emulator = Emulator(self.line, self.stream, self.adapter, link=folder / "port")
-        self.text = ROBOT.format(folder=folder) + CAN_TABLE.format(port=f"{folder}/port.2")
+        self.metrics, self.endpoint = free_port(), f"tcp/127.0.0.1:{free_port()}"
+        robot = ROBOT.format(folder=folder, metrics=self.metrics, endpoint=self.endpoint)
+        self.text = robot + CAN_TABLE.format(port=f"{folder}/port.2")
         self.said = ""
+        self.wrong: list[str] = []
         self.exits: list[int] = []
         self.process: subprocess.Popen[str] | None = None
 
@@ -69,6 +84,8 @@ class World:
         self.config.write_text(self.text)
         self.ahead.write_text("0")
         self.emulator.__enter__()
+        self.router = Router(self.folder, self.endpoint)
+        self.watcher = Watcher(self.endpoint, self.folder / "watched")
         self.start()
         return self
 
@@ -76,6 +93,8 @@ class World:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.kill()
+        self.watcher.close()
+        self.router.close()
         self.emulator.__exit__(kind, error, trace)
 
     @property
@@ -95,6 +114,11 @@ class World:
         end = time.monotonic() + START_S
         while "started: robot" not in self.said[length:] and self.process.poll() is None and time.monotonic() < end:
             time.sleep(0.05)
+
+    def revive(self) -> None:
+        """Starts the service where it has ended, as systemd does."""
+        if self.process is not None and self.process.poll() is not None:
+            self.start()
 
     def kill(self) -> None:
         """Ends it at once."""

@@ -30,8 +30,9 @@ __all__ = ["FAULTS", "CanSink", "open_bus"]
 log = logging.getLogger(__name__)
 
 logging.getLogger("can").setLevel(logging.CRITICAL)  # what it says in its own words is said here in ours
-FAULTS = (can.CanError, OSError, ValueError, TypeError, termios.error)
-"""what python-can's interfaces raise for a bus that is not there, or not as it should be"""
+FAULTS = (can.CanError, OSError, ValueError, TypeError, termios.error, MemoryError)
+"""what python-can's interfaces raise for a bus that is not there, or not as it should be; and no memory, by which the
+thread must not end"""
 FIRST_RETRY_S = 1.0
 LAST_RETRY_S = 30.0
 SEND_S = 0.5

@@ -81,7 +81,11 @@ class _Pool:
 
     def submit(self, queries: Queries, query: zenoh.Query) -> None:
         if self._places.acquire(blocking=False):
-            self._threads.submit(queries.answer, query).add_done_callback(lambda _: self._places.release())
+            try:
+                self._threads.submit(queries.answer, query).add_done_callback(lambda _: self._places.release())
+            except (MemoryError, RuntimeError):  # no memory for it, or for a thread; the next one may be answered
+                self._places.release()
+                query.drop()  # type: ignore[no-untyped-call]
         else:
             query.drop()  # type: ignore[no-untyped-call]
 

@@ -50,8 +50,9 @@ class Reach:
     def _look(self) -> None:
         with suppress(zenoh.ZError):  # the session is closed
             while not self._closing.wait(LOOK_S):
-                info = self._session.info
-                self._tell(bool(info.routers_zid() or info.peers_zid()))
+                with suppress(MemoryError):  # the next look tells
+                    info = self._session.info
+                    self._tell(bool(info.routers_zid() or info.peers_zid()))
 
     def _tell(self, is_reached: bool) -> None:
         if not self._condition.is_news("" if is_reached else "nobody", time.monotonic()):

@@ -40,6 +40,10 @@ class Watcher:
     def ids(self) -> list[str]:
         return [json.loads(line)["id"] for line in self._log.read_text().splitlines()]
 
+    def signal(self, number: int) -> None:
+        """Stops it, or lets it go on."""
+        self._process.send_signal(number)
+
     def close(self) -> None:
         self._process.kill()
         self._process.wait()

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lostmotion.daemon.attributor import Attributor, Ear, Speaker
+from lostmotion.daemon.attributor import Attributor, SharedSensor, Speaker
 from lostmotion.daemon.pipeline import JointPlan, Pipeline, Scored
 from lostmotion.daemon.records import SURE, Origin
 from lostmotion.daemon.ring import Ring
@@ -23,14 +23,14 @@ SETTINGS = DetectorSettings(f_res_hz=58.0, noise_ms2=0.1, flank_exponent=1e4)
 SEEDS = {"elbow": 11, "shoulder": 12}
 
 
-def ears(*levers: dict[str, float]) -> list[Ear]:
+def shared(*levers: dict[str, float]) -> list[SharedSensor]:
     """Accelerometers of which each joint is so far away [m]."""
-    return [Ear(f"s{k}", RATE, SETTINGS, arms) for k, arms in enumerate(levers)]
+    return [SharedSensor(f"s{k}", RATE, SETTINGS, arms) for k, arms in enumerate(levers)]
 
 
-def heard(listeners: Sequence[Ear], worn: str, attributor: Attributor, pieces: int = 16) -> list[Scored]:
+def heard(listeners: Sequence[SharedSensor], worn: str, attributor: Attributor, pieces: int = 16) -> list[Scored]:
     """The windows of eight seconds in which both joints move and one has play; samples come piece by piece."""
-    rings = {ear.accelerometer: Ring(20_000, Waker()) for ear in listeners}
+    rings = {sensor.accelerometer: Ring(20_000, Waker()) for sensor in listeners}
     plans = [
         JointPlan(joint, "s0", RATE, 100.0, replace(SETTINGS, length_m=listeners[0].levers[joint])) for joint in SEEDS
     ]
@@ -39,9 +39,9 @@ def heard(listeners: Sequence[Ear], worn: str, attributor: Attributor, pieces: i
     commands = {joint: shaft(seed, polls, 0) for joint, seed in SEEDS.items()}
     noise = np.random.default_rng(3)
     tips = {}
-    for ear in listeners:
-        felt = [arm / 0.1 * tip(SEEDS[joint], joint == worn) for joint, arm in ear.levers.items()]
-        tips[ear.accelerometer] = np.sum(felt, axis=0) + noise.normal(0, 0.1, times.size)
+    for sensor in listeners:
+        felt = [arm / 0.1 * tip(SEEDS[joint], joint == worn) for joint, arm in sensor.levers.items()]
+        tips[sensor.accelerometer] = np.sum(felt, axis=0) + noise.normal(0, 0.1, times.size)
     done = []
     for part in range(pieces):
         a, b = (round(times.size * k / pieces) for k in (part, part + 1))
@@ -59,7 +59,7 @@ def heard(listeners: Sequence[Ear], worn: str, attributor: Attributor, pieces: i
 @pytest.mark.parametrize("worn", ["elbow", "shoulder"])
 def test_pipeline_names_the_joint(worn: str) -> None:
     """Two joints on one accelerometer: after eight seconds the one with play is named, and the other is sound."""
-    listeners = ears({"elbow": 0.1, "shoulder": 0.25})
+    listeners = shared({"elbow": 0.1, "shoulder": 0.25})
     origin = heard(listeners, worn, attributor := Attributor(listeners))[-1].origin
     (other,) = SEEDS.keys() - {worn}
     assert origin is not None
@@ -72,7 +72,7 @@ def test_pipeline_names_the_joint(worn: str) -> None:
 
 def test_two_accelerometers() -> None:
     """One more on the first link, which the elbow does not move: six windows are enough to be sure of both joints."""
-    listeners = ears({"elbow": 0.1, "shoulder": 0.25}, {"shoulder": 0.1})
+    listeners = shared({"elbow": 0.1, "shoulder": 0.25}, {"shoulder": 0.1})
     done = heard(listeners, "elbow", Attributor(listeners), pieces=64)
     first = next(scored.origin for scored in done if scored.origin and scored.origin.spares("shoulder"))
     assert first.probabilities["elbow"] > SURE
@@ -81,7 +81,7 @@ def test_two_accelerometers() -> None:
 
 def test_play_is_sized_without_the_other_joints_motion() -> None:
     """The median size is right within 15 % though the other joint moves as much, and only the named joint has one."""
-    listeners = ears({"elbow": 0.1, "shoulder": 0.25})
+    listeners = shared({"elbow": 0.1, "shoulder": 0.25})
     attributor = Attributor(listeners)
     attributor.resume([Origin({"elbow": 1.0, "shoulder": 0.0}, 100)])
     done = heard(listeners, "elbow", attributor)
@@ -93,7 +93,7 @@ def test_play_is_sized_without_the_other_joints_motion() -> None:
 
 def test_an_earlier_run_is_remembered_with_doubt() -> None:
     """What was certain is 96 % at the next start, which names the joint; another group's knowledge is none of ours."""
-    attributor = Attributor(ears({"elbow": 0.1, "shoulder": 0.25}))
+    attributor = Attributor(shared({"elbow": 0.1, "shoulder": 0.25}))
     attributor.resume([Origin({"elbow": 0.2, "wrist": 0.9}, 50), Origin({"shoulder": 1.0, "elbow": 0.0}, 100)])
     assert attributor.origin.probabilities == pytest.approx({"elbow": 0.04, "shoulder": 0.96})
     assert attributor.origin.spares("elbow")
@@ -101,7 +101,7 @@ def test_an_earlier_run_is_remembered_with_doubt() -> None:
 
 def test_a_joint_that_says_nothing_holds_nothing_up() -> None:
     """Windows whose other joint stays silent are given up a second later, and nobody is named."""
-    listeners = ears({"elbow": 0.1, "shoulder": 0.25})
+    listeners = shared({"elbow": 0.1, "shoulder": 0.25})
     ring = Ring(20_000, Waker())
     attributor = Attributor(listeners)
     plans = [JointPlan(joint, "s0", RATE, 100.0, SETTINGS) for joint in SEEDS]
@@ -134,7 +134,7 @@ def test_known_joints_are_weighed_seldom(monkeypatch: pytest.MonkeyPatch) -> Non
 
     monkeypatch.setattr("lostmotion.daemon.attributor.WINDOWS", 5)
     monkeypatch.setattr("lostmotion.daemon.attributor.PACE_S", 1.0)
-    listeners = ears({"elbow": 0.1, "shoulder": 0.25})
+    listeners = shared({"elbow": 0.1, "shoulder": 0.25})
     scored = heard(listeners, "elbow", Noting(listeners), pieces=64)
     assert len(scored) > 3 * len(starts)
     assert np.diff(starts[-4:]).min() >= 1.0

@@ -312,6 +312,7 @@ def test_socketcand_over_the_network() -> None:
         wait_until(lambda: "< send 0A1 8 1 ff 81 1 ff ff ff ff >" in server.text, 5, lambda: server.text)
 
 
+@pytest.mark.slow
 def test_the_service_tells_its_alarms(tmp_path: Path, start: Callable[..., Running]) -> None:
     """A joint whose servo is another one: 0xFF03 with its index reaches the adapter, also after a restart."""
     adapter = SlcanAdapter()

@@ -241,8 +241,8 @@ def test_run_that_cannot_start_says_so_in_one_line(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_interrupted_recording_is_valid(tmp_path: Path) -> None:
     """Ctrl-C ends `record` with status 130; what was measured until then can be scored."""
-    (tmp_path / "robot.toml").write_text(SIMULATED.replace('"max"', "1.0"))
-    process = start("record", "--config", "robot.toml", "--duration", "60", "-o", "r.csv", folder=tmp_path)
+    (tmp_path / "robot.toml").write_text(SIMULATED.replace('"max"', "4.0"))
+    process = start("record", "--config", "robot.toml", "--duration", "600", "-o", "r.csv", folder=tmp_path)
     recording, deadline = tmp_path / "r.csv", time.monotonic() + 120
     while time.monotonic() < deadline and not (recording.exists() and recording.stat().st_size > 60_000):
         time.sleep(0.05)

@@ -163,6 +163,32 @@ def test_a_connection_that_says_nothing_is_ended(
     assert capfd.readouterr().err == ""
 
 
+@pytest.mark.parametrize(
+    ("request_line", "status"),
+    [
+        (b"GET /metrics HTTP/1.1", b"200"),
+        (b"GET /metrics?name[]=up HTTP/1.1", b"200"),
+        (b"HEAD /metrics HTTP/1.0", b"200"),
+        (b"POST /metrics HTTP/1.1", b"405"),
+        (b"GET /favicon.ico HTTP/1.1", b"404"),
+        (b"\x16\x03\x01 garbage", b"400"),
+        (b"GET " + b"x" * 100_000, b"400"),
+        (b"", b"400"),
+    ],
+)
+def test_each_request_gets_its_answer(served: int, request_line: bytes, status: bytes) -> None:
+    """A page, or what was wrong, and the end of the connection."""
+    with socket.create_connection(("127.0.0.1", served), timeout=20) as connection:
+        connection.sendall(request_line + b"\r\nHost: robot\r\n\r\n")
+        answer = b""
+        with suppress(ConnectionResetError):
+            while more := connection.recv(65536):
+                answer += more
+    head, _, body = answer.partition(b"\r\n\r\n")
+    assert head.startswith(b"HTTP/1.0 " + status)
+    assert (b"lostmotion_store_writable 1.0" in body) == request_line.startswith(b"GET /metrics")
+
+
 def test_a_taken_address_is_told_and_nothing_else_happens(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """The log names the address; the service goes on without metrics."""
     store = Store(tmp_path / "history.db", "arm1")
@@ -189,6 +215,7 @@ def test_an_open_address_is_worth_a_note() -> None:
     assert any("metrics listens at 0.0.0.0:9464: open to everybody" in note for note in notes)
 
 
+@pytest.mark.slow
 def test_the_service_answers_and_gives_the_address_back(tmp_path: Path, start: Callable[..., Running]) -> None:
     """A running service counts its windows; a reload keeps the address, one without the table frees it."""
     port, path = free_port(), tmp_path / "fake.toml"

@@ -54,9 +54,9 @@ def test_a_line_that_was_bad_for_a_moment_is_no_other_device_for_long(tmp_path: 
         poller = robot.pollers[0]
         thread = threading.Thread(target=poller.run, daemon=True)
         thread.start()
-        wait_until(lambda: poller.account.state is DeviceState.WRONG)
+        wait_until(lambda: poller.status.state is DeviceState.WRONG)
         line.corrupt.clear()
-        wait_until(lambda: poller.account.state is DeviceState.READING, timeout_s=10)
+        wait_until(lambda: poller.status.state is DeviceState.READING, timeout_s=10)
         robot.stop.set()
         thread.join()
 
@@ -70,9 +70,9 @@ def test_broken_answers_of_servos_are_in_the_account(tmp_path: Path) -> None:
         poller = robot.pollers[0]
         thread = threading.Thread(target=poller.run, daemon=True)
         thread.start()
-        wait_until(lambda: poller.account.samples > 0)
+        wait_until(lambda: poller.status.samples > 0)
         line.corrupt |= {1, 2}
-        wait_until(lambda: poller.account.broken >= 2 and poller.account.silent >= 2)
+        wait_until(lambda: poller.status.broken >= 2 and poller.status.silent >= 2)
         robot.stop.set()
         thread.join()
 
@@ -93,9 +93,9 @@ def test_a_loose_plug_is_told_once(
     thread = threading.Thread(target=poller.run)
     thread.start()
     for _ in range(5):
-        wait_until(lambda: poller.account.state is DeviceState.READING)
+        wait_until(lambda: poller.status.state is DeviceState.READING)
         missing.touch()
-        wait_until(lambda: "is missing" in poller.account.reason)
+        wait_until(lambda: "is missing" in poller.status.reason)
         missing.unlink()
     robot.stop.set()
     thread.join()

@@ -56,6 +56,10 @@ class Router:
         """It still takes connections, and says nothing any more."""
         self._process.send_signal(signal.SIGSTOP)
 
+    def resume(self) -> None:
+        """After ``hang``."""
+        self._process.send_signal(signal.SIGCONT)
+
     close = kill
 
 

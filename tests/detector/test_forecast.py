@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
 import pytest
 
-from lostmotion.detector.forecast import CONFIDENCE, forecast
+from lostmotion.detector.forecast import CONFIDENCE, _normal_pairs, forecast
 
 DAY = 86400.0
 LAWS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
@@ -86,3 +88,22 @@ def test_few_scores_foretell_nothing() -> None:
     """Eleven scores, or all at one time."""
     assert forecast(np.arange(11.0), np.arange(11.0), 100.0) is None
     assert forecast(np.zeros(50), np.arange(50.0), 100.0) is None
+
+
+def test_a_forecast_brings_no_generators() -> None:
+    """The service makes forecasts: NumPy's generators would take six megabytes of it, its polynomials one."""
+    script = (
+        "import sys, numpy as np; from lostmotion.detector import forecast, ringdown, severity; t = np.arange(200.0); "
+        "forecast.forecast(t, 0.001 * t, 1.0); ringdown.slow_motion(250, 1000.0, ringdown.DetectorSettings(58.0)); "
+        "print(sorted({'numpy.random', 'numpy.polynomial', 'scipy'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_draws_are_normal() -> None:
+    """Means, variances, correlation and tails are those of two independent normal variables."""
+    pairs = _normal_pairs(1500)
+    assert pairs.mean(axis=0) == pytest.approx(0.0, abs=0.01)
+    assert np.cov(pairs.T) == pytest.approx(np.eye(2), abs=0.02)
+    assert np.mean(np.abs(pairs) > 1.96) == pytest.approx(0.05, rel=0.1)

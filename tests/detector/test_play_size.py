@@ -131,6 +131,7 @@ def flights(play: float, rate: float = 1000.0) -> tuple[Window, np.ndarray, np.n
     return window, polls, shaft(polls)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("play", [0.004, 0.008, 0.02])
 def test_free_flight_between_hard_stops(play: float) -> None:
     """Kinematics alone, no model of the contact: within 12 % and inside of the interval."""

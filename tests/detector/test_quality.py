@@ -68,3 +68,11 @@ def test_what_is_gentle_is_set_by_the_settings() -> None:
     assert describe(window(RING, 20.0), gentle=25.0) == "gentle"
     assert score_window(window(RING, 20.0), DetectorSettings(f_res_hz=58.0, gentle=25.0)).quality == "gentle"
     assert score_window(window(RING, 20.0), DetectorSettings(f_res_hz=58.0)).quality == "ok"
+
+
+@pytest.mark.parametrize(("excitation", "words"), [(20.0, "implausible"), (0.1, "implausible,gentle")])
+@pytest.mark.parametrize("accel", [1e6 * (1 + TIME), 1e300 * RING])
+def test_a_window_without_noise_is_implausible(accel: np.ndarray, excitation: float, words: str) -> None:
+    """A clock's column rises evenly, and some values are beyond all numbers when squared: no score, and no evidence."""
+    score = score_window(window(accel, excitation), DetectorSettings(f_res_hz=58.0))
+    assert (score.quality, math.isnan(score.score)) == (words, True)

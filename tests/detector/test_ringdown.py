@@ -23,6 +23,7 @@ def missed(healthy: np.ndarray, worn: np.ndarray, false_alarm: float = 0.01) -> 
     return float(np.mean(worn <= np.quantile(healthy, 1 - false_alarm)))
 
 
+@pytest.mark.slow
 def test_level_keeps_its_promise_in_white_noise() -> None:
     """Fewer than one window in a thousand exceeds the default level, whatever the noise's size, known or not."""
     rng = np.random.default_rng(8000)

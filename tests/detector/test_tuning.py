@@ -32,6 +32,7 @@ def windows(rng: np.random.Generator, kind: str, count: int, length: int = 50) -
     return noise(rng, kind, count * length, RATE).reshape(count, length)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("statistic", ["band", "ringdown"])
 @pytest.mark.parametrize("kind", NOISES)
 def test_promised_false_alarm_rate_holds_on_fresh_windows(kind: str, statistic: Statistic) -> None:

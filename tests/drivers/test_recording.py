@@ -234,6 +234,7 @@ def test_start_may_be_a_toml_datetime(tmp_path: Path) -> None:
     assert recording.metadata == {"start": datetime(2026, 1, 31, 12, tzinfo=UTC), "a": {"b": [1, 2], "c": "x"}}
 
 
+@pytest.mark.slow
 def test_real_recordings(real_data: Path) -> None:
     """Every real recording reads, in SI; of three servos in another program's CSV one has to be chosen."""
     read = {

@@ -87,6 +87,21 @@ def serve(tmp_path: Path) -> Iterator[Serve]:
 
 
 @pytest.fixture(scope="module")
+def serve_all() -> Iterator[Callable[[Path, Path], Site]]:
+    """The same for all tests of a file, which only look, in a folder with a configuration: a server takes half a second
+    of the processor to start."""
+    started: list[Site] = []
+
+    def begin(folder: Path, configuration: Path) -> Site:
+        started.append(Site(folder, "--config", configuration))
+        return started[-1]
+
+    yield begin
+    for site in started:
+        site.close()
+
+
+@pytest.fixture(scope="module")
 def chromium() -> Iterator[Browser]:
     """A browser, for the tests of a file."""
     if not CHROMIUM.exists():

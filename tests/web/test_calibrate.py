@@ -44,6 +44,7 @@ def bounds(page: Page, of: str) -> tuple[float, float]:
     return float(found[1]), float(found[2])
 
 
+@pytest.mark.slow
 def test_from_the_first_tap_to_the_file_and_back(
     tmp_path: Path, serve: Serve, look: Open, start: type[Running]
 ) -> None:
@@ -103,6 +104,7 @@ def is_whole(calibration: Calibration) -> bool:
     return found is not None and found.missing == ()
 
 
+@pytest.mark.slow
 def test_from_the_motion_to_the_level(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where no service runs the page records by itself, says what is missing, and computes window, noise and level;
     they go to the joint's own table, checked, and nothing else changes."""

@@ -50,6 +50,7 @@ def network(tmp_path: Path) -> Iterator[tuple[str, zenoh.LivelinessToken]]:
         yield endpoint, token
 
 
+@pytest.mark.slow
 def test_worst_first_and_the_silent_named(
     tmp_path: Path,
     serve: Serve,

@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import re
+from collections.abc import Callable
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +14,16 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from lostmotion.drivers.recording import read_recording
-from tests.web.conftest import Open, Serve, Site, overflow, violations
+from tests.web.conftest import Open, Site, overflow, violations
 from tests.web.world import F_RES_HZ, fill, robot
+
+
+@pytest.fixture(scope="module")
+def filled(tmp_path_factory: pytest.TempPathFactory, serve_all: Callable[[Path, Path], Site]) -> tuple[Site, datetime]:
+    """A page of a year of wear, and when its last window was."""
+    folder = tmp_path_factory.mktemp("robot")
+    last = fill(folder / "history.db")
+    return serve_all(folder, robot(folder)), last
 
 
 def documents(site: Site, path: str) -> dict[str, object]:
@@ -31,10 +41,9 @@ def ready(page: Page) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("width", "dark"), [(1100, False), (400, True)])
-def test_the_page_fits_and_is_accessible(tmp_path: Path, serve: Serve, look: Open, width: int, dark: bool) -> None:
+def test_the_page_fits_and_is_accessible(filled: tuple[Site, datetime], look: Open, width: int, dark: bool) -> None:
     """History, trend and newest window are there; nothing overflows; axe-core finds nothing."""
-    fill(tmp_path / "history.db")
-    page = look(f"{serve('--config', robot(tmp_path)).address}/joints/elbow", width=width, dark=dark)
+    page = look(f"{filled[0].address}/joints/elbow", width=width, dark=dark)
     ready(page)
     expect(page.locator("#trend")).to_contain_text("is rising")
     expect(page.locator("#history-words")).to_contain_text("400 windows")
@@ -46,10 +55,9 @@ def test_the_page_fits_and_is_accessible(tmp_path: Path, serve: Serve, look: Ope
 
 
 @pytest.mark.slow
-def test_drag_zooms_click_shows_keys_move(tmp_path: Path, serve: Serve, look: Open) -> None:
+def test_drag_zooms_click_shows_keys_move(filled: tuple[Site, datetime], look: Open) -> None:
     """The mouse and the keyboard do the same: zoom, back to all, the window behind a point, two over each other."""
-    fill(tmp_path / "history.db")
-    page = look(f"{serve('--config', robot(tmp_path)).address}/joints/elbow")
+    page = look(f"{filled[0].address}/joints/elbow")
     ready(page)
     expect(page.locator("#window-words")).to_contain_text("an impact")
     box = page.locator("#history .u-over").bounding_box()
@@ -72,10 +80,9 @@ def test_drag_zooms_click_shows_keys_move(tmp_path: Path, serve: Serve, look: Op
 
 
 @pytest.mark.slow
-def test_series_keep_the_extremes(tmp_path: Path, serve: Serve) -> None:
+def test_series_keep_the_extremes(filled: tuple[Site, datetime]) -> None:
     """However few the pieces, the least and the largest score of all are among them, and no window is counted twice."""
-    fill(tmp_path / "history.db", count=400)
-    site = serve("--config", robot(tmp_path))
+    site, _ = filled
     for pieces in (1, 7, 800):
         columns = documents(site, f"/api/joints/elbow/series?pieces={pieces}")["columns"]
         assert isinstance(columns, dict)
@@ -85,10 +92,9 @@ def test_series_keep_the_extremes(tmp_path: Path, serve: Serve) -> None:
         assert len(columns["count"]) <= pieces + 1
 
 
-def test_a_window_is_the_one_that_was_kept(tmp_path: Path, serve: Serve) -> None:
+def test_a_window_is_the_one_that_was_kept(tmp_path: Path, filled: tuple[Site, datetime]) -> None:
     """Its spectrum has its largest amplitude at the bar's line, within the mask; its download is a recording."""
-    last = fill(tmp_path / "history.db")
-    site = serve("--config", robot(tmp_path))
+    site, last = filled
     picture = documents(site, f"/api/joints/elbow/window?time={last.timestamp()}")["picture"]
     assert isinstance(picture, dict)
     peak = picture["frequency"][int(np.argmax(picture["amplitude"]))]
@@ -123,10 +129,9 @@ def test_a_window_is_the_one_that_was_kept(tmp_path: Path, serve: Serve) -> None
         ("/no/such/page", 404, "Not Found"),
     ],
 )
-def test_bad_questions_get_a_sentence(tmp_path: Path, serve: Serve, path: str, status: int, words: str) -> None:
+def test_bad_questions_get_a_sentence(filled: tuple[Site, datetime], path: str, status: int, words: str) -> None:
     """A status and what was found; never a traceback."""
-    fill(tmp_path / "history.db", count=20)
-    site = serve("--config", robot(tmp_path))
+    site, _ = filled
     found, _, body = site.ask("GET", path, accept="text/html")
     assert found == status
     assert words in body.decode()

@@ -7,6 +7,7 @@ import socket
 import ssl
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import urlencode, urlsplit
 
@@ -32,11 +33,12 @@ def locked(tmp_path: Path, serve: Serve) -> Site:
     return serve("--config", robot(tmp_path, extra=lines))
 
 
-@pytest.fixture
-def open_site(tmp_path: Path, serve: Serve) -> Site:
+@pytest.fixture(scope="module")
+def open_site(tmp_path_factory: pytest.TempPathFactory, serve_all: Callable[[Path, Path], Site]) -> Site:
     """A page on this computer alone."""
-    fill(tmp_path / "history.db", count=20)
-    return serve("--config", robot(tmp_path))
+    folder = tmp_path_factory.mktemp("robot")
+    fill(folder / "history.db", count=20)
+    return serve_all(folder, robot(folder))
 
 
 def log_in(site: Site, password: str = PASSWORD, **headers: str) -> tuple[int, dict[str, str], bytes]:
@@ -113,6 +115,7 @@ def test_a_page_whose_session_has_ended_leads_to_the_form(tmp_path: Path, serve:
     expect(page.locator('[data-joint="elbow"].card')).to_be_visible()
 
 
+@pytest.mark.slow
 def test_with_a_certificate_nothing_goes_in_the_clear(tmp_path: Path, serve: Serve) -> None:
     """TLS by files: a client that trusts the authority reads the form and gets a cookie that is for TLS only; one that
     does not is refused, and so is a request in the clear."""

@@ -41,6 +41,7 @@ def call(*arguments: object) -> Any:
     return result
 
 
+@pytest.mark.slow
 def test_curves_are_what_was_compared(folder: Path) -> None:
     """Measured minus modelled of the file has the error that the document tells; the sentences tell it, too."""
     path = folder / "compared.json"

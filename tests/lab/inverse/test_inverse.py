@@ -297,6 +297,7 @@ def test_an_effect_of_ones_own_is_tried_beside_the_catalogue(tmp_path: Path) -> 
     assert "detent" not in answer["missing"]
 
 
+@pytest.mark.slow
 def test_a_damper_whose_displacement_is_given(tmp_path: Path) -> None:
     """Force and displacement of a damper on a shaking table, under other names: viscous and Coulomb friction are
     named through the command line with their sizes, although the motion tells no inertia."""

@@ -1,0 +1,43 @@
+"""Legendre's polynomials P_0 to P_n on -1..1: values, derivatives, powers.  NumPy's own package of polynomials takes as
+long for its checks as for what a window needs, and a megabyte."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lostmotion.detector.window import FloatArray
+
+__all__ = ["derivative", "powers", "values"]
+
+
+def values(place: FloatArray, degree: int) -> FloatArray:
+    """P_0 to P_degree at places (N,), shape (N, degree + 1), by Bonnet's recurrence."""
+    rows = np.empty((degree + 1, np.size(place)))
+    rows[0] = 1.0
+    if degree:
+        rows[1] = place
+    for k in range(2, degree + 1):
+        rows[k] = ((2 * k - 1) * rows[1] * rows[k - 1] - (k - 1) * rows[k - 2]) / k
+    return rows.T
+
+
+def derivative(degree: int, order: int) -> FloatArray:
+    """What makes coefficients of the derivative of that order of a series' coefficients, shape (degree + 1 - order,
+    degree + 1): P_j' is the sum of (2 k + 1) P_k over k = j - 1, j - 3, ..."""
+    matrix = np.eye(degree + 1)
+    for size in range(degree, degree - order, -1):
+        k, j = np.arange(size)[:, None], np.arange(size + 1)
+        matrix = np.where((j > k) & ((j - k) % 2 == 1), 2.0 * k + 1, 0.0) @ matrix
+    return matrix
+
+
+def powers(degree: int) -> FloatArray:
+    """The coefficients of P_0 to P_degree by rising powers, one polynomial a row, shape (degree + 1, degree + 1)."""
+    rows = np.zeros((degree + 1, degree + 1))
+    rows[0, 0] = 1.0
+    if degree:
+        rows[1, 1] = 1.0
+    for k in range(2, degree + 1):
+        rows[k, 1:] = (2 * k - 1) / k * rows[k - 1, :-1]
+        rows[k] -= (k - 1) / k * rows[k - 2]
+    return rows

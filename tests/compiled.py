@@ -1,0 +1,35 @@
+"""What numba compiles, compiled once before the workers of the tests start: each of them would do it for itself, at the
+same time, for a minute.  The machine code is kept on disk."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lostmotion.model import ModelError, build_model, catalogue
+from lostmotion.model.motion import Sine
+
+__all__ = ["compile_models"]
+
+TIMES = np.arange(20) / 1000
+
+
+def compile_models() -> None:
+    """Solver, observer, and every base and effect."""
+    drive = Sine(0.1, 1.0)
+    outputs = {"play": "accel", "oscillator": "displacement", "joint": "position", "servo": "position"}
+    for base, output in outputs.items():
+        plain = build_model(base)
+        plain.simulate(drive, TIMES)
+        start = plain.initial_state(drive)
+        plain.prepare(drive, TIMES, [output], 0.0)(start[None, :], 1e-4)
+        if base == "play":
+            plain.observer(drive, TIMES, output, 0.0)(start, np.zeros(start.size), np.zeros(TIMES.size), 1e-4)
+        for effect in catalogue():
+            try:
+                build_model(base, [effect.id]).simulate(drive, TIMES)
+            except ModelError:  # an effect of another base
+                continue
+
+
+if __name__ == "__main__":
+    compile_models()
