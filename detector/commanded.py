@@ -14,6 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from lostmotion.detector.servo import GRID_S, smoothing
 from lostmotion.detector.window import FloatArray, Window
 
 __all__ = ["BEFORE_S", "Commanded", "smoothed"]
@@ -71,9 +72,11 @@ class Commanded:
         derived = _derivative(degree, order) @ self.coefficients / self.half**order
         return np.asarray(basis[:, : degree + 1 - order] @ derived)
 
-    def delayed(self, seconds: float) -> Commanded:
-        """The motion of a servo that follows so long behind."""
-        return replace(self, middle=self.middle + seconds)
+    def followed(self, way: int) -> Commanded:
+        """The motion of a servo that follows in that way (``servo``)."""
+        turned = _following(max(round(2 * self.half / GRID_S), len(self.coefficients)), len(self.coefficients) - 1,
+                            round(2 * self.half, 2), way)  # fmt: skip
+        return replace(self, coefficients=turned @ self.coefficients, covariance=turned @ self.covariance @ turned.T)
 
     def acceleration(self, time: FloatArray) -> FloatArray:
         """theta_1'' [rad/s²] at times [s]."""
@@ -145,6 +148,13 @@ def _weights(angle: FloatArray) -> tuple[FloatArray, float]:
         step = EXACT
     run = np.cumsum(np.concatenate([[0], change > EXACT]))
     return 1.0 / np.bincount(run)[run], max(step / math.sqrt(12), EXACT)
+
+
+@lru_cache(maxsize=16)
+def _following(count: int, degree: int, span_s: float, way: int) -> FloatArray:
+    """Coefficients of the motion that a servo makes of a polynomial."""
+    basis = _basis(np.linspace(-1, 1, count), degree)
+    return np.asarray(np.linalg.pinv(basis) @ (smoothing(count, span_s, way) @ basis))
 
 
 @lru_cache(maxsize=16)

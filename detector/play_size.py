@@ -23,10 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.detector.commanded import BEFORE_S, Commanded, smoothed
-from lostmotion.detector.contacts import LEAST_PUSH, Contacts, averaged, contacts
+from lostmotion.detector.contacts import Contacts, contacts
 from lostmotion.detector.deconvolution import Inverse, inverse, mistuned, noise_of
 from lostmotion.detector.flank import CONTACT_ACCEL, SOFTNESS, FlankLaw, Sized, law_of
 from lostmotion.detector.median import weighted_quantile
+from lostmotion.detector.servo import AT_ONCE, ServoLaw
 from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
 from lostmotion.detector.windows import cut
 
@@ -46,13 +47,9 @@ BIAS, GRAVITY = 0.1, 10.0
 """What may remain of an offset, and gravity along the sensor's axis [m/s²], standard deviations."""
 LENGTH, MISTUNED = 0.02, 0.005
 """Standard deviations of the shares by which length or sensitivity, and the resonance, are wrong."""
-DELAYS = np.arange(0.0, 0.061, 0.004)
-"""Delays of the joint behind the command that are tried [s]."""
-FOLLOWED = 0.85
-"""A delay is believed that leaves less than this share of the difference between commanded and felt acceleration: play
-itself leaves 86 to 100 %, a servo that follows 26 ms behind 35 to 82 %."""
-LATE, LATER = 0.003, 0.008
-"""Standard deviation of a delay [s] that is not seen, and of one that is."""
+LATE, OTHERWISE = 0.003, 0.15
+"""Standard deviations of a delay [s] beside that of the way in which the servo follows, and of the share of what
+following changes by which it follows otherwise."""
 THIN = 3
 """Of rests every third step is used; the others say the same."""
 ROUNDS = 8
@@ -121,14 +118,15 @@ class _Fit:
 
 def play_size(
     stretch: Window, servo_times: Sequence[float] | FloatArray, commands: Sequence[float] | FloatArray,
-    settings: DetectorSettings, law: FlankLaw | None = None,
+    settings: DetectorSettings, law: FlankLaw | None = None, servo: ServoLaw = AT_ONCE,
 ) -> PlaySize:  # fmt: skip
     """The play that one stretch of tip acceleration shows, from ``BEFORE_S`` before a reversal to the window's end.
 
     servo_times [s] and commands [rad], shape (M,): what was commanded during the stretch and somewhat before; stretch:
-    none of its samples missing; law: what earlier windows told of the joint's flanks.
+    none of its samples missing; law: what earlier windows told of the joint's flanks, servo: of how its servo follows
+    the commands.
     """
-    told = _told(stretch, np.asarray(servo_times), np.asarray(commands), settings)
+    told = _told(stretch, np.asarray(servo_times), np.asarray(commands), settings, servo)
     return told if isinstance(told, PlaySize) else _under(told, law or law_of(settings))
 
 
@@ -173,14 +171,14 @@ def with_play(
 
 def learnt_play(
     score: Score, stretch: Window, servo_times: Sequence[float] | FloatArray, commands: Sequence[float] | FloatArray,
-    settings: DetectorSettings, law: FlankLaw,
+    settings: DetectorSettings, law: FlankLaw, servo: ServoLaw = AT_ONCE,
 ) -> tuple[Score, FlankLaw]:  # fmt: skip
-    """The score with the play that its stretch shows to one who knows the law of the flanks, and the law with what this
-    window adds to it."""
+    """The score with the play that its stretch shows to one who knows the law of the flanks and how the servo follows,
+    and the law with what this window adds to it."""
     if not settings.play_size or not score.impact or "clipped" in score.quality:
         reason = "not asked for" if not settings.play_size else "clipped" if score.impact else "no impact"
         return replace(score, play_reason=reason), law
-    told = _told(stretch, np.asarray(servo_times), np.asarray(commands), settings)
+    told = _told(stretch, np.asarray(servo_times), np.asarray(commands), settings, servo)
     if isinstance(told, Sized):
         law = law.updated(told)
         told = _under(told, law)
@@ -199,7 +197,9 @@ def _under(told: Sized, law: FlankLaw) -> PlaySize:
     return PlaySize(value, low, high)
 
 
-def _told(stretch: Window, times: FloatArray, commands: FloatArray, settings: DetectorSettings) -> Sized | PlaySize:
+def _told(
+    stretch: Window, times: FloatArray, commands: FloatArray, settings: DetectorSettings, servo: ServoLaw
+) -> Sized | PlaySize:
     """What one stretch tells, or why it tells nothing."""
     rate_hz = stretch.rate_hz
     if rate_hz < LEAST_RATE * settings.f_res_hz:
@@ -215,36 +215,25 @@ def _told(stretch: Window, times: FloatArray, commands: FloatArray, settings: De
     noise = noise_of(stretch.accel, settings)
     undone = inverse(accel.size, rate_hz, noise, settings)
     impulses = undone.gain @ accel
-    command, late = _followed(undone, impulses, command)
     basis = command.basis(np.minimum(undone.times, command.end))
+    goal, command = basis @ command.coefficients, command.followed(servo.best)
+    late = math.hypot(LATE, servo.delay[1])
     astray = mistuned(accel.size, rate_hz, noise, settings, MISTUNED) @ accel
-    apart = _apart(undone, impulses, command, basis, late, astray, settings)
+    apart = _apart(undone, impulses, command, basis, (late, goal, astray), settings)
     found = contacts(undone, impulses, command.derivative(basis, 2), apart.known)
     return _solve(apart, found)
 
 
-def _followed(undone: Inverse, impulses: FloatArray, command: Commanded) -> tuple[Commanded, float]:
-    """The command with the delay that it shows against the joint's acceleration, and how uncertain that is [s]."""
-    step = float(undone.times[1] - undone.times[0])
-    felt = averaged(impulses) / step
-    known = np.arange(command.start, command.end, step)
-    driven = averaged(command.acceleration(known))
-    late = np.interp(undone.times - DELAYS[:, None], known, driven)
-    apart = np.mean(np.minimum(np.abs(felt - late), 4 * LEAST_PUSH), axis=1)
-    best = int(np.argmin(apart))
-    if apart[best] > FOLLOWED * apart[0]:
-        return command, LATE
-    return command.delayed(float(DELAYS[best])), LATER
-
-
 def _apart(
-    undone: Inverse, impulses: FloatArray, command: Commanded, basis: FloatArray, late: float, astray: FloatArray,
-    settings: DetectorSettings,
+    undone: Inverse, impulses: FloatArray, command: Commanded, basis: FloatArray,
+    uncertain: tuple[float, FloatArray, FloatArray], settings: DetectorSettings,
 ) -> _Apart:  # fmt: skip
-    """D and what is uncertain about it: a delay by ``late`` [s], and the angles [rad] that a wrong resonance adds.
+    """D and what is uncertain about it: a delay [s], what a servo that follows otherwise is nearer to (its goal [rad]),
+    and the angles [rad] that a wrong resonance adds.
 
     basis: of the command at the times of the impulses.
     """
+    late, goal, astray = uncertain
     time = undone.times
     driven, speed = basis @ command.coefficients, command.derivative(basis, 1)
     driven, speed = driven - driven.mean(), speed - speed.mean()
@@ -254,6 +243,7 @@ def _apart(
         undone.twice @ driven * step * (GRAVITY / settings.length_m),
         LENGTH * driven,
         late * speed,
+        OTHERWISE * (goal - goal.mean() - driven),
         astray,
     ])  # fmt: skip
     covariance = undone.doubt + basis @ command.covariance @ basis.T + columns @ columns.T
