@@ -4,7 +4,8 @@ Recordings of fifteen seconds as CSV files, of joints drawn at random, go throug
 of its own, with a configuration that knows the bar and nothing of the joint.  The joint is MuJoCo's: a hinge with a
 free range and a bar that pushes it back.  Inertia 5e-5 to 2e-3 kg m², stops of 200 to 800 Hz and a restitution of 0 to
 0.9, friction up to 3 rad/s², 0.1 to 5 g at the bar's end, a bar of 45 to 75 Hz set 0.3 % wrong, noise of 0.1 to 1 m/s²;
-trapezoids, moves of minimum jerk, sums of sines to 3 and 10 Hz, from a servo that follows at once or 20 to 80 ms late;
+trapezoids, moves of minimum jerk, sums of sines to 3 and 10 Hz, from a servo that follows at once or 20 to
+80 ms late (a pure delay and a second order, damped by 0.6 to 1.2);
 commands in steps of 0.29° at 100 Hz; no play, or 0.2 to 100 mrad.  Nothing was ever tuned on it.
 """
 
@@ -62,7 +63,8 @@ SCENE = """<mujoco>
 
 @dataclass(frozen=True)
 class Joint:
-    """inertia [kg m²], stop [Hz], friction [rad/s²], mass at the bar's end [kg], noise [m/s²], lag [s], play [rad]."""
+    """inertia [kg m²], stop [Hz], friction [rad/s²], mass at the bar's end [kg], noise [m/s²], lag [s], play [rad];
+    damping ratio of the servo that lags, and the share of its lag that is a pure delay."""
 
     seed: int
     motion: str
@@ -75,6 +77,8 @@ class Joint:
     noise: float
     lag: float
     play: float
+    damping: float
+    pure: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +99,8 @@ def drawn(seed: int) -> Joint:
     inertia, stop, mass = logs
     mass = min(mass, 0.3 * inertia / LENGTH_M**2)
     return Joint(seed, MOTIONS[seed % 4], inertia, stop, rng.uniform(0, 0.9), rng.uniform(0, 3), mass,
-                 rng.uniform(45, 75), math.exp(rng.uniform(math.log(0.1), 0.0)), lag, play)  # fmt: skip
+                 rng.uniform(45, 75), math.exp(rng.uniform(math.log(0.1), 0.0)), lag, play, rng.uniform(0.6, 1.2),
+                 rng.uniform(0, 0.5))  # fmt: skip
 
 
 def commanded(joint: Joint, time: FloatArray) -> FloatArray:
@@ -119,7 +124,7 @@ def commanded(joint: Joint, time: FloatArray) -> FloatArray:
 
 
 def moved(joint: Joint, time: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The goal's angle [rad], and the acceleration of the shaft that follows it, critically damped."""
+    """The goal's angle [rad], and the acceleration of the shaft, which follows late and by a second order."""
     step = time[1] - time[0]
     accel = commanded(joint, time)
     if "sines" not in joint.motion:  # a drive's own controller rounds corners
@@ -129,10 +134,11 @@ def moved(joint: Joint, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         goal -= np.polyval(np.polyfit(time, goal, 1), time)
     if not joint.lag:
         return goal, accel
-    followed, rate, omega = goal[0], 0.0, 2 / joint.lag
+    followed, rate, omega = goal[0], 0.0, 2 * joint.damping / (joint.lag * (1 - joint.pure))
     felt = np.empty(time.size)
-    for i, wanted in enumerate(goal.tolist()):
-        felt[i] = pull = omega**2 * (wanted - followed) - 2 * omega * rate
+    late = np.concatenate([np.full(round(joint.lag * joint.pure / step), goal[0]), goal])[: goal.size]
+    for i, wanted in enumerate(late.tolist()):
+        felt[i] = pull = omega**2 * (wanted - followed) - 2 * joint.damping * omega * rate
         rate += pull * step
         followed += rate * step
     return goal, felt

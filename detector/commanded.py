@@ -14,7 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from lostmotion.detector.servo import GRID_S, smoothing
+from lostmotion.detector.servo import GRID_S, ServoLaw, smoothing
 from lostmotion.detector.window import FloatArray, Window
 
 __all__ = ["BEFORE_S", "Commanded", "smoothed"]
@@ -72,11 +72,18 @@ class Commanded:
         derived = _derivative(degree, order) @ self.coefficients / self.half**order
         return np.asarray(basis[:, : degree + 1 - order] @ derived)
 
-    def followed(self, way: int) -> Commanded:
-        """The motion of a servo that follows in that way (``servo``)."""
-        turned = _following(max(round(2 * self.half / GRID_S), len(self.coefficients)), len(self.coefficients) - 1,
-                            round(2 * self.half, 2), way)  # fmt: skip
-        return replace(self, coefficients=turned @ self.coefficients, covariance=turned @ self.covariance @ turned.T)
+    def followed(self, servo: ServoLaw) -> Commanded:
+        """The motion of a servo of which that is known: the mean over the ways in which it may follow, and their
+        covariance."""
+        count, span = max(round(2 * self.half / GRID_S), len(self.coefficients)), round(2 * self.half, 2)
+        ways = np.flatnonzero(servo.odds)
+        odds = servo.odds[ways]
+        turned = np.array([_following(count, len(self.coefficients) - 1, span, int(way)) for way in ways])
+        each = turned @ self.coefficients
+        mean, matrix = odds @ each, np.tensordot(odds, turned, 1)
+        apart = each - mean
+        covariance = matrix @ self.covariance @ matrix.T + (apart.T * odds) @ apart
+        return replace(self, coefficients=mean, covariance=covariance)
 
     def acceleration(self, time: FloatArray) -> FloatArray:
         """theta_1'' [rad/s²] at times [s]."""
@@ -150,7 +157,7 @@ def _weights(angle: FloatArray) -> tuple[FloatArray, float]:
     return 1.0 / np.bincount(run)[run], max(step / math.sqrt(12), EXACT)
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=64)
 def _following(count: int, degree: int, span_s: float, way: int) -> FloatArray:
     """Coefficients of the motion that a servo makes of a polynomial."""
     basis = _basis(np.linspace(-1, 1, count), degree)

@@ -47,9 +47,12 @@ BIAS, GRAVITY = 0.1, 10.0
 """What may remain of an offset, and gravity along the sensor's axis [m/s²], standard deviations."""
 LENGTH, MISTUNED = 0.02, 0.005
 """Standard deviations of the shares by which length or sensitivity, and the resonance, are wrong."""
-LATE, OTHERWISE = 0.003, 0.15
-"""Standard deviations of a delay [s] beside that of the way in which the servo follows, and of the share of what
-following changes by which it follows otherwise."""
+LATE, OTHERWISE, SHAPE = 0.003, 0.15, 0.15
+"""Standard deviations of a delay [s] beside that of the way in which the servo follows, of the share of what following
+changes by which it follows otherwise, and of the second coefficient of its lag over the delay's square, which is 0.5 of
+a pure delay, 1 of the first order, 0.3 to 0.8 of a second order damped by 0.6 to 1.2."""
+LEARNT = 0.015
+"""Standard deviation of the servo's delay [s] above which nothing is told: after some five windows it is less."""
 THIN = 3
 """Of rests every third step is used; the others say the same."""
 ROUNDS = 8
@@ -206,6 +209,8 @@ def _told(
         return _unknown(f"the sensor is too slow: {LEAST_RATE:g} samples a period of the bar are needed")
     if not np.isfinite(stretch.accel).all():
         return _unknown("samples are missing")
+    if servo.delay[1] > LEARNT:
+        return _unknown("how the servo follows is not known yet")
     command = smoothed(times, commands, stretch)
     if command is None:
         return _unknown("too few commands during the stretch")
@@ -216,10 +221,9 @@ def _told(
     undone = inverse(accel.size, rate_hz, noise, settings)
     impulses = undone.gain @ accel
     basis = command.basis(np.minimum(undone.times, command.end))
-    goal, command = basis @ command.coefficients, command.followed(servo.best)
-    late = math.hypot(LATE, servo.delay[1])
+    goal, command = basis @ command.coefficients, command.followed(servo)
     astray = mistuned(accel.size, rate_hz, noise, settings, MISTUNED) @ accel
-    apart = _apart(undone, impulses, command, basis, (late, goal, astray), settings)
+    apart = _apart(undone, impulses, command, basis, (SHAPE * servo.delay[0] ** 2, goal, astray), settings)
     found = contacts(undone, impulses, command.derivative(basis, 2), apart.known)
     return _solve(apart, found)
 
@@ -228,22 +232,23 @@ def _apart(
     undone: Inverse, impulses: FloatArray, command: Commanded, basis: FloatArray,
     uncertain: tuple[float, FloatArray, FloatArray], settings: DetectorSettings,
 ) -> _Apart:  # fmt: skip
-    """D and what is uncertain about it: a delay [s], what a servo that follows otherwise is nearer to (its goal [rad]),
-    and the angles [rad] that a wrong resonance adds.
+    """D and what is uncertain about it: a servo that follows otherwise is nearer to its goal [rad], or later, or ahead
+    in proportion to the acceleration [s²]; a wrong resonance adds angles [rad].
 
     basis: of the command at the times of the impulses.
     """
-    late, goal, astray = uncertain
+    curvature, goal, astray = uncertain
     time = undone.times
-    driven, speed = basis @ command.coefficients, command.derivative(basis, 1)
+    driven, speed, accel = basis @ command.coefficients, *(command.derivative(basis, order) for order in (1, 2))
     driven, speed = driven - driven.mean(), speed - speed.mean()
     step = float(time[1] - time[0])
     columns = np.column_stack([
         (time - time.mean()) ** 2 * (BIAS / settings.length_m / 2),
         undone.twice @ driven * step * (GRAVITY / settings.length_m),
         LENGTH * driven,
-        late * speed,
+        LATE * speed,
         OTHERWISE * (goal - goal.mean() - driven),
+        curvature * (accel - accel.mean()),
         astray,
     ])  # fmt: skip
     covariance = undone.doubt + basis @ command.covariance @ basis.T + columns @ columns.T

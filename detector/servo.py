@@ -32,7 +32,8 @@ ORDERS: NDArray[np.intp] = np.repeat([0, 1, 2], [_PURE.size, _LAGS.size, _LAGS.s
 """0: pure delay, 1: first order, 2: second order, critically damped; shape (G,)."""
 TRIED = 8.0
 """What is less likely [nats] than the best is not looked at, until it is forgotten why."""
-MEMORY = 0.99
+PROBABLE = 0.003
+MEMORY = 0.95
 """Weight of what earlier windows told after each window: another load changes how a servo follows."""
 
 
@@ -49,15 +50,16 @@ class ServoLaw:
         return np.flatnonzero(told > told.max() - TRIED)
 
     @property
-    def best(self) -> int:
-        """The likeliest way."""
-        return int(np.argmax(self.likelihood))
+    def odds(self) -> FloatArray:
+        """Probability of each way, shape (G,); 0 where it is below PROBABLE."""
+        odds = np.exp(np.array(self.likelihood) - max(self.likelihood))
+        odds[odds < PROBABLE * odds.sum()] = 0.0
+        return np.asarray(odds / odds.sum())
 
     @property
     def delay(self) -> tuple[float, float]:
         """Mean of the delay and its standard deviation [s]."""
-        odds = np.exp(np.array(self.likelihood) - max(self.likelihood))
-        odds /= odds.sum()
+        odds = self.odds
         mean = float(odds @ DELAYS)
         return mean, float(np.sqrt(odds @ (DELAYS - mean) ** 2))
 

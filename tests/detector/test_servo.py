@@ -61,9 +61,10 @@ def test_a_servo_that_lags_is_no_play() -> None:
 
 @pytest.mark.slow
 def test_play_behind_a_servo_that_lags() -> None:
-    """53 ms behind, 8 mrad: 90 % of the severities' intervals hold it, and so do those of the size of the play."""
+    """53 ms behind, 8 mrad: 90 % of the severities' intervals hold it, and so do those of
+    the size of the play, which a fifth of the windows tell."""
     scores = behind(32, 80e-6, 6.0)
     assert np.mean([score.severity_low <= 8e-3 <= score.severity_high for score in scores]) >= 0.9
     told = [score for score in scores if math.isfinite(score.play)]
-    assert len(told) > 0.3 * len(scores)
+    assert len(told) > 0.2 * len(scores)
     assert np.mean([score.play_low <= 8e-3 <= score.play_high for score in told]) >= 0.9
