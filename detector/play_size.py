@@ -26,12 +26,12 @@ from lostmotion.detector.commanded import BEFORE_S, Commanded, smoothed
 from lostmotion.detector.contacts import Contacts, contacts
 from lostmotion.detector.deconvolution import Inverse, inverse, mistuned, noise_of
 from lostmotion.detector.flank import CONTACT_ACCEL, SOFTNESS, FlankLaw, Sized, law_of
-from lostmotion.detector.median import weighted_quantile
+from lostmotion.detector.pooling import PlaySize, Z, unknown
 from lostmotion.detector.servo import AT_ONCE, ServoLaw
 from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
 from lostmotion.detector.windows import cut
 
-__all__ = ["PlaySize", "learnt_play", "play_size", "pooled", "stretch_of", "with_play"]
+__all__ = ["learnt_play", "play_size", "stretch_of", "with_play"]
 
 LEAST_RATE = 8.0
 """Samples a period of the bar: with fewer, impulses cannot be told from each other."""
@@ -68,19 +68,8 @@ BEYOND = 0.1
 """Share of the stretch in which the joint may seem to be beyond a flank: more, and model and data do not fit."""
 LEAST_PLAY, MOST_PLAY = 1e-4, 0.1
 """Play that scales the flanks' error [rad]."""
-Z = 1.959964
 
 Places = NDArray[np.intp]
-
-
-@dataclass(frozen=True, slots=True)
-class PlaySize:
-    """Lost motion at the joint [rad] with the ends of its 95 % interval; all NaN where reason says why not."""
-
-    value: float
-    low: float
-    high: float
-    reason: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,32 +122,6 @@ def play_size(
     return told if isinstance(told, PlaySize) else _under(told, law or law_of(settings))
 
 
-def pooled(values: Sequence[float] | FloatArray, halves: Sequence[float] | FloatArray | None = None) -> PlaySize:
-    """The play [rad] that many windows tell together, with its 95 % interval (needs 6 windows).
-
-    values: the plays of the windows [rad], NaN where a window tells none; halves: half of their own intervals [rad],
-    None where nothing is known of them.
-
-    The value is the median, each window weighted by 1 / half (``median.weighted_quantile``).  The interval lies between
-    the values at 1/2 +- z |w|_2 / (2 |w|_1) of the weight, which is the binomial interval of a median where all weights
-    are alike.  What is uncertain in all windows alike, as the gear's stiffness, is at most the tenth of the halves that
-    are narrowest, and is added.
-    """
-    plays = np.asarray(values, dtype=float)
-    own = np.ones_like(plays) if halves is None else np.asarray(halves, dtype=float)
-    known = np.isfinite(plays) & np.isfinite(own)
-    if (count := int(known.sum())) < 6:
-        return _unknown(f"{count} windows tell a play; expected at least 6")
-    plays, own = plays[known], own[known]
-    weight = 1 / np.maximum(own, 1e-12)
-    reach = Z * float(np.linalg.norm(weight)) / (2 * float(weight.sum()))
-    low, middle, high = (weighted_quantile(plays, weight, share) for share in (0.5 - reach, 0.5, 0.5 + reach))
-    common = 0.0 if halves is None else float(np.quantile(own, 0.1))
-    return PlaySize(
-        middle, max(middle - math.hypot(middle - low, common), 0.0), middle + math.hypot(high - middle, common)
-    )
-
-
 def stretch_of(score: Score, times: FloatArray, accel: FloatArray, rate_hz: float) -> Window:
     """The stretch that tells the play of a score's window, from a stream of tip acceleration that holds it."""
     return cut(score.joint, times, accel, score.time - BEFORE_S, score.duration + BEFORE_S, rate_hz)
@@ -188,15 +151,11 @@ def learnt_play(
     return replace(score, play=told.value, play_low=told.low, play_high=told.high, play_reason=told.reason), law
 
 
-def _unknown(reason: str) -> PlaySize:
-    return PlaySize(math.nan, math.nan, math.nan, reason)
-
-
 def _under(told: Sized, law: FlankLaw) -> PlaySize:
     """The play under a law of the flanks; none where its interval reaches zero."""
     value, low, high = law.interval(told, Z)
     if low <= 0:
-        return _unknown("the play is lost in its own uncertainty")
+        return unknown("the play is lost in its own uncertainty")
     return PlaySize(value, low, high)
 
 
@@ -206,14 +165,14 @@ def _told(
     """What one stretch tells, or why it tells nothing."""
     rate_hz = stretch.rate_hz
     if rate_hz < LEAST_RATE * settings.f_res_hz:
-        return _unknown(f"the sensor is too slow: {LEAST_RATE:g} samples a period of the bar are needed")
+        return unknown(f"the sensor is too slow: {LEAST_RATE:g} samples a period of the bar are needed")
     if not np.isfinite(stretch.accel).all():
-        return _unknown("samples are missing")
+        return unknown("samples are missing")
     if servo.delay[1] > LEARNT:
-        return _unknown("how the servo follows is not known yet")
+        return unknown("how the servo follows is not known yet")
     command = smoothed(times, commands, stretch)
     if command is None:
-        return _unknown("too few commands during the stretch")
+        return unknown("too few commands during the stretch")
     local = stretch.time - stretch.time[0]
     told = local <= command.end
     accel = stretch.accel - np.mean(stretch.accel[told] - settings.length_m * command.acceleration(local[told]))
@@ -261,7 +220,7 @@ def _solve(apart: _Apart, found: Contacts) -> Sized | PlaySize:
     sure = found.hard | (found.rests & _thinned(found.rests.size))
     touch = _Touch(np.flatnonzero(sure), flank[sure], np.where(found.hard, np.abs(found.impulse), 0.0)[sure])
     if not touch.enough:
-        return _unknown("the teeth did not touch both flanks clearly")
+        return unknown("the teeth did not touch both flanks clearly")
     play, step = 20 * LEAST_PLAY, float(apart.time[1] - apart.time[0])
     for turn in range(ROUNDS):
         fit = _fit(apart, touch, play, TIMING if turn else FIRST_TIMING)
@@ -269,13 +228,13 @@ def _solve(apart: _Apart, found: Contacts) -> Sized | PlaySize:
         place, deviation = _between(apart, touch, fit)
         chosen = _chosen(found, place, deviation, play, step, grown=turn > 0)
         if not chosen.enough:
-            return _unknown("contacts and command do not fit together")
+            return unknown("contacts and command do not fit together")
         if turn > 2 and np.array_equal(chosen.at, touch.at) and np.array_equal(chosen.flank, touch.flank):
             break
         touch = chosen
     outside = (np.abs(place) - play / 2 > np.maximum(0.15 * play, 3 * deviation)) & apart.known
     if np.mean(outside) > BEYOND:
-        return _unknown("contacts and command do not fit together")
+        return unknown("contacts and command do not fit together")
     return _sized(apart, touch, found, play)
 
 

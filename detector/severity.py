@@ -221,9 +221,8 @@ def _of_motion(
     """
     span = stretch.time[-1] - stretch.time[0]
     place = (times - stretch.time[0]) / span
-    before = place[place < 1 + BEYOND]
-    known_part = min(math.floor((before.max() + BEYOND) * PARTS) / PARTS, 1.0) if before.size else 0.0
-    if known_part < COVERED or before[before > -BEYOND].min(initial=1.0) > BEYOND:
+    known_part = _known_part(place)
+    if not known_part:
         return np.empty((0, STEPS))
     accel = accel[: round(known_part * accel.size)]
     place = 2 * place / known_part - 1
@@ -251,6 +250,13 @@ def _of_motion(
     late, otherwise = LATE_S / GRID_S * (np.gradient(path, axis=1) @ project.T), OTHERWISE * (follows - goal)
     doubts = doubt + late[:, :, None] * late[:, None] + otherwise[:, :, None] * otherwise[:, None]
     return _of_coefficients(known.gain[:count] @ accel - follows, doubts)
+
+
+def _known_part(place: FloatArray) -> float:
+    """The share of the stretch, in steps, from its begin to the last command at a place 0..1 of it; 0 if too little."""
+    before = place[place < 1 + BEYOND]
+    share = min(math.floor((before.max() + BEYOND) * PARTS) / PARTS, 1.0) if before.size else 0.0
+    return 0.0 if share < COVERED or before[before > -BEYOND].min(initial=1.0) > BEYOND else share
 
 
 @lru_cache(maxsize=32)
