@@ -24,6 +24,7 @@ GRID_S = 0.004
 SPAN_S = 0.5
 """Commands so long before a stretch still move the servo [s]: five times the longest lag."""
 LONGEST_S, SHORTEST_LAG_S = 0.1, 0.008
+"""Delays up to this are compared (servos of 20 to 80 ms were tried); shorter lags than this are pure delays."""
 _PURE = np.arange(0.0, LONGEST_S + GRID_S / 2, GRID_S)
 _LAGS = np.arange(SHORTEST_LAG_S, LONGEST_S + GRID_S / 2, GRID_S)
 DELAYS: FloatArray = np.concatenate([_PURE, _LAGS, _LAGS])
@@ -33,8 +34,11 @@ ORDERS: NDArray[np.intp] = np.repeat([0, 1, 2], [_PURE.size, _LAGS.size, _LAGS.s
 TRIED = 8.0
 """What is less likely [nats] than the best is not looked at, until it is forgotten why."""
 PROBABLE = 0.003
+"""A way that is less probable takes no part in the motion: 3 to 25 ways remain after a recording of 15 s."""
 MEMORY = 0.95
-"""Weight of what earlier windows told after each window: another load changes how a servo follows."""
+"""Weight of what earlier windows told after each window: another load changes how a servo follows.  With 0.99 the
+delays were as right, and too sure: 85 % of the intervals of the size of the play held behind servos of other shapes,
+with 0.95 and the second coefficient of ``play_size.SHAPE`` 87 % (14 joints of seeds 100 to 139)."""
 
 
 @dataclass(frozen=True, slots=True)
