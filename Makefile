@@ -57,7 +57,9 @@ bench-detector: $(READY)  ## the detector against its rivals and the bounds: tab
 	$(BIN)/python -m bench.severity
 	$(BIN)/python -m bench.severity --rate 200
 	$(BIN)/python -m bench.severity --found
+	$(BIN)/python -m bench.outside
 	$(BIN)/python -m bench.forecasts
+	$(BIN)/python -m bench.following
 	$(BIN)/python -m bench.attribution
 	$(BIN)/python -m bench.promises
 	$(BIN)/python -m bench.detector

@@ -17,7 +17,7 @@ import numpy as np
 
 from bench.joints import F_RES_HZ, LENGTH_M, RADIUS_M, Gear, Lagging, motion_of, tip
 from bench.roc.waveforms import POLL_HZ, STEP_RAD
-from lostmotion.detector.play_size import PlaySize, pooled
+from lostmotion.detector.pooling import PlaySize, pooled
 from lostmotion.detector.series import score_series
 from lostmotion.detector.window import DetectorSettings, Score
 from lostmotion.model import Motion

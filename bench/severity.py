@@ -4,7 +4,8 @@ Four motions, gears of 10 mm with 2 to 1000 um of play, commands of an AX-12A (0
 setting is 0.3 % off; three simulators: eq. 1, MuJoCo's hard stops (nothing was fitted to it), and ``hardstops`` with a
 restitution of 0.3, friction and a bar of 5 g.  Seeds used nowhere else.  Spearman's correlation with the true play, of
 single windows and of medians of ten, over all motions together; the median of each figure; how many of the 95 %
-intervals hold the truth.  With --found instead: how often each figure tells that there is play, at 1 % false alarms.
+intervals hold the truth.  With --found instead: how often each figure is above the level
+that 1 % of healthy windows of the same motion exceed, for smooth motions and for trapezoids.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import argparse
 import math
 import sys
 from collections.abc import Iterator
+from functools import lru_cache
 
 import numpy as np
 from scipy.stats import spearmanr
@@ -25,8 +27,9 @@ from lostmotion.detector.window import DetectorSettings, Score
 SEEDS = range(8400, 8402)
 PLAYS = (2e-6, 5e-6, 10e-6, 30e-6, 60e-6, 100e-6, 300e-6, 1000e-6)
 FIGURES = ("band", "ringdown", "severity")
-TELLING = ("band", "ringdown", "severity_low")
-"""What says that there is play at all: a score, or an interval of the severity that excludes none."""
+SMOOTH = tuple(name for name in MOTIONS if name != "trapezoids")
+GROUPS = (SMOOTH, ("trapezoids",))
+Limits = dict[str, tuple[FloatArray, ...]]
 FALSE = 0.01
 HEALTHY_SEEDS = range(8500, 8510)
 RECORD_S, TOGETHER = 13.0, 10
@@ -84,21 +87,41 @@ def rows(simulator: str, bar: Bar, noise: float) -> Iterator[str]:
     yield f"{simulator:7} Spearman, tens    {tens[0]:6.3f} {tens[1]:9.3f} {tens[2]:10.3f}"
 
 
-def found(simulator: str, bar: Bar, noise: float) -> Iterator[str]:
-    """A line for each play: how many windows, and medians of ten, lie above a limit of 1 % false alarms."""
-
-    def told(seeds: range, play: float) -> list[FloatArray]:
-        """Each figure of all windows, and of tens of one recording: twice as many rows as figures."""
-        each = [recorded(simulator, name, seed, play, bar, noise) for name in MOTIONS for seed in seeds]
-        parts = [[np.array([getattr(score, figure) for score in one]) for one in each] for figure in TELLING]
-        singles = [np.concatenate(part) for part in parts]
-        return [*singles, *(np.array([x for one in part for x in medians(one)]) for part in parts)]
-
-    limits = [float(np.nanquantile(values, 1 - FALSE)) for values in told(HEALTHY_SEEDS, 0.0)]
+def found(simulator: str, bar: Bar, noise: float, limits: Limits) -> Iterator[str]:
+    """A line for each play: how many windows, and medians of ten, lie above the limit of their motion."""
     for play in PLAYS[1:]:
-        values = told(range(SEEDS.start, SEEDS.stop), play)
-        shares = [float(np.mean(one > limit)) for one, limit in zip(values, limits, strict=True)]
-        yield f"{simulator:7} {play / RADIUS_M * 1e3:7.1f}" + "".join(f"{share:10.1%}" for share in shares)
+        row = f"{simulator:7} {play / RADIUS_M * 1e3:7.1f}"
+        for names in GROUPS:
+            for figures, among in ((figures_of, 0), (tens_of, 1)):
+                over = [figures(simulator, name, SEEDS, play, bar, noise) > limits[name][among] for name in names]
+                row += "  " + "".join(f"{share:8.1%}" for share in np.mean(np.concatenate(over), axis=0))
+        yield row
+
+
+def limits_of(bar: Bar, noise: float) -> Limits:
+    """The level of each figure, of windows and of medians of ten, that 1 % of healthy windows of each motion exceed."""
+    return {
+        name: tuple(
+            np.nanquantile(figures("stops", name, HEALTHY_SEEDS, 0.0, bar, noise), 1 - FALSE, axis=0)
+            for figures in (figures_of, tens_of)
+        )
+        for name in MOTIONS
+    }
+
+
+def figures_of(simulator: str, name: str, seeds: range, play: float, bar: Bar, noise: float) -> FloatArray:
+    """Each of FIGURES of all windows, shape (M, 3)."""
+    scores = (score for seed in seeds for score in _kept(simulator, name, seed, play, bar, noise))
+    return np.array([[getattr(score, figure) for figure in FIGURES] for score in scores])
+
+
+def tens_of(simulator: str, name: str, seeds: range, play: float, bar: Bar, noise: float) -> FloatArray:
+    """The same of medians of ten windows of one recording."""
+    each = [figures_of(simulator, name, range(seed, seed + 1), play, bar, noise) for seed in seeds]
+    return np.concatenate([np.column_stack([medians(column) for column in one.T]) for one in each])
+
+
+_kept = lru_cache(maxsize=None)(recorded)
 
 
 def main(arguments: list[str]) -> None:
@@ -110,12 +133,14 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--found", action="store_true", help="how often play is found, at 1 %% false alarms")
     asked = parser.parse_args(arguments)
     print(f"{asked.rate:g} Hz, noise {asked.noise:g} m/s²")
+    limits = limits_of(Bar(rate_hz=asked.rate), asked.noise) if asked.found else {}
     if asked.found:
-        print("         [mrad]  windows: eq. 8, ringdown, severity   tens: eq. 8, ringdown, severity")
+        print("         [mrad]  smooth motions: windows: eq. 8, ringdown, severity; tens; trapezoids: the same")
     else:
         print("          [um]  [mrad]   eq. 8  ringdown  severity [mrad]  held   told  windows")
     for simulator in asked.simulators.split(","):
-        for row in (found if asked.found else rows)(simulator, Bar(rate_hz=asked.rate), asked.noise):
+        given = (simulator, Bar(rate_hz=asked.rate), asked.noise)
+        for row in found(*given, limits) if asked.found else rows(*given):
             print(row, flush=True)
 
 

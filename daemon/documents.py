@@ -97,7 +97,10 @@ def learnt(rows: list[NoiseRow], flanks: list[FlankRow]) -> dict[str, Any]:
         }
         for row in rows
     ]
-    teeth = [{"joint": row.joint, "softness": row.softness, "windows": row.windows} for row in flanks]
+    teeth = [
+        {"joint": row.joint, "softness": row.softness, "windows": row.windows, "servo_delay_s": row.delay}
+        for row in flanks
+    ]
     return ({"noise": told} if told else {}) | ({"flanks": teeth} if teeth else {})
 
 

@@ -94,7 +94,7 @@ def grade(evidence: Evidence, options: AlarmOptions, before: Severity | None) ->
 
 
 def _play(windows: Sequence[ScoreRow]) -> float:
-    """The median play [rad], each window weighted by 1 / its interval where all have one, as ``play_size.pooled``: of
+    """The median play [rad], each window weighted by 1 / its interval where all have one, as ``pooling.pooled``: of
     an elbow of 4 mrad on a busy computer medians of 12 windows were 4.0 to 8.3 mrad, weighted ones 3.9 to 5.0."""
     told = np.array([(one.play, one.play_high - one.play_low) for one in windows if math.isfinite(one.play)])
     if not told.size:

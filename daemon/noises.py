@@ -1,4 +1,4 @@
-"""What the pipeline learns of each joint: noise, bar and flanks; kept in the database, and told when it changes.
+"""What the pipeline learns of each joint: noise, bar, flanks and servo; kept in the database, and told when it changes.
 
 How it is learnt is ``detector/learner.py``'s and ``detector/flank.py``'s.
 """
@@ -45,7 +45,7 @@ class Noises:
                 background = Background(row.covariance, row.told, row.length, row.ringing) if row.covariance else None
                 learner.resume(background, row.seen, _bar(bar))
         for flank in flanks:
-            robot.pipeline.resume_law(flank.joint, flank.likelihood, flank.windows)
+            robot.pipeline.resume_law(flank.joint, flank.likelihood, flank.windows, flank.servo)
             self._written[flank.joint] = flank.windows
 
     def rows(self) -> list[NoiseRow | FlankRow]:
@@ -53,10 +53,10 @@ class Noises:
         return [*(self._row(learnt) for learnt in self._robot.pipeline.learnt()), *self._flanks()]
 
     def _flanks(self) -> Iterable[FlankRow]:
-        for joint, (law, windows) in self._robot.pipeline.laws.items():
+        for joint, (law, windows, servo) in self._robot.pipeline.laws.items():
             if windows - self._written.get(joint, 0) >= FLANK_WINDOWS:
                 self._written[joint] = windows
-                yield FlankRow(joint, law.likelihood, windows, law.softness)
+                yield FlankRow(joint, law.likelihood, windows, law.softness, servo.likelihood, servo.delay)
 
     def _row(self, learnt: Learnt) -> NoiseRow:
         joint, learner = learnt.joint, learnt.learner

@@ -21,6 +21,7 @@ from lostmotion.detector.flank import FlankLaw, law_of
 from lostmotion.detector.learner import BarChange, Change, Learner, is_learning
 from lostmotion.detector.play_size import learnt_play, stretch_of
 from lostmotion.detector.score import score_window
+from lostmotion.detector.servo import UNKNOWN, ServoLaw
 from lostmotion.detector.severity import with_severity
 from lostmotion.detector.trigger import Trigger
 from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
@@ -107,7 +108,7 @@ class _Joint:
         self.pending: list[_Pending] = []
         self.heard = -math.inf
         self.temperature = math.nan
-        self.law, self.law_windows = law_of(plan.settings), 0
+        self.law, self.law_windows, self.servo = law_of(plan.settings), 0, UNKNOWN
         self._times, self._angles = array("d"), array("d")
         self.counts = Counts()
         count = round(self.length * plan.rate_hz)
@@ -194,15 +195,24 @@ class Pipeline:
         return {name: joint.learner for name, joint in self._joints.items() if joint.learner}
 
     @property
-    def laws(self) -> dict[str, tuple[FlankLaw, int]]:
-        """How each joint's flanks give way, and how many windows have told it; none that the settings fix."""
-        return {name: (joint.law, joint.law_windows) for name, joint in self._joints.items() if joint.law.is_learnt}
+    def laws(self) -> dict[str, tuple[FlankLaw, int, ServoLaw]]:
+        """How each joint's flanks give way, how many windows have told it, and how its servo follows; none of joints
+        whose flanks the settings fix."""
+        return {
+            name: (joint.law, joint.law_windows, joint.servo)
+            for name, joint in self._joints.items()
+            if joint.law.is_learnt
+        }
 
-    def resume_law(self, joint: str, likelihood: tuple[float, ...], windows: int) -> None:
-        """Goes on from what an earlier run has learnt of a joint's flanks, unless the settings fix it."""
+    def resume_law(
+        self, joint: str, likelihood: tuple[float, ...], windows: int, servo: tuple[float, ...] = ()
+    ) -> None:
+        """Goes on from what an earlier run has learnt of a joint's flanks and servo, unless the settings fix it."""
         known = self._joints.get(joint)
         if known and known.law.is_learnt and len(likelihood) == len(known.law.likelihood):
             known.law, known.law_windows = replace(known.law, likelihood=likelihood), windows
+        if known and len(servo) == len(known.servo.likelihood):
+            known.servo = ServoLaw(servo)
 
     def learnt(self) -> list[Learnt]:
         """What has been learnt since this was last asked."""
@@ -334,9 +344,10 @@ class Pipeline:
             return replace(score, play_reason="too few commands of the other joints")
         times, angles = joint.commands
         settings, before = joint.bar_settings, joint.law
-        sized, joint.law = learnt_play(score, alone, times, angles, settings, joint.law)
+        sized, joint.law = learnt_play(score, alone, times, angles, settings, joint.law, joint.servo)
         joint.law_windows += joint.law is not before
-        return with_severity(sized, alone, times, angles, settings)
+        scored, joint.servo = with_severity(sized, alone, times, angles, settings, joint.servo)
+        return scored
 
     def _needed(self, joint: _Joint, ring: Ring) -> float:
         """From when on a joint may still need acceleration [s]."""

@@ -15,6 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from lostmotion.detector import legendre
+from lostmotion.detector.servo import GRID_S, ServoLaw, smoothing
 from lostmotion.detector.window import FloatArray, Window
 
 __all__ = ["BEFORE_S", "Commanded", "smoothed"]
@@ -72,9 +73,18 @@ class Commanded:
         derived = _derivative(degree, order) @ self.coefficients / self.half**order
         return np.asarray(basis[:, : degree + 1 - order] @ derived)
 
-    def delayed(self, seconds: float) -> Commanded:
-        """The motion of a servo that follows so long behind."""
-        return replace(self, middle=self.middle + seconds)
+    def followed(self, servo: ServoLaw) -> Commanded:
+        """The motion of a servo of which that is known: the mean over the ways in which it may follow, and their
+        covariance."""
+        count, span = max(round(2 * self.half / GRID_S), len(self.coefficients)), round(2 * self.half, 2)
+        ways = np.flatnonzero(servo.odds)
+        odds = servo.odds[ways]
+        turned = np.array([_following(count, len(self.coefficients) - 1, span, int(way)) for way in ways])
+        each = turned @ self.coefficients
+        mean, matrix = odds @ each, np.tensordot(odds, turned, 1)
+        apart = each - mean
+        covariance = matrix @ self.covariance @ matrix.T + (apart.T * odds) @ apart
+        return replace(self, coefficients=mean, covariance=covariance)
 
     def acceleration(self, time: FloatArray) -> FloatArray:
         """theta_1'' [rad/s²] at times [s]."""
@@ -146,6 +156,13 @@ def _weights(angle: FloatArray) -> tuple[FloatArray, float]:
         step = EXACT
     run = np.cumsum(np.concatenate([[0], change > EXACT]))
     return 1.0 / np.bincount(run)[run], max(step / math.sqrt(12), EXACT)
+
+
+@lru_cache(maxsize=64)
+def _following(count: int, degree: int, span_s: float, way: int) -> FloatArray:
+    """Coefficients of the motion that a servo makes of a polynomial."""
+    basis = _basis(np.linspace(-1, 1, count), degree)
+    return np.asarray(np.linalg.pinv(basis) @ (smoothing(count, span_s, way) @ basis))
 
 
 @lru_cache(maxsize=16)

@@ -23,14 +23,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.detector.commanded import BEFORE_S, Commanded, smoothed
-from lostmotion.detector.contacts import LEAST_PUSH, Contacts, averaged, contacts
+from lostmotion.detector.contacts import Contacts, contacts
 from lostmotion.detector.deconvolution import Inverse, inverse, mistuned, noise_of
 from lostmotion.detector.flank import CONTACT_ACCEL, SOFTNESS, FlankLaw, Sized, law_of
-from lostmotion.detector.median import weighted_quantile
+from lostmotion.detector.pooling import PlaySize, Z, unknown
+from lostmotion.detector.servo import AT_ONCE, ServoLaw
 from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
 from lostmotion.detector.windows import cut
 
-__all__ = ["PlaySize", "learnt_play", "play_size", "pooled", "stretch_of", "with_play"]
+__all__ = ["learnt_play", "play_size", "stretch_of", "with_play"]
 
 LEAST_RATE = 8.0
 """Samples a period of the bar: with fewer, impulses cannot be told from each other."""
@@ -46,13 +47,12 @@ BIAS, GRAVITY = 0.1, 10.0
 """What may remain of an offset, and gravity along the sensor's axis [m/s²], standard deviations."""
 LENGTH, MISTUNED = 0.02, 0.005
 """Standard deviations of the shares by which length or sensitivity, and the resonance, are wrong."""
-DELAYS = np.arange(0.0, 0.061, 0.004)
-"""Delays of the joint behind the command that are tried [s]."""
-FOLLOWED = 0.85
-"""A delay is believed that leaves less than this share of the difference between commanded and felt acceleration: play
-itself leaves 86 to 100 %, a servo that follows 26 ms behind 35 to 82 %."""
-LATE, LATER = 0.003, 0.008
-"""Standard deviation of a delay [s] that is not seen, and of one that is."""
+LATE, OTHERWISE, SHAPE = 0.003, 0.15, 0.15
+"""Standard deviations of a delay [s] beside that of the way in which the servo follows, of the share of what following
+changes by which it follows otherwise, and of the second coefficient of its lag over the delay's square, which is 0.5 of
+a pure delay, 1 of the first order, 0.3 to 0.8 of a second order damped by 0.6 to 1.2."""
+LEARNT = 0.015
+"""Standard deviation of the servo's delay [s] above which nothing is told: after some five windows it is less."""
 THIN = 3
 """Of rests every third step is used; the others say the same."""
 ROUNDS = 8
@@ -68,19 +68,8 @@ BEYOND = 0.1
 """Share of the stretch in which the joint may seem to be beyond a flank: more, and model and data do not fit."""
 LEAST_PLAY, MOST_PLAY = 1e-4, 0.1
 """Play that scales the flanks' error [rad]."""
-Z = 1.959964
 
 Places = NDArray[np.intp]
-
-
-@dataclass(frozen=True, slots=True)
-class PlaySize:
-    """Lost motion at the joint [rad] with the ends of its 95 % interval; all NaN where reason says why not."""
-
-    value: float
-    low: float
-    high: float
-    reason: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,41 +110,16 @@ class _Fit:
 
 def play_size(
     stretch: Window, servo_times: Sequence[float] | FloatArray, commands: Sequence[float] | FloatArray,
-    settings: DetectorSettings, law: FlankLaw | None = None,
+    settings: DetectorSettings, law: FlankLaw | None = None, servo: ServoLaw = AT_ONCE,
 ) -> PlaySize:  # fmt: skip
     """The play that one stretch of tip acceleration shows, from ``BEFORE_S`` before a reversal to the window's end.
 
     servo_times [s] and commands [rad], shape (M,): what was commanded during the stretch and somewhat before; stretch:
-    none of its samples missing; law: what earlier windows told of the joint's flanks.
+    none of its samples missing; law: what earlier windows told of the joint's flanks, servo: of how its servo follows
+    the commands.
     """
-    told = _told(stretch, np.asarray(servo_times), np.asarray(commands), settings)
+    told = _told(stretch, np.asarray(servo_times), np.asarray(commands), settings, servo)
     return told if isinstance(told, PlaySize) else _under(told, law or law_of(settings))
-
-
-def pooled(values: Sequence[float] | FloatArray, halves: Sequence[float] | FloatArray | None = None) -> PlaySize:
-    """The play [rad] that many windows tell together, with its 95 % interval (needs 6 windows).
-
-    values: the plays of the windows [rad], NaN where a window tells none; halves: half of their own intervals [rad],
-    None where nothing is known of them.
-
-    The value is the median, each window weighted by 1 / half (``median.weighted_quantile``).  The interval lies between
-    the values at 1/2 +- z |w|_2 / (2 |w|_1) of the weight, which is the binomial interval of a median where all weights
-    are alike.  What is uncertain in all windows alike, as the gear's stiffness, is at most the tenth of the halves that
-    are narrowest, and is added.
-    """
-    plays = np.asarray(values, dtype=float)
-    own = np.ones_like(plays) if halves is None else np.asarray(halves, dtype=float)
-    known = np.isfinite(plays) & np.isfinite(own)
-    if (count := int(known.sum())) < 6:
-        return _unknown(f"{count} windows tell a play; expected at least 6")
-    plays, own = plays[known], own[known]
-    weight = 1 / np.maximum(own, 1e-12)
-    reach = Z * float(np.linalg.norm(weight)) / (2 * float(weight.sum()))
-    low, middle, high = (weighted_quantile(plays, weight, share) for share in (0.5 - reach, 0.5, 0.5 + reach))
-    common = 0.0 if halves is None else float(np.quantile(own, 0.1))
-    return PlaySize(
-        middle, max(middle - math.hypot(middle - low, common), 0.0), middle + math.hypot(high - middle, common)
-    )
 
 
 def stretch_of(score: Score, times: FloatArray, accel: FloatArray, rate_hz: float) -> Window:
@@ -173,87 +137,77 @@ def with_play(
 
 def learnt_play(
     score: Score, stretch: Window, servo_times: Sequence[float] | FloatArray, commands: Sequence[float] | FloatArray,
-    settings: DetectorSettings, law: FlankLaw,
+    settings: DetectorSettings, law: FlankLaw, servo: ServoLaw = AT_ONCE,
 ) -> tuple[Score, FlankLaw]:  # fmt: skip
-    """The score with the play that its stretch shows to one who knows the law of the flanks, and the law with what this
-    window adds to it."""
+    """The score with the play that its stretch shows to one who knows the law of the flanks and how the servo follows,
+    and the law with what this window adds to it."""
     if not settings.play_size or not score.impact or "clipped" in score.quality:
         reason = "not asked for" if not settings.play_size else "clipped" if score.impact else "no impact"
         return replace(score, play_reason=reason), law
-    told = _told(stretch, np.asarray(servo_times), np.asarray(commands), settings)
+    told = _told(stretch, np.asarray(servo_times), np.asarray(commands), settings, servo)
     if isinstance(told, Sized):
         law = law.updated(told)
         told = _under(told, law)
     return replace(score, play=told.value, play_low=told.low, play_high=told.high, play_reason=told.reason), law
 
 
-def _unknown(reason: str) -> PlaySize:
-    return PlaySize(math.nan, math.nan, math.nan, reason)
-
-
 def _under(told: Sized, law: FlankLaw) -> PlaySize:
     """The play under a law of the flanks; none where its interval reaches zero."""
     value, low, high = law.interval(told, Z)
     if low <= 0:
-        return _unknown("the play is lost in its own uncertainty")
+        return unknown("the play is lost in its own uncertainty")
     return PlaySize(value, low, high)
 
 
-def _told(stretch: Window, times: FloatArray, commands: FloatArray, settings: DetectorSettings) -> Sized | PlaySize:
+def _told(
+    stretch: Window, times: FloatArray, commands: FloatArray, settings: DetectorSettings, servo: ServoLaw
+) -> Sized | PlaySize:
     """What one stretch tells, or why it tells nothing."""
     rate_hz = stretch.rate_hz
     if rate_hz < LEAST_RATE * settings.f_res_hz:
-        return _unknown(f"the sensor is too slow: {LEAST_RATE:g} samples a period of the bar are needed")
+        return unknown(f"the sensor is too slow: {LEAST_RATE:g} samples a period of the bar are needed")
     if not np.isfinite(stretch.accel).all():
-        return _unknown("samples are missing")
+        return unknown("samples are missing")
+    if servo.delay[1] > LEARNT:
+        return unknown("how the servo follows is not known yet")
     command = smoothed(times, commands, stretch)
     if command is None:
-        return _unknown("too few commands during the stretch")
+        return unknown("too few commands during the stretch")
     local = stretch.time - stretch.time[0]
     told = local <= command.end
     accel = stretch.accel - np.mean(stretch.accel[told] - settings.length_m * command.acceleration(local[told]))
     noise = noise_of(stretch.accel, settings)
     undone = inverse(accel.size, rate_hz, noise, settings)
     impulses = undone.gain @ accel
-    command, late = _followed(undone, impulses, command)
     basis = command.basis(np.minimum(undone.times, command.end))
+    goal, command = basis @ command.coefficients, command.followed(servo)
     astray = mistuned(accel.size, rate_hz, noise, settings, MISTUNED) @ accel
-    apart = _apart(undone, impulses, command, basis, late, astray, settings)
+    apart = _apart(undone, impulses, command, basis, (SHAPE * servo.delay[0] ** 2, goal, astray), settings)
     found = contacts(undone, impulses, command.derivative(basis, 2), apart.known)
     return _solve(apart, found)
 
 
-def _followed(undone: Inverse, impulses: FloatArray, command: Commanded) -> tuple[Commanded, float]:
-    """The command with the delay that it shows against the joint's acceleration, and how uncertain that is [s]."""
-    step = float(undone.times[1] - undone.times[0])
-    felt = averaged(impulses) / step
-    known = np.arange(command.start, command.end, step)
-    driven = averaged(command.acceleration(known))
-    late = np.interp(undone.times - DELAYS[:, None], known, driven)
-    apart = np.mean(np.minimum(np.abs(felt - late), 4 * LEAST_PUSH), axis=1)
-    best = int(np.argmin(apart))
-    if apart[best] > FOLLOWED * apart[0]:
-        return command, LATE
-    return command.delayed(float(DELAYS[best])), LATER
-
-
 def _apart(
-    undone: Inverse, impulses: FloatArray, command: Commanded, basis: FloatArray, late: float, astray: FloatArray,
-    settings: DetectorSettings,
+    undone: Inverse, impulses: FloatArray, command: Commanded, basis: FloatArray,
+    uncertain: tuple[float, FloatArray, FloatArray], settings: DetectorSettings,
 ) -> _Apart:  # fmt: skip
-    """D and what is uncertain about it: a delay by ``late`` [s], and the angles [rad] that a wrong resonance adds.
+    """D and what is uncertain about it: a servo that follows otherwise is nearer to its goal [rad], or later, or ahead
+    in proportion to the acceleration [s²]; a wrong resonance adds angles [rad].
 
     basis: of the command at the times of the impulses.
     """
+    curvature, goal, astray = uncertain
     time = undone.times
-    driven, speed = basis @ command.coefficients, command.derivative(basis, 1)
+    driven, speed, accel = basis @ command.coefficients, *(command.derivative(basis, order) for order in (1, 2))
     driven, speed = driven - driven.mean(), speed - speed.mean()
     step = float(time[1] - time[0])
     columns = np.column_stack([
         (time - time.mean()) ** 2 * (BIAS / settings.length_m / 2),
         undone.twice @ driven * step * (GRAVITY / settings.length_m),
         LENGTH * driven,
-        late * speed,
+        LATE * speed,
+        OTHERWISE * (goal - goal.mean() - driven),
+        curvature * (accel - accel.mean()),
         astray,
     ])  # fmt: skip
     covariance = undone.doubt + basis @ command.covariance @ basis.T + columns @ columns.T
@@ -266,7 +220,7 @@ def _solve(apart: _Apart, found: Contacts) -> Sized | PlaySize:
     sure = found.hard | (found.rests & _thinned(found.rests.size))
     touch = _Touch(np.flatnonzero(sure), flank[sure], np.where(found.hard, np.abs(found.impulse), 0.0)[sure])
     if not touch.enough:
-        return _unknown("the teeth did not touch both flanks clearly")
+        return unknown("the teeth did not touch both flanks clearly")
     play, step = 20 * LEAST_PLAY, float(apart.time[1] - apart.time[0])
     for turn in range(ROUNDS):
         fit = _fit(apart, touch, play, TIMING if turn else FIRST_TIMING)
@@ -274,13 +228,13 @@ def _solve(apart: _Apart, found: Contacts) -> Sized | PlaySize:
         place, deviation = _between(apart, touch, fit)
         chosen = _chosen(found, place, deviation, play, step, grown=turn > 0)
         if not chosen.enough:
-            return _unknown("contacts and command do not fit together")
+            return unknown("contacts and command do not fit together")
         if turn > 2 and np.array_equal(chosen.at, touch.at) and np.array_equal(chosen.flank, touch.flank):
             break
         touch = chosen
     outside = (np.abs(place) - play / 2 > np.maximum(0.15 * play, 3 * deviation)) & apart.known
     if np.mean(outside) > BEYOND:
-        return _unknown("contacts and command do not fit together")
+        return unknown("contacts and command do not fit together")
     return _sized(apart, touch, found, play)
 
 

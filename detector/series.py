@@ -12,6 +12,7 @@ from lostmotion.detector.flank import law_of
 from lostmotion.detector.learner import settled
 from lostmotion.detector.play_size import learnt_play, stretch_of
 from lostmotion.detector.score import score_window, validate
+from lostmotion.detector.servo import SPAN_S, UNKNOWN
 from lostmotion.detector.severity import with_severity
 from lostmotion.detector.trigger import Trigger
 from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
@@ -64,17 +65,27 @@ def score_series(
     Raises DetectorError when there is too little data to tell a rate, or the settings do not fit the rate.
     """
     windows = windows_of(times_servo, commands, times_accel, accel, settings, joint, resolution)
+    accel_rate = windows[0].rate_hz if windows else math.nan
     known = settled((window.accel for window in windows), windows[0].rate_hz, settings) if windows else settings
-    scores, law = [], law_of(settings)
-    for window in windows:
-        score = score_window(window, known, range_ms2)
-        stretch = stretch_of(score, times_accel, accel, window.rate_hz)
-        first, last = times_servo.searchsorted((score.time - 2 * BEFORE_S, score.time + score.duration + BEFORE_S))
-        near = slice(first, last)
-        around = (stretch, times_servo[near], commands[near], settings)
-        sized, law = learnt_play(score, *around, law)
-        scores.append(with_severity(sized, *around))
+    scored = [score_window(window, known, range_ms2) for window in windows]
+    around = [_around(score, times_servo, commands, times_accel, accel, accel_rate) for score in scored]
+    servo, scores, law = UNKNOWN, [], law_of(settings)
+    for score, known_around in zip(scored, around, strict=True):
+        servo = with_severity(score, *known_around, settings, servo)[1]
+    for score, known_around in zip(scored, around, strict=True):
+        sized, law = learnt_play(score, *known_around, settings, law, servo)
+        scores.append(with_severity(sized, *known_around, settings, servo)[0])
     return scores
+
+
+def _around(
+    score: Score, times_servo: FloatArray, commands: FloatArray, times_accel: FloatArray, accel: FloatArray,
+    rate_hz: float,
+) -> tuple[Window, FloatArray, FloatArray]:  # fmt: skip
+    """The stretch of a score's window, and times and angles of the commands that moved the servo meanwhile."""
+    stretch = stretch_of(score, times_accel, accel, rate_hz)
+    first, last = times_servo.searchsorted((score.time - BEFORE_S - SPAN_S, score.time + score.duration + BEFORE_S))
+    return stretch, times_servo[first:last], commands[first:last]
 
 
 def rate_of(times: FloatArray, what: str) -> float:

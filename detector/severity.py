@@ -25,14 +25,16 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lostmotion.detector import legendre
 from lostmotion.detector.median import median
 from lostmotion.detector.quality import IMPLAUSIBLE, mended
 from lostmotion.detector.ringdown import ring
+from lostmotion.detector.servo import GRID_S, UNKNOWN, ServoLaw, followed
 from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
 
-__all__ = ["Severity", "severity", "with_severity"]
+__all__ = ["Severity", "learnt_severity", "severity", "with_severity"]
 
 SMALLEST, LARGEST, STEPS = 1e-5, 0.3, 90
 """The plays that are compared [rad]: 0.1 um to 3 mm on a gear of 10 mm."""
@@ -42,9 +44,10 @@ SHARE, FALL = 0.10, 1.2
 """The standard deviation of coefficient k of D is SHARE (3 / k)^FALL of the play, measured from 5 to 100 mrad."""
 TEMPER = 0.5
 """The coefficients are not independent: the likelihood counts half, which made the intervals cover 95 %."""
-LAG_S, GAIN, GRAVITY = 0.02, 0.02, 5.0
-"""Standard deviations of what else makes theta_2 differ from the commands: a servo's lag [s], the error of the lever
-and of the sensor's scale, gravity along the sensor's axis [m/s² per rad]."""
+LATE_S, OTHERWISE, GAIN, GRAVITY = 0.003, 0.15, 0.02, 5.0
+"""Standard deviations of what else makes theta_2 differ from the commands: a delay beside that of the ways of following
+(``servo``) [s], the share of what following changes by which the servo follows otherwise, the error of the lever and of
+the sensor's scale, gravity along the sensor's axis [m/s² per rad]."""
 SWING_S = 0.2
 """The trigger's swing is gathered over about so long [s]: jerk = swing / SWING_S."""
 EXCESS, KNEE_S, SLOWER = 3.0, 0.012, 0.6
@@ -113,49 +116,74 @@ class _Paths:
     product: FloatArray
 
 
+FIRST: NDArray[np.intp] = np.array([0])
 GRID: FloatArray = np.geomspace(SMALLEST, LARGEST, STEPS)
 
 
-@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # readings beyond all numbers: unknown
 def severity(
     stretch: Window, times: Sequence[float] | FloatArray, commands: Sequence[float] | FloatArray, swing: float,
     settings: DetectorSettings, play: tuple[float, float] = (math.nan, math.nan), clipped: bool = False,
+    servo: ServoLaw = UNKNOWN,
 ) -> Severity:  # fmt: skip
     """The equivalent play of one stretch of tip acceleration.
 
-    times [s] and commands [rad], shape (M,): theta_1 around the stretch, which may be few or none; swing: change of the
-    commanded acceleration at the reversal [rad/s²]; play: size and standard deviation of ``play_size`` [rad], NaN if
-    unknown; clipped: the sensor's range was reached, so that v is at least what the ring shows.
+    times [s] and commands [rad], shape (M,): the goal around the stretch and from ``servo.SPAN_S`` before, which may be
+    few or none; swing: change of the commanded acceleration at the reversal [rad/s²]; play: size and standard deviation
+    of ``play_size`` [rad], NaN if unknown; clipped: the sensor's range was reached, so that v is at least what the ring
+    shows; servo: what earlier windows told of how the servo follows.
     """
+    return learnt_severity(stretch, times, commands, swing, settings, play, clipped, servo)[0]
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # readings beyond all numbers: unknown
+def learnt_severity(
+    stretch: Window, times: Sequence[float] | FloatArray, commands: Sequence[float] | FloatArray, swing: float,
+    settings: DetectorSettings, play: tuple[float, float], clipped: bool, servo: ServoLaw,
+) -> tuple[Severity, ServoLaw]:  # fmt: skip
+    """The same, and what is known of the servo after this window."""
     there = np.isfinite(stretch.accel)
     if there.sum() < PRESENT * stretch.accel.size or not swing > 0 or settings.f_res_hz >= stretch.rate_hz / 2:
-        return Severity()
+        return Severity(), servo
     accel = mended(stretch.accel)
     if np.ptp(accel) == 0:
-        return Severity()
+        return Severity(), servo
     speed, noise, least = _speed(accel, stretch.rate_hz, settings)
     if not math.isfinite(speed):
-        return Severity()
-    likelihood = np.zeros(STEPS)
+        return Severity(), servo
+    likelihood, struck = np.zeros(STEPS), _of_impact(speed, least, swing, clipped)
     if not clipped:
-        likelihood = _of_motion(accel, stretch, np.asarray(times), np.asarray(commands), noise, settings)
+        chosen = servo.chosen
+        ways = _of_motion(accel, stretch, np.asarray(times), np.asarray(commands), noise, settings, chosen)
+        if ways.size:
+            known = np.array(servo.likelihood)[chosen, None]
+            likelihood = _summed(known + ways, 0) - float(_summed(known, 0)[0])
+            servo = servo.updated(chosen, _summed(ways + struck, 1))
     if math.isfinite(play[0]):
         size, deviation = play
         likelihood = likelihood + np.log(WRONG + np.exp(-(((GRID - size) / deviation) ** 2) / 2))
     is_clear = speed > CORNER * swing / (2 * math.pi * settings.f_res_hz) or _excludes_none(likelihood)
-    return _interval(likelihood + _of_impact(speed, least, swing, clipped), is_clear)
+    return _interval(likelihood + struck, is_clear), servo
 
 
 def with_severity(
     score: Score, stretch: Window, times: Sequence[float] | FloatArray, commands: Sequence[float] | FloatArray,
-    settings: DetectorSettings,
-) -> Score:  # fmt: skip
-    """The score with the severity of its stretch; ``score.play`` is that of ``play_size``, where it is known."""
+    settings: DetectorSettings, servo: ServoLaw = UNKNOWN,
+) -> tuple[Score, ServoLaw]:  # fmt: skip
+    """The score with the severity of its stretch, and what is known of the servo after it; ``score.play`` is that of
+    ``play_size``, where it is known."""
     if IMPLAUSIBLE in score.quality:
-        return score
+        return score, servo
     play = (score.play, (score.play_high - score.play_low) / (2 * 1.959964))
-    found = severity(stretch, times, commands, abs(score.excitation), settings, play, "clipped" in score.quality)
-    return replace(score, severity=found.value, severity_low=found.low, severity_high=found.high)
+    found, servo = learnt_severity(
+        stretch, times, commands, abs(score.excitation), settings, play, "clipped" in score.quality, servo
+    )
+    return replace(score, severity=found.value, severity_low=found.low, severity_high=found.high), servo
+
+
+def _summed(logarithms: FloatArray, axis: int) -> FloatArray:
+    """The logarithm of the sum of what they are logarithms of."""
+    top = np.max(logarithms, axis=axis, keepdims=True)
+    return np.asarray(np.squeeze(top, axis) + np.log(np.sum(np.exp(logarithms - top), axis=axis)))
 
 
 def _interval(likelihood: FloatArray, is_clear: bool) -> Severity:
@@ -187,18 +215,18 @@ def _of_impact(speed: float, least: float, swing: float, clipped: bool) -> Float
 
 def _of_motion(
     accel: FloatArray, stretch: Window, times: FloatArray, commands: FloatArray, noise: float,
-    settings: DetectorSettings,
+    settings: DetectorSettings, chosen: NDArray[np.intp],
 ) -> FloatArray:  # fmt: skip
-    """Log-likelihood of the coefficients of D over the grid; 0 where the commands do not cover the stretch.
+    """Log-likelihood of the coefficients of D over the grid for each of the chosen ways in which a servo follows, shape
+    (C, STEPS); (0, STEPS) where the commands do not cover the stretch.
 
     The service decodes commands in bunches: the last ones of a stretch may not be there yet.
     """
     span = stretch.time[-1] - stretch.time[0]
     place = (times - stretch.time[0]) / span
-    before = place[place < 1 + BEYOND]
-    known_part = min(math.floor((before.max() + BEYOND) * PARTS) / PARTS, 1.0) if before.size else 0.0
-    if known_part < COVERED or before[before > -BEYOND].min(initial=1.0) > BEYOND:
-        return np.zeros(STEPS)
+    known_part = _known_part(place)
+    if not known_part:
+        return np.empty((0, STEPS))
     accel = accel[: round(known_part * accel.size)]
     place = 2 * place / known_part - 1
     inside = np.abs(place) < 1 + 2 * BEYOND
@@ -206,7 +234,7 @@ def _of_motion(
     degree = min(LAST_DEGREE + 2, place.size // 3)
     count = min(degree, LAST_DEGREE) - FIRST_DEGREE + 1
     if count < 2:
-        return np.zeros(STEPS)
+        return np.empty((0, STEPS))
     basis = _legendre(place, degree)
     inverse = np.linalg.inv(basis.T @ basis + 1e-9 * place.size * np.eye(degree + 1))
     fitted = inverse @ (basis.T @ angle)
@@ -214,27 +242,46 @@ def _of_motion(
     known = _paths(accel.size, stretch.rate_hz, settings)
     commanded = known.basis[:, : degree + 1] @ fitted[: LAST_DEGREE + 1]
     told = slice(FIRST_DEGREE, FIRST_DEGREE + count)
-    apart = known.gain[:count] @ accel - fitted[told]
     doubt = noise**2 * known.product[:count, :count]
     doubt = doubt + inverse[told, told] * float(left @ left) / (place.size - degree - 1)
-    for nuisance in (
-        LAG_S * stretch.rate_hz * (known.project[:count] @ np.gradient(commanded)),
-        GAIN * fitted[told],
-        GRAVITY * (known.twice[:count] @ (commanded - commanded.mean())),
-    ):
+    for nuisance in (GAIN * fitted[told], GRAVITY * (known.twice[:count] @ (commanded - commanded.mean()))):
         doubt = doubt + np.outer(nuisance, nuisance)
-    return _of_coefficients(apart, doubt)
+    grid = round(known_part * span / GRID_S)
+    path = followed(times, commands, float(stretch.time[0]), grid, chosen)
+    project = _projected(grid, degree)[told]
+    follows, goal = path @ project.T, followed(times, commands, float(stretch.time[0]), grid, FIRST) @ project.T
+    late, otherwise = LATE_S / GRID_S * (np.gradient(path, axis=1) @ project.T), OTHERWISE * (follows - goal)
+    doubts = doubt + late[:, :, None] * late[:, None] + otherwise[:, :, None] * otherwise[:, None]
+    return _of_coefficients(known.gain[:count] @ accel - follows, doubts)
+
+
+def _known_part(place: FloatArray) -> float:
+    """The share of the stretch, in steps, from its begin to the last command at a place 0..1 of it; 0 if too little."""
+    before = place[place < 1 + BEYOND]
+    share = min(math.floor((before.max() + BEYOND) * PARTS) / PARTS, 1.0) if before.size else 0.0
+    return 0.0 if share < COVERED or before[before > -BEYOND].min(initial=1.0) > BEYOND else share
+
+
+@lru_cache(maxsize=32)
+def _projected(count: int, degree: int) -> FloatArray:
+    """Legendre's coefficients from ``count`` values on an even grid, shape (degree + 1, count)."""
+    return np.asarray(np.linalg.pinv(_legendre(np.linspace(-1, 1, count), degree)), np.float64)
 
 
 def _of_coefficients(apart: FloatArray, doubt: FloatArray) -> FloatArray:
-    """Log-likelihood over the grid of coefficients (K,) whose variance is doubt (K, K) and what each play adds."""
-    share = SHARE * (FIRST_DEGREE / np.arange(FIRST_DEGREE, FIRST_DEGREE + apart.size)) ** FALL
-    white = np.linalg.inv(np.linalg.cholesky(doubt + 1e-18 * np.eye(apart.size)))
+    """Log-likelihood over the grid, shape (C, STEPS), of coefficients (C, K) whose variance is doubt (C, K, K) and what
+    each play adds."""
+    count = apart.shape[1]
+    share = SHARE * (FIRST_DEGREE / np.arange(FIRST_DEGREE, FIRST_DEGREE + count)) ** FALL
+    lower = np.linalg.cholesky(doubt + 1e-18 * np.eye(count))
+    white = np.linalg.inv(lower)
     scaled = white * share
-    power, directions = np.linalg.eigh(scaled @ scaled.T)
-    energy = (directions.T @ (white @ apart)) ** 2
-    variance = 1 + np.outer(GRID**2, np.maximum(power, 0.0))
-    return np.asarray(-TEMPER / 2 * np.sum(np.log(variance) + energy / variance, axis=1))
+    power, directions = np.linalg.eigh(scaled @ scaled.transpose(0, 2, 1))
+    energy = (directions.transpose(0, 2, 1) @ (white @ apart[:, :, None]))[:, None, :, 0] ** 2
+    variance = 1 + GRID[:, None] ** 2 * np.maximum(power, 0.0)[:, None]
+    told = np.sum(np.log(variance) + energy / variance, axis=2)
+    scale = 2 * np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
+    return np.asarray(-TEMPER / 2 * (told + scale[:, None]))
 
 
 def _speed(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> tuple[float, float, float]:

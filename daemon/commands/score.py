@@ -12,7 +12,7 @@ import numpy as np
 from lostmotion.daemon.commands import output
 from lostmotion.daemon.commands.asked import Asked, settings_for
 from lostmotion.detector.errors import DetectorError
-from lostmotion.detector.play_size import pooled
+from lostmotion.detector.pooling import pooled
 from lostmotion.detector.series import score_series
 from lostmotion.detector.window import DetectorSettings, Score
 from lostmotion.drivers.errors import LostmotionError

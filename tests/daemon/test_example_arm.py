@@ -12,7 +12,7 @@ import pytest
 from lostmotion.daemon import config
 from lostmotion.daemon.reader import open_readonly
 from lostmotion.daemon.records import ScoreRow
-from lostmotion.detector.play_size import pooled
+from lostmotion.detector.pooling import pooled
 from lostmotion.drivers.emulator import CsvStream, Emulator, Motion, ServoLine
 from lostmotion.drivers.emulator.motion import PLAY_RAD
 from tests.conftest import ROOT

@@ -18,6 +18,7 @@ from lostmotion.daemon.records import EPOCH, BarRow, FlankRow, NoiseChange, Nois
 from lostmotion.daemon.robot import Robot
 from lostmotion.daemon.store import Store, open_readonly
 from lostmotion.detector.learner import Change
+from lostmotion.detector.servo import DELAYS
 from tests.daemon.cli_world import SIMULATED
 
 BAR = BarRow(61.0, 0.2, 0.011, 0.1, 90, 61.0, 0.012)
@@ -48,21 +49,25 @@ def replace_seen(row: NoiseRow, seen: int) -> NoiseRow:
 
 
 def test_bar_and_flanks_survive_a_restart(tmp_path: Path) -> None:
-    """Resonance, damping and the law of the flanks are those of the earlier run, from the first window on; with another
-    zeta in the file the bar is the file's, and a law that the file gives stays."""
-    flanks = FlankRow("elbow", tuple(-float(i) for i in range(8)), 60, (0.02, 0.0, 0.065))
+    """Resonance, damping, the law of the flanks and the servo's are those of the earlier run, from the first window on;
+    with another zeta in the file the bar is the file's, and a law that the file gives stays."""
+    servo = tuple(-abs(float(i) - 5) for i in range(DELAYS.size))
+    flanks = FlankRow("elbow", tuple(-float(i) for i in range(8)), 60, (0.02, 0.0, 0.065), servo, (0.02, 0.004))
     store = Store(tmp_path / "history.db", "arm")
     store.add(msgspec.structs.replace(ROW, zeta=0.012, bar=BAR), flanks)
     assert store.close() == 0
     with open_readonly(tmp_path / "history.db") as reader:
         noises, kept = reader.noises(), reader.flanks()
-        assert documents.status(reader)["flanks"] == [{"joint": "elbow", "softness": (0.02, 0.0, 0.065), "windows": 60}]
+        told = {"joint": "elbow", "softness": (0.02, 0.0, 0.065), "windows": 60, "servo_delay_s": (0.02, 0.004)}
+        assert documents.status(reader)["flanks"] == [told]
         assert documents.status(reader)["noise"][0]["f_res_hz"] == 61.0
     found = robot()
     learnt = Noises(found, noises, kept)
     learner = found.pipeline.learners["elbow"]
     assert (learner.settings.f_res_hz, learner.settings.zeta) == (61.0, 0.012)
-    law, windows = found.pipeline.laws["elbow"]
+    law, windows, follows = found.pipeline.laws["elbow"]
+    assert follows.likelihood == servo
+    assert str(kept[0]).endswith("from 60 windows; the servo follows 20 ± 8 ms late")
     assert (law.likelihood, windows) == (flanks.likelihood, 60)
     assert law.softness == (0.0, 0.0, 0.065)
     assert learnt.rows() == []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import product
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from bench.joints import motion_of
 
 from lostmotion.detector.commanded import MOST_POWERS, smoothed
+from lostmotion.detector.servo import DELAYS, ORDERS, ServoLaw
 from lostmotion.detector.window import Window
 
 OMEGA = 2 * np.pi * 1.5
@@ -57,11 +59,15 @@ def test_errors_of_quantised_commands(kind: str) -> None:
     assert 0.6 < np.sqrt(np.mean(np.square(shares))) < 1.15
 
 
-def test_a_slow_servo() -> None:
-    """A motion that follows 20 ms behind has the values of 20 ms ago."""
-    times, clock = np.arange(-0.2, 0.5, 0.01), np.arange(0.0, 0.45, 1e-3)
+@pytest.mark.parametrize("order", [0, 1, 2])
+def test_a_slow_servo(order: int) -> None:
+    """A sine that a servo follows 20 ms late, by a pure delay or a lag of the first or second order, has the amplitude
+    and the phase of that lag's frequency response."""
+    times, clock = np.arange(-0.2, 0.5, 0.01), np.arange(0.05, 0.45, 1e-3)
     motion = smoothed(times, 0.3 * np.sin(OMEGA * times), Window("elbow", 0.0, 0.45, clock, np.zeros(clock.size), 1e3))
     assert motion is not None
-    late = motion.delayed(0.02)
-    assert late.basis(clock) @ late.coefficients == pytest.approx(0.3 * np.sin(OMEGA * (clock - 0.02)), abs=3e-6)
-    assert (late.start, late.end) == pytest.approx((motion.start + 0.02, motion.end + 0.02))
+    way = (order == ORDERS) & np.isclose(DELAYS, 0.02)
+    late = motion.followed(ServoLaw(tuple(np.where(way, 0.0, -math.inf).tolist())))
+    response = {0: np.exp(-0.02j * OMEGA), 1: 1 / (1 + 0.02j * OMEGA), 2: 1 / (1 + 0.01j * OMEGA) ** 2}[order]
+    wanted = 0.3 * np.imag(response * np.exp(1j * OMEGA * clock))
+    assert late.basis(clock - clock[0]) @ late.coefficients == pytest.approx(wanted, abs=2e-3)

@@ -13,7 +13,8 @@ from bench.joints import Gear
 from bench.play_size import Cell, recorded, told_of
 
 from lostmotion.detector.commanded import BEFORE_S
-from lostmotion.detector.play_size import play_size, pooled, with_play
+from lostmotion.detector.play_size import play_size, with_play
+from lostmotion.detector.pooling import pooled
 from lostmotion.detector.score import score_window
 from lostmotion.detector.series import score_series
 from lostmotion.detector.window import DetectorSettings, Score, Window
