@@ -9,17 +9,8 @@ import numpy as np
 
 from lostmotion.lab.data.frequency_response import usual_torque
 from lostmotion.lab.inverse.output_error import OutputError
-from lostmotion.lab.inverse.regression import (
-    MOST_STEPS,
-    TURN,
-    Data,
-    EquationError,
-    Problem,
-    Regression,
-    by_recording,
-    can_run,
-    regressed,
-)
+from lostmotion.lab.inverse.problem import TURN, Data, EquationError, Problem, by_recording
+from lostmotion.lab.inverse.regression import MOST_STEPS, Regression, can_run, regressed
 from lostmotion.lab.inverse.signals import UNSURE_SPEED, Signals
 from lostmotion.lab.inverse.torques import inertia_of, is_static, needed
 from lostmotion.lab.selection.candidates import others

@@ -28,7 +28,8 @@ from lostmotion.lab.design.next_experiment import what_to_record
 from lostmotion.lab.discrepancy.shape import shapes
 from lostmotion.lab.fitting.identifiability import is_driven, with_scale
 from lostmotion.lab.inverse.output_error import initial_state
-from lostmotion.lab.inverse.regression import Data, Regression, blocks_of, by_recording, can_run
+from lostmotion.lab.inverse.problem import Data, by_recording
+from lostmotion.lab.inverse.regression import Regression, blocks_of, can_run
 from lostmotion.lab.inverse.selection import Search, Selection, Step, first_fit, selected
 from lostmotion.lab.inverse.signals import COLUMNS, Signals
 from lostmotion.lab.inverse.torques import can_invert
@@ -87,20 +88,27 @@ def explained(
     with within(budget_s):
         selection = selected(rough, signals, Search(method, choosing, pool), progress)
     progress("judging", 0.9)
+    found = _explanation(selection, model, train, unseen, method, noise, pool)
+    fit_on.cache_clear()
+    progress("done", 1.0)
+    return replace(found, held=held)
+
+
+def _explanation(
+    selection: Selection, model: Model, train: Sequence[Experiment], unseen: Signals, method: Method,
+    noise: dict[str, float], pool: Executor,
+) -> Explanation:  # fmt: skip
+    """What was found, with its errors on the recording that no fit has seen."""
     fits = [one.judged for one in selection.fits]
     base, best = fits[0], fits[-1]
     descent = tuple(error_on(fit, unseen) for fit in fits)
     column = "torque" if method is Method.TORQUE else unseen.column
-    floors = dict(noise)
-    if method is Method.TORQUE:
-        floors["torque"] = max(_floor(one, best.model) for one in (unseen, *best.data.signals))
-    elif column != "accel":
-        floors[column] = min(noise[column], max(one.position_noise for one in (unseen, *best.data.signals)))
+    floors = _floors(noise, column, best, unseen)
     left = [best.residual, *(there.residual for there in (fit_on(best, unseen),) if there)]
     complete = max(map(_least_spread, left)) < STRUCTURED * floors[column]
     verdict: Verdict = "missing" if selection.added else "nothing_missing" if complete else "outside_catalogue"
     errors = Errors(descent[0], descent[-1], floors[column], words.column(column)[1])
-    found = Explanation(
+    return Explanation(
         verdict=verdict,
         missing=selection.added,
         confusable=_confusable(selection),
@@ -109,19 +117,26 @@ def explained(
         residual=None if complete else _finding(selection.fits[-1].inverse),
         advice="" if method is Method.FREE else _advice(selection, train, noise, pool),
         detectable=_detectable(selection.steps[-1]) if verdict == "nothing_missing" else {},
-        base=_fit(base, model, {**noise, column: floors[column]}, column),
-        best=_fit(best, model, {**noise, column: floors[column]}, column),
+        base=_fit(base, model, floors, column),
+        best=_fit(best, model, floors, column),
         descent=descent,
         complete=complete,
         columns={column: errors},
-        held=held,
         unshown=tuple(
             effect for effect, (less, more) in zip(selection.added, pairwise(descent), strict=True) if more >= less
         ),
         untried=selection.untried,
     )
-    progress("done", 1.0)
-    return found
+
+
+def _floors(noise: dict[str, float], column: str, fit: Regression, *unseen: Signals) -> dict[str, float]:
+    """Of each column; that which is judged as the sensors leave it within the band, the largest of all recordings."""
+    every = (*unseen, *fit.data.signals)
+    if column == "torque":
+        return {**noise, column: max(_floor(one, fit.model) for one in every)}
+    if column == "accel":
+        return noise
+    return {**noise, column: min(noise[column], max(one.position_noise for one in every))}
 
 
 def fitted(model: Model, experiments: Sequence[Experiment], method: Method, noise: dict[str, float]) -> Fit:
@@ -129,10 +144,8 @@ def fitted(model: Model, experiments: Sequence[Experiment], method: Method, nois
     model, _ = with_scale(model, experiments)
     signals = [Signals.of(one, model.base != "servo") for one in experiments]
     fit = first_fit(from_spectra(model, experiments), signals, Search(method)).judged
-    floors = dict(noise)
-    if method is Method.TORQUE:
-        floors["torque"] = max(_floor(one, fit.model) for one in signals)
-    return _fit(fit, model, floors, "torque" if method is Method.TORQUE else signals[0].column)
+    column = "torque" if method is Method.TORQUE else signals[0].column
+    return _fit(fit, model, _floors(noise, column, fit), column)
 
 
 def _floor(signals: Signals, model: Model) -> float:

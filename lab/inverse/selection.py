@@ -21,7 +21,8 @@ from lostmotion.lab.inverse.candidates import (
     starts,
 )
 from lostmotion.lab.inverse.output_error import OutputError
-from lostmotion.lab.inverse.regression import Data, Problem, Regression, regressed
+from lostmotion.lab.inverse.problem import Data, Problem
+from lostmotion.lab.inverse.regression import Regression, regressed
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.validate import (
     LEAST_GAIN,

@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from lostmotion.lab.inverse.output_error import OutputError
-from lostmotion.lab.inverse.regression import Data, Regression, blocks_of, regressed
+from lostmotion.lab.inverse.problem import Data
+from lostmotion.lab.inverse.regression import Regression, blocks_of, regressed
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.model import Model, ModelError
 from lostmotion.model.effects import get_effect

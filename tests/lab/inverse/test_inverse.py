@@ -19,7 +19,8 @@ from lostmotion.lab.data.experiment import Experiment, experiments
 from lostmotion.lab.fitting.identifiability import with_scale
 from lostmotion.lab.inverse.candidates import softened
 from lostmotion.lab.inverse.explain import method_of
-from lostmotion.lab.inverse.regression import Data, blocks_of, regressed
+from lostmotion.lab.inverse.problem import Data
+from lostmotion.lab.inverse.regression import blocks_of, regressed
 from lostmotion.lab.inverse.selection import Search, selected
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.validate import Method, shapes_tried
