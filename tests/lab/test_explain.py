@@ -48,7 +48,7 @@ def test_of_equals_the_simpler_is_named(phi: float) -> None:
     size, and the ripple beside it as what these recordings cannot tell from it."""
     model = build_model("joint", values={"J": 3.4e-4})
     with ThreadPoolExecutor(2) as pool:
-        found = explain(model, experiments(model, [pendulum(seed, phi) for seed in (1, 2, 3)]), pool)
+        found = explain(model, experiments(model, [pendulum(seed, phi) for seed in (1, 2, 3)]), pool, budget_s=600.0)
     assert found.verdict == "missing"
     assert found.missing == ("gravity_torque",)
     assert found.confusable == (("gravity_torque", "torque_ripple"),)
@@ -64,7 +64,7 @@ def test_what_the_score_test_asks_for_is_noise_where_the_fit_leaves_noise(monkey
     monkeypatch.setattr(Step, "is_full", True)
     model = build_model("joint", ["gravity_torque"], {"J": 3.4e-4, "gravity_torque.tau_g": 2e-3})
     with ThreadPoolExecutor(2) as pool:
-        found = explain(model, experiments(model, [pendulum(seed, 0.0) for seed in (4, 5, 6)]), pool)
+        found = explain(model, experiments(model, [pendulum(seed, 0.0) for seed in (4, 5, 6)]), pool, budget_s=600.0)
     assert found.verdict == "nothing_missing"
 
 
@@ -76,7 +76,7 @@ def test_what_only_the_recordings_of_the_fit_hold() -> None:
     recordings = [gears(seed, largest=30.0) for seed in (41, 44, 49)]
     assert [float(np.max(r.columns["accel"])) == 30.0 for r in recordings] == [False, True, False]
     with ThreadPoolExecutor(2) as pool:
-        found = explain(model, experiments(model, recordings), pool)
+        found = explain(model, experiments(model, recordings), pool, budget_s=600.0)
     assert found.missing == found.unshown == ("sensor_saturation",)
     (a_max,) = (e for e in found.best.estimates if e.name == "sensor_saturation.a_max")
     assert a_max.low < 30.0 < a_max.high
@@ -117,7 +117,7 @@ def test_gears_with_an_encoder_on_either_side() -> None:
     ]
     model = build_model("play", values={"d": 6e-5})
     with ThreadPoolExecutor(2) as pool:
-        found = explain(model, experiments(model, recordings), pool)
+        found = explain(model, experiments(model, recordings), pool, budget_s=600.0)
     assert found.missing == ("coulomb_friction",)
     estimates = {e.name: e for e in found.best.estimates}
     for name, true in (("coulomb_friction.tau_c", 2e-4), ("d", GEARS["d"])):

@@ -55,7 +55,7 @@ def run(command: str, folder: Path, *options: object) -> Result:
 
 def explained(folder: Path) -> dict[str, Any]:
     """What `lab explain --json` says; one document, nothing else on stdout."""
-    return dict(json.loads(run("explain", folder, "--json").stdout))
+    return dict(json.loads(run("explain", folder, "--budget", "600s", "--json").stdout))
 
 
 def test_hidden_friction(tmp_path: Path) -> None:

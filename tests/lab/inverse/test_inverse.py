@@ -158,7 +158,7 @@ def explained(folder: Path, model: str, recordings: list[Recording], *options: s
     for recording in recordings:
         paths.append(str(folder / recording.name))
         write_recording(recording, Path(paths[-1]))
-    result = CliRunner().invoke(cli, ["lab", "explain", str(file), *paths, "--json", *options])
+    result = CliRunner().invoke(cli, ["lab", "explain", str(file), *paths, "--json", "--budget", "600s", *options])
     assert result.exit_code == 0, result.output
     return dict(json.loads(result.stdout))
 
@@ -314,7 +314,7 @@ def test_a_damper_whose_displacement_is_given(tmp_path: Path) -> None:
     (tmp_path / "axis.toml").write_text('base = "joint"\n')
     files = [str(tmp_path / name) for name in ("axis.toml", "damper.csv")]
     said = ["--map", "position=stroke:mm", "--map", "torque=load:N", "--json"]
-    result = CliRunner().invoke(cli, ["lab", "explain", *files, *said])
+    result = CliRunner().invoke(cli, ["lab", "explain", *files, "--budget", "600s", *said])
     assert result.exit_code == 0, result.stderr
     found = json.loads(result.stdout)
     assert set(found["missing"]) == {"viscous_friction", "coulomb_friction"}

@@ -109,7 +109,9 @@ def explained(folder: Path, model: str, recordings: list[Recording]) -> dict[str
     for recording in recordings:
         write_recording(recording, folder / recording.name)
     paths = [str(folder / recording.name) for recording in recordings]
-    result = CliRunner().invoke(cli, ["lab", "explain", str(folder / "model.toml"), *paths, "--json"])
+    result = CliRunner().invoke(
+        cli, ["lab", "explain", str(folder / "model.toml"), *paths, "--budget", "600s", "--json"]
+    )
     assert result.exit_code == 0, result.output
     return dict(json.loads(result.stdout))
 
