@@ -4,8 +4,8 @@
 2. The model is fitted to the torque by least squares (regression.py).
 3. Effects are added as long as one predicts samples better that its fit has not seen, significantly for the whole
    catalogue; those that have become superfluous are taken out again (selection.py).
-4. The last recording is used for the errors that are reported.  No parameter is fitted to it; where there is only one
-   recording beside it, it is predicted as one more fold, and so has a say in the choice.
+4. The last recording is used for the errors that are reported.  No parameter is fitted to it; it decides between
+   effects that explain the others alike, and where there is only one recording beside it, it is one more fold.
 """
 
 from __future__ import annotations
@@ -84,9 +84,8 @@ def explained(
     is_force = model.base != "servo"
     signals = [Signals.of(one, is_force) for one in train]
     unseen = Signals.of(last, is_force)
-    choosing = unseen if len(train) < ENOUGH else None
     with within(budget_s):
-        selection = selected(rough, signals, Search(method, choosing, pool), progress)
+        selection = selected(rough, signals, Search(method, unseen, len(train) < ENOUGH, pool), progress)
     progress("judging", 0.9)
     found = _explanation(selection, model, train, unseen, method, noise, pool)
     fit_on.cache_clear()

@@ -58,12 +58,19 @@ MOST = 6
 
 @dataclass(frozen=True)
 class Search:
-    """method: whose error is judged; choosing: a recording that is predicted to choose, and not fitted, if any;
-    pool: threads, if any."""
+    """method: whose error is judged; unseen: a recording that is not fitted, and decides between effects that explain
+    the others alike; is_fold: whether it is also predicted as one more fold, as there are few others; pool: threads,
+    if any."""
 
     method: Method
-    choosing: Signals | None = None
+    unseen: Signals | None = None
+    is_fold: bool = False
     pool: Executor | None = None
+
+    @property
+    def choosing(self) -> Signals | None:
+        """The recording that is predicted as one more fold."""
+        return self.unseen if self.is_fold else None
 
     def each(self, work: Callable[[T], R], items: Sequence[T], first: int = 0) -> list[R]:
         """What the work gives of each item, in their order; none of those for which there is no time, but always of so
@@ -204,7 +211,7 @@ def _step(now: Fitted, added: tuple[str, ...], search: Search) -> Step:
     if not good:
         return Step(tuple(sorted(found, key=lambda one: one.p_value)), untried=untried)
     alike = [one for one in good if are_alike(one, good[0], len(wide), search.choosing)]
-    first = named(alike, now.inverse)
+    first = named(alike, now.inverse, search.unseen)
     rest = [one for one in found if one is not first]
     return Step((first, *rest), tuple(one.effect for one in alike if one is not first), untried)
 

@@ -101,13 +101,15 @@ class Judged:
         return self.p_value < LIMIT and self.gain > LEAST_GAIN and self.is_sized
 
 
-def named(alike: Sequence[Judged], now: Regression) -> Judged:
-    """Of effects that explain alike: that with the fewest parameters, then the one that predicts best, then the one
-    whose shape suits the motion."""
+def named(alike: Sequence[Judged], now: Regression, unseen: Signals | None) -> Judged:
+    """Of effects that explain alike: that with the fewest parameters, then the one that predicts best a recording that
+    no fit has seen, or the folds where there is none, then the one whose shape suits the motion."""
     few = min(one.fit.count for one in alike)
     simple = [one for one in alike if one.fit.count == few]
-    left = min(1 - one.gain for one in simple)
-    best = [one for one in simple if (1 - one.gain) * (1 - LEAST_GAIN) <= left]
+    if len(simple) == 1:
+        return simple[0]
+    left = [error_on(one.fit, unseen) ** 2 if unseen else 1 - one.gain for one in simple]
+    best = [one for one, error in zip(simple, left, strict=True) if error * (1 - LEAST_GAIN) <= min(left)]
     return min(best, key=lambda one: (*preferred(one, now), one.fit.rms))
 
 
