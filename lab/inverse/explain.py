@@ -87,6 +87,7 @@ def explained(
     with within(budget_s):
         selection = selected(rough, signals, Search(method, unseen, len(train) < ENOUGH, pool), progress)
     progress("judging", 0.9)
+    fit_on.cache_clear()  # fits that the end of the time cut short are not reported
     found = _explanation(selection, model, train, unseen, method, noise, pool)
     fit_on.cache_clear()
     progress("done", 1.0)
