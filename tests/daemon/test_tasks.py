@@ -57,7 +57,7 @@ def test_a_recording_and_another_configuration(tmp_path: Path, start: type[Runni
         assert recording.metadata["joint"] == "elbow"
         found = pooled([find_taps(*recording.signal("accel"))])
         assert 2 <= found.taps <= 6  # a busy machine loses samples, and the tap that they belong to
-        assert found.f_res_hz.low <= 58.0 <= found.f_res_hz.high
+        assert found.f_res_hz.value == pytest.approx(58.0, abs=0.05)  # a 95 % interval misses it once in twenty runs
         assert recording.signal("command")[0].size > 50
         assert asked(database, Task.RECORD, "nobody", 1.0)[1].text.startswith("no joint is called 'nobody'")
         assert asked(database, Task.RELOAD)[1] == Answer(number + 3, True, "the service has taken the configuration")
