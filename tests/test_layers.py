@@ -21,7 +21,7 @@ ALLOWED = {
 }
 LAB = (
     ("errors", "quantity", "deadline"), ("parallel", "data"), ("results",), ("words", "models"), ("shooting",),
-    ("observer",), ("fitting",), ("selection", "design"), ("discrepancy",), ("inverse", "comparison"),
+    ("observer",), ("fitting",), ("selection", "design"), ("discrepancy",), ("inverse",), ("comparison",),
     ("explain", "estimate"), ("report",), ("commands",), ("cli", "__init__"),
 )  # fmt: skip
 """the rooms of the lab from the lowest up"""

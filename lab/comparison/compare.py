@@ -1,8 +1,9 @@
 """The model held against measurements: how far it is off, where, and in which equation.  Nothing is fitted or printed.
 
-The model runs freely from a start state to the end of each recording.  What is left is held against the noise, in time,
-over phases of the motion, in frequency and over every state (residual_maps.py); localise.py says on which equation it
-acts.
+The model runs freely from a start state to the end of each recording.  A joint whose controller's torque was measured
+would run away; its torque is compared with the one that the model needs for the measured motion (torque.py).  What is
+left is held against the noise, in time, over phases of the motion, in frequency and over every state
+(residual_maps.py); localise.py says on which equation it acts.
 """
 
 from __future__ import annotations
@@ -20,10 +21,13 @@ from lostmotion.lab.comparison.bands import Spectra
 from lostmotion.lab.comparison.predict import Prediction, predict
 from lostmotion.lab.comparison.residual_analysis import Block, ColumnResidual, PhaseError, root_mean_square
 from lostmotion.lab.comparison.residual_maps import ResidualMap
+from lostmotion.lab.comparison.torque import TORQUE, needed_torques, torque_missing
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.noise import NoiseModel, innovation_noise, quiet_noise
 from lostmotion.lab.data.whiteness import Correlation, fit_percent
 from lostmotion.lab.discrepancy.localise import Localisation, localise
+from lostmotion.lab.inverse.explain import method_of
+from lostmotion.lab.inverse.validate import Method, is_noise
 from lostmotion.lab.shooting.initial_state import FINE, find_start, polished, segment_of
 from lostmotion.lab.shooting.segment import Segment
 from lostmotion.model import Model, predictability_horizon
@@ -76,8 +80,9 @@ class Overlay:
 class Comparison:
     """What the comparison found; of phases, blocks, spectra, maps and tests there is one for each column compared.
 
-    noise: by column; tests: by name, of the residuals; starts: (n,) for each experiment; localisation: the equation in
-    which the first column's misfit arises, None where all is noise or no equation explains it.
+    noise: by column; tests: by name, of the residuals; starts: (n,) for each experiment that was simulated;
+    localisation: the equation in which the first column's misfit arises, None where all is noise or no equation
+    explains it.
     """
 
     model: Model
@@ -115,7 +120,11 @@ class Comparison:
     def is_noise(self) -> bool:
         """Whether all that is left can be noise: as large, and no map or band that stands out."""
         column = self.column
-        small = self.rms(column) <= GOOD * self.noise[column].rms
+        noise = self.noise[column].rms
+        if column == TORQUE:  # its floor is an extrapolation
+            small = is_noise(np.concatenate([one.residual[~np.isnan(one.residual)] for one in self.of(column)]), noise)
+        else:
+            small = self.rms(column) <= GOOD * noise
         return small and not any(one.significant for one in self.maps[column])
 
     def document(self) -> dict[str, Any]:
@@ -162,27 +171,43 @@ def compare(
     experiments came from, for the temperature; samples: of all experiments together on which the equations are tried, 0
     for none.  Raises ModelError where the model cannot be run.
     """
-    columns = list(dict.fromkeys(name for one in experiments for name in one.measured))
-    floor = {name: _floor(name, experiments) for name in columns}
+    if starts is None and method_of(model, experiments) is Method.TORQUE:
+        predictions, floor_nm = needed_torques(model, experiments)
+        endless = [math.inf] * len(predictions)
+        found = _compared(model, predictions, endless, {TORQUE: NoiseModel.white(floor_nm)}, recordings)
+        return found if found.is_noise else replace(found, localisation=torque_missing(predictions))
+    floor = {name: _floor(name, experiments) for name in _columns(experiments)}
     if starts is None:
         starts = [_start(model, one, floor) for one in experiments]
     predictions = [predict(model, one, start) for one, start in zip(experiments, starts, strict=True)]
     horizons = [_horizon(model, one, start) for one, start in zip(predictions, starts, strict=True)]
-    noise = {name: _noise(name, predictions, floor[name]) for name in columns}
-    overlays = tuple(_overlays(predictions, horizons, noise))
+    found = replace(_compared(model, predictions, horizons, floor, recordings), starts=tuple(starts))
+    if found.is_noise or not samples:
+        return found
+    return replace(found, localisation=localise(model, experiments, starts, floor, samples))
+
+
+def _columns(experiments: Sequence[Experiment]) -> list[str]:
+    return list(dict.fromkeys(name for one in experiments for name in one.measured))
+
+
+def _compared(
+    model: Model, predictions: Sequence[Prediction], horizons: Sequence[float], floor: Mapping[str, NoiseModel],
+    recordings: Sequence[Recording],
+) -> Comparison:  # fmt: skip
+    """What is left of these predictions; no equation is looked for."""
+    experiments = [one.experiment for one in predictions]
+    noise = {name: _noise(name, predictions, floor[name]) for name in _columns(experiments)}
     temperatures = [_temperature(one, recordings) for one in experiments]
-    found = {name: ColumnResidual(model.base, name, predictions, temperatures, noise[name]) for name in columns}
-    found_all = Comparison(
-        model, tuple(experiments), tuple(starts), overlays, noise,
+    found = {name: ColumnResidual(model.base, name, predictions, temperatures, noise[name]) for name in noise}
+    return Comparison(
+        model, tuple(experiments), (), tuple(_overlays(predictions, horizons, noise)), noise,
         {name: one.tests() for name, one in found.items()},
         {name: one.phases() for name, one in found.items()},
         {name: one.blocks() for name, one in found.items()},
         {name: one.spectra() for name, one in found.items()},
         {name: one.maps() for name, one in found.items()}, None,
     )  # fmt: skip
-    if found_all.is_noise or not samples:
-        return found_all
-    return replace(found_all, localisation=localise(model, experiments, starts, floor, samples))
 
 
 def _overlays(

@@ -10,7 +10,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
@@ -32,8 +31,8 @@ from lostmotion.lab.inverse.problem import Data, by_recording
 from lostmotion.lab.inverse.regression import Regression, blocks_of, can_run
 from lostmotion.lab.inverse.selection import Search, Selection, Step, first_fit, selected
 from lostmotion.lab.inverse.signals import COLUMNS, Signals
-from lostmotion.lab.inverse.torques import can_invert
-from lostmotion.lab.inverse.validate import LIMIT, Method, amplitudes, error_on, fit_on
+from lostmotion.lab.inverse.torques import can_invert, noise_floor
+from lostmotion.lab.inverse.validate import LIMIT, Method, amplitudes, error_on, fit_on, is_noise
 from lostmotion.lab.results import Curve, Errors, Estimate, Explanation, Finding, Fit, Ranked, Verdict
 from lostmotion.lab.shooting.task import Task, coarse_substep
 from lostmotion.model import Model, ModelError, build_model
@@ -41,9 +40,6 @@ from lostmotion.model.motion import FloatArray
 
 __all__ = ["explained", "fitted", "method_of"]
 
-STRUCTURED = 1.6
-"""Times the noise within the band, from which on the residual holds more than noise: the error of the floor itself,
-which is an extrapolation from above the band."""
 SIMULATED = ("servo", "oscillator")
 """Bases whose input does not follow the disturbances."""
 PIECE_S, PIECES = 1.0, 16
@@ -105,7 +101,7 @@ def _explanation(
     column = "torque" if method is Method.TORQUE else unseen.column
     floors = _floors(noise, column, best, unseen)
     left = [best.residual, *(there.residual for there in (fit_on(best, unseen),) if there)]
-    complete = max(map(_least_spread, left)) < STRUCTURED * floors[column]
+    complete = all(is_noise(one, floors[column]) for one in left)
     verdict: Verdict = "missing" if selection.added else "nothing_missing" if complete else "outside_catalogue"
     errors = Errors(descent[0], descent[-1], floors[column], words.column(column)[1])
     return Explanation(
@@ -133,7 +129,7 @@ def _floors(noise: dict[str, float], column: str, fit: Regression, *unseen: Sign
     """Of each column; that which is judged as the sensors leave it within the band, the largest of all recordings."""
     every = (*unseen, *fit.data.signals)
     if column == "torque":
-        return {**noise, column: max(_floor(one, fit.model) for one in every)}
+        return {**noise, column: max(noise_floor(one, fit.model) for one in every)}
     if column == "accel":
         return noise
     return {**noise, column: min(noise[column], max(one.position_noise for one in every))}
@@ -146,19 +142,6 @@ def fitted(model: Model, experiments: Sequence[Experiment], method: Method, nois
     fit = first_fit(from_spectra(model, experiments), signals, Search(method)).judged
     column = "torque" if method is Method.TORQUE else signals[0].column
     return _fit(fit, model, _floors(noise, column, fit), column)
-
-
-def _floor(signals: Signals, model: Model) -> float:
-    """What sensors of torque and angle leave within the band [N m]."""
-    return math.hypot(signals.torque_noise, model.parameters["J"].value * signals.acceleration_noise)
-
-
-def _least_spread(residual: FloatArray) -> float:
-    """Lower end of a 95 % interval of the standard deviation, by the median absolute deviation: its relative standard
-    error is 1.17 / sqrt(N) for N independent normal values (asymptotic efficiency 37 %), and transients of the filter
-    at the ends of a recording do not change it."""
-    spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
-    return spread / (1 + 1.645 * 1.17 / math.sqrt(residual.size))
 
 
 def _confusable(selection: Selection) -> tuple[tuple[str, ...], ...]:

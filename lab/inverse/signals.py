@@ -97,11 +97,20 @@ class Signals:
     def kept(self) -> NDArray[np.intp]:
         """The samples that count (M,): none near the ends, where the filter knows one side only, and none at rest,
         where dry friction may have any value up to its largest."""
-        per_period = self._rate / self.band_hz
-        edge = min(round(EDGE * per_period), self.time.size // 4)
-        found = np.arange(edge, self.time.size - edge, max(round(per_period / PER_PERIOD), 1))
+        edge = min(round(EDGE * self._rate / self.band_hz), self.time.size // 4)
+        found = np.arange(edge, self.time.size - edge, self._every)
         moving = found[np.abs(self.velocity[found]) > self._rest_speed]
         return moving if moving.size >= LEAST_MOVING else found
+
+    @property
+    def grid(self) -> NDArray[np.intp]:
+        """Those that count, and the samples between and beside them, evenly spaced (K,)."""
+        return np.arange(self.kept[0] % self._every, self.time.size, self._every)
+
+    @property
+    def _every(self) -> int:
+        """Every so many samples, one counts: the band needs no more."""
+        return max(round(self._rate / self.band_hz / PER_PERIOD), 1)
 
     @property
     def _rest_speed(self) -> float:
@@ -116,7 +125,11 @@ class Signals:
 
     def filtered(self, signals: FloatArray) -> FloatArray:
         """Signals (..., N) through the filter, at the samples that count (..., M)."""
-        return _lowpass(signals, self.band_hz / self._rate)[..., self.kept]
+        return self.smooth(signals)[..., self.kept]
+
+    def smooth(self, signals: FloatArray) -> FloatArray:
+        """Signals (..., N) through the filter that ends with the band."""
+        return _lowpass(signals, self.band_hz / self._rate)
 
     @property
     def driving(self) -> FloatArray:

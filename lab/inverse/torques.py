@@ -6,6 +6,7 @@ Nothing is integrated here, so only effects without states, delays and clocks ca
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from lostmotion.model.motion import FloatArray
 from lostmotion.model.signals import DRIVEN
 from lostmotion.model.solve import load, rates
 
-__all__ = ["acceleration", "can_invert", "inertia_of", "is_static", "needed"]
+__all__ = ["acceleration", "can_invert", "inertia_of", "is_static", "needed", "noise_floor"]
 
 
 def is_static(effect: Effect) -> bool:
@@ -38,6 +39,11 @@ def can_invert(model: Model) -> bool:
 def inertia_of(model: Model) -> float:
     """J [kg m²], or m [kg]."""
     return next(model.parameters[name].value for name in ("J", "m") if name in model.parameters)
+
+
+def noise_floor(signals: Signals, model: Model) -> float:
+    """Root mean square of what the sensors of torque and angle leave of the needed torque within the band [N m]."""
+    return math.hypot(signals.torque_noise, inertia_of(model) * signals.acceleration_noise)
 
 
 def needed(model: Model, signals: Signals, transmitted: FloatArray) -> FloatArray:

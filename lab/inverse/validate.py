@@ -30,8 +30,8 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray
 
 __all__ = [
-    "LEAST_GAIN", "LIMIT", "Fitted", "Judged", "Method", "amplitudes", "are_alike", "error_on", "fit_on", "is_sized",
-    "judged", "named", "p_of", "preferred", "shapes_tried",
+    "LEAST_GAIN", "LIMIT", "Fitted", "Judged", "Method", "amplitudes", "are_alike", "error_on", "fit_on", "is_noise",
+    "is_sized", "judged", "named", "p_of", "preferred", "shapes_tried",
 ]  # fmt: skip
 
 LIMIT = 0.05
@@ -40,6 +40,9 @@ LEAST_GAIN = 0.05
 """Share of the squared error that an effect has to take, however sure it is: less is not worth a name.  What is surely
 in the sets of ``bench.real`` takes a quarter and more at its step; load-dependent friction that took 2 % of a TX40's
 error (p = 0.001) halved the viscous and the Coulomb friction, which are published."""
+STRUCTURED = 1.6
+"""Times the noise within the band, from which on the residual holds more than noise: the error of the floor itself,
+which is an extrapolation from above the band."""
 HORIZONS = (0.2, 0.5)
 """Shares of a free swing that are fitted before the whole: a frequency that is 2 % off is out of phase after ten
 swings, and a fit to all of them ends in another minimum."""
@@ -132,6 +135,19 @@ def fit_on(fit: Regression, unseen: Signals) -> Regression | None:
         return regressed(known, data)
     except ModelError:
         return None
+
+
+def is_noise(residual: FloatArray, floor: float) -> bool:
+    """Whether a residual (M,) is no larger than the noise that the sensors leave within the band."""
+    return _least_spread(residual) < STRUCTURED * floor
+
+
+def _least_spread(residual: FloatArray) -> float:
+    """Lower end of a 95 % interval of the standard deviation, by the median absolute deviation: its relative standard
+    error is 1.17 / sqrt(N) for N independent normal values (asymptotic efficiency 37 %), and transients of the filter
+    at the ends of a recording do not change it."""
+    spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
+    return spread / (1 + 1.645 * 1.17 / math.sqrt(residual.size))
 
 
 def preferred(one: Judged, now: Regression) -> tuple[bool]:

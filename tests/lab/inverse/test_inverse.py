@@ -24,6 +24,7 @@ from lostmotion.lab.inverse.regression import blocks_of, regressed
 from lostmotion.lab.inverse.selection import Search, selected
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.validate import Method, shapes_tried
+from lostmotion.lab.models import modelfile
 from lostmotion.model import Model, build_model
 from lostmotion.model.effects import get_effect
 
@@ -243,6 +244,27 @@ def test_an_inertia_that_hardly_accelerates_stays_where_it_was(tmp_path: Path) -
 
 
 @pytest.mark.slow
+def test_a_comparison_of_a_driven_joint_is_one_of_torques(tmp_path: Path) -> None:
+    """With the true law, what is left of the torque in a closed loop is its disturbance, and without friction ten
+    times as much is left, which follows the speed; simulated with the torque as input, the joint would run away."""
+    write_recording(robot(13), tmp_path / "rec.csv")
+    found = {}
+    for name, effects in (("law", ["viscous_friction", "coulomb_friction"]), ("bare", [])):
+        values = {"J": INERTIA, "viscous_friction.b_v": VISCOUS, "coulomb_friction.tau_c": COULOMB}
+        model = build_model("joint", effects, {k: v for k, v in values.items() if k.split(".")[0] in ["J", *effects]})
+        modelfile.save(modelfile.ModelFile(model.base, model.effects, model.parameters), tmp_path / f"{name}.toml")
+        arguments = ["lab", "compare", str(tmp_path / f"{name}.toml"), str(tmp_path / "rec.csv"), "--json"]
+        result = CliRunner().invoke(cli, arguments, catch_exceptions=False)
+        found[name] = json.loads(result.stdout)
+    assert list(found["law"]["columns"]) == ["torque"]
+    assert found["law"]["error"]["unit"] == "N m"
+    assert found["law"]["columns"]["torque"]["fit_percent"] > 95
+    assert found["law"]["error"]["after"] < 0.2
+    assert found["bare"]["error"]["after"] > 10 * found["law"]["error"]["after"]
+    assert found["bare"]["residual"]["depends_on"][0] == "omega_2"
+    assert {row["column"] for row in found["bare"]["recordings"]} == {"torque"}
+
+
 def test_units_change_nothing(tmp_path: Path) -> None:
     """A torque that is ten thousand times as large leaves names and shares as they are."""
     plain = [robot(10), robot(11), robot(12)]

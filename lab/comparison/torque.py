@@ -1,0 +1,79 @@
+"""The torque that a model needs for the measured motion, beside the measured one.  No parameter is fitted.
+
+A controller moves the joint: its torque answers whatever disturbs the motion, so that a simulation with this torque as
+its input runs away (an integrated error of 1 % of a torque is thousands of degrees after a minute).  The inverse model
+integrates nothing: tau = J theta_2'' less the torques of the effects, within the band in which the motion stands out of
+its noise.  It is the error that a fit and a search judge such a joint by, too.
+
+Reference: W. Khalil and E. Dombre, Modeling, Identification and Control of Robots (2002), chapter 12.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from lostmotion.lab.comparison.predict import Prediction
+from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.discrepancy.localise import Localisation
+from lostmotion.lab.discrepancy.shape import shapes
+from lostmotion.lab.inverse.problem import Data
+from lostmotion.lab.inverse.regression import regressed
+from lostmotion.lab.inverse.signals import Signals
+from lostmotion.lab.inverse.torques import noise_floor
+from lostmotion.model import Model, Trajectory
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["TORQUE", "needed_torques", "torque_missing"]
+
+TORQUE = "torque"
+VARIABLES = {"position": "theta_2", "velocity": "omega_2", "acceleration": "acceleration"}
+
+
+def needed_torques(model: Model, experiments: Sequence[Experiment]) -> tuple[list[Prediction], float]:
+    """For each experiment, the measured torque and the one that the model needs, and the sensors' noise [N m].
+
+    The time axis is that on which a fit compares them; the measured torque is NaN where it does not: near both ends,
+    where the filter knows one side only, and at rest, where dry friction may have any value up to its largest.
+    """
+    signals = [Signals.of(one) for one in experiments]
+    fixed = replace(model, parameters={name: replace(p, fixed=True) for name, p in model.parameters.items()})
+    fit = regressed(fixed, Data.of(signals, model))  # the zero of an encoder that counts from where it starts
+    assert isinstance(fit.data, Data)
+    shifted = fit.data.shifted(fit.nuisance) if fit.nuisance.size else fit.data.signals
+    torques = fit.data.needed(model, fit.nuisance) if fit.nuisance.size else fit.data.needed(model)
+    predictions = [_prediction(one, torque) for one, torque in zip(shifted, torques, strict=True)]
+    return predictions, max(noise_floor(one, model) for one in signals)
+
+
+def _prediction(signals: Signals, torque: FloatArray) -> Prediction:
+    """torque: what the model needs (N,) [N m], at the signals' times."""
+    at = signals.grid
+    time = signals.time[at]
+    measured = np.where(np.isin(at, signals.kept), signals.smooth(signals.torque)[at], math.nan)
+    modelled = {
+        "torque": signals.smooth(torque)[at],
+        "position": signals.position[at],
+        "velocity": signals.velocity[at],
+        "acceleration": signals.acceleration[at],
+    }
+    states = np.stack([modelled["position"], modelled["velocity"]], axis=1)
+    experiment = replace(signals.experiment, time=time, measured={TORQUE: measured})
+    return Prediction(experiment, Trajectory(time, modelled, states, states[-1], float(time[1] - time[0])))
+
+
+def torque_missing(predictions: Sequence[Prediction]) -> Localisation:
+    """What is left of the torques, and the state of the motion that it follows."""
+    found, variables = [], []
+    for one in predictions:
+        residual = one.residual(TORQUE)
+        there = ~np.isnan(residual)
+        found.append(residual[there])
+        motion = {words: one.trajectory[name][there] for name, words in VARIABLES.items()}
+        variables.append({**motion, "time": one.trajectory.time[there]})
+    size = float(np.sqrt(np.mean(np.concatenate(found) ** 2)))
+    followed = shapes(found, [np.full(one.size, size) for one in found], variables)
+    return Localisation("joint", {"joint": 0.0}, 0.0, size, "N m", followed, (), ())
