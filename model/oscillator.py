@@ -12,6 +12,7 @@ from lostmotion.model.parameter import Domain, Parameter
 from lostmotion.model.signals import (
     ALPHA2,
     BAR_FORCE,
+    DISPLACED,
     FORCE,
     INERTIA,
     Q_RATE,
@@ -95,6 +96,12 @@ def tip_alone(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
     return s[QDD]
 
 
+@kernel
+def displaced(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """The displacement of the mass, q."""
+    return s[Q]
+
+
 ON_BAR = (Term(BAR_FORCE, spring_and_damper, ("b", "k")), Term(QDD, on_bar, ("m", "l")), Term(TIP, tip_on_bar, ("l",)))
 FUSION = Fusion((ALPHA2, BAR_FORCE, QDD), fused_bar, ("b", "k", "m", "l"))
 SENSOR_TERMS = (Term(SENSOR, filtered), Term(READING, reading))
@@ -124,8 +131,9 @@ BASE = Base(
         Term(QDD, alone, ("m",)),
         Term(TIP, tip_alone),
         *SENSOR_TERMS,
+        Term(DISPLACED, displaced),
     ),
-    outputs={"force": FORCE, "displacement": Q, "velocity": Q_RATE, "accel": READING},
+    outputs={"force": FORCE, "displacement": DISPLACED, "velocity": Q_RATE, "accel": READING},
     watched=BAR_FORCE,
     rate=bar_rate,
     start=_start,

@@ -13,6 +13,7 @@ __all__ = [
     "BAR_FORCE",
     "COMMAND",
     "COMMAND_RATE",
+    "DISPLACED",
     "DRIVEN",
     "FORCE",
     "GAP",
@@ -76,6 +77,9 @@ SENSOR = 19
 """the same behind the sensor's filter [m/s²]"""
 READING = 20
 """what the sensor tells: with offset, drift and limits [m/s²]"""
+
+DISPLACED = 21
+"""displacement of the oscillator's end, of all its modes [m]"""
 
 _NUMBERS = {name: number for name, number in dict(globals()).items() if type(number) is int}
 SIGNALS = len(_NUMBERS)

@@ -15,8 +15,9 @@ from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.results import Estimate
 from lostmotion.model import Model
 from lostmotion.model.bases import get_base
+from lostmotion.model.effects import get_effect
 
-__all__ = ["is_driven", "with_scale"]
+__all__ = ["free_states", "is_driven", "with_free_states", "with_scale"]
 
 
 def is_driven(experiment: Experiment) -> bool:
@@ -26,9 +27,26 @@ def is_driven(experiment: Experiment) -> bool:
 
 def with_scale(model: Model, experiments: Sequence[Experiment]) -> tuple[Model, tuple[Estimate, ...]]:
     """The model with the scale of its forces held where no recording has an input, and what is held."""
+    if any(is_driven(one) for one in experiments):
+        return model, ()
+    model = with_free_states(model)
     name = get_base(model.base).scale
-    if not name or model.parameters[name].fixed or any(is_driven(one) for one in experiments):
+    if not name or model.parameters[name].fixed:
         return model, ()
     parameter = model.parameters[name]
     held = Estimate(name, parameter.value, parameter.value, parameter.value, parameter.unit, told=False)
     return model.replace({name: replace(parameter, fixed=True)}), (held,)
+
+
+def with_free_states(model: Model) -> Model:
+    """The model of a motion that no input drives, in which the initial values of an effect's free states are its
+    amplitudes: those among its parameters are held."""
+    free = [get_effect(name) for name in model.effects if get_effect(name).free_states]
+    names = [f"{effect.id}.{name}" for effect in free for name in effect.amplitudes]
+    return model.replace({name: replace(model.parameters[name], fixed=True) for name in names})
+
+
+def free_states(model: Model) -> tuple[str, ...]:
+    """The names of the states of effects that begin anywhere in a motion that no input drives."""
+    effects = {name for name in model.effects if get_effect(name).free_states}
+    return tuple(name for name in model.state_names if name.split(".")[0] in effects)

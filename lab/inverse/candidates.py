@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from lostmotion.lab.data.frequency_response import usual_torque
+from lostmotion.lab.data.lines import spectral_lines
+from lostmotion.lab.fitting.identifiability import is_driven, with_free_states
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import TURN, Data, EquationError, Problem, by_recording
 from lostmotion.lab.inverse.regression import MOST_STEPS, Regression, can_run, regressed
@@ -15,7 +17,7 @@ from lostmotion.lab.inverse.signals import UNSURE_SPEED, Signals
 from lostmotion.lab.inverse.torques import inertia_of, is_static, needed
 from lostmotion.lab.selection.candidates import others
 from lostmotion.lab.selection.nesting import wider, without
-from lostmotion.lab.shooting.initial_guess import initial_guesses
+from lostmotion.lab.shooting.initial_guess import initial_guesses, natural_frequency
 from lostmotion.lab.shooting.parameters import free_names
 from lostmotion.model import Model, ModelError, build_model
 from lostmotion.model.effects import get_effect
@@ -86,6 +88,7 @@ def sizes_of(model: Model, data: Problem) -> MotionScales:
     )
     driving = [usual_torque(model, one.experiment) for one in signals if model.base == "servo"]
     torque = data.usual(model) if isinstance(data, Data) else max(inertia_of(model) * _rms(acceleration), *driving, 0.0)
+    loudest = max(signals, key=lambda one: float(np.ptp(one.acceleration)))
     stiffness, damping = (model.parameters[name].value if name in model.parameters else 0.0 for name in ("k", "b"))
     return MotionScales(
         torque=torque, speed=_rms(speed), span=max(float(np.ptp(one)) for one in position),
@@ -93,7 +96,8 @@ def sizes_of(model: Model, data: Problem) -> MotionScales:
         reading=_rms(acceleration),
         peak=max(float(np.nanmax(np.abs(one.experiment.measured[one.column]))) for one in signals),
         k=stiffness, b=damping, d=0.0, inertia=inertia_of(model),
-        length=max(float(one.time[-1]) for one in signals),
+        length=max(float(one.time[-1]) for one in signals), resonance=natural_frequency(model),
+        lines=spectral_lines(loudest.experiment.measured[loudest.column], loudest.experiment.rate_hz),
     )  # fmt: skip
 
 
@@ -102,6 +106,7 @@ def candidates(model: Model, added: tuple[str, ...], data: Problem) -> Iterator[
     simulated, and those of an angle only where the position is one.  Of nested laws the simple one comes first; once it
     was added, the wide one may take its place."""
     is_simulated = isinstance(data, OutputError)
+    is_moved = any(is_driven(one.experiment) for one in data.signals)
     is_linear = any(one.experiment.is_linear for one in data.signals)
     nested = dict(found for part in added if (found := wider(model, part)))
     for name in others(model):
@@ -110,7 +115,8 @@ def candidates(model: Model, added: tuple[str, ...], data: Problem) -> Iterator[
         if name in nested:
             yield name, nested[name]
         elif (simple := get_effect(name).simpler) is None or simple.effect in model.effects:
-            yield name, model.with_effect(name)
+            wide = model.with_effect(name)
+            yield name, wide if is_moved else with_free_states(wide)
 
 
 def fitted_with(name: str, wide: Model, now: Regression, inverse: Regression | None) -> Regression | None:
@@ -228,8 +234,11 @@ def _promise(name: str, start: Model, now: Regression, data: Problem) -> tuple[f
 
 
 def _zeros(name: str, start: Model, now: Regression, data: Problem) -> FloatArray:
-    """What is fitted beside the parameters, as the present fit has it; angles of zero (R,) that it does not depend on
+    """What is fitted beside the parameters, as the present fit has it, initial values of free states as they take most
+    from the residual; angles of zero (R,) that it does not depend on
     are those with which the effect follows the residual of each recording best."""
+    if isinstance(data, OutputError):
+        return data.begun(start, now.nuisance)
     if not isinstance(data, Data) or not now.nuisance.size or now.jacobian[:, now.count :].any():
         return now.nuisance
     grid = np.arange(ANGLES) / ANGLES * TURN / getattr(start.parameters.get(f"{name}.N"), "value", 1.0)

@@ -248,7 +248,8 @@ def _simulated(fit: Regression) -> list[tuple[Experiment, FloatArray]]:
     if not isinstance(fit.data, Data):
         states = np.split(fit.nuisance, len(fit.data.signals))
         pairs = zip((one.experiment for one in fit.data.signals), states, strict=True)
-        return [(one, initial_state(one.model(fit.model), one, state)) for one, state in pairs]
+        free = getattr(fit.data, "free", ())
+        return [(one, initial_state(one.model(fit.model), one, state, free)) for one, state in pairs]
     pieces = [piece for one in fit.data.shifted(fit.nuisance) for piece in _pieces(one)]
     return [pieces[i] for i in np.unique(np.linspace(0, len(pieces) - 1, min(PIECES, len(pieces))).astype(int))]
 

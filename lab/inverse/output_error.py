@@ -14,11 +14,13 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import compress
 
 import numpy as np
 
 from lostmotion.lab.data.experiment import Experiment
-from lostmotion.lab.fitting.identifiability import is_driven
+from lostmotion.lab.fitting.identifiability import free_states, is_driven
+from lostmotion.lab.inverse.problem import by_recording
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.shooting.task import coarse_substep, rubbing
 from lostmotion.model import Model, ModelError
@@ -53,6 +55,8 @@ class OutputError:
     signals: tuple[Signals, ...]
     substep_s: float
     centre: Model
+    free: tuple[str, ...] = ()
+    """States of effects whose initial values are fitted, too: nothing else tells them where no input drives."""
 
     @classmethod
     def of(cls, signals: Sequence[Signals], model: Model) -> OutputError:
@@ -64,7 +68,8 @@ class OutputError:
             for one, part in zip(signals, parts, strict=True)
         )
         experiments = [one.experiment for one in moving]
-        return cls(moving, coarse_substep(rubbing(model, experiments), experiments, STEPS), model)
+        step = coarse_substep(rubbing(model, experiments), experiments, STEPS)
+        return cls(moving, step, model, () if any(map(is_driven, experiments)) else free_states(model))
 
     def first(self, share: float) -> OutputError:
         """The beginnings of the recordings."""
@@ -76,19 +81,45 @@ class OutputError:
 
     @property
     def nuisance(self) -> FloatArray:
-        """Initial angle and speed of each recording as the filtered signals have them (2 R,)."""
-        return np.concatenate([[one.position[0], one.velocity[0]] for one in self.signals])
+        """Initial angle and speed of each recording as the filtered signals have them, other states at zero (K R,)."""
+        others = [0.0] * len(self.free)
+        return np.concatenate([[one.position[0], one.velocity[0], *others] for one in self.signals])
 
     @property
     def freedom(self) -> FloatArray:
-        """How far the initial values may be from these (2 R,): what the readings scatter about the filtered signals,
+        """How far the initial values may be from these (K R,): what the readings scatter about the filtered signals,
         which is their noise.  A start that may be anywhere takes the place of effects."""
-        return np.concatenate([_freedom(one) for one in self.signals])
+        others = np.full(len(self.free), np.inf)
+        return np.concatenate([part for one in self.signals for part in (_freedom(one), others)])
 
     @property
     def nuisances(self) -> int:
-        """Initial values of one recording."""
-        return 2
+        """K, the initial values of one recording."""
+        return 2 + len(self.free)
+
+    def trimmed(self, model: Model, nuisance: FloatArray) -> tuple[OutputError, FloatArray]:
+        """With those free states only that the model has, and the initial values without the others."""
+        has = [name in model.state_names for name in self.free]
+        rows = nuisance.reshape(len(self.signals), self.nuisances)[:, [True, True, *has]]
+        return replace(self, free=tuple(compress(self.free, has))), np.asarray(rows.ravel())
+
+    def begun(self, model: Model, nuisance: FloatArray) -> FloatArray:
+        """Initial values (K R,) with which the model's free states take most from the residual; nuisance: (K' R,), of
+        fewer states."""
+        recordings = len(self.signals)
+        known = nuisance.reshape(recordings, -1)
+        found = np.zeros((recordings, self.nuisances))
+        found[:, : known.shape[1]] = known
+        if found.size == nuisance.size:
+            return nuisance
+        here, columns = self.residual(model, found.ravel()), []
+        for at in range(known.shape[1], self.nuisances):
+            unit = np.ptp(self.signals[0].position) * (np.arange(self.nuisances) == at)
+            columns.append(by_recording(self.residual(model, (found + unit).ravel()) - here, self))
+        for row, column, left in zip(found, zip(*columns, strict=True), by_recording(here, self), strict=True):
+            size = -np.linalg.lstsq(np.stack(column, axis=1), left)[0]
+            row[known.shape[1] :] = size * np.ptp(self.signals[0].position)
+        return np.asarray(found.ravel())
 
     def residual(self, model: Model, nuisance: FloatArray) -> FloatArray:
         """Measured less simulated motion, all recordings one after the other (M,) [rad or m]."""
@@ -96,7 +127,7 @@ class OutputError:
         for one, start in zip(self.signals, np.split(nuisance, len(self.signals)), strict=True):
             experiment = one.experiment
             own, measured = experiment.model(model), experiment.measured[one.column]
-            state = initial_state(own, experiment, start)
+            state = initial_state(own, experiment, start, self.free)
             try:
                 run = own.simulate(experiment.drive, experiment.time, state, substep_s=self.substep_s)
                 motion = run[one.column]
@@ -111,7 +142,10 @@ class OutputError:
         for one in models:
             with suppress(ModelError):  # a guess that runs away is no beginning
                 needed = min(needed, coarse_substep(one, experiments, STEPS))
-        return replace(self, substep_s=min(self.substep_s, max(needed, FINEST * self.substep_s)))
+        step = min(self.substep_s, max(needed, FINEST * self.substep_s))
+        names = {name: None for one in models for name in free_states(one)}
+        free = self.free if any(map(is_driven, experiments)) else tuple(dict.fromkeys([*self.free, *names]))
+        return replace(self, substep_s=step, free=free)
 
     def usual(self, model: Model) -> float:
         """Root mean square of the motion's deviation from its mean [rad or m]."""
@@ -136,10 +170,11 @@ def _freedom(one: Signals) -> FloatArray:
     return np.maximum(scatter * np.array([1.0, 2 * np.pi * one.band_hz]), 1e-9 * np.ptp(one.position))
 
 
-def initial_state(model: Model, experiment: Experiment, start: FloatArray) -> FloatArray:
-    """The state that begins with this position and speed; states of effects begin where these put the signals."""
-    first, second = (state.name for state in get_base(model.base).states)
-    given = {first: float(start[0]), second: float(start[1])}
+def initial_state(model: Model, experiment: Experiment, start: FloatArray, free: Sequence[str] = ()) -> FloatArray:
+    """The state that begins with this position and speed, and these values of free states that the model has; other
+    states of effects begin where these put the signals."""
+    names = [*(state.name for state in get_base(model.base).states), *free]
+    given = {name: value for name, value in zip(names, start.tolist(), strict=True) if name in model.state_names}
     return model.initial_state(experiment.drive, float(experiment.time[0]), **given)
 
 

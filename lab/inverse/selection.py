@@ -10,6 +10,7 @@ from itertools import compress
 from typing import TypeVar
 
 from lostmotion.lab.deadline import is_over
+from lostmotion.lab.fitting.identifiability import is_driven
 from lostmotion.lab.inverse.candidates import (
     are_apt,
     by_acceleration,
@@ -31,6 +32,7 @@ from lostmotion.lab.inverse.validate import (
     Judged,
     Method,
     are_alike,
+    continued,
     is_sized,
     judged,
     named,
@@ -121,6 +123,9 @@ def selected(
     while len(added) < MOST:
         progress("looking for more" if added else "looking for what is missing", 0.15 + 0.12 * len(added))
         found = _step(now, tuple(added), search)
+        if better := _better_without(found, now, search.method):
+            now = fits[-1] = better
+            continue
         several = [found] if found.is_accepted else _two(found, now, tuple(added), search)
         steps += several or [found]
         for step in several:
@@ -135,6 +140,22 @@ def selected(
         if not several or is_over():
             break
     return _eliminated(fits, added, steps, untried, search)
+
+
+def _better_without(step: Step, now: Fitted, method: Method) -> Fitted | None:
+    """The present model, fitted from the values that it has beside the effect which was found; None where that is no
+    better.  A fit of a motion may have ended in another minimum, out of which any effect would lead."""
+    if method is not Method.MOTION or not step.is_accepted or is_over():
+        return None
+    best = step.judged[0]
+    if set(best.fit.model.effects) != {*now.model.effects, best.effect}:
+        return None
+    less = _without(best.effect, best.fitted, method)
+    return less if less.judged.rms < math.sqrt(1 - LEAST_GAIN) * now.judged.rms else None
+
+
+def _rms(fit: Regression) -> float:
+    return fit.rms
 
 
 def _two(step: Step, now: Fitted, added: tuple[str, ...], search: Search) -> list[Step]:
@@ -181,8 +202,9 @@ def _stronger_first(two: Sequence[Step], alone: Mapping[str, Judged]) -> list[St
 def first_fit(model: Model, signals: Sequence[Signals], search: Search) -> Fitted:
     """The fit of the model as it is."""
     if search.method is Method.MOTION:
-        fits = [regressed(start, OutputError.of(signals, start)) for start in starts(model, signals)]
-        best = min(fits, key=lambda fit: fit.rms)
+        is_moved = any(is_driven(one.experiment) for one in signals)
+        fit = regressed if is_moved else continued
+        best = min((fit(start, OutputError.of(signals, start)) for start in starts(model, signals)), key=_rms)
         return Fitted(best, best)
     data = Data.of(signals, model)
     return Fitted.of(_with_load(softened(model, data), data), search.method)
@@ -257,7 +279,10 @@ def _without(effect: str, now: Fitted, method: Method) -> Fitted:
     """The fit without an effect; a motion begins where it is."""
     model, nuisance = without(now.model, effect), now.inverse.nuisance
     if method is Method.MOTION:
-        return Fitted.of(regressed(model, now.inverse.data, nuisance), method)
+        data = now.inverse.data
+        if isinstance(data, OutputError):
+            data, nuisance = data.trimmed(model, nuisance)
+        return Fitted.of(regressed(model, data, nuisance), method)
     inverse = _with_load(model, Data.of(now.inverse.data.signals, model, nuisance), nuisance)
     judged = regressed(model, now.judged.data, now.judged.nuisance) if method is Method.FREE else inverse
     return Fitted(inverse, judged)

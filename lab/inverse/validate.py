@@ -30,8 +30,8 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray
 
 __all__ = [
-    "LEAST_GAIN", "LIMIT", "Fitted", "Judged", "Method", "amplitudes", "are_alike", "error_on", "fit_on", "is_noise",
-    "is_sized", "judged", "named", "p_of", "preferred", "shapes_tried",
+    "LEAST_GAIN", "LIMIT", "Fitted", "Judged", "Method", "amplitudes", "are_alike", "continued", "error_on", "fit_on",
+    "is_noise", "is_sized", "judged", "named", "p_of", "preferred", "shapes_tried",
 ]  # fmt: skip
 
 LIMIT = 0.05
@@ -70,11 +70,7 @@ class Fitted:
         """Beginning with the fit in which effects are looked for."""
         if method is not Method.FREE:
             return cls(inverse, inverse)
-        swings = OutputError.of(inverse.data.signals, inverse.model)
-        model = inverse.model
-        for share in HORIZONS:
-            model = regressed(model, swings.first(share)).model
-        return cls(inverse, regressed(model, swings))
+        return cls(inverse, continued(inverse.model, OutputError.of(inverse.data.signals, inverse.model)))
 
     @property
     def model(self) -> Model:
@@ -102,6 +98,13 @@ class Judged:
     def is_significant(self) -> bool:
         """Whether it may be named."""
         return self.p_value < LIMIT and self.gain > LEAST_GAIN and self.is_sized
+
+
+def continued(model: Model, swings: OutputError) -> Regression:
+    """The fit of a free motion by way of its beginnings (homotopy in the horizon)."""
+    for share in HORIZONS:
+        model = regressed(model, swings.first(share)).model
+    return regressed(model, swings)
 
 
 def named(alike: Sequence[Judged], now: Regression, unseen: Signals | None) -> Judged:

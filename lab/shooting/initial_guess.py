@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -14,7 +15,7 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.guesses import MotionScales, Values
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["faint", "initial_guesses", "scales_of"]
+__all__ = ["faint", "initial_guesses", "natural_frequency", "scales_of"]
 
 FAINT = 0.01
 """Of an amplitude: so little that the motion hardly changes."""
@@ -53,7 +54,14 @@ def scales_of(model: Model, segments: Sequence[Segment], substep_s: float) -> Mo
         d=value.get("d", 0.0),
         inertia=inertia,
         length=max(float(e.time[-1]) for e in experiments),
+        resonance=natural_frequency(model),
     )
+
+
+def natural_frequency(model: Model) -> float:
+    """Of the bar without damping [Hz]; zero where there is none."""
+    k, m = (model.parameters[name].value if name in model.parameters else 0.0 for name in ("k", "m"))
+    return math.sqrt(k / m) / (2 * math.pi) if m > 0 else 0.0
 
 
 def initial_guesses(model: Model, effect: str, size: MotionScales) -> list[Values]:

@@ -345,6 +345,33 @@ def test_a_damper_whose_displacement_is_given(tmp_path: Path) -> None:
     assert values["coulomb_friction.tau_c"][0] == pytest.approx(50, rel=0.1)
 
 
+def ringing(seed: int, second: float) -> Recording:
+    """The accelerometer on a bar that was struck, in closed form: two damped modes of 23 and 71 Hz at any phase."""
+    rng = np.random.default_rng(seed)
+    times = np.arange(0.0, 1.5, 1e-3)
+    modes = ((23.0, 0.008, 3.0), (71.0, 0.012, second))
+    felt = sum(
+        size * np.exp((-zeta + 1j * math.sqrt(1 - zeta**2)) * 2 * np.pi * f * times + 1j * rng.uniform(0, 2 * np.pi))
+        for f, zeta, size in modes
+    )
+    return Recording(times, {"accel": np.real(felt) + 0.02 * rng.standard_normal(times.size)}, name=f"bar{seed}.csv")
+
+
+@pytest.mark.slow
+def test_a_second_mode_of_a_bar_that_rings_down(tmp_path: Path) -> None:
+    """It begins at any phase, and its frequency and damping are found; nothing is named where there is none."""
+    found = explained(tmp_path, 'base = "oscillator"\n', [ringing(seed, 0.8) for seed in (1, 2)])
+    assert found["missing"] == ["second_mode"]
+    assert found["complete"]
+    low, high = found["parameters"]["second_mode.f2"][1:]
+    assert low < 71.0 < high
+    assert high - low < 0.5
+    assert found["parameters"]["second_mode.zeta2"][0] == pytest.approx(0.012, rel=0.05)
+    alone = explained(tmp_path, 'base = "oscillator"\n', [ringing(seed, 0.0) for seed in (3, 4)])
+    assert alone["missing"] == []
+    assert alone["verdict"] == "nothing_missing"
+
+
 def test_a_whole_number_is_paid_for_in_the_p_value() -> None:
     """A ripple of 12 periods a turn was chosen among many shapes: its p-value is 156 times that of the test alone, one
     of once a turn twice that; an effect without a whole number pays nothing."""
