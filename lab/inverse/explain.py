@@ -97,13 +97,13 @@ def _explanation(
     """What was found, with its errors on the recording that no fit has seen."""
     fits = [one.judged for one in selection.fits]
     base, best = fits[0], fits[-1]
-    descent = tuple(error_on(fit, unseen) for fit in fits)
+    descent = _descent([error_on(fit, unseen) for fit in fits], selection)
     column = "torque" if method is Method.TORQUE else unseen.column
     floors = _floors(noise, column, best, unseen)
     left = [best.residual, *(there.residual for there in (fit_on(best, unseen),) if there)]
     complete = all(is_noise(one, floors[column]) for one in left)
     verdict: Verdict = "missing" if selection.added else "nothing_missing" if complete else "outside_catalogue"
-    errors = Errors(descent[0], descent[-1], floors[column], words.column(column)[1])
+    errors = Errors(descent[0], error_on(best, unseen), floors[column], words.column(column)[1])
     return Explanation(
         verdict=verdict,
         missing=selection.added,
@@ -123,6 +123,16 @@ def _explanation(
         ),
         untried=selection.untried,
     )
+
+
+def _descent(errors: Sequence[float], selection: Selection) -> tuple[float, ...]:
+    """The error without any of the effects, with the first of them, with the first two, …; what several steps of one
+    effect take counts together."""
+    falls = dict.fromkeys(selection.added, 0.0)
+    for effect, (less, more) in zip(selection.labels, pairwise(errors), strict=True):
+        falls[effect] += less**2 - more**2
+    left = errors[0] ** 2 - np.cumsum([0.0, *falls.values()])
+    return tuple(np.sqrt(np.maximum(left, 0.0)).tolist())
 
 
 def _floors(noise: dict[str, float], column: str, fit: Regression, *unseen: Signals) -> dict[str, float]:

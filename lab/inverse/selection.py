@@ -104,13 +104,19 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """fits: the base's, then one with each effect that was added; steps: what was tried at each, the last one without
+    """fits: the base's, then one after each step; labels: the effect that each step added, of a wider one that took a
+    simpler one's place both; steps: what was tried at each, the last one without
     success; untried: effects that were not tried beside those that were added, because time ran out."""
 
     fits: tuple[Fitted, ...]
-    added: tuple[str, ...]
+    labels: tuple[str, ...]
     steps: tuple[Step, ...]
     untried: tuple[str, ...]
+
+    @property
+    def added(self) -> tuple[str, ...]:
+        """The effects, in the order in which they were added."""
+        return tuple(dict.fromkeys(self.labels))
 
 
 def selected(
@@ -131,9 +137,10 @@ def selected(
         for step in several:
             best = step.judged[0]
             now = _with(best, now, search.method)
-            still = [effect in now.model.effects for effect in added]  # a wider effect takes a simpler one's place
-            fits = [fits[0], *compress(fits[1:], still), now]
-            added = [*compress(added, still), best.effect]
+            fits.append(now)
+            added.append(best.effect)
+            held = now.model.effects  # a wider effect takes a simpler one's place, and what that one explained
+            added = [effect if effect in held else best.effect for effect in added]
         untried = found.untried
         if is_over() and several:
             untried = tuple(dict.fromkeys([*(one.effect for one in steps[-1].judged[1:]), *untried]))
@@ -293,16 +300,16 @@ def _eliminated(
 ) -> Selection:
     """Without those effects that the later ones have made superfluous, or whose size nothing tells any more, as long as
     the others remain what their names say."""
-    for effect in list(added):
-        if len(added) < 2 or is_over():
+    for effect in dict.fromkeys(added):
+        if len(set(added)) < 2 or is_over():
             break
         now = fits[-1]
         less = _without(effect, now, search.method)
         others = [name for name in added if name != effect]
         is_needed = p_of(less.judged, now.judged, search.choosing) < LIMIT and is_sized(effect, now.judged)
         if not is_needed and are_apt(less.model, others):
-            at = added.index(effect)
-            added.remove(effect)
-            fits.pop(at + 1)
+            kept = [name != effect for name in added]
+            fits = [fits[0], *compress(fits[1:], kept)]
+            added = list(compress(added, kept))
             fits[-1] = less
     return Selection(tuple(fits), tuple(added), tuple(steps), untried)
