@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -265,18 +266,48 @@ def test_a_comparison_of_a_driven_joint_is_one_of_torques(tmp_path: Path) -> Non
     assert {row["column"] for row in found["bare"]["recordings"]} == {"torque"}
 
 
-def test_units_change_nothing(tmp_path: Path) -> None:
-    """A torque that is ten thousand times as large leaves names and shares as they are."""
-    plain = [robot(10), robot(11), robot(12)]
-    large = [
-        Recording(one.time, {**one.columns, "torque": 1e4 * one.columns["torque"]}, {}, {}, 0, one.name)
-        for one in plain
+UNITS = {"torque": (1.0, 0.0, -2.0), "position": (0.0, 0.0, 0.0), "accel": (0.0, 1.0, -2.0)}
+"""Powers of the units of torque, length and time in each column; of the torque that of J / T², too."""
+
+
+def in_units(recording: Recording, inertia: float, length: float, time: float) -> Recording:
+    """The same recording in units in which a kg m², a metre and a second are so many."""
+    columns = {}
+    for name, values in recording.columns.items():
+        powers = UNITS[name]
+        columns[name] = values * inertia ** powers[0] * length ** powers[1] * time ** powers[2]
+    return Recording(recording.time * time, columns, {}, {}, 0, recording.name)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("base", "measure", "seeds"),
+    [
+        ("joint", robot, (10, 11, 12)),
+        ("joint", pendulum, (1, 2)),
+        ("oscillator", lambda seed: ringing(seed, 0.8), (1, 2)),
+    ],
+    ids=["driven", "swinging", "ringing"],
+)
+def test_units_change_nothing(
+    base: str, measure: Callable[[int], Recording], seeds: tuple[int, ...], tmp_path: Path
+) -> None:
+    """In other units of inertia, length and time the names, the shares and the errors over the noise are the same."""
+    recordings = [measure(seed) for seed in seeds]
+    found = [
+        explained(tmp_path, f'base = "{base}"\n', [in_units(one, *units) for one in recordings])
+        for units in ((1.0, 1.0, 1.0), (1e4, 1e3, 0.1))
     ]
-    first, second = (explained(tmp_path, 'base = "joint"\n', each) for each in (plain, large))
-    assert first["missing"] == second["missing"]
-    for effect, share in first["share"].items():
-        assert second["share"][effect] == pytest.approx(share, abs=1e-3)
-    assert second["error"]["after"] == pytest.approx(1e4 * first["error"]["after"], rel=1e-2)
+    first = found[0]
+    assert first["missing"]
+    for other in found[1:]:
+        assert other["missing"] == first["missing"]
+        assert other["complete"] == first["complete"]
+        for effect, share in first["share"].items():
+            assert other["share"][effect] == pytest.approx(share, abs=1e-3)
+        for which in ("before", "after"):
+            ratio = first["error"][which] / first["error"]["noise"]
+            assert other["error"][which] / other["error"]["noise"] == pytest.approx(ratio, rel=1e-2)
 
 
 def test_the_band_ends_where_the_angle_falls_into_its_noise() -> None:
