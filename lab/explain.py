@@ -230,15 +230,19 @@ def _unvalidated(steps: Sequence[Step]) -> list[str]:
 
 
 def _confusable(named: Sequence[str], steps: Sequence[Step]) -> tuple[tuple[str, ...], ...]:
-    groups = [tuple(one.effect for one in step.equals) for step in steps]
+    groups = [
+        tuple(one.effect for at, one in enumerate(step.equals) if at == 0 or one.effect not in named) for step in steps
+    ]
     return tuple(group for group in groups if len(group) > 1 and group[0] in named)
 
 
 def _advice(named: Sequence[str], steps: Sequence[Step], unseen: Unseen) -> str:
     """What to record to tell apart the first effects that these recordings confuse."""
     for step in steps:
-        if len(alike := step.equals) > 1 and alike[0].effect in named:
-            return what_to_record([one.level.model for one in alike], unseen.task, unseen.pool)
+        effects = next((group for group in _confusable(named, [step])), ())
+        if effects:
+            models = [one.level.model for one in step.equals if one.effect in effects]
+            return what_to_record(models, unseen.task, unseen.pool)
     return ""
 
 

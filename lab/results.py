@@ -41,8 +41,9 @@ class Estimate:
 class Fit:
     """A model fitted to experiments.
 
-    starts: the state (n,) with which each experiment begins; correlation: (P, P) of the estimates; noise, rms: by
-    column, its unit; substep_s: the integration step that was used; complete: False when the user stopped it early.
+    starts: the state (n,) with which each experiment begins, none where the torque of a joint was fitted and no motion
+    is simulated; correlation: (P, P) of the estimates; noise, rms: by column, its unit; substep_s: the integration step
+    that was used; complete: False when the user stopped it early.
     """
 
     model: Model

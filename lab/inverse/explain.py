@@ -113,8 +113,8 @@ def _explanation(
         residual=None if complete else _finding(selection.fits[-1].inverse),
         advice="" if method is Method.FREE else _advice(selection, train, noise, pool),
         detectable=_detectable(selection.steps[-1]) if verdict == "nothing_missing" else {},
-        base=_fit(base, model, floors, column),
-        best=_fit(best, model, floors, column),
+        base=_fit(base, model, floors, column, unseen),
+        best=_fit(best, model, floors, column, unseen),
         descent=descent,
         complete=complete,
         columns={column: errors},
@@ -155,8 +155,13 @@ def fitted(model: Model, experiments: Sequence[Experiment], method: Method, nois
 
 
 def _confusable(selection: Selection) -> tuple[tuple[str, ...], ...]:
-    firsts = [(step.judged[0].effect, *step.confusable) for step in selection.steps if step.confusable]
-    return tuple(group for group in firsts if group[0] in selection.added)
+    """Effects that were added, each with those that explained as much and were not: of two that are both needed, the
+    recordings tell each."""
+    added = selection.added
+    groups = [
+        (step.judged[0].effect, *(name for name in step.confusable if name not in added)) for step in selection.steps
+    ]
+    return tuple(group for group in groups if len(group) > 1 and group[0] in added)
 
 
 def _ranking(selection: Selection, unseen: Signals, before: float) -> tuple[Ranked, ...]:
@@ -184,8 +189,9 @@ def _advice(selection: Selection, train: Sequence[Experiment], noise: dict[str, 
     """What to record to tell apart the first effects that these recordings confuse; nothing where their motion cannot
     be simulated."""
     for step in selection.steps:
-        if step.confusable and step.judged[0].effect in selection.added:
-            alike = [one.fit.model for one in step.judged if one.effect in (step.judged[0].effect, *step.confusable)]
+        effects = next((group for group in _confusable(selection) if group[0] == step.judged[0].effect), ())
+        if effects:
+            alike = [one.fit.model for one in step.judged if one.effect in effects]
             with suppress(ModelError):
                 return what_to_record(alike, Task.of(alike[0], train, noise), pool)
             break
@@ -223,24 +229,24 @@ def _estimates(fit: Regression) -> list[Estimate]:
     return found
 
 
-def _fit(fit: Regression, rough: Model, noise: dict[str, float], column: str) -> Fit:
-    """The regression as a result, with pieces of the motion to be simulated from the filtered state."""
+def _fit(fit: Regression, rough: Model, noise: dict[str, float], column: str, *unseen: Signals) -> Fit:
+    """The regression as a result, which shows recordings that it has not seen first."""
     block = blocks_of(fit)
     covariance = fit.covariance(block)
     deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-100))
     sharp = _sharp(fit.model, rough)
     model = sharp if can_run(sharp, fit.data.signals) else fit.model
-    experiments, starts = zip(*_simulated(fit), strict=True)
-    substep = coarse_substep(model, experiments, 1.0)
+    beside = [there for one in unseen if (there := fit_on(fit, one))]
+    shown = [part for one in beside for part in _shown(one, ", not fitted")] + _shown(fit)
+    substep = coarse_substep(model, [experiment for experiment, _ in shown], 1.0)
     return Fit(
         model=model,
-        experiments=tuple(experiments),
-        starts=tuple(starts),
+        experiments=tuple(experiment for experiment, _ in shown),
+        starts=tuple(start for _, start in shown if start is not None),
         estimates=tuple(_estimates(fit)),
         correlation=np.asarray(covariance / np.outer(deviation, deviation)),
         noise=noise,
-        rms={column: fit.rms}
-        | {name: rms for name, rms in _motion_rms(fit, model, experiments, starts, substep).items() if name != column},
+        rms={column: fit.rms, **_motion_rms(fit, model, substep)},
         substep_s=substep,
     )
 
@@ -252,16 +258,16 @@ def _sharp(model: Model, rough: Model) -> Model:
     return replace(model, parameters={name: widths.get(name, p) for name, p in model.parameters.items()})
 
 
-def _simulated(fit: Regression) -> list[tuple[Experiment, FloatArray]]:
-    """What is simulated to show the motion of a fit: whole recordings with their fitted initial states, or where the
-    torque was fitted, pieces from the filtered state."""
-    if not isinstance(fit.data, Data):
-        states = np.split(fit.nuisance, len(fit.data.signals))
-        pairs = zip((one.experiment for one in fit.data.signals), states, strict=True)
-        free = getattr(fit.data, "free", ())
-        return [(one, initial_state(one.model(fit.model), one, state, free)) for one, state in pairs]
-    pieces = [piece for one in fit.data.shifted(fit.nuisance) for piece in _pieces(one)]
-    return [pieces[i] for i in np.unique(np.linspace(0, len(pieces) - 1, min(PIECES, len(pieces))).astype(int))]
+def _shown(fit: Regression, remark: str = "") -> list[tuple[Experiment, FloatArray | None]]:
+    """The recordings of a fit, each with its fitted initial state where their motion is simulated."""
+    experiments = [replace(one.experiment, name=f"{one.experiment.name}{remark}") for one in fit.data.signals]
+    if isinstance(fit.data, Data):
+        return [(one, None) for one in experiments]
+    states, free = np.split(fit.nuisance, len(experiments)), getattr(fit.data, "free", ())
+    return [
+        (one, initial_state(one.model(fit.model), one, state, free))
+        for one, state in zip(experiments, states, strict=True)
+    ]
 
 
 def _pieces(signals: Signals) -> list[tuple[Experiment, FloatArray]]:
@@ -275,14 +281,15 @@ def _pieces(signals: Signals) -> list[tuple[Experiment, FloatArray]]:
     return found
 
 
-def _motion_rms(
-    fit: Regression, model: Model, pieces: Sequence[Experiment], starts: Sequence[FloatArray], substep: float
-) -> dict[str, float]:
-    """Error of the motion, simulated over the pieces [rad or m]."""
+def _motion_rms(fit: Regression, model: Model, substep: float) -> dict[str, float]:
+    """Where the torque was fitted, the error of the motion, of pieces from the filtered state [rad or m]."""
+    if not isinstance(fit.data, Data):
+        return {}
     column, parts = fit.data.signals[0].column, []
-    for piece, start in zip(pieces, starts, strict=True):
-        own = piece.model(model)
-        motion = own.simulate(piece.drive, piece.time, start, substep_s=substep)
+    pieces = [piece for one in fit.data.shifted(fit.nuisance) for piece in _pieces(one)]
+    for at in np.unique(np.linspace(0, len(pieces) - 1, min(PIECES, len(pieces))).astype(int)):
+        piece, start = pieces[at]
+        motion = piece.model(model).simulate(piece.drive, piece.time, start, substep_s=substep)
         parts.append((piece.measured[column] - motion[column]) ** 2)
     return {column: float(np.sqrt(np.nanmean(np.concatenate(parts))))}
 

@@ -117,7 +117,7 @@ def _page(title: str, subtitle: str, sections: Sequence[Section], drawn: Sequenc
 def _subtitle(source: Comparison | Fit | None) -> Html:
     if source is None:
         return Html()
-    names = ", ".join(PurePath(experiment.name).name for experiment in source.experiments)
+    names = ", ".join(dict.fromkeys(PurePath(experiment.name).name for experiment in source.experiments))
     active = ", ".join(source.model.effects) or "none"
     return paragraphs([f"base {source.model.base}; active effects: {active}; recordings: {names}"])
 

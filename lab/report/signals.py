@@ -35,7 +35,7 @@ def signals(traces: Sequence[Trace]) -> Section:
         "arrows, +, −, 0. The grey band holds 95 % of the sensor's noise."
     )
     if any(trace.before is not None for trace in traces):
-        text += " Tap “without what was found” to see the model that lacks it."
+        text += " Below, what is left with what was found, and without it; tap a name to hide or show its curve."
     places = [_place(number, trace) for number, trace in enumerate(traces)]
     return Section("signals", "Measured and modelled", Html(note(text) + "".join(places)))
 

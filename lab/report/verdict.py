@@ -72,7 +72,8 @@ def of_finding(finding: Finding) -> tuple[str, ...]:
     place = PLACES.get(finding.acts_on, finding.acts_on)
     depends = joined([words.variable(name)[0] for name in finding.depends_on])
     where = f"It acts on {place}" + (f" and depends on {depends}." if depends else ".")
-    return tuple(s for s in (where, finding.description) if s)
+    said = finding.description
+    return (where, f"{said[0].upper()}{said[1:].rstrip('.')}.") if said else (where,)
 
 
 def of_fit(fit: Fit) -> tuple[str, ...]:

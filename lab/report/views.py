@@ -14,10 +14,10 @@ import numpy as np
 
 from lostmotion.lab import words
 from lostmotion.lab.comparison.compare import Comparison
-from lostmotion.lab.comparison.predict import predict
+from lostmotion.lab.comparison.predict import Prediction, predict
+from lostmotion.lab.comparison.torque import needed_torques
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.results import Explanation, Fit
-from lostmotion.model import Trajectory
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["Amplitudes", "Trace", "amplitudes", "before", "traces"]
@@ -77,22 +77,24 @@ class Amplitudes:
 
 def traces(fit: Fit | None, comparison: Comparison | None = None, before: Fit | None = None) -> Iterator[Trace]:
     """Each column of each recording against the model, and against the one before it was improved."""
+    then: list[Prediction] | None = None
     now: list[Mapping[str, FloatArray]]
     if comparison:
         experiments, noise = comparison.experiments, {name: one.rms for name, one in comparison.noise.items()}
         in_order = iter(comparison.overlays)
         now = [{column: next(in_order).modelled for column in one.measured} for one in experiments]
     elif fit:
-        experiments, noise, now = fit.experiments, dict(fit.noise), [one.signals for one in _run(fit)]
+        noise, run = dict(fit.noise), _run(fit)
+        experiments, now = tuple(one.experiment for one in run), [one.trajectory.signals for one in run]
+        then = _run(before) if before and _same(before.experiments, fit.experiments) else None
     else:
         return
-    then = [one.signals for one in _run(before)] if before and _same(before.experiments, experiments) else None
     for i, experiment in enumerate(experiments):
         for column, measured in experiment.measured.items():
             there = ~np.isnan(measured)
             yield Trace(
                 experiment.name, column, experiment.time[there], measured[there], now[i][column][there],
-                noise.get(column, math.nan), then[i][column][there] if then else None,
+                noise.get(column, math.nan), then[i].trajectory[column][there] if then else None,
             )  # fmt: skip
 
 
@@ -126,9 +128,12 @@ def amplitudes(trace: Trace, comparison: Comparison | None = None) -> Amplitudes
     return Amplitudes(trace, frequency, measured, modelled, residual, noise)
 
 
-def _run(fit: Fit) -> Iterator[Trajectory]:
-    for experiment, start in zip(fit.experiments, fit.starts, strict=True):
-        yield predict(fit.model, experiment, start, substep_s=fit.substep_s).trajectory
+def _run(fit: Fit) -> list[Prediction]:
+    """What was fitted: the motion that begins with the fitted states, or the torque."""
+    if not fit.starts:
+        return needed_torques(fit.model, fit.experiments)[0]
+    pairs = zip(fit.experiments, fit.starts, strict=True)
+    return [predict(fit.model, experiment, start, substep_s=fit.substep_s) for experiment, start in pairs]
 
 
 def _same(some: tuple[Experiment, ...], others: tuple[Experiment, ...]) -> bool:

@@ -68,11 +68,11 @@
       const follow = { setScale: [(u, key) => key === "x" && this.show(u.scales.x.min, u.scales.x.max)] };
       const [above, below] = this.root.querySelectorAll(".chart");
       const time = { label: "time (s)", value: (_, v) => digits(v) };
-      const before = s.before ? [{ ...line("without what was found", "noise"), show: false }] : [];
+      const before = (show) => s.before ? [{ ...line("without what was found", "noise"), show }] : [];
       const overlay = options(s, width, tall, time,
-                              [line("measured", "measured", 2.4), line("modelled", "modelled"), ...before],
+                              [line("measured", "measured", 2.4), line("modelled", "modelled"), ...before(false)],
                               `${s.what} (${s.unit})`, { hooks: follow });
-      const residual = options(s, width, low, {}, [line("measured − modelled", "residual"), ...before],
+      const residual = options(s, width, low, {}, [line("measured − modelled", "residual"), ...before(true)],
                                `residual (${s.residual_unit})`,
                                { hooks: { ...follow, drawClear: [floor(s.noise * s.residual_factor)] } });
       this.plots = [new uPlot(overlay, data.overlay, above), new uPlot(residual, data.residual, below)];

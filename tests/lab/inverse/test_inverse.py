@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
@@ -186,8 +186,16 @@ def test_the_scale_of_a_free_swing_is_held_and_told(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_answer_has_its_keys(tmp_path: Path) -> None:
-    """complete, share, columns and an independent noise stand in the answer; shares add up to the fall of the error."""
-    answer = explained(tmp_path, 'base = "joint"\n', [robot(7), robot(8), robot(9)])
+    """complete, share, columns and an independent noise stand in the answer; shares add up to the fall of the error.
+    The torque is drawn, first of the recording that judges: its residual is the error with and without the effects."""
+    curves = tmp_path / "curves.json"
+    answer = explained(tmp_path, 'base = "joint"\n', [robot(7), robot(8), robot(9)], "--curves", str(curves))
+    drawn = json.loads(curves.read_text())
+    assert [one["column"] for one in drawn] == ["torque"] * 3
+    assert PurePath(drawn[0]["recording"]).name.endswith(", not fitted")
+    for key, modelled in (("after", "modelled"), ("before", "before")):
+        left = np.subtract(drawn[0]["measured"], drawn[0][modelled])
+        assert math.sqrt(np.mean(left**2)) == pytest.approx(answer["error"][key], rel=0.05)
     error = answer["error"]
     assert answer["verdict"] == "missing"
     assert error["unit"] == "N m"
