@@ -169,13 +169,20 @@ def _explanation(
         residual=residual,
         advice=_advice(named, steps, unseen),
         detectable=_detectable(steps[-1].scores) if verdict == "nothing_missing" else {},
-        base=fit_of(base, task),
-        best=best_fit,
+        base=_with_unseen(fit_of(base, task), before),
+        best=_with_unseen(best_fit, after),
         columns=columns,
         descent=tuple(judged.of(first) for judged in descent),
         left_out=(after.errors.size - len(after.residual), after.errors.size),
         unshown=tuple(effect for effect in _unvalidated(steps) if effect in named) if verdict == "missing" else (),
     )
+
+
+def _with_unseen(fit: Fit, judged: Judged) -> Fit:
+    """The fit, which shows the recording that it has not seen first, from the starts that were found there."""
+    unseen = (replace(one.experiment, name=f"{one.experiment.name}, not fitted") for one in judged.segments)
+    starts = (one.start for one in judged.segments)
+    return replace(fit, experiments=(*unseen, *fit.experiments), starts=(*starts, *fit.starts))
 
 
 def _left_of_each(level: Level, task: Task) -> Iterator[bool]:
@@ -274,5 +281,5 @@ def _finding(level: Level, task: Task) -> Finding | None:
     good = followed(level, task.substep_s) or level.segments
     r = np.concatenate(residuals(level.model, good, task.substep_s))
     noise = {name: innovation_noise(np.asarray(r * size)) for name, size in task.noise.items()}
-    found = localise(level.model, [s.experiment for s in good], [s.start for s in good], noise, thorough=True)
+    found = localise(level.model, [s.experiment for s in good], [s.start for s in good], noise, thorough=not is_over())
     return found.finding() if found else None

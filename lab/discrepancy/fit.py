@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lostmotion.lab.deadline import is_over
 from lostmotion.lab.discrepancy.basis import registered, wave_guess
 from lostmotion.lab.observer.filter import STRONG, TIGHT
 from lostmotion.lab.observer.objective import OUTSIDE, Follower, settled
@@ -45,7 +46,7 @@ class Descent:
         e, damping = _errors(model, follower, coupling), 1e-2
         cost = _cost(e)
         for _ in range(STEPS):
-            if not math.isfinite(cost):
+            if is_over() or not math.isfinite(cost):
                 break
             moved = [_errors(unknowns.put(model, z + step), follower, coupling) for step in STEP * np.eye(z.size)]
             J, w = (np.array(moved).T - e[:, None]) / STEP, 1 / (1 + (e / OUTSIDE) ** 2)
@@ -76,6 +77,8 @@ def best_wave(model: Model, follower: Follower, target: int) -> float:
     weight = 1 / (1 + (e / OUTSIDE) ** 2)
     best, found = -1.0, SLOWEST_HZ
     for hz in np.arange(SLOWEST_HZ, fastest, 0.5 / min(s.duration for s in follower.segments)):
+        if is_over():
+            break
         J = _torque_wave(model, follower, float(hz), e) if target == TORQUE else _sensor_wave(follower, float(hz))
         if not np.isfinite(J).all():
             continue

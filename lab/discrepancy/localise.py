@@ -14,9 +14,7 @@ for what is seen in the ring only.  With parameters that are off, the misfit is 
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,8 +22,10 @@ import numpy as np
 from lostmotion.lab import words
 from lostmotion.lab.data.autoregression import NoiseModel
 from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.deadline import is_over
 from lostmotion.lab.discrepancy.input_estimation import Track, Tracker, Wander
 from lostmotion.lab.discrepancy.shape import Shape, shapes
+from lostmotion.lab.parallel import Threads, cores
 from lostmotion.lab.quantity import quantity
 from lostmotion.lab.results import Curve, Finding
 from lostmotion.lab.shooting.segment import state_scales
@@ -122,7 +122,7 @@ def localise(
         for equation in trackers[0].equations
         for memory in (MEMORIES_S if thorough else (ONE_MEMORY_S,))
     ]
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with Threads(cores()) as pool:
         none = pool.submit(_likelihood, trackers, Wander(tries[0][0], NONE * sizes[tries[0][0]], ONE_MEMORY_S, FLOOR))
         climbs = list(pool.map(lambda entry: _climb(trackers, entry[0], entry[1], sizes[entry[0]]), tries))
         best: dict[str, tuple[float, Wander]] = {}
@@ -153,10 +153,10 @@ def _climb(trackers: Sequence[Tracker], equation: str, memory: float, unit: floa
     for direction in (1, -1):
         for step in range(1, FURTHEST):
             found = tried(direction * step)
-            if not found[0] > best[0]:
+            if not found[0] > best[0] or is_over():
                 break
             best = found
-        if best[1].deviation > FIRST * unit * 1.01:
+        if is_over() or best[1].deviation > FIRST * unit * 1.01:
             break
     return best
 
