@@ -22,7 +22,7 @@ from lostmotion.lab.discrepancy.localise import Localisation
 from lostmotion.lab.discrepancy.shape import shapes
 from lostmotion.lab.inverse.problem import Data
 from lostmotion.lab.inverse.regression import regressed
-from lostmotion.lab.inverse.signals import Signals
+from lostmotion.lab.inverse.signals import Signals, telling_share
 from lostmotion.lab.inverse.torques import noise_floor
 from lostmotion.model import Model, Trajectory
 from lostmotion.model.motion import FloatArray
@@ -39,7 +39,8 @@ def needed_torques(model: Model, experiments: Sequence[Experiment]) -> tuple[lis
     The time axis is that on which a fit compares them; the measured torque is NaN where it does not: near both ends,
     where the filter knows one side only, and at rest, where dry friction may have any value up to its largest.
     """
-    signals = [Signals.of(one) for one in experiments]
+    share = telling_share(experiments)
+    signals = [Signals.of(one, share=share) for one in experiments]
     fixed = replace(model, parameters={name: replace(p, fixed=True) for name, p in model.parameters.items()})
     fit = regressed(fixed, Data.of(signals, model))  # the zero of an encoder that counts from where it starts
     assert isinstance(fit.data, Data)
