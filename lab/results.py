@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -16,9 +16,42 @@ from lostmotion.lab.data.experiment import Experiment
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Curve", "Errors", "Estimate", "Explanation", "Finding", "Fit", "Ladder", "Ranked", "Rung", "Verdict"]
+__all__ = [
+    "Curve", "Displayed", "Errors", "Estimate", "Explanation", "Finding", "Fit", "Ladder", "Ranked", "Rung", "Verdict",
+    "Views", "display_with",
+]  # fmt: skip
 
 Verdict = Literal["missing", "nothing_missing", "outside_catalogue"]
+
+
+@dataclass(frozen=True)
+class Views:
+    """How a notebook shows a result: as HTML, and as a figure of matplotlib."""
+
+    html: Callable[[Displayed], str]
+    plot: Callable[[Displayed], Any]
+
+
+_views: list[Views] = []
+
+
+def display_with(views: Views) -> None:
+    """From now on, results are shown so: the report stands above this module, and says so itself."""
+    _views[:] = [views]
+
+
+class Displayed:
+    """A result that a notebook shows; ``lostmotion.lab`` must have been imported."""
+
+    __slots__ = ()
+
+    def _repr_html_(self) -> str:
+        """The sentences of a person, and a table."""
+        return _views[0].html(self)
+
+    def plot(self) -> Any:
+        """Measured and modelled over time, and what is left, as a ``matplotlib.figure.Figure``."""
+        return _views[0].plot(self)
 
 
 @dataclass(frozen=True)
@@ -38,7 +71,7 @@ class Estimate:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class Fit(Displayed):
     """A model fitted to experiments.
 
     starts: the state (n,) with which each experiment begins, none where the torque of a joint was fitted and no motion
@@ -55,6 +88,11 @@ class Fit:
     rms: Mapping[str, float]
     substep_s: float
     complete: bool = True
+
+    def __getitem__(self, name: str) -> Estimate:
+        """The estimate of that parameter.  Raises KeyError for one that was not free."""
+        found = {estimate.name: estimate for estimate in self.estimates}
+        return found[name]
 
     def document(self) -> dict[str, Any]:
         """The keys of ``lab fit --json``."""
@@ -147,7 +185,7 @@ class Finding:
 
 
 @dataclass(frozen=True, eq=False)
-class Explanation:
+class Explanation(Displayed):
     """What is missing from a model.
 
     missing: strongest first; confusable: groups that these recordings cannot tell apart; ranking: best first;
@@ -224,7 +262,7 @@ class Rung:
 
 
 @dataclass(frozen=True, eq=False)
-class Ladder:
+class Ladder(Displayed):
     """How the error fell, effect by effect; last: the explanation that added nothing more."""
 
     rungs: tuple[Rung, ...]

@@ -10,7 +10,7 @@ import numpy as np
 
 from lostmotion.drivers.recording import replacing
 from lostmotion.lab.comparison.compare import Comparison
-from lostmotion.lab.report.views import Trace, before, traces
+from lostmotion.lab.report.views import Trace, traces_of
 from lostmotion.lab.results import Explanation, Fit, Ladder
 from lostmotion.model.motion import FloatArray
 
@@ -25,18 +25,9 @@ def write_curves(path: Path, found: Comparison | Fit | Explanation | Ladder) -> 
 
     A file of that name is replaced, once all is written.  Raises RecordingError when it cannot be written.
     """
-    document = [_document(trace) for trace in _traces(found)]
+    document = [_document(trace) for trace in traces_of(found)]
     with replacing(path) as file:
         json.dump(document, file, ensure_ascii=False, allow_nan=False)
-
-
-def _traces(found: Comparison | Fit | Explanation | Ladder) -> tuple[Trace, ...]:
-    if isinstance(found, Comparison):
-        return tuple(traces(None, found))
-    if isinstance(found, Fit):
-        return tuple(traces(found))
-    explanation = found.last if isinstance(found, Ladder) else found
-    return tuple(traces(explanation.best, before=before(explanation.best, explanation)))
 
 
 def _document(trace: Trace) -> dict[str, Any]:

@@ -28,6 +28,7 @@ from lostmotion.lab.data.whiteness import Correlation, fit_percent
 from lostmotion.lab.discrepancy.localise import Localisation, localise
 from lostmotion.lab.inverse.explain import method_of
 from lostmotion.lab.inverse.validate import Method, is_noise
+from lostmotion.lab.results import Displayed
 from lostmotion.lab.shooting.initial_state import FINE, find_start, polished, segment_of
 from lostmotion.lab.shooting.segment import Segment
 from lostmotion.model import Model, predictability_horizon
@@ -43,6 +44,8 @@ CLOSE, NEAR, LOST = 1.2, 3.0, 12.0
 which on the start is good enough for a model that is wrong."""
 LONGER = (2.0, 1.25)
 POLISHING = 4
+MENTIONED = 0.05
+"""Shares of the error below this are not worth a word."""
 GOOD = 1.15
 """Times the noise up to which an error is the noise's own."""
 
@@ -77,7 +80,7 @@ class Overlay:
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class Comparison(Displayed):
     """What the comparison found; of phases, blocks, spectra, maps and tests there is one for each column compared.
 
     noise: by column; tests: by name, of the residuals; starts: (n,) for each experiment that was simulated;
@@ -115,6 +118,10 @@ class Comparison:
         pairs = [(one.measured - np.nanmean(one.measured), one.residual) for one in self.of(column)]
         spread, error = (root_mean_square(np.concatenate(part)) for part in zip(*pairs, strict=True))
         return 100 * (1 - error / max(spread, 1e-300))
+
+    def worst_phase(self, column: str) -> PhaseError:
+        """The phase of the motion in which the error is largest, of those that hold a twentieth of it or more."""
+        return max((one for one in self.phases[column] if one.error > MENTIONED), key=lambda one: one.rms)
 
     @property
     def is_noise(self) -> bool:

@@ -4,6 +4,7 @@
 verdict.py and words.py, numbers in quantity.py, the look in assets/.
 """
 
+from lostmotion.lab.report import notebook
 from lostmotion.lab.report.page import write_report
 
-__all__ = ["write_report"]
+__all__ = ["notebook", "write_report"]

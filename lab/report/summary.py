@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 
 from lostmotion.lab import words
-from lostmotion.lab.comparison.compare import GOOD, Comparison
-from lostmotion.lab.quantity import quantities, quantity
+from lostmotion.lab.comparison.compare import GOOD, MENTIONED, Comparison
+from lostmotion.lab.quantity import quantities
+from lostmotion.lab.report.verdict import worst_phase
 
 __all__ = ["summary"]
-
-MENTIONED = 0.05
-"""Shares of the error below this are not worth a word."""
 
 
 def summary(comparison: Comparison) -> list[str]:
@@ -37,12 +35,7 @@ def _size(comparison: Comparison, name: str) -> str:
 
 
 def _where(comparison: Comparison, column: str) -> list[str]:
-    unit = words.column(column)[1]
-    usual = [one for one in comparison.phases[column] if one.error > MENTIONED]
-    phase = max(usual, key=lambda one: one.rms)
-    lines = [
-        f"It fails most {phase.phase}: {quantity(phase.rms, unit, 2)} there, {100 * phase.error:.0f} % of the error."
-    ]
+    lines = [worst_phase(comparison, column)]
     bands = [band for band in comparison.spectra[column].bands if band.stands_out]
     if bands:
         band = max(bands, key=lambda one: one.residual)

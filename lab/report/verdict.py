@@ -10,7 +10,16 @@ from lostmotion.lab.comparison.compare import Comparison
 from lostmotion.lab.quantity import number, quantities, quantity, with_unit
 from lostmotion.lab.results import Errors, Estimate, Explanation, Finding, Fit, Ladder
 
-__all__ = ["detectable", "joined", "of_comparison", "of_explanation", "of_finding", "of_fit", "of_ladder"]
+__all__ = [
+    "detectable",
+    "joined",
+    "of_comparison",
+    "of_explanation",
+    "of_finding",
+    "of_fit",
+    "of_ladder",
+    "worst_phase",
+]
 
 MOST_VARIABLES = 3
 PLACES = {"joint": "the joint", "oscillator": "the bar", "sensor": "the sensor", "command": "the command",
@@ -98,8 +107,7 @@ def of_comparison(comparison: Comparison) -> tuple[str, ...]:
     sentences = [f"The error in {what} is {with_unit(error, unit)}, a fit of {fit}; the noise is {noise}."]
     if comparison.is_noise:
         return (*sentences, "What is left is no more than noise.")
-    worst = comparison.phases[column][0]
-    sentences.append(f"{number(100 * worst.error, 0)} % of the squared error arises {worst.phase}.")
+    sentences.append(worst_phase(comparison, column))
     telling = [one for one in comparison.maps[column] if one.significant]
     if telling:
         depends = joined([words.variable(one.variable)[0] for one in telling[:MOST_VARIABLES]])
@@ -108,6 +116,13 @@ def of_comparison(comparison: Comparison) -> tuple[str, ...]:
     if math.isfinite(horizon):
         sentences.append(f"The motion can be predicted for {horizon:.1f} s only; later, samples hold as statistics.")
     return tuple(sentences)
+
+
+def worst_phase(comparison: Comparison, column: str) -> str:
+    """Where in the motion the error is largest."""
+    phase, unit = comparison.worst_phase(column), words.column(column)[1]
+    size, share = quantity(phase.rms, unit, 2), 100 * phase.error
+    return f"It fails most {phase.phase}: {size} there, {share:.0f} % of the squared error."
 
 
 def of_ladder(ladder: Ladder) -> tuple[str, ...]:

@@ -17,10 +17,10 @@ from lostmotion.lab.comparison.compare import Comparison
 from lostmotion.lab.comparison.predict import Prediction, predict
 from lostmotion.lab.comparison.torque import needed_torques
 from lostmotion.lab.data.experiment import Experiment
-from lostmotion.lab.results import Explanation, Fit
+from lostmotion.lab.results import Displayed, Explanation, Fit, Ladder
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Amplitudes", "Trace", "amplitudes", "before", "traces"]
+__all__ = ["Amplitudes", "Trace", "amplitudes", "before", "traces", "traces_of"]
 
 LEAST_SAMPLES = 16
 SEGMENTS = 8
@@ -96,6 +96,17 @@ def traces(fit: Fit | None, comparison: Comparison | None = None, before: Fit | 
                 experiment.name, column, experiment.time[there], measured[there], now[i][column][there],
                 noise.get(column, math.nan), then[i].trajectory[column][there] if then else None,
             )  # fmt: skip
+
+
+def traces_of(found: Displayed) -> tuple[Trace, ...]:
+    """Of whatever the lab has found."""
+    if isinstance(found, Comparison):
+        return tuple(traces(None, found))
+    if isinstance(found, Fit):
+        return tuple(traces(found))
+    explanation = found.last if isinstance(found, Ladder) else found
+    assert isinstance(explanation, Explanation)
+    return tuple(traces(explanation.best, before=before(explanation.best, explanation)))
 
 
 def before(fit: Fit | None, explanation: Explanation | None) -> Fit | None:

@@ -1,0 +1,71 @@
+"""What a notebook shows of results."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from html.parser import HTMLParser
+
+import pytest
+
+from lostmotion.lab.report.summary import summary
+from lostmotion.lab.report.verdict import of_comparison
+from lostmotion.lab.report.views import traces_of
+from lostmotion.lab.results import Displayed
+from tests.lab import report_example
+
+RESULTS: dict[str, Callable[[], Displayed]] = {
+    "comparison": report_example.comparison,
+    "fit": lambda: report_example.fit("coulomb_friction"),
+    "explanation": report_example.explanation,
+    "ladder": report_example.ladder,
+}
+VOID = {"br", "hr", "img"}
+
+
+class Balanced(HTMLParser):
+    """Whether every element that begins ends, and the rows of its tables."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.rows = 0
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: object) -> None:
+        self.rows += tag == "tr"
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+@pytest.mark.parametrize("kind", RESULTS)
+def test_results_show_themselves(kind: str) -> None:
+    """As plain words with a table, and as a figure with two plots of each column of each recording."""
+    found: Displayed = RESULTS[kind]()
+    shown = Balanced(found._repr_html_())
+    assert not shown.open
+    assert shown.rows >= 2
+    figure = found.plot()
+    assert len(figure.axes) == 2 * len(traces_of(found))
+    picture = io.BytesIO()
+    figure.savefig(picture, dpi=20)
+    assert picture.getvalue().startswith(b"\x89PNG")
+
+
+def test_an_estimate_by_its_name() -> None:
+    """A fit gives the estimate of a parameter by its name."""
+    found = report_example.fit("coulomb_friction")
+    assert found["coulomb_friction.tau_c"].name == "coulomb_friction.tau_c"
+    with pytest.raises(KeyError):
+        found["J9"]
+
+
+def test_terminal_and_report_name_the_same_phase() -> None:
+    """The phase in which the error is largest, in the same words."""
+    comparison = report_example.comparison()
+    worst = comparison.worst_phase("accel").phase
+    for lines in (summary(comparison), of_comparison(comparison)):
+        assert any(line.startswith(f"It fails most {worst}: ") for line in lines)
