@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -80,29 +80,45 @@ def explain(
     noise = noise_of(experiments)
     train, last = _used(model, train, last, budget_s)
     task = Task.of(model, train, noise)
-    rng = np.random.default_rng(seed)
     progress("fitting what is there", 0.0)
     with within(SEARCH_SHARE * budget_s):
-        short = first_fit(model, task, pool)
-        base = grown(short, task)
-        unseen = Unseen(last, task, predictable(short, task), pool)
-        last_short, level, descent, steps = descended(short, base, unseen, rng, progress)
-        level, descent = simplified(level, descent, unseen, _unvalidated(steps))
-        untried = _untried(level.model, steps) if is_over() else ()
-    if insignificant := is_insignificant(level, task):
-        last_short, level, descent, steps = short, base, descent[:1], [replace(steps[0], accepted=False)]
+        search = _searched(model, task, last, pool, np.random.default_rng(seed), progress)
+        untried = _untried(search.level.model, search.steps) if is_over() else ()
     progress("refining", 0.9)
     with within((1 - SEARCH_SHARE) * budget_s):
-        short = last_short if last_short.model.effects == level.model.effects else full_fit(level.model, task)
-        found = _explanation(base, level, short, descent, steps, unseen, outside=insignificant)
+        found = _explanation(search)
     progress("done", 1.0)
-    return replace(
-        found,
-        held=held,
-        untried=untried,
-        complete=found.verdict != "outside_catalogue" and found.residual is None,
-        used_s=(sum(one.duration for one in (*train, last)), whole_s),
-    )
+    used_s = sum(one.duration for one in (*train, last)), whole_s
+    return replace(found, held=held, untried=untried, used_s=used_s)
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """base: the fit of the model as it is; level, short: the last one, on long and on short segments; descent: the
+    errors on unseen data; steps: what was tried; outside: it is known that something is left, which no effect explains.
+    """
+
+    base: Level
+    level: Level
+    short: Level
+    descent: Sequence[Judged]
+    steps: Sequence[Step]
+    unseen: Unseen
+    outside: bool = False
+
+
+def _searched(
+    model: Model, task: Task, last: Experiment, pool: Executor, rng: np.random.Generator, progress: Progress
+) -> _Search:
+    """Steps 1 to 4.  Where all that was added may as well be zero, nothing was, and something is left."""
+    short = first_fit(model, task, pool)
+    base = grown(short, task)
+    unseen = Unseen(last, task, predictable(short, task), pool)
+    last_short, level, descent, steps = descended(short, base, unseen, rng, progress)
+    level, descent = simplified(level, descent, unseen, _unvalidated(steps))
+    if is_insignificant(level, task):
+        return _Search(base, base, short, descent[:1], [replace(steps[0], accepted=False)], unseen, outside=True)
+    return _Search(base, level, last_short, descent, steps, unseen)
 
 
 def _untried(model: Model, steps: Sequence[Step]) -> tuple[str, ...]:
@@ -129,36 +145,23 @@ def _split(experiments: Sequence[Experiment]) -> tuple[list[Experiment], Experim
     return [only.between(only.time[0], cut)], only.between(cut, only.time[-1] + 1.0)
 
 
-def _explanation(
-    base: Level,
-    best: Level,
-    short: Level,
-    descent: Sequence[Judged],
-    steps: Sequence[Step],
-    unseen: Unseen,
-    *,
-    outside: bool,
-) -> Explanation:
-    """outside: it is known that something is left, which no effect explains."""
-    task, before, after = unseen.task, descent[0], descent[-1]
+def _explanation(search: _Search) -> Explanation:
+    """What was found, refined, and what is left of it."""
+    unseen, steps, best = search.unseen, search.steps, search.level
+    task, before, after = unseen.task, search.descent[0], search.descent[-1]
     first = next(iter(task.noise))
     named = task.added(best.model)
     refined = unseen.pool.submit(refined_fit, best, task)  # it works on one core while what is left is described
-    left = outside or is_left(after) or (not named and steps[-1].is_full and any(_left_of_each(best, task)))
-    if left and named:  # with the right effect, what is left of unseen data may be starts that were not found
-        left = all(_left_of_each(best, task))
-    enough = before.error > BY_FAR * after.error
-    verdict: Verdict = "nothing_missing"
-    if named and (enough or not left):
+    left = _is_left(search, named)
+    verdict: Verdict = "outside_catalogue" if left else "nothing_missing"
+    if named and (not left or before.error > BY_FAR * after.error):
         verdict = "missing"
-    elif left:
-        verdict = "outside_catalogue"
     columns = {
         name: Errors(before.of(name), after.of(name), noise, words.column(name)[1])
         for name, noise in task.noise.items()
         if name in before.columns
     }
-    residual = _residual(short, best, task) if left else None
+    residual = _residual(search) if left else None
     best_fit = refined.result()
     return Explanation(
         verdict=verdict,
@@ -167,15 +170,25 @@ def _explanation(
         ranking=_with_intervals(_ranking(steps, before, first), best_fit),
         error=columns[first],
         residual=residual,
+        complete=verdict != "outside_catalogue" and residual is None,
         advice=_advice(named, steps, unseen),
         detectable=_detectable(steps[-1].scores) if verdict == "nothing_missing" else {},
-        base=_with_unseen(fit_of(base, task), before),
+        base=_with_unseen(fit_of(search.base, task), before),
         best=_with_unseen(best_fit, after),
         columns=columns,
-        descent=tuple(judged.of(first) for judged in descent),
+        descent=tuple(judged.of(first) for judged in search.descent),
         left_out=(after.errors.size - len(after.residual), after.errors.size),
         unshown=tuple(effect for effect in _unvalidated(steps) if effect in named) if verdict == "missing" else (),
     )
+
+
+def _is_left(search: _Search, named: Sequence[str]) -> bool:
+    """Whether more than noise is left.  With the right effect, what is left of unseen data may be starts that were not
+    found: then the data of the fit tell."""
+    each = list(_left_of_each(search.level, search.unseen.task))
+    if search.outside or is_left(search.descent[-1]):
+        return all(each) if named else True
+    return not named and search.steps[-1].is_full and any(each)
 
 
 def _with_unseen(fit: Fit, judged: Judged) -> Fit:
@@ -267,10 +280,13 @@ def _detectable(scores: Scores) -> dict[str, tuple[str, float]]:
     return sizes
 
 
-def _residual(short: Level, best: Level, task: Task) -> Finding | None:
+def _residual(search: _Search) -> Finding | None:
     """What is left, described by a function, or by the equation in which it acts; None where the model cannot even be
     run."""
+    task, short, best = search.unseen.task, search.short, search.level
     try:
+        if short.model.effects != best.model.effects:
+            short = full_fit(best.model, task)
         return described(short, task) or _finding(best, task)
     except ModelError:
         return None
