@@ -19,7 +19,7 @@ from lostmotion.detector.commanded import BEFORE_S
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.flank import FlankLaw, law_of
 from lostmotion.detector.learner import BarChange, Change, Learner, is_learning
-from lostmotion.detector.play_size import learnt_play, stretch_of
+from lostmotion.detector.play_size import SizeLaw, learnt_play, stretch_of
 from lostmotion.detector.score import score_window
 from lostmotion.detector.servo import UNKNOWN, ServoLaw
 from lostmotion.detector.severity import with_severity
@@ -108,7 +108,7 @@ class _Joint:
         self.pending: list[_Pending] = []
         self.heard = -math.inf
         self.temperature = math.nan
-        self.law, self.law_windows, self.servo = law_of(plan.settings), 0, UNKNOWN
+        self.law, self.law_windows, self.servo, self.size_law = law_of(plan.settings), 0, UNKNOWN, SizeLaw()
         self._times, self._angles = array("d"), array("d")
         self.counts = Counts()
         count = round(self.length * plan.rate_hz)
@@ -344,7 +344,9 @@ class Pipeline:
             return replace(score, play_reason="too few commands of the other joints")
         times, angles = joint.commands
         settings, before = joint.bar_settings, joint.law
-        sized, joint.law = learnt_play(score, alone, times, angles, settings, joint.law, joint.servo)
+        sized, joint.law, joint.size_law = learnt_play(
+            score, alone, times, angles, settings, joint.law, joint.servo, joint.size_law
+        )
         joint.law_windows += joint.law is not before
         scored, joint.servo = with_severity(sized, alone, times, angles, settings, joint.servo)
         return scored

@@ -10,7 +10,7 @@ from lostmotion.detector.commanded import BEFORE_S
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.flank import law_of
 from lostmotion.detector.learner import settled
-from lostmotion.detector.play_size import learnt_play, stretch_of
+from lostmotion.detector.play_size import SizeLaw, learnt_play, stretch_of
 from lostmotion.detector.score import score_window, validate
 from lostmotion.detector.servo import SPAN_S, UNKNOWN
 from lostmotion.detector.severity import with_severity
@@ -69,11 +69,11 @@ def score_series(
     known = settled((window.accel for window in windows), windows[0].rate_hz, settings) if windows else settings
     scored = [score_window(window, known, range_ms2) for window in windows]
     around = [_around(score, times_servo, commands, times_accel, accel, accel_rate) for score in scored]
-    servo, scores, law = UNKNOWN, [], law_of(settings)
+    servo, size_law, scores, law = UNKNOWN, SizeLaw(), [], law_of(settings)
     for score, known_around in zip(scored, around, strict=True):
         servo = with_severity(score, *known_around, settings, servo)[1]
     for score, known_around in zip(scored, around, strict=True):
-        sized, law = learnt_play(score, *known_around, settings, law, servo)
+        sized, law, size_law = learnt_play(score, *known_around, settings, law, servo, size_law)
         scores.append(with_severity(sized, *known_around, settings, servo)[0])
     return scores
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 import resource
@@ -171,7 +172,8 @@ def test_settings_by_rank(recording: Path) -> None:
 
 
 def test_score_for_people(recording: Path) -> None:
-    """A line of summary, a row for each window, and the play over all of them: 80 µm on 10 mm are 27.5'."""
+    """A line of summary, a row for each window, and the play over all of them: 80 µm on 10 mm are 27.5', told to a
+    quarter by one who knows nothing of the teeth's stiffness."""
     windows = documents(call("score", recording, "--json"))["windows"]
     lines = call("score", recording).stdout.splitlines()
     impacts = sum(window["impact"] for window in windows)
@@ -179,8 +181,8 @@ def test_score_for_people(recording: Path) -> None:
     assert len(lines) == 4 + len(windows)
     play = re.fullmatch(r"play: ([\d.]+)', ([\d.]+)° \(95 %: ([\d.]+) to ([\d.]+)\).*", lines[-1])
     assert play
-    assert float(play[1]) == pytest.approx(27.5, rel=0.12)
-    assert float(play[3]) <= float(play[2]) <= float(play[4])
+    assert float(play[1]) == pytest.approx(27.5, rel=0.25)
+    assert float(play[3]) <= math.degrees(80e-6 / 0.01) <= float(play[4])
 
 
 GOOD_ROWS = "time,command,accel\n" + "".join(f"{t / 200},0,0\n" for t in range(90))

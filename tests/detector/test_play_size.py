@@ -11,9 +11,14 @@ import numpy as np
 import pytest
 from bench.joints import Gear
 from bench.play_size import Cell, recorded, told_of
+from bench.roc.waveforms import Bar
+from bench.severity import recorded as recorded_moves
 
 from lostmotion.detector.commanded import BEFORE_S
-from lostmotion.detector.play_size import play_size, with_play
+from lostmotion.detector.corners import SMOOTH
+from lostmotion.detector.flank import law_of
+from lostmotion.detector.offset import OFFSET_UNKNOWN
+from lostmotion.detector.play_size import SizeLaw, learnt_play, play_size, with_play
 from lostmotion.detector.pooling import pooled
 from lostmotion.detector.score import score_window
 from lostmotion.detector.series import score_series
@@ -76,7 +81,7 @@ def test_intervals_hold_whatever_the_gear(cause: str) -> None:
     """Of 95 % intervals at least 90 % hold 3 mrad and 8 mrad, of a gear that no setting tells; hard stops are told by
     half of the windows and to 20 % by all together."""
     for play in (30e-6, 80e-6):
-        found = told_of(CAUSES[cause], play, [8220])
+        found = told_of(CAUSES[cause], play, [8220, 8222])
         assert found.values >= 10
         assert found.covered >= 0.9
         if CAUSES[cause].gear.kind == "stops":
@@ -86,15 +91,15 @@ def test_intervals_hold_whatever_the_gear(cause: str) -> None:
 
 @pytest.mark.slow
 def test_intervals_are_as_wide_as_they_must_be() -> None:
-    """Of some 600 intervals of hard stops 92 to 98.5 % hold, when the settings say that they are hard: 81 % would, were
-    they 0.6 times as wide."""
+    """Of some 600 intervals of hard stops 92 to 99.5 % hold, when the settings say that they are hard: 89 % would, were
+    they 0.6 times as wide.  They are wide because lever and delay are allowed twice the error that they have here."""
     causes = ("motion up to 6 Hz, a bar of 5 g", "motion up to 10 Hz", "noise", "friction")
     tried = product(causes, (30e-6, 80e-6))
     every = np.concatenate(
         [shares(recorded(8221, play, CAUSES[cause], known=True), play / 0.01) for cause, play in tried]
     )
     assert every.size > 400
-    assert 0.92 <= np.mean(every < 1) <= 0.985
+    assert 0.92 <= np.mean(every < 1) <= 0.995
 
 
 @lru_cache
@@ -206,3 +211,30 @@ def test_pooled_is_a_median_with_its_interval() -> None:
     found = [pooled(rng.normal(1.0, 0.2, 25)) for _ in range(400)]
     assert 0.93 <= np.mean([one.low <= 1.0 <= one.high for one in found]) <= 0.99
     assert "expected at least 6" in pooled([1.0] * 5 + [math.nan]).reason
+
+
+def test_a_window_tells_what_its_sensor_reads_beside_motion() -> None:
+    """Offset and gravity of 9.8 m/s² that earlier windows have told are taken away: the play is that without either,
+    with an interval as wide; unknown they make it wider or hide it."""
+    window, polls, shaft = flights(0.008)
+    settings, law = replace(HARD, noise_ms2=0.05), law_of(HARD)
+    score = replace(score_window(replace(window, joint="elbow"), SETTINGS), impact=True)
+    angle = np.interp(window.time, polls, shaft)
+    turned = replace(window, accel=window.accel + 0.3 + 9.8 * np.sin(angle + 0.7))
+    known = OFFSET_UNKNOWN
+    for place in np.linspace(-0.15, 0.15, 40):
+        known = known.updated(place, 0.3 + 9.8 * math.sin(place + 0.7))
+    told = learnt_play(score, turned, polls, shaft, settings, law, known=SizeLaw(known, SMOOTH))[0]
+    level = play_size(window, polls, shaft, settings)
+    assert told.play == pytest.approx(0.008, rel=0.12)
+    assert told.play_high - told.play_low <= 1.1 * (level.high - level.low)
+    alone = learnt_play(score, turned, polls, shaft, settings, law)[0]
+    assert not alone.play_high - alone.play_low <= 1.2 * (told.play_high - told.play_low)
+
+
+@pytest.mark.slow
+def test_corners_of_the_command_are_no_play() -> None:
+    """Trapezoids with steps of 5 mrad, hard stops of 1 mrad: at most one of eight windows tells a play that is too
+    large; half of them would, were the command always taken for smooth."""
+    told = [score for seed in (8600, 8601) for score in recorded_moves("stops", "trapezoids", seed, 1e-5, Bar(), 0.2)]
+    assert np.mean([score.play_low > 1e-3 for score in told]) < 1 / 8

@@ -1,0 +1,103 @@
+"""How far a joint is from its gear during one stretch: D = theta_2 - theta_1, but for a + b t, and how uncertain it is.
+
+theta_2 is twice the integral of the impulses that the accelerometer tells (``deconvolution``), less what it reads
+beside motion (``offset``); theta_1 is the commanded motion (``commanded``) as a servo follows it (``servo``).  Errors
+of the lever, the resonance, the servo's ways and the offset are in the covariance.  No flanks, no play.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lostmotion.detector.commanded import Commanded
+from lostmotion.detector.contacts import Contacts, contacts
+from lostmotion.detector.deconvolution import Inverse, inverse, mistuned, noise_of
+from lostmotion.detector.offset import OWN, OffsetLaw, averaged
+from lostmotion.detector.servo import ServoLaw
+from lostmotion.detector.window import DetectorSettings, FloatArray, Window
+
+__all__ = ["RelativeMotion", "relative_motion"]
+
+LENGTH, MISTUNED = 0.02, 0.005
+"""Standard deviations of the shares by which length or sensitivity, and the resonance, are wrong."""
+LATE, OTHERWISE, SHAPE = 0.003, 0.15, 0.15
+"""Standard deviations of a delay [s] beside that of the way in which the servo follows, of the share of what following
+changes by which it follows otherwise, and of the second coefficient of its lag over the delay's square, which is 0.5 of
+a pure delay, 1 of the first order, 0.3 to 0.8 of a second order damped by 0.6 to 1.2."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RelativeMotion:
+    """The joint's angle against the gear, but for a + b t, where that is known, and its covariance, at times (K,)."""
+
+    time: FloatArray
+    angle: FloatArray
+    covariance: FloatArray
+    known: NDArray[np.bool_]
+
+
+def relative_motion(
+    stretch: Window, command: Commanded, settings: DetectorSettings, servo: ServoLaw, offset: OffsetLaw
+) -> tuple[RelativeMotion, Contacts, OffsetLaw]:
+    """D, where the joint may touch its gear, and what is known of the sensor's offset after this stretch."""
+    followed = command.followed(servo)
+    accel, doubt, offset = _levelled(stretch, followed, settings, offset)
+    noise = noise_of(stretch.accel, settings)
+    undone = inverse(accel.size, stretch.rate_hz, noise, settings)
+    impulses = undone.gain @ accel
+    basis = command.basis(np.minimum(undone.times, command.end))
+    astray = mistuned(accel.size, stretch.rate_hz, noise, settings, MISTUNED) @ accel
+    otherwise = (SHAPE * servo.delay[0] ** 2, basis @ command.coefficients, astray)
+    apart = _apart(undone, impulses, followed, basis, otherwise, doubt, settings)
+    return apart, contacts(undone, impulses, followed.derivative(basis, 2), apart.known), offset
+
+
+def _levelled(
+    stretch: Window, command: Commanded, settings: DetectorSettings, offset: OffsetLaw
+) -> tuple[FloatArray, tuple[float, float], OffsetLaw]:
+    """Accelerations without what the sensor reads beside motion, the standard deviations of what may remain of offset
+    [m/s²] and gravity [m/s² per rad], and what is known of them after this window.
+
+    Of the offset this window tells as much as it does for all of them, with the deviation OWN that its play leaves.
+    """
+    local = stretch.time - stretch.time[0]
+    basis = command.basis(np.minimum(local, command.end))
+    known = local <= command.end
+    reading = stretch.accel[known] - settings.length_m * command.derivative(basis, 2)[known]
+    angle = basis @ command.coefficients
+    offset = offset.updated(averaged(angle[known]), averaged(reading))
+    read, level, slope = offset.read(angle)
+    share = level**2 / (level**2 + OWN**2)
+    accel = stretch.accel - read - share * averaged(reading - read[known])
+    return accel, (OWN * math.sqrt(share), slope), offset
+
+
+def _apart(
+    undone: Inverse, impulses: FloatArray, command: Commanded, basis: FloatArray,
+    uncertain: tuple[float, FloatArray, FloatArray], doubt: tuple[float, float], settings: DetectorSettings,
+) -> RelativeMotion:  # fmt: skip
+    """D and what is uncertain about it: a servo that follows otherwise is nearer to its goal [rad], or later, or ahead
+    in proportion to the acceleration [s²]; a wrong resonance adds angles [rad].
+
+    basis: of the command at the times of the impulses.
+    """
+    curvature, goal, astray = uncertain
+    time = undone.times
+    driven, speed, accel = basis @ command.coefficients, *(command.derivative(basis, order) for order in (1, 2))
+    driven, speed = driven - driven.mean(), speed - speed.mean()
+    step = float(time[1] - time[0])
+    columns = np.column_stack([
+        (time - time.mean()) ** 2 * (doubt[0] / settings.length_m / 2),
+        undone.twice @ driven * step * (doubt[1] / settings.length_m),
+        LENGTH * driven,
+        LATE * speed,
+        OTHERWISE * (goal - goal.mean() - driven),
+        curvature * (accel - accel.mean()),
+        astray,
+    ])  # fmt: skip
+    covariance = undone.doubt + basis @ command.covariance @ basis.T + columns @ columns.T
+    return RelativeMotion(time, undone.twice @ impulses - basis @ command.coefficients, covariance, time <= command.end)
