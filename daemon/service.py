@@ -53,6 +53,8 @@ SOON_S = 0.005
 """the same while an alarm is on its way to the disk: it is told when it is there [s]"""
 LOOK_S = 1.0
 """how often devices are looked at [s]"""
+CLOCK_S = 0.25
+"""how often the system's clock is looked at [s]: stamps go on by the monotonic one in between"""
 COUNTS_S = 10.0
 """how often the devices' counts go to the database [s]"""
 LATE_S = 60.0
@@ -104,7 +106,7 @@ class Service:
         self._exporter: Exporter | None = None
         self._robot = Robot(config)
         self._store = _store(config)
-        self._due = {period_s: time.monotonic() + period_s for period_s in (LOOK_S, COUNTS_S, SUMMARY_S)}
+        self._due = {period_s: time.monotonic() + period_s for period_s in (CLOCK_S, LOOK_S, COUNTS_S, SUMMARY_S)}
         self._fed = (time.monotonic(), 0)
         self._errors = Repeats()
         self._notice, self._notice_ends = "", 0.0
@@ -291,7 +293,7 @@ class Service:
 
     def _step(self) -> None:
         """Samples to windows, windows to scores, scores to store, alarm state and sinks."""
-        if self._time is not None:
+        if self._time is not None and self._is_due(CLOCK_S):
             self._look_at_clock(self._time)
         for scored in self._guard(self._robot.step) or ():
             utc = self._stamp(scored.score.time)

@@ -19,8 +19,20 @@ from lostmotion.detector.median import median
 from lostmotion.detector.whitening import whiten
 from lostmotion.detector.window import DetectorSettings, FloatArray
 
-__all__ = ["Bank", "bank", "build", "explained", "filled", "leftover", "ring", "scores", "slow_basis", "slow_motion",
-           "validate"]  # fmt: skip
+__all__ = [
+    "Bank",
+    "bank",
+    "build",
+    "explained",
+    "filled",
+    "forget",
+    "leftover",
+    "ring",
+    "scores",
+    "slow_basis",
+    "slow_motion",
+    "validate",
+]
 
 SLOW_HZ, SLOW_SHARE = 16.0, 0.3
 """Below both, the latter a share of f_res, a window may hold anything: an arm's motion up to 3 Hz to 1e-4."""
@@ -41,7 +53,8 @@ CHUNK = 2048
 TOGETHER = 32
 """Windows whose products with a bank are formed at once: those of a hundred take three megabytes for a moment."""
 KEPT = 32
-"""Banks that are kept, each of 0.2 MB for windows of 250 samples: one of each joint, and of what it knew before."""
+"""Banks that are kept, each of 0.2 MB for windows of 250 samples: one of each joint.  Of six joints that had learnt
+their noise six times, those of what they knew before took 4 MB more until they were forgotten."""
 DUST = 1e-12
 """Share of the window's power below which what is left of it is rounding."""
 
@@ -79,6 +92,9 @@ class Bank:
                 return np.asarray(mix[mix.any(axis=1)] @ self.rings[:, family.columns[hypothesis]].T)
             hypothesis -= len(family.columns)
         raise IndexError(hypothesis)
+
+
+_banks: dict[tuple[int, float, DetectorSettings], Bank] = {}
 
 
 def scores(windows: FloatArray, rate_hz: float, settings: DetectorSettings, chosen: Bank | None = None) -> FloatArray:
@@ -178,10 +194,20 @@ def validate(length: int, rate_hz: float, settings: DetectorSettings) -> None:
         )
 
 
-@lru_cache(maxsize=KEPT)
 def bank(length: int, rate_hz: float, settings: DetectorSettings) -> Bank:
-    """The bank for windows of ``length`` samples, at least 16; kept."""
-    return build(length, rate_hz, settings)
+    """The bank for windows of ``length`` samples, at least 16; kept until ``KEPT`` others were asked for."""
+    key = length, rate_hz, settings
+    if (known := _banks.pop(key, None)) is None:
+        known = build(length, rate_hz, settings)
+        if len(_banks) >= KEPT:
+            _banks.pop(next(iter(_banks)), None)
+    _banks[key] = known  # the last one is the newest
+    return known
+
+
+def forget(length: int, rate_hz: float, settings: DetectorSettings) -> None:
+    """These settings will not be used again: their bank need not be kept."""
+    _banks.pop((length, rate_hz, settings), None)
 
 
 def build(

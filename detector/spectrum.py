@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,7 +70,6 @@ def amplitudes(accel: FloatArray, to_bins: FloatArray) -> FloatArray:
     return np.abs((accel @ to_bins).view(np.complex128))
 
 
-@lru_cache(maxsize=64)
 def bands(length: int, rate_hz: float, settings: DetectorSettings) -> Bands:
     """The bins of mask and norm for windows of ``length`` samples.
 
@@ -78,6 +78,10 @@ def bands(length: int, rate_hz: float, settings: DetectorSettings) -> Bands:
 
     Raises DetectorError when the mask or the norm band has no (or too few) bins at this rate and length.
     """
+    return _chosen(length, rate_hz, _BandOptions.of(settings))
+
+
+def _chosen(length: int, rate_hz: float, settings: _BandOptions) -> Bands:
     mask = _band(settings.f_res_hz, settings.f_width_hz, length, rate_hz)
     nyquist = rate_hz / 2
     if not 1 <= mask.start < mask.stop <= math.ceil(length / 2):
@@ -105,7 +109,7 @@ def normalised_mask(accel: FloatArray, rate_hz: float, settings: DetectorSetting
     accel: windows [m/s²], shape (..., N); returns shape (..., bins of the mask).  Raises DetectorError as ``bands``
     does.
     """
-    to_bins, inside = _to_bands(accel.shape[-1], rate_hz, settings)
+    to_bins, inside = _to_bands(accel.shape[-1], rate_hz, _BandOptions.of(settings))
     with np.errstate(over="ignore", invalid="ignore"):
         spectrum = amplitudes(accel, to_bins)
         floor = spectrum[..., inside:].sum(axis=-1, keepdims=True) / (spectrum.shape[-1] - inside)
@@ -114,10 +118,23 @@ def normalised_mask(accel: FloatArray, rate_hz: float, settings: DetectorSetting
         return np.asarray(spectrum[..., :inside] / np.where((floor > dust) & (floor < np.inf), floor, np.nan))
 
 
+class _BandOptions(NamedTuple):
+    """The settings that bands depend on: what is kept by them is not kept again for each noise that is learnt."""
+
+    f_res_hz: float
+    f_width_hz: float
+    f_norm_hz: float
+    f_norm_width_hz: float
+
+    @classmethod
+    def of(cls, settings: DetectorSettings) -> _BandOptions:
+        return cls(settings.f_res_hz, settings.f_width_hz, settings.f_norm_hz, settings.f_norm_width_hz)
+
+
 @lru_cache(maxsize=64)
-def _to_bands(length: int, rate_hz: float, settings: DetectorSettings) -> tuple[FloatArray, int]:
+def _to_bands(length: int, rate_hz: float, options: _BandOptions) -> tuple[FloatArray, int]:
     """The ``transform`` to the bins of the mask and then to those of the norm; how many are the mask's."""
-    chosen = bands(length, rate_hz, settings)
+    chosen = _chosen(length, rate_hz, options)
     mask = np.arange(chosen.mask.start, chosen.mask.stop)
     return transform(length, np.concatenate((mask, chosen.norm))), mask.size
 

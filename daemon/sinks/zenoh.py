@@ -14,6 +14,7 @@ import threading
 import time
 from collections import deque
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import zenoh
 from msgspec.structs import asdict
@@ -28,8 +29,10 @@ from lostmotion.daemon.sinks.answers import Answers, payload
 from lostmotion.daemon.sinks.diagnostics import Board
 from lostmotion.daemon.sinks.queries import Queries, Queryable
 from lostmotion.daemon.sinks.reach import Reach, addresses
-from lostmotion.daemon.sinks.ros2 import Ros2Publisher
 from lostmotion.daemon.zenoh_session import JSON, brief, configuration, why_closed
+
+if TYPE_CHECKING:
+    from lostmotion.daemon.sinks.ros2 import Ros2Publisher
 
 __all__ = ["ZenohSink"]
 
@@ -172,6 +175,8 @@ class ZenohSink:
         self._token = session.liveliness().declare_token(f"{self._prefix}/alive")
         queryable = session.declare_queryable(f"{self._prefix}/**")
         if self._board:
+            from lostmotion.daemon.sinks.ros2 import Ros2Publisher  # TLS's hashes, 3 MB that many do not need
+
             domain = self._options.ros2_domain
             self._ros2 = Ros2Publisher(session, self._robot, domain, self._board, self._say)
         return queryable
