@@ -25,6 +25,10 @@ TREND_ORDER = 3
 TAPER = 0.25
 """Share of the window in the two cosine slopes of the Tukey window."""
 LEAST_NORM_BINS = 3
+DUST = 3e-8
+"""Share of the largest value below which the norm band's mean amplitude is no noise to divide by, but what rounding
+leaves of a column that is no acceleration: of a clock in microseconds with 4 µs of jitter up to 2e-8 after ten seconds,
+of one in milliseconds 1.5e-8 after one, of one value 1e-16; a noise of 1 mm/s² under gravity leaves 1.3e-5."""
 EDGE = 1e-9
 """A band's edge that falls on a bin up to rounding is that bin."""
 
@@ -104,7 +108,7 @@ def _chosen(length: int, rate_hz: float, settings: _BandOptions) -> Bands:
 
 def normalised_mask(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> FloatArray:
     """norm(fft(s)) of eq. 8 at the bins of the mask: each amplitude over the mean amplitude of the norm band; NaN where
-    that mean is 0, or beyond all numbers.
+    that mean is no more than rounding (``DUST``), or beyond all numbers.
 
     accel: windows [m/s²], shape (..., N); returns shape (..., bins of the mask).  Raises DetectorError as ``bands``
     does.
@@ -113,8 +117,7 @@ def normalised_mask(accel: FloatArray, rate_hz: float, settings: DetectorSetting
     with np.errstate(over="ignore", invalid="ignore"):
         spectrum = amplitudes(accel, to_bins)
         floor = spectrum[..., inside:].sum(axis=-1, keepdims=True) / (spectrum.shape[-1] - inside)
-        # A window of one value leaves rounding dust behind the cubic: that is no floor to divide by.
-        dust = 1e-13 * np.abs(accel).max(axis=-1, keepdims=True)
+        dust = DUST * np.abs(accel).max(axis=-1, keepdims=True)
         return np.asarray(spectrum[..., :inside] / np.where((floor > dust) & (floor < np.inf), floor, np.nan))
 
 

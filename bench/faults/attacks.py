@@ -105,7 +105,7 @@ def _replaced(world: World) -> Undo:
     copy = world.folder / "copy.db"
     with closing(sqlite3.connect(world.database)) as source, closing(sqlite3.connect(copy)) as target:
         source.backup(target)
-    copy.rename(world.database)
+    world.put(copy)
     return lambda: None
 
 
@@ -117,7 +117,7 @@ def _copied(world: World) -> Undo:
             shutil.copyfile(f"{world.database}{suffix}", f"{copy}{suffix}")
     with suppress(FileNotFoundError):
         Path(f"{copy}-wal").rename(f"{world.database}-wal")
-    copy.rename(world.database)
+    world.put(copy)
     return lambda: None
 
 

@@ -51,7 +51,7 @@ def run(seed: int) -> Outcome:
         if not _wait(lambda: count(world.database) >= 5, READY_S):
             outcome.failures.append(f"no scores at the start: {world.said[-400:]}")
             return outcome
-        witness = Witness(world.database, lambda: world.said.count("while it was open; the service goes on"))
+        witness = Witness(world.database, world.left, world.is_mixed)
         try:
             _attack(world, outcome)
             _calm(world, outcome)

@@ -41,3 +41,21 @@ def test_the_witness_notices_what_must_not_be(tmp_path: Path) -> None:
     witness.look()
     assert any(text.startswith("OK with 4 sound windows") for text in witness.wrong)
     assert "1 committed scores are gone" in witness.wrong
+
+
+def test_the_witness_holds_no_mixture_against_the_service(tmp_path: Path) -> None:
+    """A copy beside the log of the file that it replaces shows a score that it does not hold: until the service has
+    noticed nothing is promised of it."""
+    path, mixed = tmp_path / "history.db", True
+    with closing(Store(path, "arm")) as store:
+        store.add(ScoreRow("elbow", NOON, 0.25, 1.0, 8.0, False), ScoreRow("wrist", NOON, 0.25, 2.0, 8.0, False))
+    witness = Witness(path, is_mixed=lambda: mixed)
+    witness.close()
+    witness.look()
+    assert witness.seen == {}
+    with closing(sqlite3.connect(path)) as db, db:
+        db.execute("DELETE FROM score WHERE score = 2.0")
+    mixed = False  # read by the witness
+    witness.look()
+    assert not any("gone" in text for text in witness.wrong)
+    assert [*witness.seen.values()] == [{1.0}]
