@@ -217,7 +217,7 @@ def build(
     time = np.arange(length) / rate_hz
     slow = slow_basis(length, rate_hz, settings, line_hz)
     starts = _starts(length / rate_hz, settings, most_starts)
-    pairs = np.stack([ring(time - start, settings).T for start in starts])
+    pairs = ring((time - starts[:, None]).ravel(), settings).reshape(starts.size, length, 2).transpose(0, 2, 1)
     white = whiten(pairs, settings.noise_colour).transpose(0, 2, 1)
     rings = np.hstack(list(np.linalg.qr(white - slow @ (slow.T @ white))[0]))
     return Bank(slow, rings, starts, *_hypotheses(rings.T @ rings))
@@ -225,11 +225,18 @@ def build(
 
 def slow_basis(length: int, rate_hz: float, settings: DetectorSettings, line_hz: float = 0.0) -> FloatArray:
     """What the arm's motion, and a steady line [Hz], may be, whitened: orthonormal, shape (N, P)."""
+    if not line_hz:
+        return _slow_basis(length, _degree(length, rate_hz, settings), settings.noise_colour)
     columns = slow_motion(length, rate_hz, settings)
-    if line_hz:
-        turn = 2 * math.pi * line_hz * np.arange(length) / rate_hz
-        columns = np.column_stack([columns, np.cos(turn), np.sin(turn)])
+    turn = 2 * math.pi * line_hz * np.arange(length) / rate_hz
+    columns = np.column_stack([columns, np.cos(turn), np.sin(turn)])
     return _orthonormal(whiten(columns.T, settings.noise_colour).T, 1e-9)
+
+
+@lru_cache(maxsize=16)
+def _slow_basis(length: int, degree: int, colour: tuple[float, ...]) -> FloatArray:
+    """The same without a line: a search tries fifty resonances with one of these."""
+    return _orthonormal(whiten(_polynomials(length, degree).T, colour).T, 1e-9)
 
 
 @lru_cache(maxsize=16)
@@ -258,8 +265,15 @@ def ring(after: FloatArray, settings: DetectorSettings) -> FloatArray:
 
 def slow_motion(length: int, rate_hz: float, settings: DetectorSettings) -> FloatArray:
     """Polynomials, the highest with zeros as close as a sine of 16 Hz or 0.3 f_res has them, at least cubic; (N, P)."""
+    return _polynomials(length, _degree(length, rate_hz, settings))
+
+
+def _degree(length: int, rate_hz: float, settings: DetectorSettings) -> int:
     top_hz = min(SLOW_HZ, SLOW_SHARE * settings.f_res_hz)
-    degree = max(min(int(2 * top_hz * length / rate_hz + 1e-6), length // 4), 3)  # whatever a rate is rounded to
+    return max(min(int(2 * top_hz * length / rate_hz + 1e-6), length // 4), 3)  # whatever a rate is rounded to
+
+
+def _polynomials(length: int, degree: int) -> FloatArray:
     return legendre.values(np.linspace(-1, 1, length), degree)
 
 
