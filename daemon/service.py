@@ -185,7 +185,8 @@ class Service:
             pass
         self._robot.stop.set()
         for thread in self._threads:
-            thread.join(1.0)
+            if thread.ident is not None:  # it was started: there may have been no memory for all of them
+                thread.join(1.0)
         self._store.add(*self._noises.rows())
         self._store.add(*counters.rows(self._robot, self._utc()), *([self._time.row] if self._time else []))
         self._alarm_manager.tell_settled(FINISH_S)

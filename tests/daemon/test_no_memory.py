@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import socket
+import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from datetime import UTC, datetime
@@ -15,6 +16,7 @@ import pytest
 import zenoh
 
 from lostmotion.daemon import config, metrics_http, no_memory, service, store
+from lostmotion.daemon.database import ReplacedError
 from lostmotion.daemon.no_memory import NO_MEMORY, is_no_memory
 from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.poller import BusPoller
@@ -119,13 +121,23 @@ def test_rows_wait_until_there_is_memory(tmp_path: Path, monkeypatch: pytest.Mon
 def test_a_service_that_cannot_go_on_ends_with_a_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """No thread can be started for the new file in place of a deleted one: one line, exit status 1, no traceback."""
+    """No thread can be started beside the new file in place of a deleted one: one line, exit status 1, no traceback."""
+    is_starved = False
 
-    def starved(*_: object) -> None:
-        raise NO_THREAD
+    class Thread(threading.Thread):
+        def start(self) -> None:
+            if is_starved:
+                raise NO_THREAD
+            super().start()
 
-    monkeypatch.setattr(Store, "begin_anew", starved)
-    monkeypatch.setattr(Store, "look", lambda self: setattr(self, "damage", store.ReplacedError("deleted")))
+    def look(self: Store) -> None:
+        nonlocal is_starved
+        is_starved = True
+        self.damage = ReplacedError("deleted")
+
+    monkeypatch.setattr(service.threading, "Thread", Thread)
+    monkeypatch.setattr(Store, "look", look)
+    monkeypatch.setattr(Store, "begin_anew", lambda *_: None)
     assert service.run(config.loads(fake_config(tmp_path), "fake"), duration_s=20.0) == 1
     log = capfd.readouterr().err
     assert log.count(f"{NO_MEMORY}; the service cannot go on and ends, to be started again") == 1

@@ -99,7 +99,7 @@ def test_nothing_missing(tmp_path: Path) -> None:
 
 def test_outside_of_the_catalogue(tmp_path: Path) -> None:
     """A sensor whose curve is bent, which no effect describes: nothing is named, what is left is described."""
-    found = explained(case(tmp_path, {"curved_sensor.c": 0.02}, 0.3, 1.5))
+    found = explained(case(tmp_path, {"curved_sensor.c": 0.02}, 0.3, 1.5, model=NEAR))
     assert found["verdict"] == "outside_catalogue"
     assert found["missing"] == []
     assert found["error"]["after"] > 1.25 * found["error"]["noise"]
