@@ -178,6 +178,7 @@ def _starved(world: World) -> Undo:
     status = Path(f"/proc/{world.pid}/status").read_text()
     now = int(re.findall(r"VmSize:\s+(\d+)", status)[0]) * 1024
     pid, (_, hard) = world.pid, resource.prlimit(world.pid, resource.RLIMIT_AS)
+    world.starve()
     resource.prlimit(pid, resource.RLIMIT_AS, (now + SPARE_BYTES, hard))
 
     def end() -> None:

@@ -78,6 +78,8 @@ class World:
         self.said = ""
         self.wrong: list[str] = []
         self.exits: list[int] = []
+        self._starting, self._ended = threading.Lock(), threading.Event()
+        self._starved: set[int] = set()
         self._put: int | None = None  # how often a file had been left when another one was put in its place
         self.process: subprocess.Popen[str] | None = None
 
@@ -88,12 +90,15 @@ class World:
         self.router = Router(self.folder, self.endpoint)
         self.watcher = Watcher(self.endpoint, self.folder / "watched")
         self.start()
+        threading.Thread(target=self._supervise, daemon=True).start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.kill()
+        self._ended.set()
+        with self._starting:
+            self.kill()
         self.watcher.close()
         self.router.close()
         self.emulator.__exit__(kind, error, trace)
@@ -131,19 +136,31 @@ class World:
             time.sleep(0.05)
 
     def revive(self) -> None:
-        """Starts the service where it has ended, as systemd does."""
-        if self.process is not None and self.process.poll() is not None:
-            self.start()
+        """Starts the service where it has ended, as systemd does; once, whoever notices."""
+        with self._starting:
+            if self.process is not None and self.process.poll() is not None:
+                self.start()
+
+    def starve(self) -> None:
+        """From now on lack of memory may end this process, at any time: it is begun again."""
+        self._starved.add(self.pid)
+
+    def _supervise(self) -> None:
+        while not self._ended.wait(0.2):
+            if self.process is not None and self.process.pid in self._starved:
+                self.revive()
 
     def kill(self) -> None:
         """Ends it at once."""
         assert self.process is not None
+        self._starved.discard(self.process.pid)
         self.process.kill()
         self.process.wait()
 
     def stop(self) -> int:
         """Ends it as systemd does; its exit status."""
         assert self.process is not None
+        self._ended.set()
         self.process.send_signal(signal.SIGTERM)
         return self.process.wait(30)
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import random
 import sqlite3
+import subprocess
+import threading
 from contextlib import closing
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
 from bench.faults.campaign import run
-from bench.faults.world import Witness
+from bench.faults.world import Witness, World
 
 from lostmotion.daemon.records import Health, JointRow, ScoreRow
 from lostmotion.daemon.store import Store
@@ -59,3 +62,21 @@ def test_the_witness_holds_no_mixture_against_the_service(tmp_path: Path) -> Non
     witness.look()
     assert not any("gone" in text for text in witness.wrong)
     assert [*witness.seen.values()] == [{1.0}]
+
+
+@pytest.mark.parametrize("is_starved", [True, False])
+def test_only_a_starved_service_is_begun_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_starved: bool
+) -> None:
+    """As systemd does, whenever it ends; one that ends by itself without lack of memory is a failure that stays."""
+    world, started = World(tmp_path, random.Random(1)), threading.Event()
+    monkeypatch.setattr(world, "start", started.set)
+    with subprocess.Popen(["false"], text=True) as world.process:
+        if is_starved:
+            world.starve()
+        world.process.wait()
+        supervisor = threading.Thread(target=world._supervise)
+        supervisor.start()
+        assert started.wait(10.0 if is_starved else 1.0) is is_starved
+        world._ended.set()
+        supervisor.join()
