@@ -20,7 +20,7 @@ from lostmotion.detector.commanded import BEFORE_S, smoothed
 from lostmotion.detector.window import DetectorSettings, FloatArray, Window
 from lostmotion.detector.windows import cut
 
-__all__ = ["Attributor", "SharedSensor", "Speaker"]
+__all__ = ["Attributor", "CommandHistory", "SharedSensor"]
 
 WINDOWS = 100
 """the last so many windows count"""
@@ -43,8 +43,8 @@ class SharedSensor:
     levers: Mapping[str, float]
 
 
-class Speaker(Protocol):
-    """What a joint has said: up to when [s], and its last commands, times [s] and angles [rad], shape (2, M)."""
+class CommandHistory(Protocol):
+    """A joint's last commands: times [s] and angles [rad], shape (2, M); heard: the time of the newest sample [s]."""
 
     @property
     def heard(self) -> float: ...
@@ -79,11 +79,11 @@ class Attributor:
             self._waiting.append(window)
             self._weighed = window.start
 
-    def step(self, rings: Mapping[str, Ring], speakers: Mapping[str, Speaker]) -> None:
+    def step(self, rings: Mapping[str, Ring], histories: Mapping[str, CommandHistory]) -> None:
         """Takes the windows for which everything is there, and gives up those for which it does not come."""
         if not self._waiting:
             return
-        sensors, joints = [rings[name] for name in self.accelerometers], [speakers[joint] for joint in self.joints]
+        sensors, joints = [rings[name] for name in self.accelerometers], [histories[joint] for joint in self.joints]
         fresh = False
         while self._waiting:
             window = self._waiting[0]
@@ -99,7 +99,7 @@ class Attributor:
         if fresh:
             self._pool()
 
-    def _weigh(self, window: Window, rings: Sequence[Ring], joints: Sequence[Speaker]) -> Evidence | None:
+    def _weigh(self, window: Window, rings: Sequence[Ring], joints: Sequence[CommandHistory]) -> Evidence | None:
         start, length = window.start - BEFORE_S, window.duration + BEFORE_S
         stretches = []
         for sensor, ring in zip(self._sensors, rings, strict=True):
@@ -116,13 +116,13 @@ class Attributor:
         """Whether the play is known to be this joint's."""
         return self.origin.probabilities[joint] >= SURE
 
-    def alone(self, stretch: Window, accelerometer: str, speakers: Mapping[str, Speaker]) -> Window | None:
+    def alone(self, stretch: Window, accelerometer: str, histories: Mapping[str, CommandHistory]) -> Window | None:
         """The stretch as if its joint had moved alone: less what the others' commands make of it, slowly as they are
         for the bar.  None where these have said too little."""
         sensor = next(sensor for sensor in self._sensors if sensor.accelerometer == accelerometer)
         accel = stretch.accel.copy()
         for name in sensor.levers.keys() - {stretch.joint}:
-            times, angles = speakers[name].commands
+            times, angles = histories[name].commands
             command = smoothed(times, angles, stretch)
             if command is None:
                 return None

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from lostmotion.daemon.config import Config
+from lostmotion.daemon.no_memory import NO_MEMORY, is_no_memory
 from lostmotion.daemon.records import iso
 from lostmotion.drivers.base import AccelBlock, AccelerometerOptions, JointOptions, ServoSample
 from lostmotion.drivers.clock import Clock
@@ -69,8 +70,8 @@ class Capture:
                         break
                 self._write(recorder)
             log.info("%s: %d rows of joint %s", self._path, recorder.rows, self.joint)
-        except (LostmotionError, OSError) as error:
-            log.error("the recording ended: %s", error)
+        except (LostmotionError, OSError, MemoryError) as error:
+            log.error("the recording ended: %s", NO_MEMORY if is_no_memory(error) else error)
 
     def _write(self, recorder: Any) -> None:
         for _ in range(len(self._waiting)):

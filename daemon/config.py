@@ -123,13 +123,14 @@ class Config:
         return DetectorSettings(**cast(Any, bar | given))
 
 
-def load(path: Path) -> Config:
-    """Reads and checks a file.  Raises ConfigError."""
+def load(path: Path, *, joints: bool = True) -> Config:
+    """Reads and checks a file; joints: whether it must have any, as all but an accelerometer alone needs.  Raises
+    ConfigError."""
     try:
         text = read_text(path)
     except TextFileError as error:
         raise ConfigError(f"{error}; a configuration file was expected here") from error
-    return loads(text, str(path))
+    return loads(text, str(path), joints=joints)
 
 
 def default() -> Config:
@@ -137,12 +138,13 @@ def default() -> Config:
     return load(Path(__file__).parent / "simulated.toml")
 
 
-def loads(text: str, where: str) -> Config:
-    """Checks a configuration given as text; ``where`` names it in messages.  Raises ConfigError."""
+def loads(text: str, where: str, *, joints: bool = True) -> Config:
+    """Checks a configuration given as text; ``where`` names it in messages; joints as of ``load``.  Raises
+    ConfigError."""
     try:
         tables = toml_text.loads(text)
         bounds.check(tables, "", _path)
-        config = _decode(tables)
+        config = _decode(tables, joints)
         crosscheck.check(config)
         return replace(config, notes=config_notes.notes(config))
     except (toml_text.TomlError, bounds.BoundsError, ConfigError, crosscheck.CrossCheckError, DriverError) as error:
@@ -154,8 +156,8 @@ def state_folder() -> Path:
     return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "lostmotion"
 
 
-def _decode(tables: Table) -> Config:
-    joints = _list_of_tables(tables, "joint")
+def _decode(tables: Table, needs_joints: bool) -> Config:
+    joints = _list_of_tables(tables, "joint") if needs_joints or "joint" in tables else []
     overrides: dict[str, DetectorOptions] = {}
     decoded_joints: list[JointOptions] = []
     for index, table in enumerate(joints):
@@ -193,7 +195,9 @@ def _required(tables: Table, name: str) -> object:
 
 
 def _list_of_tables(tables: Table, name: str) -> list[Table]:
-    found = _required(tables, name)
+    if name not in tables:
+        raise ConfigError(f"[[{name}]] is missing; expected at least one such table")
+    found = tables[name]
     if not isinstance(found, list) or not found or not all(isinstance(item, dict) for item in found):
         raise ConfigError(f"{name}: found {_shown(found)}, expected at least one [[{name}]] table")
     return found

@@ -220,10 +220,10 @@ def leave(path: Path, error: Exception, wal: tuple[int, int] | None) -> None:
     if not isinstance(error, ReplacedError):
         move_aside(path, error)
         return
-    log.error("%s", error)
     if wal is not None and file_identity(path.with_name(f"{path.name}-wal")) == wal:
         for ending in ("-wal", "-shm"):
             path.with_name(path.name + ending).unlink(missing_ok=True)
+    log.error("%s", error)  # now: from here on what is read there is that file, and no mixture of two
 
 
 def move_aside(path: Path, error: Exception) -> None:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from statistics import median
 
 import numpy as np
 
 from lostmotion.daemon.options import AlarmOptions
 from lostmotion.daemon.records import Origin, ScoreRow, Severity
-from lostmotion.detector.median import weighted_quantile
+from lostmotion.detector.median import median, weighted_quantile
 
 __all__ = ["LEAST_WINDOWS", "RANK", "Evidence", "grade"]
 
@@ -42,10 +41,10 @@ class Evidence:
         known = [score for score in windows if math.isfinite(score.severity)]
         severity = severity_low = math.nan
         if len(known) >= LEAST_WINDOWS or len(known) == len(windows):
-            severity = median(score.severity for score in known)
-            severity_low = median(score.severity_low for score in known)
+            severity = median(np.array([score.severity for score in known]))
+            severity_low = median(np.array([score.severity_low for score in known]))
         return cls(
-            len(ratios), sum(ratio > 1 for ratio in ratios) / len(ratios), median(ratios),
+            len(ratios), sum(ratio > 1 for ratio in ratios) / len(ratios), median(np.array(ratios)),
             _play(windows), days, origin, severity, severity_low,
         )  # fmt: skip
 

@@ -12,7 +12,9 @@ import struct
 import sys
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
+from typing import TextIO
 
 __all__ = ["setup"]
 
@@ -24,7 +26,7 @@ JOURNAL = Path("/run/systemd/journal/socket")
 def setup(environment: Mapping[str, str] = os.environ, journal: Path = JOURNAL) -> None:
     """Sends the log of all of lostmotion to standard error, instead of where it went before; under systemd to the
     socket ``journal``, where it is there."""
-    handler: logging.Handler = logging.StreamHandler(sys.stderr)
+    handler: logging.Handler = StderrHandler(sys.stderr)
     if "JOURNAL_STREAM" in environment and journal.is_socket():
         handler = JournalHandler(journal)
     elif "JOURNAL_STREAM" in environment or "INVOCATION_ID" in environment:
@@ -34,6 +36,19 @@ def setup(environment: Mapping[str, str] = os.environ, journal: Path = JOURNAL) 
     logger = logging.getLogger()
     logger.handlers[:] = [handler]
     logger.setLevel(logging.INFO)
+
+
+class OneLineHandler(logging.Handler):
+    """What keeps a record from being written, such as lack of memory, is a line and no traceback, or nothing at all;
+    the caller goes on."""
+
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - logging's name
+        with suppress(Exception):
+            sys.stderr.write(f"a line of the log is missing: {sys.exc_info()[1]!r}\n")
+
+
+class StderrHandler(OneLineHandler, logging.StreamHandler[TextIO]):
+    """Lines on standard error."""
 
 
 class TimeFormatter(logging.Formatter):
@@ -51,7 +66,7 @@ class PriorityFormatter(logging.Formatter):
         return "\n".join(f"<{_priority(record)}>{line}" for line in super().format(record).splitlines())
 
 
-class JournalHandler(logging.Handler):
+class JournalHandler(OneLineHandler):
     """Speaks journald's own protocol (systemd.io/JOURNAL_NATIVE_PROTOCOL): one datagram a record.
 
     In place of systemd-python, which needs a compiler and systemd's headers to be installed.
@@ -61,10 +76,18 @@ class JournalHandler(logging.Handler):
         super().__init__()
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC)
         self._journal = str(journal)
-        self._stderr = logging.StreamHandler(sys.stderr)
+        self._stderr = StderrHandler(sys.stderr)
         self._stderr.setFormatter(PriorityFormatter("%(message)s"))
 
     def emit(self, record: logging.LogRecord) -> None:
+        try:
+            self._socket.sendto(self._datagram(record), self._journal)
+        except OSError:  # journald restarts, or the record is too long for a datagram
+            self._stderr.handle(record)
+        except Exception:  # noqa: BLE001 - as logging's own handlers
+            self.handleError(record)
+
+    def _datagram(self, record: logging.LogRecord) -> bytes:
         fields = {
             "MESSAGE": self.format(record),
             "PRIORITY": _priority(record),
@@ -73,10 +96,7 @@ class JournalHandler(logging.Handler):
         }
         own: Mapping[str, object] = getattr(record, "fields", {})
         fields |= {f"LOSTMOTION_{name.upper()}": value for name, value in own.items()}
-        try:
-            self._socket.sendto(b"".join(_field(name, str(value)) for name, value in fields.items()), self._journal)
-        except OSError:  # journald restarts, or the record is too long for a datagram
-            self._stderr.handle(record)
+        return b"".join(_field(name, str(value)) for name, value in fields.items())
 
     def close(self) -> None:
         self._socket.close()

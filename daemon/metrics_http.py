@@ -16,6 +16,7 @@ from threading import Lock, Thread
 from typing import Any
 
 from lostmotion.daemon.exposition import CONTENT_TYPE
+from lostmotion.daemon.no_memory import NO_MEMORY, is_no_memory
 
 __all__ = ["MOST_CONNECTIONS", "MetricsServer"]
 
@@ -96,5 +97,9 @@ class MetricsServer(socketserver.ThreadingTCPServer):
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """A connection that breaks is not worth a line in the robot's log."""
-        is_ours = not isinstance(sys.exc_info()[1], OSError)
+        error = sys.exc_info()[1]
+        if is_no_memory(error):
+            log.error("metrics: no answer to %s: %s", client_address, NO_MEMORY)
+            return
+        is_ours = not isinstance(error, OSError)
         log.log(logging.ERROR if is_ours else logging.DEBUG, "metrics: no answer to %s", client_address, exc_info=True)

@@ -21,6 +21,7 @@ from lostmotion.daemon import counters, database, logs
 from lostmotion.daemon.alarm import Change
 from lostmotion.daemon.alarm_manager import AlarmManager
 from lostmotion.daemon.config import Config
+from lostmotion.daemon.no_memory import NO_MEMORY, is_no_memory
 from lostmotion.daemon.noises import Noises
 from lostmotion.daemon.notify import Notifier
 from lostmotion.daemon.poller import Poller
@@ -52,6 +53,8 @@ SOON_S = 0.005
 """the same while an alarm is on its way to the disk: it is told when it is there [s]"""
 LOOK_S = 1.0
 """how often devices are looked at [s]"""
+CLOCK_S = 0.25
+"""how often the system's clock is looked at [s]: stamps go on by the monotonic one in between"""
 COUNTS_S = 10.0
 """how often the devices' counts go to the database [s]"""
 LATE_S = 60.0
@@ -62,7 +65,6 @@ NOTICE_S = 60.0
 FINISH_S = 3.0
 """how long a stopping service waits for open windows [s]"""
 CRASH_PAUSE_S = 5.0
-NO_MEMORY = "no memory is left: another program takes it, or a limit such as the unit's MemoryMax is too low"
 
 
 def run(config: Config, *, duration_s: float | None = None, reload: Callable[[], Config] | None = None) -> int:
@@ -71,18 +73,24 @@ def run(config: Config, *, duration_s: float | None = None, reload: Callable[[],
 
     SIGTERM and SIGINT finish the open windows; SIGHUP takes the configuration that ``reload`` returns, unless it raises
     any error or what it returns cannot be begun.  Returns the exit status: 0, or 1 when rows were lost because the disk
-    refused them.  Raises StoreError when the database cannot be opened.
+    refused them, or when it could not go on for lack of memory.  Raises StoreError when the database cannot be opened.
     """
     logs.setup()
     flags = Flags()
+    ended = False
     with flags.installed():
         service = Service(config, reload, flags)
         service.startup()
         try:
             service.main_loop(duration_s)
+        except Exception as error:
+            if not is_no_memory(error):
+                raise
+            log.critical("%s; the service cannot go on and ends, to be started again", NO_MEMORY)
+            ended = True
         finally:
             lost = service.shutdown()
-    return 1 if lost else 0
+    return 1 if lost or ended else 0
 
 
 class Service:
@@ -98,7 +106,7 @@ class Service:
         self._exporter: Exporter | None = None
         self._robot = Robot(config)
         self._store = _store(config)
-        self._due = {period_s: time.monotonic() + period_s for period_s in (LOOK_S, COUNTS_S, SUMMARY_S)}
+        self._due = {period_s: time.monotonic() + period_s for period_s in (CLOCK_S, LOOK_S, COUNTS_S, SUMMARY_S)}
         self._fed = (time.monotonic(), 0)
         self._errors = Repeats()
         self._notice, self._notice_ends = "", 0.0
@@ -135,7 +143,7 @@ class Service:
     def shutdown(self) -> int:
         """Finishes what is open, in the order of the data's way; how many rows were lost."""
         self._notifier.stopping()
-        self._finish()
+        self._guard(self._finish)  # what waits is written all the same
         counters.log_summary(self._robot, self._store)
         lost = self._store.close()
         self._notifier.close()
@@ -177,7 +185,8 @@ class Service:
             pass
         self._robot.stop.set()
         for thread in self._threads:
-            thread.join(1.0)
+            if thread.ident is not None:  # it was started: there may have been no memory for all of them
+                thread.join(1.0)
         self._store.add(*self._noises.rows())
         self._store.add(*counters.rows(self._robot, self._utc()), *([self._time.row] if self._time else []))
         self._alarm_manager.tell_settled(FINISH_S)
@@ -285,7 +294,7 @@ class Service:
 
     def _step(self) -> None:
         """Samples to windows, windows to scores, scores to store, alarm state and sinks."""
-        if self._time is not None:
+        if self._time is not None and self._is_due(CLOCK_S):
             self._look_at_clock(self._time)
         for scored in self._guard(self._robot.step) or ():
             utc = self._stamp(scored.score.time)
@@ -365,15 +374,15 @@ class Service:
             try:
                 poller.run()
                 return
-            except MemoryError:
-                if errors.is_news(NO_MEMORY, time.monotonic()):
-                    log.error("%s: %s; it is tried again", poller.name, NO_MEMORY)
-                poller.fail(NO_MEMORY)
-                poller.rest(CRASH_PAUSE_S)
             except Exception as error:
-                if errors.is_news(place(error), time.monotonic()):
-                    log.exception("%s: broke down and is started again", poller.name)
-                poller.fail(f"internal error: {error!r}")
+                if is_no_memory(error):
+                    if errors.is_news(NO_MEMORY, time.monotonic()):
+                        log.error("%s: %s; it is tried again", poller.name, NO_MEMORY)
+                    poller.fail(NO_MEMORY)
+                else:
+                    if errors.is_news(place(error), time.monotonic()):
+                        log.exception("%s: broke down and is started again", poller.name)
+                    poller.fail(f"internal error: {error!r}")
                 poller.rest(CRASH_PAUSE_S)
 
     def _guard(self, function: Callable[..., T], *arguments: object) -> T | None:
@@ -386,11 +395,11 @@ class Service:
             if self._errors.is_news(text, time.monotonic()):
                 after = "; it stays in use until writing meets the damage, too" if database.is_damage(error) else ""
                 log.error("cannot be read: %s%s", text, after)
-        except MemoryError:
-            if self._errors.is_news(NO_MEMORY, time.monotonic()):
-                log.error("%s; windows are lost as long as that lasts, the service goes on", NO_MEMORY)
         except Exception as error:
-            if self._errors.is_news(f"{stage}: {place(error)}", time.monotonic()):
+            if is_no_memory(error):
+                if self._errors.is_news(NO_MEMORY, time.monotonic()):
+                    log.error("%s; windows are lost as long as that lasts, the service goes on", NO_MEMORY)
+            elif self._errors.is_news(f"{stage}: {place(error)}", time.monotonic()):
                 log.exception("internal error in %s", stage)
         return None
 
@@ -399,6 +408,9 @@ def _say_that_the_old_one_stays(error: BaseException) -> str:
     """Logs it; the same in words."""
     if isinstance(error, LostmotionError):
         log.error("the old configuration stays: %s", error)
+    elif is_no_memory(error):
+        log.error("the old configuration stays: %s", NO_MEMORY)
+        return f"the old configuration stays: {NO_MEMORY}"
     else:
         log.error("the old configuration stays: internal error: %r", error, exc_info=error)
     return f"the old configuration stays: {error}"

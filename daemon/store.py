@@ -20,6 +20,7 @@ from typing import IO
 from lostmotion.daemon import database
 from lostmotion.daemon.database import ReplacedError, StoreError, StoreRefusedError, file_identity
 from lostmotion.daemon.inode_lock import InodeLock
+from lostmotion.daemon.no_memory import outlive
 from lostmotion.daemon.reader import Reader, ReaderError, empty_reader, open_readonly
 from lostmotion.daemon.records import Transition, WindowRow
 from lostmotion.daemon.repeats import Condition
@@ -179,7 +180,7 @@ class Store:
         self._thread = self._start_thread()
 
     def _start_thread(self) -> threading.Thread:
-        thread = threading.Thread(target=self._run, name="store", daemon=True)
+        thread = threading.Thread(target=outlive, args=(self._run, str(self.path)), name="store", daemon=True)
         thread.start()
         return thread
 

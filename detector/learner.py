@@ -118,7 +118,7 @@ class Learner:
         """Goes on from what an earlier run has learnt of windows of the same bar, rate and length."""
         if background is None or background.length == self._length:
             self.bar = bar if self.given.follow_bar else None
-            self.settings = used(self.bar, self.given)
+            self._use(used(self.bar, self.given))
             if background is not None:
                 self._take(background)
             self._told = (self.settings.f_res_hz, self.settings.zeta)
@@ -181,7 +181,7 @@ class Learner:
         if found is not None:
             self.bar = moved(self.bar, found, self.given)
             bare = used(self.bar, self.given)
-            self.settings = replace(self.settings, f_res_hz=bare.f_res_hz, zeta=bare.zeta)
+            self._use(replace(self.settings, f_res_hz=bare.f_res_hz, zeta=bare.zeta))
 
     def _change_of_bar(self) -> BarChange | None:
         f_res, zeta = self.settings.f_res_hz, self.settings.zeta
@@ -193,7 +193,13 @@ class Learner:
 
     def _take(self, background: Background) -> None:
         self.background = background
-        self.settings = applied(background, used(self.bar, self.given))
+        self._use(applied(background, used(self.bar, self.given)))
+
+    def _use(self, settings: DetectorSettings) -> None:
+        """Scores by these from now on."""
+        if settings != self.settings:
+            ringdown.forget(self._length, self.rate_hz, self.settings)
+            self.settings = settings
 
     def _begin_block(self) -> None:
         """The next windows to learn from: evenly from now until it is next looked at."""

@@ -19,8 +19,20 @@ from lostmotion.detector.median import median
 from lostmotion.detector.whitening import whiten
 from lostmotion.detector.window import DetectorSettings, FloatArray
 
-__all__ = ["Bank", "bank", "build", "explained", "filled", "leftover", "ring", "scores", "slow_basis", "slow_motion",
-           "validate"]  # fmt: skip
+__all__ = [
+    "Bank",
+    "bank",
+    "build",
+    "explained",
+    "filled",
+    "forget",
+    "leftover",
+    "ring",
+    "scores",
+    "slow_basis",
+    "slow_motion",
+    "validate",
+]
 
 SLOW_HZ, SLOW_SHARE = 16.0, 0.3
 """Below both, the latter a share of f_res, a window may hold anything: an arm's motion up to 3 Hz to 1e-4."""
@@ -41,7 +53,8 @@ CHUNK = 2048
 TOGETHER = 32
 """Windows whose products with a bank are formed at once: those of a hundred take three megabytes for a moment."""
 KEPT = 32
-"""Banks that are kept, each of 0.2 MB for windows of 250 samples: one of each joint, and of what it knew before."""
+"""Banks that are kept, each of 0.2 MB for windows of 250 samples: one of each joint.  Of six joints that had learnt
+their noise six times, those of what they knew before took 4 MB more until they were forgotten."""
 DUST = 1e-12
 """Share of the window's power below which what is left of it is rounding."""
 
@@ -79,6 +92,9 @@ class Bank:
                 return np.asarray(mix[mix.any(axis=1)] @ self.rings[:, family.columns[hypothesis]].T)
             hypothesis -= len(family.columns)
         raise IndexError(hypothesis)
+
+
+_banks: dict[tuple[int, float, DetectorSettings], Bank] = {}
 
 
 def scores(windows: FloatArray, rate_hz: float, settings: DetectorSettings, chosen: Bank | None = None) -> FloatArray:
@@ -178,10 +194,20 @@ def validate(length: int, rate_hz: float, settings: DetectorSettings) -> None:
         )
 
 
-@lru_cache(maxsize=KEPT)
 def bank(length: int, rate_hz: float, settings: DetectorSettings) -> Bank:
-    """The bank for windows of ``length`` samples, at least 16; kept."""
-    return build(length, rate_hz, settings)
+    """The bank for windows of ``length`` samples, at least 16; kept until ``KEPT`` others were asked for."""
+    key = length, rate_hz, settings
+    if (known := _banks.pop(key, None)) is None:
+        known = build(length, rate_hz, settings)
+        if len(_banks) >= KEPT:
+            _banks.pop(next(iter(_banks)), None)
+    _banks[key] = known  # the last one is the newest
+    return known
+
+
+def forget(length: int, rate_hz: float, settings: DetectorSettings) -> None:
+    """These settings will not be used again: their bank need not be kept."""
+    _banks.pop((length, rate_hz, settings), None)
 
 
 def build(
@@ -191,7 +217,7 @@ def build(
     time = np.arange(length) / rate_hz
     slow = slow_basis(length, rate_hz, settings, line_hz)
     starts = _starts(length / rate_hz, settings, most_starts)
-    pairs = np.stack([ring(time - start, settings).T for start in starts])
+    pairs = ring((time - starts[:, None]).ravel(), settings).reshape(starts.size, length, 2).transpose(0, 2, 1)
     white = whiten(pairs, settings.noise_colour).transpose(0, 2, 1)
     rings = np.hstack(list(np.linalg.qr(white - slow @ (slow.T @ white))[0]))
     return Bank(slow, rings, starts, *_hypotheses(rings.T @ rings))
@@ -199,11 +225,18 @@ def build(
 
 def slow_basis(length: int, rate_hz: float, settings: DetectorSettings, line_hz: float = 0.0) -> FloatArray:
     """What the arm's motion, and a steady line [Hz], may be, whitened: orthonormal, shape (N, P)."""
+    if not line_hz:
+        return _slow_basis(length, _degree(length, rate_hz, settings), settings.noise_colour)
     columns = slow_motion(length, rate_hz, settings)
-    if line_hz:
-        turn = 2 * math.pi * line_hz * np.arange(length) / rate_hz
-        columns = np.column_stack([columns, np.cos(turn), np.sin(turn)])
+    turn = 2 * math.pi * line_hz * np.arange(length) / rate_hz
+    columns = np.column_stack([columns, np.cos(turn), np.sin(turn)])
     return _orthonormal(whiten(columns.T, settings.noise_colour).T, 1e-9)
+
+
+@lru_cache(maxsize=16)
+def _slow_basis(length: int, degree: int, colour: tuple[float, ...]) -> FloatArray:
+    """The same without a line: a search tries fifty resonances with one of these."""
+    return _orthonormal(whiten(_polynomials(length, degree).T, colour).T, 1e-9)
 
 
 @lru_cache(maxsize=16)
@@ -232,8 +265,15 @@ def ring(after: FloatArray, settings: DetectorSettings) -> FloatArray:
 
 def slow_motion(length: int, rate_hz: float, settings: DetectorSettings) -> FloatArray:
     """Polynomials, the highest with zeros as close as a sine of 16 Hz or 0.3 f_res has them, at least cubic; (N, P)."""
+    return _polynomials(length, _degree(length, rate_hz, settings))
+
+
+def _degree(length: int, rate_hz: float, settings: DetectorSettings) -> int:
     top_hz = min(SLOW_HZ, SLOW_SHARE * settings.f_res_hz)
-    degree = max(min(int(2 * top_hz * length / rate_hz + 1e-6), length // 4), 3)  # whatever a rate is rounded to
+    return max(min(int(2 * top_hz * length / rate_hz + 1e-6), length // 4), 3)  # whatever a rate is rounded to
+
+
+def _polynomials(length: int, degree: int) -> FloatArray:
     return legendre.values(np.linspace(-1, 1, length), degree)
 
 

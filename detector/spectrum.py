@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,10 @@ TREND_ORDER = 3
 TAPER = 0.25
 """Share of the window in the two cosine slopes of the Tukey window."""
 LEAST_NORM_BINS = 3
+DUST = 3e-8
+"""Share of the largest value below which the norm band's mean amplitude is no noise to divide by, but what rounding
+leaves of a column that is no acceleration: of a clock in microseconds with 4 µs of jitter up to 2e-8 after ten seconds,
+of one in milliseconds 1.5e-8 after one, of one value 1e-16; a noise of 1 mm/s² under gravity leaves 1.3e-5."""
 EDGE = 1e-9
 """A band's edge that falls on a bin up to rounding is that bin."""
 
@@ -69,7 +74,6 @@ def amplitudes(accel: FloatArray, to_bins: FloatArray) -> FloatArray:
     return np.abs((accel @ to_bins).view(np.complex128))
 
 
-@lru_cache(maxsize=64)
 def bands(length: int, rate_hz: float, settings: DetectorSettings) -> Bands:
     """The bins of mask and norm for windows of ``length`` samples.
 
@@ -78,6 +82,10 @@ def bands(length: int, rate_hz: float, settings: DetectorSettings) -> Bands:
 
     Raises DetectorError when the mask or the norm band has no (or too few) bins at this rate and length.
     """
+    return _chosen(length, rate_hz, _BandOptions.of(settings))
+
+
+def _chosen(length: int, rate_hz: float, settings: _BandOptions) -> Bands:
     mask = _band(settings.f_res_hz, settings.f_width_hz, length, rate_hz)
     nyquist = rate_hz / 2
     if not 1 <= mask.start < mask.stop <= math.ceil(length / 2):
@@ -100,24 +108,36 @@ def bands(length: int, rate_hz: float, settings: DetectorSettings) -> Bands:
 
 def normalised_mask(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> FloatArray:
     """norm(fft(s)) of eq. 8 at the bins of the mask: each amplitude over the mean amplitude of the norm band; NaN where
-    that mean is 0, or beyond all numbers.
+    that mean is no more than rounding (``DUST``), or beyond all numbers.
 
     accel: windows [m/s²], shape (..., N); returns shape (..., bins of the mask).  Raises DetectorError as ``bands``
     does.
     """
-    to_bins, inside = _to_bands(accel.shape[-1], rate_hz, settings)
+    to_bins, inside = _to_bands(accel.shape[-1], rate_hz, _BandOptions.of(settings))
     with np.errstate(over="ignore", invalid="ignore"):
         spectrum = amplitudes(accel, to_bins)
         floor = spectrum[..., inside:].sum(axis=-1, keepdims=True) / (spectrum.shape[-1] - inside)
-        # A window of one value leaves rounding dust behind the cubic: that is no floor to divide by.
-        dust = 1e-13 * np.abs(accel).max(axis=-1, keepdims=True)
+        dust = DUST * np.abs(accel).max(axis=-1, keepdims=True)
         return np.asarray(spectrum[..., :inside] / np.where((floor > dust) & (floor < np.inf), floor, np.nan))
 
 
+class _BandOptions(NamedTuple):
+    """The settings that bands depend on: what is kept by them is not kept again for each noise that is learnt."""
+
+    f_res_hz: float
+    f_width_hz: float
+    f_norm_hz: float
+    f_norm_width_hz: float
+
+    @classmethod
+    def of(cls, settings: DetectorSettings) -> _BandOptions:
+        return cls(settings.f_res_hz, settings.f_width_hz, settings.f_norm_hz, settings.f_norm_width_hz)
+
+
 @lru_cache(maxsize=64)
-def _to_bands(length: int, rate_hz: float, settings: DetectorSettings) -> tuple[FloatArray, int]:
+def _to_bands(length: int, rate_hz: float, options: _BandOptions) -> tuple[FloatArray, int]:
     """The ``transform`` to the bins of the mask and then to those of the norm; how many are the mask's."""
-    chosen = bands(length, rate_hz, settings)
+    chosen = _chosen(length, rate_hz, options)
     mask = np.arange(chosen.mask.start, chosen.mask.stop)
     return transform(length, np.concatenate((mask, chosen.norm))), mask.size
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parent.parent
+LAB = ROOT / "tests" / "lab"
 
 # As the program does: a worker whose BLAS has threads takes up to ten times the processor time beside other workers.
 for library in ("OPENBLAS", "MKL"):
@@ -22,6 +23,33 @@ def pytest_configure(config: pytest.Config) -> None:
         from tests.compiled import compile_models
 
         compile_models()
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Each of several workers begins with its share of the lab's tests, whole files together: they take more than half
+    of the processor time, some of them a minute each, and none of them is to be left alone at the end.
+
+    Relies on ``--dist worksteal``, by which each worker gets a stretch of the list at first, and loses the end of it to
+    others that have nothing left.
+    """
+    count = int(getattr(config, "workerinput", {}).get("workercount", 1))
+    if count > 1:
+        items[:] = dealt(items, count)
+
+
+def dealt(items: Sequence[pytest.Item], count: int) -> list[pytest.Item]:
+    """The same tests, those of the lab dealt out by files to the beginnings of ``count`` equal stretches."""
+    files: dict[Path, list[pytest.Item]] = {}
+    rest: list[pytest.Item] = []
+    for item in items:
+        (files.setdefault(item.path, []) if LAB in item.path.parents else rest).append(item)
+    share, done, order = len(items) // count, 0, list[pytest.Item]()
+    for i in range(count):
+        first = [item for file in list(files.values())[i::count] for item in file]
+        more = max(share - len(first), 0) if i < count - 1 else len(rest)
+        order += first + rest[done : done + more]
+        done += more
+    return order
 
 
 @pytest.fixture(autouse=True)

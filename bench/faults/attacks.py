@@ -105,7 +105,7 @@ def _replaced(world: World) -> Undo:
     copy = world.folder / "copy.db"
     with closing(sqlite3.connect(world.database)) as source, closing(sqlite3.connect(copy)) as target:
         source.backup(target)
-    copy.rename(world.database)
+    world.put(copy)
     return lambda: None
 
 
@@ -117,7 +117,7 @@ def _copied(world: World) -> Undo:
             shutil.copyfile(f"{world.database}{suffix}", f"{copy}{suffix}")
     with suppress(FileNotFoundError):
         Path(f"{copy}-wal").rename(f"{world.database}-wal")
-    copy.rename(world.database)
+    world.put(copy)
     return lambda: None
 
 
@@ -178,6 +178,7 @@ def _starved(world: World) -> Undo:
     status = Path(f"/proc/{world.pid}/status").read_text()
     now = int(re.findall(r"VmSize:\s+(\d+)", status)[0]) * 1024
     pid, (_, hard) = world.pid, resource.prlimit(world.pid, resource.RLIMIT_AS)
+    world.starve()
     resource.prlimit(pid, resource.RLIMIT_AS, (now + SPARE_BYTES, hard))
 
     def end() -> None:

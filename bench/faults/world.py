@@ -78,6 +78,9 @@ class World:
         self.said = ""
         self.wrong: list[str] = []
         self.exits: list[int] = []
+        self._starting, self._ended = threading.Lock(), threading.Event()
+        self._starved: set[int] = set()
+        self._put: int | None = None  # how often a file had been left when another one was put in its place
         self.process: subprocess.Popen[str] | None = None
 
     def __enter__(self) -> World:
@@ -87,12 +90,15 @@ class World:
         self.router = Router(self.folder, self.endpoint)
         self.watcher = Watcher(self.endpoint, self.folder / "watched")
         self.start()
+        threading.Thread(target=self._supervise, daemon=True).start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.kill()
+        self._ended.set()
+        with self._starting:
+            self.kill()
         self.watcher.close()
         self.router.close()
         self.emulator.__exit__(kind, error, trace)
@@ -103,10 +109,24 @@ class World:
         assert self.process is not None
         return self.process.pid
 
+    def left(self) -> int:
+        """How often a service has said that it leaves a file."""
+        return self.said.count("while it was open; the service goes on")
+
+    def put(self, database: Path) -> None:
+        """Puts another file in the place of the database."""
+        self._put = self.left()
+        database.rename(self.database)
+
+    def is_mixed(self) -> bool:
+        """Whether a file was put there that the service has not noticed: beside the log of the old one a reader sees a
+        mixture of both, of which nothing is promised."""
+        return self._put is not None and self.left() <= self._put
+
     def start(self) -> None:
         """Starts the service, with a clock that ``ahead`` sets, and waits until it has started: before that SIGHUP ends
         it as it ends any program."""
-        length = len(self.said)
+        length, self._put = len(self.said), None
         command = [sys.executable, "-m", "tests.daemon.fakes", str(self.config)]
         environment = os.environ | {"FAKE_CLOCK": str(self.ahead), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
         self.process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment)
@@ -116,19 +136,31 @@ class World:
             time.sleep(0.05)
 
     def revive(self) -> None:
-        """Starts the service where it has ended, as systemd does."""
-        if self.process is not None and self.process.poll() is not None:
-            self.start()
+        """Starts the service where it has ended, as systemd does; once, whoever notices."""
+        with self._starting:
+            if self.process is not None and self.process.poll() is not None:
+                self.start()
+
+    def starve(self) -> None:
+        """From now on lack of memory may end this process, at any time: it is begun again."""
+        self._starved.add(self.pid)
+
+    def _supervise(self) -> None:
+        while not self._ended.wait(0.2):
+            if self.process is not None and self.process.pid in self._starved:
+                self.revive()
 
     def kill(self) -> None:
         """Ends it at once."""
         assert self.process is not None
+        self._starved.discard(self.process.pid)
         self.process.kill()
         self.process.wait()
 
     def stop(self) -> int:
         """Ends it as systemd does; its exit status."""
         assert self.process is not None
+        self._ended.set()
         self.process.send_signal(signal.SIGTERM)
         return self.process.wait(30)
 
@@ -141,12 +173,15 @@ class World:
 class Witness:
     """Reads the database all the while: ``seen`` are the scores committed to each file; ``wrong`` what must not be.
 
-    file: a number that changes with each file that the service begins: a filesystem gives inodes anew.
+    file: a number that changes with each file that the service begins: a filesystem gives inodes anew; is_mixed:
+    whether what is read at present is no file of the service's.
     """
 
-    def __init__(self, database: Path, file: Callable[[], int] = lambda: 0) -> None:
+    def __init__(
+        self, database: Path, file: Callable[[], int] = lambda: 0, is_mixed: Callable[[], bool] = lambda: False
+    ) -> None:
         self._database = database
-        self._file = file
+        self._file, self._is_mixed = file, is_mixed
         self._done = threading.Event()
         self._thread = threading.Thread(target=self._watch, daemon=True)
         self.seen: dict[tuple[int, int], set[float]] = {}
@@ -165,7 +200,7 @@ class Witness:
 
     def look(self) -> None:
         """One look, in one transaction."""
-        inode = (self._file(), self._database.stat().st_ino)
+        is_mixed, inode = self._is_mixed(), (self._file(), self._database.stat().st_ino)
         with closing(sqlite3.connect(f"{self._database.as_uri()}?mode=ro", uri=True, timeout=1.0)) as db:
             db.execute("BEGIN")
             scores = {row[0] for row in db.execute("SELECT score FROM scores WHERE score IS NOT NULL")}
@@ -174,7 +209,7 @@ class Witness:
             faults = db.execute(
                 "SELECT count(*) FROM alarms WHERE cause = 'device' AND state IN ('active', 'acknowledged')"
             ).fetchone()[0]
-        if (self._file(), self._database.stat().st_ino) != inode:
+        if is_mixed or self._is_mixed() or (self._file(), self._database.stat().st_ino) != inode:
             return  # which file was read is not known
         if "OK" in healths and (sound < 5 or faults):
             self.wrong.add(f"OK with {sound} sound windows and {faults} device alarms")

@@ -18,9 +18,12 @@ __all__ = ["accelerometers", "joints"]
 
 
 def joints(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[str]:
-    """Joints of the configuration, and those of the database that it no longer has.  Nothing where neither is there."""
-    names = [joint.name for joint in config.joints] if (config := _config(ctx)) else []
-    given: Path | None = ctx.params.get("database") or (config.database if config else None)
+    """Joints of the configuration, and those of the database that it no longer has; of a database that is given without
+    a configuration, its own.  Nothing where neither is there."""
+    given: Path | None = ctx.params.get("database")
+    config = _config(ctx) if given is None or ctx.params.get("config") else None
+    names = [joint.name for joint in config.joints] if config else []
+    given = given or (config.database if config else None)
     if given is not None:
         from lostmotion.daemon.reader import open_readonly
 

@@ -53,7 +53,7 @@ def record(
 
     Raises RecordError, ConfigError, DriverError.
     """
-    config = configuration.load(given)
+    config = configuration.load(given, joints=accelerometer is None)
     config = _alone(config, joint) if accelerometer is None else _sensor_alone(config, accelerometer)
     what = f"joint {config.joints[0].name}" if config.joints else f"accelerometer {accelerometer}"
     devices, tally = Devices(config), Tally()

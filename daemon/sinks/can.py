@@ -17,6 +17,7 @@ from typing import Any
 
 import can
 
+from lostmotion.daemon.no_memory import NO_MEMORY, outlive
 from lostmotion.daemon.options import CanOptions
 from lostmotion.daemon.records import JointRow, ScoreRow, Transition
 from lostmotion.daemon.repeats import Condition
@@ -67,7 +68,7 @@ class CanSink:
         self._wakeup = Wakeup()
         self._closing = threading.Event()
         self._condition = Condition()
-        self._thread = threading.Thread(target=self._run, name="can", daemon=True)
+        self._thread = threading.Thread(target=outlive, args=(self._run, "CAN"), name="can", daemon=True)
         self._thread.start()
 
     def score(self, row: ScoreRow) -> None:
@@ -102,7 +103,7 @@ class CanSink:
                     pause = FIRST_RETRY_S
                     self._serve(bus)
             except FAULTS as error:
-                self._say(str(error) or type(error).__name__)
+                self._say(NO_MEMORY if isinstance(error, MemoryError) else str(error) or type(error).__name__)
             self._closing.wait(pause)
             pause = min(2 * pause, LAST_RETRY_S)
 

@@ -14,11 +14,12 @@ from contextlib import suppress
 import zenoh
 
 from lostmotion.daemon.database import DAMAGED
+from lostmotion.daemon.no_memory import NO_MEMORY
 from lostmotion.daemon.sinks.answers import LONG, PARAMETERS, Answers, BadQueryError, payload
 from lostmotion.daemon.zenoh_session import JSON
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["Queries"]
+__all__ = ["Queries", "Queryable"]
 
 THREADS = 4
 """for histories, and as many for the rest"""
@@ -53,12 +54,14 @@ class Queries:
             long.close()
 
     def answer(self, query: zenoh.Query) -> None:
-        """Answers one query, with an error where it cannot be understood or the database cannot be read."""
+        """Answers one query, with an error where it cannot be understood, the database cannot be read, or there is no
+        memory for the answer."""
         with query, suppress(zenoh.ZError):
             try:
                 self._reply(query)
-            except (LostmotionError, *DAMAGED) as error:
-                query.reply_err(payload({"robot": self._robot, "error": str(error)}), encoding=JSON)
+            except (LostmotionError, *DAMAGED, MemoryError) as error:
+                why = NO_MEMORY if isinstance(error, MemoryError) else str(error)
+                query.reply_err(payload({"robot": self._robot, "error": why}), encoding=JSON)
 
     def _reply(self, query: zenoh.Query) -> None:
         parameters = {key: value for key in PARAMETERS if (value := query.parameters.get(key)) is not None}

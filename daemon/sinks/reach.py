@@ -13,6 +13,7 @@ from contextlib import suppress
 
 import zenoh
 
+from lostmotion.daemon.no_memory import outlive
 from lostmotion.daemon.repeats import Condition
 
 __all__ = ["Reach", "addresses"]
@@ -37,7 +38,7 @@ class Reach:
         self._session, self._where = session, ", ".join(endpoints)
         self._condition = Condition(told="")
         self._closing = threading.Event()
-        self._thread = threading.Thread(target=self._look, name="zenoh-reach", daemon=True)
+        self._thread = threading.Thread(target=outlive, args=(self._look, "zenoh"), name="zenoh-reach", daemon=True)
         if endpoints:
             self._thread.start()
 
@@ -50,9 +51,8 @@ class Reach:
     def _look(self) -> None:
         with suppress(zenoh.ZError):  # the session is closed
             while not self._closing.wait(LOOK_S):
-                with suppress(MemoryError):  # the next look tells
-                    info = self._session.info
-                    self._tell(bool(info.routers_zid() or info.peers_zid()))
+                info = self._session.info
+                self._tell(bool(info.routers_zid() or info.peers_zid()))
 
     def _tell(self, is_reached: bool) -> None:
         if not self._condition.is_news("" if is_reached else "nobody", time.monotonic()):

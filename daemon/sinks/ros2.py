@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 
 import zenoh
 
+from lostmotion.daemon.no_memory import outlive
 from lostmotion.daemon.sinks.diagnostics import Board, key, tokens
 from lostmotion.drivers.codec.rmw_zenoh import GID_BYTES, attachment
 
@@ -32,8 +33,9 @@ class Ros2Publisher:
         self._publisher = session.declare_publisher(key(domain))
         self._board = board
         self._say = say
+        self._sequence = 0
         self._closing = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="ros2", daemon=True)
+        self._thread = threading.Thread(target=outlive, args=(self._run, "ROS 2"), name="ros2", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
@@ -42,10 +44,9 @@ class Ros2Publisher:
         self._thread.join(CLOSE_S)
 
     def _run(self) -> None:
-        sequence = 0
-        while not self._closing.wait(PERIOD_S if sequence else 0.0):
-            sequence += 1
-            told = attachment(sequence, time.time_ns(), self._gid)
+        while not self._closing.wait(PERIOD_S if self._sequence else 0.0):
+            self._sequence += 1
+            told = attachment(self._sequence, time.time_ns(), self._gid)
             try:
                 self._publisher.put(self._board.message(datetime.now(UTC)), attachment=told)
             except zenoh.ZError as error:

@@ -14,21 +14,25 @@ import threading
 import time
 from collections import deque
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import zenoh
 from msgspec.structs import asdict
 from zenoh.ext import AdvancedPublisher, CacheConfig, MissDetectionConfig, declare_advanced_publisher
 
 from lostmotion.daemon import documents
+from lostmotion.daemon.no_memory import NO_MEMORY, is_no_memory, outlive
 from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.records import JointRow, ScoreRow, Transition, iso
 from lostmotion.daemon.repeats import Condition
 from lostmotion.daemon.sinks.answers import Answers, payload
 from lostmotion.daemon.sinks.diagnostics import Board
-from lostmotion.daemon.sinks.queries import Queries
+from lostmotion.daemon.sinks.queries import Queries, Queryable
 from lostmotion.daemon.sinks.reach import Reach, addresses
-from lostmotion.daemon.sinks.ros2 import Ros2Publisher
 from lostmotion.daemon.zenoh_session import JSON, brief, configuration, why_closed
+
+if TYPE_CHECKING:
+    from lostmotion.daemon.sinks.ros2 import Ros2Publisher
 
 __all__ = ["ZenohSink"]
 
@@ -62,7 +66,7 @@ class ZenohSink:
         self._publishers: dict[str, AdvancedPublisher] = {}
         self._condition = Condition(told="")
         self._closing = threading.Event()
-        self._thread = threading.Thread(target=self._open, name="zenoh", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="zenoh", daemon=True)
         self._thread.start()
 
     @property
@@ -144,25 +148,46 @@ class ZenohSink:
             )
         return self._publishers[key]
 
-    def _open(self) -> None:
+    def _run(self) -> None:
+        """The session's thread: opens it, again and again, then answers until it is closed."""
         pause = FIRST_RETRY_S
         while not self._closing.is_set():
+            session = None
             try:
                 config = configuration(self._options)
                 session = zenoh.open(config)
-                self._token = session.liveliness().declare_token(f"{self._prefix}/alive")
-                queryable = session.declare_queryable(f"{self._prefix}/**")
-                if self._board:
-                    domain = self._options.ros2_domain
-                    self._ros2 = Ros2Publisher(session, self._robot, domain, self._board, self._say)
-            except zenoh.ZError as error:
-                self._say(f"session not open, trying again: {why_closed(self._options, error)}")
+                queryable = self._declare(session)
+                self._use(session, addresses(config))
+            except Exception as error:
+                if not isinstance(error, zenoh.ZError) and not is_no_memory(error):
+                    raise
+                why = why_closed(self._options, error) if isinstance(error, zenoh.ZError) else NO_MEMORY
+                self._say(f"session not open, trying again: {why}")
+                self._give_up(session)
                 self._closing.wait(pause)
                 pause = min(2 * pause, LAST_RETRY_S)
                 continue
-            self._use(session, addresses(config))
-            self._queries.serve(queryable)
+            outlive(lambda: self._queries.serve(queryable), "zenoh")  # noqa: B023 - it returns below
             return
+
+    def _declare(self, session: zenoh.Session) -> Queryable:
+        """What others see of the robot in a session: that it is alive, and that it answers."""
+        self._token = session.liveliness().declare_token(f"{self._prefix}/alive")
+        queryable = session.declare_queryable(f"{self._prefix}/**")
+        if self._board:
+            from lostmotion.daemon.sinks.ros2 import Ros2Publisher  # TLS's hashes, 3 MB that many do not need
+
+            domain = self._options.ros2_domain
+            self._ros2 = Ros2Publisher(session, self._robot, domain, self._board, self._say)
+        return queryable
+
+    def _give_up(self, session: zenoh.Session | None) -> None:
+        """Closes a session that could not be used in full."""
+        ros2, self._ros2, self._token = self._ros2, None, None
+        if ros2 is not None:
+            ros2.close()
+        if session is not None:
+            session.close()  # type: ignore[no-untyped-call]
 
     def _use(self, session: zenoh.Session, endpoints: list[str]) -> None:
         with self._lock:

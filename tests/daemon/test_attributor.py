@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lostmotion.daemon.attributor import Attributor, SharedSensor, Speaker
+from lostmotion.daemon.attributor import Attributor, CommandHistory, SharedSensor
 from lostmotion.daemon.pipeline import JointPlan, Pipeline, Scored
 from lostmotion.daemon.records import SURE, Origin
 from lostmotion.daemon.ring import Ring
@@ -128,7 +128,7 @@ def test_known_joints_are_weighed_seldom(monkeypatch: pytest.MonkeyPatch) -> Non
     starts: list[float] = []
 
     class Noting(Attributor):
-        def _weigh(self, window: Window, rings: Sequence[Ring], joints: Sequence[Speaker]) -> Evidence | None:
+        def _weigh(self, window: Window, rings: Sequence[Ring], joints: Sequence[CommandHistory]) -> Evidence | None:
             starts.append(window.start)
             return super()._weigh(window, rings, joints)
 

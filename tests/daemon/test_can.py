@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import closing
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from types import SimpleNamespace
 
 import can
 import canopen
@@ -121,29 +122,37 @@ def test_canopen_receives_the_states(request: pytest.FixtureRequest) -> None:
     network.disconnect()
 
 
-def test_states_rest_and_alarms_do_not(request: pytest.FixtureRequest) -> None:
-    """Of a hundred scores in one second states are sent five times a second at most, the last ones the newest; an alarm
-    amid a rest is told at once, before them."""
+def test_states_rest_and_alarms_do_not(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After a state the next ones wait until the rest is over, and then only the newest is sent; an alarm amid the rest
+    is told at once.  By a clock that the test sets."""
+    now = 100.0
+    monkeypatch.setattr(sinking, "time", SimpleNamespace(monotonic=lambda: now))
     with (
         can.Bus(request.node.name, interface="virtual") as bus,
         closing(CanSink(JOINTS, options(request.node.name))) as sink,
     ):
         sink.score(SCORE)
-        wait_until(lambda: (message := bus.recv(0.1)) is not None and message.arbitration_id == 0x1A1)
-        start = time.monotonic()
+        frame_of(bus, 0x1A1)
         for k in range(100):
             sink.score(msgspec.structs.replace(SCORE, severity=1e-5 * k))
-            time.sleep(max(start + 0.01 * k - time.monotonic(), 0.0))
         sink.alarm(WARNING)
-        states, codes, end = [], [], time.monotonic() + 2 * sinking.REST_S
-        while time.monotonic() < end:
-            if (message := bus.recv(0.1)) is not None and message.arbitration_id == 0x1A1:
-                states.append(bytes(message.data))
-            elif message is not None and message.arbitration_id == 0xA1:
-                codes.append(len(states))
-    assert codes == [len(states) - 1]
-    assert 2 <= len(states) <= 2 + (end - start) / sinking.REST_S
-    assert states[-1] == struct.pack("<BBHH", 1, 0, round(math.degrees(9.9e-4) * 600), 34)
+        assert identifiers_until(bus, 0xA1).count(0x1A1) == 0
+        now += 0.9 * sinking.REST_S
+        sink.alarm(FAULT)
+        assert identifiers_until(bus, 0xA1).count(0x1A1) == 0
+        now += 0.2 * sinking.REST_S
+        assert frame_of(bus, 0x1A1).data == struct.pack("<BBHH", 1, 0, round(math.degrees(9.9e-4) * 600), 34)
+        sink.alarm(later(FAULT, AlarmEvent.CLEARED))
+        assert identifiers_until(bus, 0xA1).count(0x1A1) == 0
+
+
+def identifiers_until(bus: can.BusABC, last: int) -> list[int]:
+    """The identifiers of the frames before the next one with that identifier."""
+    found: list[int] = []
+    while (message := bus.recv(10.0)) is not None and message.arbitration_id != last:
+        found.append(message.arbitration_id)
+    assert message is not None, f"no frame 0x{last:X}"
+    return found
 
 
 def test_a_cleared_error_leaves_the_others_standing() -> None:

@@ -19,6 +19,8 @@ import pytest
 from lostmotion.daemon import config as configuration
 from lostmotion.daemon.commands.checks import within
 from lostmotion.daemon.commands.checks_system import ClockPair, check_adapters, check_clock, check_disk, check_history
+from lostmotion.daemon.records import JointRow
+from lostmotion.daemon.store import Store
 from lostmotion.drivers.emulator import Emulator, Motion, WitMotionStream
 from lostmotion.drivers.recording import read_recording
 from tests.daemon.cli_world import HARDWARE, PROGRAM, SECOND_JOINT, SIMULATED, call, fill, is_one_line
@@ -93,12 +95,16 @@ def test_record_wants_one_joint(robot: Path) -> None:
 
 
 def test_an_accelerometer_alone_is_recorded_and_calibrated(robot: Path) -> None:
-    """The first step of calibrating: no servo is opened, which may be missing, and calibrate tap takes the file; a name
-    that is not there, and a joint beside it, are refused."""
+    """The first step of calibrating: no servo is opened, which may be missing, also in the configuration, and calibrate
+    tap takes the file; a name that is not there, and a joint beside it, are refused."""
     with Emulator(WitMotionStream(Motion(play=0.0))) as emulator:  # an impact of the gears would ring as a tap does
         robot.write_text(HARDWARE.replace("no-such-port-1", emulator.paths[0]))
         arguments = ["record", "--config", str(robot), "--duration", "1", "-o", "taps.csv"]
         result = call(*arguments, "--accelerometer", "tip")
+        robot.write_text(robot.read_text().partition("[[joint]]")[0])
+        assert call(*arguments, "--accelerometer", "tip").exit_code == 0
+        assert is_one_line(call(*arguments), "[[joint]] is missing; expected at least one such table")
+        robot.write_text(HARDWARE)
     assert result.exit_code == 0, result.stderr
     assert "rows of accelerometer tip" in result.stderr
     found = read_recording("taps.csv")
@@ -118,12 +124,16 @@ def test_an_accelerometer_alone_is_recorded_and_calibrated(robot: Path) -> None:
         ("lostmotion record --config robot.toml --accelerometer ", ["tip"]),
         ("lostmotion alarms ack --config robot.toml w", ["wrist"]),
         ("lostmotion history --config broken.toml ", []),
+        ("lostmotion history --database other.db ", ["knee"]),
+        ("lostmotion history --config robot.toml --database other.db ", ["elbow", "wrist", "knee"]),
     ],
 )
 def test_names_are_completed(robot: Path, words: str, expected: list[str]) -> None:
     """What a shell asks for at the end of these words, in a process as the shell starts it."""
     robot.write_text(SIMULATED + SECOND_JOINT)
     Path("broken.toml").write_text("[robot")
+    with closing(Store(Path("other.db"), "arm2")) as other:
+        other.add(JointRow("knee"))
     environment = {"_LOSTMOTION_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
     done = subprocess.run(PROGRAM, env=os.environ | environment, capture_output=True, text=True)
     assert done.stderr == ""

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lostmotion.daemon import database as files
 from lostmotion.daemon.database import StoreBusyError, is_held
 from lostmotion.daemon.inode_lock import InodeLock
 from lostmotion.daemon.reader import open_readonly
@@ -244,3 +245,14 @@ def test_nobody_gets_in_while_the_file_changes(tmp_path: Path) -> None:
     assert store.close() == 0
     with open_readonly(path) as reader:
         assert reader.scores("elbow") == rows(10)
+
+
+def test_it_is_told_when_the_old_log_is_gone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who reads the file from the line on finds nothing of the one that was replaced, whose log lay beside it."""
+    path, there = tmp_path / "history.db", list[bool]()
+    wal = path.with_name("history.db-wal")
+    monkeypatch.setattr(files.log, "error", lambda *_: there.append(wal.exists()))
+    path.touch()
+    wal.touch()
+    files.leave(path, files.ReplacedError("replaced"), files.file_identity(wal))
+    assert there == [False]

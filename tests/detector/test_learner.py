@@ -14,7 +14,9 @@ from lostmotion.detector import learner as module
 from lostmotion.detector import ringdown
 from lostmotion.detector.background import Background, learn, learning
 from lostmotion.detector.learner import Change, Learner, is_learning, settled
-from lostmotion.detector.window import DetectorSettings, FloatArray
+from lostmotion.detector.score import score_window
+from lostmotion.detector.spectrum import _to_bands
+from lostmotion.detector.window import DetectorSettings, FloatArray, Window
 from tests.detector.test_background import LENGTH, RATE, SETTINGS, hum, rings
 
 
@@ -126,3 +128,18 @@ def test_windows_that_tell_nothing_are_not_heard() -> None:
     few = white(rng, 30)
     few[:, 7] = np.nan
     assert len(heard(learner, few)) == 1
+
+
+def test_what_is_not_used_any_more_is_not_kept() -> None:
+    """However often joints learn another noise, each keeps one bank, and all of them one transform to the bands."""
+    rng = np.random.default_rng(8840)
+    ringdown._banks.clear()
+    _to_bands.cache_clear()
+    learners = [Learner(SETTINGS, RATE, LENGTH) for _ in range(3)]
+    for learner in learners:
+        for k in range(4):
+            learner.resume(Background((1.0 + k, 0.1), 100.0, LENGTH, 0.1), 100)
+            score_window(Window("elbow", 0.0, 0.25, np.arange(LENGTH) / RATE, white(rng, 1)[0], RATE), learner.settings)
+    assert len({learner.settings for learner in learners}) == 1
+    assert len(ringdown._banks) == 1
+    assert _to_bands.cache_info().currsize == 1

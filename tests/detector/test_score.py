@@ -82,6 +82,18 @@ def test_silence_scores_nan_not_infinity(value: float) -> None:
     assert (result.impact, result.quality) == (False, "flat")
 
 
+@pytest.mark.parametrize("start", [1e7, 1e8, 4e9])
+def test_a_clock_has_no_score(start: float) -> None:
+    """A column of microseconds with 4 µs of jitter, or of milliseconds: implausible, whichever statistic is the score;
+    a noise of 1 mm/s² under gravity is none."""
+    rng = np.random.default_rng(8)
+    ticks = start + 4 * np.round(250.0 * np.arange(250) + rng.normal(0, 0.5, 250))
+    for clock in (ticks, np.floor(start / 1000 + 1.25 * np.arange(250))):
+        found = score_window(window(clock), SETTINGS)
+        assert (math.isnan(found.score), found.quality) == (True, "implausible")
+    assert score_window(window(9.81 + 1e-3 * rng.normal(size=250)), SETTINGS).score > 0
+
+
 def test_a_window_becomes_a_score() -> None:
     """The window's own values go over to the score, the level comes from the settings."""
     time = np.arange(250) / 1000

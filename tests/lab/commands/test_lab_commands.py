@@ -59,8 +59,8 @@ def explained(folder: Path) -> dict[str, Any]:
 
 
 def test_hidden_friction(tmp_path: Path) -> None:
-    """Coulomb friction that spoils the model thirtyfold is named, with its size; the error falls to the noise."""
-    found = explained(case(tmp_path, FRICTION, 0.2, 2.0, seed=3, model=NEAR))
+    """Coulomb friction that spoils the model twentyfold is named, with its size; the error falls to the noise."""
+    found = explained(case(tmp_path, FRICTION, 0.2, 1.5, seed=4, model=NEAR))
     assert found["verdict"] == "missing"
     assert found["missing"] == ["coulomb_friction"]
     assert found["error"]["before"] > 10 * found["error"]["after"]
@@ -99,7 +99,7 @@ def test_nothing_missing(tmp_path: Path) -> None:
 
 def test_outside_of_the_catalogue(tmp_path: Path) -> None:
     """A sensor whose curve is bent, which no effect describes: nothing is named, what is left is described."""
-    found = explained(case(tmp_path, {"curved_sensor.c": 0.02}, 0.3, 1.5))
+    found = explained(case(tmp_path, {"curved_sensor.c": 0.02}, 0.3, 1.5, model=NEAR))
     assert found["verdict"] == "outside_catalogue"
     assert found["missing"] == []
     assert found["error"]["after"] > 1.25 * found["error"]["noise"]
