@@ -161,7 +161,9 @@ def _confusable(selection: Selection) -> tuple[tuple[str, ...], ...]:
     recordings tell each."""
     added = selection.added
     groups = [
-        (step.judged[0].effect, *(name for name in step.confusable if name not in added)) for step in selection.steps
+        (step.judged[0].effect, *(name for name in step.confusable if name not in added))
+        for step in selection.steps
+        if step.judged
     ]
     return tuple(group for group in groups if len(group) > 1 and group[0] in added)
 
