@@ -160,11 +160,8 @@ def _confusable(selection: Selection) -> tuple[tuple[str, ...], ...]:
     """Effects that were added, each with those that explained as much and were not: of two that are both needed, the
     recordings tell each."""
     added = selection.added
-    groups = [
-        (step.judged[0].effect, *(name for name in step.confusable if name not in added))
-        for step in selection.steps
-        if step.judged
-    ]
+    tried = [step for step in selection.steps if step.judged]
+    groups = [(step.judged[0].effect, *(name for name in step.confusable if name not in added)) for step in tried]
     return tuple(group for group in groups if len(group) > 1 and group[0] in added)
 
 
@@ -193,7 +190,8 @@ def _advice(selection: Selection, train: Sequence[Experiment], noise: dict[str, 
     """What to record to tell apart the first effects that these recordings confuse; nothing where their motion cannot
     be simulated."""
     for step in selection.steps:
-        effects = next((group for group in _confusable(selection) if group[0] == step.judged[0].effect), ())
+        first = step.judged[0].effect if step.judged else ""
+        effects = next((group for group in _confusable(selection) if group[0] == first), ())
         if effects:
             alike = [one.fit.model for one in step.judged if one.effect in effects]
             with suppress(ModelError):
