@@ -74,7 +74,7 @@ class Commanded:
     def derivative(self, basis: FloatArray, order: int) -> FloatArray:
         """The derivative of theta_1 of that order [rad/s^order] at the times of a basis, shape (N,)."""
         degree = len(self.coefficients) - 1
-        derived = _derivative(degree, order) @ self.coefficients / self.half**order
+        derived = legendre.derivative(degree, order) @ self.coefficients / self.half**order
         return np.asarray(basis[:, : degree + 1 - order] @ derived)
 
     def followed(self, servo: ServoLaw) -> Commanded:
@@ -113,11 +113,10 @@ def cornered(times: FloatArray, commands: FloatArray, stretch: Window, smooth: C
     middle, half = smooth.middle, smooth.half
     basis = _basis((local - middle) / half, _degree(SHARPEST_HZ, half, local.size))
     weight, noise = _weights(angle)
+    degree = basis.shape[1] - 1
     jump = float(np.max(np.abs(smooth.acceleration(local[local >= 0]))))
     stiff = noise**2 * CORNER_S / max(jump**2 * half**5, 1e-12)
-    degree = basis.shape[1] - 1
-    told = (basis.T * weight) @ basis + RIDGE * angle.size * np.eye(degree + 1) + stiff * _penalty(degree, ORDERS[0])
-    inverse = np.linalg.inv(told)
+    inverse = np.linalg.inv(_gram(basis, weight) + stiff * _penalty(degree, ORDERS[0]))
     coefficients = inverse @ (basis.T @ (weight * (angle - angle.mean())))
     coefficients[0] += angle.mean()
     return Commanded(middle, half, coefficients, np.asarray(inverse * noise**2))
@@ -138,11 +137,9 @@ def _degree(fastest_hz: float, half: float, count: int) -> int:
 def _fitted(basis: FloatArray, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Coefficients and their covariance at the most likely smoothness and noise."""
     weight, least = _weights(angle)
-    size = basis.shape[1]
     centre = float(angle.mean())
     away = angle - centre
-    gram = (basis.T * weight) @ basis + RIDGE * angle.size * np.eye(size)
-    whitening = np.linalg.inv(np.linalg.cholesky(gram))
+    whitening = np.linalg.inv(np.linalg.cholesky(_gram(basis, weight)))
     plain = whitening @ (basis.T @ (weight * away))
     power = float(weight @ away**2)
     told = [_smoothest(plain, whitening, order, power, angle.size, least) for order in ORDERS]
@@ -150,6 +147,11 @@ def _fitted(basis: FloatArray, angle: FloatArray) -> tuple[FloatArray, FloatArra
     coefficients = mixed.T @ (kept * (mixed @ (basis.T @ (weight * away))))
     coefficients[0] += centre
     return coefficients, np.asarray((mixed.T * kept) @ mixed * noise)
+
+
+def _gram(basis: FloatArray, weight: FloatArray) -> FloatArray:
+    """Products of the polynomials at the commands, and a ridge that keeps them apart."""
+    return np.asarray((basis.T * weight) @ basis + RIDGE * weight.size * np.eye(basis.shape[1]))
 
 
 def _smoothest(
@@ -198,7 +200,7 @@ def _following(count: int, degree: int, span_s: float, way: int) -> FloatArray:
 @lru_cache(maxsize=16)
 def _penalty(degree: int, order: int) -> FloatArray:
     """Integral over -1..1 of the square of a polynomial's derivative, as a matrix of its coefficients."""
-    derived = _derivative(degree, order)
+    derived = legendre.derivative(degree, order)
     return np.asarray(derived.T * (2 / (2 * np.arange(degree + 1 - order) + 1)) @ derived)
 
 
@@ -213,9 +215,3 @@ def _basis(place: FloatArray, degree: int) -> FloatArray:
 def _powers(degree: int) -> FloatArray:
     """Legendre's polynomials by powers, a column each, shape (degree + 1, degree + 1)."""
     return np.ascontiguousarray(legendre.powers(degree).T)
-
-
-@lru_cache(maxsize=32)
-def _derivative(degree: int, order: int) -> FloatArray:
-    """Coefficients of a derivative from those of a polynomial, shape (degree + 1 - order, degree + 1)."""
-    return legendre.derivative(degree, order)

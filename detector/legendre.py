@@ -3,6 +3,8 @@ long for its checks as for what a window needs, and a megabyte."""
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from lostmotion.detector.window import FloatArray
@@ -21,6 +23,7 @@ def values(place: FloatArray, degree: int) -> FloatArray:
     return rows.T
 
 
+@lru_cache(maxsize=32)
 def derivative(degree: int, order: int) -> FloatArray:
     """What makes coefficients of the derivative of that order of a series' coefficients, shape (degree + 1 - order,
     degree + 1): P_j' is the sum of (2 k + 1) P_k over k = j - 1, j - 3, ..."""

@@ -126,13 +126,14 @@ class Comparison(Displayed):
     @property
     def is_noise(self) -> bool:
         """Whether all that is left can be noise: as large, and no map or band that stands out."""
-        column = self.column
+        return self.is_small(self.column) and not any(one.significant for one in self.maps[self.column])
+
+    def is_small(self, column: str) -> bool:
+        """Whether what is left of that column is no larger than its noise."""
         noise = self.noise[column].rms
         if column == TORQUE:  # its floor is an extrapolation
-            small = is_noise(np.concatenate([one.residual[~np.isnan(one.residual)] for one in self.of(column)]), noise)
-        else:
-            small = self.rms(column) <= GOOD * noise
-        return small and not any(one.significant for one in self.maps[column])
+            return is_noise(np.concatenate([one.residual[~np.isnan(one.residual)] for one in self.of(column)]), noise)
+        return self.rms(column) <= GOOD * noise
 
     def document(self) -> dict[str, Any]:
         """The keys of ``lab compare --json``."""

@@ -20,6 +20,7 @@ from lostmotion.lab.comparison.predict import Prediction
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.discrepancy.localise import Localisation
 from lostmotion.lab.discrepancy.shape import shapes
+from lostmotion.lab.fitting.identifiability import held
 from lostmotion.lab.inverse.problem import Data
 from lostmotion.lab.inverse.regression import regressed
 from lostmotion.lab.inverse.signals import Signals, telling_share
@@ -41,12 +42,10 @@ def needed_torques(model: Model, experiments: Sequence[Experiment]) -> tuple[lis
     """
     share = telling_share(experiments)
     signals = [Signals.of(one, share=share) for one in experiments]
-    fixed = replace(model, parameters={name: replace(p, fixed=True) for name, p in model.parameters.items()})
-    fit = regressed(fixed, Data.of(signals, model))  # the zero of an encoder that counts from where it starts
-    assert isinstance(fit.data, Data)
-    shifted = fit.data.shifted(fit.nuisance) if fit.nuisance.size else fit.data.signals
-    torques = fit.data.needed(model, fit.nuisance) if fit.nuisance.size else fit.data.needed(model)
-    predictions = [_prediction(one, torque) for one, torque in zip(shifted, torques, strict=True)]
+    data = Data.of(signals, model)
+    zeros = regressed(held(model, model.parameters), data).nuisance  # of encoders that count from where they start
+    pairs = zip(data.shifted(zeros), data.needed(model, zeros), strict=True)
+    predictions = [_prediction(one, torque) for one, torque in pairs]
     return predictions, max(noise_floor(one, model) for one in signals)
 
 

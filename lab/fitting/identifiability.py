@@ -6,7 +6,7 @@ factor.  The inertia is then held at its value, and forces are told as ratios to
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from lostmotion.model import Model
 from lostmotion.model.bases import get_base
 from lostmotion.model.effects import get_effect
 
-__all__ = ["free_states", "is_driven", "with_free_states", "with_scale"]
+__all__ = ["free_states", "held", "is_driven", "with_free_states", "with_scale"]
 
 
 def is_driven(experiment: Experiment) -> bool:
@@ -34,16 +34,20 @@ def with_scale(model: Model, experiments: Sequence[Experiment]) -> tuple[Model, 
     if not name or model.parameters[name].fixed:
         return model, ()
     parameter = model.parameters[name]
-    held = Estimate(name, parameter.value, parameter.value, parameter.value, parameter.unit, told=False)
-    return model.replace({name: replace(parameter, fixed=True)}), (held,)
+    scale = Estimate(name, parameter.value, parameter.value, parameter.value, parameter.unit, told=False)
+    return held(model, [name]), (scale,)
+
+
+def held(model: Model, names: Iterable[str]) -> Model:
+    """The model with these parameters fixed at their values."""
+    return model.replace({name: replace(model.parameters[name], fixed=True) for name in names})
 
 
 def with_free_states(model: Model) -> Model:
     """The model of a motion that no input drives, in which the initial values of an effect's free states are its
     amplitudes: those among its parameters are held."""
     free = [get_effect(name) for name in model.effects if get_effect(name).free_states]
-    names = [f"{effect.id}.{name}" for effect in free for name in effect.amplitudes]
-    return model.replace({name: replace(model.parameters[name], fixed=True) for name in names})
+    return held(model, [f"{effect.id}.{name}" for effect in free for name in effect.amplitudes])
 
 
 def free_states(model: Model) -> tuple[str, ...]:

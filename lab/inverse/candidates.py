@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from lostmotion.lab.data.frequency_response import usual_torque
-from lostmotion.lab.data.lines import spectral_lines
 from lostmotion.lab.fitting.identifiability import is_driven, with_free_states
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import TURN, Data, EquationError, Problem, by_recording
@@ -97,7 +96,7 @@ def sizes_of(model: Model, data: Problem) -> MotionScales:
         peak=max(float(np.nanmax(np.abs(one.experiment.measured[one.column]))) for one in signals),
         k=stiffness, b=damping, d=0.0, inertia=inertia_of(model),
         length=max(float(one.time[-1]) for one in signals), resonance=natural_frequency(model),
-        lines=spectral_lines(loudest.experiment.measured[loudest.column], loudest.experiment.rate_hz),
+        lines=loudest.lines,
     )  # fmt: skip
 
 

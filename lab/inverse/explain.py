@@ -24,9 +24,9 @@ from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.frequency_response import from_spectra
 from lostmotion.lab.deadline import within
 from lostmotion.lab.design.next_experiment import what_to_record
-from lostmotion.lab.discrepancy.shape import shapes
+from lostmotion.lab.discrepancy.shape import Shape, shapes
 from lostmotion.lab.fitting.identifiability import is_driven, with_scale
-from lostmotion.lab.inverse.output_error import initial_state
+from lostmotion.lab.inverse.output_error import OutputError, initial_state
 from lostmotion.lab.inverse.problem import Data, by_recording
 from lostmotion.lab.inverse.regression import Regression, blocks_of, can_run
 from lostmotion.lab.inverse.selection import Search, Selection, Step, first_fit, selected
@@ -265,9 +265,10 @@ def _shown(fit: Regression, remark: str = "") -> list[tuple[Experiment, FloatArr
     experiments = [replace(one.experiment, name=f"{one.experiment.name}{remark}") for one in fit.data.signals]
     if isinstance(fit.data, Data):
         return [(one, None) for one in experiments]
-    states, free = np.split(fit.nuisance, len(experiments)), getattr(fit.data, "free", ())
+    assert isinstance(fit.data, OutputError)
+    states = np.split(fit.nuisance, len(experiments))
     return [
-        (one, initial_state(one.model(fit.model), one, state, free))
+        (one, initial_state(one.model(fit.model), one, state, fit.data.free))
         for one, state in zip(experiments, states, strict=True)
     ]
 
@@ -311,15 +312,7 @@ def _finding(fit: Regression) -> Finding:
         for one, load in zip(data.shifted(fit.nuisance), data.transmitted, strict=True)
     ]  # fmt: skip
     found = shapes(residuals, [np.full(r.size, fit.rms) for r in residuals], variables)
-    size = f"a torque on the joint of about {fit.rms:.2g} N m is missing"
-    if not found or found[0].explained < LEAST_SHARE:
-        return Finding("joint", (), f"{size}; it follows no single state")
-    best = found[0]
-    curve = Curve(
-        best.variable, best.unit, best.x, best.mean, best.mean - best.half_width, best.mean + best.half_width, "N m"
-    )
-    text = f"{size}; {100 * best.explained:.0f} % of it follows {words.variable(best.variable)[0]}"
-    return Finding("joint", (best.variable,), text, curve)
+    return _followed("joint", f"a torque on the joint of about {fit.rms:.2g} N m is missing", "N m", found)
 
 
 def _finding_of_motion(fit: Regression) -> Finding:
@@ -336,7 +329,11 @@ def _finding_of_motion(fit: Regression) -> Finding:
         variables.append({**columns, "time": at})
     found = shapes(residuals, [np.full(r.size, fit.rms) for r in residuals], variables)
     acts_on = "joint" if "J" in fit.model.parameters else "oscillator"
-    size = f"an error of the motion of about {fit.rms:.2g} {unit} is left"
+    return _followed(acts_on, f"an error of the motion of about {fit.rms:.2g} {unit} is left", unit, found)
+
+
+def _followed(acts_on: str, size: str, unit: str, found: Sequence[Shape]) -> Finding:
+    """What is left, told by its size, and by the state that it follows best, if any."""
     if not found or found[0].explained < LEAST_SHARE:
         return Finding(acts_on, (), f"{size}; it follows no single state")
     best = found[0]

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from lostmotion.lab.fitting.identifiability import held
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import Data
 from lostmotion.lab.inverse.regression import Regression, blocks_of, regressed
@@ -130,7 +131,7 @@ def error_on(fit: Regression, unseen: Signals) -> float:
 def fit_on(fit: Regression, unseen: Signals) -> Regression | None:
     """The fit's model on a recording that it has not seen, None where its motion has no end there: only the initial
     state of a motion, or the zero of an angle, is fitted."""
-    known = fit.model.replace({name: replace(fit.model.parameters[name], fixed=True) for name in fit.unknowns.names})
+    known = held(fit.model, fit.unknowns.names)
     try:
         if isinstance(fit.data, OutputError):
             return regressed(known, OutputError.of([unseen], known))

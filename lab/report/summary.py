@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from lostmotion.lab import words
-from lostmotion.lab.comparison.compare import GOOD, MENTIONED, Comparison
+from lostmotion.lab.comparison.compare import MENTIONED, Comparison
 from lostmotion.lab.quantity import quantities
 from lostmotion.lab.report.verdict import worst_phase
 
@@ -27,10 +27,9 @@ def summary(comparison: Comparison) -> list[str]:
 def _size(comparison: Comparison, name: str) -> str:
     what, unit = words.column(name)
     (error, noise), unit = quantities(unit, comparison.rms(name), comparison.noise[name].rms)
-    small = comparison.rms(name) <= GOOD * comparison.noise[name].rms
     return (
         f"{what}: fit {comparison.fit_percent(name):.1f} %, error {error} {unit} where the noise is {noise} {unit}"
-        f"{': down to the noise' if small else ''}"
+        f"{': down to the noise' if comparison.is_small(name) else ''}"
     )
 
 
