@@ -19,7 +19,7 @@ demo: $(READY)  ## the main job on the simulated robot: a year of wear in a minu
 test: $(READY)  ## everything: format, lint, types, all tests
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(BIN)/mypy -p lostmotion & types=$$!; $(BIN)/python -m pytest -n 4 --dist worksteal -rs && wait $$types
+	$(BIN)/mypy -p lostmotion & types=$$!; $(BIN)/python -m pytest -n 4 --dist worksteal -rsR && wait $$types
 
 check: $(READY)  ## the same with the fast tests only, in under two minutes
 	$(BIN)/ruff format --check .

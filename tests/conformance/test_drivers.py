@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lostmotion.drivers.base import AccelBlock, ServoReading
-from lostmotion.drivers.conformance import CHECKS, ConformanceError, Subject, collect
+from lostmotion.drivers.conformance import CHECKS, Subject, collect
 from lostmotion.drivers.emulator import TextStream
 from lostmotion.drivers.errors import PortError
 from lostmotion.drivers.registry import get_driver, names
@@ -36,14 +35,7 @@ def rig(case: Case, tmp_path: Path) -> Iterator[Rig]:
 @every_driver
 @pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
 def test_what_holds_for_any_driver(check: Callable[[Subject], None], rig: Rig) -> None:
-    """The checks that packages of others run, too: identity, times, values, resolution, opening again, unknown keys.
-
-    In one of three passes: a device that a thread emulates sends late while the machine is busy with other tests.
-    """
-    for _ in range(2):
-        with suppress(ConformanceError):
-            check(rig.subject)
-            return
+    """The checks that packages of others run, too: identity, times, values, resolution, opening again, unknown keys."""
     check(rig.subject)
 
 
