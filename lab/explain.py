@@ -7,7 +7,7 @@
    when it also lowers the error on the experiment that the fit has not seen.  Of two that are missing, one alone may
    explain little: one that stands out is then taken on trust, for one more search; else two are searched at once.
 4. Again, with that effect in the model, until nothing is significant; what later effects have made superfluous is taken
-   out again.  What is then left above the noise is outside of the catalogue, and described.
+   out again.  What is then left above the noise is described; where nothing was found, it is outside of the catalogue.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from lostmotion.lab.inverse.explain import explained, method_of
 from lostmotion.lab.results import Errors, Explanation, Finding, Fit, Ranked, Verdict
 from lostmotion.lab.selection.candidates import others
 from lostmotion.lab.selection.forward import descended
-from lostmotion.lab.selection.prune import simplified
+from lostmotion.lab.selection.prune import is_sized, reduced, simplified
 from lostmotion.lab.selection.score_test import Scores
 from lostmotion.lab.selection.step import Step, Tried
 from lostmotion.lab.selection.validate import Judged, Unseen, is_left, trained_each
@@ -43,19 +43,15 @@ from lostmotion.lab.shooting.task import Task, coarse_substep, rubbing
 from lostmotion.model import Model, ModelError
 from lostmotion.model.effects import get_effect
 
-__all__ = ["explain", "is_insignificant"]
+__all__ = ["explain"]
 
 BUDGET_S = 60.0
 """What a person waits for an answer [s]."""
-INSIGNIFICANT = 1.5
-"""Half widths of its interval, within which an amplitude may as well be zero: three standard deviations."""
 SEARCH_SHARE = 0.75
 """Of the budget; the rest is for the last refinement and for the description of what is left."""
 MOST_SAMPLES, STEP_COST = 6400, 0.4
 """Samples that a search of a minute can use, an integration step costing as much as this part of one: two recordings of
 4 s at 800 Hz, in steps of 0.5 ms, take half a minute (docs/lab.md); three of 20 s had no answer after nine minutes."""
-BY_FAR = 4.0
-"""Effects that bring the error down by this factor are missing, although structure is left behind them."""
 
 
 def explain(
@@ -95,7 +91,8 @@ def explain(
 @dataclass(frozen=True, eq=False)
 class _Search:
     """base: the fit of the model as it is; level, short: the last one, on long and on short segments; descent: the
-    errors on unseen data; steps: what was tried; outside: it is known that something is left, which no effect explains.
+    errors on unseen data; steps: what was tried; is_unsized: what something explained was taken out again, as its size
+    may as well be zero.
     """
 
     base: Level
@@ -104,21 +101,21 @@ class _Search:
     descent: Sequence[Judged]
     steps: Sequence[Step]
     unseen: Unseen
-    outside: bool = False
+    is_unsized: bool = False
 
 
 def _searched(
     model: Model, task: Task, last: Experiment, pool: Executor, rng: np.random.Generator, progress: Progress
 ) -> _Search:
-    """Steps 1 to 4.  Where all that was added may as well be zero, nothing was, and something is left."""
+    """Steps 1 to 4."""
     short = first_fit(model, task, pool)
     base = grown(short, task)
-    unseen = Unseen(last, task, predictable(short, task), pool)
+    unseen = Unseen(last, task, predictable(short, task), pool).beside(short)
     last_short, level, descent, steps = descended(short, base, unseen, rng, progress)
     level, descent = simplified(level, descent, unseen, _unvalidated(steps))
-    if is_insignificant(level, task):
-        return _Search(base, base, short, descent[:1], [replace(steps[0], accepted=False)], unseen, outside=True)
-    return _Search(base, level, last_short, descent, steps, unseen)
+    if unsized := [effect for effect in task.added(level.model) if not is_sized(effect, level, task)]:
+        level, descent = reduced(level, unsized, descent, unseen)
+    return _Search(base, level, last_short, descent, steps, unseen, bool(unsized))
 
 
 def _untried(model: Model, steps: Sequence[Step]) -> tuple[str, ...]:
@@ -153,9 +150,7 @@ def _explanation(search: _Search) -> Explanation:
     named = task.added(best.model)
     refined = unseen.pool.submit(refined_fit, best, task)  # it works on one core while what is left is described
     left = _is_left(search, named)
-    verdict: Verdict = "outside_catalogue" if left else "nothing_missing"
-    if named and (not left or before.error > BY_FAR * after.error):
-        verdict = "missing"
+    verdict: Verdict = "missing" if named else "outside_catalogue" if left else "nothing_missing"
     columns = {
         name: Errors(before.of(name), after.of(name), noise, words.column(name)[1])
         for name, noise in task.noise.items()
@@ -165,12 +160,12 @@ def _explanation(search: _Search) -> Explanation:
     best_fit = refined.result()
     return Explanation(
         verdict=verdict,
-        missing=named if verdict == "missing" else (),
+        missing=named,
         confusable=_confusable(named, steps),
         ranking=_with_intervals(_ranking(steps, before, first), best_fit),
         error=columns[first],
         residual=residual,
-        complete=verdict != "outside_catalogue" and residual is None,
+        complete=not left,
         advice=_advice(named, steps, unseen),
         detectable=_detectable(steps[-1].scores) if verdict == "nothing_missing" else {},
         base=_with_unseen(fit_of(search.base, task), before),
@@ -178,7 +173,7 @@ def _explanation(search: _Search) -> Explanation:
         columns=columns,
         descent=tuple(judged.of(first) for judged in search.descent),
         left_out=(after.errors.size - len(after.residual), after.errors.size),
-        unshown=tuple(effect for effect in _unvalidated(steps) if effect in named) if verdict == "missing" else (),
+        unshown=tuple(effect for effect in _unvalidated(steps) if effect in named),
     )
 
 
@@ -186,7 +181,7 @@ def _is_left(search: _Search, named: Sequence[str]) -> bool:
     """Whether more than noise is left.  With the right effect, what is left of unseen data may be starts that were not
     found: then the data of the fit tell."""
     each = list(_left_of_each(search.level, search.unseen.task))
-    if search.outside or is_left(search.descent[-1]):
+    if search.is_unsized or is_left(search.descent[-1]):
         return all(each) if named else True
     return not named and search.steps[-1].is_full and any(each)
 
@@ -201,18 +196,6 @@ def _with_unseen(fit: Fit, judged: Judged) -> Fit:
 def _left_of_each(level: Level, task: Task) -> Iterator[bool]:
     """Whether more than noise is left of each experiment that the fit was made on."""
     return (is_left(one) for one in trained_each(level, task.substep_s))
-
-
-def is_insignificant(level: Level, task: Task) -> bool:
-    """Whether all that was added may as well be zero, and only its states explain something where they begin: a second
-    mode that is neither driven nor damped is a hum."""
-    added = task.added(level.model)
-    names = {f"{effect}.{name}" for effect in added for name in get_effect(effect).amplitudes}
-    if not names or not all(get_effect(effect).amplitudes for effect in added):
-        return False
-    return all(
-        abs(e.value) < INSIGNIFICANT * (e.high - e.low) / 2 for e in fit_of(level, task).estimates if e.name in names
-    )
 
 
 def _ranking(steps: Sequence[Step], before: Judged, column: str) -> tuple[Ranked, ...]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import periodogram
 
 from lostmotion.model.motion import FloatArray
 
@@ -19,6 +18,8 @@ CLEAR = 100.0
 def spectral_lines(values: FloatArray, rate_hz: float) -> tuple[float, ...]:
     """Frequencies [Hz] of the lines in the spectrum of values (N,), NaN where not sampled, the largest first, six at
     most."""
+    from scipy.signal import periodogram
+
     known = np.isfinite(values)
     there = np.interp(np.arange(values.size), np.flatnonzero(known), values[known])
     spectrum: tuple[FloatArray, FloatArray] = periodogram(  # type: ignore[call-overload]  # the stubs lack "linear"

@@ -17,7 +17,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from lostmotion.lab import words
 from lostmotion.lab.data.experiment import Experiment
@@ -209,7 +209,7 @@ def _detectable(step: Step) -> dict[str, tuple[str, float]]:
             continue
         block = blocks_of(one.fit)
         deviation = float(one.fit.deviations(block)[one.fit.unknowns.names.index(names[0])])
-        limit = float(student.isf(LIMIT / len(step.judged), int(block.max())))
+        limit = float(-stdtrit(int(block.max()), LIMIT / len(step.judged)))
         sizes[one.effect] = (names[0].removeprefix(f"{one.effect}."), limit * deviation)
     return sizes
 
@@ -218,7 +218,7 @@ def _estimates(fit: Regression) -> list[Estimate]:
     """With intervals that hold whatever the residual's correlation within blocks."""
     block = blocks_of(fit)
     deviation = np.sqrt(np.maximum(np.diag(fit.covariance(block)), 0.0))
-    factor = float(student.isf(0.025, max(int(block.max()), 1)))
+    factor = float(-stdtrit(max(int(block.max()), 1), 0.025))
     low, high = fit.unknowns.bounds
     found = []
     for item, z, sd, a, b in zip(fit.unknowns.items, fit.z.tolist(), deviation.tolist(), low, high, strict=True):

@@ -14,7 +14,6 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
-from scipy.signal import butter, sosfilt, sosfilt_zi, welch
 
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.lines import spectral_lines
@@ -241,6 +240,8 @@ def _lowpass(values: FloatArray, band: float) -> FloatArray:
     As ``scipy.signal.sosfiltfilt`` does, which finds the filter's initial state anew each time: that takes as long as
     filtering some thousand samples.
     """
+    from scipy.signal import sosfilt  # late, as everywhere in the lab: scipy.signal takes half a second
+
     sections, settled = _butterworth(band)
     padding = min(values.shape[-1] - 1, round(3 / band))
     first, last = values[..., :1], values[..., -1:]
@@ -256,12 +257,16 @@ def _lowpass(values: FloatArray, band: float) -> FloatArray:
 @lru_cache(maxsize=64)
 def _butterworth(band: float) -> tuple[FloatArray, FloatArray]:
     """Second-order sections, and their state (sections, 2) after a long time at one."""
+    from scipy.signal import butter, sosfilt_zi
+
     sections = np.asarray(butter(ORDER, 2 * band, output="sos"))
     return sections, np.asarray(sosfilt_zi(sections))
 
 
 def _density(values: FloatArray, rate: float) -> tuple[FloatArray, FloatArray]:
     """Frequencies [Hz] and one-sided power density."""
+    from scipy.signal import welch
+
     length = min(values.size, SEGMENT)
     found: tuple[FloatArray, FloatArray] = welch(  # type: ignore[call-overload]  # the stubs lack detrend="linear"
         values, rate, "blackmanharris", length, detrend="linear"

@@ -19,7 +19,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
+from scipy.special import stdtr, stdtrit
 
 from lostmotion.lab.fitting.identifiability import held
 from lostmotion.lab.inverse.output_error import OutputError
@@ -195,7 +195,7 @@ def is_sized(effect: str, fit: Regression) -> bool:
         return True
     block = blocks_of(fit)
     given = [item.name for item in fit.unknowns.items if item.logarithmic and "." not in item.name]
-    limits = student.isf(LIMIT / 2, int(block.max())) * fit.deviations(block, given)
+    limits = -stdtrit(int(block.max()), LIMIT / 2) * fit.deviations(block, given)
     sizes = {name: abs(fit.model.parameters[name].value) for name in names}
     return any(sizes[name] > limit for name, limit in zip(fit.unknowns.names, limits, strict=True) if name in sizes)
 
@@ -238,4 +238,4 @@ def _chance(before: FloatArray, after: FloatArray, block: NDArray[np.intp]) -> f
     sums = [np.maximum(np.bincount(block, each), 1e-300) for each in (before, after)]
     ratio = 0.5 * np.log(sums[0] / sums[1])
     spread = float(ratio.std(ddof=1)) / np.sqrt(ratio.size)
-    return float(student.sf(ratio.mean() / max(spread, 1e-12), ratio.size - 1))
+    return float(stdtr(ratio.size - 1, -ratio.mean() / max(spread, 1e-12)))

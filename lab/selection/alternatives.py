@@ -14,7 +14,7 @@ from dataclasses import replace
 from lostmotion.lab.selection.candidates import halving_fits, others
 from lostmotion.lab.selection.nesting import in_place, wider
 from lostmotion.lab.selection.step import Step, on_unseen, with_first
-from lostmotion.lab.selection.validate import FAR, Judged, Unseen, better, is_left, misfits
+from lostmotion.lab.selection.validate import Judged, Unseen, is_left, misfits
 from lostmotion.lab.shooting.continuation import Level
 from lostmotion.lab.shooting.initial_guess import initial_guesses, scales_of
 from lostmotion.lab.shooting.task import Task
@@ -49,7 +49,7 @@ def _better_with(step: Step, effect: str, level: Level | None, unseen: Unseen) -
     if level is None:
         return step
     other = with_first(step, effect, level, unseen)
-    return other if better(other.tried[0].judged, step.tried[0].judged, level.model.base) else step
+    return other if unseen.is_better(other.tried[0].judged, step.tried[0].judged) else step
 
 
 def _shapes(level: Level, model: Model, effect: str, task: Task) -> Iterator[Model]:
@@ -66,7 +66,7 @@ def distinguished(step: Step, before: Judged, unseen: Unseen) -> Step:
     has lost the motion tells nothing apart: what is still missing says which one follows better.
     """
     first, task = step.tried[0], unseen.task
-    if first.level.typical > LOST or (before.error < FAR and not get_effect(first.effect).delays_by):
+    if first.level.typical > LOST or (not unseen.is_far(before.error) and not get_effect(first.effect).delays_by):
         return step
     changed = list(_changed(first.level.model, task))
     if not changed:

@@ -11,7 +11,7 @@ from lostmotion.lab.fitting.fit import Progress
 from lostmotion.lab.fitting.strategy import grown
 from lostmotion.lab.selection.alternatives import distinguished, generalised
 from lostmotion.lab.selection.step import Step, further, promising, searched, together
-from lostmotion.lab.selection.validate import FAR, Judged, Unseen, better
+from lostmotion.lab.selection.validate import Judged, Unseen
 from lostmotion.lab.shooting.continuation import Level
 
 __all__ = ["descended"]
@@ -34,8 +34,9 @@ def descended(
         steps[-1] = last = distinguished(generalised(found[-1], unseen), descent[-1], unseen)
         descent += [step.tried[0].judged for step in (*found[:-1], last)]
         short = last.tried[0].level
+        unseen = unseen.beside(short)
         level = grown(short, unseen.task)
-        if level.typical < FAR <= descent[-1].error:  # it was judged before its parameters were fitted well
+        if not unseen.is_far(level.typical) and unseen.is_far(descent[-1].error):  # judged before it was fitted well
             descent[-1] = min(descent[-1], unseen.judge(level.model, descent[-1]), key=attrgetter("error"))
     return short, level, descent, steps
 
@@ -50,7 +51,7 @@ def _next(short: Level, level: Level, now: Judged, unseen: Unseen, rng: np.rando
     if trusted := promising(step, short, now, unseen):
         first = trusted.tried[0]
         second = searched(grown(first.level, unseen.task), first.level, first.judged, unseen, rng)
-        if second.accepted and better(second.tried[0].judged, now, level.model.base):
+        if second.accepted and unseen.is_better(second.tried[0].judged, now):
             return [trusted, second]
         if step.near and first.effect == step.near[0].effect:  # nothing comes of two that begin with this one
             return [step]

@@ -8,15 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 
+from lostmotion.lab.fitting.fit import fit_of
 from lostmotion.lab.fitting.strategy import full_fit, grown
 from lostmotion.lab.selection.candidates import HOPELESS
 from lostmotion.lab.selection.nesting import simpler, with_effects, without
-from lostmotion.lab.selection.validate import Judged, Unseen, better
+from lostmotion.lab.selection.validate import Judged, Unseen
 from lostmotion.lab.shooting.continuation import Level
+from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model
+from lostmotion.model.effects import get_effect
 
-__all__ = ["simplified"]
+__all__ = ["is_sized", "reduced", "simplified"]
 
+INSIGNIFICANT = 1.5
+"""Half widths of its interval, within which an amplitude may as well be zero: three standard deviations."""
 BEHIND = 1.5
 """Times the error on the training data, from which on a simpler model need not be judged."""
 
@@ -38,9 +43,28 @@ def simplified(
             continue
         fit = grown(fit, unseen.task)
         judged = unseen.judge(fit.model, descent[-1])
-        if not better(unseen.again(level.model, descent[-1], judged), judged, model.base):
+        if not unseen.is_better(unseen.again(level.model, descent[-1], judged), judged):
             return simplified(fit, [*_way(fit.model, descent[0], unseen), judged], unseen, kept)
     return level, list(descent)
+
+
+def is_sized(effect: str, level: Level, task: Task) -> bool:
+    """Whether an amplitude of the effect is surely not zero.  Where it is not, only the effect's states explain
+    something where they begin: a second mode that is neither driven nor damped is a hum."""
+    names = {f"{effect}.{name}" for name in get_effect(effect).amplitudes}
+    found = [e for e in fit_of(level, task).estimates if e.name in names]
+    return not found or any(abs(e.value) > INSIGNIFICANT * (e.high - e.low) / 2 for e in found)
+
+
+def reduced(
+    level: Level, effects: Sequence[str], descent: Sequence[Judged], unseen: Unseen
+) -> tuple[Level, list[Judged]]:
+    """The fit without these effects, and the descent to it; arguments as in ``simplified``."""
+    model = level.model
+    for effect in effects:
+        model = without(model, effect)
+    fit = grown(full_fit(model, unseen.task, HOPELESS), unseen.task)
+    return fit, [*_way(fit.model, descent[0], unseen), unseen.judge(fit.model, descent[-1])]
 
 
 def _simpler(model: Model, added: Sequence[str]) -> Iterator[Model]:

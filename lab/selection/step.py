@@ -26,7 +26,7 @@ from lostmotion.lab.selection.candidates import (
     repaired_trial,
 )
 from lostmotion.lab.selection.score_test import Direction, Scores, score_test
-from lostmotion.lab.selection.validate import FAR, LEAST_GAIN, LONGER, Judged, Unseen, better, misfits, trained
+from lostmotion.lab.selection.validate import LEAST_GAIN, LONGER, Judged, Unseen, misfits, trained
 from lostmotion.lab.shooting.continuation import Level
 from lostmotion.lab.shooting.task import Task
 
@@ -107,11 +107,11 @@ def searched(level: Level, short: Level, now: Judged, unseen: Unseen, rng: np.ra
     scores = score_test(level, effects, task.substep_s, pool, rng)
     if not scores.directions:
         return Step(scores)
-    if now.error < FAR and level.typical < FAR:
+    if not unseen.is_far(max(now.error, level.typical)):
         return _near_step(level, scores, now, unseen)
     first = score_test(short, effects, task.substep_s, pool, rng) if short is not level else scores
     trials, near_by = far_trials(short, _strongest(first, scores), task, unseen.horizon_s, pool)
-    return replace(_ranked(scores, on_unseen(trials, now, unseen), now), near=tuple(near_by))
+    return replace(_ranked(scores, on_unseen(trials, now, unseen), now, unseen), near=tuple(near_by))
 
 
 def _near_step(level: Level, scores: Scores, now: Judged, unseen: Unseen) -> Step:
@@ -125,7 +125,7 @@ def _near_step(level: Level, scores: Scores, now: Judged, unseen: Unseen) -> Ste
         trials.append(repaired_trial(RANGE, railed, level, task))
     if not trials:
         return Step(scores)
-    step = _ranked(scores, on_unseen(trials, now, unseen), now)
+    step = _ranked(scores, on_unseen(trials, now, unseen), now, unseen)
     if step.accepted:
         return step
     return _told_by_training(step, level, now, task, [RANGE] if railed else []) or step
@@ -147,7 +147,7 @@ def further(step: Step, short: Level, now: Judged, unseen: Unseen) -> Step:
     trials = next_trials(known, step.near, unseen.task, unseen.horizon_s, unseen.pool)
     if not trials:
         return step
-    found = _ranked(step.scores, [*on_unseen(trials, now, unseen), *step.tried], now)
+    found = _ranked(step.scores, [*on_unseen(trials, now, unseen), *step.tried], now, unseen)
     return replace(found, near=step.near) if found.accepted else step
 
 
@@ -158,7 +158,7 @@ def together(step: Step, short: Level, now: Judged, unseen: Unseen) -> list[Step
         return []
     first = [step.ahead] if step.ahead else step.near[:FIRST]
     trials = pair_trials(short, first, unseen.task, unseen.horizon_s, unseen.pool)
-    second = _ranked(step.scores, on_unseen(trials, now, unseen), now)
+    second = _ranked(step.scores, on_unseen(trials, now, unseen), now, unseen)
     if not second.accepted:
         return []
     pair = second.tried[0]
@@ -170,7 +170,7 @@ def together(step: Step, short: Level, now: Judged, unseen: Unseen) -> list[Step
 def promising(step: Step, short: Level, now: Judged, unseen: Unseen) -> Step | None:
     """The step with an effect put first that explains too little alone, but more than all others: of the training data,
     or of what keeps observer runs from following the measurement."""
-    if short.model.base != "play" or now.error < FAR:
+    if short.model.base != "play" or not unseen.is_far(now.error):
         return None
     best = _outstanding(step, unseen.horizon_s) or _outstanding_observed(step, short, now, unseen)
     return replace(step, tried=_first(best, step.tried), accepted=True, trusted=True) if best else None
@@ -214,14 +214,14 @@ def _first(best: Tried, tried: Sequence[Tried]) -> tuple[Tried, ...]:
     return (best, *(one for one in tried if one is not best))
 
 
-def _ranked(scores: Scores, every: Sequence[Tried], now: Judged) -> Step:
+def _ranked(scores: Scores, every: Sequence[Tried], now: Judged, unseen: Unseen) -> Step:
     """What was tried in the order of what it explains of the unseen data, each effect once; is the first accepted?"""
     if not (finite := [one for one in every if math.isfinite(one.judged.error)]):
         return Step(scores)
     misfit = misfits([one.judged for one in finite]).tolist()
     known = [replace(one, misfit=own) for one, own in zip(finite, misfit, strict=True)]
     tried = tuple(best_of_each(sorted(known, key=lambda one: one.criterion)))
-    return Step(scores, tried, accepted=better(tried[0].judged, now, tried[0].level.model.base))
+    return Step(scores, tried, accepted=unseen.is_better(tried[0].judged, now))
 
 
 def _told_by_training(step: Step, level: Level, now: Judged, task: Task, sure: Collection[str]) -> Step | None:

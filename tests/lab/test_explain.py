@@ -12,13 +12,14 @@ from scipy.integrate import solve_ivp
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab import explain
 from lostmotion.lab.data.experiment import experiments
-from lostmotion.lab.explain import is_insignificant
 from lostmotion.lab.fitting.fit import noise_of
 from lostmotion.lab.fitting.strategy import full_fit
+from lostmotion.lab.selection.prune import is_sized
 from lostmotion.lab.selection.step import Step
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import build_model
 from tests.lab.gears import GEARS, LEAD, gears, moved
+from tests.lab.gears import NOISE as NOISE_OF_GEARS
 
 J, TAU_G = 4e-4, 2.5e-3
 NOISE, RATE_HZ, LENGTH = 3e-4, 400.0, 2.0
@@ -101,7 +102,24 @@ def test_a_hum_is_no_second_mode(hidden: str) -> None:
     with_mode = model.with_effect("second_mode").replace({f"second_mode.{n}": value for n, value in found.items()})
     base, level = full_fit(model, task), full_fit(with_mode, task)
     assert level.rms < 0.7 * base.rms
-    assert is_insignificant(level, task) == (hidden == "hum")
+    assert is_sized("second_mode", level, task) == (hidden != "hum")
+
+
+@pytest.mark.slow
+def test_what_is_named_beside_a_hum() -> None:
+    """A sensor that feels the rotation beside a fan: the one is named, and that something is left is said.  A second
+    mode, which explains the hum where it begins, is taken out again, as its size may be zero."""
+    recordings = [gears(seed, **{"centripetal_crosstalk.c": 2.0}) for seed in (51, 53, 52)]
+    for recording in recordings:
+        recording.columns["accel"][:] += 0.6 * np.sin(2 * math.pi * 121.0 * recording.time + 1.0)
+    model = build_model("play", values=GEARS)
+    with ThreadPoolExecutor(2) as pool:
+        found = explain(model, experiments(model, recordings), pool, budget_s=600.0)
+    assert (found.verdict, found.missing, found.complete) == ("missing", ("centripetal_crosstalk",), False)
+    assert found.residual is not None
+    assert found.error.noise == pytest.approx(NOISE_OF_GEARS, rel=0.15)
+    assert found.error.after is not None
+    assert found.error.after < found.error.before
 
 
 @pytest.mark.slow

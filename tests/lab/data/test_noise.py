@@ -7,9 +7,9 @@ import pytest
 from numpy.typing import NDArray
 
 from lostmotion.lab.data.noise import NoiseModel, innovation_noise, noise_floor, resolution
+from tests.lab.gears import NOISE, RATE_HZ, moved
 
 FloatArray = NDArray[np.float64]
-RATE_HZ = 800.0
 
 
 def coloured(correlation: float, rms: float, rng: np.random.Generator, samples: int = 3200) -> FloatArray:
@@ -41,7 +41,15 @@ def test_white_noise_under_ringing_and_impacts(rms: float, seed: int) -> None:
     assert noise_floor(ringing(rng) + noise, RATE_HZ) == pytest.approx(noise.std(), rel=0.1)
 
 
-@pytest.mark.parametrize(("correlation", "low", "high"), [(0.5, 0.75, 1.5), (0.9, 0.4, 1.3)])
+@pytest.mark.parametrize("hz", [40.0, 97.0, 160.0])
+def test_a_hum_is_no_noise(hz: float) -> None:
+    """White noise beside a steady hum of its size, such as a fan's, is found to a tenth, whatever else gears do."""
+    run = moved(60, length=4.0)
+    hum = 0.3 * np.sin(2 * np.pi * hz * run.time)
+    assert noise_floor(run.accel + NOISE * run.noise + hum, RATE_HZ) == pytest.approx(NOISE, rel=0.12)
+
+
+@pytest.mark.parametrize(("correlation", "low", "high"), [(0.5, 0.75, 1.5), (0.9, 0.35, 1.3)])
 def test_coloured_noise_under_ringing(correlation: float, low: float, high: float) -> None:
     """Coloured noise is told within the range that the docstring promises, also where most of it is slow."""
     for seed in range(3):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -31,15 +32,30 @@ def test_a_lost_segment_counts_but_not_without_end() -> None:
     good, poor, poorer = judged(1, 1, 1, 1, 1), judged(1, 1, 1, 5, 9), judged(1, 1, 1, 500, 1e9)
     assert misfits([good, poor]) == pytest.approx([0.0, 2 / 5 * np.log(3)])
     assert misfits([good, poorer]) == pytest.approx(misfits([good, poor]))
-    assert better(good, poor, "play")
-    assert not better(poor, good, "play")
+    assert better(good, poor)
+    assert not better(poor, good)
 
 
 def test_what_helps_by_less_than_chance_is_not_better() -> None:
     """A gain of half a percent, or one below Schwarz's criterion, is none."""
-    assert not better(judged(0.995, 0.995), judged(1, 1), "play")
-    assert better(judged(*[0.98] * 40), judged(*[1.0] * 40), "play")
-    assert not better(judged(0.98), judged(1.0), "play")
+    assert not better(judged(0.995, 0.995), judged(1, 1))
+    assert better(judged(*[0.98] * 40), judged(*[1.0] * 40))
+    assert not better(judged(0.98), judged(1.0))
+
+
+def test_far_from_what_is_added_to_the_readings_an_effect_has_to_explain_a_good_part() -> None:
+    """An error of a third less is enough near the noise and near a hum, which the shortest segments leave, too; far
+    from both it is not, as impacts that moved explain as much."""
+    now, after = judged(*[3.0] * 4), judged(*[2.0] * 4)
+    assert better(after, now)
+    assert not better(after, now, is_far=True)
+    assert better(judged(*[1.7] * 4), now, is_far=True)
+    model = build_model("play", values=GEARS)
+    held = experiments(model, [gears(1)])
+    with ThreadPoolExecutor(1) as pool:
+        unseen = Unseen(held[0], Task.of(model, held, {"accel": 0.2}), 0.25, pool)
+        assert not unseen.is_better(after, now)
+        assert replace(unseen, floor=1.5).is_better(after, now)
 
 
 def test_what_contains_another_goes_on_with_what_that_did() -> None:
