@@ -79,7 +79,7 @@ def test_what_explains_nothing_is_not_raced() -> None:
 def test_observer_runs_are_asked_where_more_than_noise_is_left(hidden: str, size: float, asked: bool) -> None:
     """A spring that hardens moves no impact: the score test alone leads to it.  Friction moves them all."""
     model = build_model("play", values=GEARS)
-    held = experiments(model, [gears(seed, **{hidden: size}) for seed in (79, 80)])
+    held = experiments(model, [gears(seed, **{hidden: size}) for seed in (75, 76)])
     task = Task.of(model, held, noise_of(held))
     base = full_fit(model, task)
     with ThreadPoolExecutor(2) as pool:
