@@ -33,6 +33,7 @@ __all__ = [
     "sizes_of",
     "softened",
     "starts",
+    "torques_of",
 ]
 
 ANGLES = 6
@@ -144,14 +145,20 @@ def _dissipates(name: str, wide: Model, now: Regression) -> bool:
     """Whether a torque of an effect goes along with the speed."""
     guess = wide.replace(initial_guesses(wide, name, sizes_of(now.model, now.data))[0])
     work, power = 0.0, 0.0
-    for one in now.data.signals:
-        none = np.zeros(one.time.size)
-        torque = needed(one.experiment.model(guess), one, none) - needed(
-            one.experiment.model(without(wide, name)), one, none
-        )
+    for one, torque in zip(now.data.signals, torques_of(name, guess, now.data.signals), strict=True):
         work += float(torque @ one.velocity)
         power += float(np.linalg.norm(torque) * np.linalg.norm(one.velocity))
     return abs(work) > ALONG * power
+
+
+def torques_of(effect: str, model: Model, signals: Sequence[Signals]) -> list[FloatArray]:
+    """What an effect of the model does in each recording (N,) [N m, or N], by the measured motion."""
+    less = without(model, effect)
+    return [
+        needed(one.experiment.model(model), one, none) - needed(one.experiment.model(less), one, none)
+        for one in signals
+        for none in (np.zeros(one.time.size),)
+    ]
 
 
 def are_apt(model: Model, effects: Sequence[str]) -> bool:

@@ -26,6 +26,7 @@ from lostmotion.lab.deadline import within
 from lostmotion.lab.design.next_experiment import what_to_record
 from lostmotion.lab.discrepancy.shape import Shape, shapes
 from lostmotion.lab.fitting.identifiability import is_driven, with_scale
+from lostmotion.lab.inverse.candidates import torques_of
 from lostmotion.lab.inverse.output_error import OutputError, initial_state
 from lostmotion.lab.inverse.problem import Data, by_recording
 from lostmotion.lab.inverse.regression import Regression, blocks_of, can_run
@@ -98,16 +99,16 @@ def _explanation(
     """What was found, with its errors on the recording that no fit has seen."""
     fits = [one.judged for one in selection.fits]
     base, best = fits[0], fits[-1]
-    descent = _descent([error_on(fit, unseen) for fit in fits], selection)
+    missing, descent = _strongest_first([error_on(fit, unseen) for fit in fits], selection, method)
     column = "torque" if method is Method.TORQUE else unseen.column
     floors = _floors(noise, column, best, unseen)
     left = [best.residual, *(there.residual for there in (fit_on(best, unseen),) if there)]
     complete = all(is_noise(one, floors[column]) for one in left)
-    verdict: Verdict = "missing" if selection.added else "nothing_missing" if complete else "outside_catalogue"
+    verdict: Verdict = "missing" if missing else "nothing_missing" if complete else "outside_catalogue"
     errors = Errors(descent[0], error_on(best, unseen), floors[column], words.column(column)[1])
     return Explanation(
         verdict=verdict,
-        missing=selection.added,
+        missing=missing,
         confusable=_confusable(selection),
         ranking=_ranking(selection, unseen, descent[0]),
         error=errors,
@@ -119,21 +120,35 @@ def _explanation(
         descent=descent,
         complete=complete,
         columns={column: errors},
-        unshown=tuple(
-            effect for effect, (less, more) in zip(selection.added, pairwise(descent), strict=True) if more >= less
-        ),
+        unshown=tuple(effect for effect, (less, more) in zip(missing, pairwise(descent), strict=True) if more >= less),
         untried=selection.untried,
     )
 
 
-def _descent(errors: Sequence[float], selection: Selection) -> tuple[float, ...]:
-    """The error without any of the effects, with the first of them, with the first two, …; what several steps of one
-    effect take counts together."""
-    falls = dict.fromkeys(selection.added, 0.0)
+def _strongest_first(
+    errors: Sequence[float], selection: Selection, method: Method
+) -> tuple[tuple[str, ...], tuple[float, ...]]:
+    """The effects that were added, the strongest first; and the error without any of them, with the first of them, with
+    the first two, …
+
+    The strongest takes most of the squared error.  In a free motion it makes the largest torque: a swing without its
+    weight is not even out of phase, so that whatever stops it takes most of its error.  What several steps of one
+    effect take counts together.
+    """
+    takes = dict.fromkeys(selection.added, 0.0)
     for effect, (less, more) in zip(selection.labels, pairwise(errors), strict=True):
-        falls[effect] += less**2 - more**2
-    left = errors[0] ** 2 - np.cumsum([0.0, *falls.values()])
-    return tuple(np.sqrt(np.maximum(left, 0.0)).tolist())
+        takes[effect] += less**2 - more**2
+    size = takes
+    if method is Method.FREE:
+        best = selection.fits[-1]
+        size = {name: _rms(torques_of(name, best.model, best.inverse.data.signals)) for name in takes}
+    missing = sorted(takes, key=lambda effect: -size[effect])
+    left = errors[0] ** 2 - np.cumsum([0.0, *(takes[effect] for effect in missing)])
+    return tuple(missing), tuple(np.sqrt(np.maximum(left, 0.0)).tolist())
+
+
+def _rms(parts: Sequence[FloatArray]) -> float:
+    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
 
 def _floors(noise: dict[str, float], column: str, fit: Regression, *unseen: Signals) -> dict[str, float]:

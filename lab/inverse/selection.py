@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import compress
 from typing import TypeVar
 
-from lostmotion.lab.deadline import is_over
+from lostmotion.lab.deadline import is_over, remaining_s, within
 from lostmotion.lab.fitting.identifiability import is_driven
 from lostmotion.lab.inverse.candidates import (
     are_apt,
@@ -54,6 +54,9 @@ LEAST_PROMISE = 1e-3
 had taken 30 % at least (servos and oscillators of ``bench.real``), those that stayed at zero less than 3e-4."""
 FIRSTS = 3
 """Effects that are tried as the first of two, those that explain most alone."""
+SEARCH_SHARE = 0.9
+"""Of the time that is left; the rest is for the elimination, without which a viscous friction that drag and Coulomb
+friction had made superfluous was named of a pendulum whose search took all of a minute."""
 MOST = 6
 """Effects that are added at most."""
 
@@ -122,7 +125,16 @@ class Selection:
 def selected(
     model: Model, signals: Sequence[Signals], search: Search, progress: Callable[[str, float], None]
 ) -> Selection:
-    """Adds effects as long as one is significant and there is time."""
+    """Adds effects as long as one is significant and there is time, then takes out what has become superfluous."""
+    with within(SEARCH_SHARE * remaining_s()):
+        found = _added(model, signals, search, progress)
+    return _eliminated(*found, search)
+
+
+def _added(
+    model: Model, signals: Sequence[Signals], search: Search, progress: Callable[[str, float], None]
+) -> tuple[list[Fitted], list[str], list[Step], tuple[str, ...]]:
+    """The fields of a selection in which nothing has been taken out."""
     now = first_fit(model, signals, search)
     fits, added, steps = [now], list[str](), list[Step]()
     untried: tuple[str, ...] = ()
@@ -146,7 +158,7 @@ def selected(
             untried = tuple(dict.fromkeys([*(one.effect for one in steps[-1].judged[1:]), *untried]))
         if not several or is_over():
             break
-    return _eliminated(fits, added, steps, untried, search)
+    return fits, added, steps, untried
 
 
 def _better_without(step: Step, now: Fitted, method: Method) -> Fitted | None:

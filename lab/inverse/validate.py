@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.special import stdtr, stdtrit
 
 from lostmotion.lab.fitting.identifiability import held
+from lostmotion.lab.inverse.candidates import are_apt
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import Data
 from lostmotion.lab.inverse.regression import Regression, blocks_of, regressed
@@ -82,13 +83,14 @@ class Fitted:
 @dataclass(frozen=True, eq=False)
 class Judged:
     """A candidate: the fit with it, the share of the squared error of samples outside of the fit that it takes, the
-    p-value, and whether its size is told: that its interval does not hold zero."""
+    p-value, and whether it is told: that the interval of its size does not hold zero, and that it is what its name
+    says."""
 
     effect: str
     fitted: Fitted
     gain: float
     p_value: float
-    is_sized: bool = True
+    is_told: bool = True
 
     @property
     def fit(self) -> Regression:
@@ -98,7 +100,7 @@ class Judged:
     @property
     def is_significant(self) -> bool:
         """Whether it may be named."""
-        return self.p_value < LIMIT and self.gain > LEAST_GAIN and self.is_sized
+        return self.p_value < LIMIT and self.gain > LEAST_GAIN and self.is_told
 
 
 def continued(model: Model, swings: OutputError) -> Regression:
@@ -172,7 +174,8 @@ def judged(name: str, found: Fitted, now: Fitted, tried: int, choosing: Signals 
     """A candidate of so many, against the present fit; choosing: see ``p_of``."""
     before, after, block = _errors(now.judged, found.judged, choosing)
     p_value = min(tried * shapes_tried(name, found.model) * _chance(before, after, block), 1.0)
-    return Judged(name, found, float(1 - after.sum() / before.sum()), p_value, is_sized(name, found.judged))
+    is_told = is_sized(name, found.judged) and are_apt(found.model, [name])
+    return Judged(name, found, float(1 - after.sum() / before.sum()), p_value, is_told)
 
 
 def shapes_tried(effect: str, model: Model) -> float:

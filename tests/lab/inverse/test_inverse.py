@@ -411,6 +411,36 @@ def test_a_second_mode_of_a_bar_that_rings_down(tmp_path: Path) -> None:
     assert alone["verdict"] == "nothing_missing"
 
 
+def lopsided(seed: int) -> Recording:
+    """An arm of 3.4 Hz between springs that are not alike rings down from 0.5, and creeps back to its rest by 0.01."""
+    rng = np.random.default_rng(seed)
+    times, own = np.arange(0.0, 12.0, 4e-3), 2 * math.pi * 3.4
+
+    def moved(t: float, x: np.ndarray) -> list[float]:
+        rest = 0.01 * math.exp(-t / 4)
+        return [x[1], -(own**2) * ((x[0] - rest) + 0.15 * x[0] ** 2) - 0.4 * x[1]]
+
+    angle = solve_ivp(moved, (0, 12), [0.5, 0.0], "Radau", times, rtol=1e-8, atol=1e-10).y[0]
+    return Recording(times, {"displacement": angle + 4e-4 * rng.standard_normal(times.size)}, name=f"arm{seed}.csv")
+
+
+@pytest.mark.slow
+def test_a_rest_that_creeps_is_no_second_mode(tmp_path: Path) -> None:
+    """A mode that is damped so much that it has no resonance is none, whatever it takes of the error."""
+    found = explained(tmp_path, 'base = "oscillator"\n', [lopsided(seed) for seed in (1, 2)])
+    assert "second_mode" not in found["missing"]
+    assert not found["complete"]
+
+
+@pytest.mark.slow
+def test_the_strongest_effect_is_named_first(tmp_path: Path) -> None:
+    """A swinging arm without its weight is not even out of phase, so that what stops it takes most of its error alone;
+    its weight makes most of the acceleration."""
+    found = explained(tmp_path, 'base = "joint"\n', [pendulum(seed, 0.2) for seed in (1, 2, 3)])
+    assert found["missing"] == ["gravity_torque", "quadratic_damping"]
+    assert 0.9 < sum(found["share"].values()) < 1.01
+
+
 def test_a_whole_number_is_paid_for_in_the_p_value() -> None:
     """A ripple of 12 periods a turn was chosen among many shapes: its p-value is 156 times that of the test alone, one
     of once a turn twice that; an effect without a whole number pays nothing."""
