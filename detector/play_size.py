@@ -31,10 +31,14 @@ from lostmotion.detector.pooling import PlaySize, Z, unknown
 from lostmotion.detector.relative_motion import RelativeMotion, relative_motion
 from lostmotion.detector.servo import AT_ONCE, ServoLaw
 from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
-from lostmotion.detector.windows import cut
+from lostmotion.detector.windows import cut, last_part
 
-__all__ = ["SizeLaw", "learnt_play", "play_size", "stretch_of", "with_play"]
+__all__ = ["HISTORY_S", "SizeLaw", "learnt_play", "near_part", "play_size", "stretch_of", "with_play"]
 
+HISTORY_S = 0.6
+"""A stretch begins so long before the reversal [s], so that it holds several crossings of the gap: with 0.2 s of the
+windows above 30 dB 65 % told a size, with 0.4 s 76 %, with 0.6 s 81 %; 95.6, 94.4 and 94.1 % of the intervals held (52
+joints of ``bench.outside``, seeds 3000 to 3059)."""
 LEAST_RATE = 8.0
 """Samples a period of the bar: with fewer, impulses cannot be told from each other."""
 LEAST_CONTACTS = 3
@@ -138,7 +142,7 @@ def play_size(
     stretch: Window, servo_times: Sequence[float] | FloatArray, commands: Sequence[float] | FloatArray,
     settings: DetectorSettings, law: FlankLaw | None = None, servo: ServoLaw = AT_ONCE,
 ) -> PlaySize:  # fmt: skip
-    """The play that one stretch of tip acceleration shows, from ``BEFORE_S`` before a reversal to the window's end.
+    """The play that one stretch of tip acceleration shows, from some time before a reversal to the window's end.
 
     servo_times [s] and commands [rad], shape (M,): what was commanded during the stretch and somewhat before; stretch:
     none of its samples missing; law: what earlier windows told of the joint's flanks, servo: of how its servo follows
@@ -150,7 +154,12 @@ def play_size(
 
 def stretch_of(score: Score, times: FloatArray, accel: FloatArray, rate_hz: float) -> Window:
     """The stretch that tells the play of a score's window, from a stream of tip acceleration that holds it."""
-    return cut(score.joint, times, accel, score.time - BEFORE_S, score.duration + BEFORE_S, rate_hz)
+    return cut(score.joint, times, accel, score.time - HISTORY_S, score.duration + HISTORY_S, rate_hz)
+
+
+def near_part(score: Score, stretch: Window) -> Window:
+    """Of a stretch that which tells the severity: from ``BEFORE_S`` before the reversal on."""
+    return last_part(stretch, score.duration + BEFORE_S)
 
 
 def with_play(
@@ -170,7 +179,10 @@ def learnt_play(
     if not settings.play_size or not score.impact or "clipped" in score.quality:
         reason = "not asked for" if not settings.play_size else "clipped" if score.impact else "no impact"
         return replace(score, play_reason=reason), law, known
-    told, known = _told(stretch, np.asarray(servo_times), np.asarray(commands), settings, servo, known)
+    times = np.asarray(servo_times)
+    if not np.isfinite(stretch.accel).all() or not times.size or times[0] > stretch.start:
+        stretch = near_part(score, stretch)
+    told, known = _told(stretch, times, np.asarray(commands), settings, servo, known)
     if isinstance(told, Sized):
         law = law.updated(told)
         told = _under(told, law)
@@ -312,9 +324,10 @@ def _between(apart: RelativeMotion, touch: _Touch, fit: _Fit) -> _Place:
     gain = shared @ fit.weight
     angle = apart.angle - fit.values[0] - fit.values[1] * apart.time - gain @ fit.left
     variance = np.diag(apart.covariance) - np.sum(gain * shared, axis=1)
-    rows = np.stack([np.column_stack([np.ones(angle.size), apart.time, np.full(angle.size, side / 2)])
-                     for side in SIDES]) - gain @ _design(apart, touch)  # fmt: skip
-    variance = variance + np.sum((rows @ fit.covariance) * rows, axis=2)
+    rows = np.column_stack([np.ones(angle.size), apart.time, np.zeros(angle.size)]) - gain @ _design(apart, touch)
+    variance = variance + np.sum((rows @ fit.covariance) * rows, axis=1)
+    sides = np.array(SIDES)[:, None]
+    variance = variance + sides * (rows @ fit.covariance[:, 2]) + sides**2 * (fit.covariance[2, 2] / 4)
     return _Place(angle, np.sqrt(np.maximum(variance, 0.0) + GRAIN**2))
 
 
