@@ -1,9 +1,9 @@
 """How a servo follows its goal: late, and rounded off.  Learnt from many windows of a joint.  No samples here.
 
 theta_1 is not the commanded angle: a servo follows its goal some 5 to 80 ms behind.  What it does is compared as a pure
-delay, as a lag of the first order (a position controller in front of a speed) and as a critically damped one of the
-second order (a position controller in front of a torque).  Play is not such a lag: it is bounded, and waits for a
-reversal; so one window may take the one for the other, and many windows with ever other motions do not.
+delay, as a lag of the first order (a position controller in front of a speed) and as one of the second order (a
+position controller in front of a torque), critically damped or less.  Play is not such a lag: it is bounded, and waits
+for a reversal; so one window may take the one for the other, and many windows with ever other motions do not.
 """
 
 from __future__ import annotations
@@ -27,10 +27,17 @@ LONGEST_S, SHORTEST_LAG_S = 0.1, 0.008
 """Delays up to this are compared (servos of 20 to 80 ms were tried); shorter lags than this are pure delays."""
 _PURE = np.arange(0.0, LONGEST_S + GRID_S / 2, GRID_S)
 _LAGS = np.arange(SHORTEST_LAG_S, LONGEST_S + GRID_S / 2, GRID_S)
-DELAYS: FloatArray = np.concatenate([_PURE, _LAGS, _LAGS])
+DELAYS: FloatArray = np.concatenate([_PURE, _LAGS, _LAGS, _LAGS])
 """The delay of each way of following that is compared [s], shape (G,)."""
-ORDERS: NDArray[np.intp] = np.repeat([0, 1, 2], [_PURE.size, _LAGS.size, _LAGS.size])
-"""0: pure delay, 1: first order, 2: second order, critically damped; shape (G,)."""
+ORDERS: NDArray[np.intp] = np.repeat([0, 1, 2, 3], [_PURE.size, _LAGS.size, _LAGS.size, _LAGS.size])
+"""0: pure delay, 1: first order, 2: second order, critically damped, 3: second order, damped by DAMPING; shape (G,)."""
+DAMPING = 0.6
+"""With it the second coefficient of a lag, over the delay's square, is 0.31 at least, without 0.5 (``SHAPE`` of
+``relative_motion``): servos damped by 0.6 to 1.2, in part a pure delay, are then between the ways that are compared.
+Behind them 95.7 % of the intervals of the size of the play held instead of 93.0 %, under trapezoids 90.5 % instead of
+81.8 %, and of the severities 98.7 % instead of 96.2 % (26 joints of ``bench.outside``, seeds 3000 to 3117)."""
+SETTLED = 100.0
+"""Delays after which a step is followed, to the last bit."""
 TRIED = 8.0
 """What is less likely [nats] than the best is not looked at, until it is forgotten why."""
 PROBABLE = 0.003
@@ -109,8 +116,12 @@ def _step_response(since: FloatArray, way: int) -> FloatArray:
         return np.asarray(since > delay, dtype=np.float64)
     if order == 1:
         return np.asarray(-np.expm1(-since / delay))
-    with np.errstate(invalid="ignore"):
-        return np.where(np.isinf(since), 1.0, 1 - (1 + 2 * since / delay) * np.exp(-2 * since / delay))
+    since = np.minimum(since, SETTLED * delay)  # what has been reached at infinity is reached there
+    if order == 2:
+        return np.asarray(1 - (1 + 2 * since / delay) * np.exp(-2 * since / delay))
+    decay, root = 2 * DAMPING**2 / delay, math.sqrt(1 / DAMPING**2 - 1)
+    swing = root * decay * since
+    return np.asarray(1 - np.exp(-decay * since) * (np.cos(swing) + np.sin(swing) / root))
 
 
 @lru_cache(maxsize=1)
