@@ -1,4 +1,4 @@
-"""How well each figure tells how bad the play is: `python -m bench.severity [--rate 200] [--noise 0.5] [--found]`.
+"""How well each figure tells how bad the play is: `python -m bench.severity [--rate 200] [--found] [--quick]`.
 
 Four motions, gears of 10 mm with 2 to 1000 um of play, commands of an AX-12A (0.29°, 100 Hz), a bar of 58 Hz whose
 setting is 0.3 % off; three simulators: eq. 1, MuJoCo's hard stops (nothing was fitted to it), and ``hardstops`` with a
@@ -59,15 +59,16 @@ def medians(values: FloatArray) -> list[float]:
     return [float(np.nanmedian(values[k::count])) for k in range(count)] if count else []
 
 
-def rows(simulator: str, bar: Bar, noise: float) -> Iterator[str]:
-    """A line for each play and two of correlations."""
+def rows(simulator: str, bar: Bar, noise: float, quick: bool) -> Iterator[str]:
+    """A line for each play and two of correlations; quick: of every other play, one recording of each motion."""
+    plays, seeds = (PLAYS[::2], SEEDS[:1]) if quick else (PLAYS, SEEDS)
     truth: list[float] = []
     scores: list[Score] = []
     grouped: dict[str, tuple[list[float], list[float]]] = {figure: ([], []) for figure in FIGURES}
-    for play in PLAYS:
+    for play in plays:
         there: list[Score] = []
         for name in MOTIONS:
-            these = [score for seed in SEEDS for score in recorded(simulator, name, seed, play, bar, noise)]
+            these = [score for seed in seeds for score in recorded(simulator, name, seed, play, bar, noise)]
             for figure in FIGURES:
                 middles = medians(np.array([getattr(score, figure) for score in these]))
                 grouped[figure][0].extend([play] * len(middles))
@@ -131,6 +132,7 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--noise", type=float, default=0.5)
     parser.add_argument("--simulators", default="model,MuJoCo,stops")
     parser.add_argument("--found", action="store_true", help="how often play is found, at 1 %% false alarms")
+    parser.add_argument("--quick", action="store_true", help="half of the plays and of the recordings")
     asked = parser.parse_args(arguments)
     print(f"{asked.rate:g} Hz, noise {asked.noise:g} m/s²")
     limits = limits_of(Bar(rate_hz=asked.rate), asked.noise) if asked.found else {}
@@ -140,7 +142,7 @@ def main(arguments: list[str]) -> None:
         print("          [um]  [mrad]   eq. 8  ringdown  severity [mrad]  held   told  windows")
     for simulator in asked.simulators.split(","):
         given = (simulator, Bar(rate_hz=asked.rate), asked.noise)
-        for row in found(*given, limits) if asked.found else rows(*given):
+        for row in found(*given, limits) if asked.found else rows(*given, asked.quick):
             print(row, flush=True)
 
 

@@ -15,11 +15,10 @@ import numpy as np
 from lostmotion.daemon.attributor import Attributor
 from lostmotion.daemon.records import Origin
 from lostmotion.daemon.ring import Ring
-from lostmotion.detector.commanded import BEFORE_S
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.flank import FlankLaw, law_of
 from lostmotion.detector.learner import BarChange, Change, Learner, is_learning
-from lostmotion.detector.play_size import SizeLaw, learnt_play, stretch_of
+from lostmotion.detector.play_size import HISTORY_S, SizeLaw, learnt_play, near_part, stretch_of
 from lostmotion.detector.score import score_window
 from lostmotion.detector.servo import UNKNOWN, ServoLaw
 from lostmotion.detector.severity import with_severity
@@ -337,7 +336,7 @@ class Pipeline:
         plan, period, shared = joint.plan, 1 / joint.plan.rate_hz, self._shared.get(joint.plan.joint)
         if shared and not shared.is_sure(plan.joint):
             return replace(score, play_reason="another joint may have struck")
-        around = ring.slice(score.time - BEFORE_S - period, score.time + score.duration + period)
+        around = ring.slice(score.time - HISTORY_S - period, score.time + score.duration + period)
         stretch = stretch_of(score, *around, plan.rate_hz)
         alone = shared.alone(stretch, plan.accelerometer, self._joints) if shared else stretch
         if alone is None:
@@ -348,7 +347,7 @@ class Pipeline:
             score, alone, times, angles, settings, joint.law, joint.servo, joint.size_law
         )
         joint.law_windows += joint.law is not before
-        scored, joint.servo = with_severity(sized, alone, times, angles, settings, joint.servo)
+        scored, joint.servo = with_severity(sized, near_part(score, alone), times, angles, settings, joint.servo)
         return scored
 
     def _needed(self, joint: _Joint, ring: Ring) -> float:
@@ -357,7 +356,7 @@ class Pipeline:
         if not self._virtual:
             oldest = max(oldest, ring.newest - SERVO_SILENT_S)
         starts = [pending.start for pending in joint.pending]
-        return min([oldest, *starts]) - BEFORE_S - 1 / joint.plan.rate_hz
+        return min([oldest, *starts]) - HISTORY_S - 1 / joint.plan.rate_hz
 
 
 def _together(ends: Iterable[float], within_s: float) -> list[float]:

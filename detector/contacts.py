@@ -57,7 +57,7 @@ class Contacts:
 
 def contacts(undone: Inverse, impulses: FloatArray, commanded: FloatArray, known: Mask) -> Contacts:
     """What may be contacts; commanded: acceleration [rad/s²] at the grid's times, known: where there is one."""
-    count, step = impulses.size, float(undone.times[1] - undone.times[0])
+    count, step = impulses.size, undone.step
     inner = known.copy()
     inner[: PERIOD // 2] = inner[count - PERIOD // 2 :] = False
     moved, push = averaged(impulses) / step, averaged(commanded)

@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lostmotion.detector.ringdown import ring
 from lostmotion.detector.window import DetectorSettings, FloatArray
 
-__all__ = ["STEP", "Edges", "Inverse", "edges", "inverse", "mistuned", "noise_of"]
+__all__ = ["STEP", "Edges", "Inverse", "edges", "integrated", "inverse", "mistuned", "noise_of"]
 
 STEP = 0.145
 """Grid of the impulses in periods of the bar."""
@@ -20,23 +21,33 @@ IMPULSE = 0.1
 PIECES = 8
 """The response to impulses is made in so many pieces, which saves a robot's small computer five megabytes at its
 start."""
+MOST_KEPT = 12
+"""So many inverses are kept: of each sensor, and of each size of its noise in powers of two.  One takes 2.1 MB for 0.85
+s at 1 kHz, its answer to a wrong resonance 1.2 MB."""
 LEAST_WIDTH, SAMPLES_WIDE = 3, 3.0
 """As long as the inverse makes an impulse: steps of the grid at least, and samples."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Inverse:
-    """Impulses at times (K,) from accelerations (N,): gain (K, N), covariance (K, K), twice (K, K) making angles of
-    impulses, deviation (K,) of the sum of three neighbours; doubt (K, K): covariance of these angles; slow_deviation
-    (K,): that of the acceleration [rad/s²] averaged over a period of the bar."""
+    """Impulses at times (K,) from accelerations (N,): gain (K, N), and deviation (K,) of the sum of three neighbours;
+    doubt (K, K): covariance of the angles that they make; slow_deviation (K,): that of the acceleration [rad/s²]
+    averaged over a period of the bar."""
 
     times: FloatArray
-    gain: FloatArray
-    covariance: FloatArray
-    twice: FloatArray
+    gain: NDArray[np.float32]
     deviation: FloatArray
     doubt: FloatArray
     slow_deviation: FloatArray
+
+    @property
+    def step(self) -> float:
+        """From one impulse to the next [s]."""
+        return float(self.times[1] - self.times[0])
+
+    def impulses(self, accel: FloatArray) -> FloatArray:
+        """Changes of the joint's speed [rad/s] that accelerations [m/s²] tell, (K,)."""
+        return np.asarray(self.gain @ accel.astype(np.float32), np.float64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,14 +70,28 @@ def noise_of(accel: FloatArray, settings: DetectorSettings) -> float:
     return float(2.0 ** round(math.log2(max(rough, 0.02))))
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=MOST_KEPT)
 def inverse(length: int, rate_hz: float, noise: float, settings: DetectorSettings) -> Inverse:
     """Bayes' linear inverse of eq. 7 for impulses of usual size IMPULSE, a ring from before, and white noise."""
-    return _inverse(length, rate_hz, noise, settings)
+    times, gain, own = _solved(length, rate_hz, noise, settings)
+    step, index, period = float(times[1] - times[0]), np.arange(times.size), round(1 / STEP)
+    slow = (np.abs(index[:, None] - index) <= period // 2) / (period * step)
+    sums = (np.abs(index[:, None] - index) <= 1).astype(np.float64)
+    doubt = np.ascontiguousarray(integrated(integrated(own, step).T, step).T)
+    return Inverse(times, gain.astype(np.float32), _deviation(sums, own), doubt, _deviation(slow, own))
 
 
-def _inverse(length: int, rate_hz: float, noise: float, settings: DetectorSettings) -> Inverse:
-    """The same, not kept: it takes up to two megabytes."""
+def integrated(impulses: FloatArray, step: float) -> FloatArray:
+    """Angles [rad] that impulses [rad/s] on a grid of that step [s] have made by each of its points: along the first
+    axis, the sum over all earlier ones of the time since, times the impulse."""
+    sums = step * np.cumsum(np.cumsum(impulses, axis=0), axis=0)
+    return np.concatenate([np.zeros_like(sums[:1]), sums[:-1]])
+
+
+def _solved(
+    length: int, rate_hz: float, noise: float, settings: DetectorSettings
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Times (K,), gain (K, N) and covariance (K, K) of the impulses; not kept, it takes some megabytes."""
     time = np.arange(length) / rate_hz
     step = STEP / settings.f_res_hz
     impulses = np.arange(0.0, time[-1] - step / 2, step) + step / 2
@@ -76,36 +101,33 @@ def _inverse(length: int, rate_hz: float, noise: float, settings: DetectorSettin
     trust = np.concatenate([np.full(count, IMPULSE**-2), [1e-4, 1e-4]])
     covariance = np.linalg.inv(response.T @ response / noise**2 + np.diag(trust))
     gain = covariance @ response.T / noise**2
-    sums = np.eye(count) + np.eye(count, k=1) + np.eye(count, k=-1)
-    own = np.asarray(covariance[:count, :count], dtype=np.float64)
-    twice = np.maximum(impulses[:, None] - impulses, 0.0)
-    index, period = np.arange(count), round(1 / STEP)
-    slow = (np.abs(index[:, None] - index) <= period // 2) / (period * step)
-    doubt = np.asarray(twice @ own @ twice.T)
-    return Inverse(impulses, gain[:count], own, twice, _deviation(sums, own), doubt, _deviation(slow, own))
+    return impulses, gain[:count], np.asarray(covariance[:count, :count], dtype=np.float64)
 
 
-@lru_cache(maxsize=16)
-def mistuned(length: int, rate_hz: float, noise: float, settings: DetectorSettings, share: float) -> FloatArray:
+@lru_cache(maxsize=MOST_KEPT)
+def mistuned(
+    length: int, rate_hz: float, noise: float, settings: DetectorSettings, share: float
+) -> NDArray[np.float32]:
     """What a resonance set wrong by that share adds to the angles that accelerations (N,) give, shape (K, N)."""
-    right = inverse(length, rate_hz, noise, settings)
-    wrong = _inverse(length, rate_hz, noise, replace(settings, f_res_hz=settings.f_res_hz * (1 + share)))
-    angles = wrong.twice @ wrong.gain
-    place = np.minimum(np.searchsorted(wrong.times, right.times, side="right"), wrong.times.size - 1)
-    after = ((right.times - wrong.times[place - 1]) / (wrong.times[1] - wrong.times[0]))[:, None]
-    return np.asarray((1 - after) * angles[place - 1] + after * angles[place] - right.twice @ right.gain)
+    right, gain, _ = _solved(length, rate_hz, noise, settings)
+    wrong, other, _ = _solved(length, rate_hz, noise, replace(settings, f_res_hz=settings.f_res_hz * (1 + share)))
+    angles = integrated(other, float(wrong[1] - wrong[0]))
+    place = np.minimum(np.searchsorted(wrong, right, side="right"), wrong.size - 1)
+    after = ((right - wrong[place - 1]) / (wrong[1] - wrong[0]))[:, None]
+    added = (1 - after) * angles[place - 1] + after * angles[place] - integrated(gain, float(right[1] - right[0]))
+    return np.asarray(added, np.float32)
 
 
 @lru_cache(maxsize=16)
 def edges(length: int, rate_hz: float, noise: float, settings: DetectorSettings) -> Edges:
     """The same inverse for impulses beside smooth motions of any size."""
-    undone = _inverse(length, rate_hz, noise, settings)
+    times, gain, own = _solved(length, rate_hz, noise, settings)
     step = STEP / settings.f_res_hz
     width = 2 * math.ceil((max(SAMPLES_WIDE / rate_hz / step, LEAST_WIDTH) - 1) / 2) + 1
-    index = np.arange(undone.times.size)
+    index = np.arange(times.size)
     wide = (np.abs(index[:, None] - index) <= width // 2).astype(np.float64)
     sharp = wide - (np.roll(wide, width, axis=0) + np.roll(wide, -width, axis=0)) / 2
-    return Edges(undone.times, width, sharp @ undone.gain, _deviation(sharp, undone.covariance))
+    return Edges(times, width, sharp @ gain, _deviation(sharp, own))
 
 
 def _deviation(rows: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lostmotion.detector.commanded import Commanded
 from lostmotion.detector.contacts import Contacts, contacts
-from lostmotion.detector.deconvolution import Inverse, inverse, mistuned, noise_of
+from lostmotion.detector.deconvolution import Inverse, integrated, inverse, mistuned, noise_of
 from lostmotion.detector.offset import OWN, OffsetLaw, averaged
 from lostmotion.detector.servo import ServoLaw
 from lostmotion.detector.window import DetectorSettings, FloatArray, Window
@@ -48,10 +48,10 @@ def relative_motion(
     accel, doubt, offset = _levelled(stretch, followed, settings, offset)
     noise = noise_of(stretch.accel, settings)
     undone = inverse(accel.size, stretch.rate_hz, noise, settings)
-    impulses = undone.gain @ accel
+    impulses = undone.impulses(accel)
     basis = command.basis(np.minimum(undone.times, command.end))
-    astray = mistuned(accel.size, stretch.rate_hz, noise, settings, MISTUNED) @ accel
-    otherwise = (SHAPE * servo.delay[0] ** 2, basis @ command.coefficients, astray)
+    wrong = mistuned(accel.size, stretch.rate_hz, noise, settings, MISTUNED) @ accel.astype(np.float32)
+    otherwise = (SHAPE * servo.delay[0] ** 2, basis @ command.coefficients, wrong.astype(np.float64))
     apart = _apart(undone, impulses, followed, basis, otherwise, doubt, settings)
     return apart, contacts(undone, impulses, followed.derivative(basis, 2), apart.known), offset
 
@@ -89,10 +89,10 @@ def _apart(
     time = undone.times
     driven, speed, accel = basis @ command.coefficients, *(command.derivative(basis, order) for order in (1, 2))
     driven, speed = driven - driven.mean(), speed - speed.mean()
-    step = float(time[1] - time[0])
+    step = undone.step
     columns = np.column_stack([
         (time - time.mean()) ** 2 * (doubt[0] / settings.length_m / 2),
-        undone.twice @ driven * step * (doubt[1] / settings.length_m),
+        integrated(driven, step) * step * (doubt[1] / settings.length_m),
         LENGTH * driven,
         LATE * speed,
         OTHERWISE * (goal - goal.mean() - driven),
@@ -100,4 +100,5 @@ def _apart(
         astray,
     ])  # fmt: skip
     covariance = undone.doubt + basis @ command.covariance @ basis.T + columns @ columns.T
-    return RelativeMotion(time, undone.twice @ impulses - basis @ command.coefficients, covariance, time <= command.end)
+    apart = integrated(impulses, step) - basis @ command.coefficients
+    return RelativeMotion(time, apart, covariance, time <= command.end)

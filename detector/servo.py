@@ -1,9 +1,10 @@
 """How a servo follows its goal: late, and rounded off.  Learnt from many windows of a joint.  No samples here.
 
 theta_1 is not the commanded angle: a servo follows its goal some 5 to 80 ms behind.  What it does is compared as a pure
-delay, as a lag of the first order (a position controller in front of a speed) and as a critically damped one of the
-second order (a position controller in front of a torque).  Play is not such a lag: it is bounded, and waits for a
-reversal; so one window may take the one for the other, and many windows with ever other motions do not.
+delay, as a lag of the first order (a position controller in front of a speed) and as one of the second order (a
+position controller in front of a torque), critically damped or less, at once or after a pure delay.  Play is not such a
+lag: it is bounded, and waits for a reversal; so one window may take the one for the other, and many windows with ever
+other motions do not.
 """
 
 from __future__ import annotations
@@ -27,10 +28,20 @@ LONGEST_S, SHORTEST_LAG_S = 0.1, 0.008
 """Delays up to this are compared (servos of 20 to 80 ms were tried); shorter lags than this are pure delays."""
 _PURE = np.arange(0.0, LONGEST_S + GRID_S / 2, GRID_S)
 _LAGS = np.arange(SHORTEST_LAG_S, LONGEST_S + GRID_S / 2, GRID_S)
-DELAYS: FloatArray = np.concatenate([_PURE, _LAGS, _LAGS])
+DELAYS: FloatArray = np.concatenate([_PURE, *[_LAGS] * 4])
 """The delay of each way of following that is compared [s], shape (G,)."""
-ORDERS: NDArray[np.intp] = np.repeat([0, 1, 2], [_PURE.size, _LAGS.size, _LAGS.size])
-"""0: pure delay, 1: first order, 2: second order, critically damped; shape (G,)."""
+ORDERS: NDArray[np.intp] = np.repeat([0, 1, 2, 3, 4], [_PURE.size, *[_LAGS.size] * 4])
+"""0: pure delay, 1: first order, 2: second order, critically damped, 3: second order, damped by DAMPING, 4: the same
+behind a pure delay, which makes the share PURE of the whole; shape (G,)."""
+DAMPING, PURE = 0.6, 0.4
+"""A lag is its delay T and higher coefficients; the second, which is an angle in proportion to the acceleration and
+looks like play, is 0.5 T² of a pure delay, 1 of the first order, 0.75 of a critically damped second order and 0.31 of
+one damped by 0.6.  Of servos damped by 0.6 to 1.2, up to half a pure delay (26 joints of ``bench.outside``, seeds 3000
+to 3117), sizes of the play were told in 77 % of the windows, held in 93.0 % and were 9 % too large without the third
+and fourth way, 78, 95.7 and 8 % with the third, 80, 95.5 and 5 % with both; of the severities 96.2, 98.7 and 98.6 %
+held, and their correlation with the play was 0.944, 0.962 and 0.964."""
+SETTLED = 100.0
+"""Delays after which a step is followed, to the last bit."""
 TRIED = 8.0
 """What is less likely [nats] than the best is not looked at, until it is forgotten why."""
 PROBABLE = 0.003
@@ -109,8 +120,14 @@ def _step_response(since: FloatArray, way: int) -> FloatArray:
         return np.asarray(since > delay, dtype=np.float64)
     if order == 1:
         return np.asarray(-np.expm1(-since / delay))
-    with np.errstate(invalid="ignore"):
-        return np.where(np.isinf(since), 1.0, 1 - (1 + 2 * since / delay) * np.exp(-2 * since / delay))
+    if order == 4:
+        since, delay = np.maximum(since - PURE * delay, 0.0), (1 - PURE) * delay
+    since = np.minimum(since, SETTLED * delay)  # what has been reached at infinity is reached there
+    if order == 2:
+        return np.asarray(1 - (1 + 2 * since / delay) * np.exp(-2 * since / delay))
+    decay, root = 2 * DAMPING**2 / delay, math.sqrt(1 / DAMPING**2 - 1)
+    swing = root * decay * since
+    return np.asarray(1 - np.exp(-decay * since) * (np.cos(swing) + np.sin(swing) / root))
 
 
 @lru_cache(maxsize=1)

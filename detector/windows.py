@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import cmath
 import math
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 
 from lostmotion.detector.window import DetectorSettings, FloatArray, Window
 
-__all__ = ["cut", "window_length"]
+__all__ = ["cut", "last_part", "window_length"]
 
 BEST_RATIO = 1.2564
 """T / tau that maximises (1 - exp(-T / tau)) / sqrt(T), a ring-down's amplitude over white noise in T seconds."""
@@ -65,6 +66,15 @@ def cut(
     grid[slot[begin:end]] = accel[first + begin : first + end]
     time = _seconds(length, rate_hz) + (start + phase / rate_hz)
     return Window(joint, start, duration, time, grid, rate_hz, excitation, temperature)
+
+
+def last_part(stretch: Window, duration: float) -> Window:
+    """The last so many seconds of a stretch, or all of it if that is shorter."""
+    gone = stretch.accel.size - round(duration * stretch.rate_hz)
+    if gone <= 0:
+        return stretch
+    start = stretch.start + gone / stretch.rate_hz
+    return replace(stretch, start=start, duration=duration, time=stretch.time[gone:], accel=stretch.accel[gone:])
 
 
 @lru_cache(maxsize=16)

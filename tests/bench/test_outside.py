@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from bench.outside import LENGTH_M, RATE_HZ, STEPS, drawn, moved, tips, without_play
+from bench.outside import LENGTH_M, RATE_HZ, STEPS, drawn, moved, scored, tips, without_play
 
 TIME = np.arange(round(3 * RATE_HZ) * STEPS) / RATE_HZ / STEPS
 JOINT = replace(drawn(2), friction=0.0, lag=0.0, play=1e-6, mass=1e-4)
@@ -38,3 +39,23 @@ def test_a_servo_lags(pure: float) -> None:
     angle = goal[0] + np.cumsum(np.cumsum(shaft)) * step**2
     late = TIME > 1
     assert np.interp(TIME[late] - 0.04, TIME, goal) == pytest.approx(angle[late], abs=0.02 * np.ptp(goal))
+
+
+@pytest.mark.slow
+def test_the_size_of_the_play_is_told_and_held(tmp_path: Path) -> None:
+    """Of eight joints drawn at random, with 1 mrad and more, two thirds of the windows above 30 dB tell the size of the
+    play, and 88 to 99.5 % of the intervals hold it: 68 to 76 % would, were they 0.6 times as wide (192 joints, seeds
+    3000 to 3059, 6000 to 6079, 6100 to 6159); of the severities 90 % do."""
+    joints = (drawn(seed) for seed in range(5200, 5220))
+    recordings = [scored(joint, tmp_path) for joint in [joint for joint in joints if joint.play > 1e-3][:8]]
+    told, reach, severe = [], [], []
+    for one in recordings:
+        told += [score["play"] is not None for score, db in zip(one.scores, one.snr_db, strict=True) if db > 30]
+        sizes = np.array([[s["play"], s["play_low"], s["play_high"]] for s in one.scores if s["play"] is not None])
+        end = np.where(sizes[:, 0] > one.joint.play, sizes[:, 1], sizes[:, 2])
+        reach += ((sizes[:, 0] - one.joint.play) / (sizes[:, 0] - end)).tolist()
+        severe += [score["severity_low"] <= one.joint.play <= score["severity_high"] for score in one.scores]
+    assert np.mean(told) > 0.67
+    assert 0.88 <= np.mean(np.array(reach) < 1) <= 0.995
+    assert np.mean(np.array(reach) < 0.6) < 0.88
+    assert np.mean(severe) >= 0.9

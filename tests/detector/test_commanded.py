@@ -10,7 +10,7 @@ import pytest
 from bench.joints import motion_of
 
 from lostmotion.detector.commanded import MOST_POWERS, smoothed
-from lostmotion.detector.servo import DELAYS, ORDERS, ServoLaw
+from lostmotion.detector.servo import DAMPING, DELAYS, ORDERS, PURE, ServoLaw
 from lostmotion.detector.window import Window
 
 OMEGA = 2 * np.pi * 1.5
@@ -59,7 +59,7 @@ def test_errors_of_quantised_commands(kind: str) -> None:
     assert 0.6 < np.sqrt(np.mean(np.square(shares))) < 1.15
 
 
-@pytest.mark.parametrize("order", [0, 1, 2])
+@pytest.mark.parametrize("order", [0, 1, 2, 3, 4])
 def test_a_slow_servo(order: int) -> None:
     """A sine that a servo follows 20 ms late, by a pure delay or a lag of the first or second order, has the amplitude
     and the phase of that lag's frequency response."""
@@ -68,6 +68,9 @@ def test_a_slow_servo(order: int) -> None:
     assert motion is not None
     way = (order == ORDERS) & np.isclose(DELAYS, 0.02)
     late = motion.followed(ServoLaw(tuple(np.where(way, 0.0, -math.inf).tolist())))
-    response = {0: np.exp(-0.02j * OMEGA), 1: 1 / (1 + 0.02j * OMEGA), 2: 1 / (1 + 0.01j * OMEGA) ** 2}[order]
-    wanted = 0.3 * np.imag(response * np.exp(1j * OMEGA * clock))
+    delay = 0.02 * (1 - PURE) if order == 4 else 0.02
+    second = 1 / (1 + 1j * delay * OMEGA - (delay * OMEGA / (2 * DAMPING)) ** 2)
+    behind = np.exp(-1j * (0.02 - delay) * OMEGA)
+    responses = [np.exp(-0.02j * OMEGA), 1 / (1 + 0.02j * OMEGA), 1 / (1 + 0.01j * OMEGA) ** 2, second, behind * second]
+    wanted = 0.3 * np.imag(responses[order] * np.exp(1j * OMEGA * clock))
     assert late.basis(clock - clock[0]) @ late.coefficients == pytest.approx(wanted, abs=2e-3)

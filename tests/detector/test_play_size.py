@@ -146,6 +146,16 @@ def test_free_flight_between_hard_stops(play: float) -> None:
     assert found.low <= play <= found.high
 
 
+def test_mirrored() -> None:
+    """A joint that is turned round has the same play: what holds of one flank holds of the other one."""
+    polls, commands, times, accel = recording(8230, 5e-6, seconds=6.0)
+    there, back = (score_series(polls, s * commands, times, s * accel, SETTINGS) for s in (1.0, -1.0))
+    assert len(there) > 10
+    assert [one.play_reason for one in there] == [one.play_reason for one in back]
+    for one, other in zip(there, back, strict=True):
+        assert other.play == pytest.approx(one.play, rel=1e-6, nan_ok=True)
+
+
 def test_commands_that_end_early() -> None:
     """A service has the last commands of a window a little later than its acceleration: 80 ms less change the play by
     less than its interval."""

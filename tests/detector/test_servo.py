@@ -7,22 +7,31 @@ import math
 import numpy as np
 import pytest
 from bench.joints import Gear, Lagging, motion_of, tip
+from scipy.signal import TransferFunction
 
 from lostmotion.detector.series import score_series
-from lostmotion.detector.servo import AT_ONCE, DELAYS, GRID_S, ORDERS, UNKNOWN, followed
+from lostmotion.detector.servo import AT_ONCE, DAMPING, DELAYS, GRID_S, ORDERS, PURE, UNKNOWN, followed
 from lostmotion.detector.window import DetectorSettings, Score
 
 STEP = math.radians(300) / 1023
 
 
-@pytest.mark.parametrize("order", [0, 1, 2])
+def damped(delay: float, since: np.ndarray) -> np.ndarray:
+    """The step response of a second order damped by DAMPING, whose delay is 2 DAMPING / omega, by SciPy."""
+    fine = np.linspace(0.0, 1.0, 2001)
+    second = TransferFunction([1], [(delay / (2 * DAMPING)) ** 2, delay, 1])
+    return np.asarray(np.interp(since, *second.step(T=fine)))
+
+
+@pytest.mark.parametrize("order", [0, 1, 2, 3, 4])
 def test_a_step_of_the_goal(order: int) -> None:
     """Each way reaches the new goal as its step response says, with the delay that it is named by."""
     times = np.arange(-1.0, 1.0, 0.001)
     chosen = np.flatnonzero((order == ORDERS) & np.isclose(DELAYS, 0.04))
     path = followed(times, (times >= 0).astype(float), 0.0, 100, chosen)[0]
     since = np.arange(100) * GRID_S
-    wanted = {0: since >= 0.04, 1: 1 - np.exp(-since / 0.04), 2: 1 - (1 + since / 0.02) * np.exp(-since / 0.02)}
+    wanted = {0: since >= 0.04, 1: 1 - np.exp(-since / 0.04), 2: 1 - (1 + since / 0.02) * np.exp(-since / 0.02),
+              3: damped(0.04, since), 4: damped(0.04 * (1 - PURE), since - 0.04 * PURE)}  # fmt: skip
     clear = np.abs(since - 0.04) > 2 * GRID_S
     assert path[clear] == pytest.approx(wanted[order].astype(float)[clear], abs=0.06)
 
