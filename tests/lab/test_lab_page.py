@@ -19,8 +19,8 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
 
 def test_tutorial_finds_the_friction(tmp_path: Path) -> None:
-    """Every command prints lines as shown; the friction of 0.15 N m is found, and the Python lines find it as well, here
-    in the first halves of the recordings."""
+    """Every command prints lines as shown; the friction of 0.15 N m is found, and the Python lines find it as well,
+    here in the first halves of the recordings."""
     check_page(PAGE, tmp_path)
     assert load(tmp_path / "better.toml").build().parameters["coulomb_friction.tau_c"].value == pytest.approx(
         0.15, rel=0.02
