@@ -260,7 +260,7 @@ class Pipeline:
         return done
 
     def learn(self) -> bool:
-        """Holds the windows to come against the noise of those so far, by the next one that has been scored: some 13 ms
+        """Holds the windows to come against the noise of those so far, by the next one that has been scored: some 8 ms
         of work, for which no other window's score shall wait.  Whether there was one."""
         if not self._to_learn:
             return False

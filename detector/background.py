@@ -16,7 +16,7 @@ from numpy.fft import irfft  # not when it is needed first: then there may be no
 from lostmotion.detector import ringdown
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.median import median
-from lostmotion.detector.whitening import MOST_ORDER, Noise, levinson, rounded, spectrum, whitener
+from lostmotion.detector.whitening import MOST_ORDER, Noise, levinson, rounded, spectrum, unwhitener, whitener
 from lostmotion.detector.window import DetectorSettings, FloatArray
 
 __all__ = ["LEAST_WINDOWS", "Background", "applied", "distance", "followed", "learn", "learning"]
@@ -251,17 +251,18 @@ def _expected(windows: FloatArray, rate_hz: float, settings: DetectorSettings, m
     slow = np.linalg.qr(ringdown.slow_motion(length, rate_hz, settings))[0]
     hidden = whitening @ slow
     likelihood += float(np.sum(np.log(np.diag(whitening)))) - float(np.linalg.slogdet(hidden.T @ hidden)[1]) / 2
-    left, ring, bases = white, np.zeros(count), np.zeros((0, length))
+    left, ring, bases = white[:0], np.zeros(count), np.zeros((0, length))
     power = model.power
     if model.ringing:
         told = _rings(white, whole, freedom, ringdown.build(length, rate_hz, known), model)
         likelihood, ring, left, bases, power = likelihood + told[0], *told[1:]
-    energy = np.sum(left**2, axis=1) + FREEDOM * variance
-    gram = (white * ((1 - ring) * freedom * variance / whole)[:, None]).T @ white
-    gram += (left * (ring * freedom * variance / energy)[:, None]).T @ left
-    gram += variance * (count * motion @ motion.T + bases.T @ bases)
-    undo = np.linalg.inv(whitening)
-    covariance = undo @ (gram / count) @ undo.T
+    weighted = white * np.sqrt((1 - ring) * freedom * variance / whole)[:, None]
+    parts = [weighted, math.sqrt(variance * count) * motion.T, math.sqrt(variance) * bases]
+    if model.ringing:
+        energy = np.sum(left**2, axis=1) + FREEDOM * variance
+        parts.append(left * np.sqrt(ring * freedom * variance / energy)[:, None])
+    colour = np.concatenate(parts) @ unwhitener(length, noise.colour).T  # rows, of which the products add up
+    covariance = colour.T @ colour / count
     lags = np.array([np.trace(covariance, lag) / (length - lag) for lag in range(_orders(length) + 1)])
     share = min(max(float(ring.mean()), LEAST_RINGING), 1 - LEAST_RINGING) if model.ringing else 0.0
     better = _Model(levinson(lags, count * (length - motion.shape[1])), share, power)

@@ -31,7 +31,7 @@ TOLD_HZ, TOLD_ZETA = 0.02, 0.3
 """Shares by which resonance or damping have to have moved to be told."""
 ROUNDS, FIRST_ROUNDS = 1, 3
 """Rounds of ``background.learning`` that are done with each window that is heard, so that no window waits long for
-another one's score: a round of 100 windows of 250 samples costs 13 ms, all of them 0.4 to 0.6 s.  The second while no
+another one's score: a round of 100 windows of 250 samples costs 8 ms, all of them 0.2 to 0.4 s.  The second while no
 noise is known."""
 POINTS = 512
 

@@ -9,11 +9,12 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.fft import rfft  # not when it is needed first: then there may be no memory
+from numpy.lib.stride_tricks import sliding_window_view
 
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.window import FloatArray
 
-__all__ = ["MOST_ORDER", "Noise", "fit_noise", "levinson", "rounded", "spectrum", "whiten", "whitener"]
+__all__ = ["MOST_ORDER", "Noise", "fit_noise", "levinson", "rounded", "spectrum", "unwhitener", "whiten", "whitener"]
 
 LEAST_LENGTH = 16
 ROUNDS = 8
@@ -95,7 +96,7 @@ def spectrum(noise: Noise, points: int) -> FloatArray:
 
 def _covariance(noise: Noise, length: int) -> FloatArray:
     """Covariance (length, length) of the process: the inverse of what ``whiten`` does, squared."""
-    root = np.linalg.inv(whitener(length, noise.colour)) * noise.deviation
+    root = unwhitener(length, noise.colour) * noise.deviation
     return np.asarray(root @ root.T)
 
 
@@ -129,6 +130,26 @@ def whitener(length: int, reflections: Sequence[float]) -> FloatArray:
     matrix[: order + 1, : order + 1] = filters[: order + 1, : order + 1]
     later = np.arange(length - order)[:, None]
     matrix[order + later, later + np.arange(order + 1)] = filters[order, : order + 1]
+    return matrix
+
+
+def unwhitener(length: int, reflections: Sequence[float]) -> FloatArray:
+    """The inverse of ``whitener``, shape (length, length), in a quarter of the time that a general one takes.
+
+    Below the first P rows ``whitener`` is one filter, shifted, so the inverse's columns behind the first P are its
+    impulse response, shifted; the first P rows are those of the inverse of their own part.
+    """
+    filters = _filters(tuple(reflections))
+    order = min(len(reflections), length - 1)
+    taps, response = filters[order, :order], np.zeros(2 * length - 1)
+    for n in range(length - 1, 2 * length - 1):
+        before = response[n - order : n] if order else response[:0]
+        response[n] = ((n == length - 1) - taps @ before) / filters[order, order]
+    matrix = np.array(sliding_window_view(response, length)[:, ::-1])
+    if order:
+        head = np.linalg.inv(filters[:order, :order])
+        matrix[:order, :order] = head
+        matrix[order:, :order] = -matrix[order:, order:] @ (whitener(length, reflections)[order:, :order] @ head)
     return matrix
 
 

@@ -13,21 +13,22 @@ DISTRIBUTIONS = {
     "scipy": "numba scipy",
     "zenoh": "eclipse-zenoh",
     "can": "python-can",
-    "canopen": "'lostmotion[can]'",
-    "cantools": "'lostmotion[can]'",
+    "canopen": "canopen cantools",
+    "cantools": "canopen cantools",
     "sqlite_utils": "sqlite-utils",
     "dynamixel_sdk": "dynamixel-sdk",
     "serial": "pyserial",
-    "pyarrow": "'lostmotion[parquet]'",
-    "mcap": "'lostmotion[import]'",
-    "rosbags": "'lostmotion[import]'",
-    "rerun": "'lostmotion[rerun]'",
-    "distributed": "'lostmotion[cluster]'",
+    "pyarrow": "pyarrow",
+    "mcap": "mcap rosbags",
+    "rosbags": "mcap rosbags",
+    "rerun": "rerun-sdk",
+    "distributed": "distributed",
     "matplotlib": "matplotlib",
     "plotext": "plotext",
     "rich": "rich",
 }
-"""what pip calls the packages that are imported by these names"""
+"""what pip calls the packages that are imported by these names; not the extras, by which pip would bring all that a
+light installation leaves out (440 MB)"""
 
 
 def is_there(name: str) -> bool:

@@ -12,6 +12,7 @@ from lostmotion.daemon.commands import output
 from lostmotion.daemon.migrations import ADDED
 from lostmotion.daemon.reader import Bounds, Reader
 from lostmotion.drivers.errors import LostmotionError
+from lostmotion.drivers.packages import missing
 
 if TYPE_CHECKING:
     from pyarrow import Schema
@@ -35,8 +36,8 @@ def write(reader: Reader, joint: str, bounds: Bounds, path: Path) -> None:
     try:
         import pyarrow as pa
         from pyarrow import parquet
-    except ImportError as error:
-        raise ParquetError("--parquet: found no pyarrow, expected it: pip install 'lostmotion[parquet]'") from error
+    except ModuleNotFoundError as error:
+        raise ParquetError(missing("pyarrow", "--parquet")) from error
     schema, count = _schema(reader.robot(), joint), 0
     with output.writing(path), parquet.ParquetWriter(path, schema, compression="zstd") as writer:
         for rows in reader.batches(joint, bounds, ROW_GROUP):

@@ -1,6 +1,7 @@
 """Whether anybody answers where a Zenoh session connects to; told when that changes.  Nothing is sent here.
 
-Publishing into a session whose router has died raises nothing: the router is only missing from the session's list.
+Publishing into a session whose router has died raises nothing: only the link to it is missing from the session's list.
+A session that had no memory at that moment stays as it is, for ever: it keeps the router, and connects to none again.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ import json
 import logging
 import threading
 import time
-from contextlib import suppress
+from collections.abc import Callable
 
 import zenoh
 
@@ -22,6 +23,9 @@ log = logging.getLogger(__name__)
 
 LOOK_S = 2.0
 CLOSE_S = 2.0
+BROKEN_LOOKS = 3
+"""so many looks in a row see a router without a link to it: the session will never find out.  Of 20 routers that were
+killed or stopped while there was memory each was seen so for 20 ms at most."""
 
 
 def addresses(config: zenoh.Config) -> list[str]:
@@ -32,11 +36,16 @@ def addresses(config: zenoh.Config) -> list[str]:
 
 
 class Reach:
-    """Looks every two seconds, in a thread of its own, as long as there are endpoints."""
+    """Looks every two seconds, in a thread of its own, as long as there are endpoints.
 
-    def __init__(self, session: zenoh.Session, endpoints: list[str]) -> None:
-        self._session, self._where = session, ", ".join(endpoints)
+    broken: is called, once, for a session that has to be closed and opened again, with the time [s, monotonic] at which
+    a link was last seen.
+    """
+
+    def __init__(self, session: zenoh.Session, endpoints: list[str], broken: Callable[[float], None]) -> None:
+        self._session, self._where, self._broken = session, ", ".join(endpoints), broken
         self._condition = Condition(told="")
+        self._heard, self._without_link = time.monotonic(), 0
         self._closing = threading.Event()
         self._thread = threading.Thread(target=outlive, args=(self._look, "zenoh"), name="zenoh-reach", daemon=True)
         if endpoints:
@@ -45,14 +54,26 @@ class Reach:
     def close(self) -> None:
         """No look comes after this; the session may be closed then."""
         self._closing.set()
-        if self._thread.ident is not None:
+        if self._thread.ident is not None and self._thread is not threading.current_thread():
             self._thread.join(CLOSE_S)
 
     def _look(self) -> None:
-        with suppress(zenoh.ZError):  # the session is closed
-            while not self._closing.wait(LOOK_S):
-                info = self._session.info
-                self._tell(bool(info.routers_zid() or info.peers_zid()))
+        while not self._closing.wait(LOOK_S):
+            try:
+                is_linked, is_connected = self._seen()
+            except zenoh.ZError:  # for lack of memory, too: the next look may tell it
+                continue
+            self._tell(is_linked)
+            if is_linked:
+                self._heard = time.monotonic()
+            self._without_link = self._without_link + 1 if is_connected and not is_linked else 0
+            if self._without_link >= BROKEN_LOOKS:
+                self._broken(self._heard)
+                return
+
+    def _seen(self) -> tuple[bool, bool]:
+        """Whether there is a link, and whether the session believes that there is."""
+        return bool(self._session.info.links()), bool(self._session.info.transports())
 
     def _tell(self, is_reached: bool) -> None:
         if not self._condition.is_news("" if is_reached else "nobody", time.monotonic()):

@@ -28,7 +28,7 @@ from lostmotion.daemon.repeats import Condition
 from lostmotion.daemon.sinks.answers import Answers, payload
 from lostmotion.daemon.sinks.diagnostics import Board
 from lostmotion.daemon.sinks.queries import Queries, Queryable
-from lostmotion.daemon.sinks.reach import Reach, addresses
+from lostmotion.daemon.sinks.reach import LOOK_S, Reach, addresses
 from lostmotion.daemon.zenoh_session import JSON, brief, configuration, why_closed
 
 if TYPE_CHECKING:
@@ -63,6 +63,7 @@ class ZenohSink:
         self._ros2: Ros2Publisher | None = None
         self._reach: Reach | None = None
         self._waiting: deque[tuple[str, bytes]] = deque(maxlen=CACHED)
+        self._published: deque[tuple[float, str, bytes]] = deque(maxlen=CACHED)  # when [s, monotonic], what
         self._publishers: dict[str, AdvancedPublisher] = {}
         self._condition = Condition(told="")
         self._closing = threading.Event()
@@ -131,6 +132,7 @@ class ZenohSink:
                 self._say(f"cannot publish: {brief(error)}")
                 return
             self._waiting.popleft()
+            self._published.append((time.monotonic(), key, content))
             self._say("")
 
     def _publisher(self, session: zenoh.Session, key: str) -> AdvancedPublisher:
@@ -149,7 +151,7 @@ class ZenohSink:
         return self._publishers[key]
 
     def _run(self) -> None:
-        """The session's thread: opens it, again and again, then answers until it is closed."""
+        """The session's thread: opens it, again and again, then answers until it is closed or broken."""
         pause = FIRST_RETRY_S
         while not self._closing.is_set():
             session = None
@@ -167,8 +169,8 @@ class ZenohSink:
                 self._closing.wait(pause)
                 pause = min(2 * pause, LAST_RETRY_S)
                 continue
-            outlive(lambda: self._queries.serve(queryable), "zenoh")  # noqa: B023 - it returns below
-            return
+            pause = FIRST_RETRY_S
+            outlive(lambda: self._queries.serve(queryable), "zenoh")  # noqa: B023 - it ends before the next
 
     def _declare(self, session: zenoh.Session) -> Queryable:
         """What others see of the robot in a session: that it is alive, and that it answers."""
@@ -194,10 +196,23 @@ class ZenohSink:
             if self._closing.is_set():
                 session.close()  # type: ignore[no-untyped-call]
                 return
-            self._reach = Reach(session, endpoints)
+            self._reach = Reach(session, endpoints, self._leave)
             self._session = session
             self._publish_waiting()
         log.info("zenoh: session open as %s", session.zid())
+
+    def _leave(self, heard: float) -> None:
+        """Closes a session that connects to nobody any more, so that another one is opened, with what was published
+        since a link was last seen [s, monotonic]: it may have reached nobody."""
+        log.warning("zenoh: the session has lost its connection and does not know it, as after lack of memory; "
+                    "another one is opened")  # fmt: skip
+        with self._lock:
+            self._give_up(self._session)  # where there is no memory for that either, it is tried again
+            self._session = None
+            self._publishers.clear()
+            unheard = [(key, content) for at, key, content in self._published if at >= heard - LOOK_S]
+            self._waiting.extendleft(reversed(unheard))
+            self._published.clear()
 
     def _say(self, problem: str) -> None:
         """Logs when publishing begins to fail and when it works again, not every time."""

@@ -1,4 +1,5 @@
-"""Packages that read the formats of others: imported when a file needs one, else named with what installs it."""
+"""Packages that read and write the formats of others: imported when one is needed, else named with what
+installs it."""
 
 from __future__ import annotations
 
@@ -12,12 +13,13 @@ from lostmotion.drivers.packages import missing
 __all__ = ["needed"]
 
 
-def needed(module: str, path: Path) -> Any:
-    """The module.  Raises RecordingError with the line that installs its package."""
+def needed(module: str, needs: Path | str) -> Any:
+    """The module.  needs: the file to be read, or what else needs it.  Raises RecordingError with the line that
+    installs its package."""
     try:
         return import_module(module)
     except ModuleNotFoundError as error:
-        line = missing(error.name, f"{path}: reading it")
+        line = missing(error.name, needs if isinstance(needs, str) else f"{needs}: reading it")
         if line is None:
             raise
         raise RecordingError(line) from error

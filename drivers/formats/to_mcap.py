@@ -35,7 +35,7 @@ LATEST_S = 2**31 - 1.0
 
 def write_mcap(recording: Recording, joint: str, path: Path) -> int:
     """How many messages were written.  Raises RecordingError."""
-    writer_module, typesys = needed("mcap.writer", path), needed("rosbags.typesys", path)
+    writer_module, typesys = (needed(name, "a file of MCAP") for name in ("mcap.writer", "rosbags.typesys"))
     store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
     topics = {column: TOPICS.get(column, f"/{column}") for column in recording.columns}
     stamps = _stamps(recording)

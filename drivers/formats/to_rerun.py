@@ -18,7 +18,7 @@ __all__ = ["write_rerun"]
 
 def write_rerun(recording: Recording, joint: str, path: Path) -> int:
     """How many numbers were written.  The timeline ``time`` is UTC where the start is known.  Raises RecordingError."""
-    rerun = needed("rerun", path)
+    rerun = needed("rerun", "a file of Rerun")
     start, count = recording.start, 0
     stream = rerun.RecordingStream("lostmotion", send_properties=False)
     stream.save(path)

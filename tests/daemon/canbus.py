@@ -22,7 +22,7 @@ class SlcanAdapter:
         self._text = ""
 
     def receive(self, data: bytes, now: float) -> None:
-        *lines, self._text = (self._text + data.decode()).split("\r")
+        *lines, self._text = (self._text + data.decode(errors="replace")).split("\r")
         for line in lines:
             if found := re.fullmatch(r"t([0-9A-F]{3})(\d)([0-9A-F]*)", line):
                 self.frames.append((int(found[1], 16), bytes.fromhex(found[3])))

@@ -142,7 +142,7 @@ def test_parquet_without_its_library(database: Path, tmp_path: Path, monkeypatch
     """One line says what to install; the other forms do not need it."""
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     result = call("history", "elbow", "--database", database, "--parquet", tmp_path / "x.parquet")
-    assert is_one_line(result, "found no pyarrow", "pip install 'lostmotion[parquet]'")
+    assert is_one_line(result, "--parquet needs the package pyarrow", "pip install pyarrow")
     assert call("history", "elbow", "--database", database, "--csv", "--limit", "1").exit_code == 0
 
 

@@ -10,10 +10,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import can
 import pytest
-import zenoh
 
 from lostmotion.daemon import config, metrics_http, no_memory, service, store
 from lostmotion.daemon.database import ReplacedError
@@ -250,10 +250,10 @@ def test_a_zenoh_session_is_opened_when_there_is_memory(
     fill(tmp_path / "history.db", 20)
     refusals, reach = [error] * 2, zenoh_sink.Reach
 
-    def starved(opened: zenoh.Session, endpoints: list[str]) -> zenoh_sink.Reach:
+    def starved(*given: Any) -> zenoh_sink.Reach:
         if refusals:
             raise refusals.pop()
-        return reach(opened, endpoints)
+        return reach(*given)
 
     monkeypatch.setattr(zenoh_sink, "Reach", starved)
     monkeypatch.setattr(zenoh_sink, "FIRST_RETRY_S", 0.02)

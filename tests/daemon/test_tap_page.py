@@ -28,12 +28,12 @@ def arm(tmp_path: Path) -> Iterator[Path]:
     command = [sys.executable, *line[1].split(), "--link", str(tmp_path / "arm")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as emulator:
         assert emulator.stdout is not None
-        assert emulator.stdout.readline().strip() == str(tmp_path / "arm.0")
-        text = EXAMPLE.replace("/var/lib/lostmotion/history.db", "history.db")
-        for name, link in {"/dev/ttyUSB1": "arm.0", "/dev/ttyUSB0": "arm.1"}.items():
-            text = text.replace(name, str(tmp_path / link))
-        (tmp_path / "tap.toml").write_text(text)
         try:
+            assert emulator.stdout.readline().strip() == str(tmp_path / "arm.0")
+            text = EXAMPLE.replace("/var/lib/lostmotion/history.db", "history.db")
+            for name, link in {"/dev/ttyUSB1": "arm.0", "/dev/ttyUSB0": "arm.1"}.items():
+                text = text.replace(name, str(tmp_path / link))
+            (tmp_path / "tap.toml").write_text(text)
             yield tmp_path
         finally:
             emulator.terminate()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import closing
@@ -20,7 +21,7 @@ from lostmotion.daemon.sinks.reach import addresses
 from lostmotion.daemon.sinks.zenoh import ZenohSink
 from tests.daemon.alarm_world import Watcher
 from tests.daemon.conftest import wait_until
-from tests.daemon.zenoh_world import Router
+from tests.daemon.zenoh_world import Router, session
 
 NOON = datetime(2026, 1, 31, 12, tzinfo=UTC)
 NOWHERE = Path("none.db")
@@ -107,6 +108,40 @@ def test_a_router_that_dies_and_comes_back_is_told_once(
         f"zenoh: nobody answers at {endpoint}; it is tried on, alarms wait until then",
         f"zenoh: {endpoint} answers",
     ]
+
+
+def test_a_session_that_has_lost_its_connection_for_ever_is_opened_again(
+    tmp_path: Path, endpoint: str, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Zenoh that had no memory when its router died keeps the router and has no link to it: another session is opened,
+    and who subscribes hears what was told meanwhile, once; what is told later is published, and asked for, again."""
+    deaf = threading.Event()
+    seen, give_up = reach.Reach._seen, ZenohSink._give_up
+    monkeypatch.setattr(reach, "LOOK_S", 0.05)
+    monkeypatch.setattr(reach.Reach, "_seen", lambda self: (False, True) if deaf.is_set() else seen(self))
+    monkeypatch.setattr(ZenohSink, "_give_up", lambda self, session: (give_up(self, session), deaf.clear()))
+    caplog.set_level("INFO")
+    told = list(transitions(6))
+    with (
+        closing(Router(tmp_path, endpoint)),
+        closing(ZenohSink("arm1", ZenohOptions(mode="client", connect=[endpoint]), NOWHERE)) as sink,
+        closing(Watcher(endpoint, tmp_path / "watched")) as watcher,
+    ):
+        for transition in told[:2]:
+            sink.alarm(transition)
+        wait_until(lambda: len(watcher.ids) == 2)
+        deaf.set()
+        for transition in told[2:4]:
+            sink.alarm(transition)
+        wait_until(lambda: not deaf.is_set() and sink.is_open, 10)
+        for transition in told[4:]:
+            sink.alarm(transition)
+        wait_until(lambda: len(watcher.ids) == 6, 10)
+        assert watcher.ids == [transition.id for transition in told]
+        with session("client", connect=[endpoint]) as other:
+            assert list(other.get("lostmotion/arm1/alarms")), "nobody answers, not even that there is no database"
+    assert sum("another one is opened" in record.message for record in caplog.records) == 1
+    assert sum("session open as" in record.message for record in caplog.records) == 2
 
 
 def test_where_a_session_connects_to() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lostmotion.detector.errors import DetectorError
-from lostmotion.detector.whitening import Noise, fit_noise, rounded, spectrum, whiten, whitener
+from lostmotion.detector.whitening import Noise, fit_noise, rounded, spectrum, unwhitener, whiten, whitener
 
 SLOW = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1, 1, 250), 8))[0]
 
@@ -41,6 +41,14 @@ def test_whitened_noise_is_white_from_the_first_sample_on() -> None:
     white = whiten(coloured(np.random.default_rng(7902), 4000, 40), (-1.2 / 1.8, 0.8))
     covariance = white.T @ white / len(white)
     assert np.abs(covariance - np.eye(40)).max() < 5 * np.sqrt(2 / 4000)
+
+
+@pytest.mark.parametrize(("length", "order"), [(250, 0), (250, 7), (250, 64), (40, 39), (40, 60)])
+def test_what_is_whitened_is_undone(length: int, order: int) -> None:
+    """The inverse by the filter's impulse response is the matrix's inverse, also where the filter is longer than it."""
+    colour = tuple(np.random.default_rng(order).uniform(-0.5, 0.5, order))
+    found = unwhitener(length, colour) @ whitener(length, colour)
+    assert np.abs(found - np.eye(length)).max() < 1e-9
 
 
 def test_no_colour_changes_nothing() -> None:

@@ -24,6 +24,25 @@ MODULE = [sys.executable, "-m", "lostmotion.drivers.emulator"]
 
 
 @contextmanager
+def serving(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], list[str]]]:
+    """The command line in a process of its own, and the two ports that it prints; gone afterwards, whatever fails.
+
+    It hears Ctrl-C also where the tests do not: what is started in the background inherits that SIGINT is ignored.
+    """
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        process = subprocess.Popen([*MODULE, *arguments], stdout=subprocess.PIPE, text=True)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    with process:
+        assert process.stdout is not None
+        try:
+            yield process, [process.stdout.readline().strip() for _ in range(2)]
+        finally:
+            process.kill()
+
+
+@contextmanager
 def line(model: str, ids: list[int]) -> Iterator[BusPort]:
     """A port with servos, for ROBOTIS's own packet handlers."""
     with Emulator(ServoLine.of(model, ids, Motion())) as emulator:
@@ -118,9 +137,7 @@ def test_the_command_line_serves_until_killed(tmp_path: Path, number: signal.Sig
     """It prints one port a device, makes the links, answers on them, and ends by a signal with nothing left behind."""
     link = tmp_path / "port"
     arguments = ["--servos", "ax12:1,2", "--accel", "witmotion:200", "--link", str(link)]
-    with subprocess.Popen([*MODULE, *arguments], stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        ports = [process.stdout.readline().strip() for _ in range(2)]
+    with serving(*arguments) as (process, ports):
         assert ports == [f"{link}.0", f"{link}.1"]
         bus, sensor = servo_bus(ports[0], [1, 2]), accelerometer("witmotion", ports[1], 200)
         bus.open()
@@ -135,10 +152,7 @@ def test_the_command_line_serves_until_killed(tmp_path: Path, number: signal.Sig
 
 def test_the_command_line_knows_feetech_servos() -> None:
     """sts3215 by its short name, SCS0009 by its own, each line a port."""
-    arguments = ["--servos", "sts3215:1,2", "--servos", "SCS0009:7"]
-    with subprocess.Popen([*MODULE, *arguments], stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        ports = [process.stdout.readline().strip() for _ in range(2)]
+    with serving("--servos", "sts3215:1,2", "--servos", "SCS0009:7") as (process, ports):
         buses = [servo_bus(ports[0], [1, 2], "STS3215"), servo_bus(ports[1], [7], "SCS0009")]
         for bus in buses:
             bus.open()

@@ -12,7 +12,7 @@ from bench.hidden_effects.physics import follow, simulate
 from lostmotion.drivers.recording import Recording
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["GEARS", "LEAD", "NOISE", "RATE_HZ", "Moved", "gears", "moved"]
+__all__ = ["GEARS", "LEAD", "LENGTH", "NOISE", "RATE_HZ", "Moved", "gears", "moved"]
 
 GEARS = {"d": 8e-5, "alpha": 4000.0, "b": 0.18, "k": 2600.0}
 NOISE, LEAD, LENGTH, RATE_HZ = 0.2, 0.5, 2.0, 800.0

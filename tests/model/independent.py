@@ -32,10 +32,11 @@ class Play:
 
     def __init__(self, values: Values, command: Scalar, rate: Scalar, acceleration: Scalar) -> None:
         self.v, self.command, self.rate, self.acceleration = values, command, rate, acceleration
+        self._effects = {name.partition(".")[0] for name in values if "." in name}
 
     def has(self, effect: str) -> bool:
         """Whether the effect acts."""
-        return any(name.startswith(effect + ".") for name in self.v)
+        return effect in self._effects
 
     def start(self, time: float) -> list[float]:
         """Moving along with the command: joint, bar, actuator, near shaft, second mode, sensor filter."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -22,11 +23,13 @@ def values(model: Model) -> dict[str, float]:
     return {name: parameter.value for name, parameter in model.parameters.items()}
 
 
+@lru_cache(maxsize=64)  # Radau asks again and again of one time
 def command(t: float) -> float:
     """The motion at one instant."""
     return float(MOTION.position(np.array(t)))
 
 
+@lru_cache(maxsize=64)
 def rate(t: float) -> float:
     """Its rate at one instant."""
     return float(MOTION.velocity(np.array(t)))

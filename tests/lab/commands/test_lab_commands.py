@@ -24,19 +24,25 @@ BASE = {"d": 8e-5, "alpha": 5000.0, "l": 0.1, "b": 0.18, "k": 2600.0, "bias": 0.
 ROUGH = 'base = "play"\n[parameters]\nd = 6.4e-5\nalpha = 4000.0\nb = 0.22\nk = 2500.0\nl = 0.097\n'
 """What a user would know: the play 20 % off, the frequency 2 %."""
 NEAR = 'base = "play"\n[parameters]\nd = 7e-5\nalpha = 4500.0\nb = 0.2\nk = 2550.0\nl = 0.099\n'
-LEAD, RATE_HZ, RECORDINGS = 0.5, 800, 3
+LEAD, RATE_HZ = 0.5, 800
 COUNT = 16 * 9.80665 / 32768
 HARDENING = {"hardening_spring.k3": 0.03 * 2600.0 / 0.25e-3**2}
 FRICTION = {"coulomb_friction.tau_c": 1.5e-4, "coulomb_friction.omega_0": 1e-2}
 
 
 def case(
-    folder: Path, hidden: dict[str, float], noise: float, length: float, seed: int = 0, model: str = ROUGH
+    folder: Path,
+    hidden: dict[str, float],
+    noise: float,
+    length: float,
+    seed: int = 0,
+    model: str = ROUGH,
+    count: int = 3,
 ) -> Path:
-    """Three recordings of gears in motion, with white noise and counts, and a rough model, in a folder."""
+    """Some recordings of gears in motion, with white noise and counts, and a rough model, in a folder."""
     rng = np.random.default_rng(seed)
     times = LEAD + np.arange(round(length * RATE_HZ)) / RATE_HZ
-    for number in range(1, RECORDINGS + 1):
+    for number in range(1, count + 1):
         command = hand_waved(rng, LEAD + length)
         accel = read_sensor({**BASE, **hidden}, command, times) + rng.normal(0, noise, times.size)
         columns = {"command": command.at(times), "accel": np.round(accel / COUNT) * COUNT}
@@ -46,7 +52,7 @@ def case(
 
 
 def run(command: str, folder: Path, *options: object) -> Result:
-    """`lostmotion lab COMMAND model.toml rec1.csv rec2.csv rec3.csv` in a folder; it must succeed."""
+    """`lostmotion lab COMMAND model.toml rec1.csv rec2.csv …` in a folder; it must succeed."""
     files = [folder / "model.toml", *sorted(folder.glob("rec*.csv"))]
     result = CliRunner().invoke(cli, ["lab", command, *map(str, files), *map(str, options)])
     assert result.exit_code == 0, result.stderr
@@ -60,7 +66,7 @@ def explained(folder: Path) -> dict[str, Any]:
 
 def test_hidden_friction(tmp_path: Path) -> None:
     """Coulomb friction that spoils the model twentyfold is named, with its size; the error falls to the noise."""
-    found = explained(case(tmp_path, FRICTION, 0.2, 1.5, seed=4, model=NEAR))
+    found = explained(case(tmp_path, FRICTION, 0.2, 1.5, seed=4, model=NEAR, count=2))
     assert found["verdict"] == "missing"
     assert found["missing"] == ["coulomb_friction"]
     assert found["error"]["before"] > 10 * found["error"]["after"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -132,10 +132,10 @@ def test_intervals_hold_the_truth() -> None:
 
 @pytest.mark.slow
 def test_nothing_is_named_where_nothing_is_missing() -> None:
-    """Of 24 searches of a complete model at most four name an effect: 5 % a step for the whole catalogue."""
+    """Of 12 searches of a complete model at most two name an effect: 5 % a step for the whole catalogue."""
     model = build_model("joint", ["viscous_friction", "coulomb_friction"])
-    false = [seed for seed in range(200, 224) if named(model, [robot(seed)])]
-    assert len(false) <= 4
+    false = [seed for seed in range(200, 212) if named(model, [robot(seed)])]
+    assert len(false) <= 2
 
 
 def test_friction_that_would_take_all_of_the_torque_is_not_load_dependent() -> None:
@@ -168,7 +168,7 @@ def explained(folder: Path, model: str, recordings: list[Recording], *options: s
 @pytest.mark.slow
 def test_the_scale_of_a_free_swing_is_held_and_told(tmp_path: Path) -> None:
     """Without a torque the inertia stays at the file's value, whatever that is; no name or error depends on it."""
-    recordings = [pendulum(3), pendulum(4), pendulum(5)]
+    recordings = [pendulum(3), pendulum(4)]
     found = []
     for inertia in (0.001, 10.0):
         model = f'base = "joint"\neffects = ["gravity_torque"]\n[parameters]\nJ = {{ value = {inertia} }}\n'
@@ -184,13 +184,46 @@ def test_the_scale_of_a_free_swing_is_held_and_told(tmp_path: Path) -> None:
     assert b2[0] / 0.001 == pytest.approx(0.02, rel=0.2)
 
 
+@dataclass(frozen=True)
+class Asked:
+    """Recordings that more than one test asks of, the model file, and what `lab explain --json --curves` said."""
+
+    model: str
+    recordings: list[Recording]
+    answer: dict[str, Any]
+    curves: list[dict[str, Any]]
+
+
+def asked(folder: Path, base: str, recordings: list[Recording]) -> Asked:
+    """A model with nothing in it, asked once."""
+    model, curves = f'base = "{base}"\n', folder / "curves.json"
+    answer = explained(folder, model, recordings, "--curves", str(curves))
+    return Asked(model, recordings, answer, json.loads(curves.read_text()))
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory: pytest.TempPathFactory) -> Asked:
+    """A joint in a closed loop."""
+    return asked(tmp_path_factory.mktemp("driven"), "joint", [robot(7), robot(8), robot(9)])
+
+
+@pytest.fixture(scope="module")
+def swinging(tmp_path_factory: pytest.TempPathFactory) -> Asked:
+    """A pendulum."""
+    return asked(tmp_path_factory.mktemp("swinging"), "joint", [pendulum(1), pendulum(2)])
+
+
+@pytest.fixture(scope="module")
+def struck(tmp_path_factory: pytest.TempPathFactory) -> Asked:
+    """A bar of two modes that rings down."""
+    return asked(tmp_path_factory.mktemp("struck"), "oscillator", [ringing(1, 0.8), ringing(2, 0.8)])
+
+
 @pytest.mark.slow
-def test_the_answer_has_its_keys(tmp_path: Path) -> None:
+def test_the_answer_has_its_keys(driven: Asked) -> None:
     """complete, share, columns and an independent noise stand in the answer; shares add up to the fall of the error.
     The torque is drawn, first of the recording that judges: its residual is the error with and without the effects."""
-    curves = tmp_path / "curves.json"
-    answer = explained(tmp_path, 'base = "joint"\n', [robot(7), robot(8), robot(9)], "--curves", str(curves))
-    drawn = json.loads(curves.read_text())
+    answer, drawn = driven.answer, driven.curves
     assert [one["column"] for one in drawn] == ["torque"] * 3
     assert PurePath(drawn[0]["recording"]).name.endswith(", not fitted")
     for key, modelled in (("after", "modelled"), ("before", "before")):
@@ -229,7 +262,7 @@ TURNED = 'base = "joint"\neffects = ["viscous_friction", "coulomb_friction"]\n'
 @pytest.mark.parametrize("ripple", [8e-4, 0.0])
 def test_a_ripple_is_found_by_encoders_that_count_from_where_they_start(ripple: float, tmp_path: Path) -> None:
     """The phase differs from one recording to the next, and is fitted in each; without a ripple that finds none."""
-    answer = explained(tmp_path, TURNED, [turning(seed, speed, ripple, 1.0) for seed, speed in enumerate(SPEEDS)])
+    answer = explained(tmp_path, TURNED, [turning(seed, speed, ripple, 1.0) for seed, speed in enumerate(SPEEDS[:4])])
     assert answer["missing"] == (["torque_ripple"] if ripple else [])
     if ripple:
         assert answer["error"]["after"] < 0.7 * answer["error"]["before"]
@@ -247,7 +280,7 @@ def test_a_curve_that_two_speeds_do_not_tell_is_not_named(tmp_path: Path) -> Non
 @pytest.mark.slow
 def test_an_inertia_that_hardly_accelerates_stays_where_it_was(tmp_path: Path) -> None:
     """Constant speeds do not tell it; it went to zero, and nothing could be simulated."""
-    answer = explained(tmp_path, TURNED, [turning(seed, speed, 0.0, 0.05) for seed, speed in enumerate(SPEEDS)])
+    answer = explained(tmp_path, TURNED, [turning(seed, speed, 0.0, 0.05) for seed, speed in enumerate(SPEEDS[:4])])
     assert answer["missing"] == []
     assert answer["parameters"]["J"][0] > 1e-6
 
@@ -288,34 +321,20 @@ def in_units(recording: Recording, inertia: float, length: float, time: float) -
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("base", "measure", "seeds"),
-    [
-        ("joint", robot, (10, 11, 12)),
-        ("joint", pendulum, (1, 2)),
-        ("oscillator", lambda seed: ringing(seed, 0.8), (1, 2)),
-    ],
-    ids=["driven", "swinging", "ringing"],
-)
-def test_units_change_nothing(
-    base: str, measure: Callable[[int], Recording], seeds: tuple[int, ...], tmp_path: Path
-) -> None:
+@pytest.mark.parametrize("case", ["driven", "swinging", "struck"])
+def test_units_change_nothing(case: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
     """In other units of inertia, length and time the names, the shares and the errors over the noise are the same."""
-    recordings = [measure(seed) for seed in seeds]
-    found = [
-        explained(tmp_path, f'base = "{base}"\n', [in_units(one, *units) for one in recordings])
-        for units in ((1.0, 1.0, 1.0), (1e4, 1e3, 0.1))
-    ]
-    first = found[0]
+    asked: Asked = request.getfixturevalue(case)
+    other = explained(tmp_path, asked.model, [in_units(one, 1e4, 1e3, 0.1) for one in asked.recordings])
+    first = asked.answer
     assert first["missing"]
-    for other in found[1:]:
-        assert other["missing"] == first["missing"]
-        assert other["complete"] == first["complete"]
-        for effect, share in first["share"].items():
-            assert other["share"][effect] == pytest.approx(share, abs=1e-3)
-        for which in ("before", "after"):
-            ratio = first["error"][which] / first["error"]["noise"]
-            assert other["error"][which] / other["error"]["noise"] == pytest.approx(ratio, rel=1e-2)
+    assert other["missing"] == first["missing"]
+    assert other["complete"] == first["complete"]
+    for effect, share in first["share"].items():
+        assert other["share"][effect] == pytest.approx(share, abs=1e-3)
+    for which in ("before", "after"):
+        ratio = first["error"][which] / first["error"]["noise"]
+        assert other["error"][which] / other["error"]["noise"] == pytest.approx(ratio, rel=1e-2)
 
 
 def test_the_band_ends_where_the_angle_falls_into_its_noise() -> None:
@@ -397,9 +416,9 @@ def ringing(seed: int, second: float) -> Recording:
 
 
 @pytest.mark.slow
-def test_a_second_mode_of_a_bar_that_rings_down(tmp_path: Path) -> None:
+def test_a_second_mode_of_a_bar_that_rings_down(struck: Asked, tmp_path: Path) -> None:
     """It begins at any phase, and its frequency and damping are found; nothing is named where there is none."""
-    found = explained(tmp_path, 'base = "oscillator"\n', [ringing(seed, 0.8) for seed in (1, 2)])
+    found = struck.answer
     assert found["missing"] == ["second_mode"]
     assert found["complete"]
     low, high = found["parameters"]["second_mode.f2"][1:]

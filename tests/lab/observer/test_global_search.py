@@ -17,14 +17,16 @@ from lostmotion.lab.observer.objective import Follower
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model, build_model
 from lostmotion.model.motion import FloatArray
-from tests.lab.gears import GEARS, NOISE, RATE_HZ, gears, moved
+from tests.lab.gears import GEARS, LENGTH, NOISE, RATE_HZ, gears, moved
 
 SUBSTEP = 2.5e-4
 
 
-def recorded(seed: int, hidden: dict[str, float] | None = None) -> tuple[Experiment, FloatArray]:
-    """Two seconds of gears that were in motion before, and the states (N, 4)."""
-    run = moved(seed, **(hidden or {}))
+def recorded(
+    seed: int, hidden: dict[str, float] | None = None, length: float = LENGTH
+) -> tuple[Experiment, FloatArray]:
+    """Some seconds of gears that were in motion before, and the states (N, 4)."""
+    run = moved(seed, length, **(hidden or {}))
     (experiment,) = experiments(build_model("play"), [run.recording(run.accel + NOISE * run.noise, f"run {seed}")])
     return experiment, run.states[:, :4]
 
@@ -133,7 +135,7 @@ def test_the_play_is_found_from_afar(d: float) -> None:
 def test_the_hidden_effect_is_first_of_the_shortlist() -> None:
     """A viscous friction that moves every impact is named before dry friction and a delay, and its size is found."""
     hidden = {"viscous_friction.b_v": 6e-4}
-    task = Task.of(rough(7e-5), [recorded(7, hidden)[0], recorded(8, hidden)[0]], {"accel": NOISE})
+    task = Task.of(rough(7e-5), [recorded(seed, hidden, 1.5)[0] for seed in (7, 8)], {"accel": NOISE})
     base = full_fit(nearest(seeded(task.rough, task.experiments), task), task)
     with ThreadPoolExecutor(2) as pool:
         found = shortlist(base, ["coulomb_friction", "command_delay", "viscous_friction"], task, pool)
@@ -145,7 +147,7 @@ def test_the_hidden_effect_is_first_of_the_shortlist() -> None:
 @pytest.mark.slow
 def test_where_none_is_ahead_all_are_followed_to_the_end() -> None:
     """Nothing is missing, and ten effects come as near; where one is ahead, only six are followed."""
-    task = Task.of(rough(8e-5), [recorded(11)[0]], {"accel": NOISE})
+    task = Task.of(rough(8e-5), [recorded(11, length=1.5)[0]], {"accel": NOISE})
     base = full_fit(nearest(seeded(task.rough, task.experiments), task), task)
     nothing = ["bias_drift", "clock_skew", "second_mode", "sensor_saturation", "gravity_leakage", "sensor_lag",
                "centripetal_crosstalk", "quadratic_damping", "load_dependent_friction", "gravity_torque"]  # fmt: skip
@@ -153,7 +155,7 @@ def test_where_none_is_ahead_all_are_followed_to_the_end() -> None:
         found = shortlist(base, nothing, task, pool)
     assert len({near.effect for near in found}) > 8
     half = task.experiments[0].measured["accel"].max() / 2
-    clipped = Task.of(rough(8e-5), experiments(build_model("play"), [gears(11, largest=half)]), {"accel": NOISE})
+    clipped = Task.of(rough(8e-5), experiments(build_model("play"), [gears(11, 1.5, largest=half)]), {"accel": NOISE})
     with ThreadPoolExecutor(2) as pool:
         found = shortlist(base, nothing, clipped, pool)
     assert found[0].effect == "sensor_saturation"
@@ -165,7 +167,7 @@ def test_the_second_of_two_beside_the_first() -> None:
     """Dry friction is found beside a contact that damps one way only, of which a first search has come half near: alone
     neither explains much."""
     hidden = {"coulomb_friction.tau_c": 3e-4, "coulomb_friction.omega_0": 6e-3, "contact_asymmetry.ratio": 3.0}
-    task = Task.of(rough(7e-5), [recorded(9, hidden)[0], recorded(10, hidden)[0]], {"accel": NOISE})
+    task = Task.of(rough(7e-5), [recorded(seed, hidden, 1.5)[0] for seed in (9, 10)], {"accel": NOISE})
     base = full_fit(nearest(seeded(task.rough, task.experiments), task), task)
     first = base.model.with_effect("contact_asymmetry").replace({"contact_asymmetry.ratio": 2.3})
     others = ["command_delay", "viscous_friction", "coulomb_friction"]

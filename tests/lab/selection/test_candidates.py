@@ -57,14 +57,14 @@ def test_what_explains_nothing_is_not_raced() -> None:
     """Effects that leave the error of the short segments where it was are told as they are, at most two; one that is
     there is fitted on longer segments."""
     model = build_model("play", values=GEARS)
-    held = experiments(model, [gears(seed, **{"coulomb_friction.tau_c": 5e-4}) for seed in (73, 74)])
+    held = experiments(model, [gears(seed, 1.5, **{"coulomb_friction.tau_c": 5e-4}) for seed in (73, 74)])
     task = Task.of(model, held, noise_of(held))
     wrong = [(name, model.with_effect(name)) for name in ("gravity_leakage", "bias_drift", "second_mode")]
     right = ("coulomb_friction", model.with_effect("coulomb_friction").replace({"coulomb_friction.tau_c": 4e-4}))
     with ThreadPoolExecutor(2) as pool:
         before = first_fit(model, task, pool)
         useless = halving_fits(wrong, task, 0.5, pool, before.typical)
-        useful = halving_fits([*wrong, right], task, 0.5, pool, before.typical)
+        useful = halving_fits([wrong[0], right], task, 0.5, pool, before.typical)
     assert before.typical > 2
     assert len(useless) == 2
     assert math.isclose(useless[0].level.horizon_s, before.horizon_s)
@@ -74,12 +74,15 @@ def test_what_explains_nothing_is_not_raced() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("hidden", "size", "asked"), [("hardening_spring.k3", 1e10, False), ("viscous_friction.b_v", 5e-4, True)]
+    ("hidden", "size", "length", "asked"),
+    [("hardening_spring.k3", 1e10, 2.0, False), ("viscous_friction.b_v", 5e-4, 1.2, True)],
 )
-def test_observer_runs_are_asked_where_more_than_noise_is_left(hidden: str, size: float, asked: bool) -> None:
+def test_observer_runs_are_asked_where_more_than_noise_is_left(
+    hidden: str, size: float, length: float, asked: bool
+) -> None:
     """A spring that hardens moves no impact: the score test alone leads to it.  Friction moves them all."""
     model = build_model("play", values=GEARS)
-    held = experiments(model, [gears(seed, **{hidden: size}) for seed in (75, 76)])
+    held = experiments(model, [gears(seed, length, **{hidden: size}) for seed in (75, 76)])
     task = Task.of(model, held, noise_of(held))
     base = full_fit(model, task)
     with ThreadPoolExecutor(2) as pool:

@@ -23,7 +23,7 @@ from tests.lab.gears import GEARS, Moved, moved
 
 NOISE = 0.3
 SUBSTEP = 1e-4
-CASES = 80
+CASES = 48
 EFFECTS = ("coulomb_friction", "viscous_friction", "hardening_spring", "gravity_leakage", "bias_drift")
 FEW = ("coulomb_friction", "hardening_spring", "bias_drift")
 POOL = ThreadPoolExecutor(2)
