@@ -136,12 +136,13 @@ class Store:
     def reader(self) -> Reader:
         """The same database for reading; until it ``is_open``, what can be read of it, which may be nothing.
 
-        Raises ReaderError.
+        Nothing, too, where it has just been deleted: a service that was told to read its configuration again before it
+        had noticed ended.  Raises ReaderError.
         """
         try:
             return open_readonly(self.path)
         except ReaderError:
-            if self.is_open:
+            if self.is_open and self.path.exists():
                 raise
             return empty_reader()
 

@@ -46,6 +46,17 @@ def running(folder: Path, start: Start) -> tuple[Running, Path]:
     return service, database
 
 
+def test_who_reads_in_the_moment_of_a_deletion_finds_nothing(tmp_path: Path) -> None:
+    """As a service does that reads its configuration again before it has noticed: it had ended."""
+    path = tmp_path / "history.db"
+    with closing(Store(path, "fake")) as store:
+        store.add(*rows(3))
+        wait_until(lambda: count(path) == 3)
+        path.unlink()
+        with store.reader() as reader:
+            assert not list(reader.noises())
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("with_folder", [False, True])
 def test_a_deleted_database(tmp_path: Path, start: Start, with_folder: bool) -> None:
