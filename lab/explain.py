@@ -34,7 +34,7 @@ from lostmotion.lab.inverse.explain import explained, method_of
 from lostmotion.lab.results import Errors, Explanation, Finding, Fit, Ranked, Verdict
 from lostmotion.lab.selection.candidates import others
 from lostmotion.lab.selection.forward import descended
-from lostmotion.lab.selection.prune import is_sized, reduced, simplified
+from lostmotion.lab.selection.prune import reduced, simplified, unsized
 from lostmotion.lab.selection.score_test import Scores
 from lostmotion.lab.selection.step import Step, Tried
 from lostmotion.lab.selection.validate import Judged, Unseen, is_left, trained_each
@@ -113,9 +113,9 @@ def _searched(
     unseen = Unseen(last, task, predictable(short, task), pool).beside(short)
     last_short, level, descent, steps = descended(short, base, unseen, rng, progress)
     level, descent = simplified(level, descent, unseen, _unvalidated(steps))
-    if unsized := [effect for effect in task.added(level.model) if not is_sized(effect, level, task)]:
-        level, descent = reduced(level, unsized, descent, unseen)
-    return _Search(base, level, last_short, descent, steps, unseen, bool(unsized))
+    if void := unsized(level, task):
+        level, descent = reduced(level, void, descent, unseen)
+    return _Search(base, level, last_short, descent, steps, unseen, bool(void))
 
 
 def _untried(model: Model, steps: Sequence[Step]) -> tuple[str, ...]:

@@ -154,11 +154,11 @@ def _dissipates(name: str, wide: Model, now: Regression) -> bool:
 def torques_of(effect: str, model: Model, signals: Sequence[Signals]) -> list[FloatArray]:
     """What an effect of the model does in each recording (N,) [N m, or N], by the measured motion."""
     less = without(model, effect)
-    return [
-        needed(one.experiment.model(model), one, none) - needed(one.experiment.model(less), one, none)
-        for one in signals
-        for none in (np.zeros(one.time.size),)
-    ]
+
+    def without_load(law: Model, one: Signals) -> FloatArray:
+        return needed(one.experiment.model(law), one, np.zeros(one.time.size))
+
+    return [without_load(model, one) - without_load(less, one) for one in signals]
 
 
 def are_apt(model: Model, effects: Sequence[str]) -> bool:

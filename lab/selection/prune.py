@@ -18,10 +18,11 @@ from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model
 from lostmotion.model.effects import get_effect
 
-__all__ = ["is_sized", "reduced", "simplified"]
+__all__ = ["reduced", "simplified", "unsized"]
 
 INSIGNIFICANT = 1.5
-"""Half widths of its interval, within which an amplitude may as well be zero: three standard deviations."""
+"""Half widths of its interval, within which an amplitude may as well be zero: three standard deviations.  A second mode
+that was fitted to a hum of 1.5 m/s² had an amplitude of 1.01 of them, one of a participation of 0.15 one of 47."""
 BEHIND = 1.5
 """Times the error on the training data, from which on a simpler model need not be judged."""
 
@@ -48,12 +49,19 @@ def simplified(
     return level, list(descent)
 
 
-def is_sized(effect: str, level: Level, task: Task) -> bool:
-    """Whether an amplitude of the effect is surely not zero.  Where it is not, only the effect's states explain
-    something where they begin: a second mode that is neither driven nor damped is a hum."""
-    names = {f"{effect}.{name}" for name in get_effect(effect).amplitudes}
-    found = [e for e in fit_of(level, task).estimates if e.name in names]
-    return not found or any(abs(e.value) > INSIGNIFICANT * (e.high - e.low) / 2 for e in found)
+def unsized(level: Level, task: Task) -> list[str]:
+    """The effects that were added, none of whose amplitudes is surely not zero.  Only their states explain something
+    where they begin: a second mode that is neither driven nor damped is a hum."""
+    if not (added := task.added(level.model)):
+        return []
+    estimates = {e.name: e for e in fit_of(level, task).estimates}
+    found = []
+    for effect in added:
+        names = (f"{effect}.{name}" for name in get_effect(effect).amplitudes)
+        own = [estimates[name] for name in names if name in estimates]
+        if own and all(abs(e.value) <= INSIGNIFICANT * (e.high - e.low) / 2 for e in own):
+            found.append(effect)
+    return found
 
 
 def reduced(
