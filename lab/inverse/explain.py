@@ -10,6 +10,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
@@ -31,7 +32,7 @@ from lostmotion.lab.inverse.output_error import OutputError, initial_state
 from lostmotion.lab.inverse.problem import Data, by_recording
 from lostmotion.lab.inverse.regression import Regression, blocks_of, can_run
 from lostmotion.lab.inverse.selection import Search, Selection, Step, first_fit, selected
-from lostmotion.lab.inverse.signals import COLUMNS, Signals, telling_share
+from lostmotion.lab.inverse.signals import COLUMNS, Signals, telling_band
 from lostmotion.lab.inverse.torques import can_invert, noise_floor
 from lostmotion.lab.inverse.validate import LIMIT, Method, amplitudes, error_on, fit_on, is_noise
 from lostmotion.lab.results import Curve, Errors, Estimate, Explanation, Finding, Fit, Ranked, Verdict
@@ -79,9 +80,9 @@ def explained(
     model, held = with_scale(model, train)
     rough = from_spectra(model, train)
     is_force = model.base != "servo"
-    share = telling_share(train) if method is Method.TORQUE else 1.0
-    signals = [Signals.of(one, is_force, share) for one in train]
-    unseen = Signals.of(last, is_force, share)
+    band = telling_band(train) if method is Method.TORQUE else math.inf
+    signals = [Signals.of(one, is_force, band) for one in train]
+    unseen = Signals.of(last, is_force, band)
     with within(budget_s):
         selection = selected(rough, signals, Search(method, unseen, len(train) < ENOUGH, pool), progress)
     progress("judging", 0.9)
@@ -164,8 +165,8 @@ def _floors(noise: dict[str, float], column: str, fit: Regression, *unseen: Sign
 def fitted(model: Model, experiments: Sequence[Experiment], method: Method, noise: dict[str, float]) -> Fit:
     """The model with its free parameters fitted to all of these experiments; noise: floor of each column."""
     model, _ = with_scale(model, experiments)
-    share = telling_share(experiments) if method is Method.TORQUE else 1.0
-    signals = [Signals.of(one, model.base != "servo", share) for one in experiments]
+    band = telling_band(experiments) if method is Method.TORQUE else math.inf
+    signals = [Signals.of(one, model.base != "servo", band) for one in experiments]
     fit = first_fit(from_spectra(model, experiments), signals, Search(method)).judged
     column = "torque" if method is Method.TORQUE else signals[0].column
     return _fit(fit, model, _floors(noise, column, fit), column)

@@ -19,7 +19,7 @@ from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.lines import spectral_lines
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["COLUMNS", "UNSURE_SPEED", "Signals", "telling_share"]
+__all__ = ["COLUMNS", "UNSURE_SPEED", "Signals", "telling_band"]
 
 CLEAR = 30.0
 """The band ends where the angle's power density falls to this many times its noise.  Amplitudes stand out of the noise
@@ -38,7 +38,7 @@ never above this share of the usual speed."""
 LEAST_MOVING = 100
 """With fewer samples in motion, those at rest count, too."""
 SHARES = (1.0, 0.5, 0.25, 0.125, 0.0625)
-"""Of the band in which the angle stands out of its noise, those that are tried, the widest first."""
+"""Of the widest band in which an angle stands out of its noise, the ends that are tried, the highest first."""
 AS_WELL, SURE = 3.0, 0.1
 """Times the smallest relative standard deviation of the inertia, up to which a wider band tells it as well, and the
 largest that tells it at all.  An arm that quivered at 18 Hz, which its torque did not make, told its inertia 60 times
@@ -82,9 +82,9 @@ class Signals:
     column: str = "position"
 
     @classmethod
-    def of(cls, experiment: Experiment, is_force: bool = True, share: float = 1.0) -> Signals:
+    def of(cls, experiment: Experiment, is_force: bool = True, most_hz: float = math.inf) -> Signals:
         """Of an experiment with one moving part.  is_force: the input is a torque or force; without one the part moves
-        freely and there is none.  share: of the band in which the angle stands out of its noise (``telling_share``)."""
+        freely and there is none.  most_hz: the highest end of the band (``telling_band``)."""
         column = next(name for name in COLUMNS if name in experiment.measured)
         seen = ~np.isnan(experiment.measured[column])
         measured, at = experiment.measured[column][seen], experiment.time[seen]
@@ -96,7 +96,7 @@ class Signals:
         drive = experiment.drive if is_force else None
         torque = np.asarray(drive.position(np.clip(time, at[0], at[-1]))) if drive else np.zeros_like(time)
         band, density = _band(position, 1 / step)
-        band = max(share * band, min(band, SLOWEST / (time.size * step)))
+        band = min(band, max(most_hz, SLOWEST / (time.size * step)))
         whole = min(WHOLE * band, FASTEST / step)
         smooth = _lowpass(position, whole * step)
         spline = make_interp_spline(time, smooth, k=SPLINE)
@@ -189,18 +189,20 @@ class Signals:
         return float(np.sqrt(self.position_density * (2 * np.pi) ** (2 * order) * end_hz**power / power))
 
 
-def telling_share(experiments: Sequence[Experiment]) -> float:
-    """The largest share of the band in which the angles stand out of their noise that tells the inertia of a driven
-    joint nearly as well as the best of them.
+def telling_band(experiments: Sequence[Experiment]) -> float:
+    """The highest end of the band [Hz] that tells the inertia of a driven joint nearly as well as the best of them.
 
     What moves the part and is not in its torque (a quivering arm, a belt) is far larger in an acceleration than slow
     motion is; least squares is efficient only where the residual is white (generalised least squares), and here a
-    frequency is worth all or nothing.
+    frequency is worth all or nothing.  Such a motion has frequencies of its own, whatever the band of a recording: a
+    share of each band left a slow recording of a pendulum, beside one that rattled, 7 of 94 samples.
     """
-    unsure = [_unsure_inertia([Signals.of(one, True, share) for one in experiments]) for share in SHARES]
+    widest = max(Signals.of(one).band_hz for one in experiments)
+    ends = [share * widest for share in SHARES]
+    unsure = [_unsure_inertia([Signals.of(one, True, end) for one in experiments]) for end in ends]
     if not min(unsure) < SURE:
-        return 1.0
-    return next(share for share, sd in zip(SHARES, unsure, strict=True) if sd <= AS_WELL * min(unsure))
+        return widest
+    return next(end for end, sd in zip(ends, unsure, strict=True) if sd <= AS_WELL * min(unsure))
 
 
 def _unsure_inertia(signals: Sequence[Signals]) -> float:
