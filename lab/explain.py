@@ -31,6 +31,7 @@ from lostmotion.lab.fitting.fit import Progress, fit_of, noise_of, refined_fit
 from lostmotion.lab.fitting.identifiability import with_scale
 from lostmotion.lab.fitting.strategy import first_fit, full_fit, grown, predictable
 from lostmotion.lab.inverse.explain import explained, method_of
+from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.results import Errors, Explanation, Finding, Fit, Ranked, Verdict
 from lostmotion.lab.selection.candidates import others
 from lostmotion.lab.selection.forward import descended
@@ -64,12 +65,13 @@ def explain(
 ) -> Explanation:
     """What these experiments say is missing from the model.
 
-    The last experiment is kept for judging (the last third of a single one).  seed: of the bootstrap; budget_s: about
+    The last experiment is kept for judging (the last third of a single one's motion).  seed: of the bootstrap; budget_s: about
     how long it may take [s]; of long recordings of gears a search uses as much as it can in this time.  Raises
     ModelError where the model cannot be run on the experiments at all.
     """
-    train, last = _split(experiments)
-    if method := method_of(model, experiments):
+    method = method_of(model, experiments)
+    train, last = _split(experiments, method is not None)
+    if method:
         return explained(model, train, last, method, noise_of(experiments), pool, progress, budget_s)
     model, held = with_scale(model, experiments)
     whole_s = sum(one.duration for one in experiments)
@@ -134,11 +136,13 @@ def _used(
     return excerpts(train, most_s), excerpts([last], most_s / 2)[0]
 
 
-def _split(experiments: Sequence[Experiment]) -> tuple[list[Experiment], Experiment]:
+def _split(experiments: Sequence[Experiment], is_smooth: bool) -> tuple[list[Experiment], Experiment]:
+    """The experiments to fit and the one that judges.  is_smooth: there is one moving part, so that it can be said when
+    it moves."""
     if len(experiments) > 1:
         return list(experiments[:-1]), experiments[-1]
     (only,) = experiments
-    cut = float(only.time[0] + 2 * only.duration / 3)
+    cut = Signals.of(only).until_moved(2 / 3) if is_smooth else float(only.time[0] + 2 * only.duration / 3)
     return [only.between(only.time[0], cut)], only.between(cut, only.time[-1] + 1.0)
 
 

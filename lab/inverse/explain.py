@@ -132,18 +132,19 @@ def _strongest_first(
     """The effects that were added, the strongest first; and the error without any of them, with the first of them, with
     the first two, …
 
-    The strongest takes most of the squared error.  In a free motion it makes the largest torque: a swing without its
-    weight is not even out of phase, so that whatever stops it takes most of its error.  What several steps of one
-    effect take counts together.
+    The strongest takes most of the squared error; what several steps of one effect take counts together.  In a free
+    motion the effects share it as they share the torque (its square): a swing with its weight alone is out of phase
+    with the measured one, its error larger than without, and whatever stops it would take more than all.
     """
     takes = dict.fromkeys(selection.added, 0.0)
     for effect, (less, more) in zip(selection.labels, pairwise(errors), strict=True):
         takes[effect] += less**2 - more**2
-    size = takes
     if method is Method.FREE:
         best = selection.fits[-1]
-        size = {name: _rms(torques_of(name, best.model, best.inverse.data.signals)) for name in takes}
-    missing = sorted(takes, key=lambda effect: -size[effect])
+        power = {name: _rms(torques_of(name, best.model, best.inverse.data.signals)) ** 2 for name in takes}
+        total, whole = sum(takes.values()), sum(power.values())
+        takes = {name: total * power[name] / max(whole, 1e-300) for name in takes}
+    missing = sorted(takes, key=lambda effect: -takes[effect])
     left = errors[0] ** 2 - np.cumsum([0.0, *(takes[effect] for effect in missing)])
     return tuple(missing), tuple(np.sqrt(np.maximum(left, 0.0)).tolist())
 

@@ -122,7 +122,11 @@ class OutputError:
         return np.asarray(found.ravel())
 
     def residual(self, model: Model, nuisance: FloatArray) -> FloatArray:
-        """Measured less simulated motion, all recordings one after the other (M,) [rad or m]."""
+        """Measured less simulated motion, all recordings one after the other (M,) [rad, m or m/s²].
+
+        An accelerometer has an offset, its share of gravity and its own: the one that suits best is fitted, which is
+        the residual's mean (variable projection).
+        """
         parts = []
         for one, start in zip(self.signals, np.split(nuisance, len(self.signals)), strict=True):
             experiment = one.experiment
@@ -133,7 +137,9 @@ class OutputError:
                 motion = run[one.column]
             except ModelError:
                 motion = np.full(experiment.time.size, np.inf)
-            parts.append((measured - motion)[~np.isnan(measured)])
+            left = (measured - motion)[~np.isnan(measured)]
+            has_offset = one.column == "accel" and np.isfinite(left).all()
+            parts.append(left - left.mean() if has_offset else left)
         return np.concatenate(parts)
 
     def suited(self, models: Sequence[Model]) -> OutputError:

@@ -116,6 +116,12 @@ class Signals:
         moving = found[np.abs(self.velocity[found]) > self._rest_speed]
         return moving if moving.size >= LEAST_MOVING else found
 
+    def until_moved(self, share: float) -> float:
+        """The time until which the part has made this share of its motion [s]: of samples at rest none counts.  The
+        last third of a recording of one step was all rest, and judged friction by the noise of its acceleration."""
+        moving = np.flatnonzero(np.abs(self.velocity) >= self._rest_speed)
+        return float(self.time[moving[int(share * (moving.size - 1))]])
+
     @property
     def grid(self) -> NDArray[np.intp]:
         """Those that count, and the samples between and beside them, evenly spaced (K,)."""
