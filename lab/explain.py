@@ -65,9 +65,9 @@ def explain(
 ) -> Explanation:
     """What these experiments say is missing from the model.
 
-    The last experiment is kept for judging (the last third of a single one's motion).  seed: of the bootstrap; budget_s: about
-    how long it may take [s]; of long recordings of gears a search uses as much as it can in this time.  Raises
-    ModelError where the model cannot be run on the experiments at all.
+    The last experiment is kept for judging (the last third of a single one's motion).  seed: of the bootstrap;
+    budget_s: about how long it may take [s]; of long recordings of gears a search uses as much as it can in this
+    time.  Raises ModelError where the model cannot be run on the experiments at all.
     """
     method = method_of(model, experiments)
     train, last = _split(experiments, method is not None)

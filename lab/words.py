@@ -14,7 +14,7 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.registry import find
 from lostmotion.model.effects.words import Words
 
-__all__ = ["column", "intervals", "look", "name", "sentence", "size", "variable"]
+__all__ = ["column", "intervals", "linear", "look", "name", "sentence", "size", "variable"]
 
 Found = Mapping[str, Interval]
 
@@ -47,6 +47,7 @@ _COLUMNS = {
     "displacement": ("displacement", "m"),
     "torque": ("torque", "N m"),
 }
+_LINEAR = {"position": ("position", "m"), "torque": ("force", "N")}
 
 
 def variable(name: str) -> tuple[str, str]:
@@ -54,9 +55,14 @@ def variable(name: str) -> tuple[str, str]:
     return _VARIABLES.get(name, (name.replace("_", " "), ""))
 
 
-def column(name: str) -> tuple[str, str]:
-    """What a compared column of a recording is, and its SI unit."""
-    return _COLUMNS.get(name, (name, ""))
+def column(name: str, is_linear: bool = False) -> tuple[str, str]:
+    """What a compared column of a recording is, and its SI unit; is_linear: of an axis that moves along a line."""
+    return (_LINEAR if is_linear and name in _LINEAR else _COLUMNS).get(name, (name, ""))
+
+
+def linear(unit: str) -> str:
+    """The unit on an axis that moves along a line of what has this unit on a joint: "N s/m" for "N m s/rad"."""
+    return unit.replace("kg m^2", "kg").replace("N m", "N").replace("rad", "m")
 
 
 def name(effect: str) -> str:

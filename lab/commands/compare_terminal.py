@@ -11,7 +11,6 @@ from pathlib import PurePath
 import click
 import numpy as np
 
-from lostmotion.lab import words
 from lostmotion.lab.comparison.compare import Comparison, Overlay
 from lostmotion.lab.quantity import quantities, scale
 from lostmotion.lab.report.summary import summary
@@ -65,7 +64,7 @@ def _plot(overlay: Overlay) -> str:
     inside = _segment(overlay)
     time = overlay.time[inside].tolist()
     shown = scale(overlay.unit, float(np.max(np.abs(overlay.measured[inside]))))
-    figure.title(f"{words.column(overlay.column)[0]} [{shown.unit}] over time [s], {PurePath(overlay.recording).name}")
+    figure.title(f"{overlay.what} [{shown.unit}] over time [s], {PurePath(overlay.recording).name}")
     modelled, measured = (values[inside] * shown.factor for values in (overlay.modelled, overlay.measured))
     figure.draw(figure.signal(time, modelled.tolist(), marker="braille").lines().label("modelled"))
     figure.draw(figure.signal(time, measured.tolist(), marker="•").label("measured"))

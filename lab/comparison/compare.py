@@ -64,6 +64,11 @@ class Overlay:
     horizon_s: float
 
     @property
+    def what(self) -> str:
+        """What the column is: "acceleration"."""
+        return words.column(self.column, self.unit != words.column(self.column)[1])[0]
+
+    @property
     def residual(self) -> FloatArray:
         """Measured minus modelled (N,)."""
         return self.measured - self.modelled
@@ -105,6 +110,10 @@ class Comparison(Displayed):
         """The column that counts most: the first that its base is compared with."""
         return next(iter(self.experiments[0].measured))
 
+    def told(self, column: str) -> tuple[str, str]:
+        """What the column is, as people call it, and its SI unit."""
+        return words.column(column, self.experiments[0].is_linear)
+
     def of(self, column: str) -> tuple[Overlay, ...]:
         """That column in all recordings."""
         return tuple(one for one in self.overlays if one.column == column)
@@ -139,7 +148,7 @@ class Comparison(Displayed):
         """The keys of ``lab compare --json``."""
         column = self.column
         error = {"before": self.rms(column), "after": self.rms(column), "noise": self.noise[column].rms,
-                 "unit": words.column(column)[1]}  # fmt: skip
+                 "unit": self.told(column)[1]}  # fmt: skip
         return {
             "base": self.model.base,
             "effects": list(self.model.effects),
@@ -152,7 +161,7 @@ class Comparison(Displayed):
 
     def _column(self, name: str) -> dict[str, Any]:
         return {
-            "unit": words.column(name)[1],
+            "unit": self.told(name)[1],
             "rms": self.rms(name),
             "noise": self.noise[name].rms,
             "fit_percent": self.fit_percent(name),
@@ -224,8 +233,8 @@ def _overlays(
     for prediction, horizon in zip(predictions, horizons, strict=True):
         experiment = prediction.experiment
         for name, measured in experiment.measured.items():
-            yield Overlay(experiment.name, name, words.column(name)[1], experiment.time, measured,
-                          prediction.trajectory[name], noise[name].rms, horizon)  # fmt: skip
+            yield Overlay(experiment.name, name, words.column(name, experiment.is_linear)[1], experiment.time,
+                          measured, prediction.trajectory[name], noise[name].rms, horizon)  # fmt: skip
 
 
 def _floor(name: str, experiments: Sequence[Experiment]) -> NoiseModel:

@@ -16,6 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from lostmotion.lab import words
 from lostmotion.lab.comparison.predict import Prediction
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.discrepancy.localise import Localisation
@@ -75,5 +76,6 @@ def torque_missing(predictions: Sequence[Prediction]) -> Localisation:
         motion = {words: one.trajectory[name][there] for name, words in VARIABLES.items()}
         variables.append({**motion, "time": one.trajectory.time[there]})
     size = float(np.sqrt(np.mean(np.concatenate(found) ** 2)))
+    unit = words.column(TORQUE, any(one.experiment.is_linear for one in predictions))[1]
     followed = shapes(found, [np.full(one.size, size) for one in found], variables)
-    return Localisation("joint", {"joint": 0.0}, 0.0, size, "N m", followed, (), ())
+    return Localisation("joint", {"joint": 0.0}, 0.0, size, unit, followed, (), ())

@@ -106,7 +106,7 @@ def _explanation(
     left = [best.residual, *(there.residual for there in (fit_on(best, unseen),) if there)]
     complete = all(is_noise(one, floors[column]) for one in left)
     verdict: Verdict = "missing" if missing else "nothing_missing" if complete else "outside_catalogue"
-    errors = Errors(descent[0], error_on(best, unseen), floors[column], words.column(column)[1])
+    errors = Errors(descent[0], error_on(best, unseen), floors[column], words.column(column, _is_linear(best))[1])
     return Explanation(
         verdict=verdict,
         missing=missing,
@@ -242,10 +242,16 @@ def _estimates(fit: Regression) -> list[Estimate]:
         value, slope = item.value(z), abs(item.slope(z)) * sd
         ends = sorted((item.value(z - factor * sd), item.value(z + factor * sd))) if item.logarithmic else (
             value - factor * slope, value + factor * slope)  # fmt: skip
+        unit = fit.model.parameters[item.name].unit
         told = sd < TOLD if item.logarithmic else slope < TOLD * max(abs(value), item.scale)
-        found.append(Estimate(item.name, value, ends[0], ends[1], fit.model.parameters[item.name].unit, told,
+        found.append(Estimate(item.name, value, ends[0], ends[1], words.linear(unit) if _is_linear(fit) else unit, told,
                               bool(z <= a or z >= b)))  # fmt: skip
     return found
+
+
+def _is_linear(fit: Regression) -> bool:
+    """Whether an axis moves along a line."""
+    return any(one.experiment.is_linear for one in fit.data.signals)
 
 
 def _fit(fit: Regression, rough: Model, noise: dict[str, float], column: str, *unseen: Signals) -> Fit:
@@ -329,12 +335,13 @@ def _finding(fit: Regression) -> Finding:
         for one, load in zip(data.shifted(fit.nuisance), data.transmitted, strict=True)
     ]  # fmt: skip
     found = shapes(residuals, [np.full(r.size, fit.rms) for r in residuals], variables)
-    return _followed("joint", f"a torque on the joint of about {fit.rms:.2g} N m is missing", "N m", found)
+    what, unit = words.column("torque", _is_linear(fit))
+    return _followed("joint", f"a {what} on the joint of about {fit.rms:.2g} {unit} is missing", unit, found)
 
 
 def _finding_of_motion(fit: Regression) -> Finding:
     """What the motion that is left depends on."""
-    unit = words.column(fit.data.signals[0].column)[1]
+    unit = words.column(fit.data.signals[0].column, _is_linear(fit))[1]
     residuals = by_recording(fit.residual, fit.data)
     names = ("theta_2", "omega_2", "acceleration") if "J" in fit.model.parameters else ("q", "q'", "q''")
     variables = []

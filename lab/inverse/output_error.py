@@ -153,6 +153,11 @@ class OutputError:
         free = self.free if any(map(is_driven, experiments)) else tuple(dict.fromkeys([*self.free, *names]))
         return replace(self, substep_s=step, free=free)
 
+    def no_finer(self, other: OutputError) -> OutputError:
+        """With an integration step within ``FINEST`` of that of other recordings of the same model: of one that is far
+        off, as of a pendulum that a fit made spin, a single simulation took minutes."""
+        return replace(self, substep_s=max(self.substep_s, FINEST * other.substep_s))
+
     def usual(self, model: Model) -> float:
         """Root mean square of the motion's deviation from its mean [rad or m]."""
         return float(

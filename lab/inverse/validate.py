@@ -104,10 +104,15 @@ class Judged:
 
 
 def continued(model: Model, swings: OutputError) -> Regression:
-    """The fit of a free motion by way of its beginnings (homotopy in the horizon)."""
+    """The fit of a free motion by way of its beginnings (homotopy in the horizon); where that ends further off than no
+    motion at all, as of a pendulum that goes over the top, the fit of the whole motion at once if it is better."""
+    start = model
     for share in HORIZONS:
         model = regressed(model, swings.first(share)).model
-    return regressed(model, swings)
+    found = regressed(model, swings)
+    if found.rms <= swings.usual(model):
+        return found
+    return min(found, regressed(start, swings), key=lambda one: one.rms)
 
 
 def named(alike: Sequence[Judged], now: Regression, unseen: Signals | None) -> Judged:
@@ -142,7 +147,7 @@ def fit_on(fit: Regression, unseen: Signals) -> Regression | None:
     known = held(fit.model, fit.unknowns.names)
     try:
         if isinstance(fit.data, OutputError):
-            return regressed(known, OutputError.of([unseen], known))
+            return regressed(known, OutputError.of([unseen], known).no_finer(fit.data))
         data = replace(Data.of([unseen], known), is_anchored=fit.nuisance.size == 0)
         return regressed(known, data)
     except ModelError:

@@ -89,7 +89,7 @@ def of_fit(fit: Fit) -> tuple[str, ...]:
     """How far the model explains what was measured, column by column, and what stands in the way of a better fit."""
     sentences = [] if fit.complete else ["The fit was stopped early: these are the best figures until then."]
     for column, rms in fit.rms.items():
-        what, si = words.column(column)
+        what, si = words.column(column, any(one.is_linear for one in fit.experiments))
         (error, noise), unit = quantities(si, rms, fit.noise.get(column, math.nan))
         sentences.append(f"The error in {what} is {with_unit(error, unit)}; the noise is {noise}.")
     hidden = [e.name for e in fit.estimates if not e.told]
@@ -101,7 +101,7 @@ def of_fit(fit: Fit) -> tuple[str, ...]:
 def of_comparison(comparison: Comparison) -> tuple[str, ...]:
     """How far the model is off in the column that counts most, and where the error comes from."""
     column = comparison.column
-    (what, si), overlays = words.column(column), comparison.of(column)
+    (what, si), overlays = comparison.told(column), comparison.of(column)
     (error, noise), unit = quantities(si, comparison.rms(column), comparison.noise[column].rms)
     fit = f"{number(comparison.fit_percent(column), 1)} %"
     sentences = [f"The error in {what} is {with_unit(error, unit)}, a fit of {fit}; the noise is {noise}."]
@@ -120,7 +120,7 @@ def of_comparison(comparison: Comparison) -> tuple[str, ...]:
 
 def worst_phase(comparison: Comparison, column: str) -> str:
     """Where in the motion the error is largest."""
-    phase, unit = comparison.worst_phase(column), words.column(column)[1]
+    phase, unit = comparison.worst_phase(column), comparison.told(column)[1]
     size, share = quantity(phase.rms, unit, 2), 100 * phase.error
     return f"It fails most {phase.phase}: {size} there, {share:.0f} % of the squared error."
 

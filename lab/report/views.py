@@ -31,7 +31,8 @@ SEGMENTS = 8
 class Trace:
     """One column of one recording: times [s], measured and modelled, (N,) each without gaps; the noise's rms or NaN.
 
-    before: (N,) of the model without the effects that were found; None where there is no such model.
+    before: (N,) of the model without the effects that were found; None where there is no such model; is_linear: of an
+    axis that moves along a line.
     """
 
     recording: str
@@ -41,16 +42,17 @@ class Trace:
     modelled: FloatArray
     noise: float
     before: FloatArray | None = None
+    is_linear: bool = False
 
     @property
     def what(self) -> str:
         """What the column is: "acceleration"."""
-        return words.column(self.column)[0]
+        return words.column(self.column, self.is_linear)[0]
 
     @property
     def unit(self) -> str:
         """Its SI unit."""
-        return words.column(self.column)[1]
+        return words.column(self.column, self.is_linear)[1]
 
     @property
     def title(self) -> str:
@@ -95,6 +97,7 @@ def traces(fit: Fit | None, comparison: Comparison | None = None, before: Fit | 
             yield Trace(
                 experiment.name, column, experiment.time[there], measured[there], now[i][column][there],
                 noise.get(column, math.nan), then[i].trajectory[column][there] if then else None,
+                experiment.is_linear,
             )  # fmt: skip
 
 
