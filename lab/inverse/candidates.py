@@ -13,7 +13,7 @@ from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import TURN, Data, EquationError, Problem, by_recording
 from lostmotion.lab.inverse.regression import MOST_STEPS, Regression, can_run, regressed
 from lostmotion.lab.inverse.signals import UNSURE_SPEED, Signals
-from lostmotion.lab.inverse.torques import inertia_of, is_static, needed
+from lostmotion.lab.inverse.torques import follows_motion, inertia_of, needed
 from lostmotion.lab.selection.candidates import others
 from lostmotion.lab.selection.nesting import wider, without
 from lostmotion.lab.shooting.initial_guess import initial_guesses, natural_frequency
@@ -77,7 +77,7 @@ def by_acceleration(model: Model, signals: Sequence[Signals]) -> Regression | No
     """The model fitted to the acceleration instead of the motion; None where that does not follow from the motion at
     the same instant."""
     error = EquationError.driven(signals)
-    return _tried(softened(model, error), error, error.nuisance, MOST_STEPS) if _is_static(model) else None
+    return _tried(softened(model, error), error, error.nuisance, MOST_STEPS) if _follow_motion(model) else None
 
 
 def sizes_of(model: Model, data: Problem) -> MotionScales:
@@ -110,7 +110,7 @@ def candidates(model: Model, added: tuple[str, ...], data: Problem) -> Iterator[
     is_linear = any(one.experiment.is_linear for one in data.signals)
     nested = dict(found for part in added if (found := wider(model, part)))
     for name in others(model):
-        if not (is_static(get_effect(name)) or is_simulated) or (is_linear and _needs_angle(name)):
+        if not (follows_motion(get_effect(name)) or is_simulated) or (is_linear and _needs_angle(name)):
             continue
         if name in nested:
             yield name, nested[name]
@@ -127,7 +127,7 @@ def fitted_with(name: str, wide: Model, now: Regression, inverse: Regression | N
         found = _fitted_from_guesses(name, softened(wide, now.data), now, STARTS, MOST_STEPS)
         return found if found and can_run(found.model, now.data.signals) else None
     fits = [_fitted_from_guesses(name, wide, now, 1, SHORT)]
-    if inverse and _is_static(wide):
+    if inverse and _follow_motion(wide):
         fits.append(_fitted_from_acceleration(name, wide, now, inverse))
     return min((one for one in fits if one), key=lambda one: one.rms, default=None)
 
@@ -194,8 +194,8 @@ def _fitted_from_acceleration(name: str, wide: Model, now: Regression, inverse: 
     return fit if fit and are_apt(fit.model, [name]) else None
 
 
-def _is_static(model: Model) -> bool:
-    return all(is_static(get_effect(name)) for name in model.effects)
+def _follow_motion(model: Model) -> bool:
+    return all(follows_motion(get_effect(name)) for name in model.effects)
 
 
 def _with_values(model: Model, other: Model) -> Model:

@@ -1,7 +1,8 @@
 """The acceleration that a model says for a given motion, and the torque that it needs.
 
 The terms are the model's own kernels, so an effect of the catalogue and one of a user's own are evaluated alike.
-Nothing is integrated here, so only effects without states, delays and clocks can be evaluated (``is_static``).
+No equation of motion is solved here, so only effects without delays and clocks can be evaluated, and without states
+but for those that follow from the measured motion (``follows_motion``).
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from numba import njit
 
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.model import Model
-from lostmotion.model.assemble import assemble, in_order
+from lostmotion.model.assemble import assemble, in_order, scope
 from lostmotion.model.bases import get_base
 from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import Effect
@@ -23,17 +24,22 @@ from lostmotion.model.motion import FloatArray
 from lostmotion.model.signals import DRIVEN
 from lostmotion.model.solve import load, rates
 
-__all__ = ["acceleration", "can_invert", "inertia_of", "is_static", "needed", "noise_floor"]
+__all__ = ["acceleration", "can_invert", "follows_motion", "inertia_of", "needed", "noise_floor"]
 
 
-def is_static(effect: Effect) -> bool:
-    """Whether an effect is a torque that follows from the motion at the same instant."""
-    return not (effect.states or effect.delay or effect.clock_rate)
+STEP, MOST_PARTS = 0.2, 50
+"""Share of the shortest distance of a hysteresis that a step may take: the friction is then within 2 % of its law; and
+the most steps between two samples."""
+
+
+def follows_motion(effect: Effect) -> bool:
+    """Whether an effect is a torque that follows from the motion of the joint up to the same instant."""
+    return not (effect.delay or effect.clock_rate) and (effect.distance is not None or not effect.states)
 
 
 def can_invert(model: Model) -> bool:
-    """Whether the model's torque follows from the motion: the base ``joint`` with static effects only."""
-    return model.base == "joint" and all(is_static(get_effect(name)) for name in model.effects)
+    """Whether the model's torque follows from the motion: the base ``joint`` with such effects only."""
+    return model.base == "joint" and all(follows_motion(get_effect(name)) for name in model.effects)
 
 
 def inertia_of(model: Model) -> float:
@@ -62,8 +68,17 @@ def acceleration(model: Model, signals: Signals, drive: FloatArray) -> FloatArra
     """
     found = np.empty(signals.time.size)
     plan = _plan(model, signals.experiment.drive is not None)
-    _evaluate(plan, signals.time, signals.position, signals.velocity, drive, found)
+    _evaluate(plan, signals.time, signals.position, signals.velocity, drive, _parts(model, signals), found)
     return found
+
+
+def _parts(model: Model, signals: Signals) -> int:
+    """Into how many parts the time between two samples is cut for states that follow the motion."""
+    values = {name: p.value for name, p in model.parameters.items()}
+    own = [effect for name in model.effects if (effect := get_effect(name)).distance]
+    shortest = min((effect.distance(scope(values, effect)) for effect in own if effect.distance), default=math.inf)
+    farthest = float(np.abs(np.diff(signals.position)).max())
+    return min(max(math.ceil(farthest / (STEP * shortest)), 1), MOST_PARTS)
 
 
 def _plan(model: Model, is_driven: bool) -> Any:
@@ -75,11 +90,20 @@ def _plan(model: Model, is_driven: bool) -> Any:
 
 
 def _run(
-    plan: Any, time: FloatArray, position: FloatArray, velocity: FloatArray, drive: FloatArray, found: FloatArray
-) -> None:
+    plan: Any, time: FloatArray, position: FloatArray, velocity: FloatArray, drive: FloatArray, parts: int,
+    found: FloatArray,
+) -> None:  # fmt: skip
     s = plan.start.copy()
-    x, dx = np.empty(2), np.zeros(3)
+    x, dx = np.zeros(plan.state_at.size), np.zeros(plan.state_at.size + 1)
     for i in range(time.size):
+        for k in range(parts if i and x.size > 2 else 0):
+            at, h = (k + 0.5) / parts, (time[i] - time[i - 1]) / parts
+            x[0] = position[i - 1] + at * (position[i] - position[i - 1])
+            x[1] = (position[i] - position[i - 1]) / (time[i] - time[i - 1])
+            load(plan, s, time[i], drive[i], 0.0, x, dx, 0.0)
+            rates(plan, s, dx)
+            for j in range(2, x.size):
+                x[j] += h * dx[j]
         x[0], x[1] = position[i], velocity[i]
         load(plan, s, time[i], drive[i], 0.0, x, dx, 0.0)
         rates(plan, s, dx)

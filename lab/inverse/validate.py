@@ -116,8 +116,8 @@ def continued(model: Model, swings: OutputError) -> Regression:
 
 
 def named(alike: Sequence[Judged], now: Regression, unseen: Signals | None) -> Judged:
-    """Of effects that explain alike: those of least BIC, then the one that predicts best a recording that no fit has
-    seen, or the folds where there is none, then the one whose shape suits the motion.
+    """Of effects that explain alike: those with as many parameters as the one of least BIC, then the one that predicts
+    best a recording that no fit has seen, or the folds where there is none, then the one whose shape suits the motion.
 
     Alike only says that the blocks are too few to be sure.  The likelihood counts each block as one sample, so that of
     twelve a parameter is worth a fifth of the squared error: a pendulum's weight, with two, took 71 % where Coulomb
@@ -125,12 +125,13 @@ def named(alike: Sequence[Judged], now: Regression, unseen: Signals | None) -> J
     """
     blocks = max(int(blocks_of(one.fit).max()) + 1 for one in alike)
     cost = [(1 - one.gain) * blocks ** (one.fit.count / blocks) for one in alike]
-    simple = [one for one, price in zip(alike, cost, strict=True) if price * (1 - LEAST_GAIN) <= min(cost)]
+    few = alike[int(np.argmin(cost))].fit.count
+    simple = [one for one in alike if one.fit.count == few]
     if len(simple) == 1:
         return simple[0]
     left = [error_on(one.fit, unseen) ** 2 if unseen else 1 - one.gain for one in simple]
     best = [one for one, error in zip(simple, left, strict=True) if error * (1 - LEAST_GAIN) <= min(left)]
-    return min(best, key=lambda one: (*preferred(one, now), one.fit.count, one.fit.rms))
+    return min(best, key=lambda one: (*preferred(one, now), one.fit.rms))
 
 
 def error_on(fit: Regression, unseen: Signals) -> float:

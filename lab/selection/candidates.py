@@ -90,7 +90,7 @@ def best_of_each(ordered: Iterable[T]) -> list[T]:
 def others(model: Model) -> list[str]:
     """The effects of the catalogue that the model may have and has not, nor has as a part of another one."""
     may = (e.id for e in catalogue() if model.base in e.bases and e.id not in model.effects)
-    return [effect for effect in may if not contained(model, effect)]
+    return [effect for effect in may if get_effect(effect).is_searched and not contained(model, effect)]
 
 
 def near_trials(

@@ -66,8 +66,10 @@ class Effect(EffectInfo):
     terms: by base, in any order; their parameters are names of this effect's own, or else of the base's.
     states: for each state of its own, the signal whose value it begins with, or None for zero; a state that takes a
     signal's place begins where that stood *without* this effect.  free_states: whether they begin anywhere in a motion
-    that no input drives, so that only their initial values tell its amplitudes.  rate: the fastest rate [rad/s] of the
-    effect for its own and the base's values.  delay [s] shifts the input, clock_rate stretches the sensor's time
+    that no input drives, so that only their initial values tell its amplitudes.  distance: of states that follow from
+    the joint's motion alone, as those of a hysteresis do, the shortest way over which they change [rad].  is_searched:
+    whether a search for what is missing tries it.  rate: the fastest rate [rad/s] of the effect
+    for its own and the base's values.  delay [s] shifts the input, clock_rate stretches the sensor's time
     stamps; both are plain functions of the effect's values, outside the kernels.  defaults: other values of the
     parameters on one base.
     is_apt: whether values of its parameters are what its name says: a Stribeck friction is largest near rest.
@@ -81,6 +83,8 @@ class Effect(EffectInfo):
     terms: Mapping[str, tuple[Term, ...]] = field(default_factory=dict)
     states: tuple[int | None, ...] = ()
     free_states: bool = False
+    distance: Callable[[Mapping[str, float]], float] | None = None
+    is_searched: bool = True
     rate: Callable[[Mapping[str, float], Operating], float] | None = None
     delay: Callable[[Mapping[str, float]], float] | None = None
     clock_rate: Callable[[Mapping[str, float]], float] | None = None

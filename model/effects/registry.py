@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from lostmotion.model.effects import bar, clock, friction, gears, gravity, lag, sensor, shaft
+from lostmotion.model.effects import bar, clock, friction, gears, gravity, hysteresis, lag, sensor, shaft
 from lostmotion.model.effects.base import Effect, EffectInfo
 from lostmotion.model.errors import ModelError
 
@@ -27,6 +27,8 @@ _EFFECTS: dict[str, Effect] = {
         friction.COULOMB,
         friction.STRIBECK,
         friction.LOAD_DEPENDENT,
+        hysteresis.PRESLIDING_FRICTION,
+        hysteresis.FRICTION_BACKLASH,
         gravity.GRAVITY_TORQUE,
         gears.TORQUE_RIPPLE,
         bar.HARDENING_SPRING,

@@ -124,6 +124,20 @@ def joint_torque(v: Values, theta: float, omega: float, transmitted: float) -> f
     return torque
 
 
+def friction_left(v: Values, y: float, omega: float) -> tuple[float, float]:
+    """What a hysteresis takes back of dry friction [N m], and the rate of its state y."""
+    if x_p := v.get("presliding_friction.x_p"):
+        sign = math.tanh(omega / v["presliding_friction.omega_0"])
+        return -v["presliding_friction.tau_p"] * (y - sign), omega / x_p * (1 - y * math.copysign(1, omega))
+    if x_p := v.get("friction_backlash.x_p"):
+        half, outward = v["friction_backlash.gap"] / 2, y * omega > 0
+        sign = math.tanh(omega / v["friction_backlash.omega_0"])
+        w = math.copysign(min(max((abs(y) - half) / x_p, 0), 1), y)
+        rate = omega * (1 - min(abs(y) / (half + x_p), 1) ** 8) if outward else omega
+        return -v["friction_backlash.tau_p"] * (w - sign), rate
+    return 0.0, 0.0
+
+
 def bar_force(v: Values, q: float, dq: float) -> float:
     """The effects that act on the oscillator as a force [N]."""
     drag = v.get("quadratic_damping.b2", 0.0) * dq * abs(dq)
@@ -144,9 +158,10 @@ def joint(v: Values, torque: Scalar, start: list[float], times: FloatArray) -> F
 
     def rhs(t: float, y: FloatArray) -> list[float]:
         tau = torque(t)
-        return [y[1], (tau + v["bias"] + joint_torque(v, y[0], y[1], tau)) / v["J"]]
+        left, change = friction_left(v, y[2], y[1])
+        return [y[1], (tau + v["bias"] + joint_torque(v, y[0], y[1], tau) + left) / v["J"], change]
 
-    return np.asarray(radau(rhs, start, times)[0])
+    return np.asarray(radau(rhs, [*start, 0.0], times)[0])
 
 
 def servo(v: Values, command: Scalar, start: list[float], times: FloatArray) -> FloatArray:

@@ -19,7 +19,16 @@ IDS = {
     *("viscous_friction", "coulomb_friction", "stribeck_friction", "load_dependent_friction", "gravity_torque"),
     *("gear_eccentricity", "shaft_compliance", "actuator_lag", "command_delay", "finite_actuator"),
     *("contact_asymmetry", "torque_ripple", "hardening_spring", "quadratic_damping", "second_mode"),
-    *("gravity_leakage", "centripetal_crosstalk", "sensor_lag", "sensor_saturation", "clock_skew", "bias_drift"),
+    *(
+        "presliding_friction",
+        "friction_backlash",
+        "gravity_leakage",
+        "centripetal_crosstalk",
+        "sensor_lag",
+        "sensor_saturation",
+        "clock_skew",
+        "bias_drift",
+    ),
 }
 
 

@@ -98,7 +98,8 @@ def test_joint(effect: str | None) -> None:
     """The joint under a torque agrees with Radau, alone and with each effect."""
     torque = Sine(2.0, 2e-3)
     model = build_model("joint", [effect] if effect else [], {"bias": 1e-4})
-    ours = model.simulate(torque, TIMES, [0.2, -0.5])["position"]
+    start = [0.2, -0.5] + [0.0] * (len(model.state_names) - 2)
+    ours = model.simulate(torque, TIMES, start)["position"]
     w = 2 * math.pi * 2
     theirs = independent.joint(values(model), lambda t: 2e-3 * math.sin(w * t), [0.2, -0.5], TIMES)
     assert distance(ours, theirs) < 1e-4
