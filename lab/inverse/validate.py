@@ -118,15 +118,17 @@ def continued(model: Model, swings: OutputError) -> Regression:
 def named(alike: Sequence[Judged], now: Regression, unseen: Signals | None) -> Judged:
     """Of effects that explain alike: those with as many parameters as the one of least BIC, then the one that predicts
     best a recording that no fit has seen, or the folds where there is none, then the one whose shape suits the motion.
+    Initial values of a mode's own count as parameters.
 
     Alike only says that the blocks are too few to be sure.  The likelihood counts each block as one sample, so that of
     twelve a parameter is worth a fifth of the squared error: a pendulum's weight, with two, took 71 % where Coulomb
     friction took 38 %.
     """
     blocks = max(int(blocks_of(one.fit).max()) + 1 for one in alike)
-    cost = [(1 - one.gain) * blocks ** (one.fit.count / blocks) for one in alike]
-    few = alike[int(np.argmin(cost))].fit.count
-    simple = [one for one in alike if one.fit.count == few]
+    counts = [one.fit.count + one.fit.nuisance.size for one in alike]
+    cost = [(1 - one.gain) * blocks ** (count / blocks) for one, count in zip(alike, counts, strict=True)]
+    few = counts[int(np.argmin(cost))]
+    simple = [one for one, count in zip(alike, counts, strict=True) if count == few]
     if len(simple) == 1:
         return simple[0]
     left = [error_on(one.fit, unseen) ** 2 if unseen else 1 - one.gain for one in simple]
