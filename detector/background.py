@@ -11,11 +11,11 @@ from collections.abc import Generator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.fft import irfft  # not when it is needed first: then there may be no memory
 
 from lostmotion.detector import ringdown
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.median import median
+from lostmotion.detector.misfit import directions, split
 from lostmotion.detector.whitening import MOST_ORDER, Noise, levinson, rounded, spectrum, unwhitener, whitener
 from lostmotion.detector.window import DetectorSettings, FloatArray
 
@@ -34,8 +34,6 @@ CALM = 0.25
 SILENT = 0.8
 """Share of such windows below which windows without rings are not believed: 0.88 of those of a bar that a rough gear
 shakes as loud as the noise, nearly all with hum or a fan, 0.45 of those with rings at 25 dB in coloured noise."""
-NOTCH = 1.5
-"""Half-width of the band around f_res from which one start leaves out what stands out, in units of 1 / window_s."""
 RINGING, LEAST_RINGING = 0.5, 0.02
 POWER, LEAST_POWER = 20.0, 3.0
 """First guess and bounds of the share of windows that ring, and of the rings' variance over that of the noise."""
@@ -78,11 +76,13 @@ class Background:
 
 @dataclass(frozen=True, slots=True)
 class _Model:
-    """A noise, the share of windows that ring, and the variance of the rings' amplitudes over that of the noise."""
+    """A noise, the share of windows that ring, the variance of the rings' amplitudes over that of the noise, and
+    whether rings leave something that is no noise."""
 
     noise: Noise
     ringing: float = RINGING
     power: float = POWER
+    misfit: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,9 +108,9 @@ def learn(
     A window is slow motion, rings with a certain probability (the hypotheses of ``ringdown``, their amplitudes normal),
     and autoregressive noise whose loudness follows Student's t.  The model's likelihood is maximised by expectation and
     maximisation (Dempster, Laird and Rubin 1977) from several starts: noise without rings; rings in white noise, or in
-    the ``earlier`` noise; rings in the first noise without what stands out around f_res.  The likeliest wins, so hum
-    is learnt as noise and rings are not: hum neither begins nor decays.  "No rings at all" is believed only when the
-    windows then score like noise.
+    the ``earlier`` noise.  The best by Akaike's criterion wins, so hum is learnt as noise and rings are not: hum
+    neither begins nor decays.  "No rings at all" is believed only when the windows then score like noise.  Where rings
+    win, the noise is told from what they do not explain of an impact (``misfit``).
 
     None when the windows tell nothing of the noise: rings are too loud in all of them.  Raises DetectorError for fewer
     than 20 windows.
@@ -140,19 +140,21 @@ def learning(
     if quiet < max(LEAST_WINDOWS, CALM * count):
         return None
     silent = yield from _fitted(windows, rate_hz, bare, _Model(white, 0.0))
-    notched = _notched(silent.model.noise, settings.f_res_hz, rate_hz, length)
-    starts = [_white(calm, rate_hz, bare), notched, *([earlier.noise] if earlier else [])]
+    starts = [_white(calm, rate_hz, bare), *([earlier.noise] if earlier else [])]
     fits = []
     for start in starts:
         fit = yield from _fitted(calm, rate_hz, bare, _Model(start))
         fits.append((yield from _weighed(windows, rate_hz, bare, fit)) if quiet < count else fit)
-    best = max(fits, key=lambda fit: fit.likelihood)
+    best = max(fits, key=_criterion)
     if (
         quiet >= SILENT * count
         and _share_above(HEALTHY_SCORE, windows, rate_hz, bare, silent) < HEALTHY_SHARE
-        and (silent.likelihood > best.likelihood or _share_above(HEALTHY_SCORE, windows, rate_hz, bare, best) < RARE)
+        and (_criterion(silent) > _criterion(best) or _share_above(HEALTHY_SCORE, windows, rate_hz, bare, best) < RARE)
     ):
         best, quiet = silent, count
+    else:
+        refined = yield from _fitted(windows, rate_hz, bare, replace(best.model, misfit=True))
+        best = max(best, refined, key=_criterion)
     return Background(tuple(best.covariance.tolist()), float(quiet), length, best.model.ringing)
 
 
@@ -190,18 +192,6 @@ def _loudness(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -
     total = np.sum(left**2, axis=1)
     energy = ringdown.explained(left, bank).max(axis=1)
     return np.asarray(energy / np.maximum(total - energy, ringdown.DUST * total + np.finfo(float).tiny))
-
-
-def _notched(noise: Noise, f_res_hz: float, rate_hz: float, length: int) -> Noise:
-    """The noise with its spectrum around f_res cut down to that of the band's lower edge."""
-    power = spectrum(noise, POINTS)
-    frequency = np.linspace(0.0, rate_hz / 2, POINTS + 1)
-    half = NOTCH * rate_hz / length
-    edges = [edge for edge in (f_res_hz - half, f_res_hz + half) if 0 < edge < rate_hz / 2]
-    floor = float(np.interp(edges, frequency, power).min())
-    inside = np.abs(frequency - f_res_hz) <= half
-    covariance = irfft(np.where(inside, np.minimum(power, floor), power))
-    return levinson(covariance[: _orders(length) + 1], 1e6)
 
 
 def _orders(length: int) -> int:
@@ -251,29 +241,37 @@ def _expected(windows: FloatArray, rate_hz: float, settings: DetectorSettings, m
     slow = np.linalg.qr(ringdown.slow_motion(length, rate_hz, settings))[0]
     hidden = whitening @ slow
     likelihood += float(np.sum(np.log(np.diag(whitening)))) - float(np.linalg.slogdet(hidden.T @ hidden)[1]) / 2
-    left, ring, bases = white[:0], np.zeros(count), np.zeros((0, length))
-    power = model.power
+    ring, parts, power = np.zeros(count), [math.sqrt(count) * motion.T], model.power
+    inner = np.zeros((length, length))
     if model.ringing:
-        told = _rings(white, whole, freedom, ringdown.build(length, rate_hz, known), model)
-        likelihood, ring, left, bases, power = likelihood + told[0], *told[1:]
-    weighted = white * np.sqrt((1 - ring) * freedom * variance / whole)[:, None]
-    parts = [weighted, math.sqrt(variance * count) * motion.T, math.sqrt(variance) * bases]
-    if model.ringing:
-        energy = np.sum(left**2, axis=1) + FREEDOM * variance
-        parts.append(left * np.sqrt(ring * freedom * variance / energy)[:, None])
-    colour = np.concatenate(parts) @ unwhitener(length, noise.colour).T  # rows, of which the products add up
-    covariance = colour.T @ colour / count
+        bank = ringdown.build(length, rate_hz, known)
+        gain, ring, left, bases, energy, power = _rings(white, whole, freedom, bank, model)
+        likelihood += gain
+        if model.misfit:
+            columns = whitening @ directions(length, rate_hz, settings)
+            columns -= motion @ (motion.T @ columns)
+            gain, left, inner = split(left, bases, energy, ring, columns, variance)
+            likelihood += ring * gain
+        loose = np.sum(left**2, axis=1) + FREEDOM * variance
+        parts += [
+            left * np.sqrt(ring * freedom / loose)[:, None],
+            (np.sqrt(ring)[:, None, None] * bases).reshape(-1, length),
+        ]
+    parts.append(white * np.sqrt((1 - ring) * freedom / whole)[:, None])
+    rows = np.concatenate(parts)  # the expected z zT, over the variance, is the sum of their products with themselves
+    root = unwhitener(length, noise.colour)
+    covariance = root @ (rows.T @ rows + inner) @ root.T * (variance / count)
     lags = np.array([np.trace(covariance, lag) / (length - lag) for lag in range(_orders(length) + 1)])
     share = min(max(float(ring.mean()), LEAST_RINGING), 1 - LEAST_RINGING) if model.ringing else 0.0
-    better = _Model(levinson(lags, count * (length - motion.shape[1])), share, power)
+    better = replace(model, noise=levinson(lags, count * (length - motion.shape[1])), ringing=share, power=power)
     return _Fit(model, float(np.sum(likelihood)), lags), better
 
 
 def _rings(
     white: FloatArray, whole: FloatArray, freedom: float, bank: ringdown.Bank, model: _Model
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
-    """Of each window: ln of the likelihood's gain by rings, probability of one, what the likeliest one leaves; basis of
-    all these rings, weighted by the root of the probability, (R, N); the variance of their amplitudes."""
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, float]:
+    """Of each window: ln of the likelihood's gain by rings, probability of one, what the likeliest one leaves, its
+    basis (rows, zero where it has fewer), its energy; and the variance of the rings' amplitudes."""
     energy, sizes = ringdown.explained(white, bank), bank.sizes
     # Normal amplitudes of variance S² cost ln(1 + S²)/2 each, and what is explained counts for S² / (1 + S²) of it.
     price = ringdown.PENALTY - math.log1p(model.power) / 2
@@ -286,14 +284,19 @@ def _rings(
     ring = np.exp(log_ring - gain)
     odds *= (ring / odds.sum(axis=1))[:, None]
     power = float(np.sum(odds * energy)) / max(float(np.sum(odds @ sizes)) * model.noise.deviation**2, 1e-300) - 1
-    best, picked = evidence.argmax(axis=1), np.flatnonzero(ring > LEAST_RINGING)
-    left, bases, done = white.copy(), np.empty((int(sizes[best[picked]].sum()), white.shape[1])), 0
-    for i in picked:
+    best, left = evidence.argmax(axis=1), white.copy()
+    bases = np.zeros((len(white), int(sizes.max()), white.shape[1]))
+    for i in np.flatnonzero(ring > LEAST_RINGING):
         basis = bank.basis(int(best[i]))
         left[i] -= (basis @ white[i]) @ basis
-        bases[done : done + len(basis)] = math.sqrt(ring[i]) * basis
-        done += len(basis)
-    return gain, ring, left, bases, max(power, LEAST_POWER)
+        bases[i, : len(basis)] = basis
+    return gain, ring, left, bases, np.take_along_axis(energy, best[:, None], 1)[:, 0], max(power, LEAST_POWER)
+
+
+def _criterion(fit: _Fit) -> float:
+    """The likelihood minus Akaike's nat for each order of the noise: without it an autoregressive model of 25 orders is
+    as likely as rings of 25 dB."""
+    return fit.likelihood - len(fit.model.noise.colour)
 
 
 def _share_above(score: float, windows: FloatArray, rate_hz: float, settings: DetectorSettings, fit: _Fit) -> float:

@@ -173,6 +173,9 @@ class Learner:
             if change is None and (is_other or self.background is None):
                 change = self._change(self.background, pooled)
             self._take(pooled)
+        elif has_moved:
+            self.background = None
+            self._use(used(self.bar, self.given))
         self._usual = self._leftover(windows)
         return change
 

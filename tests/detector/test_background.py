@@ -73,10 +73,10 @@ def test_hum_is_learnt_as_noise(snr: float) -> None:
     found = learn(hum(rng, 100) + rings(rng, 100, snr), RATE, SETTINGS)
     assert found is not None
     known = applied(found, SETTINGS)
-    alone = hum(rng, 300)
+    alone = hum(rng, 1000)
     assert np.mean(ringdown.scores(alone, RATE, SETTINGS) > SETTINGS.level) > 0.9
     assert np.mean(ringdown.scores(alone, RATE, known) > SETTINGS.level) < 0.03
-    assert np.mean(ringdown.scores(alone + rings(rng, 300, 10.0), RATE, known) > SETTINGS.level) > 0.9
+    assert np.mean(ringdown.scores(alone + rings(rng, 1000, 10.0), RATE, known) > SETTINGS.level) > 0.9
 
 
 def test_loud_rings_in_every_window_tell_nothing() -> None:
