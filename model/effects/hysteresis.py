@@ -4,8 +4,8 @@ Both are corrections of a dry friction that is in the model already: after the d
 the constant friction.  The state y is how far the motion has come from where the friction was zero; it follows from the
 motion of the joint alone, as that of a rate-independent hysteresis does.
 
-``lab explain`` does not try them: of twelve simulated joints with dry friction alone it named presliding in two, whose
-friction was smoother near rest than the model's.  They are added by hand, and fitted.
+``lab explain`` does not try them: a joint whose dry friction is smoother near rest than the model's looks elastic
+(docs/decisions/0009-lab-selection.md).  They are added by hand, and fitted.
 
 References: P. R. Dahl, "A solid friction model", TOR-0158(3107-18)-1, Aerospace Corporation (1968); F. Al-Bender,
 V. Lampaert, J. Swevers, "The generalized Maxwell-slip model", IEEE Trans. Automatic Control 50 (2005); A. Visintin,

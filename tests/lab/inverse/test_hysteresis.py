@@ -78,7 +78,9 @@ def fitted(folder: Path, recordings: list[Recording], model: str) -> dict[str, A
     for one in recordings:
         write_recording(one, folder / one.name)
         names.append(str(folder / one.name))
-    result = CliRunner().invoke(cli, ["lab", "fit", str(folder / "model.toml"), *names, "--json"])
+    result = CliRunner().invoke(
+        cli, ["lab", "fit", str(folder / "model.toml"), *names, "-o", str(folder / "out.toml"), "--json"]
+    )
     assert result.exit_code == 0, result.output
     answer: dict[str, Any] = json.loads(result.stdout)
     return answer
@@ -89,12 +91,12 @@ def fitted(folder: Path, recordings: list[Recording], model: str) -> dict[str, A
                                            (0.0, "presliding_friction")])  # fmt: skip
 def test_the_size_of_the_play(gap: float, name: str, tmp_path: Path) -> None:
     """Added to viscous and Coulomb friction, the effect takes the error to the noise and the disturbance, and tells how
-    far the joint goes before friction is felt: to a tenth, and within the interval's distance of the truth."""
+    far the joint goes before friction is felt: to a tenth."""
     values = f"coulomb_friction.tau_c = 0.8\n{name}.tau_p = 0.5\n{name}.x_p = 0.05\n"
     values += f"{name}.gap = 0.06\n" if gap else ""
     model = f'base = "joint"\neffects = ["viscous_friction", "coulomb_friction", "{name}"]\n[parameters]\n{values}'
     answer = fitted(tmp_path, [measured(seed, gap) for seed in (1, 2, 3)], model)
-    found = {one["name"].removeprefix(f"{name}."): one["value"] for one in answer["estimates"]}
+    found = {full.removeprefix(f"{name}."): value for full, (value, *_) in answer["parameters"].items()}
     assert found.get("gap", 0.0) / 2 + found["x_p"] == pytest.approx(gap / 2 + RISE, rel=0.1)
     assert found["coulomb_friction.tau_c"] == pytest.approx(COULOMB, rel=0.05)
     assert answer["rms"]["torque"] < 0.03
