@@ -29,12 +29,11 @@ from lostmotion.detector.flank import CONTACT_ACCEL, SOFTNESS, FlankLaw, Sized, 
 from lostmotion.detector.offset import OFFSET_UNKNOWN, OffsetLaw
 from lostmotion.detector.pooling import PlaySize, Z, unknown
 from lostmotion.detector.relative_motion import RelativeMotion, relative_motion
-from lostmotion.detector.rests import rested
 from lostmotion.detector.servo import AT_ONCE, ServoLaw
 from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
 from lostmotion.detector.windows import cut, last_part
 
-__all__ = ["HISTORY_S", "SizeLaw", "learnt_play", "learnt_servo", "near_part", "play_size", "stretch_of", "with_play"]
+__all__ = ["HISTORY_S", "SizeLaw", "learnt_play", "near_part", "play_size", "stretch_of", "with_play"]
 
 HISTORY_S = 0.6
 """A stretch begins so long before the reversal [s], so that it holds several crossings of the gap: with 0.2 s of the
@@ -149,7 +148,7 @@ def play_size(
     none of its samples missing; law: what earlier windows told of the joint's flanks, servo: of how its servo follows
     the commands.
     """
-    told = _told(stretch, np.asarray(servo_times), np.asarray(commands), settings, servo, SMOOTH_MOTION)[0]
+    told, _ = _told(stretch, np.asarray(servo_times), np.asarray(commands), settings, servo, SMOOTH_MOTION)
     return told if isinstance(told, PlaySize) else _under(told, law or law_of(settings))
 
 
@@ -174,32 +173,21 @@ def with_play(
 def learnt_play(
     score: Score, stretch: Window, servo_times: Sequence[float] | FloatArray, commands: Sequence[float] | FloatArray,
     settings: DetectorSettings, law: FlankLaw, servo: ServoLaw = AT_ONCE, known: SizeLaw = SMOOTH_MOTION,
-) -> tuple[Score, FlankLaw, SizeLaw, ServoLaw]:  # fmt: skip
+) -> tuple[Score, FlankLaw, SizeLaw]:  # fmt: skip
     """The score with the play that its stretch shows to one who knows the law of the flanks, how the servo follows,
     what the sensor reads beside motion and whether the motion has corners; what is known after this window."""
     if not settings.play_size or not score.impact or "clipped" in score.quality:
         reason = "not asked for" if not settings.play_size else "clipped" if score.impact else "no impact"
-        return replace(score, play_reason=reason), law, known, servo
+        return replace(score, play_reason=reason), law, known
     times = np.asarray(servo_times)
     if not np.isfinite(stretch.accel).all() or not times.size or times[0] > stretch.start:
         stretch = near_part(score, stretch)
-    told, known, servo = _told(stretch, times, np.asarray(commands), settings, servo, known)
+    told, known = _told(stretch, times, np.asarray(commands), settings, servo, known)
     if isinstance(told, Sized):
         law = law.updated(told)
         told = _under(told, law)
     score = replace(score, play=told.value, play_low=told.low, play_high=told.high, play_reason=told.reason)
-    return score, law, known, servo
-
-
-def learnt_servo(
-    score: Score, stretch: Window, servo_times: FloatArray, commands: FloatArray, settings: DetectorSettings,
-    servo: ServoLaw,
-) -> ServoLaw:  # fmt: skip
-    """What ``learnt_play`` learns of how the servo follows, without the play."""
-    if not score.impact or "clipped" in score.quality or _unsizeable(stretch, settings):
-        return servo
-    smooth = smoothed(servo_times, commands, stretch)
-    return servo.told(rested(stretch, smooth, settings)) if smooth else servo
+    return score, law, known
 
 
 def _under(told: Sized, law: FlankLaw) -> PlaySize:
@@ -213,27 +201,21 @@ def _under(told: Sized, law: FlankLaw) -> PlaySize:
 def _told(
     stretch: Window, times: FloatArray, commands: FloatArray, settings: DetectorSettings, servo: ServoLaw,
     known: SizeLaw,
-) -> tuple[Sized | PlaySize, SizeLaw, ServoLaw]:  # fmt: skip
+) -> tuple[Sized | PlaySize, SizeLaw]:  # fmt: skip
     """What one stretch tells, or why it tells nothing; and what is known after it."""
-    if reason := _unsizeable(stretch, settings):
-        return unknown(reason), known, servo
+    if stretch.rate_hz < LEAST_RATE * settings.f_res_hz:
+        return unknown(f"the sensor is too slow: {LEAST_RATE:g} samples a period of the bar are needed"), known
+    if not np.isfinite(stretch.accel).all():
+        return unknown("samples are missing"), known
+    if servo.delay[1] > LEARNT:
+        return unknown("how the servo follows is not known yet"), known
     smooth = smoothed(times, commands, stretch)
     if smooth is None:
-        return unknown("too few commands during the stretch"), known, servo
-    learnt = servo.told(rested(stretch, smooth, settings))
-    if servo.delay[1] > LEARNT:
-        return unknown("how the servo follows is not known yet"), known, learnt
+        return unknown("too few commands during the stretch"), known
     tried = {True: smooth} if known.corners.none or known.corners.asks_both else {}
     if not known.corners.none or known.corners.asks_both:
         tried[False] = cornered(times, commands, stretch, smooth)
-    return *_of_priors(stretch, tried, settings, servo, known), learnt
-
-
-def _unsizeable(stretch: Window, settings: DetectorSettings) -> str:
-    """Why a stretch cannot tell a play, whatever was commanded."""
-    if stretch.rate_hz < LEAST_RATE * settings.f_res_hz:
-        return f"the sensor is too slow: {LEAST_RATE:g} samples a period of the bar are needed"
-    return "" if np.isfinite(stretch.accel).all() else "samples are missing"
+    return _of_priors(stretch, tried, settings, servo, known)
 
 
 def _of_priors(

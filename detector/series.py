@@ -10,7 +10,7 @@ from lostmotion.detector.commanded import BEFORE_S
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.flank import law_of
 from lostmotion.detector.learner import settled
-from lostmotion.detector.play_size import HISTORY_S, SizeLaw, learnt_play, learnt_servo, near_part, stretch_of
+from lostmotion.detector.play_size import HISTORY_S, SizeLaw, learnt_play, near_part, stretch_of
 from lostmotion.detector.score import score_window, validate
 from lostmotion.detector.servo import SPAN_S, UNKNOWN
 from lostmotion.detector.severity import with_severity
@@ -72,9 +72,8 @@ def score_series(
     servo, size_law, scores, law = UNKNOWN, SizeLaw(), [], law_of(settings)
     for score, (stretch, polls, goals) in zip(scored, around, strict=True):
         servo = with_severity(score, near_part(score, stretch), polls, goals, settings, servo)[1]
-        servo = learnt_servo(score, stretch, polls, goals, settings, servo)
     for score, (stretch, polls, goals) in zip(scored, around, strict=True):
-        sized, law, size_law, _ = learnt_play(score, stretch, polls, goals, settings, law, servo, size_law)
+        sized, law, size_law = learnt_play(score, stretch, polls, goals, settings, law, servo, size_law)
         scores.append(with_severity(sized, near_part(score, stretch), polls, goals, settings, servo)[0])
     return scores
 
