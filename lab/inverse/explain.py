@@ -102,8 +102,9 @@ def _explanation(
     base, best = fits[0], fits[-1]
     missing, descent = _strongest_first([error_on(fit, unseen) for fit in fits], selection, method)
     column = "torque" if method is Method.TORQUE else unseen.column
-    floors = {**noise, column: _floor(noise, column, best.model, unseen)}
-    complete = _is_complete(best, noise, column) and _is_complete(fit_on(best, unseen), noise, column)
+    floors = _floors(noise, column, best, unseen)
+    left = [best.residual, *(there.residual for there in (fit_on(best, unseen),) if there)]
+    complete = all(is_noise(one, floors[column]) for one in left)
     verdict: Verdict = "missing" if missing else "nothing_missing" if complete else "outside_catalogue"
     errors = Errors(descent[0], error_on(best, unseen), floors[column], words.column(column, _is_linear(best))[1])
     return Explanation(
@@ -152,19 +153,14 @@ def _rms(parts: Sequence[FloatArray]) -> float:
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
 
-def _floor(noise: dict[str, float], column: str, model: Model, signals: Signals) -> float:
-    """Of a recording's column, as the sensors leave it within the band."""
+def _floors(noise: dict[str, float], column: str, fit: Regression, *unseen: Signals) -> dict[str, float]:
+    """Of each column; that which is judged as the sensors leave it within the band, the largest of all recordings."""
+    every = (*unseen, *fit.data.signals)
     if column == "torque":
-        return noise_floor(signals, model)
-    return noise[column] if column == "accel" else min(noise[column], signals.position_noise)
-
-
-def _is_complete(fit: Regression | None, noise: dict[str, float], column: str) -> bool:
-    """Whether no more than noise is left of any recording: a rattling torque says nothing of another one's noise."""
-    if fit is None:
-        return True
-    pairs = zip(by_recording(fit.residual, fit.data), fit.data.signals, strict=True)
-    return all(is_noise(left, _floor(noise, column, fit.model, one)) for left, one in pairs)
+        return {**noise, column: max(noise_floor(one, fit.model) for one in every)}
+    if column == "accel":
+        return noise
+    return {**noise, column: min(noise[column], max(one.position_noise for one in every))}
 
 
 def fitted(model: Model, experiments: Sequence[Experiment], method: Method, noise: dict[str, float]) -> Fit:
@@ -174,7 +170,7 @@ def fitted(model: Model, experiments: Sequence[Experiment], method: Method, nois
     signals = [Signals.of(one, model.base != "servo", band) for one in experiments]
     fit = first_fit(from_spectra(model, experiments), signals, Search(method)).judged
     column = "torque" if method is Method.TORQUE else signals[0].column
-    return _fit(fit, model, {**noise, column: max(_floor(noise, column, fit.model, one) for one in signals)}, column)
+    return _fit(fit, model, _floors(noise, column, fit), column)
 
 
 def _confusable(selection: Selection) -> tuple[tuple[str, ...], ...]:

@@ -28,7 +28,6 @@ _EFFECTS: dict[str, Effect] = {
         friction.STRIBECK,
         friction.LOAD_DEPENDENT,
         hysteresis.PRESLIDING_FRICTION,
-        hysteresis.FRICTION_BACKLASH,
         gravity.GRAVITY_TORQUE,
         gears.TORQUE_RIPPLE,
         bar.HARDENING_SPRING,

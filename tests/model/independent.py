@@ -129,12 +129,6 @@ def friction_left(v: Values, y: float, omega: float) -> tuple[float, float]:
     if x_p := v.get("presliding_friction.x_p"):
         sign = math.tanh(omega / v["presliding_friction.omega_0"])
         return -v["presliding_friction.tau_p"] * (y - sign), omega / x_p * (1 - y * math.copysign(1, omega))
-    if x_p := v.get("friction_backlash.x_p"):
-        half, outward = v["friction_backlash.gap"] / 2, y * omega > 0
-        sign = math.tanh(omega / v["friction_backlash.omega_0"])
-        w = math.copysign(min(max((abs(y) - half) / x_p, 0), 1), y)
-        rate = omega * (1 - min(abs(y) / (half + x_p), 1) ** 8) if outward else omega
-        return -v["friction_backlash.tau_p"] * (w - sign), rate
     return 0.0, 0.0
 
 

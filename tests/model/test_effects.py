@@ -21,7 +21,6 @@ IDS = {
     *("contact_asymmetry", "torque_ripple", "hardening_spring", "quadratic_damping", "second_mode"),
     *(
         "presliding_friction",
-        "friction_backlash",
         "gravity_leakage",
         "centripetal_crosstalk",
         "sensor_lag",

@@ -1,7 +1,6 @@
-"""Dry friction that is elastic near a reversal or acts through play, made by the operators of hysteresis themselves.
+"""Dry friction that is elastic near a reversal, made by Dahl's law in closed form.
 
-Nothing of the lab's solver is used: the motion is given, and the friction follows from its turning points (stop and
-play operators; Dahl's law in closed form), at 4000 samples a second.
+Nothing of the lab's solver is used: the motion is given, and the friction follows from the way at 4000 samples a second.
 """
 
 from __future__ import annotations
@@ -36,17 +35,8 @@ def moved(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     return t, np.sin(waves) @ sizes, np.cos(waves) @ (sizes * w), -np.sin(waves) @ (sizes * w**2)
 
 
-def through_play(angle: np.ndarray, gap: float, rise: float) -> np.ndarray:
-    """The share of friction that is felt: an elastic slider (stop operator) behind a gap."""
-    limit, y, found = gap / 2 + rise, 0.0, np.empty(angle.size)
-    for i, step in enumerate(np.diff(angle, prepend=angle[0])):
-        y = min(max(y + step, -limit), limit)
-        found[i] = np.sign(y) * min(max((abs(y) - gap / 2) / rise, 0.0), 1.0)
-    return found
-
-
 def dahl(angle: np.ndarray, rise: float) -> np.ndarray:
-    """The same of Dahl's law: the way to the end falls by a factor e each rise."""
+    """The share of friction that is felt: what is missing of all of it falls by a factor e each rise."""
     z, found = 0.0, np.empty(angle.size)
     for i, step in enumerate(np.diff(angle, prepend=angle[0])):
         z = np.sign(step) + (z - np.sign(step)) * np.exp(-abs(step) / rise)
@@ -54,12 +44,11 @@ def dahl(angle: np.ndarray, rise: float) -> np.ndarray:
     return found
 
 
-def measured(seed: int, gap: float | None, rise: float = RISE) -> Recording:
-    """A joint with such friction at 200 samples a second, with noise on angle and torque and a slow disturbance; gap:
-    zero for Dahl's law, None for friction that changes sign at once."""
+def measured(seed: int) -> Recording:
+    """A joint with such friction at 200 samples a second, with noise on angle and torque and a slow disturbance."""
     rng = np.random.default_rng(100 + seed)
     t, angle, speed, acceleration = moved(seed)
-    felt = np.sign(speed) if gap is None else through_play(angle, gap, rise) if gap else dahl(angle, rise)
+    felt = dahl(angle, RISE)
     push = np.interp(t, np.arange(0, LENGTH + 0.2, 0.2), 0.02 * rng.standard_normal(61))
     torque = INERTIA * acceleration + VISCOUS * speed + COULOMB * felt + push
     every = slice(None, None, FINE // 200)
@@ -87,32 +76,29 @@ def fitted(folder: Path, recordings: list[Recording], model: str) -> dict[str, A
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("gap", "name"), [(0.03, "friction_backlash"), (0.12, "friction_backlash"),
-                                           (0.0, "presliding_friction")])  # fmt: skip
-def test_the_size_of_the_play(gap: float, name: str, tmp_path: Path) -> None:
-    """Added to viscous and Coulomb friction, the effect takes the error to the noise and the disturbance, and tells how
-    far the joint goes before friction is felt: to a tenth."""
-    values = f"coulomb_friction.tau_c = 0.8\n{name}.tau_p = 0.5\n{name}.x_p = 0.05\n"
-    values += f"{name}.gap = 0.06\n" if gap else ""
-    model = f'base = "joint"\neffects = ["viscous_friction", "coulomb_friction", "{name}"]\n[parameters]\n{values}'
-    answer = fitted(tmp_path, [measured(seed, gap) for seed in (1, 2, 3)], model)
-    found = {full.removeprefix(f"{name}."): value for full, (value, *_) in answer["parameters"].items()}
-    assert found.get("gap", 0.0) / 2 + found["x_p"] == pytest.approx(gap / 2 + RISE, rel=0.1)
+@pytest.mark.parametrize(("friction", "rise"), [(0.5, 0.05), (0.9, 0.01)])
+def test_the_way_of_presliding(friction: float, rise: float, tmp_path: Path) -> None:
+    """Added to viscous and Coulomb friction, presliding takes the error to the noise and the disturbance, and tells over
+    which way friction builds up, from first values a factor of two off."""
+    values = f"presliding_friction.tau_p = {friction}\npresliding_friction.x_p = {rise}\n"
+    effects = '["viscous_friction", "coulomb_friction", "presliding_friction"]'
+    model = f'base = "joint"\neffects = {effects}\n[parameters]\ncoulomb_friction.tau_c = 0.8\n{values}'
+    answer = fitted(tmp_path, [measured(seed) for seed in (1, 2, 3)], model)
+    found = {name: value for name, (value, *_) in answer["parameters"].items()}
+    assert found["presliding_friction.x_p"] == pytest.approx(RISE, rel=0.1)
+    assert found["presliding_friction.tau_p"] == pytest.approx(COULOMB, rel=0.05)
     assert found["coulomb_friction.tau_c"] == pytest.approx(COULOMB, rel=0.05)
     assert answer["rms"]["torque"] < 0.03
 
 
-@pytest.mark.parametrize("gap", [0.0, 0.05])
-def test_torque_along_a_measured_motion(gap: float) -> None:
-    """The torque that the model needs for a measured motion is that of the operators, after the first reversal."""
-    name = "friction_backlash" if gap else "presliding_friction"
-    values = {"J": INERTIA, "coulomb_friction.tau_c": COULOMB, f"{name}.tau_p": COULOMB, f"{name}.x_p": RISE}
-    values |= {"coulomb_friction.omega_0": 0.01, f"{name}.omega_0": 0.01} | ({f"{name}.gap": gap} if gap else {})
-    model = build_model("joint", ["coulomb_friction", name], values)
-    (experiment,) = experiments(model, [measured(1, gap)])
+def test_torque_along_a_measured_motion() -> None:
+    """The torque that the model needs for a measured motion is that of the closed form, after the first reversal."""
+    values = {"J": INERTIA, "coulomb_friction.tau_c": COULOMB, "coulomb_friction.omega_0": 0.01}
+    values |= {f"presliding_friction.{name}": v for name, v in (("tau_p", COULOMB), ("x_p", RISE), ("omega_0", 0.01))}
+    model = build_model("joint", ["coulomb_friction", "presliding_friction"], values)
+    (experiment,) = experiments(model, [measured(1)])
     signals = Signals.of(experiment)
     found = needed(model, signals, np.zeros(signals.time.size)) - INERTIA * signals.acceleration
     t, angle, *_ = moved(1)
-    exact = COULOMB * (through_play(angle, gap, RISE) if gap else dahl(angle, RISE))
-    off = (found - np.interp(signals.time, t, exact))[signals.time > 2.0]
+    off = (found - np.interp(signals.time, t, COULOMB * dahl(angle, RISE)))[signals.time > 2.0]
     assert np.sqrt(np.mean(off**2)) < 0.03
