@@ -1,6 +1,6 @@
 """Dry friction that is elastic near a reversal, made by Dahl's law in closed form.
 
-Nothing of the lab's solver is used: the motion is given, and the friction follows from the way at 4000 samples a second.
+Nothing of the lab's solver is used: the motion is given, and the friction follows from it at 4000 samples a second.
 """
 
 from __future__ import annotations
@@ -78,8 +78,8 @@ def fitted(folder: Path, recordings: list[Recording], model: str) -> dict[str, A
 @pytest.mark.slow
 @pytest.mark.parametrize(("friction", "rise"), [(0.5, 0.05), (0.9, 0.01)])
 def test_the_way_of_presliding(friction: float, rise: float, tmp_path: Path) -> None:
-    """Added to viscous and Coulomb friction, presliding takes the error to the noise and the disturbance, and tells over
-    which way friction builds up, from first values a factor of two off."""
+    """Added to viscous and Coulomb friction, presliding takes the error to the noise and the disturbance, and tells
+    over which way friction builds up, from first values a factor of two off."""
     values = f"presliding_friction.tau_p = {friction}\npresliding_friction.x_p = {rise}\n"
     effects = '["viscous_friction", "coulomb_friction", "presliding_friction"]'
     model = f'base = "joint"\neffects = {effects}\n[parameters]\ncoulomb_friction.tau_c = 0.8\n{values}'
