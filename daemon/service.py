@@ -11,7 +11,7 @@ import os
 import sqlite3
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import datetime
 from typing import TYPE_CHECKING, TypeVar
 
@@ -34,6 +34,7 @@ from lostmotion.daemon.sinks.log import LogSink
 from lostmotion.daemon.store import Store
 from lostmotion.daemon.tasks import Tasks
 from lostmotion.daemon.timekeeper import DOUBTFUL, Timekeeper
+from lostmotion.daemon.writer import Row
 from lostmotion.drivers import clock
 from lostmotion.drivers.clock import SystemClock
 from lostmotion.drivers.errors import LostmotionError
@@ -152,8 +153,12 @@ class Service:
 
     # --- one configuration's life -----------------------------------------------------------------------------------
 
-    def _begin(self) -> None:
-        """Brings the present configuration to life: health from the store, sinks, then the pollers."""
+    def _begin(self, known: Sequence[Row] = ()) -> None:
+        """Brings the present configuration to life: health from the store, sinks, then the pollers.
+
+        known: what the last configuration knew of the alarms, where it was on the same store.  A database that has been
+        deleted since the last look at it would be read as one without alarms.
+        """
         config = self._config
         for note in config.notes:
             log.warning("%s", note)
@@ -164,6 +169,10 @@ class Service:
         self._sinks, self._exporter = [], None
         self._sinks = _sinks(config)
         self._exporter = _exporter(config, self._store, self._robot)
+        if known:
+            self._store.look()
+            if self._store.damage is not None:
+                self._renew_store(self._store.damage, known)
         self._alarm_manager = self._open_alarm_manager()
         self._tasks = self._open_tasks()
         self._threads = [
@@ -223,13 +232,14 @@ class Service:
         """Ends what runs and begins the new; when that fails, begins the old one again and says why."""
         old_config, old_store = self._config, self._store
         self._finish()
+        known = self._alarm_manager.known
         try:
-            self._live(config, robot, store)
+            self._live(config, robot, store, known if store is old_store else ())
         except (Exception, SystemExit) as error:  # noqa: BLE001 - the same
             refusal = _say_that_the_old_one_stays(error)
             self._robot.stop.set()
             self._close_sinks()
-            self._live(old_config, Robot(old_config), old_store)
+            self._live(old_config, Robot(old_config), old_store, known)
             unused = store
         else:
             log.info("configuration taken: robot %s, %d joints", config.robot.name, len(config.joints))
@@ -238,20 +248,24 @@ class Service:
             unused.close()
         return refusal
 
-    def _live(self, config: Config, robot: Robot, store: Store) -> None:
+    def _live(self, config: Config, robot: Robot, store: Store, known: Sequence[Row]) -> None:
         store.configure(config.robot.name, config.store.keep_windows_mb, config.store.keep_scores_days)
         self._config, self._robot, self._store = config, robot, store
-        self._begin()
+        self._begin(known)
 
     def _leave_damaged_store(self, damage: Exception) -> None:
-        """Goes on in a new database, with the alarms that stand and what was not written yet; an alarm says so."""
-        self._notice = f"the history begins anew: {database.explain(self._store.path, damage)}"
-        self._notice_ends = time.monotonic() + NOTICE_S
+        """Goes on in a new database."""
         self._finish()
-        self._store.begin_anew(self._alarm_manager.known)
-        self._store.settled(FINISH_S)
+        self._renew_store(damage, self._alarm_manager.known)
         self._robot, self._errors = Robot(self._config), Repeats()
         self._begin()
+
+    def _renew_store(self, damage: Exception, known: Sequence[Row]) -> None:
+        """A new database, with the alarms that stand and what was not written yet; an alarm says so."""
+        self._notice = f"the history begins anew: {database.explain(self._store.path, damage)}"
+        self._notice_ends = time.monotonic() + NOTICE_S
+        self._store.begin_anew(known)
+        self._store.settled(FINISH_S)
 
     def _open_alarm_manager(self) -> AlarmManager:
         joints = [joint.name for joint in self._config.joints]

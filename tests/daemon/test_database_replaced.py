@@ -79,6 +79,28 @@ def test_a_deleted_database(tmp_path: Path, start: Start, with_folder: bool) -> 
 
 
 @pytest.mark.slow
+def test_a_reload_before_a_deletion_is_noticed_keeps_the_alarms(tmp_path: Path, start: Start) -> None:
+    """An acknowledged alarm is in the new file what it was in the deleted one, raised when it was raised."""
+    path, database, missing = tmp_path / "fake.toml", tmp_path / "state" / "history.db", tmp_path / "missing"
+    path.write_text(fake_config(database.parent, f'[fake]\nmissing = "{missing}"\n'))
+    missing.touch()
+    service = start(path)
+    service.wait_for("alarm joint=elbow cause=device severity=error event=raised")
+    assert call("alarms", "ack", "elbow", "--database", database).exit_code == 0
+    with open_readonly(database) as reader:
+        (before,) = reader.alarms("elbow", living=True)
+    assert before.state is AlarmState.ACKNOWLEDGED
+    database.unlink()
+    service.process.send_signal(signal.SIGHUP)
+    service.wait_for("configuration taken")
+    assert service.stop(signal.SIGTERM) == 0
+    with open_readonly(database) as reader:
+        (after,) = reader.alarms("elbow", living=True)
+    assert (after.state, after.raised) == (before.state, before.raised)
+    assert service.log.read_text().count("event=raised") == 1
+
+
+@pytest.mark.slow
 def test_a_database_that_is_replaced_by_a_copy(tmp_path: Path, start: Start) -> None:
     """An older copy is moved to its place: the service goes on in it, the older scores are still there, and the log of
     the one that is gone does not get into it."""
