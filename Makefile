@@ -22,12 +22,12 @@ demo: $(READY)  ## the main job on the simulated robot: a year of wear in a minu
 test: $(READY)  ## everything: format, lint, types, all tests
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(BIN)/mypy -p lostmotion & types=$$!; $(BIN)/python -m pytest -n 4 --dist worksteal -rsR && wait $$types
+	$(BIN)/mypy -p lostmotion & types=$$!; $(BIN)/python -m pytest -n 6 --dist worksteal -rsR && wait $$types
 
 check: $(READY)  ## the same with the fast tests only, in under two minutes
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(BIN)/mypy -p lostmotion & types=$$!; $(BIN)/python -m pytest -q -n 4 --dist worksteal -m "not slow" && wait $$types
+	$(BIN)/mypy -p lostmotion & types=$$!; $(BIN)/python -m pytest -q -n 6 --dist worksteal -m "not slow" && wait $$types
 
 test-vm: $(READY)  ## a real CAN interface, in a virtual machine (qemu; some minutes, root, x86_64)
 	LOSTMOTION_VM=1 $(BIN)/python -m pytest -n 0 tests/system/test_can_bus.py
