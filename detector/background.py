@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Generator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -49,6 +50,8 @@ CHANGED = 0.1
 """Distance [nats a sample] from which a noise is another one: half again as loud is 0.06, mains hum that comes 1.1."""
 POINTS = 2048
 """Frequencies at which spectra are looked at."""
+TOGETHER = 25
+"""Windows whose moments are formed at once: those of a hundred take 7 MB for a moment."""
 FREEDOM = ringdown.TRUST
 """Degrees of freedom of Student's t for the loudness of each window."""
 
@@ -229,49 +232,94 @@ def _expected(windows: FloatArray, rate_hz: float, settings: DetectorSettings, m
     the noise's expected z zᵀ is that of what is left, weighted by Student's t, plus its variance in B, which B hides.
     """
     count, length = windows.shape
-    noise, variance = model.noise, model.noise.deviation**2
+    noise = model.noise
     known = replace(settings, noise_colour=noise.colour, noise_ms2=noise.deviation)
     whitening = whitener(length, noise.colour)
     motion = ringdown.slow_basis(length, rate_hz, known)
     white = windows @ whitening.T
     white -= (white @ motion) @ motion.T
-    freedom = length - motion.shape[1] + FREEDOM
+    hidden = whitening @ np.linalg.qr(ringdown.slow_motion(length, rate_hz, settings))[0]
+    constant = float(np.sum(np.log(np.diag(whitening)))) - float(np.linalg.slogdet(hidden.T @ hidden)[1]) / 2
+    bank = ringdown.build(length, rate_hz, known) if model.ringing else None
+    columns = None
+    if model.ringing and model.misfit:
+        columns = whitening @ directions(length, rate_hz, settings)
+        columns -= motion @ (motion.T @ columns)
+    found = _Moments(0.0, count * motion @ motion.T, 0.0, 0.0, 0.0)
+    for i in range(0, count, TOGETHER):
+        more = _moments(white[i : i + TOGETHER], model, motion, bank, columns)
+        found = found.plus(more)
+    root = unwhitener(length, noise.colour)
+    covariance = root @ found.products @ root.T * (noise.deviation**2 / count)
+    lags = np.array([np.trace(covariance, lag) / (length - lag) for lag in range(_orders(length) + 1)])
+    better = replace(model, noise=levinson(lags, count * (length - motion.shape[1])), ringing=0.0)
+    if model.ringing:
+        power = found.energy / max(found.amplitudes * noise.deviation**2, 1e-300) - 1
+        share = min(max(found.ringing / count, LEAST_RINGING), 1 - LEAST_RINGING)
+        better = replace(better, ringing=share, power=max(power, LEAST_POWER))
+    return _Fit(model, found.likelihood + count * constant, lags), better
+
+
+class _Moments(NamedTuple):
+    """Sums over windows: ln of the likelihood, what is expected of z zᵀ over the noise's variance (N, N), the
+    probability of a ring, and of the rings the energy and how many amplitudes they have."""
+
+    likelihood: float
+    products: FloatArray
+    ringing: float
+    energy: float
+    amplitudes: float
+
+    def plus(self, more: _Moments) -> _Moments:
+        """Of both together."""
+        return _Moments(
+            self.likelihood + more.likelihood,
+            self.products + more.products,
+            self.ringing + more.ringing,
+            self.energy + more.energy,
+            self.amplitudes + more.amplitudes,
+        )
+
+
+def _moments(
+    white: FloatArray, model: _Model, motion: FloatArray, bank: ringdown.Bank | None, columns: FloatArray | None
+) -> _Moments:
+    """Of whitened windows, shape (M, N), without slow motion; bank: of the rings, if any, columns: of their misfit."""
+    variance = model.noise.deviation**2
+    freedom = white.shape[1] - motion.shape[1] + FREEDOM
     whole = np.sum(white**2, axis=1) + FREEDOM * variance
     likelihood = -freedom / 2 * np.log(whole) + FREEDOM / 2 * math.log(FREEDOM * variance)
-    slow = np.linalg.qr(ringdown.slow_motion(length, rate_hz, settings))[0]
-    hidden = whitening @ slow
-    likelihood += float(np.sum(np.log(np.diag(whitening)))) - float(np.linalg.slogdet(hidden.T @ hidden)[1]) / 2
-    ring, parts, power = np.zeros(count), [math.sqrt(count) * motion.T], model.power
-    inner = np.zeros((length, length))
-    if model.ringing:
-        bank = ringdown.build(length, rate_hz, known)
-        gain, ring, left, bases, energy, power = _rings(white, whole, freedom, bank, model)
-        likelihood += gain
-        if model.misfit:
-            columns = whitening @ directions(length, rate_hz, settings)
-            columns -= motion @ (motion.T @ columns)
-            gain, left, inner = split(left, bases, energy, ring, columns, variance)
-            likelihood += ring * gain
-        loose = np.sum(left**2, axis=1) + FREEDOM * variance
-        parts += [
-            left * np.sqrt(ring * freedom / loose)[:, None],
-            (np.sqrt(ring)[:, None, None] * bases).reshape(-1, length),
-        ]
-    parts.append(white * np.sqrt((1 - ring) * freedom / whole)[:, None])
-    rows = np.concatenate(parts)  # the expected z zT, over the variance, is the sum of their products with themselves
-    root = unwhitener(length, noise.colour)
-    covariance = root @ (rows.T @ rows + inner) @ root.T * (variance / count)
-    lags = np.array([np.trace(covariance, lag) / (length - lag) for lag in range(_orders(length) + 1)])
-    share = min(max(float(ring.mean()), LEAST_RINGING), 1 - LEAST_RINGING) if model.ringing else 0.0
-    better = replace(model, noise=levinson(lags, count * (length - motion.shape[1])), ringing=share, power=power)
-    return _Fit(model, float(np.sum(likelihood)), lags), better
+    if bank is None:
+        white = white * np.sqrt(freedom / whole)[:, None]
+        return _Moments(float(likelihood.sum()), white.T @ white, 0.0, 0.0, 0.0)
+    rings = _rings(white, whole, freedom, bank, model)
+    likelihood += rings.gain
+    ring, left = rings.probability, rings.left
+    products = np.zeros_like(motion, shape=(white.shape[1],) * 2)
+    if columns is not None:
+        gain, left, products = split(left, rings.bases, rings.energy, ring, columns, variance)
+        likelihood += ring * gain
+    loose = np.sum(left**2, axis=1) + FREEDOM * variance
+    for rows, weights in ((left, ring * freedom / loose), (white, (1 - ring) * freedom / whole)):
+        products += (rows.T * weights) @ rows
+    rows = (np.sqrt(ring)[:, None, None] * rings.bases).reshape(-1, white.shape[1])
+    products += rows.T @ rows
+    return _Moments(float(likelihood.sum()), products, float(ring.sum()), *rings.expected)
 
 
-def _rings(
-    white: FloatArray, whole: FloatArray, freedom: float, bank: ringdown.Bank, model: _Model
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, float]:
+class _Rings(NamedTuple):
     """Of each window: ln of the likelihood's gain by rings, probability of one, what the likeliest one leaves, its
-    basis (rows, zero where it has fewer), its energy; and the variance of the rings' amplitudes."""
+    basis (rows, zero where it has fewer), its energy.  expected: the rings' energy and amplitudes in all windows."""
+
+    gain: FloatArray
+    probability: FloatArray
+    left: FloatArray
+    bases: FloatArray
+    energy: FloatArray
+    expected: tuple[float, float]
+
+
+def _rings(white: FloatArray, whole: FloatArray, freedom: float, bank: ringdown.Bank, model: _Model) -> _Rings:
     energy, sizes = ringdown.explained(white, bank), bank.sizes
     # Normal amplitudes of variance S² cost ln(1 + S²)/2 each, and what is explained counts for S² / (1 + S²) of it.
     price = ringdown.PENALTY - math.log1p(model.power) / 2
@@ -283,14 +331,14 @@ def _rings(
     gain = np.logaddexp(math.log1p(-model.ringing), log_ring)
     ring = np.exp(log_ring - gain)
     odds *= (ring / odds.sum(axis=1))[:, None]
-    power = float(np.sum(odds * energy)) / max(float(np.sum(odds @ sizes)) * model.noise.deviation**2, 1e-300) - 1
     best, left = evidence.argmax(axis=1), white.copy()
     bases = np.zeros((len(white), int(sizes.max()), white.shape[1]))
     for i in np.flatnonzero(ring > LEAST_RINGING):
         basis = bank.basis(int(best[i]))
         left[i] -= (basis @ white[i]) @ basis
         bases[i, : len(basis)] = basis
-    return gain, ring, left, bases, np.take_along_axis(energy, best[:, None], 1)[:, 0], max(power, LEAST_POWER)
+    own = np.take_along_axis(energy, best[:, None], 1)[:, 0]
+    return _Rings(gain, ring, left, bases, own, (float(np.sum(odds * energy)), float(np.sum(odds @ sizes))))
 
 
 def _criterion(fit: _Fit) -> float:
