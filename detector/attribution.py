@@ -179,7 +179,7 @@ def _felt(stretches: Sequence[Window], settings: Sequence[DetectorSettings]) -> 
         own = told.times + stretch.time[0] - start
         times = times if times.size else own
         width = max(width, told.width)
-        sharp = told.gain @ (stretch.accel - stretch.accel.mean())
+        sharp = told.impulses(stretch.accel - stretch.accel.mean())
         deviation = np.interp(times, own, told.deviation)
         least = np.maximum(SIGNIFICANT * deviation, LEAST_IMPULSE)
         reach = abs(chosen.length_m)

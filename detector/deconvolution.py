@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -18,12 +19,14 @@ STEP = 0.145
 """Grid of the impulses in periods of the bar."""
 IMPULSE = 0.1
 """Usual change of the joint's speed in a step of the grid [rad/s]."""
-PIECES = 8
-"""The response to impulses is made in so many pieces, which saves a robot's small computer five megabytes at its
-start."""
-MOST_KEPT = 12
-"""So many inverses are kept: of each sensor, and of each size of its noise in powers of two.  One takes 2.1 MB for 0.85
-s at 1 kHz, its answer to a wrong resonance 1.2 MB."""
+AT_ONCE = 64
+"""Samples for which a gain is formed at once: that of 850 with all that it is made of takes 15 MB for a moment."""
+MOST_KEPT = 8
+"""So many inverses are kept: of each sensor, and of each step of its noise.  One takes 2.1 MB for 0.85 s at 1 kHz, its
+answer to a wrong resonance 1.2 MB, its edges 1.2 MB."""
+OCTAVE = 4
+"""Steps of a calibrated or learnt noise within a factor of two: 9 % of its size, less than it differs between windows
+(FREEDOM of ``background``).  Each noise that is learnt anew would otherwise have inverses of its own."""
 LEAST_WIDTH, SAMPLES_WIDE = 3, 3.0
 """As long as the inverse makes an impulse: steps of the grid at least, and samples."""
 
@@ -57,28 +60,87 @@ class Edges:
 
     times: FloatArray
     width: int
-    gain: FloatArray
+    gain: NDArray[np.float32]
     deviation: FloatArray
+
+    def impulses(self, accel: FloatArray) -> FloatArray:
+        """What stands out in accelerations [m/s²], (K,) [rad/s]."""
+        return np.asarray(self.gain @ accel.astype(np.float32), np.float64)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Posterior:
+    """Impulses at times (K,) given accelerations (N,) of white noise: covariance, (K + 2, K + 2), with both phases of
+    the ring from before at the end.  The gain is formed for some samples at a time, as it takes megabytes."""
+
+    times: FloatArray
+    covariance: FloatArray
+    at: FloatArray
+    noise: float
+    settings: DetectorSettings
+
+    @classmethod
+    def of(cls, length: int, rate_hz: float, noise: float, settings: DetectorSettings) -> _Posterior:
+        """Bayes' linear inverse of eq. 7 for impulses of usual size IMPULSE."""
+        at, step = np.arange(length) / rate_hz, STEP / settings.f_res_hz
+        times = np.arange(0.0, at[-1] - step / 2, step) + step / 2
+        precision = np.diag(np.concatenate([np.full(times.size, IMPULSE**-2), [1e-4, 1e-4]]))
+        for i in range(0, length, AT_ONCE):
+            response = _responses(at[i : i + AT_ONCE], times, settings)
+            precision += response.T @ response / noise**2
+        return cls(times, np.linalg.inv(precision), at, noise, settings)
+
+    @property
+    def step(self) -> float:
+        """From one impulse to the next [s]."""
+        return float(self.times[1] - self.times[0])
+
+    @property
+    def own(self) -> FloatArray:
+        """Covariance of the impulses alone, (K, K)."""
+        return self.covariance[: self.times.size, : self.times.size]
+
+    def gain(self, samples: slice) -> FloatArray:
+        """What accelerations at these samples tell of the impulses, (K, n)."""
+        response = _responses(self.at[samples], self.times, self.settings)
+        return np.asarray(self.covariance[: self.times.size] @ response.T / self.noise**2)
+
+    def mapped(self, change: Callable[[slice], FloatArray]) -> NDArray[np.float32]:
+        """What ``change`` makes of each part of the samples, (K, N)."""
+        out = np.empty((self.times.size, self.at.size), np.float32)
+        for i in range(0, self.at.size, AT_ONCE):
+            out[:, i : i + AT_ONCE] = change(slice(i, i + AT_ONCE))
+        return out
 
 
 def noise_of(accel: FloatArray, settings: DetectorSettings) -> float:
-    """The sensor's noise [m/s²]: calibrated, or from fourth differences, in powers of two so that few are prepared."""
+    """The sensor's noise [m/s²]: calibrated or learnt, or from fourth differences, in steps, so that few are
+    prepared."""
     if settings.noise_ms2 is not None:
-        return settings.noise_ms2
+        return float(2.0 ** (round(OCTAVE * math.log2(settings.noise_ms2)) / OCTAVE))
     middle = (accel.size - 4) // 2
     rough = float(np.partition(np.abs(np.diff(accel, 4)), middle)[middle]) / (0.6745 * math.sqrt(70))
     return float(2.0 ** round(math.log2(max(rough, 0.02))))
 
 
-@lru_cache(maxsize=MOST_KEPT)
+def _bar(settings: DetectorSettings) -> DetectorSettings:
+    """Only what the inverses depend on."""
+    return DetectorSettings(settings.f_res_hz, settings.zeta, length_m=settings.length_m)
+
+
 def inverse(length: int, rate_hz: float, noise: float, settings: DetectorSettings) -> Inverse:
     """Bayes' linear inverse of eq. 7 for impulses of usual size IMPULSE, a ring from before, and white noise."""
-    times, gain, own = _solved(length, rate_hz, noise, settings)
-    step, index, period = float(times[1] - times[0]), np.arange(times.size), round(1 / STEP)
-    slow = (np.abs(index[:, None] - index) <= period // 2) / (period * step)
+    return _inverse(length, rate_hz, noise, _bar(settings))
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _inverse(length: int, rate_hz: float, noise: float, settings: DetectorSettings) -> Inverse:
+    told = _Posterior.of(length, rate_hz, noise, settings)
+    index, period = np.arange(told.times.size), round(1 / STEP)
+    slow = (np.abs(index[:, None] - index) <= period // 2) / (period * told.step)
     sums = (np.abs(index[:, None] - index) <= 1).astype(np.float64)
-    doubt = np.ascontiguousarray(integrated(integrated(own, step).T, step).T)
-    return Inverse(times, gain.astype(np.float32), _deviation(sums, own), doubt, _deviation(slow, own))
+    doubt = np.ascontiguousarray(integrated(integrated(told.own, told.step).T, told.step).T)
+    return Inverse(told.times, told.mapped(told.gain), _deviation(sums, told.own), doubt, _deviation(slow, told.own))
 
 
 def integrated(impulses: FloatArray, step: float) -> FloatArray:
@@ -88,51 +150,55 @@ def integrated(impulses: FloatArray, step: float) -> FloatArray:
     return np.concatenate([np.zeros_like(sums[:1]), sums[:-1]])
 
 
-def _solved(
-    length: int, rate_hz: float, noise: float, settings: DetectorSettings
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Times (K,), gain (K, N) and covariance (K, K) of the impulses; not kept, it takes some megabytes."""
-    time = np.arange(length) / rate_hz
-    step = STEP / settings.f_res_hz
-    impulses = np.arange(0.0, time[-1] - step / 2, step) + step / 2
-    pieces = [_response(time[:, None] - some, settings) for some in np.array_split(impulses, PIECES)]
-    response: FloatArray = np.hstack([*pieces, ring(time, settings)])
-    count = impulses.size
-    trust = np.concatenate([np.full(count, IMPULSE**-2), [1e-4, 1e-4]])
-    covariance = np.linalg.inv(response.T @ response / noise**2 + np.diag(trust))
-    gain = covariance @ response.T / noise**2
-    return impulses, gain[:count], np.asarray(covariance[:count, :count], dtype=np.float64)
-
-
-@lru_cache(maxsize=MOST_KEPT)
 def mistuned(
     length: int, rate_hz: float, noise: float, settings: DetectorSettings, share: float
 ) -> NDArray[np.float32]:
     """What a resonance set wrong by that share adds to the angles that accelerations (N,) give, shape (K, N)."""
-    right, gain, _ = _solved(length, rate_hz, noise, settings)
-    wrong, other, _ = _solved(length, rate_hz, noise, replace(settings, f_res_hz=settings.f_res_hz * (1 + share)))
-    angles = integrated(other, float(wrong[1] - wrong[0]))
-    place = np.minimum(np.searchsorted(wrong, right, side="right"), wrong.size - 1)
-    after = ((right - wrong[place - 1]) / (wrong[1] - wrong[0]))[:, None]
-    added = (1 - after) * angles[place - 1] + after * angles[place] - integrated(gain, float(right[1] - right[0]))
-    return np.asarray(added, np.float32)
+    return _mistuned(length, rate_hz, noise, _bar(settings), share)
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=MOST_KEPT)
+def _mistuned(
+    length: int, rate_hz: float, noise: float, settings: DetectorSettings, share: float
+) -> NDArray[np.float32]:
+    right = _Posterior.of(length, rate_hz, noise, settings)
+    wrong = _Posterior.of(length, rate_hz, noise, replace(settings, f_res_hz=settings.f_res_hz * (1 + share)))
+    place = np.minimum(np.searchsorted(wrong.times, right.times, side="right"), wrong.times.size - 1)
+    after = ((right.times - wrong.times[place - 1]) / wrong.step)[:, None]
+
+    def added(samples: slice) -> FloatArray:
+        angles = integrated(wrong.gain(samples), wrong.step)
+        there = (1 - after) * angles[place - 1] + after * angles[place]
+        return np.asarray(there - integrated(right.gain(samples), right.step))
+
+    return right.mapped(added)
+
+
 def edges(length: int, rate_hz: float, noise: float, settings: DetectorSettings) -> Edges:
     """The same inverse for impulses beside smooth motions of any size."""
-    times, gain, own = _solved(length, rate_hz, noise, settings)
-    step = STEP / settings.f_res_hz
-    width = 2 * math.ceil((max(SAMPLES_WIDE / rate_hz / step, LEAST_WIDTH) - 1) / 2) + 1
-    index = np.arange(times.size)
+    return _edges(length, rate_hz, noise, _bar(settings))
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _edges(length: int, rate_hz: float, noise: float, settings: DetectorSettings) -> Edges:
+    told = _Posterior.of(length, rate_hz, noise, settings)
+    width = 2 * math.ceil((max(SAMPLES_WIDE / rate_hz / told.step, LEAST_WIDTH) - 1) / 2) + 1
+    index = np.arange(told.times.size)
     wide = (np.abs(index[:, None] - index) <= width // 2).astype(np.float64)
     sharp = wide - (np.roll(wide, width, axis=0) + np.roll(wide, -width, axis=0)) / 2
-    return Edges(times, width, sharp @ gain, _deviation(sharp, own))
+    gain = told.mapped(lambda samples: sharp @ told.gain(samples))
+    return Edges(told.times, width, gain, _deviation(sharp, told.own))
 
 
 def _deviation(rows: FloatArray, covariance: FloatArray) -> FloatArray:
     """Standard deviation of each row's combination."""
     return np.asarray(np.sqrt(np.sum((rows @ covariance) * rows, axis=1)))
+
+
+def _responses(at: FloatArray, times: FloatArray, settings: DetectorSettings) -> FloatArray:
+    """Accelerations at ``at`` (n,) after an impulse at each of the times (K,) and of both phases of a ring that was
+    there before, shape (n, K + 2)."""
+    return np.hstack([_response(at[:, None] - times, settings), ring(at, settings)])
 
 
 def _response(after: FloatArray, settings: DetectorSettings) -> FloatArray:
