@@ -14,7 +14,7 @@ from lostmotion.daemon.options import AlarmOptions
 from lostmotion.daemon.records import AlarmState, Answer, Cause, Health, JointRow, Origin, ScoreRow, Transition
 from lostmotion.daemon.store import Store
 
-__all__ = ["AlarmManager"]
+__all__ = ["AlarmManager", "is_over"]
 
 TELL_S = 0.02
 """how long the main thread waits for the disk to take an alarm before it goes on and tells it later [s]"""
@@ -29,7 +29,8 @@ class AlarmManager:
 
     tell: gets what changed, and whether an earlier run may have told it already.  An alarm is told by ``tell_settled``
     once it is stored, so that no kill lets it be told twice under two names.  ``is_provisional``: the disk kept the
-    store from being opened, so what is known of earlier runs may be nothing.
+    store from being opened, so what is known of earlier runs may be nothing.  known: what the manager before a reload
+    knew on the same store, ``newest`` of it.
     """
 
     def __init__(
@@ -39,19 +40,25 @@ class AlarmManager:
         store: Store,
         tell: Callable[[Change, bool], None],
         utc: datetime,
+        known: Sequence[Change | ScoreRow] = (),
     ) -> None:
         self.is_provisional = not store.is_open
         self._store = store
         self._tell = tell
         self._options = options
         self._reader = store.reader()
-        self._monitors = {joint: requests.resume(self._reader, joint, options, utc) for joint in joints}
+        self._monitors = {joint: requests.resume(self._reader, joint, options, utc, known) for joint in joints}
         self._trend_due = dict.fromkeys(self._monitors, utc)
         self._last_request = 0
         self._last: dict[tuple[str, Cause], Transition] = {}
+        unwritten = {(one.alarm.joint, one.alarm.cause): one for one in known if isinstance(one, Transition)}
         for joint, monitor in self._monitors.items():
             for cause in Cause:
-                for _, transition in self._reader.transitions(joint, cause, newest=AGAIN):
+                stored = [transition for _, transition in self._reader.transitions(joint, cause, newest=AGAIN)]
+                last = unwritten.get((joint, cause))
+                if last is not None and (not stored or last.time > stored[-1].time):
+                    stored.append(last)
+                for transition in stored:
                     self._last[joint, cause] = transition
                     self._tell(transition, True)
             self._change([monitor.row])
@@ -64,12 +71,12 @@ class AlarmManager:
         return [monitor.row.health for monitor in self._monitors.values()]
 
     @property
-    def known(self) -> list[Change | ScoreRow]:
-        """What another database needs to go on with these joints: their health, its windows, and the last word
-        on each alarm that is not over."""
-        living = [one for one in self._last.values() if one.alarm.state is not AlarmState.NORMAL]
+    def newest(self) -> list[Change | ScoreRow]:
+        """What is known of these joints, written yet or not: their health, its windows, and the last word on each
+        alarm."""
         monitors = self._monitors.values()
-        return [*(row for one in monitors for row in one.windows), *(one.row for one in monitors), *living]
+        windows = (row for one in monitors for row in one.windows)
+        return [*windows, *(one.row for one in monitors), *self._last.values()]
 
     def scored(self, row: ScoreRow, origin: Origin | None = None) -> None:
         """A window has been scored; origin: whose play it may be."""
@@ -115,3 +122,8 @@ class AlarmManager:
                 self._last[row.alarm.joint, row.alarm.cause] = row
             elif isinstance(row, JointRow):
                 self._tell(row, False)
+
+
+def is_over(row: Change | ScoreRow) -> bool:
+    """Whether it is the last word on an alarm that is over, which another database need not begin with."""
+    return isinstance(row, Transition) and row.alarm.state is AlarmState.NORMAL

@@ -7,7 +7,7 @@ opens the store itself, which keeps a service out meanwhile (docs/decisions/0006
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -18,7 +18,7 @@ from lostmotion.daemon.database import StoreBusyError, explain
 from lostmotion.daemon.migrations import CURRENT
 from lostmotion.daemon.options import AlarmOptions
 from lostmotion.daemon.reader import Reader, open_readonly
-from lostmotion.daemon.records import Answer, JointRow, Request, micros
+from lostmotion.daemon.records import AlarmState, Answer, JointRow, Request, ScoreRow, Transition, micros
 from lostmotion.daemon.store import Store
 from lostmotion.drivers.errors import LostmotionError
 
@@ -82,12 +82,21 @@ def wait(database: Path, number: int, wait_s: float) -> Answer | None:
     return None
 
 
-def resume(reader: Reader, joint: str, options: AlarmOptions, since: datetime) -> JointMonitor:
-    """A joint's health and alarms where an earlier run left them; a new joint is OK ``since`` now."""
-    row = next((row for row in reader.joints() if row.name == joint), JointRow(joint, since=since))
-    recent, alarms = reader.scores(joint, limit=options.windows), reader.alarms(joint, living=True)
+def resume(
+    reader: Reader, joint: str, options: AlarmOptions, since: datetime, known: Sequence[Change | ScoreRow] = ()
+) -> JointMonitor:
+    """A joint's health and alarms where an earlier run left them; a new joint is OK ``since`` now.
+
+    known: what was known of the joints before a reload, where the disk may not have taken all of it yet.
+    """
+    rows = [one for one in (*known, *reader.joints()) if isinstance(one, JointRow) and one.name == joint]
+    recent = [one for one in known if isinstance(one, ScoreRow) and one.joint == joint]
+    alarms = {alarm.cause: alarm for alarm in reader.alarms(joint, living=True)}
+    alarms |= {one.alarm.cause: one.alarm for one in known if isinstance(one, Transition) and one.alarm.joint == joint}
+    living = [alarm for alarm in alarms.values() if alarm.state is not AlarmState.NORMAL]
     origin = next((origin for origin in reader.origins() if joint in origin.probabilities), None)
-    return JointMonitor(row, options, recent, alarms, origin)
+    row = rows[0] if rows else JointRow(joint, since=since)
+    return JointMonitor(row, options, recent or reader.scores(joint, limit=options.windows), living, origin)
 
 
 def take(

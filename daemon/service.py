@@ -19,7 +19,7 @@ from msgspec.structs import replace
 
 from lostmotion.daemon import counters, database, logs
 from lostmotion.daemon.alarm import Change
-from lostmotion.daemon.alarm_manager import AlarmManager
+from lostmotion.daemon.alarm_manager import AlarmManager, is_over
 from lostmotion.daemon.config import Config
 from lostmotion.daemon.no_memory import NO_MEMORY, is_no_memory
 from lostmotion.daemon.noises import Noises
@@ -34,7 +34,6 @@ from lostmotion.daemon.sinks.log import LogSink
 from lostmotion.daemon.store import Store
 from lostmotion.daemon.tasks import Tasks
 from lostmotion.daemon.timekeeper import DOUBTFUL, Timekeeper
-from lostmotion.daemon.writer import Row
 from lostmotion.drivers import clock
 from lostmotion.drivers.clock import SystemClock
 from lostmotion.drivers.errors import LostmotionError
@@ -153,11 +152,11 @@ class Service:
 
     # --- one configuration's life -----------------------------------------------------------------------------------
 
-    def _begin(self, known: Sequence[Row] = ()) -> None:
+    def _begin(self, known: Sequence[Change | ScoreRow] = ()) -> None:
         """Brings the present configuration to life: health from the store, sinks, then the pollers.
 
         known: what the last configuration knew of the alarms, where it was on the same store.  A database that has been
-        deleted since the last look at it would be read as one without alarms.
+        deleted since the last look at it would be read as one without alarms, and one on a full disk without the last.
         """
         config = self._config
         for note in config.notes:
@@ -173,7 +172,7 @@ class Service:
             self._store.look()
             if self._store.damage is not None:
                 self._renew_store(self._store.damage, known)
-        self._alarm_manager = self._open_alarm_manager()
+        self._alarm_manager = self._open_alarm_manager(known)
         self._tasks = self._open_tasks()
         self._threads = [
             threading.Thread(target=self._poll, args=(poller, self._robot.stop), name=poller.name, daemon=True)
@@ -232,7 +231,7 @@ class Service:
         """Ends what runs and begins the new; when that fails, begins the old one again and says why."""
         old_config, old_store = self._config, self._store
         self._finish()
-        known = self._alarm_manager.known
+        known = self._alarm_manager.newest
         try:
             self._live(config, robot, store, known if store is old_store else ())
         except (Exception, SystemExit) as error:  # noqa: BLE001 - the same
@@ -248,7 +247,7 @@ class Service:
             unused.close()
         return refusal
 
-    def _live(self, config: Config, robot: Robot, store: Store, known: Sequence[Row]) -> None:
+    def _live(self, config: Config, robot: Robot, store: Store, known: Sequence[Change | ScoreRow]) -> None:
         store.configure(config.robot.name, config.store.keep_windows_mb, config.store.keep_scores_days)
         self._config, self._robot, self._store = config, robot, store
         self._begin(known)
@@ -256,20 +255,21 @@ class Service:
     def _leave_damaged_store(self, damage: Exception) -> None:
         """Goes on in a new database."""
         self._finish()
-        self._renew_store(damage, self._alarm_manager.known)
+        known = self._alarm_manager.newest
+        self._renew_store(damage, known)
         self._robot, self._errors = Robot(self._config), Repeats()
-        self._begin()
+        self._begin(known)
 
-    def _renew_store(self, damage: Exception, known: Sequence[Row]) -> None:
+    def _renew_store(self, damage: Exception, known: Sequence[Change | ScoreRow]) -> None:
         """A new database, with the alarms that stand and what was not written yet; an alarm says so."""
         self._notice = f"the history begins anew: {database.explain(self._store.path, damage)}"
         self._notice_ends = time.monotonic() + NOTICE_S
-        self._store.begin_anew(known)
+        self._store.begin_anew([row for row in known if not is_over(row)])
         self._store.settled(FINISH_S)
 
-    def _open_alarm_manager(self) -> AlarmManager:
+    def _open_alarm_manager(self, known: Sequence[Change | ScoreRow] = ()) -> AlarmManager:
         joints = [joint.name for joint in self._config.joints]
-        return AlarmManager(joints, self._config.alarm, self._store, self._tell, self._utc())
+        return AlarmManager(joints, self._config.alarm, self._store, self._tell, self._utc(), known)
 
     def _know_history(self) -> None:
         """The disk, which was full at the start, has let the database be opened, and has taken all that waited."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -17,6 +17,7 @@ from lostmotion.daemon.records import AlarmEvent, Health, JointRow, Request, Sco
 from lostmotion.daemon.requests import ask
 from lostmotion.daemon.store import Store
 from tests.daemon.conftest import wait_until
+from tests.daemon.fakes import files_up_to
 
 NOON = datetime(2026, 1, 31, 12, tzinfo=UTC)
 
@@ -31,13 +32,13 @@ def store(tmp_path: Path) -> Iterator[Store]:
 class World:
     """A alarm_manager for the elbow, and what it has told."""
 
-    def __init__(self, store: Store, utc: datetime = NOON) -> None:
+    def __init__(self, store: Store, utc: datetime = NOON, known: Sequence[Change | ScoreRow] = ()) -> None:
         self.store = store
         self.told: list[tuple[Change, bool]] = []
-        self.alarm_manager = AlarmManager(["elbow"], AlarmOptions(off_delay_s=0.0), store, self._tell, utc)
+        self.alarm_manager = AlarmManager(["elbow"], AlarmOptions(off_delay_s=0.0), store, self._tell, utc, known)
 
     def _tell(self, change: Change, again: bool) -> None:
-        if isinstance(change, Transition):
+        if isinstance(change, Transition) and not self.store.problem:
             with self.store.reader() as reader:
                 assert change in [stored for _, stored in reader.transitions()]
         self.told.append((change, again))
@@ -73,6 +74,31 @@ def test_another_run_tells_the_newest_transitions_again(store: Store) -> None:
     assert second.events() == []
     assert isinstance(second.told[-1][0], JointRow)
     assert second.alarm_manager.healths == [Health.DEGRADED]
+
+
+@pytest.mark.parametrize("is_over", [False, True])
+def test_a_reload_knows_what_a_full_disk_has_not_taken(store: Store, is_over: bool) -> None:
+    """An alarm of a full disk stands after it, is told again, and is cleared once; one that was over stays so."""
+    first = World(store)
+    if is_over:
+        first.alarm_manager.look("elbow", "gone", NOON)
+        assert first.events() == [AlarmEvent.RAISED]
+    wait_until(lambda: not store.waiting())
+    with files_up_to(40_000):
+        store.add(*(ScoreRow("other", NOON + timedelta(seconds=k), 0.25, 1.0, 8.0, False) for k in range(12_000)))
+        wait_until(lambda: store.problem)
+        first.alarm_manager.look("elbow", "" if is_over else "gone", NOON + timedelta(seconds=1))
+        assert first.events()[-1] is (AlarmEvent.CLEARED if is_over else AlarmEvent.RAISED)
+        first.alarm_manager.close()
+        second = World(store, NOON + timedelta(seconds=2), first.alarm_manager.newest)
+        assert second.events(again=True)[-1] is first.events()[-1]
+    wait_until(lambda: not store.waiting())
+    second.alarm_manager.look("elbow", "", NOON + timedelta(seconds=9))
+    assert second.events() == ([] if is_over else [AlarmEvent.CLEARED])
+    wait_until(lambda: not store.waiting())
+    with open_readonly(store.path) as reader:
+        assert [change.event for _, change in reader.transitions()] == [AlarmEvent.RAISED, AlarmEvent.CLEARED]
+        assert reader.active_alarms() == []
 
 
 def test_requests_are_taken_up_once(store: Store) -> None:
