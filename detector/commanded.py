@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from lostmotion.detector import legendre
-from lostmotion.detector.servo import GRID_S, ServoLaw, smoothing
+from lostmotion.detector.servo import GRID_S, ServoLaw, delayed, smoothing
 from lostmotion.detector.window import FloatArray, Window
 
 __all__ = ["BEFORE_S", "Commanded", "cornered", "smoothed"]
@@ -82,12 +82,13 @@ class Commanded:
     def followed(self, servo: ServoLaw) -> Commanded:
         """The motion of a servo of which that is known: the mean over the ways in which it may follow, and their
         covariance."""
-        count, span = max(round(2 * self.half / GRID_S), len(self.coefficients)), round(2 * self.half, 2)
         ways = np.flatnonzero(servo.odds)
-        odds = servo.odds[ways]
-        turned = np.array([_following(count, len(self.coefficients) - 1, span, int(way)) for way in ways])
-        each = turned @ self.coefficients
-        mean, matrix = odds @ each, np.tensordot(odds, turned, 1)
+        if ways.tolist() == [0]:
+            return self
+        odds, degree = servo.odds[ways], len(self.coefficients) - 1
+        basis, inverse = _grid(max(round(2 * self.half / GRID_S) + 1, degree + 1), degree)
+        each = delayed(basis @ self.coefficients, ways) @ inverse.T
+        mean, matrix = odds @ each, inverse @ (smoothing(len(basis), odds, ways) @ basis)
         apart = each - mean
         covariance = matrix @ self.covariance @ matrix.T + (apart.T * odds) @ apart
         return replace(self, coefficients=mean, covariance=covariance)
@@ -192,11 +193,11 @@ def _weights(angle: FloatArray) -> tuple[FloatArray, float]:
     return 1.0 / np.bincount(run)[run], max(step / math.sqrt(12), EXACT)
 
 
-@lru_cache(maxsize=64)
-def _following(count: int, degree: int, span_s: float, way: int) -> FloatArray:
-    """Coefficients of the motion that a servo makes of a polynomial."""
+@lru_cache(maxsize=8)
+def _grid(count: int, degree: int) -> tuple[FloatArray, FloatArray]:
+    """Polynomials on an even grid, shape (count, degree + 1), and what makes coefficients of values there."""
     basis = _basis(np.linspace(-1, 1, count), degree)
-    return np.asarray(np.linalg.pinv(basis) @ (smoothing(count, span_s, way) @ basis))
+    return basis, np.asarray(np.linalg.pinv(basis))
 
 
 @lru_cache(maxsize=16)

@@ -45,11 +45,11 @@ def relative_motion(
 ) -> tuple[RelativeMotion, Contacts, OffsetLaw]:
     """D, where the joint may touch its gear, and what is known of the sensor's offset after this stretch."""
     followed = command.followed(servo)
-    accel, doubt, offset = _levelled(stretch, followed, settings, offset)
     noise = noise_of(stretch.accel, settings)
-    undone = inverse(accel.size, stretch.rate_hz, noise, settings)
-    impulses = undone.impulses(accel)
+    undone = inverse(stretch.accel.size, stretch.rate_hz, noise, settings)
     basis = command.basis(np.minimum(undone.times, command.end))
+    accel, doubt, offset = _levelled(stretch, followed, undone.times, basis, settings, offset)
+    impulses = undone.impulses(accel)
     wrong = mistuned(accel.size, stretch.rate_hz, noise, settings, MISTUNED) @ accel.astype(np.float32)
     otherwise = (SHAPE * servo.delay[0] ** 2, basis @ command.coefficients, wrong.astype(np.float64))
     apart = _apart(undone, impulses, followed, basis, otherwise, doubt, settings)
@@ -57,18 +57,20 @@ def relative_motion(
 
 
 def _levelled(
-    stretch: Window, command: Commanded, settings: DetectorSettings, offset: OffsetLaw
-) -> tuple[FloatArray, tuple[float, float], OffsetLaw]:
+    stretch: Window, command: Commanded, times: FloatArray, basis: FloatArray, settings: DetectorSettings,
+    offset: OffsetLaw,
+) -> tuple[FloatArray, tuple[float, float], OffsetLaw]:  # fmt: skip
     """Accelerations without what the sensor reads beside motion, the standard deviations of what may remain of offset
     [m/s²] and gravity [m/s² per rad], and what is known of them after this window.
 
-    Of the offset this window tells as much as it does for all of them, with the deviation OWN that its play leaves.
+    basis: of the command at times from the stretch's start [s].  Of the offset this window tells as much as it does for
+    all of them, with the deviation OWN that its play leaves.
     """
     local = stretch.time - stretch.time[0]
-    basis = command.basis(np.minimum(local, command.end))
+    angle = np.interp(local, times, basis @ command.coefficients)
+    driven = np.interp(local, times, command.derivative(basis, 2))
     known = local <= command.end
-    reading = stretch.accel[known] - settings.length_m * command.derivative(basis, 2)[known]
-    angle = basis @ command.coefficients
+    reading = stretch.accel[known] - settings.length_m * driven[known]
     offset = offset.updated(averaged(angle[known]), averaged(reading))
     read, level, slope = offset.read(angle)
     share = level**2 / (level**2 + OWN**2)

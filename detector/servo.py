@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from lostmotion.detector.window import FloatArray
 
-__all__ = ["AT_ONCE", "DELAYS", "GRID_S", "ORDERS", "SPAN_S", "UNKNOWN", "ServoLaw", "followed", "smoothing"]
+__all__ = ["AT_ONCE", "DELAYS", "GRID_S", "ORDERS", "SPAN_S", "UNKNOWN", "ServoLaw", "delayed", "followed", "smoothing"]
 
 GRID_S = 0.004
 """Grid of the commands, and of the delays that are compared [s]."""
@@ -97,20 +97,26 @@ def followed(times: FloatArray, commands: FloatArray, start: float, count: int, 
     GRID_S from ``start`` [s] on."""
     before = round(SPAN_S / GRID_S)
     grid = start + GRID_S * np.arange(-before, count)
-    goal = np.interp(grid, times, commands)
-    rows = np.lib.stride_tricks.sliding_window_view(goal, before + 1)
+    return delayed(np.interp(grid, times, commands), chosen)[:, before:]
+
+
+def delayed(goal: FloatArray, chosen: NDArray[np.intp]) -> FloatArray:
+    """What the servo makes in each of the chosen ways of values on a grid of GRID_S, (count,), before which the goal
+    stood still, shape (C, count)."""
+    taps = responses().shape[1]
+    rows = np.lib.stride_tricks.sliding_window_view(np.concatenate([np.full(taps - 1, goal[0]), goal]), taps)
     return np.asarray((rows @ responses()[chosen].T).T)
 
 
-@lru_cache(maxsize=64)
-def smoothing(count: int, span_s: float, way: int) -> FloatArray:
-    """What the servo makes of ``count`` even values that span so many seconds, shape (count, count); before the first
-    one the goal stood still."""
-    ago = (np.arange(count)[:, None] - np.arange(count)) * (span_s / (count - 1))
-    edges = np.concatenate([ago + span_s / (count - 1) / 2, ago[:, -1:] - span_s / (count - 1) / 2], axis=1)
-    edges[:, 0] = np.inf
-    reached = _step_response(np.maximum(edges, 0.0), way)
-    return np.asarray(reached[:, :-1] - reached[:, 1:])
+def smoothing(count: int, odds: FloatArray, chosen: NDArray[np.intp]) -> FloatArray:
+    """The same for the mean of the chosen ways, as a matrix, shape (count, count)."""
+    response = np.zeros(2 * count)
+    mean = (odds @ responses()[chosen])[::-1][:count]
+    response[count : count + mean.size] = mean
+    ago = np.arange(count)[:, None] - np.arange(count)
+    matrix = response[ago + count]
+    matrix[:, 0] += 1 - matrix.sum(axis=1)
+    return np.asarray(matrix)
 
 
 def _step_response(since: FloatArray, way: int) -> FloatArray:
