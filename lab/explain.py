@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lostmotion.lab import words
+from lostmotion.lab import policy, words
 from lostmotion.lab.data.excerpt import excerpts
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.noise import innovation_noise
@@ -46,14 +46,6 @@ from lostmotion.model.effects import get_effect
 
 __all__ = ["explain"]
 
-BUDGET_S = 60.0
-"""What a person waits for an answer [s]."""
-SEARCH_SHARE = 0.75
-"""Of the budget; the rest is for the last refinement and for the description of what is left."""
-MOST_SAMPLES, STEP_COST = 6400, 0.4
-"""Samples that a search of a minute can use, an integration step costing as much as this part of one: two recordings of
-4 s at 800 Hz, in steps of 0.5 ms, take half a minute (docs/lab.md); three of 20 s had no answer after nine minutes."""
-
 
 def explain(
     model: Model,
@@ -61,7 +53,7 @@ def explain(
     pool: Executor,
     progress: Progress = lambda what, part: None,
     seed: int = 0,
-    budget_s: float = BUDGET_S,
+    budget_s: float = policy.BUDGET_S,
 ) -> Explanation:
     """What these experiments say is missing from the model.
 
@@ -79,11 +71,11 @@ def explain(
     train, last = _used(model, train, last, budget_s)
     task = Task.of(model, train, noise)
     progress("fitting what is there", 0.0)
-    with within(SEARCH_SHARE * budget_s):
+    with within(policy.SEARCH_SHARE * budget_s):
         search = _searched(model, task, last, pool, np.random.default_rng(seed), progress)
         untried = _untried(search.level.model, search.steps) if is_over() else ()
     progress("refining", 0.9)
-    with within((1 - SEARCH_SHARE) * budget_s):
+    with within((1 - policy.SEARCH_SHARE) * budget_s):
         found = _explanation(search)
     progress("done", 1.0)
     used_s = sum(one.duration for one in (*train, last)), whole_s
@@ -131,8 +123,8 @@ def _used(
 ) -> tuple[list[Experiment], Experiment]:
     """What a search of so long can use of the experiments to fit, and of the last one."""
     step = coarse_substep(rubbing(model, train), train)
-    rate = max(max(one.rate_hz for one in (*train, last)), STEP_COST / step)
-    most_s = MOST_SAMPLES * budget_s / BUDGET_S / rate
+    rate = max(max(one.rate_hz for one in (*train, last)), policy.STEP_COST / step)
+    most_s = policy.BUDGET_SAMPLES * budget_s / policy.BUDGET_S / rate
     return excerpts(train, most_s), excerpts([last], most_s / 2)[0]
 
 

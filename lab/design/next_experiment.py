@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lostmotion.lab import words
+from lostmotion.lab import policy, words
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.quantity import quantity
 from lostmotion.lab.shooting.continuation import first_level, tiles
@@ -27,10 +27,6 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["what_to_record"]
 
 LENGTH_S = 4.0
-BETTER = 1.5
-"""Times what the recordings show already, for a motion to be worth recording."""
-SEEN = 5.0
-"""Standard deviations by which the models differ over the length of a recording, for a motion to tell them apart."""
 REST_S = 0.5
 INPUT_UNITS = {"oscillator": "N", "joint": "N m"}
 
@@ -57,7 +53,7 @@ def what_to_record(models: Sequence[Model], task: Task, pool: Executor) -> str:
     best = int(np.argmax(apart))
     names = " and ".join(words.name(_own(model, models)) for model in models)
     samples = LENGTH_S * task.experiments[0].rate_hz
-    if apart[best] * math.sqrt(samples) < SEEN or apart[best] < BETTER * here:
+    if apart[best] * math.sqrt(samples) < policy.SEEN or apart[best] < policy.WORTH_RECORDING * here:
         known = f"{here:.2g} times the noise"
         return f"No motion that was tried tells {names} further apart than these recordings do: {known}."
     return (

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lostmotion.lab import words
+from lostmotion.lab import policy, words
 from lostmotion.lab.data.autoregression import NoiseModel
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.deadline import is_over
@@ -41,9 +41,6 @@ FIRST, FACTOR, FURTHEST = 0.03, 10**0.5, 4
 """Sizes of the unknown input tried: a first one, as a share of what acts there already, and so on by this factor."""
 UNITS = {"joint": "N m", "oscillator": "N", "command": "rad"}
 NONE = 1e-4
-DEPENDS = 0.6
-"""A variable counts when it explains this share of what the best one does, and is not a mere companion of it."""
-LEAST_SHARE = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,10 +64,12 @@ class Localisation:
     @property
     def depends_on(self) -> tuple[str, ...]:
         """The variable that explains most of it, and those that do nearly as well; none where no one does."""
-        if not self.shapes or self.shapes[0].explained < LEAST_SHARE:
+        if not self.shapes or self.shapes[0].explained < policy.FOLLOWS_INPUT:
             return ()
         best = self.shapes[0].explained
-        return tuple(s.variable for s in self.shapes if s.explained > max(LEAST_SHARE, (1 + DEPENDS) / 2 * best))
+        return tuple(
+            s.variable for s in self.shapes if s.explained > max(policy.FOLLOWS_INPUT, policy.FOLLOWS_ALSO * best)
+        )
 
     def document(self) -> dict[str, object]:
         """The key ``residual`` with what supports it."""

@@ -15,6 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from lostmotion.lab import policy
 from lostmotion.lab.data.clipping import with_range
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.noise import noise_floor
@@ -29,10 +30,6 @@ from lostmotion.model.motion import FloatArray
 
 __all__ = ["Progress", "fit_of", "fit_segments", "noise_of", "refined_fit", "rms_by_column"]
 
-SURE = 1.959964
-"""Standard deviations to either side of a 95 % interval."""
-TOLD = 0.5
-"""A parameter is told when its standard deviation is below this, in its logarithm or in its scale."""
 REFINED_STEPS = 1.0
 PROMISED = 1e-4
 """What solver and interpolated input can promise of any parameter, relative: where impacts amplify all, the noise alone
@@ -124,8 +121,10 @@ def rms_by_column(segments: Sequence[tuple[Segment, FloatArray]]) -> dict[str, f
 
 
 def _estimate(item: Unknown, z: float, deviation: float, unit: str, at_bound: bool) -> Estimate:
-    ends = sorted((_unbounded(item, z - SURE * deviation), _unbounded(item, z + SURE * deviation)))
-    return Estimate(item.name, item.value(z), ends[0], ends[1], unit, deviation < TOLD, at_bound)
+    ends = sorted(
+        (_unbounded(item, z - policy.HALF_WIDTH * deviation), _unbounded(item, z + policy.HALF_WIDTH * deviation))
+    )
+    return Estimate(item.name, item.value(z), ends[0], ends[1], unit, deviation < policy.TOLD, at_bound)
 
 
 def _unbounded(item: Unknown, z: float) -> float:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lostmotion.lab import policy
 from lostmotion.lab.data.noise import NoiseModel, innovation_noise
 from lostmotion.lab.shooting.continuation import Level, followed
 from lostmotion.lab.shooting.initial_guess import faint, scales_of
@@ -102,7 +103,7 @@ def score_test(
         found[effect] = max(found.get(effect, direction), direction, key=lambda d: (d.possible, d.statistic))
     ordered = tuple(sorted(found.values(), key=lambda direction: -direction.statistic))
     p = {d.effect: float((1 + np.sum(largest >= d.statistic)) / (1 + DRAWS)) for d in ordered}
-    return Scores(ordered, float(np.quantile(largest, 0.95)), p, noise)
+    return Scores(ordered, float(np.quantile(largest, 1 - policy.FALSE_NAME)), p, noise)
 
 
 def _linearised(segment: Segment, level: Level, substep_s: float) -> Linearised:
