@@ -17,23 +17,18 @@ HALF_WIDTH = NormalDist().inv_cdf((1 + CONFIDENCE) / 2)
 """Standard deviations of a normal variable to either side of such an interval."""
 SIGNIFICANT = 0.05
 """Level of the tests of a residual in a comparison: of a correlation, and of the false discoveries among all maps."""
-FALSE_BAND = 0.01
-"""Chance that any band of a residual that is noise counts as standing out."""
 FALSE_LINE = 1e-3
-"""Chance with which noise may pass for a line."""
+"""Chance with which noise may pass for a line, or any band of its spectrum for more than noise."""
 SPREAD = 1.6
 """Variance of the logarithms of the variances of blocks of a residual, over that of noise, from which on it is none;
 noise of a few hundred blocks stays within 1.3."""
 TOLD = 0.5
 """A parameter is told when its standard deviation is below this share of its value, or of its scale."""
-FOLLOWS_STATE = 0.15
+FOLLOWS_STATE = 0.25
 """Share of the variance of what is left, on blocks that were left out, that a state must explain to be told as what it
 follows."""
-FOLLOWS_INPUT, FOLLOWS_ALSO = 0.25, 0.8
-"""The same of an input that a filter has found; and the share of what the best state explains, for another one to be
-told beside it."""
-FORMULA = 0.9
-"""Share of a curve's weighted variance from which on a formula fits it."""
+FOLLOWS_ALSO = 0.8
+"""Share of what the best state explains, for another one to be told beside it."""
 GOOD = 1.15
 """Times the noise up to which the error of a comparison is the noise's own."""
 WORTH_RECORDING, SEEN = 1.5, 5.0
@@ -104,12 +99,9 @@ SELECTION_SHARE = 0.9
 friction had made superfluous was named of a pendulum whose search took all of a minute."""
 SEARCH_SHARE = 0.75
 """Of the budget, for a search of gears; the rest is for the last refinement and for the description of what is left."""
-BUDGET_SAMPLES, STEP_COST = 6400, 0.4
-"""Samples of gears that a search of a minute can use, an integration step costing as much as this part of one: two
-recordings of 4 s at 800 Hz, in steps of 0.5 ms, take half a minute; three of 20 s had no answer after nine minutes."""
-WINDOW_SHARE = 0.25
-"""Of what may be used of long recordings, the shortest window: rather fewer recordings than windows too short to follow
-a motion."""
+BUDGET_SAMPLES = 6400
+"""Samples of gears that a search of a minute can use: two recordings of 4 s at 800 Hz, in steps of 0.5 ms, take half a
+minute; three of 20 s had no answer after nine minutes."""
 
 # Gears: evidence on data that no fit has seen
 
@@ -126,7 +118,7 @@ FAR_GAIN = 0.6
 DELAY_GAIN = 0.003
 """What another effect that delays must lower the misfit of unseen data by: ten in log-likelihood, for a recording of
 4 s."""
-ALIKE = 0.02
+ALIKE = 0.03
 """Errors of unseen data that differ by this share count as equal, and their effects as confusable."""
 FULL = 3.0
 """Times the limit of the score test, from which on data are full of something; noise stays within half of this."""
@@ -159,21 +151,8 @@ STANDS_OUT = 0.75
 """An effect whose error is below this part of the next one's is taken on trust, and a function is believed that lowers
 the error to this part."""
 NEARER = 0.87
-"""Part of another cost of observer runs, below which one is far ahead of it."""
-NEARER_ALONE = 0.9
-"""To this part of the cost without it the first of two effects must bring observer runs."""
-COUNTED = 0.93
-"""Part of the error of the next effect, below which one is worth searching its whole numbers from the beginning."""
-STILL = 0.9
-"""Part of the error before, below which beginning anew is worth another time."""
-USELESS = 0.85
-"""Share of the error without it, from which on no effect is worth a fit."""
-UNFOLLOWED = 1.4
-"""Times the cost of what observer runs come nearest to, from which on another effect is not followed."""
-OBSERVED_BEHIND = 2.0
-"""Times the second best cost, from which on an effect is no longer searched with observer runs."""
+"""Part of another error, or cost of observer runs, below which one is clearly better: an effect than none at all, or
+than the next one, a fit that began anew than the one before."""
 FIRST_BEHIND, BEHIND = 1.8, 3.0
-"""Times the error of the best, from which on another one is dropped by successive halving: at its start, when
-longer."""
-SIMPLER_BEHIND = 1.5
-"""Times the error on the training data, from which on a simpler model need not be judged."""
+"""Times the error (or cost of observer runs) of the best, from which on another one is dropped: at the start of
+successive halving, and on longer segments."""

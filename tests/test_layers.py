@@ -21,7 +21,7 @@ ALLOWED = {
 }
 LAB = (
     ("errors", "policy", "quantity", "deadline"), ("parallel", "data"), ("results",), ("words", "models"),
-    ("shooting",), ("observer",), ("fitting",), ("selection", "design"), ("discrepancy",), ("inverse",),
+    ("shooting",), ("observer",), ("fitting",), ("selection", "design"), ("discrepancy",), ("inverse", "gears"),
     ("comparison",), ("explain", "estimate"), ("report",), ("commands",), ("cli", "__init__"),
 )  # fmt: skip
 """the rooms of the lab from the lowest up"""

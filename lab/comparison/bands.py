@@ -83,6 +83,6 @@ def _bands(
             continue
         left, floor, all_of_it = (float(np.sqrt(np.sum(d[inside]) * step)) for d in (residual, noise, signal))
         freedom = max(2 * averages * max(bins / 1.5, 1.0), 1.0)  # a Hann window smears a line over 1.5 bins
-        limit = float(chdtri(freedom, policy.FALSE_BAND / (edges.size - 1))) / freedom
+        limit = float(chdtri(freedom, policy.FALSE_LINE / (edges.size - 1))) / freedom
         found.append(Band(float(low), float(high), left, floor, all_of_it, left**2 > limit * floor**2))
     return tuple(found)

@@ -6,11 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["excerpts"]
+
+WINDOW_SHARE = 0.25
+"""Of what may be used, the shortest window: rather fewer recordings than windows too short to follow a motion."""
 
 
 def excerpts(experiments: Sequence[Experiment], most_s: float) -> list[Experiment]:
@@ -21,7 +23,7 @@ def excerpts(experiments: Sequence[Experiment], most_s: float) -> list[Experimen
     """
     if sum(one.duration for one in experiments) <= most_s:
         return list(experiments)
-    window = max(most_s / len(experiments), policy.WINDOW_SHARE * most_s)
+    window = max(most_s / len(experiments), WINDOW_SHARE * most_s)
     chosen: dict[int, Experiment] = {}
     left = most_s
     for at in _spread(len(experiments)):

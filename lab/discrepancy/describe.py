@@ -35,6 +35,8 @@ from lostmotion.model.signals import BAR_FORCE, GAP, SENSOR, TORQUE
 
 __all__ = ["described"]
 
+FORMULA = 0.9
+"""Share of a curve's weighted variance from which on a formula fits it."""
 LEAST_POINTS = 3
 """Fewer heights that are known make no curve."""
 FORMS: Mapping[str, Callable[[FloatArray], FloatArray]] = {
@@ -190,7 +192,7 @@ def _beyond(values: FloatArray, x: FloatArray, deviation: FloatArray, degree: in
 def _formula(curve: Curve, degree: int) -> str | None:
     """One term that fits the curve, if there is one."""
     deviation = (curve.high - curve.low) / 2
-    best, text = 1 - policy.FORMULA, None
+    best, text = 1 - FORMULA, None
     total = float(np.sum((curve.mean / deviation) ** 2))
     for form, function in FORMS.items():
         shape = _beyond(function(curve.x), curve.x, deviation, degree)

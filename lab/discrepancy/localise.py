@@ -59,11 +59,11 @@ class Localisation:
     @property
     def depends_on(self) -> tuple[str, ...]:
         """The variable that explains most of it, and those that do nearly as well; none where no one does."""
-        if not self.shapes or self.shapes[0].explained < policy.FOLLOWS_INPUT:
+        if not self.shapes or self.shapes[0].explained < policy.FOLLOWS_STATE:
             return ()
         best = self.shapes[0].explained
         return tuple(
-            s.variable for s in self.shapes if s.explained > max(policy.FOLLOWS_INPUT, policy.FOLLOWS_ALSO * best)
+            s.variable for s in self.shapes if s.explained > max(policy.FOLLOWS_STATE, policy.FOLLOWS_ALSO * best)
         )
 
     def document(self) -> dict[str, object]:

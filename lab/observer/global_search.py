@@ -227,7 +227,7 @@ def _opposite(model: Model, values: dict[str, float]) -> dict[str, float]:
 def _leading(populations: list[tuple[_Population, str]], most: int, niches: int) -> list[tuple[_Population, str]]:
     """Those of the best few effects, and of more effects those that are not far behind; so many of each."""
     each = _of_each_effect(populations)
-    least = policy.OBSERVED_BEHIND * float(each[min(1, len(each) - 1)][0][0].costs.min())
+    least = policy.FIRST_BEHIND * float(each[min(1, len(each) - 1)][0][0].costs.min())
     kept = [pairs for i, pairs in enumerate(each[:most]) if i < policy.FITTED or pairs[0][0].costs.min() < least]
     return [pair for pairs in kept for pair in pairs[:niches]]
 

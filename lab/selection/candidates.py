@@ -106,7 +106,7 @@ def far_trials(
     full = _full_fits([(trial.effect, trial.level.model) for trial in (*near[:few], *strongest)], task, pool)
     if not observed:
         return _halving(full, task, horizon_s, pool, base.typical), []
-    if full and full[0].level.typical < min(policy.FAR, policy.USELESS * base.typical):
+    if full and full[0].level.typical < min(policy.FAR, policy.NEARER * base.typical):
         survivors = _halving(full, task, horizon_s, pool, base.typical)
         if survivors and not is_left(trained(survivors[0].level, task.substep_s)):
             # it may have a parameter too many
@@ -125,14 +125,14 @@ def next_trials(
     few = _nearest(near, policy.FITTED)
     full = _full_fits([*few, *(("", model) for model in known)], task, pool) if few else []
     before = next((trial.level.typical for trial in full if not trial.effect), math.inf)
-    useful = [trial for trial in full if trial.level.typical < policy.USELESS * before]
+    useful = [trial for trial in full if trial.level.typical < policy.NEARER * before]
     return _halving(useful, task, horizon_s, pool, before) if useful else []
 
 
 def pair_trials(base: Level, first: Sequence[Near], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
     """Fits with two more effects at once, named by the second one: those that bring observer runs with one of the first
     ones nearest to the measurement.  None where the first ones bring them hardly nearer: what is missing is another."""
-    if not first or first[0].cost > policy.NEARER_ALONE * cost_of(base, task):
+    if not first or first[0].cost > policy.NEARER * cost_of(base, task):
         return []
     pairs = [shortlist(base, others(one.model), task, pool, one) for one in first]
     nearer = [
@@ -155,7 +155,9 @@ def followed_fit(near: Near, task: Task) -> Trial:
 def _nearest(ordered: Sequence[Near], begin: int = 0) -> list[tuple[str, Model]]:
     """Of the first few effects, or the next ones, those that are not far behind."""
     effects = {near.effect for near in best_of_each(ordered)[begin : begin + policy.FITTED]}
-    followed = [near for near in ordered if near.effect in effects and near.cost < policy.UNFOLLOWED * ordered[0].cost]
+    followed = [
+        near for near in ordered if near.effect in effects and near.cost < policy.FIRST_BEHIND * ordered[0].cost
+    ]
     return [(near.effect, near.model) for near in followed[: policy.FITTED + 1]]
 
 
@@ -178,9 +180,9 @@ def _full_fits(begin: Sequence[tuple[str, Model]], task: Task, pool: Executor) -
 
 def _halving(full: Sequence[Trial], task: Task, horizon_s: float, pool: Executor, before: float) -> list[Trial]:
     each = _settled(best_of_each(full), task, pool)
-    if each and each[0].level.typical > max(policy.USELESS * before, policy.FAR):
+    if each and each[0].level.typical > max(policy.NEARER * before, policy.FAR):
         return each[: policy.FEWEST]
-    if len(each) < 2 or each[0].level.typical < policy.COUNTED * each[1].level.typical:
+    if len(each) < 2 or each[0].level.typical < policy.NEARER * each[1].level.typical:
         each[:1] = [_recounted(trial, task, pool, _repaired) for trial in each[:1]]
     survivors = _survivors(each, task, horizon_s, pool)
     return _ordered([_recounted(trial, task, pool, refined) for trial in survivors])
@@ -199,7 +201,7 @@ def _settled(each: list[Trial], task: Task, pool: Executor) -> list[Trial]:
         fits = pool.map(nearest_fit, models, [task] * TOGETHER, seeds, [policy.HOPELESS] * TOGETHER)
         anew = [Trial(trial.effect, fit) for trial, fit in zip(few, fits, strict=True)]
         each = best_of_each(_ordered([*each, *anew]))
-        if not each[0].level.typical < policy.STILL * best:
+        if not each[0].level.typical < policy.NEARER * best:
             break
     return each
 

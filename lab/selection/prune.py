@@ -34,7 +34,7 @@ def simplified(
     """
     for model in _simpler(level.model, [e for e in unseen.task.added(level.model) if e not in kept]):
         fit = full_fit(model, unseen.task, policy.HOPELESS)
-        if not fit.typical < policy.SIMPLER_BEHIND * level.typical:
+        if not fit.typical < policy.FIRST_BEHIND * level.typical:
             continue
         fit = grown(fit, unseen.task)
         judged = unseen.judge(fit.model, descent[-1])

@@ -48,7 +48,7 @@ class Tried:
         """Schwarz's on unseen data, errors within 3 % of each other counting as equal: then fewer parameters, whole
         numbers that are searched among them."""
         parameters = sum(not p.fixed or p.domain.is_whole for p in self.level.model.parameters.values())
-        return round(self.misfit / 0.03) + 0.01 * parameters * math.log(self.judged.count)
+        return round(self.misfit / policy.ALIKE) + 0.01 * parameters * math.log(self.judged.count)
 
 
 @dataclass(frozen=True, eq=False)
