@@ -192,9 +192,7 @@ def _with_intervals(ranking: Sequence[Ranked], fit: Fit) -> tuple[Ranked, ...]:
 
 
 def _values(tried: Tried) -> dict[str, tuple[float, float, float]]:
-    prefix = tried.effect + "."
-    own = {n.removeprefix(prefix): p.value for n, p in tried.level.model.parameters.items() if n.startswith(prefix)}
-    return {name: (value, value, value) for name, value in own.items()}
+    return {name: (p.value, p.value, p.value) for name, p in tried.level.model.own(tried.effect).items()}
 
 
 def _unvalidated(steps: Sequence[Step]) -> list[str]:

@@ -18,11 +18,11 @@ from lostmotion.lab import policy, words
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.quantity import quantity
 from lostmotion.lab.shooting.continuation import first_level, tiles
+from lostmotion.lab.shooting.least_squares import projected_off
 from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.lab.shooting.segment import Linearised, Segment, start_with, state_scales
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Chirp, HandWaved, Model, ModelError, Motion, Sampled, Sine
-from lostmotion.model.motion import FloatArray
 
 __all__ = ["what_to_record"]
 
@@ -146,13 +146,7 @@ def _apart(
         r = segment.residual(own, start_with(own, segment, before.state_names), substep_s) - block.r
         if not np.all(np.isfinite(r)):
             return 0.0
-        differences.append(_without(block.B, r))
-        slopes.append(_without(block.B, block.A))
-    left = _without(np.concatenate(slopes), np.concatenate(differences))
+        differences.append(projected_off(block.B, r))
+        slopes.append(projected_off(block.B, block.A))
+    left = projected_off(np.concatenate(slopes), np.concatenate(differences))
     return float(np.sqrt(np.mean(left**2)))
-
-
-def _without(columns: FloatArray, values: FloatArray) -> FloatArray:
-    """What is left of the values when all that the columns (M, P) explain is taken out."""
-    q = np.linalg.qr(columns)[0]
-    return np.asarray(values - q @ (q.T @ values))

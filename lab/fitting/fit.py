@@ -22,8 +22,9 @@ from lostmotion.lab.data.noise import noise_floor
 from lostmotion.lab.fitting.strategy import first_fit, grown
 from lostmotion.lab.results import Estimate, Fit
 from lostmotion.lab.shooting.continuation import Level, fitted, followed
+from lostmotion.lab.shooting.least_squares import projected_off
 from lostmotion.lab.shooting.parameters import Unknown, Unknowns
-from lostmotion.lab.shooting.segment import FINE_STEP, Linearised, Segment
+from lostmotion.lab.shooting.segment import FINE_STEP, Segment
 from lostmotion.lab.shooting.task import Task, coarse_substep
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
@@ -142,17 +143,12 @@ def _covariance(level: Level, substep_s: float) -> FloatArray:
         return np.diag(level.unknowns.prior**2)
     correlated = _autocovariance([block.r for block in blocks], _lags(good[0]))
     for block in blocks:
-        J = _without_start(block)
+        J = projected_off(block.B, block.A)
         H += J.T @ J
         G += J.T @ _smeared(J, correlated)
     inverse = np.linalg.pinv(H, hermitian=True)
     covariance = inverse @ G @ inverse
     return np.asarray((covariance + covariance.T) / 2 + PROMISED**2 * np.eye(level.z.size))
-
-
-def _without_start(block: Linearised) -> FloatArray:
-    q, _ = np.linalg.qr(block.B)
-    return np.asarray(block.A - q @ (q.T @ block.A))
 
 
 def _lags(segment: Segment) -> int:

@@ -18,6 +18,7 @@ from lostmotion.lab.inverse.torques import follows_motion, inertia_of, needed
 from lostmotion.lab.selection.candidates import others
 from lostmotion.lab.selection.nesting import wider, without
 from lostmotion.lab.shooting.initial_guess import initial_guesses, natural_frequency
+from lostmotion.lab.shooting.least_squares import projected_off
 from lostmotion.lab.shooting.parameters import free_names
 from lostmotion.model import Model, ModelError, build_model
 from lostmotion.model.effects import get_effect
@@ -158,12 +159,8 @@ def torques_of(effect: str, model: Model, signals: Sequence[Signals]) -> list[Fl
 
 def are_apt(model: Model, effects: Sequence[str]) -> bool:
     """Whether each of these effects is what its name says, with the model's values."""
-    return all(get_effect(name).is_apt(_own(model, name)) for name in effects)
-
-
-def _own(model: Model, effect: str) -> dict[str, float]:
-    prefix = f"{effect}."
-    return {name.removeprefix(prefix): p.value for name, p in model.parameters.items() if name.startswith(prefix)}
+    own = {name: {part: p.value for part, p in model.own(name).items()} for name in effects}
+    return all(get_effect(name).is_apt(values) for name, values in own.items())
 
 
 def _fitted_from_guesses(name: str, wide: Model, now: Regression, most: int, steps: int) -> Regression | None:
@@ -223,7 +220,7 @@ def _promise(name: str, start: Model, now: Regression, data: Problem) -> tuple[f
     column = data.residual(start, beside) - now.residual
     if not np.isfinite(column).all() or column @ column <= ROUNDING**2 * (now.residual @ now.residual):
         return None
-    own = _off(now.jacobian, column)
+    own = projected_off(now.jacobian, column)
     power = float(own @ own)
     if power <= 1e-12 * float(column @ column):
         return None
@@ -253,7 +250,9 @@ def _zeros(name: str, start: Model, now: Regression, data: Problem) -> FloatArra
 
 def _likeness(column: FloatArray, now: Regression) -> list[float]:
     """How much of each recording's residual a column takes away that the fitted parameters do not explain."""
-    parts = zip(by_recording(_off(now.jacobian, column), now.data), by_recording(now.residual, now.data), strict=True)
+    parts = zip(
+        by_recording(projected_off(now.jacobian, column), now.data), by_recording(now.residual, now.data), strict=True
+    )
     return [-float(own @ residual) / max(float(np.linalg.norm(own)), 1e-100) for own, residual in parts]
 
 
@@ -297,12 +296,6 @@ def _needs_angle(name: str) -> bool:
 def _within(model: Model, name: str, value: float) -> float:
     parameter = model.parameters[name]
     return min(max(value, parameter.low), parameter.high)
-
-
-def _off(jacobian: FloatArray, column: FloatArray) -> FloatArray:
-    """What the fitted parameters cannot explain of a column."""
-    q = np.linalg.qr(jacobian)[0]
-    return np.asarray(column - q @ (q.T @ column))
 
 
 def _rms(parts: list[FloatArray]) -> float:

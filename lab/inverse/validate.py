@@ -191,7 +191,7 @@ def shapes_tried(effect: str, model: Model) -> float:
     Small numbers are likelier in a machine than large ones, so that N pays for N (N + 1) shapes: the shares
     1/(N (N + 1)) of all N are together one (weighted Bonferroni: Genovese, Roeder and Wasserman 2006).
     """
-    whole = [p.value for name, p in model.parameters.items() if name.startswith(f"{effect}.") and p.domain.is_whole]
+    whole = [p.value for p in model.own(effect).values() if p.domain.is_whole]
     return math.prod(n * (n + 1) for n in whole)
 
 

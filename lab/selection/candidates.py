@@ -228,8 +228,7 @@ def _repaired(level: Level, task: Task) -> Level:
 
 def _recounted(trial: Trial, task: Task, pool: Executor, fit: Callable[[Level, Task], Level]) -> Trial:
     """The trial with whole numbers (of teeth) nearby tried as well, until none is better."""
-    prefix = trial.effect + "."
-    whole = [name for name, p in trial.level.model.parameters.items() if name.startswith(prefix) and p.domain.is_whole]
+    whole = [f"{trial.effect}.{name}" for name, p in trial.level.model.own(trial.effect).items() if p.domain.is_whole]
     best = trial.level
     for name in whole:
         known = {best.model.parameters[name].value}

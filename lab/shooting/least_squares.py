@@ -19,7 +19,7 @@ from lostmotion.lab.shooting.segment import Linearised, Segment
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Solution", "minimise", "robust"]
+__all__ = ["Solution", "minimise", "projected_off", "robust"]
 
 START_PRIOR = 20.0
 """Standard deviation of the prior on a start state, in its scale, around where this minimisation began."""
@@ -164,3 +164,9 @@ def robust(r: FloatArray, huber: float) -> FloatArray:
     inside = 0.5 * np.minimum(size, huber) ** 2
     cost = inside if math.isinf(huber) else np.where(size <= huber, inside, huber * (size - huber / 2))
     return np.asarray(np.sum(cost, axis=-1))
+
+
+def projected_off(columns: FloatArray, values: FloatArray) -> FloatArray:
+    """What is left of values (M,) or (M, K) when all that the columns (M, P) explain is taken out."""
+    q = np.linalg.qr(columns)[0]
+    return np.asarray(values - q @ (q.T @ values))
