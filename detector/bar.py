@@ -7,7 +7,7 @@ gives to the bar is ``oscillator_id``'s.  docs/decisions/0012-following-the-bar.
 from __future__ import annotations
 
 import math
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -98,10 +98,8 @@ def finding(windows: FloatArray, rate_hz: float, given: DetectorSettings) -> Gen
     # What stands out of white noise may be hum; nothing that has been learnt with a wrong resonance is relied on.
     bare = replace(given, noise_ms2=None, noise_colour=())
     tried = given.f_res_hz * (1 + np.arange(-REACH, REACH + COARSE / 2, COARSE))
-    coarse, averaged = [], _averaged(windows, rate_hz, given.f_res_hz)
-    for f_res in tried:
-        coarse.append(_evidence(*averaged, replace(bare, f_res_hz=float(f_res)), STARTS))
-        yield
+    averaged = _averaged(windows, rate_hz, given.f_res_hz)
+    coarse = yield from _of_each(*averaged, [replace(bare, f_res_hz=float(f_res)) for f_res in tried], STARTS)
     clear = np.max(coarse, axis=0) > CLEAR
     if clear.sum() < LEAST_WINDOWS:
         return None
@@ -114,11 +112,8 @@ def finding(windows: FloatArray, rate_hz: float, given: DetectorSettings) -> Gen
     if not math.isfinite(zeta_deviation):
         return None
     fine = settings.f_res_hz * (1 + FINE * np.arange(-FINE_STEPS, FINE_STEPS + 1))
-    told = []
-    for f_res in fine:
-        told.append(_evidence(windows, rate_hz, replace(settings, f_res_hz=float(f_res))))
-        yield
-    f_res, deviation = _top(np.array(told), fine)
+    told = yield from _of_each(windows, rate_hz, [replace(settings, f_res_hz=float(f_res)) for f_res in fine])
+    f_res, deviation = _top(told, fine)
     settings = replace(settings, f_res_hz=f_res)
     if not math.isfinite(deviation) or not (yield from _is_alone(windows, rate_hz, settings)):
         return None
@@ -138,11 +133,9 @@ def _damping(
 ) -> Generator[None, None, tuple[DetectorSettings, float]]:
     """The settings with the likeliest damping ratio, and the standard deviation of its logarithm; those given and NaN
     where it lies at an end of what is compared."""
-    told = []
-    for factor in ZETAS:
-        told.append(_evidence(windows, rate_hz, replace(settings, zeta=settings.zeta * float(factor))))
-        yield
-    size, deviation = _top(np.array(told), np.log(ZETAS))
+    tried = [replace(settings, zeta=settings.zeta * float(factor)) for factor in ZETAS]
+    told = yield from _of_each(windows, rate_hz, tried)
+    size, deviation = _top(told, np.log(ZETAS))
     if not math.isfinite(deviation):
         return settings, math.nan
     return replace(settings, zeta=settings.zeta * math.exp(size)), deviation
@@ -162,12 +155,16 @@ def _top(told: FloatArray, at: NDArray[np.floating[Any]]) -> tuple[float, float]
     return float(at[best] + np.sum(slope) / bend), math.sqrt(float(slope @ slope)) / bend
 
 
-def _evidence(
-    windows: FloatArray, rate_hz: float, settings: DetectorSettings, most_starts: int = ringdown.MOST_STARTS
-) -> FloatArray:
-    """ln(1 + Lambda) of each window, shape (M,)."""
-    bank = ringdown.build(windows.shape[1], rate_hz, settings, most_starts)
-    return _told(windows, rate_hz, settings, bank)
+def _of_each(
+    windows: FloatArray, rate_hz: float, tried: Sequence[DetectorSettings], most_starts: int = ringdown.MOST_STARTS
+) -> Generator[None, None, FloatArray]:
+    """ln(1 + Lambda) of each window with each of the settings, shape (P, M); a round for each."""
+    found = []
+    for settings in tried:
+        bank = ringdown.build(windows.shape[1], rate_hz, settings, most_starts)
+        found.append(_told(windows, rate_hz, settings, bank))
+        yield
+    return np.array(found)
 
 
 def _told(windows: FloatArray, rate_hz: float, settings: DetectorSettings, bank: ringdown.Bank) -> FloatArray:

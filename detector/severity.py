@@ -244,15 +244,11 @@ def _of_motion(
     count = min(degree, LAST_DEGREE) - FIRST_DEGREE + 1
     if count < 2:
         return np.empty((0, STEPS))
-    basis = _legendre(place, degree)
-    inverse = np.linalg.inv(basis.T @ basis + 1e-9 * place.size * np.eye(degree + 1))
-    fitted = inverse @ (basis.T @ angle)
-    left = angle - basis @ fitted
+    fitted, covariance = _fitted(place, angle, degree)
     known = _paths(accel.size, stretch.rate_hz, settings)
     commanded = known.basis[:, : degree + 1] @ fitted[: LAST_DEGREE + 1]
     told = slice(FIRST_DEGREE, FIRST_DEGREE + count)
-    doubt = noise**2 * known.product[:count, :count]
-    doubt = doubt + inverse[told, told] * float(left @ left) / (place.size - degree - 1)
+    doubt = noise**2 * known.product[:count, :count] + covariance[told, told]
     for nuisance in (GAIN * fitted[told], GRAVITY * (known.twice[:count] @ (commanded - commanded.mean()))):
         doubt = doubt + np.outer(nuisance, nuisance)
     grid = round(known_part * span / GRID_S)
@@ -261,9 +257,17 @@ def _of_motion(
     follows, goal = path @ project.T, followed(times, commands, float(stretch.time[0]), grid, FIRST) @ project.T
     late, otherwise = LATE_S / GRID_S * (np.gradient(path, axis=1) @ project.T), OTHERWISE * (follows - goal)
     doubts = doubt + late[:, :, None] * late[:, None] + otherwise[:, :, None] * otherwise[:, None]
-    spread = np.sqrt(np.diagonal(inverse) * float(left @ left) / (place.size - degree - 1))
-    waves = _half_waves(np.where(np.abs(fitted) > CLEAR * spread, fitted, 0.0))
+    waves = _half_waves(np.where(np.abs(fitted) > CLEAR * np.sqrt(np.diagonal(covariance)), fitted, 0.0))
     return _of_coefficients(known.gain[:count] @ accel - follows, doubts, waves)
+
+
+def _fitted(place: FloatArray, angle: FloatArray, degree: int) -> tuple[FloatArray, FloatArray]:
+    """Coefficients of Legendre (degree + 1,) of angles at places between -1 and 1, and their covariance."""
+    basis = _legendre(place, degree)
+    inverse = np.linalg.inv(basis.T @ basis + 1e-9 * place.size * np.eye(degree + 1))
+    coefficients = inverse @ (basis.T @ angle)
+    left = angle - basis @ coefficients
+    return coefficients, inverse * float(left @ left) / (place.size - degree - 1)
 
 
 def _half_waves(coefficients: FloatArray) -> float:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import os
 import signal
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import (
     BrokenExecutor,
     CancelledError,
@@ -17,38 +17,22 @@ from concurrent.futures import (
     Future,
     ProcessPoolExecutor,
     ThreadPoolExecutor,
-    as_completed,
 )
 from contextlib import contextmanager, suppress
 from contextvars import copy_context
-from dataclasses import dataclass
 from importlib import import_module
 from multiprocessing import get_context
-from typing import Any, Generic, TypeVar
+from typing import Any, TypeVar
 
 from lostmotion.lab.deadline import bounded, remaining_s
 from lostmotion.lab.errors import ExecutorError
 
-__all__ = ["Gathered", "Threads", "cores", "gather", "open_executor"]
+__all__ = ["Threads", "cores", "open_executor"]
 
-T = TypeVar("T")
 R = TypeVar("R")
 CONNECT_S = 5.0
 WORKERS_S = 10.0
 EXPECTED = "expected threads:N, processes:N or dask=HOST:PORT"
-
-
-@dataclass(frozen=True, eq=False)
-class Gathered(Generic[R]):
-    """What came of many calls, in their order: all results, or those up to a Ctrl-C, the others None."""
-
-    results: tuple[R | None, ...]
-    complete: bool
-
-    @property
-    def done(self) -> tuple[R, ...]:
-        """The results that there are."""
-        return tuple(result for result in self.results if result is not None)
 
 
 def cores() -> int:
@@ -75,34 +59,6 @@ def open_executor(spec: str | None = None) -> Iterator[Executor]:
         raise ExecutorError(
             f"{spec}: {str(error) or 'the work was dropped'}; did a worker stop, or run out of memory?"
         ) from error
-
-
-def gather(
-    executor: Executor,
-    function: Callable[[T], R],
-    items: Iterable[T],
-    progress: Callable[[int, int], None] = lambda done, total: None,
-) -> Gathered[R]:
-    """function(item) for each item; ``progress(done, total)`` is told after each.
-
-    The first error is raised, and what has not begun is dropped.  So it is on Ctrl-C, which returns what is done.
-    """
-    futures = [executor.submit(function, item) for item in items]
-    try:
-        for count, future in enumerate(as_completed(futures), start=1):
-            future.result()
-            progress(count, len(futures))
-    except KeyboardInterrupt:
-        return Gathered(tuple(map(_result, futures)), complete=False)
-    finally:
-        for future in futures:
-            future.cancel()
-    return Gathered(tuple(future.result() for future in futures), complete=True)
-
-
-def _result(future: Future[R]) -> R | None:
-    done = future.done() and not future.cancelled() and future.exception() is None
-    return future.result() if done else None
 
 
 class Threads(ThreadPoolExecutor):

@@ -76,6 +76,11 @@ class Model:
         """A copy with one more effect, at its defaults.  Raises ModelError if it is there, unknown or elsewhere."""
         return build_model(self.base, (*self.effects, name), self.parameters)
 
+    def own(self, effect: str) -> dict[str, Parameter]:
+        """The parameters of one of its effects, by their names within it."""
+        prefix = f"{effect}."
+        return {name.removeprefix(prefix): p for name, p in self.parameters.items() if name.startswith(prefix)}
+
     @property
     def state_names(self) -> tuple[str, ...]:
         """Names of the states, in the order of ``Trajectory.state``: "theta_2", "q'", "actuator_lag.0"."""

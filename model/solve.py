@@ -214,7 +214,8 @@ def _integrate(
     states: FloatArray,
     origin: float,
 ) -> float:
-    """Integrates from knots[0] = 0 to knots[-1].
+    """Integrates from knots[0] = 0 to knots[-1].  One function: with its inner loop apart, gears take 1.15 to 2.8 times
+    as long, as numba then counts references to every array in each step.
 
     knots: (K + 1,) ascending [s], counted from origin [s] as the output times are; coefficients: (K, 6) of the input's
     polynomial in each interval, lowest order first; substep: longest step [s]; x0: (n,); times: (N,) ascending, within

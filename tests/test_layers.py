@@ -20,9 +20,9 @@ ALLOWED = {
     "web": {"web", "daemon", "detector", "drivers"},
 }
 LAB = (
-    ("errors", "quantity", "deadline"), ("parallel", "data"), ("results",), ("words", "models"), ("shooting",),
-    ("observer",), ("fitting",), ("selection", "design"), ("discrepancy",), ("inverse",), ("comparison",),
-    ("explain", "estimate"), ("report",), ("commands",), ("cli", "__init__"),
+    ("errors", "policy", "quantity", "deadline"), ("parallel", "data"), ("results",), ("words", "models"),
+    ("shooting",), ("observer",), ("fitting",), ("selection", "design"), ("discrepancy",), ("inverse", "gears"),
+    ("comparison",), ("explain", "estimate"), ("report",), ("commands",), ("cli", "__init__"),
 )  # fmt: skip
 """the rooms of the lab from the lowest up"""
 HEAVY = ("scipy", "numba", "matplotlib", "rich", "plotext", "pandas", "llvmlite")

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.special import chdtri
 
+from lostmotion.lab import policy
 from lostmotion.lab.data.autoregression import NoiseModel, runs
 from lostmotion.model.motion import FloatArray
 
@@ -18,8 +19,6 @@ __all__ = ["Band", "Spectra", "spectra"]
 SEGMENT = 2048
 LEAST_SEGMENT = 32
 BANDS_PER_OCTAVE = 2
-FALSE_ALARM = 0.01
-"""Chance that any band of a residual that is noise counts as standing out."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +83,6 @@ def _bands(
             continue
         left, floor, all_of_it = (float(np.sqrt(np.sum(d[inside]) * step)) for d in (residual, noise, signal))
         freedom = max(2 * averages * max(bins / 1.5, 1.0), 1.0)  # a Hann window smears a line over 1.5 bins
-        limit = float(chdtri(freedom, FALSE_ALARM / (edges.size - 1))) / freedom
+        limit = float(chdtri(freedom, policy.FALSE_LINE / (edges.size - 1))) / freedom
         found.append(Band(float(low), float(high), left, floor, all_of_it, left**2 > limit * floor**2))
     return tuple(found)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from lostmotion.drivers.recording import Recording
-from lostmotion.lab import words
+from lostmotion.lab import policy, words
 from lostmotion.lab.comparison.bands import Spectra
 from lostmotion.lab.comparison.predict import Prediction, predict
 from lostmotion.lab.comparison.residual_analysis import Block, ColumnResidual, PhaseError, root_mean_square
@@ -46,8 +46,6 @@ LONGER = (2.0, 1.25)
 POLISHING = 4
 MENTIONED = 0.05
 """Shares of the error below this are not worth a word."""
-GOOD = 1.15
-"""Times the noise up to which an error is the noise's own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +140,7 @@ class Comparison(Displayed):
         noise = self.noise[column].rms
         if column == TORQUE:  # its floor is an extrapolation
             return is_noise(np.concatenate([one.residual[~np.isnan(one.residual)] for one in self.of(column)]), noise)
-        return self.rms(column) <= GOOD * noise
+        return self.rms(column) <= policy.GOOD * noise
 
     def document(self) -> dict[str, Any]:
         """The keys of ``lab compare --json``."""

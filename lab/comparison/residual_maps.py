@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtrc
 
+from lostmotion.lab import policy
 from lostmotion.lab.data.autoregression import NoiseModel, fit_autoregression
 from lostmotion.model.motion import FloatArray
 
@@ -19,8 +20,6 @@ __all__ = ["ResidualMap", "residual_maps"]
 
 BINS = 12
 LEAST_IN_BIN = 10
-FALSE_DISCOVERIES = 0.05
-BAND = 1.96
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +116,7 @@ def _map(binned: _Binned, noise: NoiseModel) -> ResidualMap:
     statistic = float(mean @ np.linalg.lstsq(covariance, mean, rcond=1e-9)[0])
     explained = binned.share - float(counts @ np.diag(covariance)) / max(binned.power, 1e-300)
     p_value = float(chdtrc(count, max(statistic, 0.0)))
-    half_width = BAND * np.sqrt(np.diag(covariance))
+    half_width = policy.HALF_WIDTH * np.sqrt(np.diag(covariance))
     return ResidualMap(binned.variable, binned.x, mean, half_width, max(explained, 0.0), p_value, samples)
 
 
@@ -134,7 +133,7 @@ def _spread(inside: FloatArray, gamma: FloatArray, length: int) -> FloatArray:
 def _discovered(maps: Sequence[ResidualMap]) -> tuple[ResidualMap, ...]:
     """Benjamini and Hochberg: the maps below the largest p value that is at most its rank's share of 5 %."""
     p = np.sort([one.p_value for one in maps])
-    passed = p[p <= FALSE_DISCOVERIES * np.arange(1, p.size + 1) / max(p.size, 1)]
+    passed = p[p <= policy.SIGNIFICANT * np.arange(1, p.size + 1) / max(p.size, 1)]
     limit = float(passed[-1]) if passed.size else -1.0
     marked = [replace(one, significant=one.p_value <= limit) for one in maps]
     return tuple(sorted(marked, key=lambda one: -one.explained))

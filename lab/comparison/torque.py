@@ -78,4 +78,4 @@ def torque_missing(predictions: Sequence[Prediction]) -> Localisation:
     size = float(np.sqrt(np.mean(np.concatenate(found) ** 2)))
     unit = words.column(TORQUE, any(one.experiment.is_linear for one in predictions))[1]
     followed = shapes(found, [np.full(one.size, size) for one in found], variables)
-    return Localisation("joint", {"joint": 0.0}, 0.0, size, unit, followed, (), ())
+    return Localisation("joint", {"joint": 0.0}, size, unit, followed)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
@@ -15,13 +16,11 @@ __all__ = ["RANGE", "at_its_rail", "rail_of", "with_range"]
 
 RANGE = "sensor_saturation"
 _END = f"{RANGE}.a_max"
-RAILED = 6
-"""So many readings of the very same largest size, in one recording: noise does not repeat itself like that."""
 
 
 def rail_of(experiments: Sequence[Experiment]) -> float | None:
     """The end of the accelerometer's range [m/s²], where readings stop at it; None where none do."""
-    ends = [size.max() for size in _sizes(experiments) if np.sum(size >= size.max() * (1 - 1e-9)) >= RAILED]
+    ends = [size.max() for size in _sizes(experiments) if np.sum(size >= size.max() * (1 - 1e-9)) >= policy.RAILED]
     return float(max(ends)) if ends else None
 
 

@@ -11,7 +11,7 @@ from lostmotion.model.motion import FloatArray
 
 __all__ = ["excerpts"]
 
-LEAST_SHARE = 0.25
+WINDOW_SHARE = 0.25
 """Of what may be used, the shortest window: rather fewer recordings than windows too short to follow a motion."""
 
 
@@ -23,7 +23,7 @@ def excerpts(experiments: Sequence[Experiment], most_s: float) -> list[Experimen
     """
     if sum(one.duration for one in experiments) <= most_s:
         return list(experiments)
-    window = max(most_s / len(experiments), LEAST_SHARE * most_s)
+    window = max(most_s / len(experiments), WINDOW_SHARE * most_s)
     chosen: dict[int, Experiment] = {}
     left = most_s
     for at in _spread(len(experiments)):

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lostmotion.lab import policy
 from lostmotion.lab.data.noise import NoiseModel, innovation_noise
 from lostmotion.model.motion import FloatArray
 
@@ -18,17 +19,12 @@ __all__ = ["is_structured", "spread"]
 
 BLOCK = 40
 """Samples, of which one variance is taken: 50 ms at 800 Hz, a part of the ring after an impact."""
-SPREAD = 1.6
-"""Variance of the logarithms of the blocks' variances over that of noise, 2/BLOCK; noise of a few hundred blocks stays
-within 1.3."""
-LINE = 1e-3
-"""Chance with which noise may pass for a line."""
 
 
 def is_structured(residuals: Sequence[FloatArray]) -> bool:
     """Whether these residuals (each (N,)) hold more than noise."""
     noise = innovation_noise(*residuals)
-    return spread(noise, residuals) > SPREAD or _has_line(noise, residuals)
+    return spread(noise, residuals) > policy.SPREAD or _has_line(noise, residuals)
 
 
 def spread(noise: NoiseModel, residuals: Sequence[FloatArray]) -> float:
@@ -56,4 +52,6 @@ def _has_line(noise: NoiseModel, residuals: Sequence[FloatArray]) -> bool:
     alike = [noise.whiten(r[:length]) for r in residuals if r.size >= length]
     power = np.array([np.abs(np.fft.rfft(np.nan_to_num(white))) ** 2 / np.nansum(white**2) for white in alike])
     mean = power.mean(axis=0)[2:-1]
-    return bool(mean.size and mean.size * chi2.sf(2 * len(alike) * float(mean.max()), 2 * len(alike)) < LINE)
+    return bool(
+        mean.size and mean.size * chi2.sf(2 * len(alike) * float(mean.max()), 2 * len(alike)) < policy.FALSE_LINE
+    )

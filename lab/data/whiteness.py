@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc, erfcinv
 
+from lostmotion.lab import policy
 from lostmotion.lab.data.autoregression import NoiseModel, fit_autoregression
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["Correlation", "autocorrelation", "cross_correlation", "fit_percent"]
 
-SIGNIFICANT = 0.05
 KEPT = 1e-3
 """Directions of the lagged input with less of its power than this share tell nothing of their own."""
 
@@ -30,7 +30,7 @@ class Correlation:
     @property
     def significant(self) -> bool:
         """Whether they are not all 0, at 5 %."""
-        return self.p_value < SIGNIFICANT
+        return self.p_value < policy.SIGNIFICANT
 
 
 def fit_percent(measured: FloatArray, modelled: FloatArray) -> float:
@@ -97,4 +97,4 @@ def _correlate(x: FloatArray, y: FloatArray, most_lags: int) -> FloatArray:
 
 def _bound(tests: int) -> float:
     """The normal deviate that none of so many exceeds in 95 % of cases (Sidak)."""
-    return float(np.sqrt(2) * erfcinv(1 - (1 - SIGNIFICANT) ** (1 / max(tests, 1))))
+    return float(np.sqrt(2) * erfcinv(1 - (1 - policy.SIGNIFICANT) ** (1 / max(tests, 1))))

@@ -14,23 +14,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lostmotion.lab import words
+from lostmotion.lab import policy, words
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.quantity import quantity
 from lostmotion.lab.shooting.continuation import first_level, tiles
+from lostmotion.lab.shooting.least_squares import projected_off
 from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.lab.shooting.segment import Linearised, Segment, start_with, state_scales
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Chirp, HandWaved, Model, ModelError, Motion, Sampled, Sine
-from lostmotion.model.motion import FloatArray
 
 __all__ = ["what_to_record"]
 
 LENGTH_S = 4.0
-BETTER = 1.5
-"""Times what the recordings show already, for a motion to be worth recording."""
-SEEN = 5.0
-"""Standard deviations by which the models differ over the length of a recording, for a motion to tell them apart."""
 REST_S = 0.5
 INPUT_UNITS = {"oscillator": "N", "joint": "N m"}
 
@@ -57,7 +53,7 @@ def what_to_record(models: Sequence[Model], task: Task, pool: Executor) -> str:
     best = int(np.argmax(apart))
     names = " and ".join(words.name(_own(model, models)) for model in models)
     samples = LENGTH_S * task.experiments[0].rate_hz
-    if apart[best] * math.sqrt(samples) < SEEN or apart[best] < BETTER * here:
+    if apart[best] * math.sqrt(samples) < policy.SEEN or apart[best] < policy.WORTH_RECORDING * here:
         known = f"{here:.2g} times the noise"
         return f"No motion that was tried tells {names} further apart than these recordings do: {known}."
     return (
@@ -150,13 +146,7 @@ def _apart(
         r = segment.residual(own, start_with(own, segment, before.state_names), substep_s) - block.r
         if not np.all(np.isfinite(r)):
             return 0.0
-        differences.append(_without(block.B, r))
-        slopes.append(_without(block.B, block.A))
-    left = _without(np.concatenate(slopes), np.concatenate(differences))
+        differences.append(projected_off(block.B, r))
+        slopes.append(projected_off(block.B, block.A))
+    left = projected_off(np.concatenate(slopes), np.concatenate(differences))
     return float(np.sqrt(np.mean(left**2)))
-
-
-def _without(columns: FloatArray, values: FloatArray) -> FloatArray:
-    """What is left of the values when all that the columns (M, P) explain is taken out."""
-    q = np.linalg.qr(columns)[0]
-    return np.asarray(values - q @ (q.T @ values))

@@ -15,7 +15,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from lostmotion.lab import words
+from lostmotion.lab import policy, words
 from lostmotion.lab.discrepancy.basis import Guess, guesses, registered, wave_guess
 from lostmotion.lab.discrepancy.fit import Descent, best_wave
 from lostmotion.lab.fitting.fit import fit_of
@@ -25,7 +25,6 @@ from lostmotion.lab.observer.objective import Follower
 from lostmotion.lab.parallel import Threads, cores
 from lostmotion.lab.quantity import quantity
 from lostmotion.lab.results import Curve, Finding
-from lostmotion.lab.selection.candidates import HOPELESS
 from lostmotion.lab.shooting.continuation import Level, fitted
 from lostmotion.lab.shooting.initial_guess import scales_of
 from lostmotion.lab.shooting.parameters import Unknowns
@@ -36,11 +35,7 @@ from lostmotion.model.signals import BAR_FORCE, GAP, SENSOR, TORQUE
 
 __all__ = ["described"]
 
-CLEAR = 0.75
-"""A function that is believed brings the usual residual of free segments down to this part of what it was, """
-NEARER = 0.05
-"""or the cost of observer runs, with a high and with a low gain together, by this much in its logarithm."""
-SHORT = 0.9
+FORMULA = 0.9
 """Share of a curve's weighted variance from which on a formula fits it."""
 LEAST_POINTS = 3
 """Fewer heights that are known make no curve."""
@@ -57,8 +52,6 @@ IMITATED = {("sensor", "accel"): 1, ("oscillator", "q"): 1, ("oscillator", "q'")
 """The degree of a polynomial that bias, stiffness, damping or length imitate: it is not part of a curve."""
 WHAT = {"joint": "a torque on the joint", "oscillator": "a force on the oscillator", "sensor": "an error of the sensor"}
 
-BEST = 4
-"""So many functions, nearest with a high gain, are brought near with a lower one."""
 
 Heights = Mapping[str, tuple[float, float]]
 """Of each parameter of a function: its value, and half the width of its 95 % interval."""
@@ -84,16 +77,16 @@ def described(level: Level, task: Task) -> Finding | None:
             best = min(range(len(fits)), key=lambda i: fits[i].typical)
             return _finding(found[best], _heights(fits[best], task)) if _clear(fits[best], level) else None
         told = _nearest(level.model, found, acting, task, pool)
-        if told is None or told.gain < NEARER:
+        if told is None or told.gain < policy.LEAST_GAIN:
             return None
         if told.guess.is_wave:
             return _wave(told)
-        fit = full_fit(told.model, task, HOPELESS)
+        fit = full_fit(told.model, task, policy.HOPELESS)
         return _finding(told.guess, _heights(fit, task)) if _clear(fit, level) else _finding(told.guess)
 
 
 def _clear(fit: Level, level: Level) -> bool:
-    return fit.typical < CLEAR * level.typical
+    return fit.typical < policy.STANDS_OUT * level.typical
 
 
 def _direct(guess: Guess, level: Level, task: Task) -> Level:
@@ -133,7 +126,7 @@ def _compared(
         return []
     models = [base.model.with_effect(guess.effect.id) for guess in found]
     tight = pool.map(Descent.of, models, [follower] * len(models), [TIGHT] * len(models))
-    best = sorted(zip(tight, found, models, strict=True), key=lambda one: one[0].cost)[:BEST]
+    best = sorted(zip(tight, found, models, strict=True), key=lambda one: one[0].cost)[: policy.FITTED]
     many = [follower] * len(best)
     direct = pool.map(Descent.of, [model for *_, model in best], many)
     after = pool.map(Descent.of, [much.model for much, *_ in best], many)
@@ -199,7 +192,7 @@ def _beyond(values: FloatArray, x: FloatArray, deviation: FloatArray, degree: in
 def _formula(curve: Curve, degree: int) -> str | None:
     """One term that fits the curve, if there is one."""
     deviation = (curve.high - curve.low) / 2
-    best, text = 1 - SHORT, None
+    best, text = 1 - FORMULA, None
     total = float(np.sum((curve.mean / deviation) ** 2))
     for form, function in FORMS.items():
         shape = _beyond(function(curve.x), curve.x, deviation, degree)

@@ -8,9 +8,9 @@ After Kristensen, Madsen, Jorgensen 2004: "A method for systematic improvement o
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 from numba import njit
@@ -63,6 +63,7 @@ SHOWN = {
     "servo": {"theta_2": THETA2, "omega_2": OMEGA2, "torque": FORCE, "command": COMMAND, "command_rate": COMMAND_RATE},
 }  # fmt: skip
 """Signals that what is found may depend on."""
+F = TypeVar("F", bound=Callable[..., Any])
 ANY = Parameter(0.0, "", source="filled in by the filter")
 LEAP, WIDEST = 6.0, 0.5
 """What a state may at most change by in one sample, and how uncertain it may become, as shares of its scale."""
@@ -99,12 +100,11 @@ class Wander:
 class Track:
     """What the filter found.
 
-    log_likelihood: of the innovations after the first 0.1 s; innovations: (N,) of the first column, in their standard
-    deviations; and with smoothing: states (N, n), u (N,) and its standard deviation (N,).
+    log_likelihood: of the innovations after the first 0.1 s; and with smoothing: states (N, n), u (N,) and its standard
+    deviation (N,).
     """
 
     log_likelihood: float
-    innovations: FloatArray
     states: FloatArray
     u: FloatArray
     deviation: FloatArray
@@ -179,14 +179,15 @@ class Tracker:
         spacing = float(np.median(np.diff(self._times)))
         keeps = float(np.exp(-spacing / wander.memory_s))
         at = self._at.get(wander.equation, -1)
-        result = _filter(
-            plan, at, self._knots, self._coefficients, self._substep, self._records, self._times, self._origin,
-            self._y, self._variance, np.append(self._scale, (wander.deviation, self._coloured)),
-            np.append(self._start, (0.0, 0.0)), keeps, self._alike, wander.floor, smooth,
-        )  # fmt: skip
-        scores, innovations, means, deviations = result
+        scale = np.append(self._scale, (wander.deviation, self._coloured))
+        noise = np.full(scale.size, wander.floor**2)
+        noise[-2:] = 1.0 - keeps**2, 1.0 - self._alike**2
+        path = _Path(plan, at, self._knots, self._coefficients, self._substep, self._records, self._origin, scale,
+                     np.array([keeps, self._alike]), noise)  # fmt: skip
+        start = np.append(self._start, (0.0, 0.0))
+        scores, means, deviations = _filter(path, self._times, self._y, self._variance, start, smooth)
         settled = self._times >= SETTLED_S
-        return Track(float(scores[settled].sum()), innovations, means[:, :-2], means[:, -2], deviations)
+        return Track(float(scores[settled].sum()), means[:, :-2], means[:, -2], deviations)
 
 
 def _plan(model: Model, is_driven: bool) -> tuple[Plan, dict[str, int]]:
@@ -215,108 +216,143 @@ def _injection(base: str, equation: str, target: int) -> Effect:
     )  # fmt: skip
 
 
-def _run_filter(
-    plan: Any, at: int, knots: FloatArray, coefficients: FloatArray, substep: float, records: Any, times: FloatArray,
-    origin: float, y: FloatArray, variance: FloatArray, scale: FloatArray, start: FloatArray, keeps: float,
-    alike: float, floor: float, smooth: bool,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:  # fmt: skip
-    """Scores and innovations (N,), means (N, m), deviation of u (N,).
+def _part(function: F) -> F:
+    """Decorator: a function that the filter calls; inlined by force, it would take twice as long to compile."""
+    return cast(F, njit(error_model="numpy")(function))
 
-    m numbers: n states, u, whose place among the parameters is ``at`` (the sensor where that is negative), and e, the
-    coloured noise of the first column.  keeps, alike: what u and e keep from one sample to the next.  Works in units of
-    ``scale`` (m,); cubature points, 2 m of them.
+
+class _Path(NamedTuple):
+    """What the filter runs along: the solver's tables and input from the first sample on (see ``solve.integrate``).
+
+    at: the place of u among the parameters, negative where it acts on the sensor; scale: (m,) what each of m numbers
+    counts in, n states, u, and e, the coloured noise of the first column; keeps: (2,) what u and e keep from one sample
+    to the next; noise: (m,) variance of what is new of each there.
     """
-    m, n, samples = scale.size, scale.size - 2, times.size
-    reach = np.sqrt(m)
-    mean, cov = start / scale, np.eye(m)
+
+    plan: Any
+    at: int
+    knots: FloatArray
+    coefficients: FloatArray
+    substep: float
+    records: Any
+    origin: float
+    scale: FloatArray
+    keeps: FloatArray
+    noise: FloatArray
+
+
+@_part
+def _points(mean: FloatArray, cov: FloatArray) -> FloatArray:
+    """The cubature points (2 m, m) of a normal distribution."""
+    m = mean.size
+    factor = np.sqrt(m) * np.linalg.cholesky(cov)
+    points = np.empty((2 * m, m))
+    for i in range(m):
+        points[i] = mean + factor[:, i]
+        points[m + i] = mean - factor[:, i]
+    return points
+
+
+@_part
+def _run(path: _Path, points: FloatArray, k0: int, k1: int) -> tuple[FloatArray, FloatArray]:
+    """The model's states (2 m, n) and outputs (2 m, columns) at one knot, from these points at another one."""
+    n = path.scale.size - 2
+    ends, told = np.empty((len(points), n)), np.empty((len(points), path.records.size))
+    out, states = np.empty((path.records.size, 1)), np.empty((1, n))
+    for i in range(len(points)):
+        if path.at >= 0:
+            path.plan.p[path.at] = points[i, n] * path.scale[n]
+        integrate(path.plan, path.knots[k0 : k1 + 1], path.coefficients[k0 : k1 + 1], path.substep,
+                  points[i, :n] * path.scale[:n], path.knots[k1 : k1 + 1], path.records, out, states,
+                  path.origin)  # fmt: skip
+        ends[i], told[i] = states[0] / path.scale[:n], out[:, 0]
+    return ends, told
+
+
+@_part
+def _predicted(
+    path: _Path, mean: FloatArray, cov: FloatArray, k0: int, k1: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Mean (m,) and covariance (m, m) one sample later, and the covariance of then and now."""
+    m, n = mean.size, mean.size - 2
+    points, moved = _points(mean, cov), np.empty((2 * mean.size, mean.size))
+    moved[:, :n] = _run(path, points, k0, k1)[0]
+    moved[:, n], moved[:, n + 1] = path.keeps[0] * points[:, n], path.keeps[1] * points[:, n + 1]
+    for i in range(2 * m):
+        for j in range(n):  # deep in the contact's wall a point flies off, and would take all with it
+            if not abs(moved[i, j] - mean[j]) < LEAP:
+                moved[i, j] = mean[j] + (LEAP if moved[i, j] > mean[j] else -LEAP)
+    new = np.ones(2 * m) @ moved / (2 * m)
+    cross = (points - mean).T @ (moved - new) / (2 * m)
+    spread = (moved - new).T @ (moved - new) / (2 * m)
+    for i in range(m):
+        spread[i, i] += path.noise[i]
+    for i in range(n):
+        if spread[i, i] > WIDEST**2:
+            share = WIDEST / np.sqrt(spread[i, i])
+            spread[i] *= share
+            spread[:, i] *= share
+            cross[:, i] *= share
+    return new, spread, cross
+
+
+@_part
+def _corrected(
+    path: _Path, mean: FloatArray, cov: FloatArray, k: int, column: int, value: float, variance: float
+) -> tuple[FloatArray, FloatArray, float]:
+    """Mean and covariance given a value of a column at this knot, and its log-likelihood."""
+    m, n = mean.size, mean.size - 2
+    points = _points(mean, cov)
+    told = _run(path, points, k, k)[1][:, column].copy()
+    if column == 0:
+        told += points[:, n + 1] * path.scale[n + 1]
+        if path.at < 0:
+            told += points[:, n] * path.scale[n]
+    expected = told.mean()
+    off = told - expected
+    s = variance + off @ off / (2 * m)
+    gain = (points - mean).T @ off / (2 * m)
+    error = value - expected
+    square = error * error / s
+    score = -0.5 * (np.log(s) + square)
+    if square > FAR * FAR:  # Huber's cost, and his weight
+        score = -0.5 * (np.log(s) + FAR * (2 * np.sqrt(square) - FAR))
+        s *= np.sqrt(square) / FAR
+    cov = cov - np.outer(gain, gain) / s
+    return mean + gain * (error / s), 0.5 * (cov + cov.T), score
+
+
+def _run_filter(
+    path: _Path, times: FloatArray, y: FloatArray, variance: FloatArray, start: FloatArray, smooth: bool
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Log-likelihoods (N,), means (N, m), deviations of u (N,); y: (N, columns), NaN where not sampled; variance:
+    (columns,) of their white noise; start: (m,).  Works in units of ``path.scale``.
+    """
+    m, n, samples = path.scale.size, path.scale.size - 2, times.size
+    mean, cov = start / path.scale, np.eye(m)
     for i in range(n):
         cov[i, i] = UNSURE**2
-    noise = np.full(m, floor**2)
-    noise[n], noise[n + 1] = 1.0 - keeps**2, 1.0 - alike**2
-    scores, innovations = np.zeros(samples), np.full(samples, np.nan)
-    means, covs = np.empty((samples, m)), np.empty((samples, m, m))
+    scores, means, covs = np.zeros(samples), np.empty((samples, m)), np.empty((samples, m, m))
     before, spreads, crosses = np.empty((samples, m)), np.empty((samples, m, m)), np.empty((samples, m, m))
-    points, moved = np.empty((2 * m, m)), np.empty((2 * m, m))
-    out, states = np.empty((records.size, 1)), np.empty((1, n))
-    told = np.empty((2 * m, records.size))
     k0 = 0
     for sample in range(samples):
         k1 = k0
-        while k1 < knots.size - 1 and knots[k1] < times[sample] - 1e-9:
+        while k1 < path.knots.size - 1 and path.knots[k1] < times[sample] - 1e-9:
             k1 += 1
         if sample > 0:
-            factor = np.linalg.cholesky(cov)
-            for i in range(m):
-                points[i] = mean + reach * factor[:, i]
-                points[m + i] = mean - reach * factor[:, i]
-            for i in range(2 * m):
-                if at >= 0:
-                    plan.p[at] = points[i, n] * scale[n]
-                integrate(plan, knots[k0 : k1 + 1], coefficients[k0 : k1 + 1], substep, points[i, :n] * scale[:n],
-                          knots[k1 : k1 + 1], records, out, states, origin)  # fmt: skip
-                moved[i, :n] = states[0] / scale[:n]
-                moved[i, n], moved[i, n + 1] = keeps * points[i, n], alike * points[i, n + 1]
-                for j in range(n):  # deep in the contact's wall a point flies off, and would take all with it
-                    if not abs(moved[i, j] - mean[j]) < LEAP:
-                        moved[i, j] = mean[j] + (LEAP if moved[i, j] > mean[j] else -LEAP)
-            new = np.ones(2 * m) @ moved / (2 * m)
-            cross = (points - mean).T @ (moved - new) / (2 * m)
-            spread = (moved - new).T @ (moved - new) / (2 * m)
-            for i in range(m):
-                spread[i, i] += noise[i]
-            for i in range(n):
-                if spread[i, i] > WIDEST**2:
-                    share = WIDEST / np.sqrt(spread[i, i])
-                    spread[i] *= share
-                    spread[:, i] *= share
-                    cross[:, i] *= share
-            mean, cov = new, spread
-            crosses[sample] = cross
+            mean, cov, crosses[sample] = _predicted(path, mean, cov, k0, k1)
         before[sample], spreads[sample] = mean, cov
-        for column in range(records.size):
-            if np.isnan(y[sample, column]):
-                continue
-            factor = np.linalg.cholesky(cov)
-            for i in range(m):
-                points[i] = mean + reach * factor[:, i]
-                points[m + i] = mean - reach * factor[:, i]
-            for i in range(2 * m):
-                if at >= 0:
-                    plan.p[at] = points[i, n] * scale[n]
-                integrate(plan, knots[k1 : k1 + 1], coefficients[k1 : k1 + 1], substep, points[i, :n] * scale[:n],
-                          knots[k1 : k1 + 1], records, out, states, origin)  # fmt: skip
-                told[i, column] = out[column, 0]
-                if column == 0:
-                    told[i, column] += points[i, n + 1] * scale[n + 1]
-                    if at < 0:
-                        told[i, column] += points[i, n] * scale[n]
-            expected = told[:, column].mean()
-            off = told[:, column] - expected
-            s = variance[column] + off @ off / (2 * m)
-            gain = (points - mean).T @ off / (2 * m)
-            error = y[sample, column] - expected
-            square = error * error / s
-            scores[sample] -= 0.5 * (np.log(s) + min(square, FAR * (2 * np.sqrt(square) - FAR)) if square > FAR * FAR
-                                     else np.log(s) + square)  # fmt: skip
-            if column == 0:
-                innovations[sample] = error / np.sqrt(s)
-            if square > FAR * FAR:
-                s *= np.sqrt(square) / FAR
-            mean = mean + gain * (error / s)
-            cov = cov - np.outer(gain, gain) / s
-            cov = 0.5 * (cov + cov.T)
+        for column in range(path.records.size):
+            if not np.isnan(y[sample, column]):
+                mean, cov, score = _corrected(path, mean, cov, k1, column, y[sample, column], variance[column])
+                scores[sample] += score
         means[sample], covs[sample] = mean, cov
         k0 = k1
-    if smooth:
-        for sample in range(samples - 2, -1, -1):
-            back = np.linalg.solve(spreads[sample + 1], crosses[sample + 1].T).T
-            means[sample] += back @ (means[sample + 1] - before[sample + 1])
-            covs[sample] += back @ (covs[sample + 1] - spreads[sample + 1]) @ back.T
-    deviations = np.full(samples, np.nan)
-    for sample in range(samples):
-        deviations[sample] = np.sqrt(max(covs[sample, n, n], 0.0)) * scale[n]
-        means[sample] *= scale
-    return scores, innovations, means, deviations
+    for sample in range(samples - 2, -1 if smooth else samples, -1):  # Rauch, Tung and Striebel's smoother
+        back = np.linalg.solve(spreads[sample + 1], crosses[sample + 1].T).T
+        means[sample] += back @ (means[sample + 1] - before[sample + 1])
+        covs[sample] += back @ (covs[sample + 1] - spreads[sample + 1]) @ back.T
+    return scores, means * path.scale, np.sqrt(np.maximum(covs[:, n, n], 0.0)) * path.scale[n]
 
 
 _filter = compiled(lambda **options: njit(nogil=True, error_model="numpy", **options)(_run_filter))

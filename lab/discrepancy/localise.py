@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lostmotion.lab import words
+from lostmotion.lab import policy, words
 from lostmotion.lab.data.autoregression import NoiseModel
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.deadline import is_over
@@ -40,10 +40,6 @@ FLOOR = 1e-3
 FIRST, FACTOR, FURTHEST = 0.03, 10**0.5, 4
 """Sizes of the unknown input tried: a first one, as a share of what acts there already, and so on by this factor."""
 UNITS = {"joint": "N m", "oscillator": "N", "command": "rad"}
-NONE = 1e-4
-DEPENDS = 0.6
-"""A variable counts when it explains this share of what the best one does, and is not a mere companion of it."""
-LEAST_SHARE = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,26 +47,24 @@ class Localisation:
     """The equation in which the model misses something.
 
     acts_on: where; behind: by equation, how much less likely it is as the culprit (log-likelihood behind the best);
-    against_none: how much more likely than nothing missing; size, unit: root mean square of the input that it takes;
-    shapes: how that depends on each variable, the best first; time, u: the input found, one (N,) for each experiment.
+    size, unit: root mean square of the input that it takes; shapes: how that depends on each variable, the best first.
     """
 
     acts_on: str
     behind: Mapping[str, float]
-    against_none: float
     size: float
     unit: str
     shapes: tuple[Shape, ...]
-    time: tuple[FloatArray, ...]
-    u: tuple[FloatArray, ...]
 
     @property
     def depends_on(self) -> tuple[str, ...]:
         """The variable that explains most of it, and those that do nearly as well; none where no one does."""
-        if not self.shapes or self.shapes[0].explained < LEAST_SHARE:
+        if not self.shapes or self.shapes[0].explained < policy.FOLLOWS_STATE:
             return ()
         best = self.shapes[0].explained
-        return tuple(s.variable for s in self.shapes if s.explained > max(LEAST_SHARE, (1 + DEPENDS) / 2 * best))
+        return tuple(
+            s.variable for s in self.shapes if s.explained > max(policy.FOLLOWS_STATE, policy.FOLLOWS_ALSO * best)
+        )
 
     def document(self) -> dict[str, object]:
         """The key ``residual`` with what supports it."""
@@ -123,7 +117,6 @@ def localise(
         for memory in (MEMORIES_S if thorough else (ONE_MEMORY_S,))
     ]
     with Threads(cores()) as pool:
-        none = pool.submit(_likelihood, trackers, Wander(tries[0][0], NONE * sizes[tries[0][0]], ONE_MEMORY_S, FLOOR))
         climbs = list(pool.map(lambda entry: _climb(trackers, entry[0], entry[1], sizes[entry[0]]), tries))
         best: dict[str, tuple[float, Wander]] = {}
         for score, wander in climbs:
@@ -135,7 +128,7 @@ def localise(
             return None
         tracks = list(pool.map(lambda tracker: tracker.run(wander, smooth=True), trackers))
     behind = {equation: top - score for equation, (score, _) in best.items()}
-    return _told(culprit, behind, top - none.result(), trackers, tracks)
+    return _told(culprit, behind, trackers, tracks)
 
 
 def _first(experiment: Experiment, samples: int) -> Experiment:
@@ -204,11 +197,11 @@ def _acceleration(experiment: Experiment) -> float:
 
 
 def _told(
-    culprit: str, behind: Mapping[str, float], against_none: float, trackers: Sequence[Tracker], tracks: Sequence[Track]
+    culprit: str, behind: Mapping[str, float], trackers: Sequence[Tracker], tracks: Sequence[Track]
 ) -> Localisation:
     signals = [tracker.signals(track.states) for tracker, track in zip(trackers, tracks, strict=True)]
     u = tuple(track.u for track in tracks)
     found = shapes(u, [track.deviation for track in tracks], signals)
     unit = UNITS.get(culprit, trackers[0].unit)
     size = float(np.sqrt(np.mean(np.concatenate(u) ** 2)))
-    return Localisation(culprit, behind, against_none, size, unit, found, tuple(t.time for t in trackers), u)
+    return Localisation(culprit, behind, size, unit, found)

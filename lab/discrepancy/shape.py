@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lostmotion.lab import words
+from lostmotion.lab import policy, words
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["Shape", "shapes"]
@@ -71,6 +71,6 @@ def _shape(name: str, x: FloatArray, y: FloatArray, weights: FloatArray, blocks:
     all_weight = np.maximum(weight.sum(axis=0), 1e-300)
     mean = total.sum(axis=0) / all_weight
     scatter = total - weight * mean  # each block's own error counts as one: samples that follow each other are alike
-    half_width = 1.96 * np.sqrt(np.sum(scatter**2, axis=0)) / all_weight
+    half_width = policy.HALF_WIDTH * np.sqrt(np.sum(scatter**2, axis=0)) / all_weight
     centres = np.bincount(bins, x, shape[1]) / np.maximum(np.bincount(bins, minlength=shape[1]), 1)
     return Shape(name, words.variable(name)[1], centres, mean, half_width, 1 - error / max(before, 1e-300))

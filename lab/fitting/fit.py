@@ -15,24 +15,22 @@ from dataclasses import replace
 
 import numpy as np
 
+from lostmotion.lab import policy
 from lostmotion.lab.data.clipping import with_range
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.noise import noise_floor
 from lostmotion.lab.fitting.strategy import first_fit, grown
 from lostmotion.lab.results import Estimate, Fit
 from lostmotion.lab.shooting.continuation import Level, fitted, followed
+from lostmotion.lab.shooting.least_squares import projected_off
 from lostmotion.lab.shooting.parameters import Unknown, Unknowns
-from lostmotion.lab.shooting.segment import FINE_STEP, Linearised, Segment
+from lostmotion.lab.shooting.segment import FINE_STEP, Segment
 from lostmotion.lab.shooting.task import Task, coarse_substep
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["Progress", "fit_of", "fit_segments", "noise_of", "refined_fit", "rms_by_column"]
 
-SURE = 1.959964
-"""Standard deviations to either side of a 95 % interval."""
-TOLD = 0.5
-"""A parameter is told when its standard deviation is below this, in its logarithm or in its scale."""
 REFINED_STEPS = 1.0
 PROMISED = 1e-4
 """What solver and interpolated input can promise of any parameter, relative: where impacts amplify all, the noise alone
@@ -124,8 +122,10 @@ def rms_by_column(segments: Sequence[tuple[Segment, FloatArray]]) -> dict[str, f
 
 
 def _estimate(item: Unknown, z: float, deviation: float, unit: str, at_bound: bool) -> Estimate:
-    ends = sorted((_unbounded(item, z - SURE * deviation), _unbounded(item, z + SURE * deviation)))
-    return Estimate(item.name, item.value(z), ends[0], ends[1], unit, deviation < TOLD, at_bound)
+    ends = sorted(
+        (_unbounded(item, z - policy.HALF_WIDTH * deviation), _unbounded(item, z + policy.HALF_WIDTH * deviation))
+    )
+    return Estimate(item.name, item.value(z), ends[0], ends[1], unit, deviation < policy.TOLD, at_bound)
 
 
 def _unbounded(item: Unknown, z: float) -> float:
@@ -143,17 +143,12 @@ def _covariance(level: Level, substep_s: float) -> FloatArray:
         return np.diag(level.unknowns.prior**2)
     correlated = _autocovariance([block.r for block in blocks], _lags(good[0]))
     for block in blocks:
-        J = _without_start(block)
+        J = projected_off(block.B, block.A)
         H += J.T @ J
         G += J.T @ _smeared(J, correlated)
     inverse = np.linalg.pinv(H, hermitian=True)
     covariance = inverse @ G @ inverse
     return np.asarray((covariance + covariance.T) / 2 + PROMISED**2 * np.eye(level.z.size))
-
-
-def _without_start(block: Linearised) -> FloatArray:
-    q, _ = np.linalg.qr(block.B)
-    return np.asarray(block.A - q @ (q.T @ block.A))
 
 
 def _lags(segment: Segment) -> int:

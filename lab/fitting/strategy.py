@@ -13,6 +13,7 @@ from concurrent.futures import Executor
 import numpy as np
 from numpy.typing import NDArray
 
+from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.frequency_response import from_spectra
 from lostmotion.lab.observer.filter import can_follow, states_at
@@ -46,8 +47,6 @@ PLAY_SHARE = np.geomspace(0.62, 1.5, 11)
 DAMPING_SHARE = (1.0, 0.4)
 FREQUENCY_SHARE = 0.12
 SUBSET = 10
-LOST = 4.0
-"""Times the error of the shortest segments, from which longer ones have lost the motion."""
 CONVERGED = 0.3
 """What half the step may change, in units of the noise."""
 DISTURBANCE = 1e-4
@@ -172,7 +171,7 @@ def grown(level: Level, task: Task) -> Level:
     found = [level]
     while (longer := doubled(found[-1], task)) is not None:
         found.append(longer)
-        if longer.typical > LOST * max(level.typical, 1.0):
+        if longer.typical > policy.LOST_MOTION * max(level.typical, 1.0):
             break
     doubts = [_doubt(level, task) for level in found]
     return min(zip(doubts, found, strict=True), key=lambda pair: (pair[0], -pair[1].horizon_s))[1]

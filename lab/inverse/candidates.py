@@ -7,16 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 
+from lostmotion.lab import policy
 from lostmotion.lab.data.frequency_response import usual_torque
 from lostmotion.lab.fitting.identifiability import is_driven, with_free_states
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import TURN, Data, EquationError, Problem, by_recording
 from lostmotion.lab.inverse.regression import MOST_STEPS, Regression, can_run, regressed
-from lostmotion.lab.inverse.signals import UNSURE_SPEED, Signals
+from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import follows_motion, inertia_of, needed
 from lostmotion.lab.selection.candidates import others
 from lostmotion.lab.selection.nesting import wider, without
 from lostmotion.lab.shooting.initial_guess import initial_guesses, natural_frequency
+from lostmotion.lab.shooting.least_squares import projected_off
 from lostmotion.lab.shooting.parameters import free_names
 from lostmotion.model import Model, ModelError, build_model
 from lostmotion.model.effects import get_effect
@@ -46,18 +48,12 @@ PARTS = (1.0, 0.5, 0.25, 0.1, 0.03)
 """Of the amplitude that a linear extrapolation says."""
 SHORT = 7
 """Steps of the first fit of an effect to a simulated motion."""
-SLOW = 0.5
-"""Of the usual speed: an effect near rest that reaches further cannot be told from one of all speeds."""
-ALONG = 0.5
-"""Correlation of a torque and the speed, from which on it takes energy: of friction 0.8 and more, of a weight zero."""
-PERIODS = 2.0
-"""A torque of N periods a turn is told from one that varies slowly when the motion covers so many of them."""
 
 
 def softened(model: Model, data: Problem) -> Model:
     """The model with dry friction that changes sign as steeply as the filtered speed tells, or less where the model
     says so: a width in rad/s is wide for a slow joint, and for an axis in m/s."""
-    told = UNSURE_SPEED * _rms([one.velocity for one in data.signals])
+    told = policy.UNSURE_SPEED * _rms([one.velocity for one in data.signals])
     usual = build_model(model.base, model.effects).parameters
     widths = {
         name: told
@@ -148,7 +144,7 @@ def _dissipates(name: str, wide: Model, now: Regression) -> bool:
     for one, torque in zip(now.data.signals, torques_of(name, guess, now.data.signals), strict=True):
         work += float(torque @ one.velocity)
         power += float(np.linalg.norm(torque) * np.linalg.norm(one.velocity))
-    return abs(work) > ALONG * power
+    return abs(work) > policy.DISSIPATES * power
 
 
 def torques_of(effect: str, model: Model, signals: Sequence[Signals]) -> list[FloatArray]:
@@ -163,12 +159,8 @@ def torques_of(effect: str, model: Model, signals: Sequence[Signals]) -> list[Fl
 
 def are_apt(model: Model, effects: Sequence[str]) -> bool:
     """Whether each of these effects is what its name says, with the model's values."""
-    return all(get_effect(name).is_apt(_own(model, name)) for name in effects)
-
-
-def _own(model: Model, effect: str) -> dict[str, float]:
-    prefix = f"{effect}."
-    return {name.removeprefix(prefix): p.value for name, p in model.parameters.items() if name.startswith(prefix)}
+    own = {name: {part: p.value for part, p in model.own(name).items()} for name in effects}
+    return all(get_effect(name).is_apt(values) for name, values in own.items())
 
 
 def _fitted_from_guesses(name: str, wide: Model, now: Regression, most: int, steps: int) -> Regression | None:
@@ -208,7 +200,10 @@ def _within_speeds(model: Model, name: str, size: MotionScales) -> Model:
     """The model with the speeds at which an effect changes among those of the motion."""
     speeds = {
         full: replace(
-            p, value=min(p.value, SLOW * size.speed), low=min(p.low, SLOW * size.speed), high=SLOW * size.speed
+            p,
+            value=min(p.value, policy.NEAR_REST * size.speed),
+            low=min(p.low, policy.NEAR_REST * size.speed),
+            high=policy.NEAR_REST * size.speed,
         )
         for full, p in model.parameters.items()
         if full.startswith(f"{name}.") and p.unit == "rad/s" and not p.fixed
@@ -225,7 +220,7 @@ def _promise(name: str, start: Model, now: Regression, data: Problem) -> tuple[f
     column = data.residual(start, beside) - now.residual
     if not np.isfinite(column).all() or column @ column <= ROUNDING**2 * (now.residual @ now.residual):
         return None
-    own = _off(now.jacobian, column)
+    own = projected_off(now.jacobian, column)
     power = float(own @ own)
     if power <= 1e-12 * float(column @ column):
         return None
@@ -255,7 +250,9 @@ def _zeros(name: str, start: Model, now: Regression, data: Problem) -> FloatArra
 
 def _likeness(column: FloatArray, now: Regression) -> list[float]:
     """How much of each recording's residual a column takes away that the fitted parameters do not explain."""
-    parts = zip(by_recording(_off(now.jacobian, column), now.data), by_recording(now.residual, now.data), strict=True)
+    parts = zip(
+        by_recording(projected_off(now.jacobian, column), now.data), by_recording(now.residual, now.data), strict=True
+    )
     return [-float(own @ residual) / max(float(np.linalg.norm(own)), 1e-100) for own, residual in parts]
 
 
@@ -275,7 +272,7 @@ def _covers(name: str, model: Model, data: Problem) -> bool:
     a weight, and is told as what cannot be told from one."""
     turns = model.parameters.get(f"{name}.N")
     span = max(float(np.ptp(one.position)) for one in data.signals)
-    return turns is None or turns.value == 1 or turns.value * span > PERIODS * 2 * np.pi
+    return turns is None or turns.value == 1 or turns.value * span > policy.LEAST_PERIODS * 2 * np.pi
 
 
 def refined(fit: Regression) -> Regression:
@@ -299,12 +296,6 @@ def _needs_angle(name: str) -> bool:
 def _within(model: Model, name: str, value: float) -> float:
     parameter = model.parameters[name]
     return min(max(value, parameter.low), parameter.high)
-
-
-def _off(jacobian: FloatArray, column: FloatArray) -> FloatArray:
-    """What the fitted parameters cannot explain of a column."""
-    q = np.linalg.qr(jacobian)[0]
-    return np.asarray(column - q @ (q.T @ column))
 
 
 def _rms(parts: list[FloatArray]) -> float:

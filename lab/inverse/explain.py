@@ -20,7 +20,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import stdtrit
 
-from lostmotion.lab import words
+from lostmotion.lab import policy, words
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.frequency_response import from_spectra
 from lostmotion.lab.deadline import within
@@ -34,7 +34,7 @@ from lostmotion.lab.inverse.regression import Regression, blocks_of, can_run
 from lostmotion.lab.inverse.selection import Search, Selection, Step, first_fit, selected
 from lostmotion.lab.inverse.signals import COLUMNS, Signals, telling_band
 from lostmotion.lab.inverse.torques import can_invert, noise_floor
-from lostmotion.lab.inverse.validate import LIMIT, Method, amplitudes, error_on, fit_on, is_noise
+from lostmotion.lab.inverse.validate import Method, amplitudes, error_on, fit_on, is_noise
 from lostmotion.lab.results import Curve, Errors, Estimate, Explanation, Finding, Fit, Ranked, Verdict
 from lostmotion.lab.shooting.task import Task, coarse_substep
 from lostmotion.model import Model, ModelError, build_model
@@ -46,13 +46,6 @@ SIMULATED = ("servo", "oscillator")
 """Bases whose input does not follow the disturbances."""
 PIECE_S, PIECES = 1.0, 16
 """Length and number of the pieces that are simulated to show the motion of a fit."""
-ENOUGH = 2
-"""Recordings of the fit from which on their folds alone choose.  A single one has too little motion for that: Coulomb
-friction that takes the error of a pendulum's second recording from 0.28 to 0.10 N m had p = 0.96 by the first."""
-TOLD = 0.5
-"""A parameter is told when its standard deviation is below this share of its value."""
-LEAST_SHARE = 0.15
-"""Of the residual's variance on blocks that were left out: less says that it depends on nothing in particular."""
 
 Progress = Callable[[str, float], None]
 
@@ -84,7 +77,9 @@ def explained(
     signals = [Signals.of(one, is_force, band) for one in train]
     unseen = Signals.of(last, is_force, band)
     with within(budget_s):
-        selection = selected(rough, signals, Search(method, unseen, len(train) < ENOUGH, pool), progress)
+        selection = selected(
+            rough, signals, Search(method, unseen, len(train) < policy.ENOUGH_RECORDINGS, pool), progress
+        )
     progress("judging", 0.9)
     fit_on.cache_clear()  # fits that the end of the time cut short are not reported
     found = _explanation(selection, model, train, unseen, method, noise, pool)
@@ -226,7 +221,7 @@ def _detectable(step: Step) -> dict[str, tuple[str, float]]:
             continue
         block = blocks_of(one.fit)
         deviation = float(one.fit.deviations(block)[one.fit.unknowns.names.index(names[0])])
-        limit = float(-stdtrit(int(block.max()), LIMIT / len(step.judged)))
+        limit = float(-stdtrit(int(block.max()), policy.FALSE_NAME / len(step.judged)))
         sizes[one.effect] = (names[0].removeprefix(f"{one.effect}."), limit * deviation)
     return sizes
 
@@ -235,7 +230,7 @@ def _estimates(fit: Regression) -> list[Estimate]:
     """With intervals that hold whatever the residual's correlation within blocks."""
     block = blocks_of(fit)
     deviation = np.sqrt(np.maximum(np.diag(fit.covariance(block)), 0.0))
-    factor = float(-stdtrit(max(int(block.max()), 1), 0.025))
+    factor = float(-stdtrit(max(int(block.max()), 1), (1 - policy.CONFIDENCE) / 2))
     low, high = fit.unknowns.bounds
     found = []
     for item, z, sd, a, b in zip(fit.unknowns.items, fit.z.tolist(), deviation.tolist(), low, high, strict=True):
@@ -243,7 +238,7 @@ def _estimates(fit: Regression) -> list[Estimate]:
         ends = sorted((item.value(z - factor * sd), item.value(z + factor * sd))) if item.logarithmic else (
             value - factor * slope, value + factor * slope)  # fmt: skip
         unit = fit.model.parameters[item.name].unit
-        told = sd < TOLD if item.logarithmic else slope < TOLD * max(abs(value), item.scale)
+        told = sd < policy.TOLD if item.logarithmic else slope < policy.TOLD * max(abs(value), item.scale)
         found.append(Estimate(item.name, value, ends[0], ends[1], words.linear(unit) if _is_linear(fit) else unit, told,
                               bool(z <= a or z >= b)))  # fmt: skip
     return found
@@ -359,7 +354,7 @@ def _finding_of_motion(fit: Regression) -> Finding:
 
 def _followed(acts_on: str, size: str, unit: str, found: Sequence[Shape]) -> Finding:
     """What is left, told by its size, and by the state that it follows best, if any."""
-    if not found or found[0].explained < LEAST_SHARE:
+    if not found or found[0].explained < policy.FOLLOWS_STATE:
         return Finding(acts_on, (), f"{size}; it follows no single state")
     best = found[0]
     curve = Curve(

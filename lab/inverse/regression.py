@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from lostmotion.lab import policy
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.inverse.problem import Data, Problem, by_recording
 from lostmotion.lab.inverse.signals import Signals
@@ -30,18 +31,12 @@ STEP = 1e-6
 """Finite difference in numbers of order one: the torque is a smooth function of its parameters."""
 LEAST_SCALE = 0.01
 """Of the largest torque, or of a radian: the least scale of a parameter that may be zero."""
-PER_CORRELATION = 4.0
-"""Correlation times of the residual in a block: the means of neighbouring blocks are then nearly independent."""
-LEAST_BLOCKS = 12
-"""Blocks in all recordings together; with fewer, a t-test tells nothing."""
 MOST_STEPS = 60
 """Of a fit."""
 REFITS, LEAST_DAMPING, CONVERGED = 8, 1e-6, 1e-7
 """Steps of a fit to some of the samples, which begins at the fit to all, their damping, and the share of the error by
 which the last step of any fit lowers it: with 1e-6 a pendulum's bare swing was off by 17 % more on unseen data, with
 1e-8 real servos and oscillators took a tenth to a third longer and named the same."""
-FOLDS = 3
-"""Parts of the samples, each predicted by a fit to the others."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,12 +70,12 @@ class Regression:
     def predicted(self) -> FloatArray:
         """The residual of each sample (M,) by a fit to the samples of other folds."""
         counts = self.data.counts
-        length = sum(counts) / LEAST_BLOCKS
+        length = sum(counts) / policy.LEAST_BLOCKS
         if self._refits_nuisance:  # all folds have samples that tell it
-            length = min(length, min(counts) / FOLDS)
-        fold = _numbered(counts, length) % FOLDS
+            length = min(length, min(counts) / policy.FOLDS)
+        fold = _numbered(counts, length) % policy.FOLDS
         found = np.empty_like(self.residual)
-        for k in range(FOLDS):
+        for k in range(policy.FOLDS):
             found[fold == k] = self._refitted(fold != k)[fold == k]
         return found
 
@@ -122,8 +117,8 @@ class Regression:
         low, high = self.unknowns.bounds
         if not self._refits_nuisance:
             return low, high
-        middle, freedom = self.data.nuisance, self.data.freedom
-        return np.concatenate([low, middle - freedom]), np.concatenate([high, middle + freedom])
+        least, most = _nuisance_bounds(self.data)
+        return np.concatenate([low, least]), np.concatenate([high, most])
 
     def _bounded(self, curvature: FloatArray, slope: FloatArray, change: FloatArray) -> FloatArray:
         """The changes after a Newton step; those that would leave the bounds stay there, and the others suit them."""
@@ -182,45 +177,57 @@ def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, s
     time allows.  nuisance: where what is fitted beside them begins.  Raises ModelError where the first values
     cannot be simulated."""
     unknowns = _scaled(Unknowns.of(model), model, data)
-    low, high = unknowns.bounds
-    beside = data.nuisance if nuisance is None else nuisance
-    count, usual = len(unknowns.items), max(data.usual(model), 1e-300)
-    least, most = data.nuisance - data.freedom, data.nuisance + data.freedom
-    z = np.concatenate([np.clip(unknowns.z(model), low, high), np.clip(beside, least, most)])
-
-    size = sum(data.counts)
-    bounds = (np.concatenate([low, least]), np.concatenate([high, most]))
-
-    def fitted(weight: FloatArray, near: FloatArray) -> Regression:
-        def residual(at: FloatArray) -> FloatArray:
-            error = data.residual(unknowns.put(model, at[:count]), at[count:]) / usual
-            return np.concatenate([error, weight * (at[:count] - near)])
-
-        if not np.isfinite(residual(z)).all():
-            raise ModelError("the motion cannot be simulated with the first values of the parameters")
-
-        def jacobian(at: FloatArray) -> FloatArray:  # it is asked for at the first values and after each step
-            if is_over():
-                raise _TimeIsUpError(at)
-            return _jacobian(residual, at, bounds[1], data)
-
-        try:
-            with np.errstate(over="ignore"):  # a trial step may be far off: its error is compared, no more
-                found = least_squares(residual, z, jacobian, bounds, x_scale="jac", max_nfev=steps, ftol=CONVERGED)
-            x, error, slopes = found.x, found.fun, np.asarray(found.jac)
-        except _TimeIsUpError as end:
-            x, error, slopes = end.at, residual(end.at), _jacobian(residual, end.at, bounds[1], data)
-        values = unknowns.put(model, x[:count])
-        return Regression(values, data, unknowns, x[:count], error[:size] * usual, slopes[:size] * usual, x[count:])
-
+    count, first = len(unknowns.items), np.clip(unknowns.z(model), *unknowns.bounds)
+    beside = np.clip(data.nuisance if nuisance is None else nuisance, *_nuisance_bounds(data))
+    z = np.concatenate([first, beside])
     if not z.size:
-        return Regression(model, data, unknowns, z, data.residual(model, z), np.empty((size, 0)), z)
-    once = fitted(*_prior(unknowns, data.centre))
+        return Regression(model, data, unknowns, z, data.residual(model, z), np.empty((sum(data.counts), 0)), z)
+    once = _minimised(model, data, unknowns, z, *_prior(unknowns, data.centre), steps)
     untold = _untold(once) if data.centre is None else np.zeros(count, dtype=bool)
     if not untold.any():
         return once
-    near = np.where(untold, np.maximum(z[:count], _unnoticed(once, z[:count], untold)), z[:count])
-    return fitted(np.asarray(untold * once.rms / usual), near)
+    near = np.where(untold, np.maximum(first, _unnoticed(once, first, untold)), first)
+    weight = np.asarray(untold * once.rms / _usual(data, model))
+    return _minimised(model, data, unknowns, z, weight, near, steps)
+
+
+def _minimised(
+    model: Model, data: Problem, unknowns: Unknowns, z: FloatArray, weight: FloatArray, near: FloatArray, steps: int
+) -> Regression:
+    """The fit that begins at parameters and nuisance z (P + E,); weight, near: (P,), of how much the parameters are
+    held near which values."""
+    count, size, usual = len(unknowns.items), sum(data.counts), _usual(data, model)
+    low, high = (np.concatenate(pair) for pair in zip(unknowns.bounds, _nuisance_bounds(data), strict=True))
+
+    def residual(at: FloatArray) -> FloatArray:
+        error = data.residual(unknowns.put(model, at[:count]), at[count:]) / usual
+        return np.concatenate([error, weight * (at[:count] - near)])
+
+    def jacobian(at: FloatArray) -> FloatArray:  # it is asked for at the first values and after each step
+        if is_over():
+            raise _TimeIsUpError(at)
+        return _jacobian(residual, at, high, data)
+
+    if not np.isfinite(residual(z)).all():
+        raise ModelError("the motion cannot be simulated with the first values of the parameters")
+    try:
+        with np.errstate(over="ignore"):  # a trial step may be far off: its error is compared, no more
+            found = least_squares(residual, z, jacobian, (low, high), x_scale="jac", max_nfev=steps, ftol=CONVERGED)
+        x, error, slopes = found.x, found.fun, np.asarray(found.jac)
+    except _TimeIsUpError as end:
+        x, error, slopes = end.at, residual(end.at), _jacobian(residual, end.at, high, data)
+    values = unknowns.put(model, x[:count])
+    return Regression(values, data, unknowns, x[:count], error[:size] * usual, slopes[:size] * usual, x[count:])
+
+
+def _usual(data: Problem, model: Model) -> float:
+    """What an error counts in, above zero."""
+    return max(data.usual(model), 1e-300)
+
+
+def _nuisance_bounds(data: Problem) -> tuple[FloatArray, FloatArray]:
+    """Of what is fitted beside the parameters, (E,) each."""
+    return data.nuisance - data.freedom, data.nuisance + data.freedom
 
 
 def can_run(model: Model, signals: Sequence[Signals]) -> bool:
@@ -309,8 +316,8 @@ def _scaled(unknowns: Unknowns, model: Model, data: Problem) -> Unknowns:
 def blocks_of(regression: Regression) -> NDArray[np.intp]:
     """A number for each sample (M,): that of its block, in which the residual has about four correlation times."""
     counts, parts = regression.data.counts, by_recording(regression.residual, regression.data)
-    length = PER_CORRELATION * max(_correlation(part) for part in parts)
-    return _numbered(counts, min(max(length, 1.0), sum(counts) / LEAST_BLOCKS))
+    length = policy.BLOCK_CORRELATIONS * max(_correlation(part) for part in parts)
+    return _numbered(counts, min(max(length, 1.0), sum(counts) / policy.LEAST_BLOCKS))
 
 
 def _numbered(counts: Sequence[int], length: float) -> NDArray[np.intp]:

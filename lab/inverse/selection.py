@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import compress
 from typing import TypeVar
 
+from lostmotion.lab import policy
 from lostmotion.lab.deadline import is_over, remaining_s, within
 from lostmotion.lab.fitting.identifiability import is_driven
 from lostmotion.lab.inverse.candidates import (
@@ -26,8 +27,6 @@ from lostmotion.lab.inverse.problem import Data, Problem
 from lostmotion.lab.inverse.regression import Regression, regressed
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.validate import (
-    LEAST_GAIN,
-    LIMIT,
     Fitted,
     Judged,
     Method,
@@ -47,18 +46,6 @@ __all__ = ["Search", "Selection", "Step", "first_fit", "selected"]
 
 T = TypeVar("T")
 R = TypeVar("R")
-FINISHED = 5
-"""Effects whose fit to a simulated motion is finished after all have had a few steps (successive halving)."""
-LEAST_PROMISE = 1e-3
-"""Share of the squared error that an effect has to take in these few steps to be finished: those that went on to a name
-had taken 30 % at least (servos and oscillators of ``bench.real``), those that stayed at zero less than 3e-4."""
-FIRSTS = 3
-"""Effects that are tried as the first of two, those that explain most alone."""
-SEARCH_SHARE = 0.9
-"""Of the time that is left; the rest is for the elimination, without which a viscous friction that drag and Coulomb
-friction had made superfluous was named of a pendulum whose search took all of a minute."""
-MOST = 6
-"""Effects that are added at most."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +113,7 @@ def selected(
     model: Model, signals: Sequence[Signals], search: Search, progress: Callable[[str, float], None]
 ) -> Selection:
     """Adds effects as long as one is significant and there is time, then takes out what has become superfluous."""
-    with within(SEARCH_SHARE * remaining_s()):
+    with within(policy.SELECTION_SHARE * remaining_s()):
         found = _added(model, signals, search, progress)
     return _eliminated(*found, search)
 
@@ -138,7 +125,7 @@ def _added(
     now = first_fit(model, signals, search)
     fits, added, steps = [now], list[str](), list[Step]()
     untried: tuple[str, ...] = ()
-    while len(added) < MOST:
+    while len(added) < policy.MOST_EFFECTS:
         progress("looking for more" if added else "looking for what is missing", 0.15 + 0.12 * len(added))
         found = _step(now, tuple(added), search)
         if better := _better_without(found, now, search.method):
@@ -170,7 +157,7 @@ def _better_without(step: Step, now: Fitted, method: Method) -> Fitted | None:
     if set(best.fit.model.effects) != {*now.model.effects, best.effect}:
         return None
     less = _without(best.effect, best.fitted, method)
-    return less if less.judged.rms < math.sqrt(1 - LEAST_GAIN) * now.judged.rms else None
+    return less if less.judged.rms < math.sqrt(1 - policy.LEAST_GAIN) * now.judged.rms else None
 
 
 def _rms(fit: Regression) -> float:
@@ -189,20 +176,20 @@ def _two(step: Step, now: Fitted, added: tuple[str, ...], search: Search) -> lis
         return []
     alone = {one.effect: one for one in step.judged}
     pairs = len(alone) * (len(alone) - 1) / 2
-    least = math.sqrt(1 - LEAST_GAIN) * now.inverse.rms
+    least = math.sqrt(1 - policy.LEAST_GAIN) * now.inverse.rms
     promising = [one for one in step.judged if one.fitted.inverse.rms < least]
     promising.sort(key=lambda one: one.fitted.inverse.rms)
     found: list[list[Step]] = []
-    for first in promising[:FIRSTS]:
+    for first in promising[: policy.FIRSTS]:
         second = _step(_with(first, now, search.method), (*added, first.effect), search)
         if not second.is_accepted:
             continue
         both = second.judged[0]
         others = (now.judged, *(alone[name].fit for name in (both.effect,) if name in alone))
-        if all(pairs * p_of(one, both.fit, search.choosing) < LIMIT for one in others):
+        if all(pairs * p_of(one, both.fit, search.choosing) < policy.FALSE_NAME for one in others):
             found.append([Step((first, *(one for one in step.judged if one is not first))), second])
     least = min((two[1].judged[0].fit.rms for two in found), default=0.0)
-    alike = [two for two in found if two[1].judged[0].fit.rms ** 2 * (1 - LEAST_GAIN) <= least**2]
+    alike = [two for two in found if two[1].judged[0].fit.rms ** 2 * (1 - policy.LEAST_GAIN) <= least**2]
     best = min(alike, key=lambda two: preferred(two[0].judged[0], now.inverse), default=[])
     return _stronger_first(best, alone) if best else []
 
@@ -245,7 +232,7 @@ def _step(now: Fitted, added: tuple[str, ...], search: Search) -> Step:
     def work(one: tuple[str, Regression]) -> Judged:
         return judged(one[0], _as_judged(*one, now, search.method), now, len(wide), search.choosing)
 
-    found = search.each(work, fits, first=FINISHED)
+    found = search.each(work, fits, first=policy.FINISHED)
     found.sort(key=lambda one: -one.gain)
     untried = tuple(name for name, _ in wide if name not in {*(one.effect for one in found), *hopeless})
     good = [one for one in found if one.is_significant]
@@ -261,7 +248,7 @@ def _as_judged(name: str, inverse: Regression, now: Fitted, method: Method) -> F
     """The fit that counts.  That of a free motion begins where the acceleration puts it, or where this explains nothing
     beside the present one: the acceleration does not show what a damping takes from one swing to the next."""
     found = Fitted.of(inverse, method)
-    if method is not Method.FREE or found.judged.rms < math.sqrt(1 - LEAST_GAIN) * now.judged.rms:
+    if method is not Method.FREE or found.judged.rms < math.sqrt(1 - policy.LEAST_GAIN) * now.judged.rms:
         return found
     other = fitted_beside(name, inverse.model, now.judged)
     return Fitted(inverse, other) if other and other.rms < found.judged.rms else found
@@ -282,8 +269,8 @@ def _fitted_each(
     if not is_simulated:
         return found, hopeless
     found.sort(key=lambda one: one[1].rms)
-    least = math.sqrt(1 - LEAST_PROMISE) * now.rms
-    many = min(sum(fit.rms < least for _, fit in found), FINISHED)
+    least = math.sqrt(1 - policy.LEAST_PROMISE) * now.rms
+    many = min(sum(fit.rms < least for _, fit in found), policy.FINISHED)
     finished = search.each(lambda one: (one[0], refined(one[1])), found[:many])
     return [*finished, *found[len(finished) :]], hopeless
 
@@ -318,7 +305,7 @@ def _eliminated(
         now = fits[-1]
         less = _without(effect, now, search.method)
         others = [name for name in added if name != effect]
-        is_needed = p_of(less.judged, now.judged, search.choosing) < LIMIT and is_sized(effect, now.judged)
+        is_needed = p_of(less.judged, now.judged, search.choosing) < policy.FALSE_NAME and is_sized(effect, now.judged)
         if not is_needed and are_apt(less.model, others):
             kept = [name != effect for name in added]
             fits = [fits[0], *compress(fits[1:], kept)]

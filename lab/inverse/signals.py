@@ -15,35 +15,23 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
+from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.lines import spectral_lines
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["COLUMNS", "UNSURE_SPEED", "Signals", "telling_band"]
+__all__ = ["COLUMNS", "Signals", "telling_band"]
 
-CLEAR = 30.0
-"""The band ends where the angle's power density falls to this many times its noise.  Amplitudes stand out of the noise
-by a factor of five there; the acceleration's error is largest at the end of the band, about a fifth of its signal."""
-MOTION = 0.9
-"""Share of the power of the speed that lies within the band: below, a swing has nothing but noise too."""
 FASTEST = 0.2
 """Of the rate: the highest end of a band, where the second derivative of the spline is still right to 1 %."""
 WHOLE = 2.0
 """Times the end of the band, that of the filter which smooths the motion: it leaves 99.6 % of what lies at the end of
 the band.  Dry friction needs the speed itself; with a filter that ends with the band, a fast sine near its end made a
 damper's 50 N of friction 23 N."""
-UNSURE_SPEED, SURE_SPEED, SLOW_SPEED = 0.02, 3.0, 0.25
-"""A part is at rest below this share of its usual speed, or below so many standard deviations of the speed's noise, but
-never above this share of the usual speed."""
 LEAST_MOVING = 100
 """With fewer samples in motion, those at rest count, too."""
 SHARES = (1.0, 0.5, 0.25, 0.125, 0.0625)
 """Of the widest band in which an angle stands out of its noise, the ends that are tried, the highest first."""
-AS_WELL, SURE = 3.0, 0.1
-"""Times the smallest relative standard deviation of the inertia, up to which a wider band tells it as well, and the
-largest that tells it at all.  An arm that quivered at 18 Hz, which its torque did not make, told its inertia 60 times
-as well below 10 Hz as below 80 Hz (0.0635 instead of 0.0073 kg m²), a cart 57 times; of ten other sets that tell it at
-all the widest band was within 1.8 of the best."""
 LEAST_SAMPLES = 4
 """For each regressor of the inverse model that compares bands."""
 BLOCKS = 20
@@ -137,7 +125,7 @@ class Signals:
         """Below it nothing tells the sign of the speed [rad/s]."""
         usual = float(np.sqrt(np.mean(self.velocity**2)))
         noise = self._derivative_noise(min(WHOLE * self.band_hz, FASTEST * self._rate), 1)
-        return min(max(SURE_SPEED * noise, UNSURE_SPEED * usual), SLOW_SPEED * usual)
+        return min(max(policy.SURE_SPEED * noise, policy.UNSURE_SPEED * usual), policy.SLOW_SPEED * usual)
 
     @property
     def _rate(self) -> float:
@@ -206,9 +194,9 @@ def telling_band(experiments: Sequence[Experiment]) -> float:
     widest = max(Signals.of(one).band_hz for one in experiments)
     ends = [share * widest for share in SHARES]
     unsure = [_unsure_inertia([Signals.of(one, True, end) for one in experiments]) for end in ends]
-    if not min(unsure) < SURE:
+    if not min(unsure) < policy.INERTIA_TOLD:
         return widest
-    return next(end for end, sd in zip(ends, unsure, strict=True) if sd <= AS_WELL * min(unsure))
+    return next(end for end, sd in zip(ends, unsure, strict=True) if sd <= policy.BAND_AS_WELL * min(unsure))
 
 
 def _unsure_inertia(signals: Sequence[Signals]) -> float:
@@ -289,9 +277,9 @@ def _band(position: FloatArray, rate: float) -> tuple[float, float]:
     """
     frequency, power = _density(position, rate)
     noise = float(np.median(power[3 * power.size // 4 :]))
-    is_clear = power > CLEAR * noise
+    is_clear = power > policy.BAND_CLEAR * noise
     moving = np.cumsum(np.where(is_clear, power * frequency**2, 0.0))
-    lost = np.flatnonzero(~is_clear & (moving >= MOTION * moving[-1]))
+    lost = np.flatnonzero(~is_clear & (moving >= policy.BAND_MOTION * moving[-1]))
     end = float(frequency[lost[0]]) if lost.size else float(frequency[-1])
     return min(max(end, SLOWEST * rate / position.size), FASTEST * rate), noise
 

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtr, stdtrit
 
+from lostmotion.lab import policy
 from lostmotion.lab.fitting.identifiability import held
 from lostmotion.lab.inverse.candidates import are_apt
 from lostmotion.lab.inverse.output_error import OutputError
@@ -32,19 +33,10 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray
 
 __all__ = [
-    "LEAST_GAIN", "LIMIT", "Fitted", "Judged", "Method", "amplitudes", "are_alike", "continued", "error_on", "fit_on",
+    "Fitted", "Judged", "Method", "amplitudes", "are_alike", "continued", "error_on", "fit_on",
     "is_noise", "is_sized", "judged", "named", "p_of", "preferred", "shapes_tried",
 ]  # fmt: skip
 
-LIMIT = 0.05
-"""Chance of a false name in one step of the search."""
-LEAST_GAIN = 0.05
-"""Share of the squared error that an effect has to take, however sure it is: less is not worth a name.  What is surely
-in the sets of ``bench.real`` takes a quarter and more at its step; load-dependent friction that took 2 % of a TX40's
-error (p = 0.001) halved the viscous and the Coulomb friction, which are published."""
-STRUCTURED = 1.6
-"""Times the noise within the band, from which on the residual holds more than noise: the error of the floor itself,
-which is an extrapolation from above the band."""
 HORIZONS = (0.2, 0.5)
 """Shares of a free swing that are fitted before the whole: a frequency that is 2 % off is out of phase after ten
 swings, and a fit to all of them ends in another minimum."""
@@ -100,7 +92,7 @@ class Judged:
     @property
     def is_significant(self) -> bool:
         """Whether it may be named."""
-        return self.p_value < LIMIT and self.gain > LEAST_GAIN and self.is_told
+        return self.p_value < policy.FALSE_NAME and self.gain > policy.LEAST_GAIN and self.is_told
 
 
 def continued(model: Model, swings: OutputError) -> Regression:
@@ -132,7 +124,7 @@ def named(alike: Sequence[Judged], now: Regression, unseen: Signals | None) -> J
     if len(simple) == 1:
         return simple[0]
     left = [error_on(one.fit, unseen) ** 2 if unseen else 1 - one.gain for one in simple]
-    best = [one for one, error in zip(simple, left, strict=True) if error * (1 - LEAST_GAIN) <= min(left)]
+    best = [one for one, error in zip(simple, left, strict=True) if error * (1 - policy.LEAST_GAIN) <= min(left)]
     return min(best, key=lambda one: (*preferred(one, now), one.fit.rms))
 
 
@@ -159,7 +151,7 @@ def fit_on(fit: Regression, unseen: Signals) -> Regression | None:
 
 def is_noise(residual: FloatArray, floor: float) -> bool:
     """Whether a residual (M,) is no larger than the noise that the sensors leave within the band."""
-    return _least_spread(residual) < STRUCTURED * floor
+    return _least_spread(residual) < policy.STRUCTURED * floor
 
 
 def _least_spread(residual: FloatArray) -> float:
@@ -181,7 +173,7 @@ def preferred(one: Judged, now: Regression) -> tuple[bool]:
 def are_alike(one: Judged, best: Judged, tried: int, choosing: Signals | None) -> bool:
     """Whether the best of so many predicts no better than another, significantly and by what is worth a name."""
     left, least = 1 - one.gain, 1 - best.gain
-    return left * (1 - LEAST_GAIN) <= least or tried * p_of(one.fit, best.fit, choosing) > LIMIT
+    return left * (1 - policy.LEAST_GAIN) <= least or tried * p_of(one.fit, best.fit, choosing) > policy.FALSE_NAME
 
 
 def judged(name: str, found: Fitted, now: Fitted, tried: int, choosing: Signals | None) -> Judged:
@@ -199,7 +191,7 @@ def shapes_tried(effect: str, model: Model) -> float:
     Small numbers are likelier in a machine than large ones, so that N pays for N (N + 1) shapes: the shares
     1/(N (N + 1)) of all N are together one (weighted Bonferroni: Genovese, Roeder and Wasserman 2006).
     """
-    whole = [p.value for name, p in model.parameters.items() if name.startswith(f"{effect}.") and p.domain.is_whole]
+    whole = [p.value for p in model.own(effect).values() if p.domain.is_whole]
     return math.prod(n * (n + 1) for n in whole)
 
 
@@ -212,7 +204,7 @@ def is_sized(effect: str, fit: Regression) -> bool:
         return True
     block = blocks_of(fit)
     given = [item.name for item in fit.unknowns.items if item.logarithmic and "." not in item.name]
-    limits = -stdtrit(int(block.max()), LIMIT / 2) * fit.deviations(block, given)
+    limits = -stdtrit(int(block.max()), (1 - policy.CONFIDENCE) / 2) * fit.deviations(block, given)
     sizes = {name: abs(fit.model.parameters[name].value) for name in names}
     return any(sizes[name] > limit for name, limit in zip(fit.unknowns.names, limits, strict=True) if name in sizes)
 

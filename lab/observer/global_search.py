@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import ACCEL
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.observer.filter import STRONG, WEAK
@@ -27,7 +28,7 @@ from lostmotion.model import Model
 from lostmotion.model.effects.guesses import MotionScales
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["AHEAD", "Near", "cost_of", "nearest", "shortlist"]
+__all__ = ["Near", "cost_of", "nearest", "shortlist"]
 
 FIRST, EACH, MOST_EACH, POPULATION = 72, 9, 240, 20
 """So many are tried at first, of effects with many initial guesses so many around each, up to a limit; then the best
@@ -37,10 +38,6 @@ BASE_GENERATIONS, EFFECT_GENERATIONS, BESIDE_GENERATIONS, FINAL_GENERATIONS = 8,
 KEPT, KEPT_BESIDE = (20, 10, 6), (8, 6, 4)
 """So many effects go on after the first generations, which hardly tell them apart; and after some more, where none is
 ahead, and where one is; fewer beside another one."""
-FEWEST, BEHIND = 4, 2.0
-"""Behind so many, those do not go on whose cost is this many times the second best's."""
-AHEAD = 0.87
-"""Part of another cost, below which one is far ahead of it."""
 WIDTH = {"d": 0.22, "alpha": 0.3, "k": 0.01, "b": 0.25, "l": 0.03}
 """Standard deviations of a first population, in logarithms."""
 BIAS_WIDTH = 0.05  # m/s²
@@ -230,15 +227,15 @@ def _opposite(model: Model, values: dict[str, float]) -> dict[str, float]:
 def _leading(populations: list[tuple[_Population, str]], most: int, niches: int) -> list[tuple[_Population, str]]:
     """Those of the best few effects, and of more effects those that are not far behind; so many of each."""
     each = _of_each_effect(populations)
-    least = BEHIND * float(each[min(1, len(each) - 1)][0][0].costs.min())
-    kept = [pairs for i, pairs in enumerate(each[:most]) if i < FEWEST or pairs[0][0].costs.min() < least]
+    least = policy.FIRST_BEHIND * float(each[min(1, len(each) - 1)][0][0].costs.min())
+    kept = [pairs for i, pairs in enumerate(each[:most]) if i < policy.FITTED or pairs[0][0].costs.min() < least]
     return [pair for pairs in kept for pair in pairs[:niches]]
 
 
 def _is_ahead(populations: list[tuple[_Population, str]]) -> bool:
     """Whether one effect is far nearer than all others, which may be left then."""
     costs = [float(pairs[0][0].costs.min()) for pairs in _of_each_effect(populations)]
-    return len(costs) < 2 or costs[0] < AHEAD * costs[1]
+    return len(costs) < 2 or costs[0] < policy.NEARER * costs[1]
 
 
 def _of_each_effect(populations: list[tuple[_Population, str]]) -> list[list[tuple[_Population, str]]]:

@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
+from lostmotion.lab import policy
 from lostmotion.lab.selection.candidates import halving_fits, others
 from lostmotion.lab.selection.nesting import in_place, wider
 from lostmotion.lab.selection.step import Step, on_unseen, with_first
@@ -22,11 +23,6 @@ from lostmotion.model import Model
 from lostmotion.model.effects import get_effect
 
 __all__ = ["distinguished", "generalised"]
-
-GAIN = 0.003
-"""What another one must lower the misfit of unseen data by: ten in log-likelihood, for a recording of 4 s."""
-LOST = 4.0
-"""Times the noise, from which on a fit has lost the motion."""
 
 
 def generalised(step: Step, unseen: Unseen) -> Step:
@@ -66,7 +62,9 @@ def distinguished(step: Step, before: Judged, unseen: Unseen) -> Step:
     has lost the motion tells nothing apart: what is still missing says which one follows better.
     """
     first, task = step.tried[0], unseen.task
-    if first.level.typical > LOST or (not unseen.is_far(before.error) and not get_effect(first.effect).delays_by):
+    if first.level.typical > policy.LOST_MOTION or (
+        not unseen.is_far(before.error) and not get_effect(first.effect).delays_by
+    ):
         return step
     changed = list(_changed(first.level.model, task))
     if not changed:
@@ -76,7 +74,7 @@ def distinguished(step: Step, before: Judged, unseen: Unseen) -> Step:
     misfit = dict(zip((one.effect for one in tried), misfits([one.judged for one in tried]).tolist(), strict=True))
     best = min(tried, key=lambda one: misfit[one.effect], default=first)
     gain = misfit.get("", math.inf) - misfit.get(best.effect, math.inf)
-    if not gain > GAIN:
+    if not gain > policy.DELAY_GAIN:
         return step
     effect = first.effect if first.effect in best.level.model.effects else best.effect
     found = replace(best, effect=effect, misfit=first.misfit - gain)

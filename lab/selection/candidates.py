@@ -17,12 +17,13 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
+from lostmotion.lab import policy
 from lostmotion.lab.fitting.strategy import doubled, full_fit, nearest_fit, refined, repaired_fit
 from lostmotion.lab.observer.filter import can_follow
 from lostmotion.lab.observer.global_search import Near, cost_of, shortlist
 from lostmotion.lab.selection.nesting import contained, simpler
 from lostmotion.lab.selection.score_test import Direction
-from lostmotion.lab.selection.validate import FAR, LONGER, is_left, trained
+from lostmotion.lab.selection.validate import LONGER, is_left, trained
 from lostmotion.lab.shooting.continuation import Level, fitted
 from lostmotion.lab.shooting.initial_state import repaired
 from lostmotion.lab.shooting.parameters import Unknowns
@@ -44,23 +45,8 @@ __all__ = [
     "repaired_trial",
 ]
 
-NEAR, NEAR_ITERATIONS, FULL, TOGETHER = 12, 6, 4, 2
-FEW_NEAR, FEW_FULL, FOLLOWED, REPAIRED = 6, 2, 4, 6
-UNFOLLOWED = 1.4
-"""Times the cost of what observer runs come nearest to, from which on another effect is not followed."""
-HOPELESS = 0.45
-"""Share of missed segments, from which on an effect is not worth finding their starts."""
-NEARER_ALONE, NEARER = 0.9, 0.87
-"""To these parts of the cost without it the first of two effects must bring observer runs, and the second one again."""
-FIRST_BEHIND, BEHIND, MOST_RACED = 1.8, 3.0, 5
-"""Times the error of the best, from which on another one is dropped by successive halving: at its start, when
-longer."""
-COUNTED = 0.93
-"""Part of the error of the next effect, below which one is worth searching its whole numbers from the beginning."""
-STILL = 0.9
-"""Part of the error before, below which beginning anew is worth another time."""
-USELESS, UNRACED = 0.85, 2
-"""Share of the error without it, from which on no effect is worth a fit; so many are told all the same."""
+NEAR_ITERATIONS, REPAIRED, TOGETHER = 6, 6, 2
+"""Steps of a first fit, and of one whose missed segments begin anew; fits that run beside each other."""
 
 
 class _OfEffect(Protocol):
@@ -112,13 +98,15 @@ def far_trials(
     as well.
     """
     observed = can_follow(task.rough, *task.experiments)
-    near = near_trials(base, directions[: FEW_NEAR if observed else NEAR], task, pool, NEAR_ITERATIONS)
-    few = FEW_FULL if observed and near and near[0].level.typical > FAR else FULL
+    near = near_trials(
+        base, directions[: policy.SHORTLISTED if observed else policy.SCREENED], task, pool, NEAR_ITERATIONS
+    )
+    few = policy.FEWEST if observed and near and near[0].level.typical > policy.FAR else policy.FITTED
     strongest = [trial for trial in near[few:] if trial.effect == directions[0].effect]
     full = _full_fits([(trial.effect, trial.level.model) for trial in (*near[:few], *strongest)], task, pool)
     if not observed:
         return _halving(full, task, horizon_s, pool, base.typical), []
-    if full and full[0].level.typical < min(FAR, USELESS * base.typical):
+    if full and full[0].level.typical < min(policy.FAR, policy.NEARER * base.typical):
         survivors = _halving(full, task, horizon_s, pool, base.typical)
         if survivors and not is_left(trained(survivors[0].level, task.substep_s)):
             # it may have a parameter too many
@@ -134,39 +122,43 @@ def next_trials(
 ) -> list[Trial]:
     """Fits with the effects that come next in what observer runs come near to; none where none of them helps more than
     the models that are known already."""
-    few = _nearest(near, FOLLOWED)
+    few = _nearest(near, policy.FITTED)
     full = _full_fits([*few, *(("", model) for model in known)], task, pool) if few else []
     before = next((trial.level.typical for trial in full if not trial.effect), math.inf)
-    useful = [trial for trial in full if trial.level.typical < USELESS * before]
+    useful = [trial for trial in full if trial.level.typical < policy.NEARER * before]
     return _halving(useful, task, horizon_s, pool, before) if useful else []
 
 
 def pair_trials(base: Level, first: Sequence[Near], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
     """Fits with two more effects at once, named by the second one: those that bring observer runs with one of the first
     ones nearest to the measurement.  None where the first ones bring them hardly nearer: what is missing is another."""
-    if not first or first[0].cost > NEARER_ALONE * cost_of(base, task):
+    if not first or first[0].cost > policy.NEARER * cost_of(base, task):
         return []
     pairs = [shortlist(base, others(one.model), task, pool, one) for one in first]
-    nearer = [pair for one, found in zip(first, pairs, strict=True) for pair in found if pair.cost < NEARER * one.cost]
+    nearer = [
+        pair for one, found in zip(first, pairs, strict=True) for pair in found if pair.cost < policy.NEARER * one.cost
+    ]
     return halving_fits(_nearest(sorted(nearer, key=lambda pair: pair.cost)), task, horizon_s, pool, base.typical)
 
 
 def repaired_trial(effect: str, model: Model, level: Level, task: Task) -> Trial:
     """The fit of a model with an effect that has no states of its own, from a level's starts; those that are missed
     begin anew."""
-    return Trial(effect, repaired_fit(model, Unknowns.of(model, task.rough), level.segments, task, HOPELESS))
+    return Trial(effect, repaired_fit(model, Unknowns.of(model, task.rough), level.segments, task, policy.HOPELESS))
 
 
 def followed_fit(near: Near, task: Task) -> Trial:
     """The fit on all short segments that begins where observer runs have come to."""
-    return Trial(near.effect, full_fit(near.model, task, HOPELESS))
+    return Trial(near.effect, full_fit(near.model, task, policy.HOPELESS))
 
 
 def _nearest(ordered: Sequence[Near], begin: int = 0) -> list[tuple[str, Model]]:
     """Of the first few effects, or the next ones, those that are not far behind."""
-    effects = {near.effect for near in best_of_each(ordered)[begin : begin + FOLLOWED]}
-    followed = [near for near in ordered if near.effect in effects and near.cost < UNFOLLOWED * ordered[0].cost]
-    return [(near.effect, near.model) for near in followed[: FOLLOWED + 1]]
+    effects = {near.effect for near in best_of_each(ordered)[begin : begin + policy.FITTED]}
+    followed = [
+        near for near in ordered if near.effect in effects and near.cost < policy.FIRST_BEHIND * ordered[0].cost
+    ]
+    return [(near.effect, near.model) for near in followed[: policy.FITTED + 1]]
 
 
 def halving_fits(
@@ -182,15 +174,15 @@ def halving_fits(
 def _full_fits(begin: Sequence[tuple[str, Model]], task: Task, pool: Executor) -> list[Trial]:
     """The models with their effects fitted on all short segments, best first."""
     count = len(begin)
-    levels = pool.map(full_fit, [model for _, model in begin], [task] * count, [HOPELESS] * count)
+    levels = pool.map(full_fit, [model for _, model in begin], [task] * count, [policy.HOPELESS] * count)
     return _ordered([Trial(effect, level) for (effect, _), level in zip(begin, levels, strict=True)])
 
 
 def _halving(full: Sequence[Trial], task: Task, horizon_s: float, pool: Executor, before: float) -> list[Trial]:
     each = _settled(best_of_each(full), task, pool)
-    if each and each[0].level.typical > max(USELESS * before, FAR):
-        return each[:UNRACED]
-    if len(each) < 2 or each[0].level.typical < COUNTED * each[1].level.typical:
+    if each and each[0].level.typical > max(policy.NEARER * before, policy.FAR):
+        return each[: policy.FEWEST]
+    if len(each) < 2 or each[0].level.typical < policy.NEARER * each[1].level.typical:
         each[:1] = [_recounted(trial, task, pool, _repaired) for trial in each[:1]]
     survivors = _survivors(each, task, horizon_s, pool)
     return _ordered([_recounted(trial, task, pool, refined) for trial in survivors])
@@ -200,44 +192,43 @@ def _settled(each: list[Trial], task: Task, pool: Executor) -> list[Trial]:
     """The trials, the best of those that stay far from the noise also from where observer runs come nearest with their
     effect, again while that helps: they began with the play and the damping of a model without it."""
     for seed in itertools.count(step=TOGETHER):
-        if not (each and each[0].level.typical > FAR and can_follow(task.rough, *task.experiments)):
+        if not (each and each[0].level.typical > policy.FAR and can_follow(task.rough, *task.experiments)):
             break
         best = each[0].level.typical
-        few = [trial for trial in each[:TOGETHER] if trial.level.typical < FIRST_BEHIND * best]
+        few = [trial for trial in each[:TOGETHER] if trial.level.typical < policy.FIRST_BEHIND * best]
         few = few if len(few) == TOGETHER else few[:1] * TOGETHER
         models, seeds = [trial.level.model for trial in few], range(seed, seed + TOGETHER)
-        fits = pool.map(nearest_fit, models, [task] * TOGETHER, seeds, [HOPELESS] * TOGETHER)
+        fits = pool.map(nearest_fit, models, [task] * TOGETHER, seeds, [policy.HOPELESS] * TOGETHER)
         anew = [Trial(trial.effect, fit) for trial, fit in zip(few, fits, strict=True)]
         each = best_of_each(_ordered([*each, *anew]))
-        if not each[0].level.typical < STILL * best:
+        if not each[0].level.typical < policy.NEARER * best:
             break
     return each
 
 
 def _survivors(trials: list[Trial], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
     """The trials on longer and longer segments, those that fall far behind the best left out."""
-    behind = FIRST_BEHIND
+    behind = policy.FIRST_BEHIND
     while trials and trials[0].level.horizon_s * LONGER < horizon_s:
-        running = [t for t in trials if t.level.typical < behind * max(trials[0].level.typical, 1.0)][:MOST_RACED]
-        levels = pool.map(doubled, [t.level for t in running], [task] * len(running), [HOPELESS] * len(running))
+        running = [t for t in trials if t.level.typical < behind * max(trials[0].level.typical, 1.0)][: policy.FINISHED]
+        levels = pool.map(doubled, [t.level for t in running], [task] * len(running), [policy.HOPELESS] * len(running))
         longer = [Trial(t.effect, level) for t, level in zip(running, levels, strict=True) if level is not None]
         if not longer:
             break
-        trials, behind = _ordered(longer), BEHIND
+        trials, behind = _ordered(longer), policy.BEHIND
     return trials
 
 
 def _repaired(level: Level, task: Task) -> Level:
     """A few steps from a level's values, twice: what is missed after the first ones begins anew."""
     once = refined(level, task, REPAIRED)
-    starts = repaired(once.model, once.segments, task.substep_s, HOPELESS)
+    starts = repaired(once.model, once.segments, task.substep_s, policy.HOPELESS)
     return refined(replace(once, segments=starts), task, REPAIRED)
 
 
 def _recounted(trial: Trial, task: Task, pool: Executor, fit: Callable[[Level, Task], Level]) -> Trial:
     """The trial with whole numbers (of teeth) nearby tried as well, until none is better."""
-    prefix = trial.effect + "."
-    whole = [name for name, p in trial.level.model.parameters.items() if name.startswith(prefix) and p.domain.is_whole]
+    whole = [f"{trial.effect}.{name}" for name, p in trial.level.model.own(trial.effect).items() if p.domain.is_whole]
     best = trial.level
     for name in whole:
         known = {best.model.parameters[name].value}

@@ -6,6 +6,7 @@ from operator import attrgetter
 
 import numpy as np
 
+from lostmotion.lab import policy
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.fitting.fit import Progress
 from lostmotion.lab.fitting.strategy import grown
@@ -16,16 +17,13 @@ from lostmotion.lab.shooting.continuation import Level
 
 __all__ = ["descended"]
 
-MOST_MISSING, AT_LENGTH = 3, 2
-"""After so many, nothing more is looked for at all; or at length."""
-
 
 def descended(
     short: Level, level: Level, unseen: Unseen, rng: np.random.Generator, progress: Progress
 ) -> tuple[Level, Level, list[Judged], list[Step]]:
     """The last fits on short and on grown segments, how the error fell, and what was tried."""
     descent, steps = [unseen.judge(level.model)], list[Step]()
-    while len(descent) <= MOST_MISSING and not (steps and is_over()):
+    while len(descent) <= policy.MOST_MISSING and not (steps and is_over()):
         progress("looking for more" if steps else "looking for what is missing", 0.15 + 0.25 * len(steps))
         found = _next(short, level, descent[-1], unseen, rng)
         steps += found
@@ -44,7 +42,7 @@ def descended(
 def _next(short: Level, level: Level, now: Judged, unseen: Unseen, rng: np.random.Generator) -> list[Step]:
     """One step; or two, of which the first, or each, explains too little alone.  The last may not be accepted."""
     step = searched(level, short, now, unseen, rng)
-    if step.accepted or len(unseen.task.added(short.model)) >= AT_LENGTH or is_over():
+    if step.accepted or len(unseen.task.added(short.model)) >= policy.AT_LENGTH or is_over():
         return [step]
     if (step := further(step, short, now, unseen)).accepted:
         return [step]

@@ -61,8 +61,7 @@ def wider(model: Model, effect: str) -> tuple[str, Model] | None:
     for whole, part in _wider_than(effect):
         if whole in model.effects:
             continue
-        prefix = f"{effect}."
-        own = {name.removeprefix(prefix): p.value for name, p in model.parameters.items() if name.startswith(prefix)}
+        own = {name: p.value for name, p in model.own(effect).items()}
         values = {**own, **{grown: own[name] for name, more in part.grown.items() for grown in more}}
         found = in_place(model, effect, whole)
         return whole, found.replace({f"{whole}.{name}": value for name, value in values.items()})

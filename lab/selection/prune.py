@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 
+from lostmotion.lab import policy
 from lostmotion.lab.fitting.fit import fit_of
 from lostmotion.lab.fitting.strategy import full_fit, grown
-from lostmotion.lab.selection.candidates import HOPELESS
 from lostmotion.lab.selection.nesting import simpler, with_effects, without
 from lostmotion.lab.selection.validate import Judged, Unseen
 from lostmotion.lab.shooting.continuation import Level
@@ -19,12 +19,6 @@ from lostmotion.model import Model
 from lostmotion.model.effects import get_effect
 
 __all__ = ["reduced", "simplified", "unsized"]
-
-INSIGNIFICANT = 1.5
-"""Half widths of its interval, within which an amplitude may as well be zero: three standard deviations.  A second mode
-that was fitted to a hum of 1.5 m/s² had an amplitude of 1.01 of them, one of a participation of 0.15 one of 47."""
-BEHIND = 1.5
-"""Times the error on the training data, from which on a simpler model need not be judged."""
 
 
 def simplified(
@@ -39,8 +33,8 @@ def simplified(
     unseen data know nothing of.
     """
     for model in _simpler(level.model, [e for e in unseen.task.added(level.model) if e not in kept]):
-        fit = full_fit(model, unseen.task, HOPELESS)
-        if not fit.typical < BEHIND * level.typical:
+        fit = full_fit(model, unseen.task, policy.HOPELESS)
+        if not fit.typical < policy.FIRST_BEHIND * level.typical:
             continue
         fit = grown(fit, unseen.task)
         judged = unseen.judge(fit.model, descent[-1])
@@ -59,7 +53,7 @@ def unsized(level: Level, task: Task) -> list[str]:
     for effect in added:
         names = (f"{effect}.{name}" for name in get_effect(effect).amplitudes)
         own = [estimates[name] for name in names if name in estimates]
-        if own and all(abs(e.value) <= INSIGNIFICANT * (e.high - e.low) / 2 for e in own):
+        if own and all(abs(e.value) <= policy.UNSIZED * (e.high - e.low) / 2 for e in own):
             found.append(effect)
     return found
 
@@ -71,7 +65,7 @@ def reduced(
     model = level.model
     for effect in effects:
         model = without(model, effect)
-    fit = grown(full_fit(model, unseen.task, HOPELESS), unseen.task)
+    fit = grown(full_fit(model, unseen.task, policy.HOPELESS), unseen.task)
     return fit, [*_way(fit.model, descent[0], unseen), unseen.judge(fit.model, descent[-1])]
 
 
@@ -90,5 +84,5 @@ def _way(model: Model, first: Judged, unseen: Unseen) -> Iterator[Judged]:
     if added:
         yield first
     for count in range(1, len(added)):
-        fit = full_fit(with_effects(model, [*task.rough.effects, *added[:count]]), task, HOPELESS)
+        fit = full_fit(with_effects(model, [*task.rough.effects, *added[:count]]), task, policy.HOPELESS)
         yield unseen.judge(fit.model)

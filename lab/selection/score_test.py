@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lostmotion.lab import policy
 from lostmotion.lab.data.noise import NoiseModel, innovation_noise
 from lostmotion.lab.shooting.continuation import Level, followed
 from lostmotion.lab.shooting.initial_guess import faint, scales_of
@@ -25,7 +26,6 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["Direction", "Scores", "score_test"]
 
 DRAWS = 400
-ALIKE = 0.98
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,6 @@ class Direction:
     model: Model
     statistic: float
     amplitude: float
-    column: FloatArray
 
     @property
     def possible(self) -> bool:
@@ -55,15 +54,6 @@ class Scores:
     limit: float
     p_values: dict[str, float]
     noise: NoiseModel
-
-    def alike(self, effect: str) -> tuple[str, ...]:
-        """Effects that act so nearly as this one does that these recordings hardly tell them apart (|cos| > 0.98)."""
-        by_name = {direction.effect: direction.column for direction in self.directions}
-        own = by_name[effect]
-        return tuple(
-            name for name, column in by_name.items()
-            if name != effect and abs(own @ column) > ALIKE * np.linalg.norm(own) * np.linalg.norm(column)
-        )  # fmt: skip
 
 
 def score_test(
@@ -98,11 +88,11 @@ def score_test(
     found: dict[str, Direction] = {}
     for (effect, model, column), T in zip(usable, statistic, strict=True):
         amplitude = -float(column @ r) / float(column @ column)
-        direction = Direction(effect, model, float(T), amplitude, column)
+        direction = Direction(effect, model, float(T), amplitude)
         found[effect] = max(found.get(effect, direction), direction, key=lambda d: (d.possible, d.statistic))
     ordered = tuple(sorted(found.values(), key=lambda direction: -direction.statistic))
     p = {d.effect: float((1 + np.sum(largest >= d.statistic)) / (1 + DRAWS)) for d in ordered}
-    return Scores(ordered, float(np.quantile(largest, 0.95)), p, noise)
+    return Scores(ordered, float(np.quantile(largest, 1 - policy.FALSE_NAME)), p, noise)
 
 
 def _linearised(segment: Segment, level: Level, substep_s: float) -> Linearised:

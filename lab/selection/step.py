@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lostmotion.lab import policy
 from lostmotion.lab.data.clipping import RANGE, at_its_rail
 from lostmotion.lab.deadline import is_over
-from lostmotion.lab.observer.global_search import AHEAD, Near, cost_of
+from lostmotion.lab.observer.global_search import Near, cost_of
 from lostmotion.lab.selection.candidates import (
     Trial,
     best_of_each,
@@ -26,25 +27,11 @@ from lostmotion.lab.selection.candidates import (
     repaired_trial,
 )
 from lostmotion.lab.selection.score_test import Direction, Scores, score_test
-from lostmotion.lab.selection.validate import LEAST_GAIN, LONGER, Judged, Unseen, misfits, trained
+from lostmotion.lab.selection.validate import LONGER, Judged, Unseen, misfits, trained
 from lostmotion.lab.shooting.continuation import Level
 from lostmotion.lab.shooting.task import Task
 
 __all__ = ["Step", "Tried", "further", "on_unseen", "promising", "searched", "together", "with_first"]
-
-STANDS_OUT = 0.75
-"""An effect whose error is below this part of the next one's is taken on trust."""
-NEAR_TRIALS = 6
-ALIKE = 0.02
-FULL = 3.0
-"""Times the limit of the score test, from which on data are full of something; noise stays within half of this."""
-FREE, FULL_GAIN = 0.01, 0.05
-"""An effect of which unseen data are free leaves their errors within this; then it must lower the misfit of the data of
-the fit by this."""
-FEWEST = 2
-"""So many fits are judged when the time is up."""
-FIRST = 2
-"""So many effects are tried as the first of two, where none is far ahead."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +48,7 @@ class Tried:
         """Schwarz's on unseen data, errors within 3 % of each other counting as equal: then fewer parameters, whole
         numbers that are searched among them."""
         parameters = sum(not p.fixed or p.domain.is_whole for p in self.level.model.parameters.values())
-        return round(self.misfit / 0.03) + 0.01 * parameters * math.log(self.judged.count)
+        return round(self.misfit / policy.ALIKE) + 0.01 * parameters * math.log(self.judged.count)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,19 +71,19 @@ class Step:
         """The effect that was accepted, and what explains the data that decided as well within ALIKE."""
         if not self.accepted or self.trusted:
             return []
-        return [one for one in self.tried if one.misfit < self.tried[0].misfit + ALIKE]
+        return [one for one in self.tried if one.misfit < self.tried[0].misfit + policy.ALIKE]
 
     @property
     def ahead(self) -> Near | None:
         """What brings observer runs far nearer than all others, if anything."""
-        if len(self.near) < 2 or self.near[0].cost > AHEAD * self.near[1].cost:
+        if len(self.near) < 2 or self.near[0].cost > policy.NEARER * self.near[1].cost:
             return None
         return self.near[0]
 
     @property
     def is_full(self) -> bool:
         """Whether the data of the fit hold far more than noise of what the score test asks for."""
-        return any(d.statistic > FULL * self.scores.limit for d in self.scores.directions)
+        return any(d.statistic > policy.FULL * self.scores.limit for d in self.scores.directions)
 
 
 def searched(level: Level, short: Level, now: Judged, unseen: Unseen, rng: np.random.Generator) -> Step:
@@ -118,7 +105,7 @@ def _near_step(level: Level, scores: Scores, now: Judged, unseen: Unseen) -> Ste
     """The effects that the score test asks for, and the end of the sensor's range where readings stop at it: segments
     that reach it are missed, and the test does not see them."""
     task = unseen.task
-    asked = [d for d in scores.directions[:NEAR_TRIALS] if d.statistic > scores.limit]
+    asked = [d for d in scores.directions[: policy.SHORTLISTED] if d.statistic > scores.limit]
     trials = near_trials(level, asked, task, unseen.pool)
     railed = at_its_rail(level.model, task.experiments) if RANGE in others(level.model) else None
     if railed:
@@ -156,7 +143,7 @@ def together(step: Step, short: Level, now: Judged, unseen: Unseen) -> list[Step
     where one effect has been found already."""
     if unseen.task.added(short.model):
         return []
-    first = [step.ahead] if step.ahead else step.near[:FIRST]
+    first = [step.ahead] if step.ahead else step.near[: policy.FEWEST]
     trials = pair_trials(short, first, unseen.task, unseen.horizon_s, unseen.pool)
     second = _ranked(step.scores, on_unseen(trials, now, unseen), now, unseen)
     if not second.accepted:
@@ -183,13 +170,13 @@ def _outstanding(step: Step, horizon_s: float) -> Tried | None:
         return None
     best, *rest = sorted(step.tried, key=lambda one: one.level.typical)
     if rest:
-        return best if best.level.typical < STANDS_OUT * rest[0].level.typical else None
+        return best if best.level.typical < policy.STANDS_OUT * rest[0].level.typical else None
     return best if best.level.horizon_s * LONGER > horizon_s else None
 
 
 def _outstanding_observed(step: Step, short: Level, now: Judged, unseen: Unseen) -> Tried | None:
     near = step.ahead
-    if near is None or near.cost > AHEAD * cost_of(short, unseen.task):
+    if near is None or near.cost > policy.NEARER * cost_of(short, unseen.task):
         return None
     (best,) = on_unseen([followed_fit(near, unseen.task)], now, unseen)
     return best if math.isfinite(best.judged.error) else None
@@ -205,7 +192,7 @@ def on_unseen(trials: Sequence[Trial], now: Judged, unseen: Unseen) -> list[Trie
     """The trials judged, each beginning segments that it has lost where another one follows them; the best few, when
     the time is up."""
     if is_over():
-        trials = sorted(trials, key=lambda trial: trial.level.typical)[:FEWEST]
+        trials = sorted(trials, key=lambda trial: trial.level.typical)[: policy.FEWEST]
     judged = unseen.judge_each([trial.level.model for trial in trials], now)
     return [Tried(trial.effect, trial.level, own) for trial, own in zip(trials, judged, strict=True)]
 
@@ -236,9 +223,9 @@ def _told_by_training(step: Step, level: Level, now: Judged, task: Task, sure: C
     def fills(one: Tried) -> bool:
         gain, errors = before - one.misfit, one.judged.errors
         if one.effect in sure:
-            return gain > LEAST_GAIN and bool(np.all(errors < (1 + FREE) * now.errors))
-        is_full = gain > FULL_GAIN and statistic[one.effect] > FULL * step.scores.limit
-        return is_full and np.allclose(errors, now.errors, rtol=FREE)
+            return gain > policy.UNSEEN_GAIN and bool(np.all(errors < (1 + policy.UNSEEN_GAIN) * now.errors))
+        is_full = gain > policy.LEAST_GAIN and statistic[one.effect] > policy.FULL * step.scores.limit
+        return is_full and np.allclose(errors, now.errors, rtol=policy.UNSEEN_GAIN)
 
     full = [one for one in tried if fills(one)]
     if not full:

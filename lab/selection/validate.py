@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.stationarity import is_structured
 from lostmotion.lab.fitting.fit import rms_by_column
@@ -20,27 +21,11 @@ from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["FAR", "LEAST_GAIN", "LONGER", "Judged", "Unseen", "better", "is_left", "misfits", "trained", "trained_each"]
+__all__ = ["LONGER", "Judged", "Unseen", "better", "is_left", "misfits", "trained", "trained_each"]
 
-FAR = 1.6
-"""Times what the shortest segments leave; below, the model is linear enough in what is missing for the score test alone
-to lead the search.  Their free starts follow any motion, so that they leave what is added to the readings, the noise
-and what hums beside it.  Hums leave 0.7 to 1.9 times as much of a second as of these; of 17 other effects
-15 leave 1.8 to 19 times as much, a compliant shaft 1.4 and a second mode 0.8, whose errors are below 1.7 times the
-noise in any case (seeds 310 and 1210 of ``bench.hidden_effects``)."""
-LEAST_GAIN = 0.01
-"""An effect must lower the error on unseen data by this share."""
-FAR_GAIN = 0.6
-"""Where it stays far above the noise, to this part: what bends itself a little to something else is no effect."""
 LONGER = 1.2
 """Times the length that is asked for, up to which a segment may be."""
 POLISHED = 6
-LOST_SHARE = 0.4
-LOST, MOST = 1.3, 3.0
-UNLIKE_NOISE = 2.0
-"""Times the noise, from which on what is left is no noise, whatever its shape: a steady hum passes for its colour."""
-SURE_SHARE = 0.75
-"""Of the unseen segments, those that are followed best: in the others a start may be off, which is no structure."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +61,7 @@ def misfits(judged: Sequence[Judged]) -> FloatArray:
     Lost segments count too, as one that few models follow tells most; but an error ends at some times the usual error
     of the best, as chaos makes any number.
     """
-    end = MOST * min(_usual(one.errors) for one in judged)
+    end = policy.MISSED * min(_usual(one.errors) for one in judged)
     return np.array([np.average(np.log(np.clip(one.errors, 1e-9, end)), weights=one.counts) for one in judged])
 
 
@@ -84,19 +69,19 @@ def better(judged: Judged, now: Judged, is_far: bool = False) -> bool:
     """Whether what was added explains enough: near the noise what Schwarz's criterion asks, on gears far from it a good
     part, as almost any effect moves impacts to where some fit better."""
     if is_far:
-        return judged.error < FAR_GAIN * now.error
+        return judged.error < policy.FAR_GAIN * now.error
     before, after = misfits([now, judged])
-    return bool(before - after > max(0.5 * math.log(judged.count) / judged.count, LEAST_GAIN))
+    return bool(before - after > max(0.5 * math.log(judged.count) / judged.count, policy.UNSEEN_GAIN))
 
 
 def is_left(judged: Judged) -> bool:
     """Whether the segments that are followed best hold more than noise."""
-    best = judged.residual[: math.ceil(SURE_SHARE * len(judged.residual))]
-    return judged.error > UNLIKE_NOISE or is_structured(best)
+    best = judged.residual[: math.ceil(policy.SURE_SHARE * len(judged.residual))]
+    return judged.error > policy.UNLIKE_NOISE or is_structured(best)
 
 
 def _usual(errors: FloatArray) -> float:
-    return float(np.quantile(errors, 1 - LOST_SHARE, method="lower"))
+    return float(np.quantile(errors, 1 - policy.LOST_SHARE, method="lower"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +101,7 @@ class Unseen:
 
     def is_far(self, error: float) -> bool:
         """Whether an error, in units of the noise, is more than what is added to the readings."""
-        return error >= FAR * self.floor
+        return error >= policy.FAR * self.floor
 
     def is_better(self, judged: Judged, now: Judged) -> bool:
         """Whether what was added explains enough of it; see ``better``."""
@@ -145,7 +130,7 @@ class Unseen:
         the bar and the joint do there is the same."""
         segments, step = list(judged.segments), self.task.substep_s
         best = [min(others, key=lambda other: float(other.errors[i]), default=judged) for i in range(len(segments))]
-        lost = [i for i, other in enumerate(best) if judged.errors[i] > LOST * other.errors[i]]
+        lost = [i for i, other in enumerate(best) if judged.errors[i] > policy.LOST * other.errors[i]]
         if not lost:
             return judged
         for i in lost:
@@ -182,7 +167,7 @@ def trained_each(level: Level, substep_s: float) -> list[Judged]:
 
 def _judged(parts: Sequence[FloatArray], segments: Sequence[Segment] = (), states: Sequence[str] = ()) -> Judged:
     errors = np.array([np.sqrt(np.mean(part**2)) for part in parts])
-    kept = [int(i) for i in np.argsort(errors) if errors[i] <= LOST * _usual(errors)]
+    kept = [int(i) for i in np.argsort(errors) if errors[i] <= policy.LOST * _usual(errors)]
     r = [parts[i] for i in kept]
     counts = np.array([float(part.size) for part in parts])
     error = float(np.sqrt(np.mean(np.concatenate(r) ** 2)))

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.shooting.least_squares import Problem, Solution, minimise
 from lostmotion.lab.shooting.parameters import Unknowns
@@ -41,7 +42,6 @@ FIRST_SAMPLES = 1024
 """The same for other motions: short enough that a part can stand for all."""
 OUTSIDE = 2.0  # medians of |r|: further out a residual counts by its magnitude
 LEAST_HUBER = 3.0
-MISSED = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,4 +153,4 @@ def followed(level: Level, substep_s: float) -> list[Segment]:
 
 def outliers(error: FloatArray) -> NDArray[np.bool_]:
     """Errors (S,) of three times the better third's and more, none below three times the noise."""
-    return np.asarray(error > MISSED * max(float(np.quantile(error, 0.3, method="lower")), 1.0))
+    return np.asarray(error > policy.MISSED * max(float(np.quantile(error, 0.3, method="lower")), 1.0))

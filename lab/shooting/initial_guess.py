@@ -69,7 +69,7 @@ def initial_guesses(model: Model, effect: str, size: MotionScales) -> list[Value
 
     An effect that says none, as a user's own, begins at its defaults, smaller, larger, and with the other sign.
     """
-    found = get_effect(effect).guesses(size) or _around_defaults(_own(model, effect))
+    found = get_effect(effect).guesses(size) or _around_defaults(model.own(effect))
     return [_within(model, {_full(effect, name, model): value for name, value in each.items()}) for each in found]
 
 
@@ -90,11 +90,6 @@ def faint(model: Model, effect: str, size: MotionScales) -> list[Model]:
         shape = {name: value for name, value in values.items() if name.startswith(effect) and name not in amplitudes}
         shapes.setdefault(tuple(sorted(shape.items())), {n: v for n, v in values.items() if n.startswith(effect)})
     return [own.replace({**v, **{name: FAINT * v[name] for name in amplitudes}}) for v in shapes.values()]
-
-
-def _own(model: Model, effect: str) -> dict[str, Parameter]:
-    prefix = f"{effect}."
-    return {name.removeprefix(prefix): p for name, p in model.parameters.items() if name.startswith(prefix)}
 
 
 def _full(effect: str, name: str, model: Model) -> str:

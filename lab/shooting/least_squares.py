@@ -8,7 +8,7 @@ what keeps one impact at the wrong time from ruling the fit.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,14 +19,13 @@ from lostmotion.lab.shooting.segment import Linearised, Segment
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Solution", "minimise", "robust"]
+__all__ = ["Solution", "minimise", "projected_off", "robust"]
 
 START_PRIOR = 20.0
 """Standard deviation of the prior on a start state, in its scale, around where this minimisation began."""
 TRIALS = 6
 EDGES = 0.5
 """Share of the segments from which on a step that makes them worse is too long."""
-Filter = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +40,7 @@ class Solution:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """model: what is not in the unknowns; huber: bound, in units of the noise; whiten: filter over time, if any."""
+    """model: what is not in the unknowns; huber: bound, in units of the noise."""
 
     model: Model
     unknowns: Unknowns
@@ -49,7 +48,6 @@ class Problem:
     """(P,) where the priors stand."""
     substep_s: float
     huber: float = math.inf
-    whiten: Filter | None = None
 
     def prior(self, z: FloatArray) -> float:
         """What the parameters cost by themselves."""
@@ -62,7 +60,7 @@ class Problem:
         except ModelError:
             return np.full(len(segments), np.inf)
         r = (s.residual(s.experiment.model(model), s.start, self.substep_s) for s in segments)
-        return np.array([float(robust(self._filtered(one), self.huber)) for one in r])
+        return np.array([float(robust(one, self.huber)) for one in r])
 
     def moved(
         self, z: FloatArray, segments: Sequence[Segment], ds: Sequence[FloatArray], before: FloatArray
@@ -82,16 +80,6 @@ class Problem:
                 there[i], costs[i] = segments[i], stayed
         return tuple(there), costs
 
-    def linearised(self, z: FloatArray, segment: Segment) -> Linearised:
-        """Of one segment, filtered."""
-        raw = segment.linearised(self.model, self.unknowns, z, self.substep_s)
-        if self.whiten is None:
-            return raw
-        return Linearised(*(self._filtered(part) for part in (raw.r, raw.A, raw.B)))
-
-    def _filtered(self, r: FloatArray) -> FloatArray:
-        return r if self.whiten is None or not np.all(np.isfinite(r)) else self.whiten(r)
-
 
 def minimise(
     problem: Problem,
@@ -100,12 +88,10 @@ def minimise(
     *,
     iterations: int = 20,
     tolerance: float = 1e-4,
-    states: bool = True,
 ) -> Solution:
     """Improves z and the start states until the cost falls by less than ``tolerance`` of itself.
 
-    states: False keeps the start states.  Never returns anything worse than it was given; when the time is up, what it
-    has.
+    Never returns anything worse than it was given; when the time is up, what it has.
     """
     z, segments = z.copy(), tuple(segments)
     low, high = problem.unknowns.bounds
@@ -115,13 +101,13 @@ def minimise(
     for _ in range(iterations):
         if is_over() or not math.isfinite(cost):
             break
-        blocks = [problem.linearised(z, segment) for segment in segments]
+        blocks = [one.linearised(problem.model, problem.unknowns, z, problem.substep_s) for one in segments]
         if not all(block.finite for block in blocks):
             break
         pull = [(s.start - h) / s.scale / START_PRIOR**2 for s, h in zip(segments, home, strict=True)]
         before = cost
         for _ in range(TRIALS):
-            dz, ds = _step(problem, z, blocks, pull, damping, (low, high), states)
+            dz, ds = _step(problem, z, blocks, pull, damping, (low, high))
             new_z = np.clip(z + dz, low, high)
             there, new_costs = problem.moved(new_z, segments, ds, costs)
             new_cost = problem.prior(new_z) + float(new_costs.sum())
@@ -141,7 +127,6 @@ def _step(
     pull: Sequence[FloatArray],
     damping: float,
     bounds: tuple[FloatArray, FloatArray],
-    states: bool,
 ) -> tuple[FloatArray, list[FloatArray]]:
     """The damped Gauss-Newton step of parameters (P,) and of each start state (n,), in their scales."""
     weight = 1 / problem.unknowns.prior**2
@@ -156,10 +141,9 @@ def _step(
         S[np.diag_indices_from(S)] *= 1 + damping
         eliminated.append((np.linalg.inv(S), A.T @ block.B, B.T @ block.r + home))
     H[np.diag_indices_from(H)] *= 1 + damping
-    if states:
-        for S_inverse, K, gs in eliminated:
-            H -= K @ S_inverse @ K.T
-            g -= K @ S_inverse @ gs
+    for S_inverse, K, gs in eliminated:
+        H -= K @ S_inverse @ K.T
+        g -= K @ S_inverse @ gs
     low, high = bounds
     stuck = ((z <= low) & (g > 0)) | ((z >= high) & (g < 0))
     free = np.flatnonzero(~stuck)
@@ -167,8 +151,6 @@ def _step(
     if free.size:
         dz[free] = np.linalg.lstsq(H[np.ix_(free, free)], -g[free], rcond=1e-14)[0]
     dz = np.clip(dz, -2.0, 2.0)
-    if not states:
-        return dz, [np.zeros(block.B.shape[1]) for block in blocks]
     return dz, [-S_inverse @ (gs + K.T @ dz) for S_inverse, K, gs in eliminated]
 
 
@@ -182,3 +164,9 @@ def robust(r: FloatArray, huber: float) -> FloatArray:
     inside = 0.5 * np.minimum(size, huber) ** 2
     cost = inside if math.isinf(huber) else np.where(size <= huber, inside, huber * (size - huber / 2))
     return np.asarray(np.sum(cost, axis=-1))
+
+
+def projected_off(columns: FloatArray, values: FloatArray) -> FloatArray:
+    """What is left of values (M,) or (M, K) when all that the columns (M, P) explain is taken out."""
+    q = np.linalg.qr(columns)[0]
+    return np.asarray(values - q @ (q.T @ values))

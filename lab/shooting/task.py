@@ -33,13 +33,11 @@ class Task:
         return tuple(effect for effect in model.effects if effect not in self.rough.effects)
 
     @classmethod
-    def of(
-        cls, model: Model, experiments: Sequence[Experiment], noise: dict[str, float], substep_s: float | None = None
-    ) -> Task:
-        """For these experiments, the step chosen for a search unless given."""
+    def of(cls, model: Model, experiments: Sequence[Experiment], noise: dict[str, float]) -> Task:
+        """For these experiments, with the step of a search."""
         halvings = max(first_level(model.base, experiment) for experiment in experiments)
         rough = from_spectra(model, experiments)
-        step = substep_s or coarse_substep(rubbing(rough, experiments), experiments)
+        step = coarse_substep(rubbing(rough, experiments), experiments)
         return cls(rough, tuple(experiments), noise, step, halvings)
 
 

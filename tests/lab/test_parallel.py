@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import socket
 import sys
 import time
@@ -18,7 +17,7 @@ from lostmotion.lab.comparison.predict import predict
 from lostmotion.lab.data.experiment import Experiment, experiments
 from lostmotion.lab.errors import ExecutorError
 from lostmotion.lab.models.own import load_effect
-from lostmotion.lab.parallel import cores, gather, open_executor
+from lostmotion.lab.parallel import cores, open_executor
 from lostmotion.model import HandWaved, Model, build_model
 from lostmotion.model.effects import unregister
 
@@ -63,9 +62,8 @@ def test_threads_give_what_one_by_one_gives(tasks: list[Task]) -> None:
     """Bit by bit, in the order of the tasks, with the true value's error far below the others'."""
     alone = [misfit(task) for task in tasks]
     with open_executor() as executor:
-        gathered = gather(executor, misfit, tasks)
-    assert gathered.complete
-    assert list(gathered.results) == alone
+        found = list(executor.map(misfit, tasks))
+    assert found == alone
     assert alone[2] < 0.1 * min(alone[0], alone[1], alone[3])
 
 
@@ -73,7 +71,7 @@ def test_threads_give_what_one_by_one_gives(tasks: list[Task]) -> None:
 def test_processes_give_what_one_by_one_gives(tasks: list[Task]) -> None:
     """In processes that began with nothing: models, recordings and the effect's text are all sent."""
     with open_executor("processes:2") as executor:
-        assert gather(executor, misfit, tasks).results == pytest.approx([misfit(task) for task in tasks], rel=1e-12)
+        assert list(executor.map(misfit, tasks)) == pytest.approx([misfit(task) for task in tasks], rel=1e-12)
 
 
 @pytest.mark.slow
@@ -84,8 +82,7 @@ def test_cluster_gives_what_one_by_one_gives(tasks: list[Task], monkeypatch: pyt
     with distributed.LocalCluster(n_workers=2, **given) as cluster:
         spec = f"dask={cluster.scheduler_address}"
         with open_executor(spec) as executor:
-            found = gather(executor, misfit, tasks).results
-            assert list(executor.map(misfit, tasks)) == list(found)
+            found = list(executor.map(misfit, tasks))
         cluster.scale(0)
         monkeypatch.setattr("lostmotion.lab.parallel.WORKERS_S", 0.3)
         while cluster.scheduler_info["workers"]:
@@ -95,46 +92,6 @@ def test_cluster_gives_what_one_by_one_gives(tasks: list[Task], monkeypatch: pyt
     assert found == pytest.approx([misfit(task) for task in tasks], rel=1e-12)
 
 
-def test_progress_is_told_after_each() -> None:
-    """From 1 to all, whatever the order in which they end."""
-    told: list[tuple[int, int]] = []
-    with open_executor("threads:2") as executor:
-        gathered = gather(executor, abs, range(-5, 0), lambda done, total: told.append((done, total)))
-    assert gathered.results == (5, 4, 3, 2, 1)
-    assert told == [(n, 5) for n in range(1, 6)]
-
-
-def test_ctrl_c_leaves_what_is_done() -> None:
-    """The signal after three of forty calls: their results come back, what has not begun never runs."""
-    begun: list[int] = []
-
-    def work(number: int) -> int:
-        begun.append(number)
-        time.sleep(0.01)
-        return number
-
-    def interrupt(done: int, total: int) -> None:
-        if done == 3:
-            signal.raise_signal(signal.SIGINT)
-
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        with open_executor("threads:2") as executor:
-            gathered = gather(executor, work, range(40), interrupt)
-    finally:
-        signal.signal(signal.SIGINT, before)
-    assert not gathered.complete
-    assert len(gathered.results) == 40
-    assert 3 <= len(gathered.done) <= len(begun) < 40
-    assert set(gathered.done) <= set(begun)
-
-
-def test_an_error_ends_the_work() -> None:
-    """The first error comes out as it was raised."""
-    with open_executor("threads:1") as executor, pytest.raises(ZeroDivisionError):
-        gather(executor, lambda number: 1 / number, [1, 0, 2])
-
-
 @pytest.mark.slow
 def test_a_worker_that_dies_is_told() -> None:
     """One line instead of a wait for ever."""
@@ -142,7 +99,7 @@ def test_a_worker_that_dies_is_told() -> None:
         pytest.raises(ExecutorError, match=r"processes:1: .*; did a worker stop"),
         open_executor("processes:1") as pool,
     ):
-        gather(pool, stopping, [1])
+        list(pool.map(stopping, [1]))
 
 
 @pytest.mark.parametrize("spec", ["threads", "threads:0", "threads:x", "processes:-1", "mpi:4", "dask", "dask=", ""])

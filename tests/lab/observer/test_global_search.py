@@ -9,10 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import Experiment, experiments
 from lostmotion.lab.fitting.strategy import full_fit, seeded
 from lostmotion.lab.observer.filter import STRONG, WEAK, Observer, can_follow, states_at
-from lostmotion.lab.observer.global_search import AHEAD, Near, nearest, shortlist
+from lostmotion.lab.observer.global_search import Near, nearest, shortlist
 from lostmotion.lab.observer.objective import Follower
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model, build_model
@@ -175,6 +176,6 @@ def test_the_second_of_two_beside_the_first() -> None:
         found = shortlist(base, others, task, pool, Near(first, 1.0, "contact_asymmetry"))
     assert found[0].effect == "coulomb_friction"
     # How far ahead depends on the processor: the search is random, and the last bits of the motion are not the same.
-    assert found[0].cost < AHEAD * found[1].cost
+    assert found[0].cost < policy.NEARER * found[1].cost
     assert found[0].model.effects == ("contact_asymmetry", "coulomb_friction")
     assert found[0].model.parameters["coulomb_friction.tau_c"].value == pytest.approx(3e-4, rel=0.35)

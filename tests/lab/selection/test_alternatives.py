@@ -92,7 +92,7 @@ def test_what_a_score_test_may_call_full() -> None:
     model = build_model("play", ["bias_drift"])
 
     def step(statistic: float) -> Step:
-        direction = Direction("bias_drift", model, statistic, 1.0, np.ones(3))
+        direction = Direction("bias_drift", model, statistic, 1.0)
         return Step(Scores((direction,), 10.0, {"bias_drift": 0.01}, NoiseModel.white(1.0)))
 
     assert step(31.0).is_full

@@ -126,4 +126,3 @@ def test_scores_are_told_for_all() -> None:
     assert p == sorted(p)
     assert 1 / 401 <= p[0] <= p[-1] <= 1
     assert scored(nothing_missing(), 4).limit == scores.limit
-    assert all(effect not in scores.alike(effect) for effect in effects)

@@ -134,7 +134,7 @@ def test_elimination_gives_the_dense_step(huber: float, damping: float) -> None:
     given, made = problem(huber=huber), lines(home() + 0.1, noise=1.0)
     blocks = [line.linearised(MODEL, given.unknowns, home(), 1e-4) for line in made]
     pull = [RNG.normal(size=3) for _ in made]
-    dz, ds = _step(given, home(), blocks, pull, damping, given.unknowns.bounds, states=True)
+    dz, ds = _step(given, home(), blocks, pull, damping, given.unknowns.bounds)
     J = np.vstack([
         np.hstack([block.A, np.kron(np.eye(len(made))[i], block.B)]) for i, block in enumerate(blocks)
     ])  # fmt: skip
@@ -145,15 +145,6 @@ def test_elimination_gives_the_dense_step(huber: float, damping: float) -> None:
     H += damping * np.diag(np.diag(H))
     step = np.linalg.solve(H, -(J.T @ (w * r) + np.concatenate([np.zeros(2), *pull])))
     np.testing.assert_allclose(np.concatenate([dz, *ds]), step, rtol=1e-8, atol=1e-12)
-
-
-def test_start_states_can_be_held() -> None:
-    """Without them only the parameters move, to the least squares that they alone can reach."""
-    made = lines(home() + 0.2, noise=0.5)
-    found = minimise(problem(), home(), made, tolerance=0.0, states=False)
-    assert all(np.array_equal(after.start, before.start) for after, before in zip(found.segments, made, strict=True))
-    A, y = np.vstack([line.A for line in made]), np.concatenate([line.target for line in made])
-    np.testing.assert_allclose(found.z, np.linalg.lstsq(A, y, rcond=None)[0], atol=1e-4)
 
 
 def test_bounds_hold() -> None:

@@ -1,0 +1,252 @@
+"""What is missing from gears with play: their motion is followed on short segments, each with its own initial state.
+
+The search itself is ``selection``'s; here it begins, and what it found is told.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lostmotion.lab import policy, words
+from lostmotion.lab.data.excerpt import excerpts
+from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.data.noise import innovation_noise
+from lostmotion.lab.deadline import is_over, within
+from lostmotion.lab.design.next_experiment import what_to_record
+from lostmotion.lab.discrepancy.describe import described
+from lostmotion.lab.discrepancy.localise import localise
+from lostmotion.lab.fitting.fit import Progress, fit_of, refined_fit
+from lostmotion.lab.fitting.identifiability import with_scale
+from lostmotion.lab.fitting.strategy import first_fit, full_fit, grown, predictable
+from lostmotion.lab.results import Errors, Explanation, Finding, Fit, Ranked, Verdict
+from lostmotion.lab.selection.candidates import others
+from lostmotion.lab.selection.forward import descended
+from lostmotion.lab.selection.prune import reduced, simplified, unsized
+from lostmotion.lab.selection.score_test import Scores
+from lostmotion.lab.selection.step import Step, Tried
+from lostmotion.lab.selection.validate import Judged, Unseen, is_left, trained_each
+from lostmotion.lab.shooting.continuation import Level, followed, residuals
+from lostmotion.lab.shooting.task import Task, coarse_substep, rubbing
+from lostmotion.model import Model, ModelError
+from lostmotion.model.effects import get_effect
+
+__all__ = ["explained_gears"]
+
+STEP_COST = 0.4
+"""An integration step of gears costs as much as this part of a sample that is compared."""
+
+
+def explained_gears(
+    model: Model, train: Sequence[Experiment], last: Experiment, noise: dict[str, float], pool: Executor,
+    progress: Progress, budget_s: float, seed: int,
+) -> Explanation:  # fmt: skip
+    """What is missing, found on ``train`` and on ``last``, to which no parameter is fitted.
+
+    noise: floor of each column; budget_s: how long all of it may take [s]; of long recordings as much is used as a
+    search can use in this time; seed: of the bootstrap.
+    """
+    model, held = with_scale(model, [*train, last])
+    whole_s = sum(one.duration for one in (*train, last))
+    train, last = _used(model, train, last, budget_s)
+    task = Task.of(model, train, noise)
+    progress("fitting what is there", 0.0)
+    with within(policy.SEARCH_SHARE * budget_s):
+        search = _searched(model, task, last, pool, np.random.default_rng(seed), progress)
+        untried = _untried(search.level.model, search.steps) if is_over() else ()
+    progress("refining", 0.9)
+    with within((1 - policy.SEARCH_SHARE) * budget_s):
+        found = _explanation(search)
+    progress("done", 1.0)
+    used_s = sum(one.duration for one in (*train, last)), whole_s
+    return replace(found, held=held, untried=untried, used_s=used_s)
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """base: the fit of the model as it is; level, short: the last one, on long and on short segments; descent: the
+    errors on unseen data; steps: what was tried; is_unsized: what something explained was taken out again, as its size
+    may as well be zero.
+    """
+
+    base: Level
+    level: Level
+    short: Level
+    descent: Sequence[Judged]
+    steps: Sequence[Step]
+    unseen: Unseen
+    is_unsized: bool = False
+
+
+def _searched(
+    model: Model, task: Task, last: Experiment, pool: Executor, rng: np.random.Generator, progress: Progress
+) -> _Search:
+    """The search: what is there is fitted, effects are added, and those that became superfluous taken out."""
+    short = first_fit(model, task, pool)
+    base = grown(short, task)
+    unseen = Unseen(last, task, predictable(short, task), pool).beside(short)
+    last_short, level, descent, steps = descended(short, base, unseen, rng, progress)
+    level, descent = simplified(level, descent, unseen, _unvalidated(steps))
+    if void := unsized(level, task):
+        level, descent = reduced(level, void, descent, unseen)
+    return _Search(base, level, last_short, descent, steps, unseen, bool(void))
+
+
+def _untried(model: Model, steps: Sequence[Step]) -> tuple[str, ...]:
+    """Effects that the last step, which time cut off, has not fitted."""
+    tried = {one.effect for one in steps[-1].tried}
+    return tuple(effect for effect in others(model) if effect not in tried)
+
+
+def _used(
+    model: Model, train: Sequence[Experiment], last: Experiment, budget_s: float
+) -> tuple[list[Experiment], Experiment]:
+    """What a search of so long can use of the experiments to fit, and of the last one."""
+    step = coarse_substep(rubbing(model, train), train)
+    rate = max(max(one.rate_hz for one in (*train, last)), STEP_COST / step)
+    most_s = policy.BUDGET_SAMPLES * budget_s / policy.BUDGET_S / rate
+    return excerpts(train, most_s), excerpts([last], most_s / 2)[0]
+
+
+def _explanation(search: _Search) -> Explanation:
+    """What was found, refined, and what is left of it."""
+    unseen, steps, best = search.unseen, search.steps, search.level
+    task, before, after = unseen.task, search.descent[0], search.descent[-1]
+    first = next(iter(task.noise))
+    named = task.added(best.model)
+    refined = unseen.pool.submit(refined_fit, best, task)  # it works on one core while what is left is described
+    left = _is_left(search, named)
+    verdict: Verdict = "missing" if named else "outside_catalogue" if left else "nothing_missing"
+    columns = {
+        name: Errors(before.of(name), after.of(name), noise, words.column(name)[1])
+        for name, noise in task.noise.items()
+        if name in before.columns
+    }
+    residual = _residual(search) if left else None
+    best_fit = refined.result()
+    return Explanation(
+        verdict=verdict,
+        missing=named,
+        confusable=_confusable(named, steps),
+        ranking=_with_intervals(_ranking(steps, before, first), best_fit),
+        error=columns[first],
+        residual=residual,
+        complete=not left,
+        advice=_advice(named, steps, unseen),
+        detectable=_detectable(steps[-1].scores) if verdict == "nothing_missing" else {},
+        base=_with_unseen(fit_of(search.base, task), before),
+        best=_with_unseen(best_fit, after),
+        columns=columns,
+        descent=tuple(judged.of(first) for judged in search.descent),
+        left_out=(after.errors.size - len(after.residual), after.errors.size),
+        unshown=tuple(effect for effect in _unvalidated(steps) if effect in named),
+    )
+
+
+def _is_left(search: _Search, named: Sequence[str]) -> bool:
+    """Whether more than noise is left.  With the right effect, what is left of unseen data may be starts that were not
+    found: then the data of the fit tell."""
+    each = list(_left_of_each(search.level, search.unseen.task))
+    if search.is_unsized or is_left(search.descent[-1]):
+        return all(each) if named else True
+    return not named and search.steps[-1].is_full and any(each)
+
+
+def _with_unseen(fit: Fit, judged: Judged) -> Fit:
+    """The fit, which shows the recording that it has not seen first, from the starts that were found there."""
+    unseen = (replace(one.experiment, name=f"{one.experiment.name}, not fitted") for one in judged.segments)
+    starts = (one.start for one in judged.segments)
+    return replace(fit, experiments=(*unseen, *fit.experiments), starts=(*starts, *fit.starts))
+
+
+def _left_of_each(level: Level, task: Task) -> Iterator[bool]:
+    """Whether more than noise is left of each experiment that the fit was made on."""
+    return (is_left(one) for one in trained_each(level, task.substep_s))
+
+
+def _ranking(steps: Sequence[Step], before: Judged, column: str) -> tuple[Ranked, ...]:
+    """The effects of the first search, best first; those that were not fitted by their score."""
+    if not steps:
+        return ()
+    step, error = steps[0], before.of(column)
+    ranked = [
+        Ranked(one.effect, error, one.judged.of(column), step.scores.p_values.get(one.effect, 1.0), _values(one))
+        for one in step.tried
+    ]
+    tried = {entry.effect for entry in ranked}
+    rest = [d for d in step.scores.directions if d.effect not in tried]
+    return (*ranked, *(Ranked(d.effect, error, error, step.scores.p_values[d.effect]) for d in rest))
+
+
+def _with_intervals(ranking: Sequence[Ranked], fit: Fit) -> tuple[Ranked, ...]:
+    """Effects that are in the fit get its estimates."""
+    known: dict[str, dict[str, tuple[float, float, float]]] = {}
+    for e in fit.estimates:
+        effect, _, name = e.name.rpartition(".")
+        known.setdefault(effect, {})[name] = (e.value, e.low, e.high)
+    return tuple(replace(r, parameters={**r.parameters, **known.get(r.effect, {})}) for r in ranking)
+
+
+def _values(tried: Tried) -> dict[str, tuple[float, float, float]]:
+    return {name: (p.value, p.value, p.value) for name, p in tried.level.model.own(tried.effect).items()}
+
+
+def _unvalidated(steps: Sequence[Step]) -> list[str]:
+    """The effects that were accepted although the unseen data are free of them."""
+    return [step.tried[0].effect for step in steps if step.unvalidated]
+
+
+def _confusable(named: Sequence[str], steps: Sequence[Step]) -> tuple[tuple[str, ...], ...]:
+    groups = [
+        tuple(one.effect for at, one in enumerate(step.equals) if at == 0 or one.effect not in named) for step in steps
+    ]
+    return tuple(group for group in groups if len(group) > 1 and group[0] in named)
+
+
+def _advice(named: Sequence[str], steps: Sequence[Step], unseen: Unseen) -> str:
+    """What to record to tell apart the first effects that these recordings confuse."""
+    for step in steps:
+        effects = next((group for group in _confusable(named, [step])), ())
+        if effects:
+            models = [one.level.model for one in step.equals if one.effect in effects]
+            return what_to_record(models, unseen.task, unseen.pool)
+    return ""
+
+
+def _detectable(scores: Scores) -> dict[str, tuple[str, float]]:
+    """The amplitude at which each effect's statistic would have passed the limit with an even chance."""
+    sizes = {}
+    for d in scores.directions:
+        names = get_effect(d.effect).amplitudes
+        if not names or d.statistic <= 0:
+            continue
+        name = names[0]
+        value = d.model.parameters[f"{d.effect}.{name}"].value
+        per_sigma = abs(d.amplitude) / math.sqrt(d.statistic)
+        sizes[d.effect] = (name, abs(value) * per_sigma * math.sqrt(scores.limit))
+    return sizes
+
+
+def _residual(search: _Search) -> Finding | None:
+    """What is left, described by a function, or by the equation in which it acts; None where the model cannot even be
+    run."""
+    task, short, best = search.unseen.task, search.short, search.level
+    try:
+        if short.model.effects != best.model.effects:
+            short = full_fit(best.model, task)
+        return described(short, task) or _finding(best, task)
+    except ModelError:
+        return None
+
+
+def _finding(level: Level, task: Task) -> Finding | None:
+    """What is left, by the equation in which it acts."""
+    good = followed(level, task.substep_s) or level.segments
+    r = np.concatenate(residuals(level.model, good, task.substep_s))
+    noise = {name: innovation_noise(np.asarray(r * size)) for name, size in task.noise.items()}
+    found = localise(level.model, [s.experiment for s in good], [s.start for s in good], noise, thorough=not is_over())
+    return found.finding() if found else None

@@ -1,0 +1,158 @@
+"""What the lab decides by: every threshold, level, count and budget that changes what is named or told.
+
+Each says what it decides and the measurement behind it.  Step sizes, tolerances and grids stay where they are used:
+they change how exactly something is computed, not what is said of it.  "Error" is a root mean square; "gears" (base
+``play``) are searched on short segments, all other motions as a whole (``lab.inverse``).
+"""
+
+from statistics import NormalDist
+
+# Levels, and what is told of a parameter
+
+FALSE_NAME = 0.05
+"""Chance of a false name in one step of a search, over all candidates of that step."""
+CONFIDENCE = 0.95
+"""Of every interval that is told, and of those that must not hold zero."""
+HALF_WIDTH = NormalDist().inv_cdf((1 + CONFIDENCE) / 2)
+"""Standard deviations of a normal variable to either side of such an interval."""
+SIGNIFICANT = 0.05
+"""Level of the tests of a residual in a comparison: of a correlation, and of the false discoveries among all maps."""
+FALSE_LINE = 1e-3
+"""Chance with which noise may pass for a line, or any band of its spectrum for more than noise."""
+SPREAD = 1.6
+"""Variance of the logarithms of the variances of blocks of a residual, over that of noise, from which on it is none;
+noise of a few hundred blocks stays within 1.3."""
+TOLD = 0.5
+"""A parameter is told when its standard deviation is below this share of its value, or of its scale."""
+FOLLOWS_STATE = 0.25
+"""Share of the variance of what is left, on blocks that were left out, that a state must explain to be told as what it
+follows."""
+FOLLOWS_ALSO = 0.8
+"""Share of what the best state explains, for another one to be told beside it."""
+GOOD = 1.15
+"""Times the noise up to which the error of a comparison is the noise's own."""
+WORTH_RECORDING, SEEN = 1.5, 5.0
+"""Times what the recordings show already, for a motion to be worth recording; and standard deviations by which models
+must differ there over the length of a recording, to be told apart."""
+RAILED = 6
+"""So many readings of the very same largest size, in one recording, are the end of a range: noise does not repeat
+itself like that."""
+
+# Motions that are simulated whole, and inverse models
+
+LEAST_GAIN = 0.05
+"""Share of the squared error, or of a cost, that an effect has to take, however sure it is: less is not worth a name.
+What is surely in the sets of ``bench.real`` takes a quarter and more at its step; load-dependent friction that took 2 %
+of a TX40's error (p = 0.001) halved the viscous and the Coulomb friction, which are published."""
+STRUCTURED = 1.6
+"""Times the noise within the band, from which on the residual holds more than noise: the error of the floor itself,
+which is an extrapolation from above the band."""
+FOLDS = 3
+"""Parts of the samples, each predicted by a fit to the others."""
+BLOCK_CORRELATIONS = 4.0
+"""Correlation times of the residual in a block: the means of neighbouring blocks are then nearly independent."""
+LEAST_BLOCKS = 12
+"""Blocks in all recordings together; with fewer, a t-test tells nothing."""
+ENOUGH_RECORDINGS = 2
+"""Recordings of the fit from which on their folds alone choose.  A single one has too little motion for that: Coulomb
+friction that takes the error of a pendulum's second recording from 0.28 to 0.10 N m had p = 0.96 by the first."""
+MOST_EFFECTS = 6
+"""Effects that are added at most."""
+FIRSTS = 3
+"""Effects that are tried as the first of two, those that explain most alone."""
+FINISHED = 5
+"""Effects that go on after the first stage of successive halving: whose fit to a simulated motion is finished after all
+have had a few steps, or that are fitted on longer segments."""
+LEAST_PROMISE = 1e-3
+"""Share of the squared error that an effect has to take in these few steps to be finished: those that went on to a name
+had taken 30 % at least (servos and oscillators of ``bench.real``), those that stayed at zero less than 3e-4."""
+NEAR_REST = 0.5
+"""Of the usual speed: an effect near rest that reaches further cannot be told from one of all speeds."""
+DISSIPATES = 0.5
+"""Correlation of a torque and the speed, from which on it takes energy: of friction 0.8 and more, of a weight zero."""
+LEAST_PERIODS = 2.0
+"""A torque of N periods a turn is told from one that varies slowly when the motion covers so many of them."""
+
+# The band in which a motion is compared
+
+BAND_CLEAR = 30.0
+"""The band ends where the angle's power density falls to this many times its noise.  Amplitudes stand out of the noise
+by a factor of five there; the acceleration's error is largest at the end of the band, about a fifth of its signal."""
+BAND_MOTION = 0.9
+"""Share of the power of the speed that lies within the band: below, a swing has nothing but noise too."""
+BAND_AS_WELL, INERTIA_TOLD = 3.0, 0.1
+"""Times the smallest relative standard deviation of the inertia, up to which a wider band tells it as well, and the
+largest that tells it at all.  An arm that quivered at 18 Hz, which its torque did not make, told its inertia 60 times
+as well below 10 Hz as below 80 Hz (0.0635 instead of 0.0073 kg m²), a cart 57 times; of ten other sets that tell it at
+all the widest band was within 1.8 of the best."""
+UNSURE_SPEED, SURE_SPEED, SLOW_SPEED = 0.02, 3.0, 0.25
+"""A part is at rest below this share of its usual speed, or below so many standard deviations of the speed's noise, but
+never above this share of the usual speed: there dry friction may have any value up to its largest.  A robot's joint
+that stands still for two thirds of a recording had no friction (p = 1) before samples at rest were left out."""
+
+# Time
+
+BUDGET_S = 60.0
+"""What a person waits for an answer [s]."""
+SELECTION_SHARE = 0.9
+"""Of the time that is left; the rest is for the elimination, without which a viscous friction that drag and Coulomb
+friction had made superfluous was named of a pendulum whose search took all of a minute."""
+SEARCH_SHARE = 0.75
+"""Of the budget, for a search of gears; the rest is for the last refinement and for the description of what is left."""
+BUDGET_SAMPLES = 6400
+"""Samples of gears that a search of a minute can use: two recordings of 4 s at 800 Hz, in steps of 0.5 ms, take half a
+minute; three of 20 s had no answer after nine minutes."""
+
+# Gears: evidence on data that no fit has seen
+
+FAR = 1.6
+"""Times what the shortest segments leave; below, the model is linear enough in what is missing for the score test alone
+to lead the search.  Their free starts follow any motion, so that they leave what is added to the readings, the noise
+and what hums beside it.  Hums leave 0.7 to 1.9 times as much of a second as of these; of 17 other effects
+15 leave 1.8 to 19 times as much, a compliant shaft 1.4 and a second mode 0.8, whose errors are below 1.7 times the
+noise in any case (seeds 310 and 1210 of ``bench.hidden_effects``)."""
+UNSEEN_GAIN = 0.01
+"""Share by which an effect must lower the error on unseen data; within it they are free of the effect."""
+FAR_GAIN = 0.6
+"""Where it stays far above the noise, to this part: what bends itself a little to something else is no effect."""
+DELAY_GAIN = 0.003
+"""What another effect that delays must lower the misfit of unseen data by: ten in log-likelihood, for a recording of
+4 s."""
+ALIKE = 0.03
+"""Errors of unseen data that differ by this share count as equal, and their effects as confusable."""
+FULL = 3.0
+"""Times the limit of the score test, from which on data are full of something; noise stays within half of this."""
+UNLIKE_NOISE = 2.0
+"""Times the noise, from which on what is left is no noise, whatever its shape: a steady hum passes for its colour."""
+UNSIZED = 1.5
+"""Half widths of its interval, within which an amplitude may as well be zero: three standard deviations.  A second mode
+that was fitted to a hum of 1.5 m/s² had an amplitude of 1.01 of them, one of a participation of 0.15 one of 47."""
+SURE_SHARE = 0.75
+"""Of the unseen segments, those that are followed best: in the others a start may be off, which is no structure."""
+LOST, LOST_SHARE = 1.3, 0.4
+"""Times the usual error, from which on an unseen segment is lost to chaos or to a start that was not found, and the
+largest share of the segments that are left out for it."""
+MISSED = 3.0
+"""Times the usual error, from which on a segment is missed: it has no say in the parameters, begins anew, and counts
+with no larger error than that."""
+LOST_MOTION = 4.0
+"""Times the noise, or the error of the shortest segments, from which on a fit has lost the motion."""
+
+# Gears: which effects are tried, and how far
+
+MOST_MISSING, AT_LENGTH = 3, 2
+"""After so many, nothing more is looked for at all; or at length."""
+SCREENED, SHORTLISTED, FITTED, FEWEST = 12, 6, 4, 2
+"""Effects that go on from each stage of a search: from the score test (where observers say nothing), from the score
+test near the noise or beside observers, to fits of all segments, and at least."""
+HOPELESS = 0.45
+"""Share of missed segments, from which on an effect is not worth finding their starts."""
+STANDS_OUT = 0.75
+"""An effect whose error is below this part of the next one's is taken on trust, and a function is believed that lowers
+the error to this part."""
+NEARER = 0.87
+"""Part of another error, or cost of observer runs, below which one is clearly better: an effect than none at all, or
+than the next one, a fit that began anew than the one before."""
+FIRST_BEHIND, BEHIND = 1.8, 3.0
+"""Times the error (or cost of observer runs) of the best, from which on another one is dropped: at the start of
+successive halving, and on longer segments."""

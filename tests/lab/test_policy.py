@@ -1,0 +1,128 @@
+"""What the lab decides by stands in one file, each constant with its reason; its other numbers do not decide."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+from lostmotion.lab import policy
+
+LAB = Path(policy.__file__).parent
+NUMERICS = {
+    "cli.py": (1, "width of a table"),
+    "commands/compare_terminal.py": (3, "size of a plot"),
+    "commands/curves.py": (1, "digits of a file"),
+    "commands/duration.py": (1, "units of time"),
+    "commands/fitting_terminal.py": (2, "size of a table"),
+    "comparison/bands.py": (3, "resolution of a spectrum that is shown"),
+    "comparison/compare.py": (8, "how a start state is searched for, what is worth a word in a sentence"),
+    "comparison/phases.py": (9, "what the phases of a motion are called"),
+    "comparison/residual_analysis.py": (1, "resolution of what is shown"),
+    "comparison/residual_maps.py": (2, "resolution of what is shown"),
+    "data/autoregression.py": (8, "a robust regression"),
+    "data/excerpt.py": (1, "length of windows"),
+    "data/experiment.py": (4, "what is no recording"),
+    "data/frequency_response.py": (3, "an estimator of first values"),
+    "data/lines.py": (3, "a peak finder for first values"),
+    "data/noise.py": (10, "an estimator of the noise, each number with its measured error"),
+    "data/stationarity.py": (1, "length of a block"),
+    "data/supply.py": (3, "which of two things a voltage is; the margins are measured"),
+    "data/whiteness.py": (1, "rank of a matrix"),
+    "design/next_experiment.py": (2, "the motions that are proposed"),
+    "discrepancy/basis.py": (5, "grid of an unknown function"),
+    "discrepancy/describe.py": (3, "what a curve is drawn with"),
+    "discrepancy/fit.py": (8, "steps of a minimiser"),
+    "discrepancy/input_estimation.py": (6, "a filter's start and its outliers"),
+    "discrepancy/localise.py": (6, "grid on which a likelihood is maximised"),
+    "discrepancy/shape.py": (2, "resolution of a curve"),
+    "fitting/fit.py": (3, "steps of a refinement, floor and lags of a covariance"),
+    "fitting/strategy.py": (13, "grids of first values, convergence and length of segments"),
+    "gears.py": (1, "what a step costs"),
+    "inverse/candidates.py": (5, "first values and steps of a fit"),
+    "inverse/explain.py": (2, "what is drawn"),
+    "inverse/output_error.py": (6, "length, rate and integration step of what is simulated"),
+    "inverse/problem.py": (2, "convergence of a fixed-point iteration, freedom of an angle"),
+    "inverse/regression.py": (7, "a minimiser"),
+    "inverse/signals.py": (12, "filters, splines and the grid of bands"),
+    "inverse/torques.py": (2, "integration step"),
+    "inverse/validate.py": (1, "continuation in the horizon"),
+    "models/simulate.py": (4, "a simulation's length and check"),
+    "observer/filter.py": (5, "gains of observers"),
+    "observer/global_search.py": (21, "an evolution: its populations, generations and widths"),
+    "observer/objective.py": (8, "what observers are run on, and a robust cost"),
+    "parallel.py": (2, "waiting times"),
+    "quantity.py": (2, "digits"),
+    "selection/candidates.py": (3, "steps of a fit"),
+    "selection/score_test.py": (1, "draws of a bootstrap"),
+    "selection/validate.py": (2, "length of segments, steps of a fit"),
+    "shooting/continuation.py": (4, "length of the first segments, a robust cost"),
+    "shooting/initial_guess.py": (1, "a finite difference"),
+    "shooting/initial_state.py": (3, "grids of first values"),
+    "shooting/least_squares.py": (3, "a minimiser"),
+    "shooting/parameters.py": (3, "weak priors"),
+    "shooting/segment.py": (4, "finite differences"),
+    "shooting/task.py": (3, "integration steps"),
+}
+"""How many numbers each other module of the lab has, and what they are for."""
+MOST = 60
+
+
+def is_number(value: ast.expr) -> bool:
+    """Whether an expression holds numbers only."""
+    if isinstance(value, ast.Constant):
+        return isinstance(value.value, int | float) and not isinstance(value.value, bool)
+    if isinstance(value, ast.UnaryOp):
+        return is_number(value.operand)
+    if isinstance(value, ast.BinOp):
+        return is_number(value.left) and is_number(value.right)
+    parts: list[ast.expr] = []
+    if isinstance(value, ast.Tuple | ast.List):
+        parts = value.elts
+    elif isinstance(value, ast.Dict | ast.Call):
+        parts = value.values if isinstance(value, ast.Dict) else value.args
+    return bool(parts) and all(map(is_number, parts))
+
+
+def numbers(path: Path) -> list[str]:
+    """The names of a module's constants that are numbers."""
+    found = []
+    for node in ast.parse(path.read_text()).body:
+        if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
+            target = node.targets[0] if isinstance(node, ast.Assign) else node.target
+            values = node.value.elts if isinstance(node.value, ast.Tuple) else [node.value]
+            names = target.elts if isinstance(target, ast.Tuple) else [target]
+            if is_number(node.value) and (len(names) == 1 or len(names) == len(values)):
+                found += [ast.unparse(name) for name in names]
+    return found
+
+
+def test_a_policy_of_few_constants() -> None:
+    """There are no more than sixty, and each is one of them once."""
+    names = numbers(LAB / "policy.py")
+    assert len(set(names)) == len(names) <= MOST
+
+
+def test_each_constant_says_what_it_decides() -> None:
+    """Behind each stands a sentence."""
+    body = ast.parse((LAB / "policy.py").read_text()).body
+    for before, after in zip(body, [*body[1:], None], strict=True):
+        if isinstance(before, ast.Assign):
+            assert isinstance(after, ast.Expr), ast.unparse(before)
+            assert isinstance(after.value, ast.Constant)
+            assert len(str(after.value.value)) > 30, ast.unparse(before)
+
+
+def test_each_constant_is_used() -> None:
+    """Outside of the policy, by its name there."""
+    text = "".join(path.read_text() for path in LAB.rglob("*.py"))
+    assert [name for name in numbers(LAB / "policy.py") if f"policy.{name}" not in text] == []
+
+
+def test_no_other_module_decides() -> None:
+    """The numbers of the others are those that have been looked at and found to be numerics, or words and pictures."""
+    paths = {path.relative_to(LAB).as_posix(): path for path in LAB.rglob("*.py")}
+    others = {
+        name: path for name, path in paths.items() if not name.startswith(("report/", "policy.py", "models/own/"))
+    }
+    found = {name: len(many) for name, path in others.items() if (many := numbers(path))}
+    assert found == {name: count for name, (count, _) in NUMERICS.items()}, "is a new one of them for lab/policy.py?"
