@@ -343,7 +343,7 @@ class Pipeline:
             return replace(score, play_reason="too few commands of the other joints")
         times, angles = joint.commands
         settings, before = joint.bar_settings, joint.law
-        sized, joint.law, joint.size_law = learnt_play(
+        sized, joint.law, joint.size_law, joint.servo = learnt_play(
             score, alone, times, angles, settings, joint.law, joint.servo, joint.size_law
         )
         joint.law_windows += joint.law is not before

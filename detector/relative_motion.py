@@ -17,27 +17,35 @@ from lostmotion.detector.commanded import Commanded
 from lostmotion.detector.contacts import Contacts, contacts
 from lostmotion.detector.deconvolution import Inverse, integrated, inverse, mistuned, noise_of
 from lostmotion.detector.offset import OWN, OffsetLaw, averaged
-from lostmotion.detector.servo import ServoLaw
+from lostmotion.detector.servo import USUAL, ServoLaw
 from lostmotion.detector.window import DetectorSettings, FloatArray, Window
 
 __all__ = ["RelativeMotion", "relative_motion"]
 
 LENGTH, MISTUNED = 0.02, 0.005
 """Standard deviations of the shares by which length or sensitivity, and the resonance, are wrong."""
-LATE, OTHERWISE, SHAPE = 0.003, 0.15, 0.15
-"""Standard deviations of a delay [s] beside that of the way in which the servo follows, of the share of what following
-changes by which it follows otherwise, and of the second coefficient of its lag over the delay's square, which is 0.5 of
-a pure delay, 1 of the first order, 0.3 to 0.8 of a second order damped by 0.6 to 1.2."""
+OTHERWISE, SHAPE = 0.15, 0.15
+"""Standard deviations of the share of what following changes by which a servo follows otherwise, and of the second
+coefficient of its lag over the delay's square, which is 0.5 of a pure delay, 1 of the first order, 0.3 to 0.8 of a
+second order damped by 0.6 to 1.2."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RelativeMotion:
-    """The joint's angle against the gear, but for a + b t, where that is known, and its covariance, at times (K,)."""
+    """The joint's angle against the gear, but for a + b t, where that is known, and its covariance, at times (K,).
+
+    lag (K, 2): what a delay that is 1 s too long, and a second coefficient that is 1 s² too small, add to the angle;
+    shape: standard deviation of that coefficient [s²].  Neither is in the covariance; nor is what a play has made
+    one believe of a servo that is learnt.
+    """
 
     time: FloatArray
     angle: FloatArray
     covariance: FloatArray
     known: NDArray[np.bool_]
+    lag: FloatArray
+    shape: float
+    servo_is_learnt: bool
 
 
 def relative_motion(
@@ -51,8 +59,8 @@ def relative_motion(
     accel, doubt, offset = _levelled(stretch, followed, undone.times, basis, settings, offset)
     impulses = undone.impulses(accel)
     wrong = mistuned(accel.size, stretch.rate_hz, noise, settings, MISTUNED) @ accel.astype(np.float32)
-    otherwise = (SHAPE * servo.delay[0] ** 2, basis @ command.coefficients, wrong.astype(np.float64))
-    apart = _apart(undone, impulses, followed, basis, otherwise, doubt, settings)
+    otherwise = (basis @ command.coefficients, wrong.astype(np.float64))
+    apart = _apart(undone, impulses, followed, basis, otherwise, doubt, servo, settings)
     return apart, contacts(undone, impulses, followed.derivative(basis, 2), apart.known), offset
 
 
@@ -80,27 +88,27 @@ def _levelled(
 
 def _apart(
     undone: Inverse, impulses: FloatArray, command: Commanded, basis: FloatArray,
-    uncertain: tuple[float, FloatArray, FloatArray], doubt: tuple[float, float], settings: DetectorSettings,
+    uncertain: tuple[FloatArray, FloatArray], doubt: tuple[float, float], servo: ServoLaw, settings: DetectorSettings,
 ) -> RelativeMotion:  # fmt: skip
-    """D and what is uncertain about it: a servo that follows otherwise is nearer to its goal [rad], or later, or ahead
-    in proportion to the acceleration [s²]; a wrong resonance adds angles [rad].
+    """D and what is uncertain about it: a servo that follows otherwise is nearer to its goal [rad], or later; a wrong
+    resonance adds angles [rad].
 
     basis: of the command at the times of the impulses.
     """
-    curvature, goal, astray = uncertain
+    goal, astray = uncertain
     time = undone.times
     driven, speed, accel = basis @ command.coefficients, *(command.derivative(basis, order) for order in (1, 2))
-    driven, speed = driven - driven.mean(), speed - speed.mean()
+    driven, speed, accel = driven - driven.mean(), speed - speed.mean(), accel - accel.mean()
     step = undone.step
     columns = np.column_stack([
         (time - time.mean()) ** 2 * (doubt[0] / settings.length_m / 2),
         integrated(driven, step) * step * (doubt[1] / settings.length_m),
         LENGTH * driven,
-        LATE * speed,
         OTHERWISE * (goal - goal.mean() - driven),
-        curvature * (accel - accel.mean()),
         astray,
     ])  # fmt: skip
     covariance = undone.doubt + basis @ command.covariance @ basis.T + columns @ columns.T
     apart = integrated(impulses, step) - basis @ command.coefficients
-    return RelativeMotion(time, apart, covariance, time <= command.end)
+    lag = np.column_stack([2 * USUAL * servo.delay[0] * accel - speed, accel])
+    shape = SHAPE * servo.delay[0] ** 2
+    return RelativeMotion(time, apart, covariance, time <= command.end, lag, shape, servo.is_learnt)

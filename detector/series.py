@@ -73,7 +73,7 @@ def score_series(
     for score, (stretch, polls, goals) in zip(scored, around, strict=True):
         servo = with_severity(score, near_part(score, stretch), polls, goals, settings, servo)[1]
     for score, (stretch, polls, goals) in zip(scored, around, strict=True):
-        sized, law, size_law = learnt_play(score, stretch, polls, goals, settings, law, servo, size_law)
+        sized, law, size_law, servo = learnt_play(score, stretch, polls, goals, settings, law, servo, size_law)
         scores.append(with_severity(sized, near_part(score, stretch), polls, goals, settings, servo)[0])
     return scores
 

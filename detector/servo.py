@@ -18,7 +18,20 @@ from numpy.typing import NDArray
 
 from lostmotion.detector.window import FloatArray
 
-__all__ = ["AT_ONCE", "DELAYS", "GRID_S", "ORDERS", "SPAN_S", "UNKNOWN", "ServoLaw", "delayed", "followed", "smoothing"]
+__all__ = [
+    "AT_ONCE",
+    "DELAYS",
+    "GRID_S",
+    "ORDERS",
+    "SPAN_S",
+    "UNKNOWN",
+    "USUAL",
+    "LagInformation",
+    "ServoLaw",
+    "delayed",
+    "followed",
+    "smoothing",
+]
 
 GRID_S = 0.004
 """Grid of the commands, and of the delays that are compared [s]."""
@@ -40,6 +53,19 @@ one damped by 0.6.  Of servos damped by 0.6 to 1.2, up to half a pure delay (26 
 to 3117), sizes of the play were told in 77 % of the windows, held in 93.0 % and were 9 % too large without the third
 and fourth way, 78, 95.7 and 8 % with the third, 80, 95.5 and 5 % with both; of the severities 96.2, 98.7 and 98.6 %
 held, and their correlation with the play was 0.944, 0.962 and 0.964."""
+SECOND = np.array([0.5, 1.0, 0.75, 1 - 1 / (4 * DAMPING**2), 0.0])
+"""The second coefficient of each order's lag, as a share of the delay's square; the last one is that of the two delays
+in a row."""
+SECOND[4] = PURE**2 / 2 + PURE * (1 - PURE) + (1 - PURE) ** 2 * SECOND[3]
+COEFFICIENTS: FloatArray = np.column_stack([DELAYS, SECOND[ORDERS] * DELAYS**2])
+"""Delay [s] and second coefficient [s²] of each way of following, shape (G, 2)."""
+USUAL = 0.65
+"""What the second coefficient usually is of the delay's square: the mean of SECOND."""
+ALIKE = 0.006
+"""What contacts tell of a lag is wrong alike in many windows: by 1.3 ms of the delay, and of the delay times the delay,
+which is this over the root of the 20 windows that MEMORY keeps.  With 0.003, 0.006 and 0.012 s of the intervals of the
+size of the play 95.0, 95.5 and 95.3 % held, above 20 mrad 96.2, 97.4 and 96.7 % (60 joints of ``bench.outside`` that
+lag or have more than 10 mrad, seeds 7000 to 7119)."""
 SETTLED = 100.0
 """Delays after which a step is followed, to the last bit."""
 TRIED = 8.0
@@ -49,7 +75,22 @@ PROBABLE = 0.003
 MEMORY = 0.95
 """Weight of what earlier windows told after each window: another load changes how a servo follows.  With 0.99 the
 delays were as right, and too sure: 85 % of the intervals of the size of the play held behind servos of other shapes,
-with 0.95 and the second coefficient of ``play_size.SHAPE`` 87 % (14 joints of seeds 100 to 139)."""
+with 0.95 and the second coefficient of ``relative_motion.SHAPE`` 87 % (14 joints of seeds 100 to 139)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LagInformation:
+    """What the contacts of one window tell of the errors of a law's lag: of its delay [s], and of its second
+    coefficient [s²] beside the 2 USUAL delays that go with one.
+
+    score (2,) and information (2, 2) of their likelihood where both have Gaussian priors with these variances (2,)
+    already; weight: share of it that is to count.
+    """
+
+    score: FloatArray
+    information: FloatArray
+    prior: FloatArray
+    weight: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,12 +119,30 @@ class ServoLaw:
         mean = float(odds @ DELAYS)
         return mean, float(np.sqrt(odds @ (DELAYS - mean) ** 2))
 
+    @property
+    def is_learnt(self) -> bool:
+        """Whether windows may tell it: not where it is known."""
+        return -math.inf not in self.likelihood
+
     def updated(self, chosen: NDArray[np.intp], evidence: FloatArray) -> ServoLaw:
         """The law after one more window, which tells the log-likelihood of the chosen ways."""
-        if -math.inf in self.likelihood:
+        if not self.is_learnt:
             return self
         gained = MEMORY * np.array(self.likelihood)
         gained[chosen] += evidence - np.max(evidence)
+        return ServoLaw(tuple((gained - np.max(gained)).tolist()))
+
+    def corrected(self, told: LagInformation) -> ServoLaw:
+        """The law after a window's contacts told how wrong its lag is: without their priors, with ALIKE."""
+        if not self.is_learnt:
+            return self
+        delay = self.delay[0]
+        error = COEFFICIENTS - self.odds @ COEFFICIENTS
+        error[:, 1] -= 2 * USUAL * delay * error[:, 0]
+        alike = np.array([ALIKE, ALIKE * delay]) ** 2
+        kept = np.linalg.inv(np.eye(2) + told.information * (alike - told.prior))
+        evidence = error @ (kept @ told.score) - np.sum((error @ (kept @ told.information)) * error, axis=1) / 2
+        gained = np.array(self.likelihood) + told.weight * evidence
         return ServoLaw(tuple((gained - np.max(gained)).tolist()))
 
 
