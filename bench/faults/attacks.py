@@ -11,6 +11,7 @@ import socket
 import sqlite3
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
@@ -29,6 +30,8 @@ HALF_OPEN, SCRAPE_S = 300, 10.0
 """connections to the metrics that send half a request, and how long a scrape beside them may take [s]"""
 SPARE_BYTES = 4 << 20
 """what the service may still take of memory under a limit"""
+LEFT_S = 5.0
+"""within which a service has left a file that was replaced [s]"""
 BAD_LINES = ("x = ", "[[[", "\0", "path = 1e999", "rate_hz = -1", "=" * 5000)
 
 
@@ -122,6 +125,10 @@ def _copied(world: World) -> Undo:
 
 
 def _locked(world: World) -> Undo:
+    """Not in the moment before a service begins anew in another file, whose log it takes away: a lock is there."""
+    end = time.monotonic() + LEFT_S
+    while world.is_mixed() and time.monotonic() < end:
+        time.sleep(0.05)
     other = sqlite3.connect(world.database, timeout=5.0, check_same_thread=False)
     other.execute("BEGIN IMMEDIATE")
     return other.close

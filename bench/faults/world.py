@@ -110,8 +110,8 @@ class World:
         return self.process.pid
 
     def left(self) -> int:
-        """How often a service has said that it leaves a file."""
-        return self.said.count("while it was open; the service goes on")
+        """How often a service has left a file; that it will is said up to a second before."""
+        return self.said.count("while it was open; the service goes on in a new one\n")
 
     def put(self, database: Path) -> None:
         """Puts another file in the place of the database."""
