@@ -32,8 +32,8 @@ LATE, CROSSING = 0.003, 0.35
 """Standard deviation of the servo's delay [s] beside that of what is known of it, and that of the angle by which a play
 that is crossed late has passed for a delay, as a share of the play: learnt from angles alone, delays of 19 joints with
 10 to 90 mrad were wrong by 0.35 plays over the gear's speed (root mean squares; ``bench.outside``, seeds 7000 to 7059).
-With 0.25, 0.35, 0.5 and 1 times the play 95.4, 95.5, 95.5 and 95.1 % of the intervals hold, 85 % of the windows above 30
-dB tell a size (60 joints of seeds 7000 to 7119 that lag or have more than 10 mrad); without it 95.3 and 85 %."""
+With 0.25, 0.35, 0.5 and 1 times the play 95.4, 95.5, 95.5 and 95.1 % of the intervals hold, 85 % of the windows above
+30 dB tell a size (60 joints of seeds 7000 to 7119 that lag or have more than 10 mrad); without it 95.3 and 85 %."""
 LEAST_SHAPE, LEAST_SPEED = 1e-7, 1e-3
 """Standard deviation of the second coefficient of the lag of a servo that follows at once [s²], and speed of a gear
 that rests [rad/s]."""
