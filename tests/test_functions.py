@@ -1,4 +1,4 @@
-"""No function is too long to be read at once."""
+"""No function, and no file of the lab, is too long to be read at once."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 PACKAGE = Path(__file__).parent.parent / "src" / "lostmotion"
 FOLDERS = ("model", "detector", "drivers", "daemon", "lab", "web")
-MOST = 40
+MOST, MOST_OF_A_FILE = 40, 350
 ONE_PIECE = {"model/solve.py:_integrate"}
 """Cut in two, gears take 1.15 to 2.8 times as long (numba counts references to every array in each step)."""
 
@@ -25,3 +25,9 @@ def test_functions_are_short(folder: str) -> None:
                 if lines > MOST:
                     long.add(f"{path.relative_to(PACKAGE).as_posix()}:{node.name}")
     assert long == {name for name in ONE_PIECE if name.startswith(f"{folder}/")}
+
+
+def test_files_of_the_lab_are_short() -> None:
+    """350 lines at most."""
+    lines = {path.name: path.read_text().count("\n") for path in (PACKAGE / "lab").rglob("*.py")}
+    assert [name for name, count in lines.items() if count > MOST_OF_A_FILE] == []

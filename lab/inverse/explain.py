@@ -25,17 +25,17 @@ from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.frequency_response import from_spectra
 from lostmotion.lab.deadline import within
 from lostmotion.lab.design.next_experiment import what_to_record
-from lostmotion.lab.discrepancy.shape import Shape, shapes
 from lostmotion.lab.fitting.identifiability import is_driven, with_scale
 from lostmotion.lab.inverse.candidates import torques_of
+from lostmotion.lab.inverse.describe import described, is_linear
 from lostmotion.lab.inverse.output_error import OutputError, initial_state
-from lostmotion.lab.inverse.problem import Data, by_recording
+from lostmotion.lab.inverse.problem import Data
 from lostmotion.lab.inverse.regression import Regression, blocks_of, can_run
 from lostmotion.lab.inverse.selection import Search, Selection, Step, first_fit, selected
 from lostmotion.lab.inverse.signals import COLUMNS, Signals, telling_band
 from lostmotion.lab.inverse.torques import can_invert, noise_floor
 from lostmotion.lab.inverse.validate import Method, amplitudes, error_on, fit_on, is_noise
-from lostmotion.lab.results import Curve, Errors, Estimate, Explanation, Finding, Fit, Ranked, Verdict
+from lostmotion.lab.results import Errors, Estimate, Explanation, Fit, Ranked, Verdict
 from lostmotion.lab.shooting.task import Task, coarse_substep
 from lostmotion.model import Model, ModelError, build_model
 from lostmotion.model.motion import FloatArray
@@ -101,14 +101,14 @@ def _explanation(
     left = [best.residual, *(there.residual for there in (fit_on(best, unseen),) if there)]
     complete = all(is_noise(one, floors[column]) for one in left)
     verdict: Verdict = "missing" if missing else "nothing_missing" if complete else "outside_catalogue"
-    errors = Errors(descent[0], error_on(best, unseen), floors[column], words.column(column, _is_linear(best))[1])
+    errors = Errors(descent[0], error_on(best, unseen), floors[column], words.column(column, is_linear(best))[1])
     return Explanation(
         verdict=verdict,
         missing=missing,
         confusable=_confusable(selection),
         ranking=_ranking(selection, unseen, descent[0]),
         error=errors,
-        residual=None if complete else _finding(selection.fits[-1].inverse),
+        residual=None if complete else described(selection.fits[-1].inverse),
         advice="" if method is Method.FREE else _advice(selection, train, noise, pool),
         detectable=_detectable(selection.steps[-1]) if verdict == "nothing_missing" else {},
         base=_fit(base, model, floors, column, unseen),
@@ -239,14 +239,9 @@ def _estimates(fit: Regression) -> list[Estimate]:
             value - factor * slope, value + factor * slope)  # fmt: skip
         unit = fit.model.parameters[item.name].unit
         told = sd < policy.TOLD if item.logarithmic else slope < policy.TOLD * max(abs(value), item.scale)
-        found.append(Estimate(item.name, value, ends[0], ends[1], words.linear(unit) if _is_linear(fit) else unit, told,
+        found.append(Estimate(item.name, value, ends[0], ends[1], words.linear(unit) if is_linear(fit) else unit, told,
                               bool(z <= a or z >= b)))  # fmt: skip
     return found
-
-
-def _is_linear(fit: Regression) -> bool:
-    """Whether an axis moves along a line."""
-    return any(one.experiment.is_linear for one in fit.data.signals)
 
 
 def _fit(fit: Regression, rough: Model, noise: dict[str, float], column: str, *unseen: Signals) -> Fit:
@@ -314,51 +309,3 @@ def _motion_rms(fit: Regression, model: Model, substep: float) -> dict[str, floa
         motion = own.simulate(piece.drive, piece.time, initial_state(own, piece, start), substep_s=substep)
         parts.append((piece.measured[column] - motion[column]) ** 2)
     return {column: float(np.sqrt(np.nanmean(np.concatenate(parts))))}
-
-
-def _finding(fit: Regression) -> Finding:
-    """What the torque or motion that is left depends on."""
-    data = fit.data
-    if not isinstance(data, Data):
-        return _finding_of_motion(fit)
-    residuals = by_recording(fit.residual, data)
-    variables = [
-        {
-            "theta_2": one.position[one.kept], "omega_2": one.velocity[one.kept],
-            "acceleration": one.acceleration[one.kept], "time": one.time[one.kept],
-            **({"torque": one.filtered(load)} if is_driven(one.experiment) else {}),
-        }
-        for one, load in zip(data.shifted(fit.nuisance), data.transmitted, strict=True)
-    ]  # fmt: skip
-    found = shapes(residuals, [np.full(r.size, fit.rms) for r in residuals], variables)
-    what, unit = words.column("torque", _is_linear(fit))
-    return _followed("joint", f"a {what} on the joint of about {fit.rms:.2g} {unit} is missing", unit, found)
-
-
-def _finding_of_motion(fit: Regression) -> Finding:
-    """What the motion that is left depends on."""
-    unit = words.column(fit.data.signals[0].column, _is_linear(fit))[1]
-    residuals = by_recording(fit.residual, fit.data)
-    names = ("theta_2", "omega_2", "acceleration") if "J" in fit.model.parameters else ("q", "q'", "q''")
-    variables = []
-    for one in fit.data.signals:
-        seen = ~np.isnan(one.experiment.measured[one.column])
-        at = one.experiment.time[seen]
-        states = (one.position, one.velocity, one.acceleration)
-        columns = {name: np.interp(at, one.time, values) for name, values in zip(names, states, strict=True)}
-        variables.append({**columns, "time": at})
-    found = shapes(residuals, [np.full(r.size, fit.rms) for r in residuals], variables)
-    acts_on = "joint" if "J" in fit.model.parameters else "oscillator"
-    return _followed(acts_on, f"an error of the motion of about {fit.rms:.2g} {unit} is left", unit, found)
-
-
-def _followed(acts_on: str, size: str, unit: str, found: Sequence[Shape]) -> Finding:
-    """What is left, told by its size, and by the state that it follows best, if any."""
-    if not found or found[0].explained < policy.FOLLOWS_STATE:
-        return Finding(acts_on, (), f"{size}; it follows no single state")
-    best = found[0]
-    curve = Curve(
-        best.variable, best.unit, best.x, best.mean, best.mean - best.half_width, best.mean + best.half_width, unit
-    )
-    text = f"{size}; {100 * best.explained:.0f} % of it follows {words.variable(best.variable)[0]}"
-    return Finding(acts_on, (best.variable,), text, curve)

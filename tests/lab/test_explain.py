@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from lostmotion.lab.fitting.strategy import full_fit
 from lostmotion.lab.selection.prune import unsized
 from lostmotion.lab.selection.step import Step
 from lostmotion.lab.shooting.task import Task
-from lostmotion.model import build_model
+from lostmotion.model import Model, build_model
 from tests.lab.gears import GEARS, LEAD, gears, moved
 from tests.lab.gears import NOISE as NOISE_OF_GEARS
 
@@ -142,3 +143,47 @@ def test_gears_with_an_encoder_on_either_side() -> None:
         assert estimates[name].low < true < estimates[name].high
         assert estimates[name].value == pytest.approx(true, rel=0.05)
     assert [e.name for e in found.best.estimates if not e.told] == ["l", "b", "k", "bias"]
+
+
+KILOGRAM, METRE = 1e3, 10.0
+"""In the units of ``in_units``."""
+
+
+def times(unit: str) -> float:
+    """How many of its own unit one of a parameter is, as "N s/m" is KILOGRAM of these."""
+    size = {"kg": KILOGRAM, "m": METRE, "N": KILOGRAM * METRE}
+    above, *below = unit.split("/")
+    found = 1.0
+    for parts, sign in ((above, 1), *((part, -1) for part in below)):
+        for part in parts.split():
+            name, _, power = part.partition("^")
+            found *= size.get(name, 1.0) ** (sign * int(power or 1))
+    return found
+
+
+def in_units(model: Model) -> Model:
+    """A model in units of mass and length of which a kilogram and a metre are so many."""
+    return model.replace({
+        name: replace(p, value=p.value * times(p.unit), low=p.low * times(p.unit), high=p.high * times(p.unit))
+        for name, p in model.parameters.items()
+    })  # fmt: skip
+
+
+@pytest.mark.slow
+def test_units_change_nothing_of_gears() -> None:
+    """With masses a thousand times and lengths ten times as large, the name, its share and the errors over the noise
+    are the same."""
+    model, recordings = (
+        build_model("play", values={**GEARS, "d": 7e-5}),
+        [gears(s, **{"sensor_lag.T": 1.5e-3}) for s in (4, 5)],
+    )
+    other = [replace(one, columns={**one.columns, "accel": METRE * one.columns["accel"]}) for one in recordings]
+    with ThreadPoolExecutor(2) as pool:
+        first = explain(model, experiments(model, recordings), pool, budget_s=600.0)
+        found = explain(in_units(model), experiments(in_units(model), other), pool, budget_s=600.0)
+    assert first.missing == found.missing == ("sensor_lag",)
+    assert (first.verdict, first.complete) == (found.verdict, found.complete)
+    assert found.share["sensor_lag"] == pytest.approx(first.share["sensor_lag"], abs=1e-3)
+    for which in ("before", "after"):
+        ratios = [getattr(one.error, which) / one.error.noise for one in (first, found)]
+        assert ratios[1] == pytest.approx(ratios[0], rel=1e-2)

@@ -133,6 +133,26 @@ def test_friction_of_a_servo_under_control(tmp_path: Path, sees: str) -> None:
 
 
 @pytest.mark.slow
+def test_units_of_inertia_change_nothing_of_a_servo(tmp_path: Path) -> None:
+    """With inertia and torques a hundred times as large, and a winding that lets the same voltage make them, the name,
+    its share and the errors over the noise are the same."""
+    recordings, found = [servo(seed) for seed in (1, 2)], []
+    for size in (1.0, 100.0):
+        values = {"J": 0.04 * size, "R": WINDING / size, "viscous_friction.b_v": 0.04 * size}
+        lines = "".join(f"{name} = {value}\n" for name, value in values.items())
+        folder = tmp_path / f"{size:g}"
+        folder.mkdir()
+        found.append(explained(folder, f"{SERVO}kt = {{ value = 1.5, fixed = true }}\n{lines}", recordings))
+    first, other = found
+    assert first["missing"] == other["missing"] == ["coulomb_friction"]
+    assert other["complete"] == first["complete"]
+    assert other["share"]["coulomb_friction"] == pytest.approx(first["share"]["coulomb_friction"], abs=1e-3)
+    assert other["error"]["after"] == pytest.approx(first["error"]["after"], rel=1e-3)
+    sizes = [answer["parameters"]["coulomb_friction.tau_c"][0] for answer in found]
+    assert sizes[1] == pytest.approx(100 * sizes[0], rel=1e-3)
+
+
+@pytest.mark.slow
 def test_nothing_is_missing_from_a_servo_without_dry_friction(tmp_path: Path) -> None:
     """A model that is complete is left alone."""
     model = SERVO + f"kp = {GAIN}\nU = {SUPPLY}\n"

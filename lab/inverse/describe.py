@@ -1,0 +1,69 @@
+"""What a fit of a predictable motion leaves, told by the state that it follows.  Nothing is fitted here."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lostmotion.lab import policy, words
+from lostmotion.lab.discrepancy.shape import Shape, shapes
+from lostmotion.lab.fitting.identifiability import is_driven
+from lostmotion.lab.inverse.problem import Data, by_recording
+from lostmotion.lab.inverse.regression import Regression
+from lostmotion.lab.results import Curve, Finding
+
+__all__ = ["described", "is_linear"]
+
+
+def is_linear(fit: Regression) -> bool:
+    """Whether an axis moves along a line."""
+    return any(one.experiment.is_linear for one in fit.data.signals)
+
+
+def described(fit: Regression) -> Finding:
+    """What the torque or motion that is left depends on."""
+    data = fit.data
+    if not isinstance(data, Data):
+        return _finding_of_motion(fit)
+    residuals = by_recording(fit.residual, data)
+    variables = [
+        {
+            "theta_2": one.position[one.kept], "omega_2": one.velocity[one.kept],
+            "acceleration": one.acceleration[one.kept], "time": one.time[one.kept],
+            **({"torque": one.filtered(load)} if is_driven(one.experiment) else {}),
+        }
+        for one, load in zip(data.shifted(fit.nuisance), data.transmitted, strict=True)
+    ]  # fmt: skip
+    found = shapes(residuals, [np.full(r.size, fit.rms) for r in residuals], variables)
+    what, unit = words.column("torque", is_linear(fit))
+    return _followed("joint", f"a {what} on the joint of about {fit.rms:.2g} {unit} is missing", unit, found)
+
+
+def _finding_of_motion(fit: Regression) -> Finding:
+    """What the motion that is left depends on."""
+    unit = words.column(fit.data.signals[0].column, is_linear(fit))[1]
+    residuals = by_recording(fit.residual, fit.data)
+    names = ("theta_2", "omega_2", "acceleration") if "J" in fit.model.parameters else ("q", "q'", "q''")
+    variables = []
+    for one in fit.data.signals:
+        seen = ~np.isnan(one.experiment.measured[one.column])
+        at = one.experiment.time[seen]
+        states = (one.position, one.velocity, one.acceleration)
+        columns = {name: np.interp(at, one.time, values) for name, values in zip(names, states, strict=True)}
+        variables.append({**columns, "time": at})
+    found = shapes(residuals, [np.full(r.size, fit.rms) for r in residuals], variables)
+    acts_on = "joint" if "J" in fit.model.parameters else "oscillator"
+    return _followed(acts_on, f"an error of the motion of about {fit.rms:.2g} {unit} is left", unit, found)
+
+
+def _followed(acts_on: str, size: str, unit: str, found: Sequence[Shape]) -> Finding:
+    """What is left, told by its size, and by the state that it follows best, if any."""
+    if not found or found[0].explained < policy.FOLLOWS_STATE:
+        return Finding(acts_on, (), f"{size}; it follows no single state")
+    best = found[0]
+    curve = Curve(
+        best.variable, best.unit, best.x, best.mean, best.mean - best.half_width, best.mean + best.half_width, unit
+    )
+    text = f"{size}; {100 * best.explained:.0f} % of it follows {words.variable(best.variable)[0]}"
+    return Finding(acts_on, (best.variable,), text, curve)
