@@ -20,6 +20,7 @@ from lostmotion.lab.deadline import is_over, within
 from lostmotion.lab.design.next_experiment import what_to_record
 from lostmotion.lab.discrepancy.describe import described
 from lostmotion.lab.discrepancy.localise import localise
+from lostmotion.lab.errors import ExperimentError
 from lostmotion.lab.fitting.fit import Progress, fit_of, refined_fit
 from lostmotion.lab.fitting.identifiability import with_scale
 from lostmotion.lab.fitting.strategy import first_fit, full_fit, grown, predictable
@@ -30,13 +31,15 @@ from lostmotion.lab.selection.prune import reduced, simplified, unsized
 from lostmotion.lab.selection.score_test import Scores
 from lostmotion.lab.selection.step import Step, Tried
 from lostmotion.lab.selection.validate import Judged, Unseen, is_left, trained_each
-from lostmotion.lab.shooting.continuation import Level, followed, residuals
+from lostmotion.lab.shooting.continuation import FIRST_S, Level, followed, residuals
 from lostmotion.lab.shooting.task import Task, coarse_substep, rubbing
 from lostmotion.model import Model, ModelError
 from lostmotion.model.effects import get_effect
 
 __all__ = ["explained_gears"]
 
+FIRST_LEAST = 8
+"""Samples in the first segments, which have four initial values: three told nothing of the noise."""
 STEP_COST = 0.4
 """An integration step of gears costs as much as this part of a sample that is compared."""
 
@@ -48,8 +51,9 @@ def explained_gears(
     """What is missing, found on ``train`` and on ``last``, to which no parameter is fitted.
 
     noise: floor of each column; budget_s: how long all of it may take [s]; of long recordings as much is used as a
-    search can use in this time; seed: of the bootstrap.
+    search can use in this time; seed: of the bootstrap.  Raises ExperimentError where they were sampled too slowly.
     """
+    _check_rate(model, [*train, last])
     model, held = with_scale(model, [*train, last])
     whole_s = sum(one.duration for one in (*train, last))
     train, last = _used(model, train, last, budget_s)
@@ -94,6 +98,18 @@ def _searched(
     if void := unsized(level, task):
         level, descent = reduced(level, void, descent, unseen)
     return _Search(base, level, last_short, descent, steps, unseen, bool(void))
+
+
+def _check_rate(model: Model, experiments: Sequence[Experiment]) -> None:
+    """Raises ExperimentError where the first segments of gears hold too few samples to tell where they begin."""
+    slow = min(experiments, key=lambda one: one.rate_hz)
+    length = FIRST_S.get(model.base, math.inf)
+    if slow.rate_hz * length < FIRST_LEAST:
+        raise ExperimentError(
+            f"{slow.name}: found {slow.rate_hz:.3g} samples a second, expected at least {FIRST_LEAST / length:.3g}: "
+            f"what the teeth of a gear do is over in {length:g} s; of a slow recording the base 'joint' (torque and "
+            "position) or 'servo' (command and position) can be asked"
+        )
 
 
 def _untried(model: Model, steps: Sequence[Step]) -> tuple[str, ...]:

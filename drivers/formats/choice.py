@@ -3,6 +3,7 @@
 position=/joint_states.position[elbow]       the series of that name
 position=angle:deg                           in that unit, whatever its name says
 position=raw*0.00153398-3.14159              times a number, and a number added
+position=raw*25.4:mm                         which makes this unit of it
 torque=                                      this column is left out
 time=log                                     (MCAP, rosbag2) when a message was received, not what its header says
 """
@@ -12,6 +13,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 from lostmotion.drivers.errors import RecordingError
@@ -45,12 +47,17 @@ def parse_term(text: str) -> Term:
     """A series, with its unit or what is done to its numbers.  Raises RecordingError."""
     name, colon, unit = text.rpartition(":")
     if colon and name and to_si(unit.strip()) is not None:
-        return Term(name.strip(), unit.strip())
+        return replace(_scaled(name.strip()), unit=unit.strip())
     if colon and name and re.fullmatch(r"[A-Za-zµ°][\w^/°µ ]*", unit.strip()):
         raise RecordingError(
             f"--map: found the unit {unit!r} in {text!r}, expected one that is known, such as deg, mm, ms, g or N m; "
             "any other as a number: SERIES*FACTOR"
         )
+    return _scaled(text)
+
+
+def _scaled(text: str) -> Term:
+    """A series, with what is done to its numbers.  Raises RecordingError."""
     found = SCALED.fullmatch(text)
     if found is None:
         return Term(text)

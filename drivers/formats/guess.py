@@ -14,6 +14,7 @@ from lostmotion.drivers.units import COLUMN_UNITS, to_si
 __all__ = ["Chosen", "Guess", "guessed", "listed", "named"]
 
 OF_JOINTS = ("command", "position", "torque", "current", "voltage", "temperature")
+LINEAR = ("displacement", "force")
 SHOWN = 12
 
 
@@ -94,10 +95,14 @@ def listed(series: Sequence[Series]) -> str:
 
 
 def _chosen(column: str, series: Series, term: Term, why: str) -> Chosen:
-    """With the unit that somebody said, or the format, or the name; else that of the column."""
+    """With the unit that somebody said, or the format, or the name; else that of the column, or of a displacement or a
+    force, which are those of an axis that moves along a line."""
+    own = column_of(series.name)
+    usual = COLUMN_UNITS[own] if own in LINEAR else ""
     if term.factor is not None:
-        return Chosen(column, series.name, "", COLUMN_UNITS[column], term.factor, term.offset, why)
-    unit = term.unit or series.unit or unit_of(series.name, column)
+        si, factor = to_si(term.unit) or (usual or COLUMN_UNITS[column], 1.0)
+        return Chosen(column, series.name, "", si, term.factor * factor, term.offset * factor, why)
+    unit = term.unit or series.unit or unit_of(series.name, column) or (usual if column != own else "")
     known = to_si(unit)
     if known is None:  # none, or one that stays as it is and is told
         return Chosen(column, series.name, unit, unit or COLUMN_UNITS[column], 1.0, 0.0, why)

@@ -44,7 +44,7 @@ class Series:
 class Term:
     """What somebody wants a column to be: ``factor * series + offset``; an empty name leaves the column out.
 
-    unit: in which the series stands, "" for what its name says; factor None: as the unit says.
+    unit: in which that stands, "" for what the series' name says; factor None: as the unit says.
     """
 
     name: str

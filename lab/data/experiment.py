@@ -6,6 +6,7 @@ line that says what was found and what the base needs.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -32,6 +33,7 @@ OUTPUTS = {
     "servo": ("position",),
 }
 """The columns that are compared, whichever were recorded."""
+log = logging.getLogger(__name__)
 LEAST_SAMPLES = 50
 LONGEST_GAP = 20.0  # times the usual spacing of the input: further apart, the motion in between is anybody's guess
 FLAT_SHARE = 1e-9
@@ -132,14 +134,30 @@ def _drive(base: str, recording: Recording) -> Motion | None:
             f"{recording.name}: found {time.size} samples of {column}, expected at least {LEAST_SAMPLES}; "
             "is the recording too short?"
         )
-    spacing = np.diff(time)
-    if spacing.max() > LONGEST_GAP * np.median(spacing):
-        where = time[int(np.argmax(spacing))]
+    longest = _without_gap(recording.name, column, time)
+    if longest.stop - longest.start < LEAST_SAMPLES:
         raise ExperimentError(
-            f"{recording.name}: {column} has a gap of {spacing.max():.3g} s at {where:g} s, expected at most "
-            f"{LONGEST_GAP:g} sample spacings; cut the recording in two there"
+            f"{recording.name}: found {longest.stop - longest.start} samples of {column} between two gaps at most, "
+            f"expected at least {LEAST_SAMPLES}"
         )
-    return Sampled(time, values)
+    return Sampled(time[longest], values[longest])
+
+
+def _without_gap(name: str, column: str, time: FloatArray) -> slice:
+    """The longest part of the input without a gap; what is left out is told as a warning."""
+    spacing = np.diff(time)
+    gaps = np.flatnonzero(spacing > LONGEST_GAP * np.median(spacing))
+    ends = np.concatenate([[0], gaps + 1, [time.size]])
+    at = int(np.argmax(np.diff(ends)))
+    first, last = int(ends[at]), int(ends[at + 1])
+    if gaps.size:
+        widest = gaps[np.argmax(spacing[gaps])]
+        log.warning(
+            "%s: %s has a gap of %.3g s at %g s, more than %g sample spacings: used from %g to %g s; cut the "
+            "recording in two there to use all of it",
+            name, column, spacing[widest], time[widest], LONGEST_GAP, time[first], time[last - 1],
+        )  # fmt: skip
+    return slice(first, last)
 
 
 def _check_output(name: str, column: str, values: FloatArray) -> None:

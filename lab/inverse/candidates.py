@@ -36,6 +36,7 @@ __all__ = [
     "softened",
     "starts",
     "torques_of",
+    "turns_of",
 ]
 
 ANGLES = 6
@@ -106,13 +107,21 @@ def candidates(model: Model, added: tuple[str, ...], data: Problem) -> Iterator[
     is_linear = any(one.experiment.is_linear for one in data.signals)
     nested = dict(found for part in added if (found := wider(model, part)))
     for name in others(model):
-        if not (follows_motion(get_effect(name)) or is_simulated) or (is_linear and _needs_angle(name)):
+        effect = get_effect(name)
+        if not (follows_motion(effect) or is_simulated) or (is_linear and _needs_angle(name)):
+            continue
+        if not is_linear and turns_of(data) > effect.most_turns:
             continue
         if name in nested:
             yield name, nested[name]
-        elif (simple := get_effect(name).simpler) is None or simple.effect in model.effects:
+        elif (simple := effect.simpler) is None or simple.effect in model.effects:
             wide = model.with_effect(name)
             yield name, wide if is_moved else with_free_states(wide)
+
+
+def turns_of(data: Problem) -> float:
+    """How many turns the motion of a recording covers, the longest."""
+    return max(float(np.ptp(one.position)) for one in data.signals) / TURN
 
 
 def fitted_with(name: str, wide: Model, now: Regression, inverse: Regression | None) -> Regression | None:

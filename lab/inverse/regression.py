@@ -16,7 +16,7 @@ from lostmotion.lab.deadline import is_over
 from lostmotion.lab.inverse.problem import Data, Problem, by_recording
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import inertia_of
-from lostmotion.lab.shooting.parameters import Unknowns
+from lostmotion.lab.shooting.parameters import Unknown, Unknowns
 from lostmotion.lab.shooting.task import coarse_substep
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
@@ -31,6 +31,9 @@ STEP = 1e-6
 """Finite difference in numbers of order one: the torque is a smooth function of its parameters."""
 LEAST_SCALE = 0.01
 """Of the largest torque, or of a radian: the least scale of a parameter that may be zero."""
+LARGEST_BIAS = 2.0
+"""Of the largest torque, for a constant one.  Without an end, it and a ripple of once a turn, both two thousand times
+as large as all that was measured, followed what a flexible arm did within five degrees."""
 MOST_STEPS = 60
 """Of a fit."""
 REFITS, LEAST_DAMPING, CONVERGED = 8, 1e-6, 1e-7
@@ -310,7 +313,13 @@ def _scaled(unknowns: Unknowns, model: Model, data: Problem) -> Unknowns:
         else replace(item, scale=max(item.scale, usual.get(model.parameters[item.name].unit, 0.0)))
         for item in unknowns.items
     ]
-    return replace(unknowns, items=tuple(items))
+    most = LARGEST_BIAS * torque if model.base == "joint" else math.inf
+    return replace(unknowns, items=tuple(_within(item, most) if item.name == "bias" else item for item in items))
+
+
+def _within(item: Unknown, most: float) -> Unknown:
+    """No larger than this, either way."""
+    return replace(item, low=max(item.low, -most), high=min(item.high, most))
 
 
 def blocks_of(regression: Regression) -> NDArray[np.intp]:

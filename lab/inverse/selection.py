@@ -37,6 +37,7 @@ from lostmotion.lab.inverse.validate import (
     named,
     p_of,
     preferred,
+    prior_odds,
 )
 from lostmotion.lab.selection.nesting import without
 from lostmotion.model import Model
@@ -141,8 +142,9 @@ def _added(
             held = now.model.effects  # a wider effect takes a simpler one's place, and what that one explained
             added = [effect if effect in held else best.effect for effect in added]
         untried = found.untried
-        if is_over() and several:
-            untried = tuple(dict.fromkeys([*(one.effect for one in steps[-1].judged[1:]), *untried]))
+        if is_over():  # fits of the last step, which added nothing or not these, ended where they were
+            cut_short = steps[-1].judged[1:] if several else steps[-1].judged
+            untried = tuple(dict.fromkeys([*(one.effect for one in cut_short), *untried]))
         if not several or is_over():
             break
     return fits, added, steps, untried
@@ -228,9 +230,12 @@ def _step(now: Fitted, added: tuple[str, ...], search: Search) -> Step:
     """All candidates, judged against the present fit."""
     wide = list(candidates(now.inverse.model, added, now.inverse.data))
     fits, hopeless = _fitted_each(wide, now.inverse, search)
+    prior = prior_odds([name for name, _ in wide], now.inverse.model.effects)
+    tried = sum(prior.values())
 
     def work(one: tuple[str, Regression]) -> Judged:
-        return judged(one[0], _as_judged(*one, now, search.method), now, len(wide), search.choosing)
+        fitted = _as_judged(*one, now, search.method)
+        return judged(one[0], fitted, now, tried / prior[one[0]], search.choosing)
 
     found = search.each(work, fits, first=policy.FINISHED)
     found.sort(key=lambda one: -one.gain)
@@ -238,7 +243,7 @@ def _step(now: Fitted, added: tuple[str, ...], search: Search) -> Step:
     good = [one for one in found if one.is_significant]
     if not good:
         return Step(tuple(sorted(found, key=lambda one: one.p_value)), untried=untried)
-    alike = [one for one in good if are_alike(one, good[0], len(wide), search.choosing)]
+    alike = [one for one in good if are_alike(one, good[0], tried, search.choosing)]
     first = named(alike, now.inverse, search.unseen)
     rest = [one for one in found if one is not first]
     return Step((first, *rest), tuple(one.effect for one in alike if one is not first), untried)

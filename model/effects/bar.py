@@ -120,6 +120,8 @@ QUADRATIC_DAMPING = Effect(
         for base, value, most in (("joint", 1e-5, JOINT_MOST), ("servo", 2e-3, 10.0))
     },
     amplitudes=("b2",),
+    likelier="viscous_friction",
+    odds=2.0,
     guesses=lambda scales: (
         [{"b2": share * scales.b / scales.swing, "b": scales.b * (1 - 0.6 * share)} for share in (0.3, 0.9)]
         if scales.swing

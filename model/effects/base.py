@@ -6,6 +6,7 @@ kernel for each signal it acts on (kernel.py), a row in the registry, a test.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -16,11 +17,25 @@ from lostmotion.model.effects.words import Words
 from lostmotion.model.errors import ModelError
 from lostmotion.model.parameter import Parameter
 
-__all__ = ["ActsOn", "Effect", "EffectInfo", "Simpler", "joint_sized", "omega_0", "on", "servo_sized"]
+__all__ = [
+    "JOINT_MOST",
+    "SHAFT_TURNS",
+    "ActsOn",
+    "Effect",
+    "EffectInfo",
+    "Simpler",
+    "joint_sized",
+    "omega_0",
+    "on",
+    "servo_sized",
+]
 
 JOINT_MOST = 1e9
 """[N m], or that per speed: the base ``joint`` stands for a finger as well as for a crane, in whatever unit its torque
 was recorded."""
+SHAFT_TURNS = 8.0
+"""From so many turns on a motion is that of a shaft, and no arm's: pendulums that were swung up covered 3.0 at most,
+a screw drive 14 and more, motors 19 to 600."""
 SERVO_SIZE = 200.0
 """A servo's torques over those on the bar's small inertia."""
 
@@ -76,8 +91,9 @@ class Effect(EffectInfo):
 
     For a search: amplitudes: parameters without which it vanishes; guesses: values from which it may begin in a motion
     of these scales; barely: values with which it hardly acts, one for each shape, where it has no amplitude; simpler:
-    the effect that is a part of it; delays_by: its parameter T [s] where to first order it makes the reading come later
-    by T.  words: what a person reads of it.
+    the effect that is a part of it; likelier, odds: another effect of its kind, which so many times as many
+    machines have; most_turns: a motion of more turns cannot have it; delays_by: its parameter T [s] where to first
+    order it makes the reading come later by T.  words: what a person reads of it.
     """
 
     terms: Mapping[str, tuple[Term, ...]] = field(default_factory=dict)
@@ -94,6 +110,9 @@ class Effect(EffectInfo):
     guesses: Guesses = no_guesses
     barely: Guesses = no_guesses
     simpler: Simpler | None = None
+    likelier: str = ""
+    odds: float = 1.0
+    most_turns: float = math.inf
     delays_by: str = ""
     words: Words | None = None
 

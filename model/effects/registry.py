@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from lostmotion.model.effects import bar, clock, friction, gears, gravity, hysteresis, lag, sensor, shaft
+from lostmotion.model.effects import bar, clock, friction, gears, gravity, hysteresis, lag, sensor, shaft, spring
 from lostmotion.model.effects.base import Effect, EffectInfo
 from lostmotion.model.errors import ModelError
 
@@ -29,6 +29,7 @@ _EFFECTS: dict[str, Effect] = {
         friction.LOAD_DEPENDENT,
         hysteresis.PRESLIDING_FRICTION,
         gravity.GRAVITY_TORQUE,
+        spring.SPRING_TORQUE,
         gears.TORQUE_RIPPLE,
         bar.HARDENING_SPRING,
         bar.QUADRATIC_DAMPING,

@@ -84,6 +84,7 @@ def test_map_is_understood(tmp_path: Path) -> None:
     """A unit behind a colon, a factor and an offset, a name with a colon in it; and the same behind a #."""
     assert parse_term("angle:deg") == Term("angle", "deg")
     assert parse_term("raw*0.5-3") == Term("raw", factor=0.5, offset=-3.0)
+    assert parse_term("raw*0.5-3:mm") == Term("raw", "mm", 0.5, -3.0)
     assert parse_term("a::b/c:0") == Term("a::b/c:0")
     path = tmp_path / "x.mat"
     path.touch()
@@ -313,3 +314,17 @@ def test_real_measurements_in_other_formats(real_data: Path, tmp_path: Path) -> 
         np.testing.assert_allclose(found.time, true.time, atol=1e-12)
         for column, values in true.columns.items():
             np.testing.assert_array_equal(found.columns[column], values, err_msg=f"{name} {column}")
+
+
+@pytest.mark.parametrize(
+    ("said", "scale"),
+    [("displacement", 1.0), ("displacement*0.0254", 0.0254), ("raw*25.4:mm", 0.0254), ("raw:in", 0.0254)],
+)
+def test_a_length_makes_a_linear_axis(said: str, scale: float, tmp_path: Path) -> None:
+    """What is a displacement by its name, or in a unit of length, is a position in m, and a force a torque in N."""
+    path = tmp_path / "axis.csv"
+    pd.DataFrame({"time": T, "displacement": T, "raw": T, "force": T}).to_csv(path, index=False)
+    found = read(path, f"position={said}", "torque=force").recording
+    np.testing.assert_allclose(found.columns["position"], scale * T)
+    assert found.metadata["position_unit"] == "m"
+    assert found.metadata["torque_unit"] == "N"

@@ -49,10 +49,11 @@ BAD = {
     "no command": ("play", recording(accel=ACCEL), "found accel, expected 'command'; it drives the base 'play'"),
     "no output": ("play", recording(command=COMMAND), "found command, expected at least one of accel, position, force"),
     "empty output": ("joint", recording(torque=COMMAND, position=TIMES * np.nan), "found torque, expected"),
-    "gap": (
+    "only gaps": (
         "play",
-        without(300, 340, command=COMMAND, accel=ACCEL),
-        "command has a gap of 0.0512 s at 0.37375 s, expected at most 20 sample spacings; cut the recording in two",
+        recording(np.repeat(np.arange(9.0), 40) + np.tile(np.arange(40), 9) / RATE_HZ,
+                  command=COMMAND[:360], accel=ACCEL[:360]),
+        "found 40 samples of command between two gaps at most, expected at least 50",
     ),
     "infinite command": (
         "play",
@@ -228,3 +229,25 @@ def test_free_oscillation_needs_no_input() -> None:
     (experiment,) = held("oscillator", recording(accel=ACCEL))
     assert experiment.drive is None
     assert tuple(experiment.measured) == ("accel",)
+
+
+def test_the_longest_part_without_a_gap_is_used(caplog: pytest.LogCaptureFixture) -> None:
+    """Of a recording whose input is missing for 41 samples the longer part is taken, and this is said."""
+    (found,) = held("play", without(300, 340, command=COMMAND, accel=ACCEL))
+    assert found.time[[0, -1]] == pytest.approx([340 / RATE_HZ, 800 / RATE_HZ])
+    assert "command has a gap of 0.0512 s at 0.37375 s" in caplog.text
+    assert "used from 0.425 to 1 s" in caplog.text
+
+
+def test_gears_that_were_sampled_too_slowly(tmp_path: Path) -> None:
+    """Ten samples a second tell nothing of teeth: one line says so, and what can be asked instead."""
+    path, model = tmp_path / "slow.csv", tmp_path / "gears.toml"
+    times = np.arange(270) / 10
+    command = 0.15 * np.sign(np.sin(0.5 * times))
+    noise = np.random.default_rng(2).normal(0, 1e-3, times.size)
+    write_recording(recording(times, command=command, position=0.9 * command + noise), path)
+    model.write_text('base = "play"\n')
+    result = run("lab", "explain", model, path)
+    assert result.exit_code == 2
+    assert "slow.csv: found 10 samples a second, expected at least 32" in result.stderr
+    assert "the base 'joint'" in result.stderr

@@ -16,6 +16,9 @@ from lostmotion.lab.inverse.signals import Signals
 from lostmotion.model import build_model
 from tests.lab.inverse.test_inverse import explained
 
+ONE, TWO = "coulomb_friction", "gravity_torque"
+"""Effects with as many parameters."""
+
 
 def candidate(effect: str, gain: float, count: int, nuisance: int = 0) -> Any:
     """A candidate that takes this share of the squared error with so many parameters."""
@@ -23,14 +26,33 @@ def candidate(effect: str, gain: float, count: int, nuisance: int = 0) -> Any:
     return SimpleNamespace(effect=effect, gain=gain, fit=fit)
 
 
-@pytest.mark.parametrize(("gain", "nuisance", "expected"), [(0.71, 0, "two"), (0.42, 0, "one"), (0.71, 8, "one")])
+@pytest.mark.parametrize(("gain", "nuisance", "expected"), [(0.71, 0, TWO), (0.42, 0, ONE), (0.71, 8, ONE)])
 def test_parameters_are_worth_what_they_explain(
     monkeypatch: pytest.MonkeyPatch, gain: float, nuisance: int, expected: str
 ) -> None:
     """Of effects that twelve blocks hardly tell apart a second parameter is worth a fifth of the squared error: 42 %
     beside 38 are none, 71 % are; initial values that were fitted as well count as parameters."""
     monkeypatch.setattr(validate, "blocks_of", lambda fit: np.arange(12))
-    alike = [candidate("one", 0.38, 1), candidate("two", gain, 2, nuisance)]
+    alike = [candidate(ONE, 0.38, 1), candidate(TWO, gain, 2, nuisance)]
+    assert validate.named(alike, SimpleNamespace(), None).effect == expected  # type: ignore[arg-type]
+
+
+def test_rare_effects_pay_for_more_and_cost_the_others_less() -> None:
+    """A spring has a hundredth of the weight's prior odds where that is a candidate or in the model, and all of them
+    on an axis along a line."""
+    common = ["viscous_friction", "coulomb_friction"]
+    assert validate.prior_odds([*common, "spring_torque"], []) == dict.fromkeys([*common, "spring_torque"], 1.0)
+    beside = validate.prior_odds([*common, "gravity_torque", "spring_torque"], [])
+    assert beside == {**dict.fromkeys([*common, "gravity_torque"], 1.0), "spring_torque": 0.01}
+    assert validate.prior_odds(["spring_torque"], ["gravity_torque"]) == {"spring_torque": 0.01}
+
+
+@pytest.mark.parametrize(("gain", "expected"), [(0.90, TWO), (0.99, "spring_torque")])
+def test_of_a_weight_and_a_spring_the_likelier_one(monkeypatch: pytest.MonkeyPatch, gain: float, expected: str) -> None:
+    """A spring that leaves a little less than a weight, with one parameter less, is not named; one that leaves a tenth
+    of it is."""
+    monkeypatch.setattr(validate, "blocks_of", lambda fit: np.arange(40))
+    alike = [candidate("spring_torque", gain, 1), candidate(TWO, 0.89, 2)]
     assert validate.named(alike, SimpleNamespace(), None).effect == expected  # type: ignore[arg-type]
 
 
