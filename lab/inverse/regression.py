@@ -13,6 +13,7 @@ from scipy.optimize import least_squares
 
 from lostmotion.lab import policy
 from lostmotion.lab.deadline import is_over
+from lostmotion.lab.inverse.blocks import correlation, numbered
 from lostmotion.lab.inverse.problem import Data, Problem, by_recording
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import inertia_of
@@ -76,7 +77,7 @@ class Regression:
         length = sum(counts) / policy.LEAST_BLOCKS
         if self._refits_nuisance:  # all folds have samples that tell it
             length = min(length, min(counts) / policy.FOLDS)
-        fold = _numbered(counts, length) % policy.FOLDS
+        fold = numbered(counts, length) % policy.FOLDS
         found = np.empty_like(self.residual)
         for k in range(policy.FOLDS):
             found[fold == k] = self._refitted(fold != k)[fold == k]
@@ -325,27 +326,5 @@ def _within(item: Unknown, most: float) -> Unknown:
 def blocks_of(regression: Regression) -> NDArray[np.intp]:
     """A number for each sample (M,): that of its block, in which the residual has about four correlation times."""
     counts, parts = regression.data.counts, by_recording(regression.residual, regression.data)
-    length = policy.BLOCK_CORRELATIONS * max(_correlation(part) for part in parts)
-    return _numbered(counts, min(max(length, 1.0), sum(counts) / policy.LEAST_BLOCKS))
-
-
-def _numbered(counts: Sequence[int], length: float) -> NDArray[np.intp]:
-    """The number of each sample's block (M,), where blocks are about so many samples long and end with a recording."""
-    numbers, first = [], 0
-    for count in counts:
-        many = max(round(count / max(length, 1.0)), 1)
-        numbers.append(first + np.arange(count) * many // count)
-        first += many
-    return np.concatenate(numbers)
-
-
-def _correlation(residual: FloatArray) -> float:
-    """Integral correlation time in samples: 1 + 2 sum of the autocorrelation up to its first zero."""
-    centred = residual - residual.mean()
-    power = np.abs(np.fft.rfft(centred, 2 * centred.size)) ** 2
-    raw = np.fft.irfft(power)[: centred.size // 2]
-    if not raw[0] > 0:
-        return 1.0
-    own = raw / raw[0]
-    zero = np.flatnonzero(own <= 0)
-    return float(1 + 2 * own[1 : zero[0] if zero.size else None].sum())
+    length = policy.BLOCK_CORRELATIONS * max(correlation(part) for part in parts)
+    return numbered(counts, min(max(length, 1.0), sum(counts) / policy.LEAST_BLOCKS))
