@@ -33,8 +33,7 @@ STEP = 1e-6
 LEAST_SCALE = 0.01
 """Of the largest torque, or of a radian: the least scale of a parameter that may be zero."""
 LARGEST_BIAS = 2.0
-"""Of the largest torque, for a constant one.  Without an end, it and a ripple of once a turn, both two thousand times
-as large as all that was measured, followed what a flexible arm did within five degrees."""
+"""Of the largest torque, for a constant one: with a ripple 2000 times as large it followed a flexible arm (0009)."""
 MOST_STEPS = 60
 """Of a fit."""
 REFITS, LEAST_DAMPING, CONVERGED = 8, 1e-6, 1e-7

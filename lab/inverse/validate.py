@@ -115,8 +115,8 @@ def named(alike: Sequence[Judged], now: Regression, unseen: Signals | None) -> J
 
     Alike only says that the blocks are too few to be sure.  The likelihood counts each block as one sample, so that of
     twelve a parameter is worth a fifth of the squared error: a pendulum's weight, with two, took 71 % where Coulomb
-    friction took 38 %.  Before all that, an effect is not named where one of its kind is likelier that
-    explains a little less, but that more machines have.
+    friction took 38 %.  Before all that, an effect is not named where one of its kind explains a
+    little less that many more machines have.
     """
     blocks = max(int(blocks_of(one.fit).max()) + 1 for one in alike)
     costs = {one.effect: (1 - one.gain) * blocks ** (_count(one) / blocks) for one in alike}
