@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -19,7 +20,12 @@ for library in ("OPENBLAS", "MKL"):
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Before several workers start, all that they would compile at the same time is compiled once."""
+    """Before several workers start, all that they would compile at the same time is compiled once.
+
+    Ctrl-C, which tests send to programs, is heard by them also where a shell has begun all this in the background.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     if getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput"):
         from tests.compiled import compile_models
 
