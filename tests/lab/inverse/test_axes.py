@@ -20,7 +20,7 @@ from lostmotion.model import build_model
 from tests.lab.inverse.test_inverse import explained
 
 
-def damper(seed: int, seconds: float = 20.0) -> Recording:
+def damper(seed: int, seconds: float = 8.0) -> Recording:
     """A damper with a gas spring that a table moves by up to 60 mm: force by displacement and speed in closed form."""
     rng = np.random.default_rng(seed)
     t = np.arange(0, seconds, 1 / 300)
