@@ -63,7 +63,7 @@ class AlarmManager:
                     self._tell(transition, True)
             self._change([monitor.row])
         for gone in {row.name for row in self._reader.joints()} - set(self._monitors):
-            self._change(requests.resume(self._reader, gone, options, utc).retire(utc))
+            self._change(requests.resume(self._reader, gone, options, utc, known).retire(utc))
 
     @property
     def healths(self) -> list[Health]:

@@ -49,6 +49,12 @@ class World:
         return [change.event for change, before in self.told if isinstance(change, Transition) and before is again]
 
 
+def fill(store: Store) -> None:
+    """So many scores that a file of limited size cannot grow any more."""
+    store.add(*(ScoreRow("other", NOON + timedelta(seconds=k), 0.25, 1.0, 8.0, False) for k in range(12_000)))
+    wait_until(lambda: store.problem)
+
+
 def test_an_alarm_is_in_the_database_when_it_is_told(store: Store) -> None:
     """Each transition is found by a reader at the moment at which it is told, each once, in order."""
     world = World(store)
@@ -85,8 +91,7 @@ def test_a_reload_knows_what_a_full_disk_has_not_taken(store: Store, is_over: bo
         assert first.events() == [AlarmEvent.RAISED]
     wait_until(lambda: not store.waiting())
     with files_up_to(40_000):
-        store.add(*(ScoreRow("other", NOON + timedelta(seconds=k), 0.25, 1.0, 8.0, False) for k in range(12_000)))
-        wait_until(lambda: store.problem)
+        fill(store)
         first.alarm_manager.look("elbow", "" if is_over else "gone", NOON + timedelta(seconds=1))
         assert first.events()[-1] is (AlarmEvent.CLEARED if is_over else AlarmEvent.RAISED)
         first.alarm_manager.close()
@@ -99,6 +104,23 @@ def test_a_reload_knows_what_a_full_disk_has_not_taken(store: Store, is_over: bo
     with open_readonly(store.path) as reader:
         assert [change.event for _, change in reader.transitions()] == [AlarmEvent.RAISED, AlarmEvent.CLEARED]
         assert reader.active_alarms() == []
+
+
+def test_a_joint_that_a_reload_takes_away_on_a_full_disk(store: Store) -> None:
+    """Its alarm, which the database has not taken yet, does not stand any longer either."""
+    first = World(store)
+    first.events()
+    wait_until(lambda: not store.waiting())
+    with files_up_to(40_000):
+        fill(store)
+        first.alarm_manager.look("elbow", "gone", NOON + timedelta(seconds=1))
+        assert first.events() == [AlarmEvent.RAISED]
+        first.alarm_manager.close()
+        later, known = NOON + timedelta(seconds=2), first.alarm_manager.newest
+        AlarmManager(["wrist"], AlarmOptions(), store, lambda change, again: None, later, known).close()
+    wait_until(lambda: not store.waiting())
+    with open_readonly(store.path) as reader:
+        assert [change.event for _, change in reader.transitions("elbow")] == [AlarmEvent.RAISED, AlarmEvent.CLEARED]
 
 
 def test_requests_are_taken_up_once(store: Store) -> None:
