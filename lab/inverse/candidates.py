@@ -116,6 +116,8 @@ def candidates(model: Model, added: tuple[str, ...], data: Problem) -> Iterator[
             yield name, nested[name]
         elif (simple := effect.simpler) is None or simple.effect in model.effects:
             wide = model.with_effect(name)
+            if model.base == "oscillator":  # of some hertz and centimetres, or of kilohertz and micrometres
+                wide = softened(wide, data)
             yield name, wide if is_moved else with_free_states(wide)
 
 
@@ -277,11 +279,23 @@ def _sized(start: Model, sizes: dict[str, float], now: Regression, data: Problem
 
 
 def _covers(name: str, model: Model, data: Problem) -> bool:
-    """Whether the motion covers some periods of an effect that repeats N times a turn; once a turn it has the shape of
-    a weight, and is told as what cannot be told from one."""
+    """Whether the motion covers some periods of an effect that repeats N times a turn, at speeds at which the band lets
+    them through: what is faster shows at the start and the end of a motion only, where it may be any function (of a
+    motor at constant voltage one of 18 a turn took all).  Once a turn it has the shape of a weight, and is told as what
+    cannot be told from one."""
     turns = model.parameters.get(f"{name}.N")
-    span = max(float(np.ptp(one.position)) for one in data.signals)
-    return turns is None or turns.value == 1 or turns.value * span > policy.LEAST_PERIODS * 2 * np.pi
+    if turns is None or turns.value == 1:
+        return True
+    period = TURN / turns.value
+    return max(_way(one, period * one.band_hz) for one in data.signals) > policy.LEAST_PERIODS * period
+
+
+def _way(signals: Signals, fastest: float) -> float:
+    """The span of a motion [rad], or the way if that is less, while it is no faster than this [rad/s]."""
+    slow = np.abs(signals.velocity) < fastest
+    step = float(signals.time[1] - signals.time[0])
+    way = float(np.abs(signals.velocity[slow]).sum() * step)
+    return min(float(np.ptp(signals.position[slow])), way) if slow.any() else 0.0
 
 
 def refined(fit: Regression) -> Regression:

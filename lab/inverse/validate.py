@@ -222,14 +222,22 @@ def is_sized(effect: str, fit: Regression) -> bool:
     """Whether the interval of an amplitude of the effect does not hold zero.  A curve that is nearly a sum of others
     bends itself to a motion better than they do, and is wild outside of it.  The base's positive parameters are taken
     as given: all torques of a servo share a scale that its motion does not tell."""
-    names = amplitudes(effect, fit)
+    names, block = amplitudes(effect, fit), blocks_of(fit)
     if not names:
-        return True
-    block = blocks_of(fit)
+        return _is_shaped(effect, fit, block)
     given = [item.name for item in fit.unknowns.items if item.logarithmic and "." not in item.name]
     limits = -stdtrit(int(block.max()), (1 - policy.CONFIDENCE) / 2) * fit.deviations(block, given)
     sizes = {name: abs(fit.model.parameters[name].value) for name in names}
     return any(sizes[name] > limit for name, limit in zip(fit.unknowns.names, limits, strict=True) if name in sizes)
+
+
+def _is_shaped(effect: str, fit: Regression, block: NDArray[np.intp]) -> bool:
+    """Whether a parameter of an effect whose size is not fitted is told, where it has any.  A mode that rings down from
+    anywhere is one if it has a frequency: to a mass on a spring that rubbed, one of 0.001 to 1e6 Hz was fitted."""
+    own = [at for at, name in enumerate(fit.unknowns.names) if name.startswith(f"{effect}.")]
+    deviation = np.sqrt(np.maximum(np.diag(fit.covariance(block)), 0.0))
+    sizes = [1.0 if fit.unknowns.items[at].logarithmic else max(abs(fit.z[at]), 1.0) for at in own]
+    return not own or any(deviation[at] < policy.TOLD * size for at, size in zip(own, sizes, strict=True))
 
 
 def amplitudes(effect: str, fit: Regression) -> list[str]:

@@ -59,7 +59,7 @@ def wider(model: Model, effect: str) -> tuple[str, Model] | None:
     """The effect of which this one is a part, and the model with it in its place, with the same motion; None where
     there is none."""
     for whole, part in _wider_than(effect):
-        if whole in model.effects:
+        if whole in model.effects or model.base not in get_effect(whole).bases:
             continue
         own = {name: p.value for name, p in model.own(effect).items()}
         values = {**own, **{grown: own[name] for name, more in part.grown.items() for grown in more}}

@@ -1,4 +1,4 @@
-"""Friction in the joint: viscous, Coulomb, Stribeck, and growing with the load.
+"""Friction in the joint: viscous, Coulomb (of an oscillator too), Stribeck, and growing with the load.
 
 sign(omega) is smoothed to tanh(omega/omega_0): a fixed-step solver cannot resolve a jump, and below omega_0 the joint
 creeps instead of sticking.  omega_0 is a parameter, fixed where an accelerometer does not feel it.
@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 from lostmotion.model.base import Operating, Term
-from lostmotion.model.effects.base import ActsOn, Effect, Simpler, joint_sized, omega_0, on, servo_sized
+from lostmotion.model.effects.base import JOINT_MOST, ActsOn, Effect, Simpler, joint_sized, omega_0, on, servo_sized
 from lostmotion.model.effects.guesses import SMALL, grid
 from lostmotion.model.effects.words import Words
 from lostmotion.model.kernel import Slots, kernel
 from lostmotion.model.parameter import Domain, Parameter
-from lostmotion.model.signals import FORCE, OMEGA2, TORQUE
+from lostmotion.model.signals import BAR_FORCE, FORCE, OMEGA2, Q_RATE, TORQUE
 
 __all__ = ["COULOMB", "LOAD_DEPENDENT", "STRIBECK", "VISCOUS"]
 
@@ -39,6 +40,12 @@ def coulomb(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
 
 
 @kernel
+def coulomb_on_oscillator(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """-tau_c sign(q'); p: tau_c, omega_0."""
+    return -p[0] * math.tanh(s[Q_RATE] / p[1])
+
+
+@kernel
 def stribeck(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
     """-(tau_c + (tau_s - tau_c) exp(-(omega/omega_s)²)) sign(omega); p: tau_c, tau_s, omega_s, omega_0."""
     fall = math.exp(-((s[OMEGA2] / p[2]) ** 2))
@@ -59,7 +66,8 @@ def torque_dependent(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
 
 def _dry_rate(values: Mapping[str, float], operating: Operating) -> float:
     """Slope of the smoothed step over the inertia [rad/s]; half of it, as it is met only in passing."""
-    return 0.5 * max(values.get("tau_c", 0.0), values.get("tau_s", 0.0)) / values["omega_0"] / operating.inertia
+    inertia = values["m"] if math.isnan(operating.inertia) else operating.inertia
+    return 0.5 * max(values.get("tau_c", 0.0), values.get("tau_s", 0.0)) / values["omega_0"] / inertia
 
 
 def _viscous_rate(values: Mapping[str, float], operating: Operating) -> float:
@@ -77,6 +85,11 @@ _TAU_C = Parameter(3e-4, "N m", 0.0, 1e-1, False, GUESS, "Coulomb friction", Dom
 _TAU_S = Parameter(5e-4, "N m", 0.0, 1e-1, False, GUESS, "static friction", Domain.NOT_NEGATIVE)
 _OMEGA_S = Parameter(0.1, "rad/s", 1e-3, 10.0, False, "guess", "Stribeck speed", Domain.POSITIVE)
 _FELT = omega_0(5e-3, 1e-3, 5e-2, fixed=False)  # gears that pass through rest show in the bar's ring how smoothly
+_SLIDING = {
+    "tau_c": Parameter(0.05, "N", 0.0, JOINT_MOST, False, "guess: 5 % of k q at 0.4 mm", "Coulomb friction",
+                       Domain.NOT_NEGATIVE),
+    "omega_0": replace(omega_0(1e-3, 1e-9, 1e3), unit="m/s"),
+}  # fmt: skip
 _SLOW = {base: {"omega_0": omega_0(2e-3)} for base in ("joint", "servo")}
 
 VISCOUS = Effect(
@@ -100,22 +113,26 @@ VISCOUS = Effect(
 COULOMB = Effect(
     id="coulomb_friction",
     equation="-tau_c sign(omega)",
-    summary="dry friction of constant size",
+    summary="dry friction of constant size; of an oscillator a force against its speed",
     acts_on=ActsOn.JOINT,
-    bases=JOINTS,
+    bases=(*JOINTS, "oscillator"),
     parameters={"tau_c": _TAU_C, "omega_0": _FELT},
-    terms=on(JOINTS, Term(TORQUE, coulomb, ("tau_c", "omega_0"))),
+    terms={
+        **on(JOINTS, Term(TORQUE, coulomb, ("tau_c", "omega_0"))),
+        "oscillator": (Term(BAR_FORCE, coulomb_on_oscillator, ("tau_c", "omega_0")),),
+    },
     rate=_dry_rate,
     defaults={
         "joint": {"tau_c": joint_sized(_TAU_C), **_SLOW["joint"]},
         "servo": {"tau_c": servo_sized(_TAU_C), **_SLOW["servo"]},
+        "oscillator": _SLIDING,
     },
     amplitudes=("tau_c",),
     guesses=lambda scales: grid(tau_c=[scales.torque * share for share in SMALL]),
     words=Words(
         "Coulomb friction",
-        "The joint rubs: Coulomb friction of {tau_c}.",
-        "Turn the joint by hand without power: look for a dry or dirty bearing, one that is pressed too hard, a seal "
+        "Something rubs: Coulomb friction of {tau_c}.",
+        "Move it by hand without power: look for a dry or dirty bearing, one that is pressed too hard, a seal "
         "or a cable that drags.",
     ),
 )

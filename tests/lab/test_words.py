@@ -47,7 +47,7 @@ def test_every_effect_speaks_with_its_interval(effect: EffectInfo) -> None:
         (
             "coulomb_friction",
             {"tau_c": 1.2e-4},
-            "The joint rubs: Coulomb friction of 0.120 mN m, between 0.112 and 0.128",
+            "Something rubs: Coulomb friction of 0.120 mN m, between 0.112 and 0.128",
         ),
         ("command_delay", {"T": 4.2e-3}, "The command reaches the motor late, by 4.2 ms, between 3.9 and 4.5"),
         ("clock_skew", {"s": 1e-3}, "clock runs fast, by 0.100 %"),

@@ -136,6 +136,8 @@ def friction_left(v: Values, y: float, omega: float) -> tuple[float, float]:
 def bar_force(v: Values, q: float, dq: float) -> float:
     """The effects that act on the oscillator as a force [N]."""
     drag = v.get("quadratic_damping.b2", 0.0) * dq * abs(dq)
+    if "J2" not in v:  # of gears, friction is the joint's
+        drag += v.get("coulomb_friction.tau_c", 0.0) * math.tanh(dq / v.get("coulomb_friction.omega_0", 1.0))
     return -v.get("hardening_spring.k3", 0.0) * q**3 - drag
 
 

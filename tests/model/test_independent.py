@@ -82,11 +82,12 @@ def test_play_with_many_effects() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("effect", [None, "hardening_spring", "quadratic_damping"])
+@pytest.mark.parametrize("effect", [None, "coulomb_friction", "hardening_spring", "quadratic_damping"])
 def test_oscillator(effect: str | None) -> None:
     """The driven oscillator agrees with Radau, alone and with the effects on it."""
     force = Sine(40.0, 1.0)
-    model = build_model("oscillator", [effect] if effect else [], {"bias": 0.05})
+    width = {"coulomb_friction.omega_0": 5e-3} if effect == "coulomb_friction" else {}
+    model = build_model("oscillator", [effect] if effect else [], {"bias": 0.05, **width})
     ours = model.simulate(force, TIMES, [1e-3, 0.0])["displacement"]
     w = 2 * math.pi * 40
     theirs = independent.oscillator(values(model), lambda t: math.sin(w * t), [1e-3, 0.0], TIMES)

@@ -107,7 +107,11 @@ def test_plain_python_is_told(folder: Path) -> None:
     [
         ("play", "coulomb", "no effect is called 'coulomb'; did you mean coulomb_friction?"),
         ("play", "stribek_friction", "did you mean stribeck_friction?"),
-        ("oscillator", "rust", "on oscillator there are hardening_spring, quadratic_damping, second_mode"),
+        (
+            "oscillator",
+            "rust",
+            "on oscillator there are coulomb_friction, hardening_spring, quadratic_damping",
+        ),
         ("joint", "gear_eccentricity", "joint: gear_eccentricity does not act on the base 'joint', only on play"),
         ("oscillator", "own.py:tight_spot", "tight_spot does not act on the base 'oscillator', only on play, joint"),
         ("play", "tight_spot", "no effect is called 'tight_spot'"),

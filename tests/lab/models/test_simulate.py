@@ -136,7 +136,7 @@ def test_effects_table_and_json_list_the_catalogue() -> None:
     coulomb = rows[ids.index("coulomb_friction")]
     assert coulomb["acts_on"] == "joint"
     assert coulomb["parameters"]["tau_c"]["unit"] == "N m"
-    assert coulomb["bases"] == ["play", "joint", "servo"]
+    assert coulomb["bases"] == ["play", "joint", "servo", "oscillator"]
     table = CliRunner().invoke(effects, []).stdout
     for name in ids:
         assert name in table

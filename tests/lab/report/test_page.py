@@ -162,9 +162,9 @@ def test_headline_and_tables_tell_the_results(found: Path) -> None:
     """The engineer's sentence, the advice, effects that were tried, parameters with intervals, what cannot be told."""
     text = read(found).text
     for said in (
-        "The joint rubs: Coulomb friction of 0.120 mN m, between 0.112 and 0.128 (95 %).",
+        "Something rubs: Coulomb friction of 0.120 mN m, between 0.112 and 0.128 (95 %).",
         "Adding it brings the error from 4.1 to 0.41 m/s²; the sensor's noise is 0.40.",
-        "Turn the joint by hand without power",
+        "Move it by hand without power",
         "a sine of 0.5 Hz, 5°.",
         "hardening_spring",
         "p\u00a0<\u00a010⁻¹²",

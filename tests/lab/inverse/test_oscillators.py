@@ -1,0 +1,84 @@
+"""A mass on a spring that rubs, a mode whose frequency nothing tells, and ripples that the samples cannot show."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lostmotion.drivers.recording import Recording
+from lostmotion.lab.data.experiment import experiments
+from lostmotion.lab.fitting.identifiability import with_free_states
+from lostmotion.lab.inverse.candidates import _covers
+from lostmotion.lab.inverse.output_error import OutputError
+from lostmotion.lab.inverse.problem import Data
+from lostmotion.lab.inverse.regression import regressed
+from lostmotion.lab.inverse.signals import Signals
+from lostmotion.lab.inverse.validate import is_sized
+from lostmotion.model import build_model
+from tests.lab.inverse.test_inverse import explained
+
+HZ, MASS, RUBBING_N = 3.0, 0.5, 0.35
+NOISE_M = 1e-4
+
+
+def cart(seed: int, first: float, rubbing: float = RUBBING_N) -> Recording:
+    """A mass on a spring that is let go, in closed form: half swings about +-F/k, each smaller by 2 F/k, until the
+    spring no longer overcomes the friction."""
+    rng = np.random.default_rng(seed)
+    times, w = np.arange(0.0, 5.0, 0.01), 2 * np.pi * HZ
+    shift = rubbing / (MASS * w**2)
+    half = np.floor(w * times / np.pi)
+    last = np.ceil((first - shift) / (2 * shift)) if shift else np.inf
+    swing = first - (2 * half + 1) * shift
+    moving = swing * np.cos(w * times) + np.where(half % 2, -shift, shift)
+    moving = np.where(half < last, moving, (-1.0) ** last * (first - 2 * last * shift) if shift else 0.0)
+    return Recording(times, {"displacement": moving + NOISE_M * rng.standard_normal(times.size)}, name=f"c{seed}.csv")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("recordings", [1, 3])
+def test_a_mass_on_a_spring_that_rubs(recordings: int, tmp_path: Path) -> None:
+    """Coulomb friction is named first, with its ratio to the mass: the file's, of which nothing tells."""
+    lengths = (0.06, 0.05, 0.055)[:recordings]
+    asked = [cart(seed, length) for seed, length in enumerate(lengths)]
+    found = explained(tmp_path, 'base = "oscillator"\n[parameters]\nm = 0.5\n', asked)
+    assert found["missing"][:1] == ["coulomb_friction"]
+    assert found["parameters"]["coulomb_friction.tau_c"][0] == pytest.approx(RUBBING_N, rel=0.03)
+    assert found["error"]["after"] < 2 * NOISE_M
+
+
+@pytest.mark.slow
+def test_a_mass_on_a_spring_that_does_not_rub(tmp_path: Path) -> None:
+    """Nothing is named."""
+    found = explained(tmp_path, 'base = "oscillator"\n', [cart(seed, 0.05, 0.0) for seed in (5, 6)])
+    assert found["verdict"] == "nothing_missing"
+
+
+def one_mode() -> OutputError:
+    """A free swing of one mode."""
+    model = build_model("oscillator", ["second_mode"], {"k": MASS * (2 * np.pi * HZ) ** 2, "m": MASS, "b": 0.0})
+    (held,) = experiments(model, [cart(7, 0.05, 0.0)])
+    return OutputError.of([Signals.of(held)], with_free_states(model))
+
+
+def test_a_mode_whose_frequency_nothing_tells_is_none() -> None:
+    """Beside the only mode that swings, a second one has any frequency, and is not told."""
+    data = one_mode()
+    fit = regressed(data.centre, data)
+    assert not is_sized("second_mode", fit)
+
+
+@pytest.mark.parametrize(("speed", "is_seen"), [(2.0, True), (12.0, False)])
+def test_a_ripple_faster_than_the_band_is_no_candidate(speed: float, is_seen: bool) -> None:
+    """A shaft that starts within a tenth of a second, 50 samples a second, a band of 10 Hz: 18 periods a turn
+    show at 2 rad/s, and at 12 rad/s at the start only."""
+    times = np.arange(0.0, 6.0, 0.02)
+    turned = speed * (times - 0.1 * (1 - np.exp(-times / 0.1)))
+    model = build_model("joint")
+    (held,) = experiments(model, [Recording(times, {"position": turned, "torque": np.ones(times.size)})])
+    ripple = model.with_effect("torque_ripple").replace({"torque_ripple.N": 18.0})
+    signals = replace(Signals.of(held), band_hz=10.0)
+    assert _covers("torque_ripple", ripple, Data.of([signals], model)) is is_seen
