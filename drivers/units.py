@@ -28,6 +28,8 @@ STANDARD_GRAVITY = 9.80665
 _FACTORS: dict[str, dict[str, float]] = {
     "s": {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0},
     "rad": {"mrad": 1e-3, "deg": math.pi / 180, "°": math.pi / 180, "arcmin": math.pi / 10800, "rev": 2 * math.pi},
+    "rad/s": {"deg/s": math.pi / 180, "°/s": math.pi / 180, "rpm": math.pi / 30, "rev/s": 2 * math.pi},
+    "m/s": {"mm/s": 1e-3, "cm/s": 1e-2},
     "m/s^2": {"m/s²": 1.0, "mm/s^2": 1e-3, "g": STANDARD_GRAVITY, "mg": STANDARD_GRAVITY / 1000},
     "N m": {"Nm": 1.0, "N mm": 1e-3, "mN m": 1e-3, "kgf cm": STANDARD_GRAVITY / 100, "lbf in": POUND_FORCE * 0.0254},
     "N": {"mN": 1e-3, "kN": 1e3, "lbf": POUND_FORCE, "kip": 1000 * POUND_FORCE, "kgf": STANDARD_GRAVITY},

@@ -66,7 +66,8 @@ def guessed(series: Sequence[Series], choice: Choice, name: str) -> Guess:
     if not chosen:
         raise RecordingError(
             f"{name}: found {listed(series)}, and none that is clearly a column; "
-            "say which is what, as in --map position=SERIES:deg (or FILE#position=SERIES:deg)"
+            "say which is what, as in --map position=SERIES:deg (or FILE#position=SERIES:deg), or position=SERIES:rpm "
+            "for the integral of a speed"
         )
     return Guess([chosen[column] for column in COLUMN_UNITS if column in chosen], joint, notes)
 

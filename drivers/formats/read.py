@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -21,8 +21,10 @@ from lostmotion.drivers.units import COLUMN_UNITS
 
 __all__ = ["Imported", "imported"]
 
-ANGLES = ("command", "position")
+ANGLES, MOTIONS = ("command", "position"), ("position", "displacement")
 DRIVES = {"command", "torque", "force", "displacement"}
+INTEGRAL = {"rad/s": "rad", "m/s": "m"}
+"""of a speed that somebody says is a position: encoders of motors often tell nothing else"""
 MANY_TURNS = 4 * pi
 """angles beyond are looked at with suspicion where no unit is known [rad]"""
 
@@ -56,7 +58,11 @@ def imported(path: Path, choice: Choice) -> Imported:
         if values.size == 0 and one.why != "said":
             notes.append(f"{one.column}: left out, {shown(one.series)} holds no numbers")
             continue
-        parts.append((times, _converted(one, values, str(path))))
+        values = _converted(one, values, str(path))
+        if one.column in MOTIONS and one.si in INTEGRAL:
+            notes.append(f"{one.column}: integrated from a speed, from zero on")
+            one, values = replace(one, si=INTEGRAL[one.si]), _integrated(times, values)
+        parts.append((times, values))
         kept.append(one)
         notes += _doubts(one, parts[-1][1])
     if not any(times.size for times, _ in parts):
@@ -78,6 +84,11 @@ def _converted(one: Chosen, values: FloatArray, name: str) -> FloatArray:
             f"{name}: found {values[beyond[0]]} in {shown(one.series)!r}, expected finite numbers up to {LARGEST:g}"
         )
     return values * one.factor + one.offset
+
+
+def _integrated(times: FloatArray, speed: FloatArray) -> FloatArray:
+    """The position (N,) by the trapezoidal rule, zero at the first sample."""
+    return np.concatenate([[0.0], np.cumsum(np.diff(times) * (speed[1:] + speed[:-1]) / 2)])
 
 
 def _doubts(one: Chosen, values: FloatArray) -> list[str]:

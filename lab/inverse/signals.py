@@ -32,18 +32,22 @@ LEAST_MOVING = 100
 """With fewer samples in motion, those at rest count, too."""
 SHARES = (1.0, 0.5, 0.25, 0.125, 0.0625)
 """Of the widest band in which an angle stands out of its noise, the ends that are tried, the highest first."""
-LEAST_SAMPLES = 4
-"""For each regressor of the inverse model that compares bands."""
+LEAST_SAMPLES, REGRESSORS = 4, 6
+"""For each regressor of the inverse model that compares bands, and their number."""
 BLOCKS = 20
 """Parts of a recording that count as independent."""
 SPLINE = 5
 """Degree of the spline that is differentiated.  Central differences are 3 % too small at a twentieth of the rate."""
 SLOWEST = 4.0
-"""Periods in the recording: the lowest end of a band."""
+"""Periods in the recording: the lowest end of a band that others have, and of what an accelerometer tells."""
 PER_PERIOD = 2.5
 """Samples that are kept per period of the end of the band."""
 EDGE = 2.0
 """Periods of the end of the band that are left out at both ends of a recording."""
+FEWEST = 2 * EDGE + LEAST_SAMPLES * REGRESSORS / PER_PERIOD
+"""Periods in the recording: the lowest end of its own band, which leaves so many samples.  With four periods nine were
+left of a robot's joint that turned slowly for 16 s at 30 Hz, and Coulomb friction was not significant (p = 0.12, now
+0.001)."""
 SEGMENT = 1024
 """Samples of a segment of the power density."""
 COLUMNS = ("position", "displacement", "accel")
@@ -281,7 +285,7 @@ def _band(position: FloatArray, rate: float) -> tuple[float, float]:
     moving = np.cumsum(np.where(is_clear, power * frequency**2, 0.0))
     lost = np.flatnonzero(~is_clear & (moving >= policy.BAND_MOTION * moving[-1]))
     end = float(frequency[lost[0]]) if lost.size else float(frequency[-1])
-    return min(max(end, SLOWEST * rate / position.size), FASTEST * rate), noise
+    return min(max(end, FEWEST * rate / position.size), FASTEST * rate), noise
 
 
 def _torque_noise(torque: FloatArray, rate: float, band: float) -> float:

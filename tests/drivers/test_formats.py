@@ -328,3 +328,16 @@ def test_a_length_makes_a_linear_axis(said: str, scale: float, tmp_path: Path) -
     np.testing.assert_allclose(found.columns["position"], scale * T)
     assert found.metadata["position_unit"] == "m"
     assert found.metadata["torque_unit"] == "N"
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("rpm", np.pi / 30), ("rad/s", 1.0)])
+def test_a_speed_is_integrated_where_it_is_said_to_tell_the_position(unit: str, factor: float, tmp_path: Path) -> None:
+    """A motor that runs up to 60 of the unit in 2 s has turned 60 of it: trapezoids, exact for a ramp; the recording
+    says that it did so, and has the position's unit."""
+    path = tmp_path / "motor.csv"
+    path.write_text("time,wheel\n" + "".join(f"{k / 10},{3 * k}\n" for k in range(21)))
+    found = read(path, f"position=wheel:{unit}")
+    turned = found.recording.columns["position"]
+    assert turned[[0, 10, 20]] == pytest.approx(np.array([0.0, 15.0, 60.0]) * factor)
+    assert "position_unit" not in found.recording.metadata
+    assert "position: integrated from a speed, from zero on" in found.notes

@@ -68,3 +68,14 @@ def test_motion_that_the_torque_does_not_make_narrows_the_band(amplitude: float)
     assert values["viscous_friction.b_v"] == pytest.approx(0.4, rel=0.02)
     band, widest = telling_band(recorded), max(Signals.of(one).band_hz for one in recorded)
     assert band == widest if amplitude == 0.0 else band < min(widest, 15.0)
+
+
+def test_a_slow_motion_keeps_some_samples_for_each_regressor() -> None:
+    """A joint that turns by sines of 0.05 and 0.15 Hz for 16 s, read at 30 Hz in steps of 1 mrad: its angle falls into
+    its noise below half a hertz, and a regression with six columns has 24 samples all the same."""
+    time = np.arange(0.0, 16.0, 1 / 30)
+    angle = np.sin(2 * np.pi * 0.05 * time) + 0.3 * np.sin(2 * np.pi * 0.15 * time)
+    noise = 2e-2 * np.random.default_rng(2).standard_normal(time.size)
+    signals = Signals.of(Experiment("slow.csv", Sampled(time, np.cos(time)), time, {"position": angle + noise}))
+    assert signals.band_hz < 1.0
+    assert 22 <= signals.kept.size < 40
