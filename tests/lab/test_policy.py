@@ -44,7 +44,7 @@ NUMERICS = {
     "inverse/output_error.py": (6, "length, rate and integration step of what is simulated"),
     "inverse/problem.py": (2, "convergence of a fixed-point iteration, freedom of an angle"),
     "inverse/regression.py": (8, "a minimiser and a bound"),
-    "inverse/signals.py": (12, "filters, splines and the grid of bands"),
+    "inverse/signals.py": (13, "filters, splines and the grid of bands"),
     "inverse/torques.py": (2, "integration step"),
     "inverse/validate.py": (1, "continuation in the horizon"),
     "models/simulate.py": (4, "a simulation's length and check"),
