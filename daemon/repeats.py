@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 __all__ = ["Condition", "Repeats", "place"]
 
 AWAY_S = 60.0
-"""a problem that has not been met for so long has gone away; one that stays for so long is told [s]"""
+"""a problem that has not been met for so long has gone away [s]"""
+STAYS_S = 20.0
+"""one that comes back sooner, and stays for so long, is told after all: what was told last would be false [s]"""
 REMIND_S = 3600.0
 """how often one that stays is told [s]"""
 
@@ -47,7 +49,7 @@ class Condition:
             self._now = (problem, now)
             is_news = self._repeats.is_news(problem, now) if problem else self._told != ""
         else:
-            is_news = bool(problem) and problem != self._told and now - since >= AWAY_S
+            is_news = bool(problem) and problem != self._told and now - since >= STAYS_S
         if is_news:
             self._told = problem
         return is_news

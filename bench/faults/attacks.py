@@ -11,7 +11,6 @@ import socket
 import sqlite3
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
@@ -30,8 +29,6 @@ HALF_OPEN, SCRAPE_S = 300, 10.0
 """connections to the metrics that send half a request, and how long a scrape beside them may take [s]"""
 SPARE_BYTES = 4 << 20
 """what the service may still take of memory under a limit"""
-LEFT_S = 5.0
-"""within which a service has left a file that was replaced [s]"""
 BAD_LINES = ("x = ", "[[[", "\0", "path = 1e999", "rate_hz = -1", "=" * 5000)
 
 
@@ -100,11 +97,13 @@ def _killed(world: World) -> Undo:
 
 
 def _deleted(world: World) -> Undo:
+    world.settle()
     world.database.unlink()
     return lambda: None
 
 
 def _replaced(world: World) -> Undo:
+    world.settle()
     copy = world.folder / "copy.db"
     with closing(sqlite3.connect(world.database)) as source, closing(sqlite3.connect(copy)) as target:
         source.backup(target)
@@ -114,6 +113,7 @@ def _replaced(world: World) -> Undo:
 
 def _copied(world: World) -> Undo:
     """What a backup by `cp` while it is written holds, put back: the file and its log, perhaps of two moments."""
+    world.settle()
     copy = world.folder / "copy.db"
     for suffix in ("", "-wal"):
         with suppress(FileNotFoundError):
@@ -125,16 +125,14 @@ def _copied(world: World) -> Undo:
 
 
 def _locked(world: World) -> Undo:
-    """Not in the moment before a service begins anew in another file, whose log it takes away: a lock is there."""
-    end = time.monotonic() + LEFT_S
-    while world.is_mixed() and time.monotonic() < end:
-        time.sleep(0.05)
+    world.settle()
     other = sqlite3.connect(world.database, timeout=5.0, check_same_thread=False)
     other.execute("BEGIN IMMEDIATE")
     return other.close
 
 
 def _reader(world: World) -> Undo:
+    world.settle()
     other = sqlite3.connect(world.database, check_same_thread=False)
     other.execute("BEGIN")
     other.execute("SELECT count(*) FROM scores").fetchone()

@@ -55,7 +55,7 @@ listen = "127.0.0.1:{metrics}"
 mode = "client"
 connect = ["{endpoint}"]
 """
-LOOK_S, START_S = 0.25, 60.0
+LOOK_S, START_S, LEFT_S = 0.25, 60.0, 5.0
 
 
 class World:
@@ -122,6 +122,13 @@ class World:
         """Whether a file was put there that the service has not noticed: beside the log of the old one a reader sees a
         mixture of both, of which nothing is promised."""
         return self._put is not None and self.left() <= self._put
+
+    def settle(self) -> None:
+        """Waits until the service has left a file that was replaced: before that it does not notice what happens to the
+        new one, and takes away its log."""
+        end = time.monotonic() + LEFT_S
+        while self.is_mixed() and time.monotonic() < end:
+            time.sleep(0.05)
 
     def start(self) -> None:
         """Starts the service, with a clock that ``ahead`` sets, and waits until it has started: before that SIGHUP ends
