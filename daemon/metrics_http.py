@@ -10,6 +10,7 @@ import logging
 import socket
 import socketserver
 import sys
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from threading import Lock, Thread
@@ -17,6 +18,7 @@ from typing import Any
 
 from lostmotion.daemon.exposition import CONTENT_TYPE
 from lostmotion.daemon.no_memory import NO_MEMORY, is_no_memory
+from lostmotion.daemon.repeats import Repeats, place
 
 __all__ = ["MOST_CONNECTIONS", "MetricsServer"]
 
@@ -70,6 +72,7 @@ class MetricsServer(socketserver.ThreadingTCPServer):
         self.address_family = socket.AF_INET6 if ":" in host else socket.AF_INET
         self._connections: dict[socket.socket, None] = {}  # oldest first
         self._lock = Lock()
+        self._repeats = Repeats()
         handler = type("Handler", (_Handler,), {"timeout": TIMEOUT_S, "page": staticmethod(page)})
         super().__init__((host, port), handler)
         self._thread = Thread(target=self.serve_forever, name="metrics", daemon=True)
@@ -96,10 +99,13 @@ class MetricsServer(socketserver.ThreadingTCPServer):
         super().shutdown_request(request)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A connection that breaks is not worth a line in the robot's log."""
+        """A connection that breaks is not worth a line in the robot's log; what is wrong here is told once an hour,
+        however many connections meet it."""
         error = sys.exc_info()[1]
         if is_no_memory(error):
-            log.error("metrics: no answer to %s: %s", client_address, NO_MEMORY)
-            return
-        is_ours = not isinstance(error, OSError)
-        log.log(logging.ERROR if is_ours else logging.DEBUG, "metrics: no answer to %s", client_address, exc_info=True)
+            if self._repeats.is_news(NO_MEMORY, time.monotonic()):
+                log.error("metrics: no answer to %s: %s", client_address, NO_MEMORY)
+        elif isinstance(error, OSError):
+            log.debug("metrics: no answer to %s", client_address, exc_info=True)
+        elif isinstance(error, Exception) and self._repeats.is_news(place(error), time.monotonic()):
+            log.error("metrics: no answer to %s", client_address, exc_info=True)

@@ -113,10 +113,18 @@ class World:
         """How often a service has left a file; that it will is said up to a second before."""
         return self.said.count("while it was open; the service goes on in a new one\n")
 
-    def put(self, database: Path) -> None:
-        """Puts another file in the place of the database."""
+    def put(self, database: Path | None) -> None:
+        """Puts another file in the place of the database, or none."""
         self._put = self.left()
-        database.rename(self.database)
+        if database is None:
+            self.database.unlink()
+        else:
+            database.rename(self.database)
+
+    @property
+    def is_starved(self) -> bool:
+        """Whether the service that runs has no memory left, so that nobody need be answered."""
+        return self.pid in self._starved
 
     def is_mixed(self) -> bool:
         """Whether a file was put there that the service has not noticed: beside the log of the old one a reader sees a
@@ -124,8 +132,8 @@ class World:
         return self._put is not None and self.left() <= self._put
 
     def settle(self) -> None:
-        """Waits until the service has left a file that was replaced: before that it does not notice what happens to the
-        new one, and takes away its log."""
+        """Waits until the service has left a file that was replaced or deleted: before that it does not notice what
+        happens to the new one, and takes away its log."""
         end = time.monotonic() + LEFT_S
         while self.is_mixed() and time.monotonic() < end:
             time.sleep(0.05)
