@@ -135,8 +135,14 @@ class World:
         """Waits until the service has left a file that was replaced or deleted: before that it does not notice what
         happens to the new one, and takes away its log."""
         end = time.monotonic() + LEFT_S
-        while self.is_mixed() and time.monotonic() < end:
+        while (self.is_mixed() or not self._is_begun()) and time.monotonic() < end:
             time.sleep(0.05)
+
+    def _is_begun(self) -> bool:
+        """Whether the service has made its tables."""
+        with suppress(sqlite3.Error), closing(sqlite3.connect(f"{self.database.as_uri()}?mode=ro", uri=True)) as db:
+            return bool(db.execute("SELECT count(*) FROM sqlite_master WHERE name = 'scores'").fetchone()[0])
+        return False
 
     def start(self) -> None:
         """Starts the service, with a clock that ``ahead`` sets, and waits until it has started: before that SIGHUP ends
