@@ -6,7 +6,7 @@ The search itself is ``selection``'s; here it begins, and what it found is told.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
@@ -166,10 +166,9 @@ def _explanation(search: _Search) -> Explanation:
 def _is_left(search: _Search, named: Sequence[str]) -> bool:
     """Whether more than noise is left.  With the right effect, what is left of unseen data may be starts that were not
     found: then the data of the fit tell."""
-    each = list(_left_of_each(search.level, search.unseen.task))
-    if search.is_unsized or is_left(search.descent[-1]):
-        return all(each) if named else True
-    return not named and search.steps[-1].is_full and any(each)
+    if not (search.is_unsized or is_left(search.descent[-1])):
+        return False
+    return not named or all(is_left(one) for one in trained_each(search.level, search.unseen.task.substep_s))
 
 
 def _with_unseen(fit: Fit, judged: Judged) -> Fit:
@@ -177,11 +176,6 @@ def _with_unseen(fit: Fit, judged: Judged) -> Fit:
     unseen = (replace(one.experiment, name=f"{one.experiment.name}, not fitted") for one in judged.segments)
     starts = (one.start for one in judged.segments)
     return replace(fit, experiments=(*unseen, *fit.experiments), starts=(*starts, *fit.starts))
-
-
-def _left_of_each(level: Level, task: Task) -> Iterator[bool]:
-    """Whether more than noise is left of each experiment that the fit was made on."""
-    return (is_left(one) for one in trained_each(level, task.substep_s))
 
 
 def _ranking(steps: Sequence[Step], before: Judged, column: str) -> tuple[Ranked, ...]:

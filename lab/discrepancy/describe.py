@@ -81,7 +81,7 @@ def described(level: Level, task: Task) -> Finding | None:
             return None
         if told.guess.is_wave:
             return _wave(told)
-        fit = full_fit(told.model, task, policy.HOPELESS)
+        fit = full_fit(told.model, task, policy.LOST_SHARE)
         return _finding(told.guess, _heights(fit, task)) if _clear(fit, level) else _finding(told.guess)
 
 

@@ -171,7 +171,7 @@ def grown(level: Level, task: Task) -> Level:
     found = [level]
     while (longer := doubled(found[-1], task)) is not None:
         found.append(longer)
-        if longer.typical > policy.LOST_MOTION * max(level.typical, 1.0):
+        if longer.typical > policy.MISSED * max(level.typical, 1.0):
             break
     doubts = [_doubt(level, task) for level in found]
     return min(zip(doubts, found, strict=True), key=lambda pair: (pair[0], -pair[1].horizon_s))[1]

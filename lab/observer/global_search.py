@@ -18,7 +18,7 @@ import numpy as np
 from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import ACCEL
 from lostmotion.lab.deadline import is_over
-from lostmotion.lab.observer.filter import STRONG, WEAK
+from lostmotion.lab.observer.filter import STRONG, WEAK, can_follow
 from lostmotion.lab.observer.objective import Follower
 from lostmotion.lab.shooting.continuation import Level
 from lostmotion.lab.shooting.initial_guess import initial_guesses, scales_of
@@ -28,16 +28,15 @@ from lostmotion.model import Model
 from lostmotion.model.effects.guesses import MotionScales
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Near", "cost_of", "nearest", "shortlist"]
+__all__ = ["Near", "nearest", "shortlist"]
 
 FIRST, EACH, MOST_EACH, POPULATION = 72, 9, 240, 20
 """So many are tried at first, of effects with many initial guesses so many around each, up to a limit; then the best
 live on."""
-BASE_GENERATIONS, EFFECT_GENERATIONS, BESIDE_GENERATIONS, FINAL_GENERATIONS = 8, 5, 10, 8
-"""Beside an effect that is there already as far as observer runs know it, its values have to give way."""
-KEPT, KEPT_BESIDE = (20, 10, 6), (8, 6, 4)
+BASE_GENERATIONS, EFFECT_GENERATIONS, FINAL_GENERATIONS = 8, 5, 8
+KEPT = (20, 10, 6)
 """So many effects go on after the first generations, which hardly tell them apart; and after some more, where none is
-ahead, and where one is; fewer beside another one."""
+ahead, and where one is."""
 WIDTH = {"d": 0.22, "alpha": 0.3, "k": 0.01, "b": 0.25, "l": 0.03}
 """Standard deviations of a first population, in logarithms."""
 BIAS_WIDTH = 0.05  # m/s²
@@ -53,7 +52,7 @@ NICHES, NICHES_LEFT = 4, 2
 
 @dataclass(frozen=True, eq=False)
 class Near:
-    """A model that comes near the measurement, how near (see ``cost_of``), and what it has more than the base."""
+    """A model that comes near the measurement, how near (see ``_cost``), and what it has more than the base."""
 
     model: Model
     cost: float
@@ -70,23 +69,19 @@ def nearest(model: Model, task: Task, seed: int = 0) -> Model:
     return found.near("").model
 
 
-def shortlist(
-    base: Level, effects: Sequence[str], task: Task, pool: Executor, beside: Near | None = None, seed: int = 0
-) -> list[Near]:
+def shortlist(base: Level, effects: Sequence[str], task: Task, pool: Executor, seed: int = 0) -> list[Near]:
     """The effects that bring observer runs nearest to the measurement, best first; one whose whole number leaves
-    valleys far apart may be there twice.  None where there is no time for it.
+    valleys far apart may be there twice.  None where there is no time for it, or the bar was not measured.
 
-    base: the fit without them; initial guesses of an effect's parameters are tried with its values and with the
-    file's; beside: one that is there already, as far as observer runs know it.
+    base: the fit without them; initial guesses of an effect's parameters are tried with its values and with the file's.
     """
-    if is_over():
+    if is_over() or not can_follow(task.rough, *task.experiments):
         return []
-    model = beside.model if beside else base.model
-    follower, size, count = _follower(model, task), scales_of(base.model, base.segments, task.substep_s), len(effects)
-    generations = BESIDE_GENERATIONS if beside else EFFECT_GENERATIONS
-    given = ([model] * count, [follower.roughly()] * count, [size] * count, [generations] * count, [seed] * count)
+    follower, count = _follower(base.model, task), len(effects)
+    size = scales_of(base.model, base.segments, task.substep_s)
+    given = ([base.model] * count, [follower.roughly()] * count, [size] * count, [seed] * count)
     niches = zip(effects, pool.map(_begun, effects, *given), strict=True)
-    first, many, few = KEPT_BESIDE if beside else KEPT
+    first, many, few = KEPT
     best = _leading([(population, effect) for effect, found in niches for population in found], first, NICHES)
     further = pool.map(_further, (population for population, _ in best), [follower] * len(best))
     best = list(zip(further, [effect for _, effect in best], strict=True))
@@ -94,13 +89,9 @@ def shortlist(
     return sorted(pool.map(_finished, *zip(*best, strict=True)), key=lambda near: near.cost)
 
 
-def cost_of(base: Level, task: Task) -> float:
-    """How far observer runs of a fit are off, for comparison: the geometric mean of their costs with a high and a low
-    gain. With the low one the right model too may lose a motion that another one happens to follow."""
-    return _cost(_follower(base.model, task), base.model)
-
-
 def _cost(follower: Follower, model: Model) -> float:
+    """How far observer runs are off: the geometric mean of their costs with a high and a low gain.  With the low one
+    the right model too may lose a motion that another one happens to follow."""
     return math.sqrt(follower.cost(model, STRONG) * follower.cost(model, WEAK))
 
 
@@ -187,16 +178,14 @@ class _Population:
         return np.array([BIAS_WIDTH / i.scale if i.name == "bias" else WIDTH.get(i.name, EFFECT_WIDTH) for i in items])
 
 
-def _begun(
-    effect: str, base: Model, follower: Follower, size: MotionScales, generations: int, seed: int
-) -> list[_Population]:
+def _begun(effect: str, base: Model, follower: Follower, size: MotionScales, seed: int) -> list[_Population]:
     models = [base.with_effect(effect), follower.rough.with_effect(effect)]
     found = _values(models[0], effect, [size, replace(size, torque=LARGER * size.torque)])
     populations = []
     for part in _niches(models[0], found):
         every = [model.replace(values) for values in part for model in models]
         populations.append(_Population(follower, every, seed, [True, False] * len(part)))
-        populations[-1].evolve(generations)
+        populations[-1].evolve(EFFECT_GENERATIONS)
     return populations
 
 
@@ -227,7 +216,7 @@ def _opposite(model: Model, values: dict[str, float]) -> dict[str, float]:
 def _leading(populations: list[tuple[_Population, str]], most: int, niches: int) -> list[tuple[_Population, str]]:
     """Those of the best few effects, and of more effects those that are not far behind; so many of each."""
     each = _of_each_effect(populations)
-    least = policy.FIRST_BEHIND * float(each[min(1, len(each) - 1)][0][0].costs.min())
+    least = policy.BEHIND * float(each[min(1, len(each) - 1)][0][0].costs.min())
     kept = [pairs for i, pairs in enumerate(each[:most]) if i < policy.FITTED or pairs[0][0].costs.min() < least]
     return [pair for pairs in kept for pair in pairs[:niches]]
 

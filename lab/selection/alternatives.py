@@ -58,13 +58,10 @@ def _shapes(level: Level, model: Model, effect: str, task: Task) -> Iterator[Mod
 def distinguished(step: Step, before: Judged, unseen: Unseen) -> Step:
     """The accepted step, with another effect that delays in its first fit where that explains the unseen data better.
 
-    before: the fit without its effect; where that was near the noise, what was told apart then still holds.  A fit that
-    has lost the motion tells nothing apart: what is still missing says which one follows better.
+    before: the fit without its effect; where that was near the noise, what was told apart then still holds.
     """
     first, task = step.tried[0], unseen.task
-    if first.level.typical > policy.LOST_MOTION or (
-        not unseen.is_far(before.error) and not get_effect(first.effect).delays_by
-    ):
+    if not unseen.is_far(before.error) and not get_effect(first.effect).delays_by:
         return step
     changed = list(_changed(first.level.model, task))
     if not changed:

@@ -11,7 +11,7 @@ from lostmotion.lab.deadline import is_over
 from lostmotion.lab.fitting.fit import Progress
 from lostmotion.lab.fitting.strategy import grown
 from lostmotion.lab.selection.alternatives import distinguished, generalised
-from lostmotion.lab.selection.step import Step, further, promising, searched, together
+from lostmotion.lab.selection.step import Step, on_trust, searched
 from lostmotion.lab.selection.validate import Judged, Unseen
 from lostmotion.lab.shooting.continuation import Level
 
@@ -40,17 +40,13 @@ def descended(
 
 
 def _next(short: Level, level: Level, now: Judged, unseen: Unseen, rng: np.random.Generator) -> list[Step]:
-    """One step; or two, of which the first, or each, explains too little alone.  The last may not be accepted."""
+    """One step; or two, of which the first explains too little alone.  The last may not be accepted."""
     step = searched(level, short, now, unseen, rng)
-    if step.accepted or len(unseen.task.added(short.model)) >= policy.AT_LENGTH or is_over():
+    if step.accepted or len(unseen.task.added(short.model)) + 2 > policy.MOST_MISSING or is_over():
         return [step]
-    if (step := further(step, short, now, unseen)).accepted:
-        return [step]
-    if trusted := promising(step, short, now, unseen):
-        first = trusted.tried[0]
-        second = searched(grown(first.level, unseen.task), first.level, first.judged, unseen, rng)
+    if first := on_trust(step, now, unseen):
+        best = first.tried[0]
+        second = searched(best.level, best.level, best.judged, unseen.beside(best.level), rng)
         if second.accepted and unseen.is_better(second.tried[0].judged, now):
-            return [trusted, second]
-        if step.near and first.effect == step.near[0].effect:  # nothing comes of two that begin with this one
-            return [step]
-    return together(step, short, now, unseen) or [step]
+            return [first, second]
+    return [step]

@@ -33,8 +33,8 @@ def simplified(
     unseen data know nothing of.
     """
     for model in _simpler(level.model, [e for e in unseen.task.added(level.model) if e not in kept]):
-        fit = full_fit(model, unseen.task, policy.HOPELESS)
-        if not fit.typical < policy.FIRST_BEHIND * level.typical:
+        fit = full_fit(model, unseen.task, policy.LOST_SHARE)
+        if not fit.typical < policy.BEHIND * level.typical:
             continue
         fit = grown(fit, unseen.task)
         judged = unseen.judge(fit.model, descent[-1])
@@ -65,7 +65,7 @@ def reduced(
     model = level.model
     for effect in effects:
         model = without(model, effect)
-    fit = grown(full_fit(model, unseen.task, policy.HOPELESS), unseen.task)
+    fit = grown(full_fit(model, unseen.task, policy.LOST_SHARE), unseen.task)
     return fit, [*_way(fit.model, descent[0], unseen), unseen.judge(fit.model, descent[-1])]
 
 
@@ -73,7 +73,7 @@ def _simpler(model: Model, added: Sequence[str]) -> Iterator[Model]:
     """The model without each of these effects, then with a simpler one in its place; with the values that it has."""
     for effect in added:
         yield without(model, effect)
-    for effect in added if len(added) > 1 else ():
+    for effect in added:
         if found := simpler(model, effect):
             yield found[1]
 
@@ -84,5 +84,5 @@ def _way(model: Model, first: Judged, unseen: Unseen) -> Iterator[Judged]:
     if added:
         yield first
     for count in range(1, len(added)):
-        fit = full_fit(with_effects(model, [*task.rough.effects, *added[:count]]), task, policy.HOPELESS)
+        fit = full_fit(with_effects(model, [*task.rough.effects, *added[:count]]), task, policy.LOST_SHARE)
         yield unseen.judge(fit.model)

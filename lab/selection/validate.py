@@ -13,7 +13,7 @@ from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.stationarity import is_structured
 from lostmotion.lab.fitting.fit import rms_by_column
-from lostmotion.lab.fitting.strategy import begun, passed
+from lostmotion.lab.fitting.strategy import begun, passed, started, subset
 from lostmotion.lab.shooting.continuation import Level, merged, residuals, tiles
 from lostmotion.lab.shooting.initial_state import polished, repaired
 from lostmotion.lab.shooting.segment import Segment, start_with
@@ -96,8 +96,8 @@ class Unseen:
     floor: float = 1.0
 
     def beside(self, short: Level) -> Unseen:
-        """The same, for effects that are looked for beside a fit on the shortest segments."""
-        return replace(self, floor=max(short.typical, 1.0))
+        """The same, for effects that are looked for beside a fit, whose shortest segments begin where they may."""
+        return replace(self, floor=max(started(short.model, subset(self.task), self.task).typical, 1.0))
 
     def is_far(self, error: float) -> bool:
         """Whether an error, in units of the noise, is more than what is added to the readings."""

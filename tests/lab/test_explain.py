@@ -16,7 +16,6 @@ from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.fitting.fit import noise_of
 from lostmotion.lab.fitting.strategy import full_fit
 from lostmotion.lab.selection.prune import unsized
-from lostmotion.lab.selection.step import Step
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model, build_model
 from tests.lab.gears import GEARS, LEAD, gears, moved
@@ -58,16 +57,6 @@ def test_of_equals_the_simpler_is_named(phi: float) -> None:
     for name, true in (("gravity_torque.tau_g", TAU_G), ("gravity_torque.phi", phi), ("J", J)):
         assert estimates[name].low < true < estimates[name].high
     assert estimates["gravity_torque.tau_g"].value == pytest.approx(TAU_G, rel=0.02)
-
-
-@pytest.mark.slow
-def test_what_the_score_test_asks_for_is_noise_where_the_fit_leaves_noise(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The residual of a long, hardly predictable motion may lean towards an effect that no fit bears out."""
-    monkeypatch.setattr(Step, "is_full", True)
-    model = build_model("joint", ["gravity_torque"], {"J": 3.4e-4, "gravity_torque.tau_g": 2e-3})
-    with ThreadPoolExecutor(2) as pool:
-        found = explain(model, experiments(model, [pendulum(seed, 0.0) for seed in (4, 5, 6)]), pool, budget_s=600.0)
-    assert found.verdict == "nothing_missing"
 
 
 @pytest.mark.slow

@@ -9,11 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import Experiment, experiments
 from lostmotion.lab.fitting.strategy import full_fit, seeded
 from lostmotion.lab.observer.filter import STRONG, WEAK, Observer, can_follow, states_at
-from lostmotion.lab.observer.global_search import Near, nearest, shortlist
+from lostmotion.lab.observer.global_search import nearest, shortlist
 from lostmotion.lab.observer.objective import Follower
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model, build_model
@@ -161,21 +160,3 @@ def test_where_none_is_ahead_all_are_followed_to_the_end() -> None:
         found = shortlist(base, nothing, clipped, pool)
     assert found[0].effect == "sensor_saturation"
     assert len({near.effect for near in found}) <= 6
-
-
-@pytest.mark.slow
-def test_the_second_of_two_beside_the_first() -> None:
-    """Dry friction is found beside a contact that damps one way only, of which a first search has come half near: alone
-    neither explains much."""
-    hidden = {"coulomb_friction.tau_c": 3e-4, "coulomb_friction.omega_0": 6e-3, "contact_asymmetry.ratio": 3.0}
-    task = Task.of(rough(7e-5), [recorded(seed, hidden, 1.5)[0] for seed in (9, 10)], {"accel": NOISE})
-    base = full_fit(nearest(seeded(task.rough, task.experiments), task), task)
-    first = base.model.with_effect("contact_asymmetry").replace({"contact_asymmetry.ratio": 2.3})
-    others = ["command_delay", "viscous_friction", "coulomb_friction"]
-    with ThreadPoolExecutor(2) as pool:
-        found = shortlist(base, others, task, pool, Near(first, 1.0, "contact_asymmetry"))
-    assert found[0].effect == "coulomb_friction"
-    # How far ahead depends on the processor: the search is random, and the last bits of the motion are not the same.
-    assert found[0].cost < policy.NEARER * found[1].cost
-    assert found[0].model.effects == ("contact_asymmetry", "coulomb_friction")
-    assert found[0].model.parameters["coulomb_friction.tau_c"].value == pytest.approx(3e-4, rel=0.35)

@@ -13,7 +13,7 @@ from lostmotion.lab.data.noise import NoiseModel
 from lostmotion.lab.fitting.fit import noise_of
 from lostmotion.lab.fitting.strategy import full_fit
 from lostmotion.lab.selection.alternatives import distinguished, generalised
-from lostmotion.lab.selection.score_test import Direction, Scores
+from lostmotion.lab.selection.score_test import Scores
 from lostmotion.lab.selection.step import Step, Tried
 from lostmotion.lab.selection.validate import Unseen
 from lostmotion.lab.shooting.continuation import errors
@@ -85,15 +85,3 @@ def test_a_lost_segment_begins_where_another_model_follows_it() -> None:
     assert poor.errors[1] > 3 * good.errors[1]
     np.testing.assert_allclose(again.errors, good.errors, rtol=1e-3)
     assert good.error == pytest.approx(1.0, abs=0.15)
-
-
-def test_what_a_score_test_may_call_full() -> None:
-    """Data hold more than noise where a statistic passes three times the limit."""
-    model = build_model("play", ["bias_drift"])
-
-    def step(statistic: float) -> Step:
-        direction = Direction("bias_drift", model, statistic, 1.0)
-        return Step(Scores((direction,), 10.0, {"bias_drift": 0.01}, NoiseModel.white(1.0)))
-
-    assert step(31.0).is_full
-    assert not step(29.0).is_full

@@ -10,7 +10,7 @@ import pytest
 
 from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.fitting.fit import noise_of
-from lostmotion.lab.fitting.strategy import full_fit
+from lostmotion.lab.fitting.strategy import doubled, full_fit
 from lostmotion.lab.selection.candidates import others
 from lostmotion.lab.selection.nesting import without
 from lostmotion.lab.selection.prune import simplified
@@ -56,6 +56,23 @@ def test_far_from_what_is_added_to_the_readings_an_effect_has_to_explain_a_good_
         unseen = Unseen(held[0], Task.of(model, held, {"accel": 0.2}), 0.25, pool)
         assert not unseen.is_better(after, now)
         assert replace(unseen, floor=1.5).is_better(after, now)
+
+
+@pytest.mark.slow
+def test_what_is_near_is_told_by_the_shortest_segments() -> None:
+    """A fit on longer segments leaves what is missing there, too: beside it an error counts as near by what the same
+    model leaves of the shortest ones."""
+    model = build_model("play", values=GEARS)
+    held = experiments(model, [gears(seed, 2.0, **{"viscous_friction.b_v": 6e-4}) for seed in (7, 8)])
+    task = Task.of(model, held, noise_of(held))
+    short = full_fit(model, task)
+    longer = doubled(short, task)
+    assert longer is not None
+    with ThreadPoolExecutor(2) as pool:
+        unseen = Unseen(held[1], task, 0.5, pool)
+        floor = unseen.beside(longer).floor
+    assert longer.typical > 1.5 * short.typical
+    assert floor == pytest.approx(short.typical, rel=0.4)
 
 
 def test_what_contains_another_goes_on_with_what_that_did() -> None:
