@@ -173,6 +173,7 @@ def test_units_change_nothing_of_gears() -> None:
     assert first.missing == found.missing == ("sensor_lag",)
     assert (first.verdict, first.complete) == (found.verdict, found.complete)
     assert found.share["sensor_lag"] == pytest.approx(first.share["sensor_lag"], abs=1e-3)
-    for which in ("before", "after"):
+    # Before, the model follows nothing: where its fit ends hangs on rounding (units of 8 and 1024: 0.02 % apart).
+    for which, apart in (("before", 5e-2), ("after", 1e-4)):
         ratios = [getattr(one.error, which) / one.error.noise for one in (first, found)]
-        assert ratios[1] == pytest.approx(ratios[0], rel=1e-2)
+        assert ratios[1] == pytest.approx(ratios[0], rel=apart)

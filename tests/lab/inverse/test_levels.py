@@ -62,10 +62,10 @@ def coloured(seed: int) -> Recording:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("number", "p_value", "added"), [(149, 0.039, ("coulomb_friction",)), (183, 0.062, ())])
+@pytest.mark.parametrize(("number", "p_value", "added"), [(81, 0.0315, ("coulomb_friction",)), (56, 0.0574, ())])
 def test_a_false_name_is_as_rare_as_its_level(number: int, p_value: float, added: tuple[str, ...]) -> None:
     """Of 300 searches in one short recording, with a judged one as a further fold, one named an effect although nothing
-    is missing (5 % are allowed): that with p = 0.039.  The next had 0.055 and 0.062, and would be named at 6.5 %."""
+    is missing (5 % are allowed): that with p = 0.032.  The next had 0.057 and 0.15: at a level of 10 % two would."""
     found = search([coloured(2 * number), coloured(2 * number + 1)], is_fold=True)
     apt = [one.p_value for one in found.steps[0].judged if one.gain > 0.05 and one.is_told]
     assert min(apt) == pytest.approx(p_value, rel=0.15)
