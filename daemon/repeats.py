@@ -10,7 +10,8 @@ __all__ = ["Condition", "Repeats", "place"]
 AWAY_S = 60.0
 """a problem that has not been met for so long has gone away [s]"""
 STAYS_S = 20.0
-"""one that comes back sooner, and stays for so long, is told after all: what was told last would be false [s]"""
+"""one that comes back sooner, and stays for so long, is told after all: what was told last would be false.  Of a router
+that died seconds after its return it was for a minute (seed 904 of ``bench.faults``, which asks for 30 s) [s]"""
 REMIND_S = 3600.0
 """how often one that stays is told [s]"""
 

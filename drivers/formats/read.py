@@ -88,7 +88,7 @@ def _converted(one: Chosen, values: FloatArray, name: str) -> FloatArray:
 
 def _integrated(times: FloatArray, speed: FloatArray) -> FloatArray:
     """The position (N,) by the trapezoidal rule, zero at the first sample."""
-    return np.concatenate([[0.0], np.cumsum(np.diff(times) * (speed[1:] + speed[:-1]) / 2)])
+    return np.concatenate([np.zeros_like(speed[:1]), np.cumsum(np.diff(times) * (speed[1:] + speed[:-1]) / 2)])
 
 
 def _doubts(one: Chosen, values: FloatArray) -> list[str]:

@@ -241,9 +241,8 @@ def _estimates(fit: Regression) -> list[Estimate]:
         ends = sorted((item.value(z - factor * sd), item.value(z + factor * sd))) if item.logarithmic else (
             value - factor * slope, value + factor * slope)  # fmt: skip
         unit = fit.model.parameters[item.name].unit
-        told = sd < policy.TOLD if item.logarithmic else slope < policy.TOLD * max(abs(value), item.scale)
-        found.append(Estimate(item.name, value, ends[0], ends[1], words.linear(unit) if is_linear(fit) else unit, told,
-                              bool(z <= a or z >= b)))  # fmt: skip
+        found.append(Estimate(item.name, value, ends[0], ends[1], words.linear(unit) if is_linear(fit) else unit,
+                              item.is_told(z, sd), bool(z <= a or z >= b)))  # fmt: skip
     return found
 
 

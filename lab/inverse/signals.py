@@ -44,7 +44,7 @@ PER_PERIOD = 2.5
 """Samples that are kept per period of the end of the band."""
 EDGE = 2.0
 """Periods of the end of the band that are left out at both ends of a recording."""
-FEWEST = 2 * EDGE + LEAST_SAMPLES * REGRESSORS / PER_PERIOD
+SLOWEST_OWN = 2 * EDGE + LEAST_SAMPLES * REGRESSORS / PER_PERIOD
 """Periods in the recording: the lowest end of its own band, which leaves so many samples.  With four periods nine were
 left of a robot's joint that turned slowly for 16 s at 30 Hz, and Coulomb friction was not significant (p = 0.12, now
 0.001)."""
@@ -285,7 +285,7 @@ def _band(position: FloatArray, rate: float) -> tuple[float, float]:
     moving = np.cumsum(np.where(is_clear, power * frequency**2, 0.0))
     lost = np.flatnonzero(~is_clear & (moving >= policy.BAND_MOTION * moving[-1]))
     end = float(frequency[lost[0]]) if lost.size else float(frequency[-1])
-    return min(max(end, FEWEST * rate / position.size), FASTEST * rate), noise
+    return min(max(end, SLOWEST_OWN * rate / position.size), FASTEST * rate), noise
 
 
 def _torque_noise(torque: FloatArray, rate: float, band: float) -> float:

@@ -236,8 +236,7 @@ def _is_shaped(effect: str, fit: Regression, block: NDArray[np.intp]) -> bool:
     anywhere is one if it has a frequency: to a mass on a spring that rubbed, one of 0.001 to 1e6 Hz was fitted."""
     own = [at for at, name in enumerate(fit.unknowns.names) if name.startswith(f"{effect}.")]
     deviation = np.sqrt(np.maximum(np.diag(fit.covariance(block)), 0.0))
-    sizes = [1.0 if fit.unknowns.items[at].logarithmic else max(abs(fit.z[at]), 1.0) for at in own]
-    return not own or any(deviation[at] < policy.TOLD * size for at, size in zip(own, sizes, strict=True))
+    return not own or any(fit.unknowns.items[at].is_told(fit.z[at], deviation[at]) for at in own)
 
 
 def amplitudes(effect: str, fit: Regression) -> list[str]:

@@ -43,8 +43,8 @@ __all__ = [
     "score_trials",
 ]
 
-NEAR_ITERATIONS, REPAIRED = 6, 6
-"""Steps of a first fit, and of one whose missed segments begin anew."""
+FEW_STEPS = 6
+"""Steps of a fit that shows how near an effect, or a number of teeth, comes."""
 
 
 class _OfEffect(Protocol):
@@ -89,7 +89,7 @@ def near_trials(
 def score_trials(base: Level, directions: Sequence[Direction], task: Task, pool: Executor) -> list[Trial]:
     """Fits on all short segments with the effects that the score test asks for, in a few steps from the fit without
     them: of that which comes nearest so, and of that which it asks for most; best first."""
-    near = near_trials(base, directions[: policy.FINISHED], task, pool, NEAR_ITERATIONS)
+    near = near_trials(base, directions[: policy.FINISHED], task, pool, FEW_STEPS)
     first = {*near[:1], *(trial for trial in near if trial.effect == directions[0].effect)}
     return full_fits([(trial.effect, trial.level.model) for trial in near if trial in first], task, pool)
 
@@ -168,9 +168,9 @@ def _recounted(trial: Trial, task: Task, pool: Executor) -> Trial:
 
 def _repaired(level: Level, task: Task) -> Level:
     """A few steps from a level's values, twice: what is missed after the first ones begins anew."""
-    once = refined(level, task, REPAIRED)
+    once = refined(level, task, FEW_STEPS)
     starts = repaired(once.model, once.segments, task.substep_s, policy.LOST_SHARE)
-    return refined(replace(once, segments=starts), task, REPAIRED)
+    return refined(replace(once, segments=starts), task, FEW_STEPS)
 
 
 def _ordered(trials: Sequence[Trial]) -> list[Trial]:

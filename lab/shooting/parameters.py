@@ -13,6 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from lostmotion.lab import policy
 from lostmotion.model import Domain, Model, Parameter
 from lostmotion.model.motion import FloatArray
 
@@ -78,6 +79,10 @@ class Unknown:
     def slope(self, z: float) -> float:
         """d value / d z."""
         return math.exp(min(z, 700.0)) if self.logarithmic else self.scale
+
+    def is_told(self, z: float, deviation: float) -> bool:
+        """Whether a standard deviation of z is a small share of the value, or of its scale if that is more."""
+        return bool(deviation < policy.TOLD * (1.0 if self.logarithmic else max(abs(z), 1.0)))
 
 
 def _near(unknown: Unknown, value: float, factor: float) -> Unknown:

@@ -341,3 +341,12 @@ def test_a_speed_is_integrated_where_it_is_said_to_tell_the_position(unit: str, 
     assert turned[[0, 10, 20]] == pytest.approx(np.array([0.0, 15.0, 60.0]) * factor)
     assert "position_unit" not in found.recording.metadata
     assert "position: integrated from a speed, from zero on" in found.notes
+
+
+def test_a_speed_without_numbers_is_an_empty_position(tmp_path: Path) -> None:
+    """Nothing is integrated: no sample is made up where the column that was named holds none."""
+    path = tmp_path / "motor.csv"
+    path.write_text("time,wheel,goal\n0,,1\n1,,2\n2,,3\n")
+    found = read(path, "position=wheel:rpm", "command=goal:rad")
+    assert np.isnan(found.recording.columns["position"]).all()
+    assert found.recording.columns["command"].tolist() == [1.0, 2.0, 3.0]

@@ -53,7 +53,7 @@ NUMERICS = {
     "observer/objective.py": (8, "what observers are run on, and a robust cost"),
     "parallel.py": (2, "waiting times"),
     "quantity.py": (2, "digits"),
-    "selection/candidates.py": (2, "steps of a fit"),
+    "selection/candidates.py": (1, "steps of a fit"),
     "selection/score_test.py": (1, "draws of a bootstrap"),
     "selection/validate.py": (2, "length of segments, steps of a fit"),
     "shooting/continuation.py": (4, "length of the first segments, a robust cost"),
