@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lostmotion.detector import ringdown
 from lostmotion.detector.window import DetectorSettings, FloatArray
 
-__all__ = ["Bar", "finding", "moved", "used"]
+__all__ = ["Bar", "agrees", "finding", "moved", "used"]
 
 REACH = 0.2
 """The resonance is looked for within this share of the configured value."""
@@ -71,12 +71,23 @@ def used(known: Bar | None, given: DetectorSettings) -> DetectorSettings:
     return replace(given, f_res_hz=f_res, zeta=zeta)
 
 
+def agrees(known: Bar | None, found: Bar, given: DetectorSettings) -> bool:
+    """Whether a look found what was known, within ``SURE`` of its own standard deviations."""
+    f_res, zeta = _so_far(known, given)
+    resonance, damping = abs(found.f_res_hz - f_res), abs(math.log(found.zeta / zeta))
+    return resonance < SURE * found.f_deviation and damping < SURE * found.zeta_deviation
+
+
 def moved(known: Bar | None, found: Bar, given: DetectorSettings) -> Bar:
     """What is known after one more look: half of the way to what it found, in steps that are no jumps."""
-    f_res, zeta = (known.f_res_hz, known.zeta) if known else (given.f_res_hz, given.zeta)
+    f_res, zeta = _so_far(known, given)
     f_res *= 1 + _limited(SHARE * (found.f_res_hz / f_res - 1), STEP)
     zeta *= math.exp(_limited(SHARE * math.log(found.zeta / zeta), ZETA_STEP))
     return replace(found, f_res_hz=f_res, zeta=zeta)
+
+
+def _so_far(known: Bar | None, given: DetectorSettings) -> tuple[float, float]:
+    return (known.f_res_hz, known.zeta) if known else (given.f_res_hz, given.zeta)
 
 
 def _limited(value: float, most: float) -> float:

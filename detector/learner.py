@@ -10,7 +10,7 @@ import numpy as np
 
 from lostmotion.detector import ringdown
 from lostmotion.detector.background import LEAST_WINDOWS, Background, applied, followed, learning
-from lostmotion.detector.bar import Bar, finding, moved, used
+from lostmotion.detector.bar import Bar, agrees, finding, moved, used
 from lostmotion.detector.quality import LEAST_SHARE
 from lostmotion.detector.whitening import spectrum
 from lostmotion.detector.window import DetectorSettings, FloatArray
@@ -26,7 +26,8 @@ LOOK = 500
 MOVED = 1.3
 """A noise that is so many times as loud as it was, or as quiet, is learnt at once."""
 BAR_LOOK = 2000
-"""After so many windows resonance and damping are looked at again, and whenever the noise is due but the first time."""
+"""After so many windows resonance and damping are looked at again, and until a look has found what is known also
+whenever the noise is due but the first time: looks of the first ten minutes were 28 % of the main thread's work."""
 TOLD_HZ, TOLD_ZETA = 0.02, 0.3
 """Shares by which resonance or damping have to have moved to be told."""
 ROUNDS, FIRST_ROUNDS = 1, 3
@@ -182,6 +183,8 @@ class Learner:
     def _look_at_bar(self, windows: FloatArray) -> Generator[None, None, None]:
         found = yield from finding(windows, self.rate_hz, self.given)
         if found is not None:
+            if agrees(self.bar, found, self.given):
+                self._bar_due = self.seen + BAR_LOOK
             self.bar = moved(self.bar, found, self.given)
             bare = used(self.bar, self.given)
             self._use(replace(self.settings, f_res_hz=bare.f_res_hz, zeta=bare.zeta))

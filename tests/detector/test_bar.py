@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lostmotion.detector import learner as learning
 from lostmotion.detector.bar import Bar, finding, moved, used
 from lostmotion.detector.learner import BarChange, Learner
 from lostmotion.detector.window import DetectorSettings, FloatArray
@@ -122,6 +123,28 @@ def test_steps_are_no_jumps() -> None:
     assert used(Bar(58.6, 0.18, 0.024, 0.10, 100), GIVEN) == replace(GIVEN, f_res_hz=58.6, zeta=0.024)
     assert used(Bar(58.6, 0.30, 0.024, 0.50, 100), GIVEN) == GIVEN
     assert used(None, GIVEN) == GIVEN
+
+
+def test_what_is_found_again_is_looked_at_less_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bar as the file has it is looked at after 50 windows and not again before 2050; another one also after 100,
+    200, 500 and 1000, until a look finds what is known."""
+    looks: list[int] = []
+
+    def finds(f_res_hz: float) -> list[int]:
+        def look(windows: FloatArray, rate_hz: float, given: DetectorSettings) -> Generator[None, None, Bar | None]:
+            looks.append(learner.seen)
+            return Bar(f_res_hz, 0.1, 0.012, 0.1, 100)
+            yield
+
+        monkeypatch.setattr(learning, "finding", look)
+        learner = Learner(GIVEN, RATE, LENGTH)
+        looks.clear()
+        for window in np.random.default_rng(8906).normal(size=(2200, LENGTH)):
+            learner.hear(window)
+        return looks.copy()
+
+    assert finds(58.1) == [51]
+    assert finds(63.8) == [51, 101, 201, 501, 1001, 2001]
 
 
 @pytest.mark.slow
