@@ -59,6 +59,9 @@ BEYOND = 0.1
 """Share of the stretch in which the joint may seem to be beyond a flank: more, and model and data do not fit."""
 LEAST_PLAY, MOST_PLAY = 1e-4, 0.1
 """Play that scales the flanks' error [rad]."""
+LOST = 2 * math.pi
+"""Standard deviation of D from which nothing is known of the motion [rad]: commands with gaps and jumps reach 10⁴, and
+the weights of contacts, to ``GRAIN``, are then all rounding."""
 SIDES = (0.0, 1.0, -1.0)
 """The middle and both flanks, by the index that the sign of a place is."""
 
@@ -123,6 +126,8 @@ def evidence(apart: RelativeMotion, solution: Solved) -> float:
 
 def solve(apart: RelativeMotion, found: Contacts) -> Solved | PlaySize:
     """Fits and chooses contacts in turn."""
+    if np.max(np.diag(apart.covariance)[apart.known], initial=0.0) > LOST**2:
+        return unknown("the commands do not fit together")
     flank = np.where(found.hard, -np.sign(found.impulse), -np.sign(found.push))
     sure = found.hard | (found.rests & _thinned(found.rests.size))
     touch = _Touch(np.flatnonzero(sure), flank[sure], np.where(found.hard, np.abs(found.impulse), 0.0)[sure])

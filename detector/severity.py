@@ -300,7 +300,9 @@ def _of_coefficients(apart: FloatArray, doubt: FloatArray, half_waves: float) ->
     count = apart.shape[1]
     first, fall = float(np.interp(half_waves, HALF_WAVES, SHARES)), float(np.interp(half_waves, HALF_WAVES, FALLS))
     share = first * (FIRST_DEGREE / np.arange(FIRST_DEGREE, FIRST_DEGREE + count)) ** fall
-    lower = np.linalg.cholesky(doubt + 1e-18 * np.eye(count))
+    # With commands that jump by 10⁹ rad the other variances are below the rounding of the largest.
+    least = 1e-18 + count * np.finfo(float).eps * np.trace(doubt, axis1=1, axis2=2)
+    lower = np.linalg.cholesky(doubt + least[:, None, None] * np.eye(count))
     white = np.linalg.inv(lower)
     scaled = white * share
     power, directions = np.linalg.eigh(scaled @ scaled.transpose(0, 2, 1))

@@ -61,6 +61,22 @@ def test_error_and_intervals(play_um: int) -> None:
     assert np.mean([score.play_low <= truth <= score.play_high for score in told]) >= 0.94
 
 
+@pytest.mark.parametrize("jump", [300.0, 1e4, 1e9])
+def test_commands_with_gaps_and_jumps_end_in_a_reason(jump: float) -> None:
+    """Where commands are missing and one is wrong by ``jump`` [rad], a window tells a finite size or a reason; the
+    uncertainty of such a motion is as large as rounding lets it be."""
+    for seed in range(8206, 8208):
+        rng = np.random.default_rng(2)
+        polls, commands, times, accel = recording(seed, 60e-6, 6.0)
+        broken = commands.copy()
+        broken[rng.integers(0, polls.size, 5)] += jump
+        kept = np.all([np.abs(polls - gap) > 0.1 for gap in rng.uniform(0, 6, 6)], axis=0)
+        scores = score_series(polls[kept], broken[kept], times, accel, SETTINGS)
+        assert len(scores) > 5
+        assert all(math.isfinite(score.play) or score.play_reason for score in scores)
+        assert sum(math.isfinite(score.play) for score in scores) < len(scores)
+
+
 CAUSES = {
     "motion up to 6 Hz, a bar of 5 g": Cell(Gear(reaction=0.25), "sines6"),
     "motion up to 10 Hz": Cell(Gear(), "sines10"),
