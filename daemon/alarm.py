@@ -1,9 +1,9 @@
-"""The health of a joint and its alarms: what the last windows and the devices say.  No I/O; time comes in.
+"""A joint's health and alarms, from the last windows and the state of the devices.  No I/O; time is an argument.
 
-Two causes are followed side by side: the play that is heard, and the devices that should hear it.  Each has at most one
-alarm, whose life ``lifecycle.py`` knows; how bad the play is says ``evidence.py``.  A device that fails is an alarm of
-its own and says nothing about the play: the joint's health is then DEGRADED, for nobody watches it, or what it was.
-Health is OK only with evidence: enough sound windows, the last one not long ago; without, it is DEGRADED, and no alarm.
+Two causes are followed independently: play, and a failed device.  Each has at most one alarm, with the states of
+``lifecycle.py``; ``evidence.py`` grades the severity of play.  A failed device raises its own alarm and is no evidence
+about play: the joint's health is then DEGRADED, because it is not monitored, or stays what it was.
+Health is OK only with enough sound windows, the last one recent; without them it is DEGRADED, and no alarm is raised.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ DONE: dict[Verb | Task, str] = {Verb.ACK: "acknowledged", Verb.SHELVE: "shelved"
 
 
 class JointMonitor:
-    """Follows one joint.  ``row`` is its health; every method returns what changed, to be stored and told; ``doubt``,
-    which may be set, is why sound windows are not enough to be OK.
+    """Follows one joint.  ``row`` is its health; every method returns what changed, to be stored and published;
+    ``doubt``, which may be set, is why sound windows are not enough to be OK.
 
     row, recent (scores, oldest first), alarms (those that are not normal) and origin carry on where an earlier run
     stopped.
@@ -61,7 +61,7 @@ class JointMonitor:
         self._origin = origin
         self._alarms = {alarm.cause: alarm for alarm in alarms}
         self._wanted = {cause: self._standing(cause) for cause in Cause}
-        self._reasons: dict[Cause, Evidence | str] = {  # put into words when somebody is told
+        self._reasons: dict[Cause, Evidence | str] = {  # formatted when they are published
             cause: self._alarms[cause].reason if cause in self._alarms else "" for cause in Cause
         }
         self._leaning: dict[Cause, tuple[bool, datetime]] = {}
@@ -90,7 +90,7 @@ class JointMonitor:
         return self._update(time)
 
     def device(self, fault: str, time: datetime) -> list[Change]:
-        """Takes what is wrong with the joint's servo or accelerometer; "" when nothing is."""
+        """Takes the fault of the joint's servo or accelerometer; "" for none."""
         self._want(Cause.DEVICE, Severity.ERROR if fault else None, fault)
         return self._update(time)
 
@@ -121,7 +121,7 @@ class JointMonitor:
         return changes, Answer(request.id, bool(changes), text)
 
     def retire(self, time: datetime) -> list[Change]:
-        """The joint is watched no more: what nobody would see go does not stand any longer."""
+        """The joint is no longer monitored: its alarms are cleared, because nothing would clear them later."""
         standing = [alarm for alarm in self._alarms.values() if alarm.cleared is None]
         changes: list[Change] = [self._keep(happen(alarm, AlarmEvent.CLEARED, time)) for alarm in standing]
         if changes or self.row.health is not Health.OK:
@@ -148,7 +148,7 @@ class JointMonitor:
         self._wanted[cause], self._reasons[cause] = severity, reason
 
     def _standing(self, cause: Cause) -> Severity | None:
-        """How bad a cause is at present, as it has been told."""
+        """The severity of a cause as it was last published; None for no alarm."""
         alarm = self._alarms.get(cause)
         return alarm.severity if alarm and alarm.cleared is None else None
 
@@ -170,7 +170,7 @@ class JointMonitor:
         return True
 
     def _unjudged(self, time: datetime) -> str:
-        """Why the windows do not tell the health at present, "" when they do."""
+        """Why the windows do not determine the health at present, "" when they do."""
         if not self._is_enough:
             return "not judged yet: too few sound windows"
         last, hours = self._windows[-1].time, self._options.judged_within_h

@@ -1,6 +1,6 @@
-"""Where alarms are handled while a service runs: monitors of all joints, between the store and those who are told.
+"""The alarms of a running service: the monitors of all joints, their requests and trends.
 
-What is told and how is the service's; what leads to an alarm is ``alarm.py``'s.
+The service passes changes to the sinks; ``alarm.py`` decides when an alarm is raised.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ from lostmotion.daemon.store import Store
 
 __all__ = ["AlarmManager", "is_over"]
 
-TELL_S = 0.02
-"""how long the main thread waits for the disk to take an alarm before it goes on and tells it later [s]"""
+SETTLE_S = 0.02
+"""how long the main thread waits for the disk to take an alarm before it goes on and publishes it later [s]"""
 AGAIN = 8
-"""transitions of each alarm that are told again at a start: one may have been stored and not told"""
+"""transitions of each alarm that are published again at a start: one may have been stored but not published"""
 TREND = timedelta(hours=1)
-"""how often a joint's trend is asked"""
+"""how often a joint's trend is computed"""
 
 
 class AlarmManager:
     """Health and alarms of the joints, from where an earlier run left them.
 
-    tell: gets what changed, and whether an earlier run may have told it already.  An alarm is told by ``tell_settled``
-    once it is stored, so that no kill lets it be told twice under two names.  ``is_provisional``: the disk kept the
-    store from being opened, so what is known of earlier runs may be nothing.  known: what the manager before a reload
-    knew on the same store, ``newest`` of it.
+    publish: gets a change, and whether an earlier run may have published it already.  ``publish_settled`` publishes an
+    alarm once it is stored, so that a kill cannot publish it twice with two ids.  ``is_provisional``: the store could
+    not be opened, so earlier runs may be unknown.  known: ``newest`` of the manager before a reload on the same
+    store.
     """
 
     def __init__(
@@ -38,13 +38,13 @@ class AlarmManager:
         joints: Iterable[str],
         options: AlarmOptions,
         store: Store,
-        tell: Callable[[Change, bool], None],
+        publish: Callable[[Change, bool], None],
         utc: datetime,
         known: Sequence[Change | ScoreRow] = (),
     ) -> None:
         self.is_provisional = not store.is_open
         self._store = store
-        self._tell = tell
+        self._publish = publish
         self._options = options
         self._reader = store.reader()
         self._monitors = {joint: requests.resume(self._reader, joint, options, utc, known) for joint in joints}
@@ -60,7 +60,7 @@ class AlarmManager:
                     stored.append(last)
                 for transition in stored:
                     self._last[joint, cause] = transition
-                    self._tell(transition, True)
+                    self._publish(transition, True)
             self._change([monitor.row])
         for gone in {row.name for row in self._reader.joints()} - set(self._monitors):
             self._change(requests.resume(self._reader, gone, options, utc, known).retire(utc))
@@ -105,10 +105,10 @@ class AlarmManager:
             days = prognosis.days_to_limit(self._reader, joint, utc, self._options.severity_warning)
             self._change(self._monitors[joint].trend(days, utc))
 
-    def tell_settled(self, wait_s: float = TELL_S) -> None:
-        """Tells the alarms that are on the disk, or are there within ``wait_s``: one wait for all of them."""
+    def publish_settled(self, wait_s: float = SETTLE_S) -> None:
+        """Publishes the alarms that are on the disk, or are within ``wait_s``: one wait for all of them."""
         for transition in self._store.settled(wait_s):
-            self._tell(transition, False)
+            self._publish(transition, False)
 
     def close(self) -> None:
         """Reads no more."""
@@ -121,7 +121,7 @@ class AlarmManager:
             if isinstance(row, Transition):
                 self._last[row.alarm.joint, row.alarm.cause] = row
             elif isinstance(row, JointRow):
-                self._tell(row, False)
+                self._publish(row, False)
 
 
 def is_over(row: Change | ScoreRow) -> bool:

@@ -1,6 +1,6 @@
 """Which joint the play comes from, while a service runs: windows of the joints that share accelerometers.
 
-What a window says is ``detector/attribution.py``'s; what it means for alarms is ``alarm.py``'s.  No clock, no I/O.
+``detector/attribution.py`` computes the evidence of a window; ``alarm.py`` uses the result.  No clock, no I/O.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ class SharedSensor:
 
 
 class CommandHistory(Protocol):
-    """A joint's last commands: times [s] and angles [rad], shape (2, M); heard: the time of the newest sample [s]."""
+    """A joint's last commands: times [s] and angles [rad], shape (2, M); newest: the time of the newest sample [s]."""
 
     @property
-    def heard(self) -> float: ...
+    def newest(self) -> float: ...
 
     @property
     def commands(self) -> FloatArray: ...
@@ -61,21 +61,21 @@ class Attributor:
         self.accelerometers = tuple(sensor.accelerometer for sensor in sensors)
         self._sensors = sensors
         self._prior = [0.5] * len(self.joints)
-        self._told: deque[Evidence] = deque(maxlen=WINDOWS)
+        self._evidence: deque[Evidence] = deque(maxlen=WINDOWS)
         self._waiting: deque[Window] = deque()
         self._weighed = -math.inf  # start of the last window that was, or is going to be [s]
         self.origin = Origin(dict.fromkeys(self.joints, 0.5), 0)
 
     def resume(self, earlier: Iterable[Origin]) -> None:
-        """Begins with what an earlier run found of the same joints."""
+        """Begins with the result of an earlier run for the same joints."""
         for origin in earlier:
             if tuple(sorted(origin.probabilities)) == self.joints:
                 self._prior = [min(max(origin.probabilities[joint], DOUBT), 1 - DOUBT) for joint in self.joints]
                 self._pool()
 
-    def hear(self, window: Window) -> None:
+    def add_window(self, window: Window) -> None:
         """A window of one of these joints has been scored."""
-        if len(self._told) < WINDOWS or window.start >= self._weighed + PACE_S:
+        if len(self._evidence) < WINDOWS or window.start >= self._weighed + PACE_S:
             self._waiting.append(window)
             self._weighed = window.start
 
@@ -88,13 +88,13 @@ class Attributor:
         while self._waiting:
             window = self._waiting[0]
             end = window.start + window.duration
-            there = min(*(ring.newest for ring in sensors), *(joint.heard for joint in joints)) >= end
+            there = min(*(ring.newest for ring in sensors), *(joint.newest for joint in joints)) >= end
             if not there and max(ring.newest for ring in sensors) < end + GIVE_UP_S:
                 break
             self._waiting.popleft()
             found = self._weigh(window, sensors, joints) if there else None
             if found is not None:
-                self._told.append(found)
+                self._evidence.append(found)
                 fresh = True
         if fresh:
             self._pool()
@@ -109,7 +109,7 @@ class Attributor:
         for name, joint in zip(self.joints, joints, strict=True):
             times, angles = joint.commands
             movers.append(Mover(times, angles, tuple(sensor.levers.get(name, 0.0) for sensor in self._sensors)))
-        since = max(window.start, self._told[-1].until) if self._told else window.start
+        since = max(window.start, self._evidence[-1].until) if self._evidence else window.start
         return evidence(stretches, movers, [sensor.settings for sensor in self._sensors], since)
 
     def is_sure(self, joint: str) -> bool:
@@ -117,8 +117,8 @@ class Attributor:
         return self.origin.probabilities[joint] >= SURE
 
     def alone(self, stretch: Window, accelerometer: str, histories: Mapping[str, CommandHistory]) -> Window | None:
-        """The stretch as if its joint had moved alone: less what the others' commands make of it, slowly as they are
-        for the bar.  None where these have said too little."""
+        """The stretch as if its joint had moved alone: minus the quasi-static acceleration from the other joints'
+        commands.  None where these have too few samples."""
         sensor = next(sensor for sensor in self._sensors if sensor.accelerometer == accelerometer)
         accel = stretch.accel.copy()
         for name in sensor.levers.keys() - {stretch.joint}:
@@ -130,6 +130,6 @@ class Attributor:
         return replace(stretch, accel=accel)
 
     def _pool(self) -> None:
-        pooled = attribute(self._told, self._prior)
-        told = zip(self.joints, pooled.joints.tolist(), strict=True)
-        self.origin = Origin(dict(told), pooled.windows)
+        pooled = attribute(self._evidence, self._prior)
+        probabilities = zip(self.joints, pooled.joints.tolist(), strict=True)
+        self.origin = Origin(dict(probabilities), pooled.windows)

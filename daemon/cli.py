@@ -67,7 +67,7 @@ statistic = click.option(
 @click.group(cls=RootGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(__version__, message="%(prog)s %(version)s")
 def cli() -> None:
-    """Hears the play in a robot's joints: watches servos, scores every reversal, and keeps the history of wear."""
+    """Detects play in a robot's joints: monitors servos, scores every reversal, and keeps the history of wear."""
 
 
 def main() -> None:
@@ -118,7 +118,7 @@ def doctor(config: Path | None, find: bool, port: tuple[str, ...], output: Path 
     Without --config: the installed service's, else the simulated robot.  The devices must be free: stop the service
     first.
 
-    With --find: listens to every free serial port, asks those that say nothing which servos are there (pings and reads,
+    With --find: listens to every free serial port, asks silent ones which servos are there (pings and reads,
     nothing is written to them), and lists CAN interfaces and accelerometers of the kernel's.  Exit status 1 if there is
     nothing.
     """
@@ -237,7 +237,7 @@ def record(
 def score(recording: Path, config: Path | None, joint: str | None, as_json: bool, **given: Any) -> None:
     """The detector over a recording, window by window.
 
-    Settings: the options here, else --config, else what the recording's head says, else the defaults.
+    Settings: the options here, else --config, else the recording's head, else the defaults.
     """
     from lostmotion.daemon.commands.asked import Asked
     from lostmotion.daemon.commands.score import score

@@ -1,6 +1,6 @@
-"""The configuration: TOML in, one frozen value out, or one line that says what is wrong with it.
+"""The configuration: TOML in, one frozen value out, or an error of one line.
 
-Every key is checked, also those that belong to a driver; what only a device can tell is left to ``doctor`` and the
+Every key is checked, also those that belong to a driver; what only a device can answer is left to ``doctor`` and the
 service.  Nothing here opens a port or a database.
 """
 
@@ -152,7 +152,7 @@ def loads(text: str, where: str, *, joints: bool = True) -> Config:
 
 
 def state_folder() -> Path:
-    """Where this user's programs keep what should outlive a restart (XDG base directory specification)."""
+    """Where this user's programs keep what should survive a restart (XDG base directory specification)."""
     return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "lostmotion"
 
 

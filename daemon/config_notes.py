@@ -1,4 +1,4 @@
-"""What of a valid configuration is worth saying all the same: what it cannot tell, and who may listen.  No I/O."""
+"""Remarks on a valid configuration: what it cannot measure, and which sockets others can reach.  No I/O."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def notes(config: Config) -> tuple[str, ...]:
 
 
 def _of_sensor(config: Config, sensor: AccelerometerOptions) -> Iterator[str]:
-    """What its rate, its bar and the lever arms of its joints leave untold."""
+    """What cannot be measured with its rate, its bar and the lever arms of its joints."""
     own = [joint for joint in config.joints if joint.accelerometer == sensor.name]
     is_shared = sum(sensor.name in config.levers(joint) for joint in config.joints) > 1
     sizes = ["the size of the play"] * any(config.settings(joint.name).play_size for joint in own)
@@ -38,14 +38,14 @@ def _of_sensor(config: Config, sensor: AccelerometerOptions) -> Iterator[str]:
     without = [joint.name for joint in own if sensor.name not in joint.levers_m]
     if is_shared and len(without) > 1:
         limits.append(
-            f"which of the joints {', '.join(without)} has play, and its size, may be told wrong: found no levers_m "
+            f"which of the joints {', '.join(without)} has play, and its size, may be wrong: found no levers_m "
             f"of these, so that all are taken to be {sensor.oscillator.length_m:g} m away; expected levers_m of each"
         )
     yield from (f"accelerometer {sensor.name!r}: {limit}" for limit in limits if limit)
 
 
 def _of_joint(config: Config, name: str) -> Iterator[str]:
-    """What its commands leave untold; whether eq. 8's norm band is cut off."""
+    """What cannot be measured with its commands; whether eq. 8's norm band is cut off."""
     joint, settings = config.joint(name), config.settings(name)
     nyquist = config.accelerometer(joint.accelerometer).rate_hz / 2
     if limit := poll_limit(joint.poll_hz):

@@ -1,4 +1,4 @@
-"""What types cannot say of a configuration: its tables agree, numbers are in range, addresses have their form.
+"""Checks of a configuration beyond types: tables agree, numbers are in range, addresses are well-formed.
 
 No device is opened; of the file system is asked what is at the database's path, unless a service holds it.
 """
@@ -168,7 +168,7 @@ def _ports(config: Config) -> None:
 def _one_bus(
     path: str, item: JointOptions | AccelerometerOptions, other_path: str, other: JointOptions | AccelerometerOptions
 ) -> None:
-    """Devices on one bus say the same of it."""
+    """Devices on one bus agree about it."""
     for key in ("interface", "bitrate", "options"):
         found, expected = (getattr(one, key, None) for one in (item, other))
         if found != expected:
@@ -194,7 +194,7 @@ def _addresses(config: Config) -> None:
     if zenoh and not (zenoh.multicast_scouting or any(sockets.endpoints(zenoh))):
         file = f", nor in {zenoh.config}" if zenoh.config else ""
         raise CrossCheckError(
-            f"alarm.zenoh.connect: found none{file}, so that nobody would hear the robot; expected a router such as "
+            f"alarm.zenoh.connect: found none{file}, so that no program can reach the robot; expected a router such as "
             '["tcp/10.0.0.1:7447"], or listen = ["tcp/127.0.0.1:7447"] in mode "peer"'
         )
     for key, endpoints in (("connect", zenoh.connect), ("listen", zenoh.listen)) if zenoh else ():
@@ -212,7 +212,7 @@ def _is_listenable(address: str) -> bool:
 
 
 def _database(config: Config) -> None:
-    """Nothing is there yet, or a file; where this user may not look, opening tells."""
+    """Nothing is there yet, or a file; where this user may not look, opening it raises the error."""
     try:
         mode = config.database.stat().st_mode
     except OSError as error:

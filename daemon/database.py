@@ -71,7 +71,7 @@ CAUSES = {
 
 
 class StoreError(LostmotionError):
-    """The database cannot be used; the one-line message says why and what to do."""
+    """The database cannot be used; the one-line message has the cause and the remedy."""
 
 
 class StoreBusyError(StoreError):
@@ -185,7 +185,7 @@ def open_database(path: Path) -> sqlite3.Connection:
 def refusal(path: Path, error: Exception) -> StoreError:
     """SQLite's error as one of ours."""
     name = getattr(error, "sqlite_errorname", "")
-    if name.startswith("SQLITE_CANTOPEN") and _is_full(path.parent):  # SQLite does not tell why
+    if name.startswith("SQLITE_CANTOPEN") and _is_full(path.parent):  # SQLite does not report why
         return StoreRefusedError(f"{path}: {CAUSES['SQLITE_FULL']} ({error})")
     passes = name.startswith(PASSING)
     return (StoreRefusedError if passes else StoreError)(explain(path, error))
@@ -212,7 +212,7 @@ def is_damage(error: Exception) -> bool:
 
 
 def leave(path: Path, error: Exception, wal: tuple[int, int] | None) -> None:
-    """Makes room for a new database in place of a closed one that was damaged or replaced; says so as an error.
+    """Makes room for a new database in place of a closed one that was damaged or replaced; logs it as an error.
 
     wal: the identity of the write-ahead log of the one that was replaced: a log that stays behind would be read as part
     of the file that is there now.  Raises StoreError where that is not allowed.
@@ -227,7 +227,7 @@ def leave(path: Path, error: Exception, wal: tuple[int, int] | None) -> None:
 
 
 def move_aside(path: Path, error: Exception) -> None:
-    """Gives a damaged database another name, with the files beside it that belong to it; says so as an error.
+    """Gives a damaged database another name, with the files beside it that belong to it; logs it as an error.
 
     Raises StoreError where that is not allowed.
     """
@@ -255,7 +255,7 @@ def explain(path: Path, error: Exception) -> str:
 
 
 def newer(path: Path, version: int) -> str:
-    """What to say of a database that a newer program has changed: with the copy that was made then, if it is there."""
+    """The message about a database that a newer program has changed: with the copy made then, if it is there."""
     copies = {int(found[1]): copy for copy in path.parent.glob(f"{path.name}.version*")
               if (found := re.fullmatch(r".*\.version(\d+)", copy.name)) and int(found[1]) <= CURRENT}  # fmt: skip
     back = f", or go back to {copies[max(copies)].name} beside it, made before the change" if copies else ""
@@ -266,9 +266,9 @@ def newer(path: Path, version: int) -> str:
 
 
 def _private(path: Path) -> None:
-    """Makes the file, if it is not there, for its owner and group only, less where the umask says so: SQLite would let
+    """Makes the file, if it is not there, for its owner and group only, less what the umask removes: SQLite would let
     everybody read it.  One that is there is not opened: to close it again would end the locks that SQLite has on it."""
-    with suppress(OSError):  # SQLite tells it better
+    with suppress(OSError):  # SQLite reports it better
         os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o640))
 
 
@@ -293,8 +293,8 @@ def _migrate(db: sqlite3.Connection, path: Path) -> None:
     if version == 0 and db.execute("SELECT count(*) FROM sqlite_schema").fetchone()[0]:
         raise StoreError(f"{path}: is the database of another program; choose another store.path")
     if 0 < version < CURRENT:
-        with closing(sqlite3.connect(path, timeout=BUSY_S)) as guard:
-            guard.execute(
+        with closing(sqlite3.connect(path, timeout=BUSY_S)) as blocker:
+            blocker.execute(
                 "BEGIN IMMEDIATE"
             )  # before the copy: where another program writes, there would be one a retry
             _copy(db, path, version)

@@ -49,12 +49,12 @@ def alarm(row: AlarmRow) -> dict[str, Any]:
 
 
 def transition(row: Transition) -> dict[str, Any]:
-    """What happened to an alarm; ``id`` is the same however often it is told."""
+    """What happened to an alarm; ``id`` is the same however often it is published."""
     return {"id": row.id, "event": row.event.value, "time": iso(row.time), "by": row.by} | alarm(row.alarm)
 
 
 def joint(row: JointRow, last: ScoreRow | None, alarms: list[AlarmRow]) -> dict[str, Any]:
-    """A joint as ``status`` tells it."""
+    """A joint as ``status`` shows it."""
     return {
         "name": row.name,
         "health": row.health.value,
@@ -79,14 +79,14 @@ def status(reader: Reader) -> dict[str, Any]:
 
 def attribution(origins: list[Origin]) -> dict[str, Any]:
     """The probability that each joint has play, for each group that shares accelerometers; nothing without any."""
-    told = [{"joints": dict(origin.probabilities), "windows": origin.windows} for origin in origins]
-    return {"attribution": told} if told else {}
+    groups = [{"joints": dict(origin.probabilities), "windows": origin.windows} for origin in origins]
+    return {"attribution": groups} if groups else {}
 
 
 def learnt(rows: list[NoiseRow], flanks: list[FlankRow]) -> dict[str, Any]:
     """The noise that each joint's windows are held against, with the bar, and how its teeth give, where these have been
     learnt; nothing where they have not."""
-    told = [
+    noises = [
         {
             "joint": row.joint,
             "noise_ms2": row.deviation if row.covariance else None,
@@ -101,7 +101,7 @@ def learnt(rows: list[NoiseRow], flanks: list[FlankRow]) -> dict[str, Any]:
         {"joint": row.joint, "softness": row.softness, "windows": row.windows, "servo_delay_s": row.delay}
         for row in flanks
     ]
-    return ({"noise": told} if told else {}) | ({"flanks": teeth} if teeth else {})
+    return ({"noise": noises} if noises else {}) | ({"flanks": teeth} if teeth else {})
 
 
 def history(joint: str, scores: list[ScoreRow]) -> dict[str, Any]:

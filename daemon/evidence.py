@@ -1,4 +1,4 @@
-"""What a joint's last windows, its play and its trend say of its health.  Pure functions of values."""
+"""The severity of a joint's wear from its last windows, its play and its trend.  Pure functions of values."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from lostmotion.detector.median import median, weighted_quantile
 __all__ = ["LEAST_WINDOWS", "RANK", "Evidence", "grade"]
 
 LEAST_WINDOWS = 5
-"""fewer scored windows than this say nothing"""
+"""fewer scored windows than this are no evidence"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class Evidence:
 
     @classmethod
     def of(cls, windows: Sequence[ScoreRow], days: float, origin: Origin | None) -> Evidence:
-        """What these windows, at least one, and the trend say."""
+        """The evidence of these windows, at least one, and of the trend."""
         ratios = [score.score / score.level for score in windows]
         known = [score for score in windows if math.isfinite(score.severity)]
         severity = severity_low = math.nan
@@ -95,12 +95,12 @@ def grade(evidence: Evidence, options: AlarmOptions, before: Severity | None) ->
 def _play(windows: Sequence[ScoreRow]) -> float:
     """The median play [rad], each window weighted by 1 / its interval where all have one, as ``pooling.pooled``: of
     an elbow of 4 mrad on a busy computer medians of 12 windows were 4.0 to 8.3 mrad, weighted ones 3.9 to 5.0."""
-    told = np.array([(one.play, one.play_high - one.play_low) for one in windows if math.isfinite(one.play)])
-    if not told.size:
+    plays = np.array([(one.play, one.play_high - one.play_low) for one in windows if math.isfinite(one.play)])
+    if not plays.size:
         return math.nan
-    width = told[:, 1]
+    width = plays[:, 1]
     weights = 1 / np.maximum(width, 1e-12) if np.isfinite(width).all() else np.ones(width.size)
-    return weighted_quantile(told[:, 0], weights, 0.5)
+    return weighted_quantile(plays[:, 0], weights, 0.5)
 
 
 def _arcmin(angle: float) -> str:

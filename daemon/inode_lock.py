@@ -27,7 +27,7 @@ QUEUE = 64
 PAUSE_S = 0.02
 """a holder has its socket bound for a moment before it can be asked"""
 UCRED = struct.Struct("iII")
-"""what Linux tells of a peer: process, user and group"""
+"""Linux's credentials of a peer: process, user and group"""
 
 
 class HeldError(Exception):
@@ -62,10 +62,10 @@ def is_held(identity: Identity, owner: int) -> bool:
     try:
         with _socket() as asking:
             asking.connect(_name(identity))
-            told = asking.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, UCRED.size)
+            credentials = asking.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, UCRED.size)
     except OSError:
         return False
-    return UCRED.unpack(told)[1] in (0, os.geteuid(), owner)
+    return UCRED.unpack(credentials)[1] in (0, os.geteuid(), owner)
 
 
 def _bound(identity: Identity, owner: int) -> socket.socket | None:

@@ -1,6 +1,6 @@
-"""The life of an alarm after ISA-18.2: the table of its states and what each event does to it.
+"""The life cycle of an alarm after ISA-18.2: the table of its states and what each event does to it.
 
-No I/O, no clock: time comes in.  When an event happens is decided elsewhere (``alarm.py``); here only what follows.
+No I/O, no clock: the time is an argument.  ``alarm.py`` decides when an event happens.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def is_possible(alarm: AlarmRow, event: AlarmEvent) -> bool:
 
 def raised(joint: str, cause: Cause, severity: Severity, reason: str, time: datetime) -> Transition:
     """A new alarm, where there was none."""
-    return Transition(AlarmEvent.RAISED, time, AlarmRow(joint, cause, severity, time, reason, told=time))
+    return Transition(AlarmEvent.RAISED, time, AlarmRow(joint, cause, severity, time, reason, notified=time))
 
 
 def happen(
@@ -97,9 +97,9 @@ def happen(
         case AlarmEvent.UNSHELVED | AlarmEvent.LAPSED:
             after = replace(after, shelved_until=None)
         case AlarmEvent.REMINDED:
-            after = replace(after, told=time, reminders=alarm.reminders + 1)
+            after = replace(after, notified=time, reminders=alarm.reminders + 1)
     if state is ACTIVE and (alarm.state is not ACTIVE or event is AlarmEvent.ESCALATED):
-        after = replace(after, acknowledged=None, told=time, reminders=0)  # news: reminders begin anew
+        after = replace(after, acknowledged=None, notified=time, reminders=0)  # news: reminders begin anew
     return Transition(event, time, after, by)
 
 
@@ -107,4 +107,4 @@ def reminder_due(alarm: AlarmRow, remind: str) -> datetime | None:
     """When to remind of an alarm that nobody has acknowledged; None for never.  remind: "once", "daily", "rarer"."""
     if alarm.state is not ACTIVE or remind == "once":
         return None
-    return alarm.told + (DAY if remind == "daily" else FIRST_REMINDER * 2 ** min(alarm.reminders, MOST_DOUBLINGS))
+    return alarm.notified + (DAY if remind == "daily" else FIRST_REMINDER * 2 ** min(alarm.reminders, MOST_DOUBLINGS))

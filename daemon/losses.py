@@ -21,17 +21,17 @@ class Losses:
 
     def __init__(self) -> None:
         self._marks: deque[tuple[float, float, float]] = deque()
-        self._told = ""
+        self._reported = ""
 
     def clear(self) -> None:
         """The device was opened anew, or is not being read."""
         self._marks.clear()
-        self._told = ""
+        self._reported = ""
 
     def fault(self, time: float, expected: float, got: float) -> str:
-        """What is lost in words, "" while that is little; the counts are those since any start, at host time [s].
+        """The loss as text, "" while it is small; the counts are those since any start, at host time [s].
 
-        The words stay as they are until the loss is over: an alarm tells them.
+        The text does not change until the loss is over, because it is the reason of an alarm.
         """
         if not self._marks or time - self._marks[-1][0] >= MARK_S:
             self._marks.append((time, expected, got))
@@ -40,10 +40,10 @@ class Losses:
         since, expected_then, got_then = self._marks[0]
         wanted = expected - expected_then
         if time - since < LEAST_SPAN_S or wanted <= 0:
-            return self._told
+            return self._reported
         share = 1 - (got - got_then) / wanted
-        if share <= (GONE if self._told else MOST):
-            self._told = ""
-        elif not self._told:
-            self._told = f"{share:.0%} of the samples were lost within {time - since:.0f} s"
-        return self._told
+        if share <= (GONE if self._reported else MOST):
+            self._reported = ""
+        elif not self._reported:
+            self._reported = f"{share:.0%} of the samples were lost within {time - since:.0f} s"
+        return self._reported

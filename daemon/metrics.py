@@ -43,7 +43,7 @@ LOSSES = ("lost", "late", "broken", "silent", "overwritten")
 class Exporter:
     """Answers ``GET /metrics`` at an address, in a thread of its own, until it is closed.
 
-    counts: windows by joint, as the pipeline counts them.  An address that is taken is told in the log.
+    counts: windows by joint, as the pipeline counts them.  An address that is in use is logged.
     """
 
     def __init__(self, listen: str, store: Store, counts: Mapping[str, Counts]) -> None:

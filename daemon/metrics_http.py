@@ -99,7 +99,7 @@ class MetricsServer(socketserver.ThreadingTCPServer):
         super().shutdown_request(request)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A connection that breaks is not worth a line in the robot's log; what is wrong here is told once an hour,
+        """A connection that breaks is not worth a line in the robot's log; an internal error is logged once an hour,
         however many connections meet it."""
         error = sys.exc_info()[1]
         if is_no_memory(error):

@@ -1,5 +1,5 @@
-"""Lack of memory: what it is told as, and by which errors it shows.  Python says MemoryError; the system, threads and
-libraries say it in words of their own.
+"""Lack of memory: its message, and the errors that indicate it.  Python raises MemoryError; the system, threads and
+libraries raise other errors with their own texts.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 
-__all__ = ["NO_MEMORY", "is_no_memory", "outlive"]
+__all__ = ["NO_MEMORY", "is_no_memory", "retry_without_memory"]
 
 log = logging.getLogger(__name__)
 
@@ -22,10 +22,10 @@ AGAIN_S = 1.0
 """after how long a thread that found no memory goes on [s]"""
 
 
-def outlive(run: Callable[[], None], who: str) -> None:
-    """Runs what a thread does; where that finds no memory, says so once in a line, and runs it again a second later:
-    a thread that ended would be missed later on."""
-    told = False
+def retry_without_memory(run: Callable[[], None], who: str) -> None:
+    """Runs the function of a thread; on lack of memory logs one line, and runs it again a second later, since nothing
+    restarts a thread that has ended."""
+    is_logged = False
     while True:
         try:
             run()
@@ -33,9 +33,9 @@ def outlive(run: Callable[[], None], who: str) -> None:
             if not is_no_memory(error):
                 raise
             with suppress(MemoryError):
-                if not told:
+                if not is_logged:
                     log.error("%s: %s; it goes on when there is some", who, NO_MEMORY)
-                    told = True
+                    is_logged = True
             time.sleep(AGAIN_S)
         else:
             return

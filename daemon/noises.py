@@ -1,6 +1,6 @@
-"""What the pipeline learns of each joint: noise, bar, flanks and servo; kept in the database, and told when it changes.
+"""What the pipeline learns of a joint: noise, bar, flanks and servo; kept in the database, and logged when it changes.
 
-How it is learnt is ``detector/learner.py``'s and ``detector/flank.py``'s.
+``detector/learner.py`` and ``detector/flank.py`` do the learning.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Noises:
             self._written[flank.joint] = flank.windows
 
     def rows(self) -> list[NoiseRow | FlankRow]:
-        """What has been learnt since this was last asked; a change goes to the log."""
+        """What has been learnt since the last call; a change is logged."""
         return [*(self._row(learnt) for learnt in self._robot.pipeline.learnt()), *self._flanks()]
 
     def _flanks(self) -> Iterable[FlankRow]:

@@ -13,7 +13,7 @@ __all__ = ["Notifier"]
 class Notifier:
     """Sends states to the socket named in ``NOTIFY_SOCKET``.
 
-    ``watchdog_s`` is the period at which systemd wants to hear of life [s], None without a watchdog.
+    ``watchdog_s`` is the period at which systemd expects a keep-alive [s], None without a watchdog.
     """
 
     def __init__(self, environment: Mapping[str, str] = os.environ) -> None:

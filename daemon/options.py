@@ -74,7 +74,7 @@ class ZenohOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     """``[alarm.zenoh]``: how the session is opened; multicast scouting is off unless asked for.
 
     config: a file of Zenoh's own (JSON5), for TLS, access control and whatever else it knows; what is given here counts
-    more than what stands there.  mode None: what the file says, else "peer".  ros2: whether /diagnostics is sent as
+    more than what stands there.  mode None: the one in the file, else "peer".  ros2: whether /diagnostics is sent as
     well, in ROS's domain ros2_domain.
     """
 
@@ -131,7 +131,7 @@ class AlarmOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     limit; error: median score as a multiple of the level, None for no limit; trend_days: a trend that reaches
     severity_warning sooner (of the score: the level) is DEGRADED, 0: none is; deadband: share of its limit by which
     a figure has to fall until a severity is left; on_delay_s, off_delay_s: how long a cause has to stand, or to be
-    gone, before it is told [s]; remind: of an alarm that nobody acknowledges; judged_within_h: a joint without a
+    gone, before the alarm changes [s]; remind: of an alarm that nobody acknowledges; judged_within_h: a joint without a
     sound window for so long is DEGRADED [h]; 0: no limit.
     """
 

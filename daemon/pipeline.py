@@ -27,15 +27,15 @@ from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Wind
 from lostmotion.detector.windows import cut, window_length
 from lostmotion.drivers.base import ServoSample
 
-__all__ = ["TOGETHER_S", "TOGETHER_UNHEARD_S", "Counts", "JointPlan", "Learnt", "Pipeline", "Scored"]
+__all__ = ["TOGETHER_S", "TOGETHER_STORE_ONLY_S", "Counts", "JointPlan", "Learnt", "Pipeline", "Scored"]
 
 LOOK_BACK_S, LOOK_BACK_POLLS = 2.0, 10
 """a reversal is certain only some time after it; the acceleration is kept for so many seconds and polls longer"""
 GIVE_UP_S = 1.0
 """how long after its end a window waits for late acceleration [s]"""
-TOGETHER_S, TOGETHER_UNHEARD_S = 0.008, 0.03
-"""windows that end within so long of each other are scored together [s]: each wake-up costs as much as a score; and
-where nobody else hears of them, so that they only have to be on the disk a quarter of a second after their end"""
+TOGETHER_S, TOGETHER_STORE_ONLY_S = 0.008, 0.03
+"""windows that end within so long of each other are scored together [s]: each wake-up costs as much as a score; the
+longer one without network sinks, when windows only have to be on the disk a quarter of a second after their end"""
 MOST_TO_LEARN = 12
 """two windows of each of six joints, which often end at the same time"""
 COMMANDS_S = 4.0
@@ -43,12 +43,12 @@ COMMANDS_S = 4.0
 COMMANDED_S = 0.5
 """so much of the commanded motion before a window is kept with it: the reversal and what led to it [s]"""
 SERVO_SILENT_S = 5.0
-"""a joint that says nothing for so long no longer holds back the release of acceleration [s]"""
+"""a joint without samples for so long no longer holds back the release of acceleration [s]"""
 
 
 @dataclass(frozen=True, slots=True)
 class JointPlan:
-    """How one joint is listened to: its accelerometer, that one's rate, and the rate of the joint's commands [Hz]."""
+    """How one joint is monitored: its accelerometer, that one's rate, and the rate of the joint's commands [Hz]."""
 
     joint: str
     accelerometer: str
@@ -59,7 +59,7 @@ class JointPlan:
 
 @dataclass(frozen=True, slots=True)
 class Scored:
-    """A window and what the detector says of it; origin: where play comes from, of joints that share accelerometers;
+    """A window and its score; origin: which joint the play comes from, for joints that share accelerometers;
     commands: times [s] and angles [rad] from ``COMMANDED_S`` before the window to its end, shape (2, M)."""
 
     window: Window
@@ -105,7 +105,7 @@ class _Joint:
         self.length = window_length(plan.settings, plan.rate_hz)
         self.trigger: Trigger | None = None
         self.pending: list[_Pending] = []
-        self.heard = -math.inf
+        self.newest = -math.inf
         self.temperature = math.nan
         self.law, self.law_windows, self.servo, self.size_law = law_of(plan.settings), 0, UNKNOWN, SizeLaw()
         self._times, self._angles = array("d"), array("d")
@@ -127,15 +127,15 @@ class _Joint:
         return replace(given, f_res_hz=known.f_res_hz, zeta=known.zeta)
 
     def take(self, samples: list[ServoSample], resolution_rad: float, since: float) -> None:
-        """Opens a window for every reversal in the commands of these samples that is not before ``since``."""
+        """Opens a window for every reversal in these samples' commands at or after ``since``."""
         if self.trigger is None:
             self.trigger = Trigger(self.plan.settings, self.plan.poll_hz, resolution_rad)
         last = samples[-1]
-        self.heard = max(self.heard, last.time)
+        self.newest = max(self.newest, last.time)
         if math.isfinite(last.temperature):
             self.temperature = last.temperature
         times, angles = [sample.time for sample in samples], [sample.command for sample in samples]
-        gone = bisect_left(self._times, self.heard - COMMANDS_S)
+        gone = bisect_left(self._times, self.newest - COMMANDS_S)
         del self._times[:gone], self._angles[:gone]
         self._times.extend(times)
         self._angles.extend(angles)
@@ -163,7 +163,7 @@ class Pipeline:
     ``attributors``: for joints that share accelerometers; ``together_s``: windows that end within so long of each other
     are scored together [s].
 
-    Call ``servo`` with what the joints said, then ``step``; then ``learn``, when nobody waits for a score.
+    Call ``servo`` with the new samples, then ``step``; then ``learn``, when no score is due.
     """
 
     def __init__(
@@ -195,8 +195,8 @@ class Pipeline:
 
     @property
     def laws(self) -> dict[str, tuple[FlankLaw, int, ServoLaw]]:
-        """How each joint's flanks give way, how many windows have told it, and how its servo follows; none of joints
-        whose flanks the settings fix."""
+        """Each joint's flank law, the number of windows it was estimated from, and its servo law; joints whose flanks
+        the settings fix are left out."""
         return {
             name: (joint.law, joint.law_windows, joint.servo)
             for name, joint in self._joints.items()
@@ -214,9 +214,9 @@ class Pipeline:
             known.servo = ServoLaw(servo)
 
     def learnt(self) -> list[Learnt]:
-        """What has been learnt since this was last asked."""
-        told, self._learnt = self._learnt, []
-        return told
+        """What has been learnt since the last call."""
+        changes, self._learnt = self._learnt, []
+        return changes
 
     @property
     def open_windows(self) -> int:
@@ -227,18 +227,18 @@ class Pipeline:
         """Takes the samples of one bus, whose commands have steps of ``resolution_rad``."""
         if self._closed:
             return
-        spoken: dict[str, list[ServoSample]] = defaultdict(list)
+        by_joint: dict[str, list[ServoSample]] = defaultdict(list)
         for sample in samples:
-            spoken[sample.joint].append(sample)
-        for name, said in spoken.items():
+            by_joint[sample.joint].append(sample)
+        for name, group in by_joint.items():
             joint = self._joints[name]
             # Hardware that has not begun to measure cannot lose a window; a virtual sensor may just be behind.
             since = -math.inf if self._virtual else self._rings[joint.plan.accelerometer].oldest
-            joint.take(said, resolution_rad, since)
+            joint.take(group, resolution_rad, since)
 
     def servo_ended(self, joint: str) -> None:
-        """This joint will say nothing more."""
-        self._joints[joint].heard = math.inf
+        """No more samples of this joint will come."""
+        self._joints[joint].newest = math.inf
 
     def close(self) -> None:
         """Opens no more windows; those that are open are still finished by ``step``."""
@@ -279,17 +279,17 @@ class Pipeline:
         return len(self._to_learn) > MOST_TO_LEARN
 
     def _attribute(self, done: list[Scored]) -> list[Scored]:
-        """The same in time order, each with what is known by now of whose play it is."""
+        """The same in time order, each with the present estimate of which joint has the play."""
         done.sort(key=lambda scored: scored.window.start)
         for scored in done:
             if scored.window.joint in self._shared:
-                self._shared[scored.window.joint].hear(scored.window)
+                self._shared[scored.window.joint].add_window(scored.window)
         for attributor in self.attributors:
             attributor.step(self._rings, self._joints)
         if not done:
             return done
-        told = {joint: attributor.origin for joint, attributor in self._shared.items()}
-        return [replace(scored, origin=told.get(scored.window.joint)) for scored in done]
+        origins = {joint: attributor.origin for joint, attributor in self._shared.items()}
+        return [replace(scored, origin=origins.get(scored.window.joint)) for scored in done]
 
     def _is_felt(self, joint: _Joint, accelerometer: str) -> bool:
         """Whether windows of this joint need that accelerometer."""
@@ -352,7 +352,7 @@ class Pipeline:
 
     def _needed(self, joint: _Joint, ring: Ring) -> float:
         """From when on a joint may still need acceleration [s]."""
-        oldest = joint.heard - LOOK_BACK_S - LOOK_BACK_POLLS / joint.plan.poll_hz
+        oldest = joint.newest - LOOK_BACK_S - LOOK_BACK_POLLS / joint.plan.poll_hz
         if not self._virtual:
             oldest = max(oldest, ring.newest - SERVO_SILENT_S)
         starts = [pending.start for pending in joint.pending]
@@ -360,7 +360,7 @@ class Pipeline:
 
 
 def _together(ends: Iterable[float], within_s: float) -> list[float]:
-    """Times in order, each the last one of those within so long of a first."""
+    """Times in order: the last one of each group that lies within so long of its first."""
     groups: list[float] = []
     first = -math.inf
     for end in sorted(ends):

@@ -53,11 +53,11 @@ class DeviceState(Enum):
 
 @dataclass(slots=True)
 class DeviceStatus:
-    """What has become of one device; written by its poller, read by anyone.
+    """The state of one device; written by its poller, read by anyone.
 
-    faults: by joint or accelerometer, why it is not what was expected; heard: by the same names, host time [s]
-    (monotonic) of the last data; asked and usable: by the same names, how many samples were asked for and how many came
-    whole.
+    faults: by joint or accelerometer, why it is not what was expected; last_seen: by the same names, host time [s]
+    (monotonic) of the last data; asked and usable: by the same names, how many samples were asked for and how many
+    came whole.
     """
 
     state: DeviceState = DeviceState.OPENING
@@ -68,7 +68,7 @@ class DeviceStatus:
     broken: int = 0
     silent: int = 0
     faults: dict[str, str] = field(default_factory=dict)
-    heard: dict[str, float] = field(default_factory=dict)
+    last_seen: dict[str, float] = field(default_factory=dict)
     asked: Counter[str] = field(default_factory=Counter)
     usable: Counter[str] = field(default_factory=Counter)
 
@@ -216,10 +216,10 @@ class BusPoller(Poller):
         if not samples:
             return
         status.samples += len(samples)
-        spoken = [sample.joint for sample in samples]
-        status.heard.update(dict.fromkeys(spoken, now))
-        status.asked.update(spoken)
-        status.usable.update(spoken)
+        names = [sample.joint for sample in samples]
+        status.last_seen.update(dict.fromkeys(names, now))
+        status.asked.update(names)
+        status.usable.update(names)
         self._inbox.servo.append((self._bus.resolution_rad, samples))
         self._inbox.waker.wake()
         while self._waits and len(self._inbox.servo) > INBOX_READINGS and not self._stop.is_set():
@@ -254,7 +254,7 @@ class AccelPoller(Poller):
         status.broken += block.broken
         if len(block.time):
             status.samples += len(block.time)
-            status.heard[self.name] = time.monotonic()
+            status.last_seen[self.name] = time.monotonic()
             status.usable[self.name] += int(np.count_nonzero(np.isfinite(block.accel)))
             self._ring.range_ms2 = self._sensor.range_ms2
             self._ring.push(block, self._wait)

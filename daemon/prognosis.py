@@ -24,7 +24,7 @@ ALPHA = 0.01
 
 def days_to_limit(reader: Reader, joint: str, now: datetime, severity_limit: float) -> float:
     """Days until the median line through the severities of the last half year meets ``severity_limit`` [rad]; NaN when
-    nothing tells that it will.
+    there is no such trend.
 
     Where most of the scores are from before there were severities, their line until the level counts.  The rise has to
     be significant (Mann-Kendall, 1 %), and the line is not drawn on for longer than it has been seen.

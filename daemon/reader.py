@@ -161,8 +161,8 @@ class Reader:
 
     def clock(self) -> ClockRow | None:
         """What the service last knew of the time."""
-        told = next((row["value"] for row in self._rows("SELECT value FROM meta WHERE key = 'clock'")), None)
-        return None if told is None else ClockRow(*map(int, json.loads(told)))
+        value = next((row["value"] for row in self._rows("SELECT value FROM meta WHERE key = 'clock'")), None)
+        return None if value is None else ClockRow(*map(int, json.loads(value)))
 
     def newest(self) -> datetime | None:
         """The latest stamp of any score."""
@@ -173,8 +173,8 @@ class Reader:
 
     def origins(self) -> list[Origin]:
         """Where play comes from, for each group of joints that share accelerometers, as the service last wrote it."""
-        told = next((row["value"] for row in self._rows("SELECT value FROM meta WHERE key = 'origins'")), "[]")
-        return [Origin(probabilities, windows) for probabilities, windows in json.loads(told)]
+        groups = next((row["value"] for row in self._rows("SELECT value FROM meta WHERE key = 'origins'")), "[]")
+        return [Origin(probabilities, windows) for probabilities, windows in json.loads(groups)]
 
     def noises(self) -> list[NoiseRow]:
         """The noise of each joint's windows, as far as the service has learnt it."""

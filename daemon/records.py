@@ -1,4 +1,4 @@
-"""What the service says to the world, as rows of the database and messages of the sinks.
+"""What the service reports, as rows of the database and messages of the sinks.
 
 Times are UTC, units SI, NaN is unknown.  Nothing here reads a clock.
 """
@@ -67,14 +67,14 @@ class Severity(Enum):
 
 
 class Cause(Enum):
-    """What an alarm is about: the play that is heard, or a device that should hear it."""
+    """What an alarm is about: play, or a device that does not measure."""
 
     PLAY = "play"
     DEVICE = "device"
 
 
 class AlarmState(Enum):
-    """Where an alarm is in its life (ISA-18.2); ``lifecycle.py`` has the ways between."""
+    """The state of an alarm (ISA-18.2); ``lifecycle.py`` has the transitions."""
 
     NORMAL = "normal"
     ACTIVE = "active"  # its cause stands, and nobody has acknowledged it
@@ -158,8 +158,8 @@ class WindowRow:
 class AlarmRow:
     """One alarm from its first raising until it is normal again; None for what has not happened.
 
-    cleared: when its cause went away; told: when it was last raised or reminded of; reminders: how often it was.
-    Joint, cause and raised name it.
+    cleared: when its cause went away; notified: when it was last raised or reminded of; reminders: their number.
+    Joint, cause and raised identify it.
     """
 
     joint: str
@@ -171,12 +171,12 @@ class AlarmRow:
     cleared: datetime | None = None
     state: AlarmState = AlarmState.ACTIVE
     shelved_until: datetime | None = None
-    told: datetime = EPOCH
+    notified: datetime = EPOCH
     reminders: int = 0
 
     @property
     def is_active(self) -> bool:
-        """Whether it counts: its cause stands and it is not shelved."""
+        """Whether it counts: its cause is present and it is not shelved."""
         return self.state in (AlarmState.ACTIVE, AlarmState.ACKNOWLEDGED)
 
 
@@ -191,7 +191,7 @@ class Transition:
 
     @property
     def id(self) -> str:
-        """The same for the same transition wherever and however often it is told, and for no other of the robot."""
+        """The same for the same transition wherever and however often it is published; unique in the robot."""
         return f"{self.alarm.joint}/{self.alarm.cause.value}/{micros(self.time)}/{self.event.value}"
 
 
@@ -271,7 +271,7 @@ class Origin:
 
 @dataclass(frozen=True, slots=True)
 class Origins:
-    """All that is known of where play comes from, as far as joints share accelerometers."""
+    """Which joints the play comes from, for all groups that share accelerometers."""
 
     groups: tuple[Origin, ...]
 

@@ -1,4 +1,4 @@
-"""What goes wrong again and again: when to tell it.  No log, no clock: time comes in."""
+"""Problems that repeat: when to report them.  No log, no clock: the time is an argument."""
 
 from __future__ import annotations
 
@@ -10,49 +10,49 @@ __all__ = ["Condition", "Repeats", "place"]
 AWAY_S = 60.0
 """a problem that has not been met for so long has gone away [s]"""
 STAYS_S = 20.0
-"""one that comes back sooner, and stays for so long, is told after all: what was told last would be false.  Of a router
+"""one that comes back sooner, and stays for so long, is reported: the last report would be false.  Of a router
 that died seconds after its return it was for a minute (seed 904 of ``bench.faults``, which asks for 30 s) [s]"""
 REMIND_S = 3600.0
-"""how often one that stays is told [s]"""
+"""how often one that stays is reported [s]"""
 
 
 @dataclass(slots=True)
 class Repeats:
-    """Problems by their words, and when each was told and last met [s]."""
+    """Problems by their texts, and when each was reported and last met [s]."""
 
     _known: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     def is_news(self, problem: str, now: float) -> bool:
-        """Whether to tell a problem that is met now [s]: for the first time, after it had gone away, or once more after
-        an hour."""
-        self._known = {words: (told, met) for words, (told, met) in self._known.items() if now - met < AWAY_S}
-        told, _ = self._known.get(problem, (float("-inf"), 0.0))
-        is_news = now - told >= REMIND_S
-        self._known[problem] = (now if is_news else told, now)
+        """Whether to report a problem that is met now [s]: the first time, after it had gone away, or again after an
+        hour."""
+        self._known = {words: (reported, met) for words, (reported, met) in self._known.items() if now - met < AWAY_S}
+        reported, _ = self._known.get(problem, (float("-inf"), 0.0))
+        is_news = now - reported >= REMIND_S
+        self._known[problem] = (now if is_news else reported, now)
         return is_news
 
 
 class Condition:
-    """A thing that is well or has a problem, and may change between the two every second: a loose plug.
+    """A state, well or a problem, that may change every second, as with a loose plug.
 
-    told: what has been told of it, None for nothing yet.
+    reported: the last report, "" for well, None for none yet.
     """
 
-    def __init__(self, told: str | None = None) -> None:
+    def __init__(self, reported: str | None = None) -> None:
         self._now: tuple[str | None, float] = (None, 0.0)
-        self._told = told
+        self._reported = reported
         self._repeats = Repeats()
 
     def is_news(self, problem: str, now: float) -> bool:
-        """Whether to tell how it is now [s], "" for well: only the beginning of a flutter is, and what it ends in."""
+        """Whether to report the present state [s], "" for well: of a flutter only its beginning and its end are."""
         before, since = self._now
         if problem != before:
             self._now = (problem, now)
-            is_news = self._repeats.is_news(problem, now) if problem else self._told != ""
+            is_news = self._repeats.is_news(problem, now) if problem else self._reported != ""
         else:
-            is_news = bool(problem) and problem != self._told and now - since >= STAYS_S
+            is_news = bool(problem) and problem != self._reported and now - since >= STAYS_S
         if is_news:
-            self._told = problem
+            self._reported = problem
         return is_news
 
 

@@ -18,7 +18,7 @@ from lostmotion.drivers.base import AccelBlock, FloatArray
 __all__ = ["Ring"]
 
 UNTIL_CLOSED_S = 0.2
-"""how often a waiting writer looks whether it has been told to stop [s]"""
+"""how often a waiting writer checks whether it has to stop [s]"""
 
 
 class Ring:
@@ -27,15 +27,15 @@ class Ring:
     Everything is written twice, ``capacity`` apart, so that any stretch lies in one piece and a slice costs one copy.
     ``overwritten`` counts samples lost because nobody had released them; ``unordered`` those that came with a time not
     after the last one's and were left out.  ``waker`` wakes the reader when a robot time has come that the reader
-    expects, or when a writer needs room; ``sooner`` when the reader expects one before the last that the writer was
-    told by ``due``.  ``range_ms2`` is the sensor's; ``copy`` is given every block as it comes, while somebody records.
+    expects, or when a writer needs room; ``sooner`` when the reader expects one before the time that ``due`` last
+    returned.  ``range_ms2`` is the sensor's; ``copy`` is given every block as it comes, while somebody records.
     """
 
     def __init__(self, capacity: int, waker: Waker) -> None:
         self.capacity = capacity
         self._waker = waker
         self.sooner = Waker()
-        self._told = -math.inf  # what ``due`` said last
+        self._due = -math.inf  # what ``due`` returned last
         self.overwritten = 0
         self.unordered = 0
         self.range_ms2 = math.inf
@@ -79,8 +79,8 @@ class Ring:
     def expect(self, times: Sequence[float]) -> None:
         """The reader waits for these robot times [s], ascending; the first may have come already."""
         self._awaited = times
-        if times and times[0] < self._told:
-            self._told = times[0]
+        if times and times[0] < self._due:
+            self._due = times[0]
             self.sooner.wake()
         if times and self.newest >= times[0]:
             self._waker.wake()
@@ -93,9 +93,9 @@ class Ring:
     def due(self, latest: float) -> float:
         """When the writer should write [s]: at the next time that is awaited, at ``latest`` then; ``sooner`` wakes it
         if it is to be before."""
-        self._told = latest  # before it looks, so that what is expected in between rings
-        self._told = min(self.awaited, latest)
-        return self._told
+        self._due = latest  # set before ``awaited`` is read, so that a time expected in between wakes the writer
+        self._due = min(self.awaited, latest)
+        return self._due
 
     def end(self) -> None:
         """Nothing more will be written."""
@@ -136,7 +136,7 @@ class Ring:
             return self._time[first:last].copy(), self._accel[first:last].copy()
 
     def release(self, before: float) -> None:
-        """Tells that samples before this time [s] are no longer needed."""
+        """Releases the samples before this time [s]."""
         with self._changed:
             low, high = self._bounds()
             self._released += int(self._time[low:high].searchsorted(before))

@@ -1,4 +1,4 @@
-"""What one configuration brings to life: clock, pollers, rings and pipeline of a robot.  Stores and tells nothing."""
+"""The running parts of a configuration: clock, pollers, rings, pipeline.  Nothing is stored or published here."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lostmotion.daemon.attributor import Attributor, SharedSensor
 from lostmotion.daemon.capture import Capture
 from lostmotion.daemon.config import Config
 from lostmotion.daemon.losses import Losses
-from lostmotion.daemon.pipeline import TOGETHER_S, TOGETHER_UNHEARD_S, JointPlan, Pipeline, Scored
+from lostmotion.daemon.pipeline import TOGETHER_S, TOGETHER_STORE_ONLY_S, JointPlan, Pipeline, Scored
 from lostmotion.daemon.poller import AccelPoller, BusPoller, DeviceState, Inbox, Poller
 from lostmotion.daemon.ring import Ring
 from lostmotion.daemon.sensorcheck import SensorCheck
@@ -40,8 +40,8 @@ class Robot:
         self.rings = {sensor.name: self._ring(sensor) for sensor in config.accelerometers}
         self.pollers: list[Poller] = [*self._buses(), *self._sensors()]
         plans = [_plan(config, joint) for joint in config.joints]
-        heard = config.zenoh or config.alarm.can
-        together_s = TOGETHER_S if heard else TOGETHER_UNHEARD_S
+        is_published = config.zenoh or config.alarm.can
+        together_s = TOGETHER_S if is_published else TOGETHER_STORE_ONLY_S
         self.pipeline = Pipeline(plans, self.rings, self._virtual, map(Attributor, _shared(config)), together_s)
         self._by_member = {member: poller for poller in self.pollers for member in poller.members}
         self._losses = {member: Losses() for member in self._by_member}
@@ -79,13 +79,13 @@ class Robot:
         return done
 
     def _listen(self) -> None:
-        """Hands on what the joints said, the readings of one bus together."""
+        """Passes on the samples of the joints, those of one bus together."""
         ended = [poller for poller in self.pollers if poller.status.state is DeviceState.ENDED]
-        spoken: dict[float, list[ServoSample]] = {}
+        by_resolution: dict[float, list[ServoSample]] = {}
         while self.inbox.servo:
             resolution_rad, samples = self.inbox.servo.popleft()
-            spoken.setdefault(resolution_rad, []).extend(samples)
-        for resolution_rad, together in spoken.items():
+            by_resolution.setdefault(resolution_rad, []).extend(samples)
+        for resolution_rad, together in by_resolution.items():
             if self._capture is not None:
                 _record(self._capture, together)
             self.pipeline.servo(together, resolution_rad)
@@ -132,10 +132,10 @@ class Robot:
             return poller.named(status.reason)
         if self._virtual or status.state is DeviceState.ENDED:
             return ""
-        heard, now = status.heard.get(member), time.monotonic()
-        if now - (heard or self._started) > DEAD_S and status.state is DeviceState.READING:
+        last_seen, now = status.last_seen.get(member), time.monotonic()
+        if now - (last_seen or self._started) > DEAD_S and status.state is DeviceState.READING:
             return f"{member}: no data for more than {DEAD_S:g} s from {poller.name}"
-        return None if heard is None else ""
+        return None if last_seen is None else ""
 
     def _lost(self, member: str) -> str:
         """Which share of its samples is lost, "" while that is little."""
@@ -143,7 +143,7 @@ class Robot:
         if poller.status.state is not DeviceState.READING or self._virtual:
             losses.clear()
             return ""
-        if member not in poller.status.heard:
+        if member not in poller.status.last_seen:
             return ""
         lost = losses.fault(now, *poller.supply(member, now))
         return lost and f"{member}: {lost}: a slow or noisy line, a loose plug, or a busy computer"

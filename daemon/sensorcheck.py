@@ -73,8 +73,8 @@ class SensorCheck:
                 angles.append(sample.position)
 
     def scored(self, window: Window, score: Score) -> None:
-        """Takes a window of one of the joints.  One of little excitation says nothing of the sensor, unless something
-        else is wrong with it."""
+        """Takes a window of one of the joints.  One of little excitation is no evidence about the sensor, unless it has
+        another fault."""
         kinds = set(score.quality.split(",")) - {"gentle"}
         if not kinds:
             return
@@ -82,9 +82,9 @@ class SensorCheck:
         seen.append("ok" if kinds == {"ok"} else next((kind for kind in KINDS if kind in kinds), "gappy"))
         sound = seen.count("ok")
         (kind, often), *_ = Counter(seen).most_common()
-        told, _ = self._unsound.get(window.joint, ("", ""))
-        # A cause is told at first as the most frequent one, and another one only when it is that of all windows.
-        if len(seen) == LAST and not sound and (not told or (kind != told and often == LAST)):
+        reported, _ = self._unsound.get(window.joint, ("", ""))
+        # The most frequent cause is reported first; another one replaces it only when all windows have it.
+        if len(seen) == LAST and not sound and (not reported or (kind != reported and often == LAST)):
             cause = _held(window.accel, self._ring.range_ms2) if kind == "flat" else CAUSES[kind]
             self._unsound[window.joint] = (kind, f"{self._sensor} {cause} (no sound window in {LAST})")
         elif sound >= SOUND_AGAIN:
@@ -106,9 +106,9 @@ class SensorCheck:
     def fault(self, joint: str, is_lossy: bool = False) -> str:
         """What keeps the sensor from measuring this joint, "" for nothing known; is_lossy: what follows from lost
         samples is known already."""
-        kind, told = self._unsound.get(joint, ("", ""))
-        if told and not (is_lossy and kind in OF_LOSSES):
-            return told
+        kind, reported = self._unsound.get(joint, ("", ""))
+        if reported and not (is_lossy and kind in OF_LOSSES):
+            return reported
         felt = self._felt[joint]
         if len(felt) == VERDICTS and not any(felt):
             return f"{self._sensor} does not feel the motion of {joint}: wrong axis, loose, or on another link"

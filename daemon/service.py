@@ -1,4 +1,4 @@
-"""The service: startup, main loop, shutdown.  Calls the stages in order; what a stage does is the stage's.
+"""The service: startup, main loop, shutdown.  It calls the stages in order.
 
 The only place with broad catches: whatever goes wrong in one window, sink or poller is logged and the rest goes on.
 """
@@ -48,9 +48,9 @@ log = logging.getLogger(__name__)
 T = TypeVar("T")
 
 LOOP_S = 0.2
-"""the main thread wakes at least so often, and whenever servos have spoken or a window is complete [s]"""
+"""the main thread wakes at least so often, and whenever servo samples have come or a window is complete [s]"""
 SOON_S = 0.005
-"""the same while an alarm is on its way to the disk: it is told when it is there [s]"""
+"""the same while an alarm is on its way to the disk: it is published when it is there [s]"""
 LOOK_S = 1.0
 """how often devices are looked at [s]"""
 CLOCK_S = 0.25
@@ -61,7 +61,7 @@ LATE_S = 60.0
 """by how much stamps may be ahead of what the database has of the time [s]"""
 SUMMARY_S = 300.0
 NOTICE_S = 60.0
-"""how long an alarm stands that tells of a database that was left: when it is over it waits to be acknowledged [s]"""
+"""how long the alarm about a database that was replaced is active; then it waits to be acknowledged [s]"""
 FINISH_S = 3.0
 """how long a stopping service waits for open windows [s]"""
 CRASH_PAUSE_S = 5.0
@@ -112,7 +112,7 @@ class Service:
         self._notice, self._notice_ends = "", 0.0
         self._taken_up: set[tuple[int, datetime]] = set()
         self._time: Timekeeper | None = None  # a virtual robot's clock needs none
-        self._clock_told = Condition(told="")
+        self._clock_condition = Condition(reported="")
 
     def startup(self) -> None:
         """Everything that has to be there before the first sample."""
@@ -143,7 +143,7 @@ class Service:
     def shutdown(self) -> int:
         """Finishes what is open, in the order of the data's way; how many rows were lost."""
         self._notifier.stopping()
-        self._guard(self._finish)  # what waits is written all the same
+        self._call_stage(self._finish)  # what waits is written all the same
         counters.log_summary(self._robot, self._store)
         lost = self._store.close()
         self._notifier.close()
@@ -153,7 +153,7 @@ class Service:
     # --- one configuration's life -----------------------------------------------------------------------------------
 
     def _begin(self, known: Sequence[Change | ScoreRow] = ()) -> None:
-        """Brings the present configuration to life: health from the store, sinks, then the pollers.
+        """Starts the present configuration: health from the store, sinks, then the pollers.
 
         known: what the last configuration knew of the alarms, where it was on the same store.  A database that has been
         deleted since the last look at it would be read as one without alarms, and one on a full disk without the last.
@@ -189,7 +189,7 @@ class Service:
         while self._robot.pipeline.open_windows and time.monotonic() < end:
             self._step()
             time.sleep(0.01)
-        while self._guard(self._robot.pipeline.learn):
+        while self._call_stage(self._robot.pipeline.learn):
             pass
         self._robot.stop.set()
         for thread in self._threads:
@@ -197,15 +197,15 @@ class Service:
                 thread.join(1.0)
         self._store.add(*self._noises.rows())
         self._store.add(*counters.rows(self._robot, self._utc()), *([self._time.row] if self._time else []))
-        self._alarm_manager.tell_settled(FINISH_S)
+        self._alarm_manager.publish_settled(FINISH_S)
         self._alarm_manager.close()
         self._close_sinks()
 
     def _close_sinks(self) -> None:
         if self._exporter is not None:
-            self._guard(self._exporter.close)
+            self._call_stage(self._exporter.close)
         for sink in self._sinks:
-            self._guard(sink.close)
+            self._call_stage(sink.close)
 
     def _take_new_configuration(self) -> str:
         """Replaces the running configuration; a bad one changes nothing.  Why it was not taken, "" when it was."""
@@ -221,21 +221,21 @@ class Service:
             same = os.path.realpath(config.database) == os.path.realpath(self._config.database)
             store = self._store if same else _store(config)
         except (Exception, SystemExit) as error:  # noqa: BLE001 - whatever a file, or a driver of others, raises
-            refusal = _say_that_the_old_one_stays(error)
+            refusal = _log_kept_configuration(error)
         else:
             refusal = self._change_to(config, robot, store)
         self._notifier.ready()
         return refusal
 
     def _change_to(self, config: Config, robot: Robot, store: Store) -> str:
-        """Ends what runs and begins the new; when that fails, begins the old one again and says why."""
+        """Ends the old configuration and starts the new; when that fails, starts the old one again and returns why."""
         old_config, old_store = self._config, self._store
         self._finish()
         known = self._alarm_manager.newest
         try:
             self._live(config, robot, store, known if store is old_store else ())
         except (Exception, SystemExit) as error:  # noqa: BLE001 - the same
-            refusal = _say_that_the_old_one_stays(error)
+            refusal = _log_kept_configuration(error)
             self._robot.stop.set()
             self._close_sinks()
             self._live(old_config, Robot(old_config), old_store, known)
@@ -261,7 +261,7 @@ class Service:
         self._begin(known)
 
     def _renew_store(self, damage: Exception, known: Sequence[Change | ScoreRow]) -> None:
-        """A new database, with the alarms that stand and what was not written yet; an alarm says so."""
+        """A new database, with the active alarms and what was not written yet; raises an alarm about it."""
         self._notice = f"the history begins anew: {database.explain(self._store.path, damage)}"
         self._notice_ends = time.monotonic() + NOTICE_S
         self._store.begin_anew([row for row in known if not is_over(row)])
@@ -269,7 +269,7 @@ class Service:
 
     def _open_alarm_manager(self, known: Sequence[Change | ScoreRow] = ()) -> AlarmManager:
         joints = [joint.name for joint in self._config.joints]
-        return AlarmManager(joints, self._config.alarm, self._store, self._tell, self._utc(), known)
+        return AlarmManager(joints, self._config.alarm, self._store, self._publish, self._utc(), known)
 
     def _know_history(self) -> None:
         """The disk, which was full at the start, has let the database be opened, and has taken all that waited."""
@@ -290,7 +290,7 @@ class Service:
         return (self._time or self._robot.clock).utc(robot_time)
 
     def _look_at_clock(self, keeper: Timekeeper) -> None:
-        """Follows the system's clock where it is to be believed, and says what becomes of a step."""
+        """Follows the system's clock where it is trusted, and logs how a step is handled."""
         now = time.monotonic()
         mend = keeper.look(now, clock.wall(), clock.is_synchronised)
         if mend is not None:
@@ -301,7 +301,7 @@ class Service:
             problem = "is far from the last known time: stamps go on from that one, and are marked 'clock'"
         elif keeper.step:
             problem = f"has stepped by {keeper.step:+.0f} s: stamps go on as before until it is confirmed"
-        if self._clock_told.is_news("wrong" if problem else "", now):
+        if self._clock_condition.is_news("wrong" if problem else "", now):
             log.warning("the system's clock %s", problem or "is followed again")
 
     # --- the data's way ---------------------------------------------------------------------------------------------
@@ -310,29 +310,29 @@ class Service:
         """Samples to windows, windows to scores, scores to store, alarm state and sinks."""
         if self._time is not None and self._is_due(CLOCK_S):
             self._look_at_clock(self._time)
-        for scored in self._guard(self._robot.step) or ():
+        for scored in self._call_stage(self._robot.step) or ():
             utc = self._stamp(scored.score.time)
             row = ScoreRow.of(scored.score, utc)
             for sink in self._sinks:
-                self._guard(sink.score, row)
+                self._call_stage(sink.score, row)
             self._store.add(_marked(row) if self._time is not None and self._time.is_doubtful else row)
             if self._config.store.keep_windows_mb:
                 self._store.add(WindowRow.of(scored.window, row.impact, utc, scored.commands))
-            self._guard(self._alarm_manager.scored, row, scored.origin)
+            self._call_stage(self._alarm_manager.scored, row, scored.origin)
         if self._store.is_settling:
-            self._alarm_manager.tell_settled()
+            self._alarm_manager.publish_settled()
         if not self._store.is_settling:
-            self._guard(self._robot.pipeline.learn)
+            self._call_stage(self._robot.pipeline.learn)
         while self._robot.pipeline.is_behind:
-            self._guard(self._robot.pipeline.learn)
+            self._call_stage(self._robot.pipeline.learn)
         self._store.add(*self._noises.rows())
 
-    def _tell(self, change: Change, again: bool = False) -> None:
+    def _publish(self, change: Change, again: bool = False) -> None:
         for sink in self._sinks:
             if isinstance(change, JointRow):
-                self._guard(sink.health, change)
+                self._call_stage(sink.health, change)
             else:
-                self._guard(sink.alarm, change, again)
+                self._call_stage(sink.alarm, change, again)
 
     def _look_around(self) -> None:
         """What need not be done for every window: dead devices, alarms' delays, requests, trends, systemd, counts."""
@@ -347,10 +347,10 @@ class Service:
             for joint in self._config.joints:
                 fault = self._robot.fault(joint)
                 self._alarm_manager.look(joint.name, fault or notice or fault, utc, self._robot.doubt(joint))
-            self._guard(self._alarm_manager.take_requests, utc)
-            self._store.add(*(self._guard(self._tasks.take) or ()))
-            self._guard(self._alarm_manager.ask_trend, utc)
-            self._alarm_manager.tell_settled()
+            self._call_stage(self._alarm_manager.take_requests, utc)
+            self._store.add(*(self._call_stage(self._tasks.take) or ()))
+            self._call_stage(self._alarm_manager.ask_trend, utc)
+            self._alarm_manager.publish_settled()
             self._notifier.status(counters.status_line(self._robot, self._store, self._alarm_manager.healths))
         if self._is_due(COUNTS_S):
             self._store.add(*counters.rows(self._robot, self._utc()))
@@ -368,7 +368,7 @@ class Service:
         return True
 
     def _feed_watchdog(self) -> None:
-        """systemd hears of life while samples arrive and no poller hangs; one device that is gone does not count."""
+        """Sends a keep-alive to systemd while samples arrive and no poller hangs; one missing device does not count."""
         now, period_s, (last, before) = time.monotonic(), self._notifier.watchdog_s, self._fed
         if not period_s or now - last < period_s / 3:
             return
@@ -399,12 +399,12 @@ class Service:
                     poller.fail(f"internal error: {error!r}")
                 poller.rest(CRASH_PAUSE_S)
 
-    def _guard(self, function: Callable[..., T], *arguments: object) -> T | None:
+    def _call_stage(self, function: Callable[..., T], *arguments: object) -> T | None:
         """Calls a stage; an error in it is logged, not every time, and the service goes on."""
         stage = getattr(function, "__qualname__", function)
         try:
             return function(*arguments)
-        except sqlite3.Error as error:  # met in reading; what the writer meets is the store's to tell and to mend
+        except sqlite3.Error as error:  # met in reading; the store handles and logs those of the writer
             text = database.explain(self._store.path, error)
             if self._errors.is_news(text, time.monotonic()):
                 after = "; it stays in use until writing meets the damage, too" if database.is_damage(error) else ""
@@ -418,8 +418,8 @@ class Service:
         return None
 
 
-def _say_that_the_old_one_stays(error: BaseException) -> str:
-    """Logs it; the same in words."""
+def _log_kept_configuration(error: BaseException) -> str:
+    """Logs that the old configuration stays in use; the message."""
     if isinstance(error, LostmotionError):
         log.error("the old configuration stays: %s", error)
     elif is_no_memory(error):

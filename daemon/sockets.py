@@ -51,7 +51,7 @@ def sockets(config: Config) -> tuple[Socket, ...]:
 
 
 def endpoints(options: ZenohOptions) -> tuple[list[str], list[str]]:
-    """Where the session connects to, and where it listens, with what Zenoh's own file says."""
+    """Where the session connects to, and where it listens, including Zenoh's own file."""
     if not options.config:
         return options.connect, options.listen if options.mode != "client" else []
     from lostmotion.daemon.zenoh_session import opened  # many do without Zenoh, and without its third of a second

@@ -1,7 +1,7 @@
 """Rows on their way into the database: one thread writes them, in batches.
 
 Callers hand in rows and never wait for the disk.  When the disk refuses (full, locked), also to open the file, rows
-wait in a bounded backlog and the store says so in ``problem``; raw windows are given up first.  The SQL is in
+wait in a bounded backlog and ``problem`` has the reason; raw windows are given up first.  The SQL is in
 ``writer.py``, opening the file in ``database.py``, reading in ``reader.py``, the schema in ``migrations.py``, the
 reasons in docs/decisions/0004-store.md.
 """
@@ -20,7 +20,7 @@ from typing import IO
 from lostmotion.daemon import database
 from lostmotion.daemon.database import ReplacedError, StoreError, StoreRefusedError, file_identity
 from lostmotion.daemon.inode_lock import InodeLock
-from lostmotion.daemon.no_memory import outlive
+from lostmotion.daemon.no_memory import retry_without_memory
 from lostmotion.daemon.reader import Reader, ReaderError, empty_reader, open_readonly
 from lostmotion.daemon.records import Transition, WindowRow
 from lostmotion.daemon.repeats import Condition
@@ -71,12 +71,12 @@ class Store:
         self.problem = ""
         self.dropped = 0
         self.damage: Exception | None = None
-        self._condition, self._wal_condition = Condition(told=""), Condition(told="")
+        self._condition, self._wal_condition = Condition(reported=""), Condition(reported="")
         self.configure(robot, keep_windows_mb, keep_scores_days)
         self._rows: deque[Row] = deque()
         self._windows: deque[Row] = deque()
         self._in_flight = 0
-        self._untold: deque[Transition] = deque()
+        self._unsettled: deque[Transition] = deque()
         self._settled: deque[Transition] = deque()
         self._wake = threading.Condition()
         self._closing = False
@@ -89,7 +89,7 @@ class Store:
             if not (patient and isinstance(error, StoreRefusedError)):
                 self._unlock()
                 raise
-            self._say(str(error))
+            self._log_problem(str(error))
         self._written = self._policy
         self._thread = self._start_thread()
 
@@ -108,25 +108,25 @@ class Store:
                 queue = self._windows if isinstance(row, WindowRow) else self._rows
                 queue.append(row)
                 if isinstance(row, Transition):
-                    self._untold.append(row)
+                    self._unsettled.append(row)
             self._trim()
-            if self._untold:
+            if self._unsettled:
                 self._wake.notify_all()
 
     def settled(self, wait_s: float = 0.0) -> list[Transition]:
-        """The transitions that are on the disk, or that it has refused, in order, each once: now they may be told.
+        """The transitions that are on the disk, or that it has refused, in order, each once: they may be published now.
 
-        One that was told before it was stored would be forgotten by a kill, and told again under another name.  Waits
-        at most ``wait_s`` for those that are on their way.
+        One published before it was stored would be lost by a kill, and published again with another id.  Waits at most
+        ``wait_s`` for those that are on their way.
         """
         with self._wake:
-            self._wake.wait_for(lambda: not self._untold, wait_s)
+            self._wake.wait_for(lambda: not self._unsettled, wait_s)
             return [self._settled.popleft() for _ in range(len(self._settled))]
 
     @property
     def is_settling(self) -> bool:
-        """Whether a transition is on its way to the disk, or waits to be told."""
-        return bool(self._untold or self._settled)
+        """Whether a transition is on its way to the disk, or waits to be published."""
+        return bool(self._unsettled or self._settled)
 
     @property
     def is_open(self) -> bool:
@@ -136,8 +136,8 @@ class Store:
     def reader(self) -> Reader:
         """The same database for reading; until it ``is_open``, what can be read of it, which may be nothing.
 
-        Nothing, too, where it has just been deleted: a service that was told to read its configuration again before it
-        had noticed ended.  Raises ReaderError.
+        Nothing, too, where it has just been deleted: a service that reloads its configuration before it has noticed
+        would end.  Raises ReaderError.
         """
         try:
             return open_readonly(self.path)
@@ -181,7 +181,9 @@ class Store:
         self._thread = self._start_thread()
 
     def _start_thread(self) -> threading.Thread:
-        thread = threading.Thread(target=outlive, args=(self._run, str(self.path)), name="store", daemon=True)
+        thread = threading.Thread(
+            target=retry_without_memory, args=(self._run, str(self.path)), name="store", daemon=True
+        )
         thread.start()
         return thread
 
@@ -208,17 +210,17 @@ class Store:
             self.damage = ReplacedError(f"{self._link}: was {what} while it was open; the service goes on in a new one")
 
     def _look_at_size(self, wal: Path) -> None:
-        """Says so when the log cannot be written back, which only a reader that never ends keeps SQLite from."""
+        """Logs when the write-ahead log cannot be written back, because a reader keeps a transaction open."""
         try:
             size = wal.stat().st_size
         except OSError:
             size = 0
         grows = size > MOST_WAL_BYTES
         if self._wal_condition.is_news("grows" if grows else "", time.monotonic()):
-            told = (
+            text = (
                 f"has grown to {size / 1e6:.0f} MB: another program keeps a transaction open; end it, or the disk fills"
             )
-            log.warning("%s: %s", wal, told if grows else "is small again")
+            log.warning("%s: %s", wal, text if grows else "is small again")
 
     def _leave(self, damage: Exception) -> None:
         """Leaves the file for a new one at its path, and writes there what waits; the writer's thread has ended."""
@@ -269,7 +271,7 @@ class Store:
     def _run(self) -> None:
         while True:
             with self._wake:
-                self._wake.wait_for(lambda: self._closing or self._untold, FLUSH_S)
+                self._wake.wait_for(lambda: self._closing or self._unsettled, FLUSH_S)
                 closing = self._closing
             if closing and not self.waiting():
                 return
@@ -287,7 +289,7 @@ class Store:
             if self._writer is not None:
                 self._writer.roll_up(self._policy, ROLL_UP_S)
         except (*database.UNREADABLE, MemoryError) as error:
-            # A disk that is full will refuse the next rows too, which are told of and tried again; so will no memory.
+            # A full disk refuses the next rows too, which are logged and retried; so does lack of memory.
             is_damage = not isinstance(error, MemoryError) and database.is_damage(error)
             self.damage = error if is_damage else None
 
@@ -300,13 +302,13 @@ class Store:
             return True
         problem = self._commit(batch)
         if problem or batch:
-            self._say(problem)  # before the rows stop waiting: who sees none waiting finds no problem either
+            self._log_problem(problem)  # before the rows stop waiting: who sees none waiting finds no problem either
         with self._wake:
             self._in_flight = 0
             if problem:
                 queue.extendleft(reversed(batch))
                 self._trim()
-            self._settle(list(self._untold) if problem else batch)
+            self._settle(list(self._unsettled) if problem else batch)
         return not problem
 
     def _commit(self, batch: Sequence[Row]) -> str:
@@ -329,10 +331,10 @@ class Store:
         return ""
 
     def _settle(self, rows: Sequence[Row]) -> None:
-        """These may be told, unless they were; the disk's refusal keeps no alarm from people."""
+        """Releases these transitions for publishing; also those the disk refused, so that no alarm is withheld."""
         for row in rows:
-            if self._untold and self._untold[0] is row:
-                self._settled.append(self._untold.popleft())
+            if self._unsettled and self._unsettled[0] is row:
+                self._settled.append(self._unsettled.popleft())
         self._wake.notify_all()
 
     def _trim(self) -> None:
@@ -341,7 +343,7 @@ class Store:
                 self._settle([queue.popleft()])
                 self.dropped += 1
 
-    def _say(self, problem: str) -> None:
+    def _log_problem(self, problem: str) -> None:
         """Logs when the disk begins to refuse and when it takes rows again, not every time: a disk that is nearly full
         may take scores and refuse windows."""
         if self._condition.is_news(problem, time.monotonic()):

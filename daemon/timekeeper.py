@@ -1,8 +1,8 @@
-"""Which UTC the service stamps its rows with: the system's, unless that is not to be believed.  Pure: time comes in.
+"""The UTC with which the service stamps its rows: the system's, unless it is doubtful.  Pure: time is an argument.
 
 The system's clock may step at any moment, by decades: no battery, no network yet, a wrong command.  The monotonic
-clock says how much time has really passed, the database what time it was before, the kernel whether network time has
-set the clock.  A step is followed when one of these speaks for it; until then stamps go on as before.
+clock measures how much time has passed, the database has the time before, the kernel knows whether network time has
+set the clock.  A step is followed when one of these confirms it; until then stamps go on as before.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ __all__ = ["DOUBTFUL", "ClockRow", "Mend", "Timekeeper"]
 STEP_S = 60.0
 """smaller steps are followed at once [s]"""
 BEHIND_S, AHEAD_S = 86400.0, 366 * 86400.0
-"""a clock that is so far from the last known time [s] is wrong until network time says otherwise: robots are switched
+"""a clock that is so far from the last known time [s] is wrong until network time confirms it: robots are switched
 off for months, and no clock goes back by a day"""
 CONFIRMED_S, ODD_CONFIRMED_S = 3600.0, 86400.0
 """a step is followed after so long without network time [s]; one to a time that is so far off after so long"""
@@ -47,9 +47,9 @@ class Mend:
 class Timekeeper:
     """UTC from robot time [s].
 
-    now: robot time [s]; utc: the system's time then [s since 1970]; synced: says whether network time has set it; known
-    and bound: those of ``ClockRow`` [s], None where no earlier run has left them.  ``is_doubtful``: stamps go on from
-    the last known time, since the system's is not believed.
+    now: robot time [s]; utc: the system's time then [s since 1970]; synced: returns whether network time has set it;
+    known and bound: those of ``ClockRow`` [s], None where no earlier run has left them.  ``is_doubtful``: stamps go on
+    from the last known time, since the system's is not trusted.
     """
 
     def __init__(

@@ -28,7 +28,7 @@ SINCE = {"RestartSteps": 254, "RestartMaxDelaySec": 254}
 
 
 class ServiceError(LostmotionError):
-    """The service cannot be installed, started or removed; the one-line message says why and what to do."""
+    """The service cannot be installed, started or removed; the one-line message has the cause and the remedy."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -51,7 +51,7 @@ ALARM = (
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """What a configuration says of the database: the robot's name, how many bytes of raw windows stay, and after how
+    """The options of the database: the robot's name, how many bytes of raw windows stay, and after how
     many microseconds a joint's scores become one an hour, 0: never."""
 
     robot: str
@@ -149,11 +149,11 @@ class Writer:
                 case Mend():
                     self._mend(row)
                 case NoiseRow():
-                    told = [f"{NOISE}{row.joint}", msgspec.json.encode(row).decode()]
-                    self._db.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", told)
+                    entry = [f"{NOISE}{row.joint}", msgspec.json.encode(row).decode()]
+                    self._db.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", entry)
                 case FlankRow():
-                    told = [f"{FLANK}{row.joint}", msgspec.json.encode(row).decode()]
-                    self._db.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", told)
+                    entry = [f"{FLANK}{row.joint}", msgspec.json.encode(row).decode()]
+                    self._db.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", entry)
                 case Origins():
                     groups = [[dict(origin.probabilities), origin.windows] for origin in row.groups]
                     self._db.execute("INSERT OR REPLACE INTO meta VALUES ('origins', ?)", [json.dumps(groups)])
@@ -189,7 +189,7 @@ class Writer:
         values = [
             self._id(alarm.joint), alarm.cause.value, alarm.severity.value, alarm.state.value,
             micros(alarm.raised), *map(_micros, (alarm.acknowledged, alarm.cleared, alarm.shelved_until)),
-            micros(alarm.told), alarm.reminders, alarm.reason,
+            micros(alarm.notified), alarm.reminders, alarm.reason,
         ]  # fmt: skip
         known = [row.id, row.event.value, micros(row.time), row.by]
         self._db.execute(f"INSERT OR REPLACE INTO alarm ({ALARM}) VALUES ({_marks(values)})", values)

@@ -33,11 +33,11 @@ MOST_BYTES = 10_000_000
 
 
 def configuration(options: ZenohOptions) -> zenoh.Config:
-    """Zenoh's configuration: its own file first, if one is named, then what the options say.
+    """Zenoh's configuration: its own file first, if one is named, then the options.
 
     Raises zenoh.ZError, also where a file of TLS or passwords that it names is a device, a pipe or a directory.
 
-    Where neither says where to listen, Zenoh would listen on all interfaces, in plain text; ours does not listen.
+    Where neither sets where to listen, Zenoh would listen on all interfaces, in plain text; ours does not listen.
     """
     config = _from_file(options.config) if options.config else zenoh.Config()
     mode = options.mode or json.loads(config.get_json("mode")) or "peer"
@@ -117,8 +117,8 @@ def brief(error: zenoh.ZError) -> str:
 
 
 def why_closed(options: ZenohOptions, error: zenoh.ZError) -> str:
-    """Why no session opened: a file of TLS that this process cannot read, of which Zenoh says only that it is unable to
-    connect; else what the error says."""
+    """Why no session opened: a file of TLS that this process cannot read, for which Zenoh only reports "unable to
+    connect"; else the text of the error."""
     try:
         tls = json.loads(configuration(options).get_json("transport/link/tls"))
     except zenoh.ZError:

@@ -21,7 +21,7 @@ from lostmotion.daemon.records import Health
 from lostmotion.web.pages import json, page
 
 if TYPE_CHECKING:
-    from lostmotion.daemon.commands.fleet_ask import Fleet, Heard
+    from lostmotion.daemon.commands.fleet_ask import Fleet, FleetReply
 
 __all__ = ["ROUTES", "Joint", "Robot", "View", "Watch", "view"]
 
@@ -102,20 +102,20 @@ class Watch:
         from lostmotion.daemon.commands.fleet_ask import FleetError, ask
 
         try:
-            heard = ask(replace(self._fleet, robots=sorted(self._seen)), "status")
+            reply = ask(replace(self._fleet, robots=sorted(self._seen)), "status")
         except FleetError as error:
             return View((), (("Zenoh", str(error)), *((name, SILENT) for name in sorted(self._seen))))
-        for name in (*(name for name, _ in heard.documents), *heard.silent):
+        for name in (*(name for name, _ in reply.documents), *reply.silent):
             if len(self._seen) < MOST_SEEN:
                 self._seen.add(name)
-        return view(heard, datetime.now(UTC))
+        return view(reply, datetime.now(UTC))
 
 
-def view(heard: Heard, now: datetime) -> View:
+def view(reply: FleetReply, now: datetime) -> View:
     """The answers as they are shown."""
-    robots, missing = [], [*heard.unreachable.items(), *((name, SILENT) for name in heard.silent)]
-    missing += heard.errors.items()
-    for name, document in heard.documents:
+    robots, missing = [], [*reply.unreachable.items(), *((name, SILENT) for name in reply.silent)]
+    missing += reply.errors.items()
+    for name, document in reply.documents:
         try:
             robots.append(_robot(name, document, now))
         except msgspec.ValidationError as error:

@@ -116,7 +116,7 @@ def _is_enough(found: Calibrated) -> bool:
 
 
 def _wanted(cut: Cuttings, settings: DetectorSettings) -> float:
-    """The amplitude of a sway that makes a small play heard [rad/s²]; NaN while there are few windows."""
+    """The amplitude of a sway that makes a small play detectable [rad/s²]; NaN while there are few windows."""
     if len(cut.accel) < LEAST_JUDGED:
         return math.nan
     windows = cut.accel[-JUDGED:]
@@ -132,7 +132,9 @@ def _missing(cut: Cuttings, needed: int, reached: float, wanted: float) -> list[
     count = len(cut.accel)
     found = []
     if reached < wanted:
-        found.append(f"Brisker: it reaches {reached:.2g} rad/s², but {wanted:.2g} make {HEARD_DEG:g}° of play heard.")
+        found.append(
+            f"Brisker: it reaches {reached:.2g} rad/s², but {wanted:.2g} make {HEARD_DEG:g}° of play detectable."
+        )
     if count < needed:
         left = f" about {_span(cut.duration * (needed - count) / count)} more of this motion" if count else ""
         found.append(f"Longer: {needed - count} more windows are needed,{left}." if left else "Longer.")

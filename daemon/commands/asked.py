@@ -1,4 +1,4 @@
-"""Which settings of the detector a command about a recording means: what it was asked, and who has the say."""
+"""The detector settings of a command on a recording: its options, and which source takes precedence."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ __all__ = ["Asked", "AskedError", "settings_for"]
 
 KEYS_OF_SETTINGS = ("f_res_hz", "zeta", "level", "statistic")
 F_RES_HZ, LENGTH_M = 58.0, 0.10
-"""The bar when nobody says one: the default oscillator, as in the built-in configuration."""
+"""The bar when none is given: the default oscillator, as in the built-in configuration."""
 
 
 class AskedError(LostmotionError):
-    """What was asked does not say which settings are meant."""
+    """The options do not determine the settings."""
 
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What the command line said; None where it said nothing."""
+    """The options of the command line; None for those not given."""
 
     joint: str | None = None
     column: str = "accel"

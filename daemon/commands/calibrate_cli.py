@@ -87,7 +87,7 @@ worn_recordings = click.option(
 
 
 def about_settings(command: Callable[..., None]) -> Callable[..., None]:
-    """The options that say which settings are meant."""
+    """The options that choose the settings."""
     options = (
         config_file,
         click.option("--joint", metavar="NAME", help="The joint whose settings count.", shell_complete=joints),

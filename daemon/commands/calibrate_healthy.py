@@ -12,7 +12,7 @@ import numpy as np
 from lostmotion.daemon.commands import output
 from lostmotion.daemon.commands.asked import Asked
 from lostmotion.daemon.commands.calibrate_windows import Cuttings, read_all, read_settings
-from lostmotion.daemon.commands.calibrated import lines_of, tell
+from lostmotion.daemon.commands.calibrated import lines_of, report
 from lostmotion.detector.score import batch
 from lostmotion.detector.tuning import LONGEST_S, Tuned, least_acceleration, least_amplitude, tune
 from lostmotion.detector.window import FloatArray
@@ -20,10 +20,10 @@ from lostmotion.detector.window import FloatArray
 __all__ = ["calibrate_healthy"]
 
 PLAYS_DEG = (0.03, 0.1, 0.3, 1.0)
-"""Plays for which the motion that is needed is told."""
+"""Plays for which the needed motion is reported."""
 SWAY_HZ = 1.0
 GENTLE_DEG = 0.1
-"""A motion that could not make this play heard is too gentle; at a reversal it changes by twice its amplitude."""
+"""A motion that cannot make this play detectable is too gentle; at a reversal it changes by twice its amplitude."""
 KEYS = ("window_s", "f_width_hz", "f_norm_hz", "f_norm_width_hz", "noise_ms2", "noise_colour", "statistic")
 
 
@@ -40,20 +40,20 @@ def calibrate_healthy(
     healthy = read_all(paths, settings, LONGEST_S)
     bad = read_all(worn, settings, LONGEST_S).accel if worn else None
     tuned = tune(healthy.accel, healthy.rate_hz, settings, bad)
-    needed, heard = _needed(tuned, healthy)
+    needed, least_ring = _needed(tuned, healthy)
     values = {key: getattr(tuned.settings, key) for key in KEYS} | {"gentle": float(f"{2 * needed[GENTLE_DEG]:.3g}")}
     lines = lines_of(values, "[detector], or detector of the [[joint]]; the level comes from calibrate level")
     document = {
         "windows": tuned.windows, "refused": healthy.refused, "settings": values, "found": tuned.found,
-        "found_before": tuned.before, "least_ring_ms2": heard,
+        "found_before": tuned.before, "least_ring_ms2": least_ring,
         "needed": [{"play": math.radians(deg), "acceleration": a} for deg, a in needed.items()],
         "motion": _motion(healthy.swing),
     }  # fmt: skip
-    tell(document, _words(tuned, healthy, needed, bool(worn)), _warnings(needed, healthy), lines, target, as_json)
+    report(document, _words(tuned, healthy, needed, bool(worn)), _warnings(needed, healthy), lines, target, as_json)
 
 
 def _needed(tuned: Tuned, healthy: Cuttings) -> tuple[dict[float, float], float]:
-    """Acceleration of a 1 Hz sway [rad/s²] by play [deg], and the least ring that is heard [m/s²]."""
+    """Acceleration of a 1 Hz sway [rad/s²] by play [deg], and the least ring that is detected [m/s²]."""
     length = round((tuned.settings.window_s or LONGEST_S) * healthy.rate_hz)
     windows = healthy.accel[:, :length]
     level = max(tuned.settings.level, float(np.quantile(batch(windows, healthy.rate_hz, tuned.settings), 0.99)))
@@ -75,7 +75,7 @@ def _warnings(needed: dict[float, float], healthy: Cuttings) -> list[str]:
     reached, wanted = _motion(healthy.swing), needed[GENTLE_DEG]
     advice = "move faster, or take a longer bar or a quieter sensor"
     return [
-        f"the motion reached about {reached:.2g} rad/s², but {wanted:.2g} make {GENTLE_DEG:g}° of play heard: {advice}"
+        f"the motion reached {reached:.2g} rad/s², but {wanted:.2g} make {GENTLE_DEG:g}° of play detectable: {advice}"
     ]
 
 
@@ -83,11 +83,11 @@ def _words(tuned: Tuned, healthy: Cuttings, needed: dict[float, float], labelled
     what = "worn windows" if labelled else "rings put into them"
     found: dict[str, Any] = {"eq. 8 as it was set": tuned.before, "eq. 8, tuned": tuned.found["band"]}
     found["ringdown"] = tuned.found["ringdown"]
-    told = ", ".join(f"{deg:g}° {acceleration:.2g}" for deg, acceleration in needed.items())
+    accelerations = ", ".join(f"{deg:g}° {acceleration:.2g}" for deg, acceleration in needed.items())
     return [
         f"{tuned.windows} healthy windows ({healthy.refused} not sound) in {healthy.duration:.0f} s",
         f"{what} found at false alarms below 10 %: "
         + ", ".join(f"{name} {share:.0%}" for name, share in found.items()),
-        f"acceleration of a 1 Hz sway [rad/s²] that makes a play heard: {told}",
+        f"acceleration of a 1 Hz sway [rad/s²] that makes a play detectable: {accelerations}",
         f"the recorded motion reached {output.number(_motion(healthy.swing))}",
     ]

@@ -10,7 +10,7 @@ import numpy as np
 
 from lostmotion.daemon.commands.asked import Asked
 from lostmotion.daemon.commands.calibrate_windows import read_all, read_settings
-from lostmotion.daemon.commands.calibrated import CalibrationError, lines_of, tell
+from lostmotion.daemon.commands.calibrated import CalibrationError, lines_of, report
 from lostmotion.detector.learner import settled
 from lostmotion.detector.level import Level, from_healthy, level, windows_needed, youden
 from lostmotion.detector.score import batch
@@ -55,14 +55,14 @@ def calibrate_level(
         **counts,
     }
     lines = lines_of({"level": value}, f"[detector], or detector of the [[joint]]; for statistic {settings.statistic}")
-    tell(document, words, _warnings(found, criterion) if worn else [], lines, target, as_json)
+    report(document, words, _warnings(found, criterion) if worn else [], lines, target, as_json)
 
 
-Told = tuple[Level, list[str], dict[str, Any]]
+LevelResult = tuple[Level, list[str], dict[str, Any]]
 """A level, the words for it, and what of the document depends on how it was found."""
 
 
-def _labelled(healthy: FloatArray, worn: FloatArray, criterion: str) -> Told:
+def _labelled(healthy: FloatArray, worn: FloatArray, criterion: str) -> LevelResult:
     labels = np.arange(healthy.size + worn.size) >= healthy.size
     found = CRITERIA[criterion](np.concatenate([healthy, worn]), labels)
     counts = {
@@ -72,7 +72,7 @@ def _labelled(healthy: FloatArray, worn: FloatArray, criterion: str) -> Told:
     return found, [_counts(found, criterion)], counts
 
 
-def _promised(healthy: FloatArray, false_alarm: float, duration: float) -> Told:
+def _promised(healthy: FloatArray, false_alarm: float, duration: float) -> LevelResult:
     _check(healthy.size, false_alarm, duration)
     found = from_healthy(healthy, false_alarm)
     words = [

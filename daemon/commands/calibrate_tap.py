@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from pathlib import Path
 
-from lostmotion.daemon.commands.calibrated import CalibrationError, lines_of, tell
+from lostmotion.daemon.commands.calibrated import CalibrationError, lines_of, report
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.taps import Calibrated, Estimate, TapRecording, find_taps, pooled
 from lostmotion.drivers.recording import read_recording
@@ -24,7 +24,7 @@ def calibrate_tap(paths: tuple[Path, ...], column: str, target: Path | None, as_
         "oscillator of the [[accelerometer]]; keep its length_m",
         "oscillator",
     )
-    tell(asdict(found), _words(found), found.warnings, lines, target, as_json)
+    report(asdict(found), _words(found), found.warnings, lines, target, as_json)
 
 
 def _taps(path: Path, column: str) -> TapRecording:

@@ -42,7 +42,7 @@ def read_settings(path: Path, config: Path | None, asked: Asked) -> DetectorSett
 
 
 def read_all(paths: Sequence[Path], settings: DetectorSettings, window_s: float | None) -> Cuttings:
-    """All windows of the recordings, of ``window_s`` or what the settings say.  Raises LostmotionError."""
+    """All windows of the recordings, of ``window_s`` or the length in the settings.  Raises LostmotionError."""
     settings = replace(settings, window_s=window_s or settings.window_s)
     parts = [_read(path, settings) for path in paths]
     rates = {round(part.rate_hz) for part in parts}

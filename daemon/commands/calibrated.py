@@ -1,4 +1,4 @@
-"""What the ``calibrate`` commands share: how an answer is told, and its lines of TOML.  Nothing is computed here."""
+"""What the ``calibrate`` commands share: printing a result, and its lines of TOML.  Nothing is computed here."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import Any
 from lostmotion.daemon.commands import output
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["CalibrationError", "lines_of", "tell"]
+__all__ = ["CalibrationError", "lines_of", "report"]
 
 
 class CalibrationError(LostmotionError):
-    """The recordings do not tell what was asked, or the file for the lines cannot be written."""
+    """The recordings do not determine the result, or the file for the lines cannot be written."""
 
 
 def lines_of(values: Mapping[str, Any], comment: str, inline: str = "") -> list[str]:
@@ -23,7 +23,7 @@ def lines_of(values: Mapping[str, Any], comment: str, inline: str = "") -> list[
     return [f"# {comment}", *([f"{inline} = {{ {', '.join(pairs)} }}"] if inline else pairs)]
 
 
-def tell(
+def report(
     document: Mapping[str, Any],
     words: Sequence[str],
     warnings: Sequence[str],

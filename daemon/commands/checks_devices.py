@@ -1,4 +1,4 @@
-"""What the doctor hears from servos and accelerometers in one short measurement."""
+"""The checks of servos and accelerometers in one short measurement, for ``doctor``."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ NOISE_BLOCK, QUIET = 128, 0.1
 
 
 @dataclass(slots=True)
-class Heard:
-    """All that one device said."""
+class DeviceData:
+    """All data of one device."""
 
     device: Device
     identities: list[Identity] = field(default_factory=list)
@@ -66,31 +66,31 @@ class Heard:
 def check_devices(config: Config) -> list[Check]:
     """Measures for PASS_S seconds of robot time with all devices at once, as the service does."""
     devices = Devices(config)
-    heard = {device.name: Heard(device) for device in devices.all}
+    by_device = {device.name: DeviceData(device) for device in devices.all}
     with devices:
         for event in chain(devices.identities(), devices.events(PASS_S)):
-            heard[event.device.name].add(event)
-    return [check for one in heard.values() for check in _checks(config, one)]
+            by_device[event.device.name].add(event)
+    return [check for one in by_device.values() for check in _checks(config, one)]
 
 
-def _checks(config: Config, heard: Heard) -> Iterator[Check]:
-    name = heard.device.name
-    if heard.error:
-        yield Check(name, "port", "failed", "", "open and answering", False, heard.error)
-    for who in heard.identities:
+def _checks(config: Config, data: DeviceData) -> Iterator[Check]:
+    name = data.device.name
+    if data.error:
+        yield Check(name, "port", "failed", "", "open and answering", False, data.error)
+    for who in data.identities:
         yield Check(who.name, "identity", who.found, "", who.expected, who.ok, "" if who.ok else UNLIKE)
-    if not heard.identities:
+    if not data.identities:
         return
-    is_bus = heard.device.members[0] in {joint.name for joint in config.joints} and not heard.accel
-    causes = {who.name: UNLIKE for who in heard.identities if not who.ok}
-    for member in heard.device.members:
-        times = np.array(heard.times.get(member, []))
-        cause = causes.get(member, "it said who it is, and then fell silent: a loose cable, or no power?")
-        yield within(member, "samples", heard.good[member], "", LEAST_SAMPLES, None, cause)
-        if heard.good[member] >= LEAST_SAMPLES:
-            yield from _servo(config, member, times) if is_bus else _sensor(config, member, times, heard)
-    if heard.good.total():
-        yield _losses(heard)
+    is_bus = data.device.members[0] in {joint.name for joint in config.joints} and not data.accel
+    causes = {who.name: UNLIKE for who in data.identities if not who.ok}
+    for member in data.device.members:
+        times = np.array(data.times.get(member, []))
+        cause = causes.get(member, "it identified itself, then sent no data: a loose cable, or no power?")
+        yield within(member, "samples", data.good[member], "", LEAST_SAMPLES, None, cause)
+        if data.good[member] >= LEAST_SAMPLES:
+            yield from _servo(config, member, times) if is_bus else _sensor(config, member, times, data)
+    if data.good.total():
+        yield _losses(data)
 
 
 def _servo(config: Config, joint: str, times: FloatArray) -> Iterator[Check]:
@@ -100,7 +100,7 @@ def _servo(config: Config, joint: str, times: FloatArray) -> Iterator[Check]:
     yield within(joint, "poll rate", _rate(times), "Hz", low, high, cause)
 
 
-def _sensor(config: Config, name: str, times: FloatArray, heard: Heard) -> Iterator[Check]:
+def _sensor(config: Config, name: str, times: FloatArray, data: DeviceData) -> Iterator[Check]:
     options, rate = config.accelerometer(name), _rate(times)
     low, high = (1 - RATE_TOLERANCE) * options.rate_hz, (1 + RATE_TOLERANCE) * options.rate_hz
     yield within(name, "sample rate", rate, "Hz", low, high, "the sensor is set to another rate than rate_hz says")
@@ -108,7 +108,7 @@ def _sensor(config: Config, name: str, times: FloatArray, heard: Heard) -> Itera
     top = max((s.f_res_hz + s.f_width_hz / 2 for s in settings), default=options.oscillator.f_res_hz)
     cause = "the oscillator is too fast for this sensor: lengthen the bar or load its end, or take a faster sensor"
     yield within(name, "upper end of the oscillator's band", top, "Hz", None, rate / 2, cause)
-    noise = white_noise(np.concatenate(heard.accel)) if heard.accel else np.nan
+    noise = white_noise(np.concatenate(data.accel)) if data.accel else np.nan
     cause = "no signal: is the sensor alive?" if not noise >= NOISE_MS2[0] else "a loose sensor, or a wrong range"
     yield within(name, "noise", noise, "m/s²", *NOISE_MS2, cause)
 
@@ -126,14 +126,14 @@ def white_noise(accel: FloatArray) -> float:
     return float(np.sqrt(np.quantile(np.median(spectra, axis=1), QUIET) / math.log(2))) if blocks.size else math.nan
 
 
-def _losses(heard: Heard) -> Check:
-    samples = sum(len(times) for times in heard.times.values())
-    bad = sum(heard.counts.values())
-    told = ", ".join(f"{count} {kind}" for kind, count in heard.counts.items() if count) or "none"
+def _losses(data: DeviceData) -> Check:
+    samples = sum(len(times) for times in data.times.values())
+    bad = sum(data.counts.values())
+    counts = ", ".join(f"{count} {kind}" for kind, count in data.counts.items() if count) or "none"
     ok = samples > 0 and bad <= MOST_LOST * samples
     cause = "" if ok else "a bad cable, a loaded machine, a servo without power, or too low a baud rate"
     allowed = f"at most {MOST_LOST:.0%}"
-    return Check(heard.device.name, "bad samples", f"{told} of {samples}", "", allowed, ok, cause)
+    return Check(data.device.name, "bad samples", f"{counts} of {samples}", "", allowed, ok, cause)
 
 
 def _rate(times: FloatArray) -> float:

@@ -55,7 +55,7 @@ OFF = 0.04
 """Share by which the resonance that windows show may differ from the file's: beyond, scores of new joints, the size of
 the play and `score` suffer until it has been followed."""
 WINDOWS_A_DAY = 86400.0
-"""A joint that reverses once a second all day, where no history tells better."""
+"""A joint that reverses once a second all day, where there is no history."""
 
 
 class ClockPair:
@@ -120,7 +120,7 @@ def _try_to_write(path: Path, folder: Path) -> None:
 
 
 def _windows_a_day(path: Path) -> float:
-    """Over the newest scores in the database, 0 for too few to tell.  Raises ReaderError or sqlite3.Error."""
+    """Over the newest scores in the database, 0 for too few.  Raises ReaderError or sqlite3.Error."""
     with open_readonly(path) as reader:
         newest = [reader.scores(joint.name, limit=1000) for joint in reader.joints()]
     spans = [(len(scores), (scores[-1].time - scores[0].time).total_seconds()) for scores in newest if scores]
@@ -140,7 +140,7 @@ def check_history(config: Config) -> Iterator[Check]:
             (version,) = connection.execute("PRAGMA user_version").fetchone()
             there = _columns(Database(connection))
     except sqlite3.Error:
-        return  # the check of the disk has said it
+        return  # reported by the check of the disk
     cause = "" if pages == "ok" else f"{pages}; `lostmotion run` goes on with it until it cannot: copy it while you can"
     yield Check(subject, "pages", "sound" if pages == "ok" else "damaged", "", "sound", pages == "ok", cause)
     if not 0 < version <= CURRENT:
@@ -161,7 +161,7 @@ def check_learnt(config: Config) -> Iterator[Check]:
         with open_readonly(config.database) as reader:
             noises, flanks = reader.noises(), reader.flanks()
     except (sqlite3.Error, LostmotionError, msgspec.MsgspecError):
-        return  # the checks of disk and pages have said it
+        return  # reported by the checks of disk and pages
     for row in noises:
         if row.covariance:
             yield Check(row.joint, "noise learnt", row.deviation, "m/s²", "", ok=True)

@@ -39,7 +39,7 @@ def accelerometers(ctx: click.Context, param: click.Parameter, incomplete: str) 
 
 
 def _config(ctx: click.Context) -> Config | None:
-    """That of --config, else the service's, else the built-in one; None for one that is wrong: no time to say so."""
+    """That of --config, else the service's, else the built-in one; None for a wrong one: completion prints no error."""
     from lostmotion.daemon.commands.where import find_config
 
     with suppress(LostmotionError, OSError):

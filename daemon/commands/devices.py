@@ -44,7 +44,7 @@ class Device:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something a device said: who it is, what it measured, and at the end, if it came to one, what went wrong."""
+    """A report of a device: its identities, its data, and at the end, if it failed, the error."""
 
     device: Device
     identities: tuple[Identity, ...] = ()
@@ -72,7 +72,7 @@ class Devices:
         self.clock: Clock = driver.clock(config.robots[driver.name]) if driver.clock else SystemClock()
         self.all = [*self._buses(), *self._accelerometers()]
         self._going = {device.name for device in self.all}
-        self._telling = {device.name: self._told(device) for device in self.all}
+        self._streams = {device.name: self._stream(device) for device in self.all}
         self._waits = driver.waits
         self._stop = threading.Event()
         self._events: Queue[Event] = Queue(WAITING)
@@ -97,8 +97,8 @@ class Devices:
         """Who the devices are, once each has answered or failed; hardware's samples until then are not kept."""
         answers = []
         if self._waits:
-            answers = [next(told) for told in self._telling.values()]
-        while {event.device.name for event in answers} < self._telling.keys():
+            answers = [next(stream) for stream in self._streams.values()]
+        while {event.device.name for event in answers} < self._streams.keys():
             event = self._events.get()
             if event.data is None:
                 answers.append(event)
@@ -106,7 +106,7 @@ class Devices:
         return answers
 
     def events(self, duration_s: float) -> Iterator[Event]:
-        """What the devices say in ``duration_s`` seconds of robot time from now, and a little beyond it.
+        """The data of the devices in ``duration_s`` seconds of robot time from now, and a little beyond it.
 
         Each device has to get there; hardware that is silent then is not waited for.
         """
@@ -129,7 +129,7 @@ class Devices:
         newest = dict.fromkeys(self._going, -math.inf)
         while newest:
             name = min(newest, key=newest.__getitem__)
-            event = next(self._telling[name], None)
+            event = next(self._streams[name], None)
             if event is None:
                 del newest[name]
             else:
@@ -151,8 +151,8 @@ class Devices:
             sensor = driver.accelerometer(options, self._config.robots[driver.name], self.clock)
             yield Device(f"accelerometer {options.name}", (options.name,), sensor)
 
-    def _told(self, device: Device) -> Iterator[Event]:
-        """All that a device says in its life."""
+    def _stream(self, device: Device) -> Iterator[Event]:
+        """All events of a device."""
         try:
             device.port.open()
             yield Event(device, identities=device.port.identify())
@@ -167,7 +167,7 @@ class Devices:
 
     def _read(self, device: Device) -> None:
         """A thread's work.  Hardware that finds the queue full, its reader being stuck, waits for it."""
-        for event in self._telling[device.name]:
+        for event in self._streams[device.name]:
             while not self._stop.is_set():
                 with suppress(Full):
                     self._events.put(event, timeout=WAIT_S)

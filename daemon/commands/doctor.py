@@ -57,8 +57,8 @@ def _print(checks: list[Check], bad: list[Check]) -> None:
         for check in checks
     ]
     output.print_table(("what", "check", "value", "allowed", ""), rows)
-    told = [f"BAD: {check.subject}: {check.check}: {check.cause}" for check in bad]
-    output.print_lines([*told, f"{len(checks) - len(bad)} of {len(checks)} checks are good"])
+    failed = [f"BAD: {check.subject}: {check.check}: {check.cause}" for check in bad]
+    output.print_lines([*failed, f"{len(checks) - len(bad)} of {len(checks)} checks are good"])
 
 
 def _shown(value: float | str) -> str:

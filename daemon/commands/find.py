@@ -22,7 +22,7 @@ __all__ = ["FoundPort", "find"]
 
 @dataclass(frozen=True, slots=True)
 class FoundPort:
-    """A serial port and what was found on it; ``found`` is None where it was left alone, and ``why`` says why."""
+    """A serial port and what was found on it; ``found`` is None where it was not probed, and ``why`` has the reason."""
 
     port: SerialPlace
     found: Look | None
@@ -33,9 +33,7 @@ def find(named: Sequence[str], target: Path | None, as_json: bool) -> int:
     """Prints what was found, and writes the configuration to a new file; 1 when nothing was.  Raises OutputError."""
     if target is not None:
         output.refuse_existing(target)
-    sys.stderr.write(
-        "listening, then asking what says nothing: half a minute a port; nothing is ever written to a device\n"
-    )
+    sys.stderr.write("listening, then asking silent ports: half a minute a port; nothing is ever written to a device\n")
     chosen = [place(port) for port in named] or places()
     ports = _looks(chosen, asked=bool(named))
     cans, chips = ([], []) if named else (can_interfaces(), iio_accelerometers())
@@ -160,9 +158,9 @@ def _can_words(can: CanFound) -> str:
     rate = f"{can.bitrate} bit/s" if can.bitrate else "bit rate unknown"
     if can.error:
         return f"{rate}; {can.error}"
-    heard = f"nodes {', '.join(map(str, can.nodes))}" if can.nodes else "no heartbeat"
+    nodes = f"nodes {', '.join(map(str, can.nodes))}" if can.nodes else "no heartbeat"
     sync = f", SYNC at {can.sync_hz:g} Hz" if can.sync_hz else ""
-    return f"up, {rate}: {can.frames} frames heard, {heard}{sync}"
+    return f"up, {rate}: {can.frames} frames heard, {nodes}{sync}"
 
 
 def _closing(text: str, written: str | None) -> str:

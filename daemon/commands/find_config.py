@@ -14,7 +14,7 @@ __all__ = ["configuration"]
 
 USUAL_F_RES_HZ = 58.0
 SAMPLES_A_PERIOD = 8
-"""fewer cannot tell the size of the play"""
+"""with fewer, the size of the play cannot be measured"""
 POLLS_HZ = (100, 50, 25, 20, 10, 5)
 TURN_S = 0.002
 """of a servo that obeys no sync read, and of the adapter, beside the bytes"""
@@ -93,7 +93,7 @@ def _sensor(name: str, port: str, sensor: FoundSensor) -> Iterator[str]:
     f_res = min(USUAL_F_RES_HZ, round(sensor.rate_hz / SAMPLES_A_PERIOD, 1))
     yield "# FILL IN: resonance and length of the metal bar; `lostmotion calibrate tap` measures the resonance"
     if f_res < USUAL_F_RES_HZ:
-        limit = f"tell the size of the play on bars up to {f_res:g} Hz"
+        limit = f"measure the size of the play on bars up to {f_res:g} Hz"
         yield f"# {sensor.rate_hz:g} samples a second {limit}: a long bar, or a faster sensor"
     yield f"oscillator = {{ f_res_hz = {f_res}, zeta = 0.012, length_m = 0.10 }}"
 

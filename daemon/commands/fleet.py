@@ -11,7 +11,7 @@ from typing import Any
 
 from lostmotion.daemon import documents
 from lostmotion.daemon.commands import output, times
-from lostmotion.daemon.commands.fleet_ask import Fleet, Heard, ask
+from lostmotion.daemon.commands.fleet_ask import Fleet, FleetReply, ask
 from lostmotion.daemon.commands.trend import (
     ARC_MINUTES,
     COLUMNS,
@@ -31,12 +31,12 @@ def status(fleet: Fleet, as_json: bool) -> int:
 
     Raises FleetError.
     """
-    heard = ask(fleet, "status")
+    reply = ask(fleet, "status")
     if as_json:
-        return _json(heard, {})
+        return _json(reply, {})
     columns = ("robot", "joint", "health", "score", "level", "last window", "alarms")
-    rows = [_status_row(robot, joint) for robot, of in heard.documents for joint in of["joints"]]
-    return _table(heard, columns, rows, "no joint", right=("score", "level"))
+    rows = [_status_row(robot, joint) for robot, of in reply.documents for joint in of["joints"]]
+    return _table(reply, columns, rows, "no joint", right=("score", "level"))
 
 
 def alarms(fleet: Fleet, as_json: bool) -> int:
@@ -44,12 +44,12 @@ def alarms(fleet: Fleet, as_json: bool) -> int:
 
     Raises FleetError.
     """
-    heard = ask(fleet, "alarms")
+    reply = ask(fleet, "alarms")
     if as_json:
-        return _json(heard, {})
+        return _json(reply, {})
     columns = ("robot", "joint", "cause", "severity", "state", "raised (UTC)", "reason")
-    rows = [_alarm_row(robot, alarm) for robot, of in heard.documents for alarm in of["alarms"]]
-    return _table(heard, columns, rows, "no active alarm")
+    rows = [_alarm_row(robot, alarm) for robot, of in reply.documents for alarm in of["alarms"]]
+    return _table(reply, columns, rows, "no active alarm")
 
 
 def history(fleet: Fleet, joint: str, parameters: dict[str, str], as_json: bool) -> int:
@@ -57,12 +57,12 @@ def history(fleet: Fleet, joint: str, parameters: dict[str, str], as_json: bool)
 
     A robot without such a joint has not answered.  Raises FleetError.
     """
-    heard = ask(fleet, f"{joint}/history?{_text(parameters)}")
+    reply = ask(fleet, f"{joint}/history?{_text(parameters)}")
     if as_json:
-        return _json(heard, {"joint": joint})
+        return _json(reply, {"joint": joint})
     columns = ("robot", "time (UTC)", "score", "level", "impact", "play", "quality")
-    rows = [_score_row(robot, score) for robot, of in heard.documents for score in of["scores"]]
-    return _table(heard, columns, rows, "no scores in that time", right=("score", "level"))
+    rows = [_score_row(robot, score) for robot, of in reply.documents for score in of["scores"]]
+    return _table(reply, columns, rows, "no scores in that time", right=("score", "level"))
 
 
 def trend(
@@ -72,10 +72,10 @@ def trend(
 
     A robot whose history is too short for a trend has not answered.  Raises FleetError.
     """
-    heard = ask(fleet, f"{joint}/series?{_text(parameters)}")
-    trends, errors = [], dict(heard.errors)
+    reply = ask(fleet, f"{joint}/series?{_text(parameters)}")
+    trends, errors = [], dict(reply.errors)
     unit = RADIANS if as_json else ARC_MINUTES
-    for robot, answer in heard.documents:
+    for robot, answer in reply.documents:
         try:
             series = documents.to_series(answer)
             trends.append((robot, history_of(joint, series, fleet.config, of, level, unit)))
@@ -83,46 +83,46 @@ def trend(
             errors[robot] = "found another answer than a series of scores; another version?"
         except TrendError as error:
             errors[robot] = str(error)
-    told = replace(heard, documents=[(robot, document(one)) for robot, one in trends], errors=errors)
+    result = replace(reply, documents=[(robot, document(one)) for robot, one in trends], errors=errors)
     if as_json:
-        return _json(told, {"joint": joint})
+        return _json(result, {"joint": joint})
     rows = [[robot, *table_row(one)] for robot, one in trends]
-    return _table(told, ("robot", *COLUMNS), rows, "no trend", right=("count", "now", "level"))
+    return _table(result, ("robot", *COLUMNS), rows, "no trend", right=("count", "now", "level"))
 
 
 def _text(parameters: dict[str, str]) -> str:
     return ";".join(f"{key}={value}" for key, value in parameters.items())
 
 
-def _json(heard: Heard, about: dict[str, Any]) -> int:
+def _json(reply: FleetReply, about: dict[str, Any]) -> int:
     """Prints the document of an answer; the exit status."""
-    # The name is that of the key, and stands first, whatever the document says.
-    robots = [{"robot": robot} | document | {"robot": robot} for robot, document in heard.documents]
+    # The name is that of the key, and stands first, whatever the document has.
+    robots = [{"robot": robot} | document | {"robot": robot} for robot, document in reply.documents]
     missing = {
-        "silent": heard.silent,
-        "errors": [{"robot": robot, "error": error} for robot, error in heard.errors.items()],
-        "unreachable": [{"endpoint": endpoint, "error": error} for endpoint, error in heard.unreachable.items()],
+        "silent": reply.silent,
+        "errors": [{"robot": robot, "error": error} for robot, error in reply.errors.items()],
+        "unreachable": [{"endpoint": endpoint, "error": error} for endpoint, error in reply.unreachable.items()],
     }
     output.print_json(about | {"robots": robots} | missing)
-    return int(not heard.is_whole)
+    return int(not reply.is_whole)
 
 
 def _table(
-    heard: Heard, columns: Sequence[str], rows: Sequence[Sequence[str]], nothing: str, right: Sequence[str] = ()
+    reply: FleetReply, columns: Sequence[str], rows: Sequence[Sequence[str]], nothing: str, right: Sequence[str] = ()
 ) -> int:
     """Prints the table of an answer, or that there is nothing, and who is missing in it; the exit status."""
     from rich.markup import escape
 
     if rows:
         output.print_table(columns, [[escape(cell) for cell in row] for row in rows], right)
-    elif heard.documents:
-        output.print_lines([f"{', '.join(robot for robot, _ in heard.documents)}: {nothing}"])
+    elif reply.documents:
+        output.print_lines([f"{', '.join(robot for robot, _ in reply.documents)}: {nothing}"])
     output.print_lines(
-        [f"{robot}: did not answer" for robot in heard.silent]
-        + [f"{robot}: {error}" for robot, error in heard.errors.items()]
-        + [f"{endpoint}: nobody answers there ({error})" for endpoint, error in heard.unreachable.items()]
+        [f"{robot}: did not answer" for robot in reply.silent]
+        + [f"{robot}: {error}" for robot, error in reply.errors.items()]
+        + [f"{endpoint}: nobody answers there ({error})" for endpoint, error in reply.unreachable.items()]
     )
-    return int(not heard.is_whole)
+    return int(not reply.is_whole)
 
 
 def _status_row(robot: str, joint: dict[str, Any]) -> list[str]:

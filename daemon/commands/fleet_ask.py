@@ -18,14 +18,14 @@ import zenoh
 
 from lostmotion.daemon.commands.where import find_config
 from lostmotion.daemon.options import ZenohOptions
-from lostmotion.daemon.sinks.reach import addresses
+from lostmotion.daemon.sinks.link_monitor import addresses
 from lostmotion.daemon.zenoh_session import SCHEMA, brief, configuration, why_closed
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["Fleet", "FleetError", "Heard", "ask"]
+__all__ = ["Fleet", "FleetError", "FleetReply", "ask"]
 
 HERE = "tcp/127.0.0.1:7447"
-"""where a robot or a router listens unless told otherwise"""
+"""where a robot or a router listens by default"""
 AT_ONCE = 32
 """endpoints that are asked at the same time, each by a thread"""
 
@@ -46,7 +46,7 @@ class Fleet:
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class FleetReply:
     """Documents of the robots, sorted by the robots' names, and errors by robot; silent: robots that are known and have
     not answered; unreachable: why no session opened, by endpoint."""
 
@@ -72,7 +72,7 @@ class _Answers:
     unreachable: str = ""
 
 
-def ask(fleet: Fleet, selector: str) -> Heard:
+def ask(fleet: Fleet, selector: str) -> FleetReply:
     """Asks all robots for a key, and at the same time who is alive.  Raises FleetError when nobody is there."""
     options = _options(fleet)
     endpoints = _endpoints(options)
@@ -88,7 +88,7 @@ def ask(fleet: Fleet, selector: str) -> Heard:
     return _together(fleet, answers, unreachable, where)
 
 
-def _together(fleet: Fleet, answers: Sequence[_Answers], unreachable: dict[str, str], where: str) -> Heard:
+def _together(fleet: Fleet, answers: Sequence[_Answers], unreachable: dict[str, str], where: str) -> FleetReply:
     documents = {robot: document for answer in answers for robot, document in answer.documents.items()}
     errors = {robot: error for answer in answers for robot, error in answer.errors.items()}
     names = [name for name, _ in documents]
@@ -100,8 +100,8 @@ def _together(fleet: Fleet, answers: Sequence[_Answers], unreachable: dict[str, 
     known = set(fleet.robots).union(*(answer.alive for answer in answers))
     if not (known or documents or errors or unreachable):
         raise FleetError(f"{where}: no robot there; is its [alarm.zenoh] connected to the same router?")
-    told = sorted(((name, document) for (name, _), document in documents.items()), key=lambda pair: pair[0])
-    return Heard(told, dict(sorted(errors.items())), sorted(known - set(names) - set(errors)), unreachable)
+    by_name = sorted(((name, document) for (name, _), document in documents.items()), key=lambda pair: pair[0])
+    return FleetReply(by_name, dict(sorted(errors.items())), sorted(known - set(names) - set(errors)), unreachable)
 
 
 def _ask_at(fleet: Fleet, options: ZenohOptions, endpoint: str, selector: str) -> _Answers:

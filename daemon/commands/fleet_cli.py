@@ -29,14 +29,14 @@ TREND_S = 20.0
 def fleet() -> None:
     """Ask every robot on a Zenoh network at once.
 
-    They are sought where --connect or --zenoh says, else where --config or the service's configuration connects or
+    They are sought at --connect or --zenoh, else where --config or the service's configuration connects or
     listens, else at tcp/127.0.0.1:7447.  Exit status 1 when an endpoint does not answer, or a robot that is known; 2
     when no endpoint does.
     """
 
 
 def whom(command: Callable[..., Any], timeout_s: float = 2.0) -> Callable[..., Any]:
-    """The options that say whom to ask."""
+    """The options that choose the robots."""
     for option in (
         click.option(
             "--timeout",

@@ -69,7 +69,7 @@ class LateCommand(click.Command):
 
 
 def _status(call: Callable[[], Any]) -> int:
-    """The exit status of a call; its error, if any, has been said on stderr."""
+    """The exit status of a call; its error, if any, is printed on stderr."""
     try:
         status = call()
         sys.stdout.flush()
@@ -78,9 +78,9 @@ def _status(call: Callable[[], Any]) -> int:
         return WRONG
     except click.UsageError as error:
         command = error.ctx.command_path if error.ctx else "lostmotion"
-        return _say(f"{error.format_message().rstrip('.')}; see {command} --help")
+        return _print_error(f"{error.format_message().rstrip('.')}; see {command} --help")
     except click.ClickException as error:
-        return _say(error.format_message())
+        return _print_error(error.format_message())
     except click.Abort:
         return INTERRUPTED
     except BrokenPipeError:
@@ -102,21 +102,21 @@ def _explain(error: Exception) -> int:
 
         traceback.print_exception(error)
     if isinstance(error, LostmotionError | DetectorError):
-        return _say(str(error))
+        return _print_error(str(error))
     if isinstance(error, sqlite3.Error):
-        return _say(f"the database cannot be read: {error}; is it damaged, or locked by another program?")
+        return _print_error(f"the database cannot be read: {error}; is it damaged, or locked by another program?")
     if isinstance(error, OSError) and error.strerror:
-        return _say(f"{error.filename}: {error.strerror}" if error.filename else error.strerror)
+        return _print_error(f"{error.filename}: {error.strerror}" if error.filename else error.strerror)
     if isinstance(error, ModuleNotFoundError) and (line := missing(error.name, "this command")):
-        return _say(line)
+        return _print_error(line)
     if isinstance(error, MemoryError):
-        return _say(
+        return _print_error(
             f"not enough memory: {error or 'none left'}; is the input far longer, or its times wider, than meant?"
         )
-    return _say(f"internal error: {type(error).__name__}: {error}; set LOSTMOTION_DEBUG=1 for the traceback")
+    return _print_error(f"internal error: {type(error).__name__}: {error}; set LOSTMOTION_DEBUG=1 for the traceback")
 
 
-def _say(message: str) -> int:
+def _print_error(message: str) -> int:
     sys.stderr.write(f"lostmotion: {' '.join(message.split())}\n")
     return WRONG
 

@@ -28,8 +28,8 @@ def history(joint: str, config: Path | None, database: Path | None, bounds: Boun
 
             write(reader, joint, bounds, form)
         elif form == "json":
-            told = ([documents.score(score) for score in scores] for scores in reader.stream(joint, bounds))
-            output.print_json_list({"joint": joint}, "scores", told)
+            rows = ([documents.score(score) for score in scores] for scores in reader.stream(joint, bounds))
+            output.print_json_list({"joint": joint}, "scores", rows)
         elif form == "csv":
             _print_csv(reader.stream(joint, bounds))
         else:

@@ -35,7 +35,7 @@ def import_recording(
 ) -> None:  # fmt: skip
     """Make a recording out of FILE: MCAP, rosbag2, a LeRobot dataset, PlotJuggler's or another CSV, MAT, Parquet.
 
-    Which series is which column is guessed from names and units, and told on stderr; --map says it.  Without -o
+    Which series is which column is guessed from names and units, and printed on stderr; --map sets it.  Without -o
     nothing is written: the series of FILE are listed, and what would be taken.
     """
     from lostmotion.drivers.formats.choice import parse_map
@@ -65,7 +65,7 @@ def _write(file: Path, choice: Choice, output: Path, as_json: bool) -> None:
 
 
 def _look(file: Path, choice: Choice, as_json: bool) -> None:
-    """Lists what is there, and what would be taken; that the latter is not clear is said, and no error."""
+    """Lists what is there, and what would be taken; a choice that is not clear is printed, and is no error."""
     from lostmotion.daemon.commands.output import print_json, print_lines
     from lostmotion.drivers.errors import RecordingError
     from lostmotion.drivers.formats.read import imported

@@ -1,4 +1,4 @@
-"""What goes to stdout: one JSON document, or text and tables for people; what is said of a file that cannot be written.
+"""What goes to stdout: one JSON document, or text and tables for people; the errors of files that cannot be written.
 Nothing is computed here."""
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ class Tally:
         self.counts = {"lost": 0, "late": 0, "broken": 0, "silent": 0}
 
     def add_losses(self, data: ServoReading | AccelBlock) -> None:
-        """Counts what one reading tells of losses."""
+        """Counts the losses of one reading."""
         for kind in self.counts:
             value = getattr(data, kind, 0)
             self.counts[kind] += value if isinstance(value, int) else len(value)
@@ -48,7 +48,7 @@ class Tally:
 def record(
     given: Path, duration_s: float, output: Path, joint: str | None, accelerometer: str | None, as_json: bool
 ) -> None:
-    """Measures for ``duration_s`` seconds of robot time from when the devices have said who they are; Ctrl-C, or a
+    """Measures for ``duration_s`` seconds of robot time from when the devices are identified; Ctrl-C, or a
     device that goes away, leaves what came until then.  ``as_json``: prints what was measured.
 
     Raises RecordError, ConfigError, DriverError.

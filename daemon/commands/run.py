@@ -15,7 +15,7 @@ ARENA_MAX = -8
 
 
 def run(given: Path | None, duration_s: float | None) -> int:
-    """Runs until the time is over or a signal says so; the exit status is the service's."""
+    """Runs until the time is over or a signal comes; the exit status is the service's."""
     _share_one_heap()
     if given is None:
         return service.run(config.default(), duration_s=duration_s)

@@ -81,7 +81,7 @@ def _print(name: str, settings: DetectorSettings, scores: list[Score]) -> None:
 
 
 def _play(scores: list[Score]) -> str:
-    """The size of the play over all windows, and why some do not tell it."""
+    """The size of the play over all windows, and why some have none."""
     halves = [(window.play_high - window.play_low) / 2 for window in scores]
     size = pooled([window.play for window in scores], halves)
     unknown = Counter(window.play_reason for window in scores if window.impact and window.play_reason)

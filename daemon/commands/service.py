@@ -114,10 +114,10 @@ def _command() -> Path:
 def _version() -> int:
     """systemd's version; 0 where there is none."""
     try:
-        told = subprocess.run(["systemctl", "--version"], capture_output=True, text=True).stdout
+        text = subprocess.run(["systemctl", "--version"], capture_output=True, text=True).stdout
     except FileNotFoundError:
         return 0
-    found = re.match(r"systemd (\d+)", told)
+    found = re.match(r"systemd (\d+)", text)
     return int(found[1]) if found else 0
 
 
@@ -177,7 +177,7 @@ def _remove(path: Path) -> Step:
 
 
 def _restart(unit: str) -> None:
-    """Starts a unit, or again with the new files; waits until the service says that it is ready."""
+    """Starts a unit, or again with the new files; waits until the service is ready."""
     try:
         _systemctl("restart", unit)
     except ServiceError as error:

@@ -74,12 +74,12 @@ def _print(
 
 
 def _alarm(alarm: AlarmRow) -> str:
-    told = [f"raised {times.local(alarm.raised)} UTC"]
+    notes = [f"raised {times.local(alarm.raised)} UTC"]
     if alarm.shelved_until:
-        told.append(f"shelved until {times.local(alarm.shelved_until)} UTC")
+        notes.append(f"shelved until {times.local(alarm.shelved_until)} UTC")
     elif alarm.state is not AlarmState.ACTIVE:
-        told.append("returned to normal, not acknowledged" if alarm.cleared else "acknowledged")
-    return f"alarm: {alarm.joint}: {alarm.severity.value}: {alarm.reason} ({', '.join(told)})"
+        notes.append("returned to normal, not acknowledged" if alarm.cleared else "acknowledged")
+    return f"alarm: {alarm.joint}: {alarm.severity.value}: {alarm.reason} ({', '.join(notes)})"
 
 
 def _row(status: JointStatus, now: datetime) -> list[str]:
@@ -118,5 +118,5 @@ def _complaint(device: DeviceRow) -> str:
     bad = [f"{getattr(device, name)} {name}" for name in counts if getattr(device, name)]
     if not bad and not device.reason:
         return ""
-    told = ", ".join([*bad, f"of {device.samples} samples"]) if bad else ""
-    return f"device {device.name}: " + "; ".join(filter(None, [device.state, device.reason, told]))
+    losses = ", ".join([*bad, f"of {device.samples} samples"]) if bad else ""
+    return f"device {device.name}: " + "; ".join(filter(None, [device.state, device.reason, losses]))

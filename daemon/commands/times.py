@@ -62,7 +62,7 @@ def span(seconds: float) -> str:
 
 
 def ago(time: datetime, now: datetime) -> str:
-    """How long ago; the future (a simulated robot lives there) is said as such."""
+    """How long ago; the future (of a simulated robot) is written as "in …"."""
     seconds = (now - time).total_seconds()
     return f"in {span(-seconds)}" if seconds < -1 else f"{span(max(seconds, 0.0))} ago"
 

@@ -1,4 +1,4 @@
-"""``lostmotion trend``: what the history of a joint says about its wear, in words, as JSON and as a plot.
+"""``lostmotion trend``: the wear of a joint from its history, as text, as JSON and as a plot.
 
 The numbers are detector/trend.py's; the plots are trend_terminal.py's and trend_picture.py's.
 """
@@ -125,10 +125,12 @@ def trend(
         return
     from lostmotion.daemon.commands.trend_terminal import plot
 
-    told = [] if asked or of == "severity" else ["too few of these scores have a severity: the trend is that of scores"]
-    is_ours = config is not None or database is None  # else nobody says whose database it is
+    notes = (
+        [] if asked or of == "severity" else ["too few of these scores have a severity: the trend is that of scores"]
+    )
+    is_ours = config is not None or database is None  # else the robot of the database is unknown
     size = _sizes(history, _radius(config, joint) if is_ours else math.nan) if of != "score" else []
-    output.print_lines([*told, *_words(history), *size, "", plot(history), *([f"picture: {png}"] if png else [])])
+    output.print_lines([*notes, *_words(history), *size, "", plot(history), *([f"picture: {png}"] if png else [])])
 
 
 def history_of(
@@ -148,7 +150,7 @@ def _best(series: Series) -> Of:
 
 
 def _radius(config: Path | None, joint: str) -> float:
-    """The radius of the joint's gear [m], NaN where nobody says it."""
+    """The radius of the joint's gear [m], NaN where it is not given."""
     return next((j.gear_radius_m for j in find_config(config).joints if j.name == joint), None) or math.nan
 
 
@@ -242,7 +244,7 @@ def _words(history: History) -> list[str]:
         *lines,
         f"now            {wear.current:.2f}, level {wear.limit:.2f}",
         f"limit          {_left(wear)}",
-        *_foretold(wear),
+        *_forecast_lines(wear),
     ]
 
 
@@ -266,12 +268,12 @@ def _slope(slope: Slope, span: float) -> str:
     return f"{slope.slope * length:+.3g} per {name} (95 %: {slope.low * length:+.3g} to {slope.high * length:+.3g})"
 
 
-def _foretold(wear: WearTrend) -> list[str]:
+def _forecast_lines(wear: WearTrend) -> list[str]:
     """The forecast, where the limit still lies ahead."""
-    told = wear.forecast
-    if told is None or told.likely == 0 or not math.isfinite(told.earliest):
+    forecast = wear.forecast
+    if forecast is None or forecast.likely == 0 or not math.isfinite(forecast.earliest):
         return []
-    likely, earliest, latest = _spans(told)
+    likely, earliest, latest = _spans(forecast)
     return [f"forecast       reached in {likely} (80 %: {earliest} to {latest}), whatever the law of wear"]
 
 

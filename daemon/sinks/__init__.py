@@ -17,7 +17,7 @@ class Sink(Protocol):
         ...
 
     def alarm(self, transition: Transition, again: bool = False) -> None:
-        """Every transition of an alarm, once it is stored; again: an earlier run may have told it already."""
+        """Every transition of an alarm, once it is stored; again: an earlier run may have published it already."""
         ...
 
     def health(self, row: JointRow) -> None:

@@ -43,7 +43,7 @@ class Answers:
         self._latest = latest
 
     def names(self) -> list[str]:
-        """The keys of which there is something to say now."""
+        """The keys that have an answer now."""
         with closing(open_readonly(self._database)) as reader:
             long = [f"{row.name}{ending}" for row in reader.joints() for ending in LONG]
         return [*dict.fromkeys(key for key, _ in list(self._latest)), *long, "alarms", "status"]

@@ -2,7 +2,7 @@
 ``node.py`` answers.
 
 The caller never waits for the bus.  Whatever goes wrong there (adapter unplugged, bus off, nobody acknowledges, queue
-full) has one answer: close it, open it again after a pause, and tell every error that stands.
+full) has one answer: close it, open it again after a pause, and send every active error again.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any
 
 import can
 
-from lostmotion.daemon.no_memory import NO_MEMORY, outlive
+from lostmotion.daemon.no_memory import NO_MEMORY, retry_without_memory
 from lostmotion.daemon.options import CanOptions
 from lostmotion.daemon.records import JointRow, ScoreRow, Transition
 from lostmotion.daemon.repeats import Condition
@@ -30,7 +30,7 @@ __all__ = ["FAULTS", "CanSink", "open_bus"]
 
 log = logging.getLogger(__name__)
 
-logging.getLogger("can").setLevel(logging.CRITICAL)  # what it says in its own words is said here in ours
+logging.getLogger("can").setLevel(logging.CRITICAL)  # its messages are replaced by ours
 FAULTS = (can.CanError, OSError, ValueError, TypeError, termios.error, MemoryError)
 """what python-can's interfaces raise for a bus that is not there, or not as it should be; and no memory, by which the
 thread must not end"""
@@ -40,10 +40,10 @@ SEND_S = 0.5
 """how long a frame may wait for room in the adapter [s]"""
 CLOSE_S = 2.0
 WAITING = 256
-"""frames that wait at most; more are replaced by one telling of what stands"""
+"""frames that wait at most; more are replaced by the present state"""
 REST_S = 0.2
 """after states it rests so long before the next ones, of all joints together [s]: each wait costs more than what is
-sent; alarms are told at once"""
+sent; alarms are sent at once"""
 IN_KERNEL = "socketcan"
 LISTEN_S = 0.1
 """how long an interface without a file descriptor is listened to before what has come up is sent [s]"""
@@ -52,7 +52,7 @@ READ_AT_ONCE = 1000
 
 
 class CanSink:
-    """Tells one node's alarms, and of each joint the newest state.
+    """Sends one node's alarms, and the newest state of each joint.
 
     joints: all of the robot, whose order gives their indices on the bus.
     """
@@ -68,7 +68,7 @@ class CanSink:
         self._wakeup = Wakeup()
         self._closing = threading.Event()
         self._condition = Condition()
-        self._thread = threading.Thread(target=outlive, args=(self._run, "CAN"), name="can", daemon=True)
+        self._thread = threading.Thread(target=retry_without_memory, args=(self._run, "CAN"), name="can", daemon=True)
         self._thread.start()
 
     def score(self, row: ScoreRow) -> None:
@@ -103,19 +103,19 @@ class CanSink:
                     pause = FIRST_RETRY_S
                     self._serve(bus)
             except FAULTS as error:
-                self._say(NO_MEMORY if isinstance(error, MemoryError) else str(error) or type(error).__name__)
+                self._log_problem(NO_MEMORY if isinstance(error, MemoryError) else str(error) or type(error).__name__)
             self._closing.wait(pause)
             pause = min(2 * pause, LAST_RETRY_S)
 
     def _begin(self, bus: can.BusABC) -> None:
-        """The node is there; what stands is told, whatever was told before.  A boot-up ends whatever a master had
+        """Sends boot-up and the complete present state, whatever was sent before.  A boot-up ends whatever a master had
         commanded."""
         with self._lock:
             self._services.state = OPERATIONAL
             self._waiting = deque([self._node.heartbeat(BOOT_UP), *self._node.everything()])
             self._changed, self._rests = dict.fromkeys(self._node.states()), False
         self._send_waiting(bus)
-        self._say("")
+        self._log_problem("")
 
     def _serve(self, bus: can.BusABC) -> None:
         beat = 0.0
@@ -162,7 +162,7 @@ class CanSink:
                 _send(bus, frame)
 
     def _next(self) -> Sequence[Frame]:
-        """What has waited longest, alarms before states; a stopped node tells all that stands when it is started."""
+        """What has waited longest, alarms before states; a stopped node sends its present state when it is started."""
         with self._lock:
             if self._services.state == STOPPED:
                 self._waiting.clear()
@@ -185,7 +185,7 @@ class CanSink:
         if not self._rests:
             self._wakeup.wake()
 
-    def _say(self, problem: str) -> None:
+    def _log_problem(self, problem: str) -> None:
         """Logs when the bus begins to fail and when it works again, not every time: one on which nobody answers opens
         and fails every few seconds."""
         if not self._condition.is_news("fails" if problem else "", time.monotonic()):

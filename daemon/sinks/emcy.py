@@ -42,10 +42,10 @@ class Frame:
 
 
 class EmcyNode:
-    """What one node has to say of its joints' alarms and states.  A DEGRADED alarm has no code: it counts as no error
+    """One node's frames about its joints' alarms and states.  A DEGRADED alarm has no code: it counts as no error
     here.
 
-    history: the newest errors first, each as its code and the joint's index; last_state: what TPDO1 told last.
+    history: the newest errors first, each as its code and the joint's index; last_state: the last content of TPDO1.
     """
 
     def __init__(self, node_id: int, joints: Sequence[str]) -> None:
@@ -63,11 +63,11 @@ class EmcyNode:
         return REGISTER if self._standing else 0
 
     def score(self, row: ScoreRow) -> None:
-        """The figures that the joint's next frame tells."""
+        """Sets the figures of the joint's next frame."""
         self._scores[row.joint] = row
 
     def health(self, joint: str, health: Health) -> None:
-        """The health that the joint's next state tells."""
+        """Sets the health in the joint's next state."""
         self._healths[joint] = health
 
     def state(self, joint: str) -> list[Frame]:
@@ -88,7 +88,7 @@ class EmcyNode:
         """The frames that a transition calls for.
 
         An error that goes, or becomes another code, while others stand is "error reset" with the register of those that
-        stand; they are told again, since many a consumer forgets all errors at a reset.  Without the reset a consumer
+        stand; they are sent again, since many a consumer forgets all errors at a reset.  Without the reset a consumer
         would keep the code that was.
         """
         alarm = transition.alarm

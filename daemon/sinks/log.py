@@ -24,7 +24,7 @@ class LogSink:
     def score(self, row: ScoreRow) -> None:
         if log.isEnabledFor(logging.DEBUG):
             score = {"score": f"{row.score:.3g}", "level": f"{row.level:g}", "impact": row.impact}
-            _tell(logging.DEBUG, "score", joint=row.joint, time=iso(row.time), **score, quality=row.quality)
+            _log_event(logging.DEBUG, "score", joint=row.joint, time=iso(row.time), **score, quality=row.quality)
 
     def alarm(self, transition: Transition, again: bool = False) -> None:
         if again:
@@ -33,7 +33,7 @@ class LogSink:
         bad = logging.ERROR if row.severity is Severity.ERROR else logging.WARNING
         what = {"joint": row.joint, "cause": row.cause.value, "severity": row.severity.value}
         what |= {"event": transition.event.value, "state": row.state.value, "reason": row.reason}
-        _tell(bad if transition.event in NEWS else logging.INFO, "alarm", **what, **_by(transition))
+        _log_event(bad if transition.event in NEWS else logging.INFO, "alarm", **what, **_by(transition))
 
     def health(self, row: JointRow) -> None:
         """Another reason for the same health is an alarm's affair."""
@@ -42,7 +42,7 @@ class LogSink:
         self._healths[row.name] = row.health
         good = row.health in (Health.OK, Health.DEGRADED)
         level = logging.INFO if good else logging.WARNING
-        _tell(level, "health", joint=row.name, health=row.health.value, reason=row.reason)
+        _log_event(level, "health", joint=row.name, health=row.health.value, reason=row.reason)
 
     def close(self) -> None:
         """Nothing is held open."""
@@ -52,7 +52,7 @@ def _by(transition: Transition) -> dict[str, str]:
     return {"by": transition.by} if transition.by else {}
 
 
-def _tell(level: int, kind: str, /, **fields: object) -> None:
+def _log_event(level: int, kind: str, /, **fields: object) -> None:
     """A line such as ``alarm joint=elbow reason='…'``; what may hold blanks is quoted."""
     pairs = (f"{key}={value!r}" if key == "reason" else f"{key}={value}" for key, value in fields.items())
     log.log(level, "%s %s", kind, " ".join(pairs), extra={"fields": {"kind": kind} | fields})

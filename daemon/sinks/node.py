@@ -1,6 +1,6 @@
 """What the CANopen node answers (CiA 301): SDO uploads of its object dictionary, and NMT commands.  No I/O, no clock.
 
-What it says unasked stands in ``emcy.py``.  ``lostmotion.eds`` describes the same objects.  Why it is not canopen's
+Frames sent unasked are in ``emcy.py``.  ``lostmotion.eds`` describes the same objects.  Why it is not canopen's
 LocalNode: docs/decisions/0011-dependencies.md.
 """
 
@@ -41,7 +41,7 @@ class Node:
         self._server = SdoServer(self._read, self._write)
 
     def receive(self, cob_id: int, data: bytes) -> tuple[list[Frame], bool]:
-        """What a frame is answered with, and whether the joints' states are to be told anew."""
+        """What a frame is answered with, and whether the joints' states are to be sent again."""
         if cob_id == NMT and len(data) == NMT_SIZE and data[1] in (NMT_NODE, self._id):
             return self._command(data[0])
         if cob_id == REQUEST + self._id and self.state != STOPPED and (answer := self._server.answer(data)):
@@ -53,10 +53,10 @@ class Node:
         if state is None:
             return [], False
         self.state = OPERATIONAL if state == BOOT_UP else state
-        told = [self._emcy.heartbeat(BOOT_UP)] if state == BOOT_UP else []
+        frames = [self._emcy.heartbeat(BOOT_UP)] if state == BOOT_UP else []
         if state == BOOT_UP or (before == STOPPED and state != STOPPED):
-            told += self._emcy.everything()
-        return told, self.state == OPERATIONAL and (state == BOOT_UP or before != OPERATIONAL)
+            frames += self._emcy.everything()
+        return frames, self.state == OPERATIONAL and (state == BOOT_UP or before != OPERATIONAL)
 
     def _read(self, index: int, subindex: int) -> bytes:
         objects = self._objects()

@@ -2,7 +2,7 @@
 ``answers.py``.
 
 An answer to a client that has stopped reading holds its thread until Zenoh gives the client up (5 s).  Histories, which
-are long enough for that, have threads of their own: status and alarms are told to the others all the while.
+are long enough for that, have threads of their own: status and alarms are answered meanwhile.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Queries:
     def serve(self, queryable: Queryable) -> None:
         """Returns when the session is closed.
 
-        In threads that can be waited for: Zenoh's own threads for Python callbacks outlive the session, and one that
+        In threads that can be waited for: Zenoh's own threads for Python callbacks survive the session, and one that
         returns while the interpreter ends aborts it.
         """
         short, long = _Pool("zenoh-short"), _Pool("zenoh-long")

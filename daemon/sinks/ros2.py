@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 
 import zenoh
 
-from lostmotion.daemon.no_memory import outlive
+from lostmotion.daemon.no_memory import retry_without_memory
 from lostmotion.daemon.sinks.diagnostics import Board, key, tokens
 from lostmotion.drivers.codec.rmw_zenoh import GID_BYTES, attachment
 
@@ -22,20 +22,22 @@ CLOSE_S = 2.0
 
 
 class Ros2Publisher:
-    """Shows a node and a publisher to ROS, and sends what the board says; say: told what goes wrong, "" when well."""
+    """Shows a node and a publisher to ROS, and sends the board's messages; report: gets the error, "" for none."""
 
     def __init__(
-        self, session: zenoh.Session, robot: str, domain: int, board: Board, say: Callable[[str], None]
+        self, session: zenoh.Session, robot: str, domain: int, board: Board, report: Callable[[str], None]
     ) -> None:
         names = tokens(domain, robot, str(session.zid()))
         self._tokens = [session.liveliness().declare_token(name) for name in names]
         self._gid = hashlib.blake2b(names[-1].encode(), digest_size=GID_BYTES).digest()
         self._publisher = session.declare_publisher(key(domain))
         self._board = board
-        self._say = say
+        self._report = report
         self._sequence = 0
         self._closing = threading.Event()
-        self._thread = threading.Thread(target=outlive, args=(self._run, "ROS 2"), name="ros2", daemon=True)
+        self._thread = threading.Thread(
+            target=retry_without_memory, args=(self._run, "ROS 2"), name="ros2", daemon=True
+        )
         self._thread.start()
 
     def close(self) -> None:
@@ -46,10 +48,10 @@ class Ros2Publisher:
     def _run(self) -> None:
         while not self._closing.wait(PERIOD_S if self._sequence else 0.0):
             self._sequence += 1
-            told = attachment(self._sequence, time.time_ns(), self._gid)
+            attached = attachment(self._sequence, time.time_ns(), self._gid)
             try:
-                self._publisher.put(self._board.message(datetime.now(UTC)), attachment=told)
+                self._publisher.put(self._board.message(datetime.now(UTC)), attachment=attached)
             except zenoh.ZError as error:
-                self._say(f"cannot publish for ROS 2: {error}")
+                self._report(f"cannot publish for ROS 2: {error}")
             else:
-                self._say("")
+                self._report("")

@@ -1,7 +1,7 @@
 """Zenoh as a sink: scores, alarms and health as JSON under ``lostmotion/<robot>/``, and a liveliness token.
 
 No transition of an alarm is lost to an advanced subscriber with recovery and history: the publisher keeps them in its
-cache and tells by heartbeat how many there were.  Who joins late gets them as well, any other program the newest ones
+cache and sends their number by heartbeat.  Who joins late gets them as well, any other program the newest ones
 by a ``get`` on the key.  The session is opened by a thread of its own, again and again while the router is away;
 transitions wait for it, scores do not.  What else can be asked stands in ``answers.py``, who answers
 in ``queries.py``.
@@ -21,14 +21,14 @@ from msgspec.structs import asdict
 from zenoh.ext import AdvancedPublisher, CacheConfig, MissDetectionConfig, declare_advanced_publisher
 
 from lostmotion.daemon import documents
-from lostmotion.daemon.no_memory import NO_MEMORY, is_no_memory, outlive
+from lostmotion.daemon.no_memory import NO_MEMORY, is_no_memory, retry_without_memory
 from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.records import JointRow, ScoreRow, Transition, iso
 from lostmotion.daemon.repeats import Condition
 from lostmotion.daemon.sinks.answers import Answers, payload
 from lostmotion.daemon.sinks.diagnostics import Board
+from lostmotion.daemon.sinks.link_monitor import LOOK_S, LinkMonitor, addresses
 from lostmotion.daemon.sinks.queries import Queries, Queryable
-from lostmotion.daemon.sinks.reach import LOOK_S, Reach, addresses
 from lostmotion.daemon.zenoh_session import JSON, brief, configuration, why_closed
 
 if TYPE_CHECKING:
@@ -61,11 +61,11 @@ class ZenohSink:
         self._queries = Queries(robot, Answers(database, self._latest))
         self._board = Board(robot) if options.ros2 else None
         self._ros2: Ros2Publisher | None = None
-        self._reach: Reach | None = None
+        self._link_monitor: LinkMonitor | None = None
         self._waiting: deque[tuple[str, bytes]] = deque(maxlen=CACHED)
         self._published: deque[tuple[float, str, bytes]] = deque(maxlen=CACHED)  # when [s, monotonic], what
         self._publishers: dict[str, AdvancedPublisher] = {}
-        self._condition = Condition(told="")
+        self._condition = Condition(reported="")
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="zenoh", daemon=True)
         self._thread.start()
@@ -86,9 +86,9 @@ class ZenohSink:
                 # In batches: of a burst that is sent one by one, Zenoh drops what finds both batches on their way.
                 self._session.put(f"{self._prefix}/{row.joint}/score", payload(values), encoding=JSON)
             except zenoh.ZError as error:
-                self._say(f"cannot publish: {brief(error)}")
+                self._log_problem(f"cannot publish: {brief(error)}")
             else:
-                self._say("")
+                self._log_problem("")
 
     def alarm(self, transition: Transition, again: bool = False) -> None:
         row = transition.alarm
@@ -108,8 +108,8 @@ class ZenohSink:
         with self._lock:
             session, self._session = self._session, None
             self._publishers.clear()
-        if self._reach is not None:
-            self._reach.close()
+        if self._link_monitor is not None:
+            self._link_monitor.close()
         if self._ros2 is not None:
             self._ros2.close()
         if session is not None:
@@ -129,11 +129,11 @@ class ZenohSink:
             try:
                 self._publisher(self._session, key).put(content)
             except zenoh.ZError as error:
-                self._say(f"cannot publish: {brief(error)}")
+                self._log_problem(f"cannot publish: {brief(error)}")
                 return
             self._waiting.popleft()
             self._published.append((time.monotonic(), key, content))
-            self._say("")
+            self._log_problem("")
 
     def _publisher(self, session: zenoh.Session, key: str) -> AdvancedPublisher:
         if key not in self._publishers:
@@ -164,13 +164,13 @@ class ZenohSink:
                 if not isinstance(error, zenoh.ZError) and not is_no_memory(error):
                     raise
                 why = why_closed(self._options, error) if isinstance(error, zenoh.ZError) else NO_MEMORY
-                self._say(f"session not open, trying again: {why}")
+                self._log_problem(f"session not open, trying again: {why}")
                 self._give_up(session)
                 self._closing.wait(pause)
                 pause = min(2 * pause, LAST_RETRY_S)
                 continue
             pause = FIRST_RETRY_S
-            outlive(lambda: self._queries.serve(queryable), "zenoh")  # noqa: B023 - it ends before the next
+            retry_without_memory(lambda: self._queries.serve(queryable), "zenoh")  # noqa: B023 - it ends before the next
 
     def _declare(self, session: zenoh.Session) -> Queryable:
         """What others see of the robot in a session: that it is alive, and that it answers."""
@@ -180,7 +180,7 @@ class ZenohSink:
             from lostmotion.daemon.sinks.ros2 import Ros2Publisher  # TLS's hashes, 3 MB that many do not need
 
             domain = self._options.ros2_domain
-            self._ros2 = Ros2Publisher(session, self._robot, domain, self._board, self._say)
+            self._ros2 = Ros2Publisher(session, self._robot, domain, self._board, self._log_problem)
         return queryable
 
     def _give_up(self, session: zenoh.Session | None) -> None:
@@ -196,12 +196,12 @@ class ZenohSink:
             if self._closing.is_set():
                 session.close()  # type: ignore[no-untyped-call]
                 return
-            self._reach = Reach(session, endpoints, self._leave)
+            self._link_monitor = LinkMonitor(session, endpoints, self._leave)
             self._session = session
             self._publish_waiting()
         log.info("zenoh: session open as %s", session.zid())
 
-    def _leave(self, heard: float) -> None:
+    def _leave(self, linked_at: float) -> None:
         """Closes a session that connects to nobody any more, so that another one is opened, with what was published
         since a link was last seen [s, monotonic]: it may have reached nobody."""
         log.warning("zenoh: the session has lost its connection and does not know it, as after lack of memory; "
@@ -210,11 +210,11 @@ class ZenohSink:
             self._give_up(self._session)  # where there is no memory for that either, it is tried again
             self._session = None
             self._publishers.clear()
-            unheard = [(key, content) for at, key, content in self._published if at >= heard - LOOK_S]
-            self._waiting.extendleft(reversed(unheard))
+            unconfirmed = [(key, content) for at, key, content in self._published if at >= linked_at - LOOK_S]
+            self._waiting.extendleft(reversed(unconfirmed))
             self._published.clear()
 
-    def _say(self, problem: str) -> None:
+    def _log_problem(self, problem: str) -> None:
         """Logs when publishing begins to fail and when it works again, not every time."""
         if not self._condition.is_news("fails" if problem else "", time.monotonic()):
             return

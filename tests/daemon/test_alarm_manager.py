@@ -34,19 +34,19 @@ class World:
 
     def __init__(self, store: Store, utc: datetime = NOON, known: Sequence[Change | ScoreRow] = ()) -> None:
         self.store = store
-        self.told: list[tuple[Change, bool]] = []
+        self.published: list[tuple[Change, bool]] = []
         self.alarm_manager = AlarmManager(["elbow"], AlarmOptions(off_delay_s=0.0), store, self._tell, utc, known)
 
     def _tell(self, change: Change, again: bool) -> None:
         if isinstance(change, Transition) and not self.store.problem:
             with self.store.reader() as reader:
                 assert change in [stored for _, stored in reader.transitions()]
-        self.told.append((change, again))
+        self.published.append((change, again))
 
     def events(self, again: bool = False) -> list[AlarmEvent]:
         """What has happened to alarms, for the first time or again."""
-        self.alarm_manager.tell_settled(5.0)
-        return [change.event for change, before in self.told if isinstance(change, Transition) and before is again]
+        self.alarm_manager.publish_settled(5.0)
+        return [change.event for change, before in self.published if isinstance(change, Transition) and before is again]
 
 
 def fill(store: Store) -> None:
@@ -71,14 +71,14 @@ def test_another_run_tells_the_newest_transitions_again(store: Store) -> None:
     first = World(store)
     first.alarm_manager.look("elbow", "gone", NOON)
     assert first.events() == [AlarmEvent.RAISED]
-    before = [change for change, _ in first.told if isinstance(change, Transition)]
+    before = [change for change, _ in first.published if isinstance(change, Transition)]
     first.alarm_manager.close()
     wait_until(lambda: not store.waiting())
     second = World(store)
     second.alarm_manager.look("elbow", "gone", NOON + timedelta(seconds=9))
-    assert [change for change, again in second.told if again] == before
+    assert [change for change, again in second.published if again] == before
     assert second.events() == []
-    assert isinstance(second.told[-1][0], JointRow)
+    assert isinstance(second.published[-1][0], JointRow)
     assert second.alarm_manager.healths == [Health.DEGRADED]
 
 
@@ -150,7 +150,7 @@ def test_the_trend_is_asked_of_the_database(store: Store) -> None:
     world = World(store)
     world.alarm_manager.ask_trend(NOON)
     assert world.events() == [AlarmEvent.RAISED]
-    (raised,) = [change for change, _ in world.told if isinstance(change, Transition)]
+    (raised,) = [change for change, _ in world.published if isinstance(change, Transition)]
     assert (raised.event, raised.alarm.severity) == (AlarmEvent.RAISED, Severity.DEGRADED)
     assert "at its limit in 20 days" in raised.alarm.reason
     world.alarm_manager.ask_trend(NOON + timedelta(minutes=59))

@@ -78,7 +78,7 @@ def test_notes_say_what_cannot_be_told() -> None:
     told = config.loads(slow, "").notes
     for part in (
         "accelerometer 'tip': the size of the play and which joint has it cannot be told: found 3.4 samples a period",
-        "accelerometer 'tip': which of the joints elbow, wrist has play, and its size, may be told wrong: found no lev",
+        "accelerometer 'tip': which of the joints elbow, wrist has play, and its size, may be wrong: found no lev",
         "accelerometer 'tip': weak impacts are missed: a window of 0.1 s holds 35%",
         "joint 'elbow': reversals of motions above 1 Hz are missed",
     ):
@@ -163,8 +163,8 @@ def test_lever_arms() -> None:
             "joint 'elbow': the norm band 140-160 Hz has 0 bins",
         ),
         ('mode = "peer"', 'mode = "mesh"', "alarm.zenoh.mode: found 'mesh'; expected 'client', 'peer', 'router'"),
-        ('mode = "peer"', 'mode = "client"', "alarm.zenoh.connect: found none, so that nobody would hear"),
-        ('listen = ["tcp/127.0.0.1:7447"]', "", "alarm.zenoh.connect: found none, so that nobody would hear"),
+        ('mode = "peer"', 'mode = "client"', "alarm.zenoh.connect: found none, so that no program can reach"),
+        ('listen = ["tcp/127.0.0.1:7447"]', "", "alarm.zenoh.connect: found none, so that no program can reach"),
         ('"auto"', '"car"', "joint 'elbow'.detector.window_s: found 'car'; expected a number or 'auto'"),
         ("window_s = 0.25", "window_s = 1000.0", "joint 'wrist': window_s: found 1000, expected 0.02 to 5"),
         ("window_s = 0.25", "window_s = 0.01", "joint 'wrist': window_s: found 0.01, expected 0.02 to 5"),

@@ -65,7 +65,7 @@ def test_times_are_kept() -> None:
     back = happen(shelved, AlarmEvent.UNSHELVED, NOON + 3 * HOUR, by="ann")
     assert (back.alarm.acknowledged, back.alarm.shelved_until, back.by) == (None, None, "ann")
     again = lived(AlarmEvent.CLEARED, AlarmEvent.RAISED)
-    assert (again.raised, again.cleared, again.told) == (NOON, None, NOON + 2 * HOUR)
+    assert (again.raised, again.cleared, again.notified) == (NOON, None, NOON + 2 * HOUR)
 
 
 def test_a_transition_has_one_name() -> None:
@@ -82,10 +82,10 @@ def test_reminders_grow_rarer() -> None:
     for _ in range(4):
         due = reminder_due(alarm, "rarer")
         assert due is not None
-        waits.append(due - alarm.told)
+        waits.append(due - alarm.notified)
         alarm = happen(alarm, AlarmEvent.REMINDED, due).alarm
     assert waits == [HOUR, 2 * HOUR, 4 * HOUR, 8 * HOUR]
-    assert reminder_due(alarm, "daily") == alarm.told + timedelta(days=1)
+    assert reminder_due(alarm, "daily") == alarm.notified + timedelta(days=1)
     assert reminder_due(alarm, "once") is None
     assert happen(alarm, AlarmEvent.ESCALATED, NOON, severity=Severity.ERROR).alarm.reminders == 0
     assert reminder_due(replace(alarm, reminders=10_000), "rarer") is not None

@@ -201,14 +201,14 @@ def test_a_thread_of_can_outlives_what_its_own_handling_meets(
     request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """There is no memory to say so, either: the thread is there afterwards."""
-    refusals, say = [MemoryError()] * 2, CanSink._say
+    refusals, say = [MemoryError()] * 2, CanSink._log_problem
 
     def starved(self: CanSink, problem: str) -> None:
         if refusals:
             raise refusals.pop()
         say(self, problem)
 
-    monkeypatch.setattr(CanSink, "_say", starved)
+    monkeypatch.setattr(CanSink, "_log_problem", starved)
     monkeypatch.setattr(no_memory, "AGAIN_S", 0.02)
     monkeypatch.setattr(can_sink, "FIRST_RETRY_S", 0.02)
     with (
@@ -248,14 +248,14 @@ def test_a_zenoh_session_is_opened_when_there_is_memory(
 ) -> None:
     """What fails after the session is open is undone, told once, and tried again; queries are answered then."""
     fill(tmp_path / "history.db", 20)
-    refusals, reach = [error] * 2, zenoh_sink.Reach
+    refusals, reach = [error] * 2, zenoh_sink.LinkMonitor
 
-    def starved(*given: Any) -> zenoh_sink.Reach:
+    def starved(*given: Any) -> zenoh_sink.LinkMonitor:
         if refusals:
             raise refusals.pop()
         return reach(*given)
 
-    monkeypatch.setattr(zenoh_sink, "Reach", starved)
+    monkeypatch.setattr(zenoh_sink, "LinkMonitor", starved)
     monkeypatch.setattr(zenoh_sink, "FIRST_RETRY_S", 0.02)
     with closing(ZenohSink("arm1", ZenohOptions(listen=[endpoint]), tmp_path / "history.db")) as sink:
         wait_until(lambda: sink.is_open)

@@ -307,7 +307,7 @@ def test_losses_hide_no_held_value(tmp_path: Path, fake_driver: None, monkeypatc
     (joint,), check = robot.config.joints, robot._checks["tip"]
     for poller in robot.pollers:
         poller.status.state = DeviceState.READING
-        poller.status.heard.update(dict.fromkeys(poller.members, monotonic()))
+        poller.status.last_seen.update(dict.fromkeys(poller.members, monotonic()))
     assert robot.fault(joint) == ""
     monkeypatch.setattr(Losses, "fault", lambda *_: "30% of the samples were lost within 12 s")
     for _ in range(LAST):

@@ -271,7 +271,7 @@ def test_alarms_of_an_older_database_are_kept(path: Path) -> None:
     with open_readonly(filled(path)) as reader:
         alarms = reader.alarms("elbow")
     assert [alarm.state for alarm in alarms] == [AlarmState.ACTIVE, AlarmState.ACKNOWLEDGED, AlarmState.NORMAL]
-    assert [alarm.told.timestamp() for alarm in alarms] == [1.0, 2.0, 3.0]
+    assert [alarm.notified.timestamp() for alarm in alarms] == [1.0, 2.0, 3.0]
 
 
 def test_a_migration_under_a_lock_makes_one_copy(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

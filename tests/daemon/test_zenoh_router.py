@@ -16,8 +16,8 @@ import zenoh
 from lostmotion.daemon.lifecycle import happen, raised
 from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.records import AlarmEvent, Cause, Severity, Transition
-from lostmotion.daemon.sinks import reach
-from lostmotion.daemon.sinks.reach import addresses
+from lostmotion.daemon.sinks import link_monitor
+from lostmotion.daemon.sinks.link_monitor import addresses
 from lostmotion.daemon.sinks.zenoh import ZenohSink
 from tests.daemon.alarm_world import Watcher
 from tests.daemon.conftest import wait_until
@@ -86,11 +86,11 @@ def test_a_router_that_dies_and_comes_back_is_told_once(
     tmp_path: Path, endpoint: str, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The log says that nobody answers, once however long that lasts, and that somebody does again."""
-    monkeypatch.setattr(reach, "LOOK_S", 0.05)
-    caplog.set_level("INFO", reach.__name__)
+    monkeypatch.setattr(link_monitor, "LOOK_S", 0.05)
+    caplog.set_level("INFO", link_monitor.__name__)
 
     def told() -> list[str]:
-        return [record.message for record in caplog.records if record.name == reach.__name__]
+        return [record.message for record in caplog.records if record.name == link_monitor.__name__]
 
     with (
         closing(Router(tmp_path, endpoint)) as router,
@@ -116,9 +116,9 @@ def test_a_session_that_has_lost_its_connection_for_ever_is_opened_again(
     """Zenoh that had no memory when its router died keeps the router and has no link to it: another session is opened,
     and who subscribes hears what was told meanwhile, once; what is told later is published, and asked for, again."""
     deaf = threading.Event()
-    seen, give_up = reach.Reach._seen, ZenohSink._give_up
-    monkeypatch.setattr(reach, "LOOK_S", 0.05)
-    monkeypatch.setattr(reach.Reach, "_seen", lambda self: (False, True) if deaf.is_set() else seen(self))
+    seen, give_up = link_monitor.LinkMonitor._seen, ZenohSink._give_up
+    monkeypatch.setattr(link_monitor, "LOOK_S", 0.05)
+    monkeypatch.setattr(link_monitor.LinkMonitor, "_seen", lambda self: (False, True) if deaf.is_set() else seen(self))
     monkeypatch.setattr(ZenohSink, "_give_up", lambda self, session: (give_up(self, session), deaf.clear()))
     caplog.set_level("INFO")
     told = list(transitions(6))

@@ -12,7 +12,7 @@ import pytest
 import zenoh
 from playwright.sync_api import expect
 
-from lostmotion.daemon.commands.fleet_ask import Fleet, Heard
+from lostmotion.daemon.commands.fleet_ask import Fleet, FleetReply
 from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.records import Health, JointRow, ScoreRow
 from lostmotion.daemon.sinks.zenoh import ZenohSink
@@ -105,7 +105,7 @@ def test_order_and_foreign_documents() -> None:
         ("odd", {"joints": [{"name": 7}]}),
         ("none", {}),
     ]
-    found = view(Heard(documents, {"twin": "2 robots answer to this name"}, ["mute"], {"tcp/h:1": "refused"}), NOW)
+    found = view(FleetReply(documents, {"twin": "2 robots answer to this name"}, ["mute"], {"tcp/h:1": "refused"}), NOW)
     assert [one.robot for one in found.robots] == ["shaken", "worn", "calm"]
     assert [one.joint for one in found.robots[1].joints] == ["b", "a"]
     assert [name for name, _ in found.missing] == ["tcp/h:1", "mute", "twin", "odd", "none"]

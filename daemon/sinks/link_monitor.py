@@ -1,4 +1,4 @@
-"""Whether anybody answers where a Zenoh session connects to; told when that changes.  Nothing is sent here.
+"""Whether a Zenoh session has a link to its endpoints; a change is logged.  Nothing is sent here.
 
 Publishing into a session whose router has died raises nothing: only the link to it is missing from the session's list.
 A session that had no memory at that moment stays as it is, for ever: it keeps the router, and connects to none again.
@@ -14,10 +14,10 @@ from collections.abc import Callable
 
 import zenoh
 
-from lostmotion.daemon.no_memory import outlive
+from lostmotion.daemon.no_memory import retry_without_memory
 from lostmotion.daemon.repeats import Condition
 
-__all__ = ["Reach", "addresses"]
+__all__ = ["LinkMonitor", "addresses"]
 
 log = logging.getLogger(__name__)
 
@@ -35,7 +35,7 @@ def addresses(config: zenoh.Config) -> list[str]:
     return list(dict.fromkeys(str(endpoint) for some in each for endpoint in some or []))
 
 
-class Reach:
+class LinkMonitor:
     """Looks every two seconds, in a thread of its own, as long as there are endpoints.
 
     broken: is called, once, for a session that has to be closed and opened again, with the time [s, monotonic] at which
@@ -44,10 +44,12 @@ class Reach:
 
     def __init__(self, session: zenoh.Session, endpoints: list[str], broken: Callable[[float], None]) -> None:
         self._session, self._where, self._broken = session, ", ".join(endpoints), broken
-        self._condition = Condition(told="")
-        self._heard, self._without_link = time.monotonic(), 0
+        self._condition = Condition(reported="")
+        self._linked_at, self._without_link = time.monotonic(), 0
         self._closing = threading.Event()
-        self._thread = threading.Thread(target=outlive, args=(self._look, "zenoh"), name="zenoh-reach", daemon=True)
+        self._thread = threading.Thread(
+            target=retry_without_memory, args=(self._look, "zenoh"), name="zenoh-links", daemon=True
+        )
         if endpoints:
             self._thread.start()
 
@@ -61,24 +63,24 @@ class Reach:
         while not self._closing.wait(LOOK_S):
             try:
                 is_linked, is_connected = self._seen()
-            except zenoh.ZError:  # for lack of memory, too: the next look may tell it
+            except zenoh.ZError:  # for lack of memory, too: the next look may succeed
                 continue
-            self._tell(is_linked)
+            self._log_change(is_linked)
             if is_linked:
-                self._heard = time.monotonic()
+                self._linked_at = time.monotonic()
             self._without_link = self._without_link + 1 if is_connected and not is_linked else 0
             if self._without_link >= BROKEN_LOOKS:
-                self._broken(self._heard)
+                self._broken(self._linked_at)
                 return
 
     def _seen(self) -> tuple[bool, bool]:
         """Whether there is a link, and whether the session believes that there is."""
         return bool(self._session.info.links()), bool(self._session.info.transports())
 
-    def _tell(self, is_reached: bool) -> None:
-        if not self._condition.is_news("" if is_reached else "nobody", time.monotonic()):
+    def _log_change(self, is_linked: bool) -> None:
+        if not self._condition.is_news("" if is_linked else "nobody", time.monotonic()):
             return
-        if is_reached:
+        if is_linked:
             log.info("zenoh: %s answers", self._where)
         else:
             log.warning("zenoh: nobody answers at %s; it is tried on, alarms wait until then", self._where)
