@@ -1,4 +1,4 @@
-"""The ports of the outside world: what a driver is, what it is told, and what it hands over.
+"""The interfaces to devices: what a driver is, its options, and the values it returns.
 
 A driver turns a device's bytes into SI values with robot times.  It has four methods: ``open``, ``identify``,
 ``read`` and ``close``.  It does not score, store or retry: the service does.
@@ -42,7 +42,7 @@ Baudrate = Annotated[int, msgspec.Meta(gt=0)]
 
 
 class ServoSample(msgspec.Struct, frozen=True, gc=False):
-    """The state of one joint at one instant; what the servo does not tell is NaN.
+    """The state of one joint at one instant; what the servo does not report is NaN.
 
     No dataclass: hundreds come in a second, and that takes twenty times as long to make.
 
@@ -93,8 +93,8 @@ class AccelBlock:
 class Identity:
     """One device as it answered: what was found, what was expected, and whether that is the same.
 
-    gist: found, without what differs from look to look, such as bytes that came in: an alarm tells it, and tells it
-    anew when it changes; "" where found is always the same.
+    gist: found, without what differs between looks, such as received bytes: the reason of an alarm, which is raised
+    again when it changes; "" where found is always the same.
     """
 
     name: str
@@ -117,7 +117,7 @@ class JointOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
     levers_m: how far the joint's axis is from the accelerometers that feel it [m], by their names, negative where the
     joint turns the other way round; its own accelerometer's, unless given, is the length of the bar.  gear_radius_m: of
-    the joint's last gear [m], where play is also to be told as the gap between its teeth.
+    the joint's last gear [m], where play is also to be given as the gap between its teeth.
     """
 
     name: str
@@ -158,7 +158,7 @@ class ServoBus(Protocol):
         ...
 
     def identify(self) -> tuple[Identity, ...]:
-        """Asks every device who it is.  Raises PortError; a wrong or silent device is told in its Identity."""
+        """Asks every device who it is.  Raises PortError; a wrong or silent device is described in its Identity."""
         ...
 
     def read(self) -> ServoReading:
@@ -225,7 +225,7 @@ class Driver:
 
     A driver offers a servo bus, an accelerometer or both.  ``clock`` is None for the outside world (the system's
     clock); a virtual robot brings its own, is never ahead of its reader (``waits``: the service may let it wait), and
-    shares nothing with hardware.  ``check`` says what is wrong with the driver's own table beyond its types.
+    shares nothing with hardware.  ``check`` reports errors in the driver's own table beyond its types.
     ``shares``: its port is a bus on which joints and accelerometers of several such drivers may listen.
     """
 

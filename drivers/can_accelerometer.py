@@ -32,7 +32,7 @@ class CanAccelerometer:
     """See ``base.Accelerometer``.
 
     Times are evened (``timeline.py``): by the number of frames, since one waits for others on the bus; where the frames
-    carry a counter by that, which also tells which ones were lost.
+    carry a counter by that, which also shows which ones were lost.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class CanAccelerometer:
         self._port.open()
 
     def identify(self) -> tuple[Identity, ...]:
-        """Measures how often the frame comes; which others come is told where it does not.  Raises PortError."""
+        """Measures how often the frame comes; where it does not, reports which others come.  Raises PortError."""
         frame = f"frame 0x{self._layout.id:X}"
         expected = f"{frame} at {self._rate:g} Hz"
         self._port.only(None)
@@ -138,18 +138,18 @@ class CanAccelerometer:
         return times, short, others
 
     def _missing(self, short: int, others: set[int]) -> tuple[str, str]:
-        """What there is instead of the frame, with and without what differs from look to look."""
+        """What came instead of the frame, with and without what differs between looks."""
         if (foreign := self._port.foreign) and not (short or others):
-            told = "{} that are no CAN frames; likely cause: another device on the port, or a wrong baudrate"
-            return told.format(repr(foreign[:24])), told.format("bytes")
+            text = "{} that are no CAN frames; likely cause: another device on the port, or a wrong baudrate"
+            return text.format(repr(foreign[:24])), text.format("bytes")
         if short:
-            told = (
+            text = (
                 f"frames too short for the signal, which ends in byte {self._layout.ends}; likely cause: another layout"
             )
-            return told, told
+            return text, text
         if not others:
-            told = f"no frame at all in {SILENCE_S:g} s; likely cause: no power, another bitrate, or no master"
-            return told, told
-        heard = ", ".join(f"0x{id:X}" for id in sorted(others)[:6])
-        told = "only {}; likely cause: another identifier, or a node that was not started"
-        return told.format(heard), told.format("other frames")
+            text = f"no frame at all in {SILENCE_S:g} s; likely cause: no power, another bitrate, or no master"
+            return text, text
+        ids = ", ".join(f"0x{id:X}" for id in sorted(others)[:6])
+        text = "only {}; likely cause: another identifier, or a node that was not started"
+        return text.format(ids), text.format("other frames")

@@ -152,7 +152,7 @@ class LibraryBus:
     ) -> None:
         import can
 
-        logging.getLogger("can").setLevel(logging.CRITICAL)  # what it says in its own words is said here in ours
+        logging.getLogger("can").setLevel(logging.CRITICAL)  # its messages are replaced by ours
         self.broken = 0
         self._now = now
         self._name = f"CAN {channel}"
@@ -178,8 +178,8 @@ class LibraryBus:
                 if message.is_error_frame:
                     self._error(message.arbitration_id)
                 elif not message.is_remote_frame:
-                    told = stamp - age if oldest < stamp else self._now()
-                    frames.append(CanFrame(message.arbitration_id, bytes(message.data), min(told, self._now())))
+                    moment = stamp - age if oldest < stamp else self._now()
+                    frames.append(CanFrame(message.arbitration_id, bytes(message.data), min(moment, self._now())))
                 if len(frames) >= AT_ONCE:
                     break
                 message = recv(0.0)

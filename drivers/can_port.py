@@ -59,10 +59,10 @@ class _Shared:
             raise
         broken, self.bus.broken = self.bus.broken, 0
         for listener in self.listeners:
-            listener.hear(frames, broken)
+            listener.deliver(frames, broken)
 
     def filter(self) -> None:
-        """Lets in what any listener wants."""
+        """Lets in the frames that any listener wants."""
         wanted = [listener.ids for listener in self.listeners]
         self.bus.only(None if None in wanted else {id for ids in wanted if ids is not None for id in ids})
 
@@ -85,23 +85,23 @@ class CanPort:
         self._options: BusOptions = options.options
         self._now = now
         self._shared: _Shared | None = None
-        self._heard: deque[CanFrame] = deque(maxlen=WAITING)
+        self._received: deque[CanFrame] = deque(maxlen=WAITING)
 
     def open(self) -> None:
-        """Joins those who listen, or opens the bus.  Raises PortError."""
+        """Joins the listeners of the bus, or opens it.  Raises PortError."""
         self.close()
         with _opening:
             shared = _open.get(self._key)
             if shared is None or shared.error:
                 shared = _open[self._key] = _Shared(open_can(*self._key, self._bitrate, self._options, self._now))
             with shared.lock:
-                self._heard.clear()
+                self._received.clear()
                 shared.listeners.append(self)
                 shared.filter()
             self._shared = shared
 
     def only(self, ids: Collection[int] | None) -> None:
-        """From now on frames with these identifiers are heard, or all."""
+        """From now on frames with these identifiers are received, or all."""
         self.ids = None if ids is None else frozenset(ids)
         if (shared := self._shared) is not None:
             with shared.lock:
@@ -123,10 +123,10 @@ class CanPort:
         with shared.lock:
             if self._shared is None:  # closed while another one read
                 raise self._closed()
-            if not self._heard or shared.bus.stamped:
-                shared.fetch(0.0 if self._heard else timeout_s)
-            frames = list(self._heard)
-            self._heard.clear()
+            if not self._received or shared.bus.stamped:
+                shared.fetch(0.0 if self._received else timeout_s)
+            frames = list(self._received)
+            self._received.clear()
         return frames
 
     def send(self, id: int, data: bytes) -> None:
@@ -135,11 +135,11 @@ class CanPort:
         with shared.lock:
             shared.bus.send(id, data)
 
-    def hear(self, frames: list[CanFrame], broken: int) -> None:
-        """Takes what somebody has read for all."""
+    def deliver(self, frames: list[CanFrame], broken: int) -> None:
+        """Takes frames that another listener has read."""
         self.broken += broken
         ids = self.ids
-        self._heard.extend(frames if ids is None else [frame for frame in frames if frame.id in ids])
+        self._received.extend(frames if ids is None else [frame for frame in frames if frame.id in ids])
 
     def close(self) -> None:
         """Leaves; the last one gives the bus back."""

@@ -1,7 +1,7 @@
 """Driver of an accelerometer that sends raw CAN frames: bits at a place of a frame, given as such or by a DBC file.
 
 Without a DBC file nothing but the bus is needed.  A DBC file is read by cantools when the driver is made, and only
-tells where the bits are: a service without such a file does not carry the 16 MB of that package.
+locates the bits: a service without such a file does not carry the 16 MB of that package.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ __all__ = ["DRIVER"]
 STANDARD_GRAVITY = 9.80665
 UNITS = {"m/s^2": 1.0, "m/s²": 1.0, "m/s2": 1.0, "m/s/s": 1.0, "g": STANDARD_GRAVITY, "mg": STANDARD_GRAVITY / 1000,
          "G": STANDARD_GRAVITY, "": 1.0}  # fmt: skip
-"""m/s² of what DBC files write; of a signal without a unit ``scale`` alone says it"""
+"""m/s² of what DBC files write; of a signal without a unit ``scale`` alone sets it"""
 
 
 def _make(options: AccelerometerOptions, robot: RobotOptions, clock: Clock) -> Accelerometer:
@@ -43,7 +43,7 @@ def _place(id: int, place: SignalLayout, scale: float = 1.0, offset: float = 0.0
 
 
 def _from_dbc(options: SignalOptions) -> Layout:
-    """Where the file says that the signal is, in m/s² by its unit."""
+    """The place of the signal in the file, in m/s² by its unit."""
     where = f"accelerometer {options.name}.dbc"
     if not is_there("cantools"):
         raise DriverError(f"{where}: {missing('cantools', 'a DBC file')}")

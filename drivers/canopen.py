@@ -2,7 +2,7 @@
 
 Nothing is ever sent, unless ``sdo`` lets a drive's mapping and units be read, by SDO uploads when the bus is opened.
 What frames mean stands in ``canopen_drive.py``; where the mapping comes from in ``canopen_mapping.py``; the bus in
-``can_port.py``.  An accelerometer with the process value of CiA 404 in a PDO is heard in the same way.
+``can_port.py``.  An accelerometer with the process value of CiA 404 in a PDO is received in the same way.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ LISTEN_S = 1.6
 SDO_S = 0.3
 """how long a node may take to answer"""
 STAYS_S = 2.0
-"""a drive's state that keeps it from being measured is told when it has lasted so long"""
+"""a drive's state that keeps it from being measured is reported when it has lasted so long"""
 
 
 class CanopenBus:
@@ -59,7 +59,7 @@ class CanopenBus:
         self._port = CanPort(joints[0], clock.now)
         self._drives = [Drive(joint) for joint in joints]
         self._counter: int | None = None
-        self._told: dict[str, str] = {}
+        self._reported: dict[str, str] = {}
         self._since: dict[str, float] = {}
         self._find()
 
@@ -68,7 +68,7 @@ class CanopenBus:
         for drive in self._drives:
             drive.forget()
         self._counter = None
-        self._told, self._since = {}, {}
+        self._reported, self._since = {}, {}
         self._port.only(None)
         self._port.open()
         self._learn()
@@ -81,17 +81,17 @@ class CanopenBus:
         while (left := end - self._clock.now()) > 0 and not all(self._is_clear(drive) for drive in self._drives):
             for frame in self._port.read(min(left, WAIT_S)):
                 nodes[frame.id & 0x7F] += 1
-                self._hear(frame, [])
+                self._receive(frame, [])
         self._port.only({SYNC, *self._by_id})
         now = self._clock.now()
-        self._told = {drive.joint: drive.problem(now) for drive in self._drives}
+        self._reported = {drive.joint: drive.problem(now) for drive in self._drives}
         return tuple(self._identity(drive, wrong.get(drive.joint, ""), sorted(nodes)) for drive in self._drives)
 
     def read(self) -> ServoReading:
-        """What the drives said in the next 95 ms.
+        """The samples of the drives in the next 95 ms.
 
         Raises PortError, and IdentityError when a drive has got into, or out of, a state in which it cannot be
-        measured: ``identify`` says which.
+        measured: ``identify`` reports which.
         """
         samples: list[ServoSample] = []
         lost = 0
@@ -101,7 +101,7 @@ class CanopenBus:
         else:
             frames = self._chunks()
         for frame in frames:
-            lost += self._hear(frame, samples)
+            lost += self._receive(frame, samples)
         samples.sort(key=lambda sample: sample.time)
         missed = sum(drive.lost for drive in self._drives)
         for drive in self._drives:
@@ -121,7 +121,7 @@ class CanopenBus:
         return wrong
 
     def _find(self) -> None:
-        """Whose frame an identifier is, and the coarsest step of the commands [rad], NaN before the drives tell it."""
+        """Which drive sends an identifier; the coarsest step of the commands [rad], NaN before the drives report it."""
         self.resolution_rad = max(abs(drive.units.step) if drive.units else math.nan for drive in self._drives)
         self._by_id: dict[int, list[Drive]] = {}
         for drive in self._drives:
@@ -136,7 +136,7 @@ class CanopenBus:
             frames += self._port.read(left)
         return frames
 
-    def _hear(self, frame: CanFrame, samples: list[ServoSample]) -> int:
+    def _receive(self, frame: CanFrame, samples: list[ServoSample]) -> int:
         """Takes a frame; how many SYNCs were lost before it, where these carry a counter."""
         if frame.id == SYNC:
             return self._sync(frame.data)
@@ -160,14 +160,14 @@ class CanopenBus:
         now = self._clock.now()
         for drive in self._drives:
             problem = drive.problem(now)
-            if problem == self._told.get(drive.joint, ""):
+            if problem == self._reported.get(drive.joint, ""):
                 self._since.pop(drive.joint, None)
             elif now - self._since.setdefault(drive.joint, now) > STAYS_S:
                 raise IdentityError(f"{drive.joint}: node {drive.node}: {problem or 'its trouble is over'}")
 
     def _silent(self) -> tuple[str, ...]:
         now = self._clock.now()
-        return tuple(drive.joint for drive in self._drives if now - drive.heard > silence_s(drive.options.poll_hz))
+        return tuple(drive.joint for drive in self._drives if now - drive.last_seen > silence_s(drive.options.poll_hz))
 
     def _asker(self, node: int) -> Ask:
         """Asks a node by SDO, one object after the other; a node that is silent once is not asked again."""
@@ -182,7 +182,7 @@ class CanopenBus:
             while (left := end - self._clock.now()) > 0:
                 for frame in self._port.read(left):
                     if frame.id != sdo.RESPONSE + node:
-                        self._hear(frame, [])
+                        self._receive(frame, [])
                         continue
                     try:
                         if (value := sdo.uploaded(index, subindex, frame.data)) is not None:
@@ -198,9 +198,9 @@ class CanopenBus:
         expected = f"node {drive.node}: {drive.where}"
         problem = wrong or drive.problem(self._clock.now())
         if self._port.foreign and not nodes:
-            told = "{} that are no CAN frames; likely cause: another device on the port, or a wrong baudrate"
+            text = "{} that are no CAN frames; likely cause: another device on the port, or a wrong baudrate"
             return Identity(
-                drive.joint, told.format(repr(self._port.foreign[:24])), expected, False, told.format("bytes")
+                drive.joint, text.format(repr(self._port.foreign[:24])), expected, False, text.format("bytes")
             )
         if not problem and not drive.complete:
             others = ", ".join(str(node) for node in nodes if node) or "none"

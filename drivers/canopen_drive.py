@@ -24,11 +24,11 @@ WANTED = (
 )  # fmt: skip
 COMMANDS = {"demand": (cia402.DEMAND,), "target": (cia402.TARGET,), "auto": (cia402.DEMAND, cia402.TARGET)}
 LONGEST_GAP_S = 1.0
-"""longer, and the drive was silent, which is told as that"""
+"""a longer gap counts as a silent drive, not as lost polls"""
 
 
 class Drive:
-    """What node ``options.node`` has said.  A sample has the time of the frame that brought the position; the other
+    """The state of node ``options.node``.  A sample has the time of the frame that brought the position; the other
     values are the newest since the sample before.  The command counts until another one comes, since the drive keeps
     it; while the drive is not in Operation enabled it follows none, and there is no sample."""
 
@@ -37,7 +37,7 @@ class Drive:
         self.options = options
         self.joint = options.name
         self.node = options.node
-        self.heard = -math.inf  # when the last position came [s]
+        self.last_seen = -math.inf  # when the last position came [s]
         self.lost = 0  # polls, since somebody set it to 0
         self.facts: NodeFacts | None = None
         self.units: cia402.Units | None = None
@@ -57,8 +57,8 @@ class Drive:
             self._scale(None)
 
     def forget(self) -> None:
-        """What was heard so far, for the bus was opened anew."""
-        self.heard = -math.inf
+        """Drops what came so far: the bus was opened anew."""
+        self.last_seen = -math.inf
         self._beat = math.nan
         self._nmt = self._error = None
         self._fresh: dict[Object, int] = {}
@@ -86,8 +86,8 @@ class Drive:
 
     @property
     def complete(self) -> bool:
-        """Whether position and command have been heard."""
-        return self.heard > -math.inf and self._goal is not None
+        """Whether position and command have come."""
+        return self.last_seen > -math.inf and self._goal is not None
 
     def learn(self, ask: Ask) -> str:
         """Reads by SDO what is not given, once for each opening of the bus; why that is of no use, "" if it is."""
@@ -125,7 +125,7 @@ class Drive:
                 yield sample
 
     def problem(self, now: float) -> str:
-        """Why there can be no samples, "" for no reason: what the node itself says of its state."""
+        """Why there can be no samples, "" for no reason: from the state that the node itself sends."""
         if now - self._beat > self.options.heartbeat_s:  # NaN compares false: it sends none
             return f"no heartbeat for more than {self.options.heartbeat_s:g} s; likely cause: off, or unplugged"
         if self._nmt is not None and self._nmt != OPERATIONAL:
@@ -143,9 +143,9 @@ class Drive:
             self._error = int.from_bytes(frame.data[:2], "little")
 
     def _sample(self, time: float) -> ServoSample | None:
-        fresh, units, before = self._fresh, self.units, self.heard
+        fresh, units, before = self._fresh, self.units, self.last_seen
         position = fresh.pop(cia402.POSITION)
-        self.heard, self._fresh = max(time, before), {}
+        self.last_seen, self._fresh = max(time, before), {}
         if 0 < (gap := time - before) < LONGEST_GAP_S:
             self.lost += max(0, round(gap * self.options.poll_hz) - 1)
         if units is None or self._goal is None or time <= before or self._state not in ("", cia402.OPERATION_ENABLED):
@@ -180,7 +180,9 @@ class Drive:
         counts = given.counts_per_turn or (facts and facts.resolution)
         if not counts or given.gear_ratio == 0:
             key = "gear_ratio, other than 0" if counts else "counts_per_turn"
-            raise DriverError(f"joint {self.joint}: {key} is missing, and nothing tells it; expected it in the file")
+            raise DriverError(
+                f"joint {self.joint}: {key} is missing, and the node does not report it; expected it in the file"
+            )
         ratio = given.gear_ratio or (facts and facts.ratio) or 1.0
         torque = given.rated_torque_nm or (facts and facts.rated_torque_nm) or math.nan
         current = given.rated_current_a or (facts and facts.rated_current_a) or math.nan

@@ -30,7 +30,7 @@ COB_ID_BITS = 0x7FF
 
 @dataclass(frozen=True, slots=True)
 class NodeFacts:
-    """What a node says of itself; None where it has no such object."""
+    """The identity objects of a node; None where it has no such object."""
 
     device_type: int | None
     vendor: int | None
@@ -58,7 +58,7 @@ def given_pdos(options: CanopenJointOptions | CanopenSensorOptions) -> Pdos | No
 
 
 def read_pdos(ask: Ask, most: int = PROBED) -> Pdos:
-    """The mapping as objects tell it."""
+    """The mapping from the node's objects."""
     found: dict[int, Sequence[int]] = {}
     for communication, mapping in zip(COMMUNICATION, MAPPING, strict=True):
         for number in range(most):

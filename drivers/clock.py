@@ -25,7 +25,7 @@ wall = time.time
 
 
 def is_synchronised() -> bool:
-    """Whether the kernel says that network time has set the system's clock."""
+    """Whether, by the kernel, network time has set the system's clock."""
     return bool(_libc().adjtimex(ctypes.create_string_buffer(TIMEX_BYTES)) != UNSYNCHRONISED)
 
 

@@ -16,7 +16,7 @@ STRETCH_S = 0.5
 """of each stretch of this length the quickest arrival is a point of the regression"""
 STRETCHES = 120
 ENOUGH = 4
-"""points before the line is trusted to tell a step of the sensor's clock from a wrong rate"""
+"""points before the line is trusted to separate a step of the sensor's clock from a wrong rate"""
 UNSURE_STEP_S = 1.0
 NOISE_S = 0.5e-3
 """how far the quickest arrivals scatter"""
@@ -39,7 +39,7 @@ class ClockMap:
     ``steps`` counts these, and ``step`` [s] is the last one's size, positive when the sensor's clock fell behind (it
     lost samples, if it counts).
 
-    What remains is the delay of even the quickest sample, which nobody can tell from a clock's offset.
+    What remains is the delay of even the quickest sample, which cannot be separated from a clock's offset.
     """
 
     def __init__(self, step_s: float = 0.1) -> None:

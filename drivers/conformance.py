@@ -41,7 +41,7 @@ Reading = ServoReading | AccelBlock
 
 
 class ConformanceError(AssertionError):
-    """A driver does something that the service does not expect; the message says what."""
+    """A driver violates what the service expects; the message has the violation."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Subject:
 
 
 def check_identity(subject: Subject) -> None:
-    """identify names every joint or sensor once, tells what was found and expected, and is content."""
+    """identify names every joint or sensor once, reports what was found and expected, and accepts it."""
     with _opened(subject) as driver:
         identities = driver.identify()
     found = tuple(identity.name for identity in identities)
@@ -129,7 +129,7 @@ def check_values(subject: Subject) -> None:
 
 
 def check_resolution(subject: Subject) -> None:
-    """A bus tells the step of its command, on which commands lie (0: continuous, NaN: unknown); a sensor its range."""
+    """A bus has the step of its command, on which commands lie (0: continuous, NaN: unknown); a sensor its range."""
     with _opened(subject) as driver:
         if not subject.joints:
             _expect(getattr(driver, "range_ms2", math.nan) > 0, "range_ms2 is missing or not above 0")

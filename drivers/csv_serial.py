@@ -76,7 +76,7 @@ class CsvFormat:
         stamps = _column(rows, self._time_column) * self._unit
         if math.isfinite(accel.sum() + stamps.sum()):  # nothing is NaN, as nearly always
             return Readings(accel, stamps, 0)
-        broken = int(np.count_nonzero(np.isnan(accel + stamps))) - lost  # the gap in the stamps tells what is lost
+        broken = int(np.count_nonzero(np.isnan(accel + stamps))) - lost  # the gap in the stamps shows what is lost
         timed = ~np.isnan(stamps)
         return Readings(accel[timed], stamps[timed], broken)
 

@@ -16,7 +16,7 @@ from lostmotion.drivers.base import Driver, JointOptions, RobotOptions, ServoBus
 from lostmotion.drivers.clock import Clock
 from lostmotion.drivers.codec.servo_state import ADDRESS, MODELS, Model, ServoState, decode_state, model_name
 from lostmotion.drivers.dynamixel_port import BusPort
-from lostmotion.drivers.servo_line import LineBus, LineOptions, Said, Servo
+from lostmotion.drivers.servo_line import LineBus, LineOptions, Reply, Servo
 
 __all__ = ["DRIVER", "DynamixelOptions"]
 
@@ -62,7 +62,7 @@ class DynamixelBus(LineBus):
         data, _, _ = self._handlers[2].readTxRx(self._port, servo.id, ADDRESS[2], servo.model.block_size)
         return data
 
-    def _sync_read(self, missing: dict[int, Servo], told: list[Said]) -> None:
+    def _sync_read(self, missing: dict[int, Servo], replies: list[Reply]) -> None:
         """The SDK's group reader is no use: with one silent servo it gives 0 for all, without error."""
         servos = list(missing.values())
         handler, now, size = self._handlers[2], self._clock.now(), servos[0].model.block_size
@@ -72,7 +72,7 @@ class DynamixelBus(LineBus):
             if result == COMM_RX_TIMEOUT:
                 break
             if result == COMM_SUCCESS and (servo := missing.pop(packet[PACKET_ID], None)):
-                self._take(servo, now, packet[PACKET_DATA : PACKET_DATA + size], told)
+                self._take(servo, now, packet[PACKET_DATA : PACKET_DATA + size], replies)
 
 
 def _make(joints: Sequence[JointOptions], robot: RobotOptions, clock: Clock) -> ServoBus:

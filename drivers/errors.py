@@ -1,7 +1,7 @@
 """What can go wrong with the outside world, as one tree.
 
 LostmotionError
-└── DriverError              every message says what was found, what was expected and the likely cause
+└── DriverError              every message has what was found, what was expected and the likely cause
     ├── PortError            the port is missing, busy, or went away            (worth another try later)
     ├── IdentityError        another device answers on the port                 (wants a person)
     ├── UnknownDriverError   no driver of that name is installed

@@ -26,7 +26,7 @@ from lostmotion.drivers.codec.feetech import (
 )
 from lostmotion.drivers.codec.servo_state import Model, ServoState
 from lostmotion.drivers.serial_port import Exchange
-from lostmotion.drivers.servo_line import LineBus, LineOptions, Said, Servo
+from lostmotion.drivers.servo_line import LineBus, LineOptions, Reply, Servo
 from lostmotion.drivers.servo_port import ServoPort
 
 __all__ = ["DRIVER", "FeetechOptions"]
@@ -58,18 +58,18 @@ class FeetechBus(LineBus):
         return decode_state(model, block)
 
     def _search(self, servo: Servo) -> Sequence[int]:
-        return self._hear((servo.id,), servo.model.block_size).get(servo.id, b"")
+        return self._answers((servo.id,), servo.model.block_size).get(servo.id, b"")
 
     def _read_alone(self, servo: Servo) -> Sequence[int]:
         size = servo.model.block_size
         return self._ask(servo, Question(servo.id, ADDRESS, size), size)
 
-    def _sync_read(self, missing: dict[int, Servo], told: list[Said]) -> None:
+    def _sync_read(self, missing: dict[int, Servo], replies: list[Reply]) -> None:
         ids = tuple(missing)
         size = missing[ids[0]].model.block_size
         asked, blocks = self._exchange(_sync_question(ids, size), ids, size)
         for id, block in blocks.items():
-            self._take(missing.pop(id), asked, block, told)
+            self._take(missing.pop(id), asked, block, replies)
 
     def _ask(self, servo: Servo, question: Question, size: int) -> bytes:
         """The bytes that one servo answers; none where it does not."""
@@ -78,9 +78,9 @@ class FeetechBus(LineBus):
     def _exchange(self, question: Exchange, ids: Collection[int], size: int) -> tuple[float, dict[int, bytes]]:
         """When a question was asked [s], and what was answered, by id."""
         [(asked, answer)], good = self._line.ask([question], self._clock.now)
-        return asked, self._hear(ids, size, answer if good or not answer else None)
+        return asked, self._answers(ids, size, answer if good or not answer else None)
 
-    def _hear(self, ids: Collection[int], size: int, whole: bytes | None = None) -> dict[int, bytes]:
+    def _answers(self, ids: Collection[int], size: int, whole: bytes | None = None) -> dict[int, bytes]:
         """The answers of these servos by id, in ``whole``, or else in what comes in until the deadline."""
         listener = Listener(ids, size)
         listener.feed(iter(self._line.receive, b"") if whole is None else (whole,))

@@ -1,6 +1,6 @@
 """Which other processes have a serial port open, whether they lock it or not: from /proc.
 
-A lock keeps out only programs that ask for it, and many controllers do not.  What may be seen is Linux's to say: root
+A lock keeps out only programs that ask for it, and many controllers do not.  Linux decides what may be seen: root
 sees all processes, a user his own; nothing is seen under systemd's ProtectProc=invisible.  No port is opened here.
 """
 

@@ -54,8 +54,8 @@ NOTHING = np.empty(0)
 class IioOptions(AccelerometerOptions, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """device: its name, label or index, as in /sys/bus/iio/devices; axis: the sensor's axis that points along the
     motion of the bar's free end, after the mount matrix of the device tree if there is one; trigger: the name of the
-    one that paces the sensor, "" for its own; root: where sys and dev are, / unless the environment's
-    LOSTMOTION_IIO_ROOT says otherwise.
+    one that paces the sensor, "" for its own; root: where sys and dev are, / unless the environment
+    sets LOSTMOTION_IIO_ROOT.
     """
 
     device: Annotated[str, msgspec.Meta(min_length=1)]
@@ -166,12 +166,12 @@ class IioAccelerometer:
         try:
             fd = os.open(device.node, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         except OSError as error:
-            raise PortError(self._told(device, error)) from error
+            raise PortError(self._reason(device, error)) from error
         try:
             fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
             os.close(fd)
-            raise PortError(self._told(device, OSError(errno.EBUSY, "locked"))) from error
+            raise PortError(self._reason(device, OSError(errno.EBUSY, "locked"))) from error
         return fd
 
     def _receive(self, timeout_ms: float) -> bytes:
@@ -186,16 +186,16 @@ class IioAccelerometer:
         except BlockingIOError:
             return b""
         except OSError as error:
-            raise PortError(self._told(self._device, error)) from error
-        if not data:  # a kernel's device says ENODEV
-            raise PortError(self._told(self._device, OSError(errno.ENODEV, "end of file")))
+            raise PortError(self._reason(self._device, error)) from error
+        if not data:  # a kernel's device raises ENODEV
+            raise PortError(self._reason(self._device, OSError(errno.ENODEV, "end of file")))
         data = self._rest + data
         end = len(data) // size * size
         self._rest = data[end:]
         return data[:end]
 
-    def _told(self, device: IioDevice, error: OSError) -> str:
-        """The likely cause, and of a busy device who has it."""
+    def _reason(self, device: IioDevice, error: OSError) -> str:
+        """The likely cause; for a busy device, which process has it."""
         others = holders(str(device.node)) if error.errno == errno.EBUSY else []
         return f"{device}: {refusal(device.node, error)}" + (f": process {', '.join(others)}" if others else "")
 

@@ -56,7 +56,7 @@ class Setup:
     """What is known of a device that is set up.
 
     stamps: the element that is the time, None where the driver has none; is_robot_time: whether its clock is that of
-    the robot; tick: in which steps it goes on [s]; range_ms2: the largest acceleration that the numbers can tell.
+    the robot; tick: in which steps it goes on [s]; range_ms2: the largest acceleration that the numbers can hold.
     """
 
     format: ScanFormat
@@ -115,7 +115,7 @@ def _parts(device: IioDevice, axis: str) -> Iterator[Part]:
 
 
 def _mount_matrix(device: IioDevice) -> list[list[float]]:
-    """How the sensor is mounted, row by row; as it is where nothing is said."""
+    """How the sensor is mounted, row by row; the identity where it has none."""
     text = device.read("in_accel_mount_matrix", "in_mount_matrix", "mount_matrix") or "1, 0, 0; 0, 1, 0; 0, 0, 1"
     try:
         rows = [[float(number) for number in row.split(",")] for row in text.split(";")]

@@ -134,7 +134,7 @@ def _text(path: Path) -> str:
 
 
 def _write(path: Path, value: str) -> None:
-    """In one call as sysfs wants it, never into a new file; an empty value is a line end, or nothing is heard."""
+    """In one call as sysfs wants it, never into a new file; an empty value is a line end: empty writes are ignored."""
     fd = os.open(path, os.O_WRONLY | os.O_TRUNC)
     try:
         os.write(fd, (value or "\n").encode())

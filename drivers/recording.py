@@ -37,7 +37,7 @@ log = logging.getLogger(__name__)
 LARGEST = 1e12
 """of a number in the metadata, in any unit"""
 LATEST_S = 1e12
-"""beyond it a time cannot be told to a tenth of a millisecond; seconds since 1970 are 2e9"""
+"""beyond it a time is not accurate to a tenth of a millisecond; seconds since 1970 are 2e9"""
 SHORTEST_S = 1e-9
 """between rows, as a rule; sensors of bars take some 1e-3"""
 
@@ -65,7 +65,7 @@ class Recording:
 
     @property
     def start(self) -> datetime | None:
-        """UTC of the first row, None where the metadata do not say it.  Raises RecordingError for what is no time."""
+        """UTC of the first row, None where the metadata lack it.  Raises RecordingError for what is no time."""
         start = self.metadata.get("start")
         try:
             return (
@@ -112,17 +112,17 @@ class Recording:
         return {name: self.unit(name) for name in self.columns if self.unit(name) != COLUMN_UNITS[name]}
 
 
-def read_recording(path: str | Path, joint: str = "", said: Sequence[str] = ()) -> Recording:
+def read_recording(path: str | Path, joint: str = "", terms: Sequence[str] = ()) -> Recording:
     """Reads a recording and converts the units that its metadata name to SI.
 
     A file of another program is read as well (``formats/``); what was taken for what is logged as a warning, and
-    ``FILE#joint=elbow,position=SERIES:deg`` says it.  joint: which one of such a file is meant, if it has one of that
-    name; said: ``position=SERIES:deg`` for columns of which the address says nothing.  A last line that was cut off (a
+    ``FILE#joint=elbow,position=SERIES:deg`` sets it.  joint: which one of such a file is meant, if it has one of that
+    name; terms: ``position=SERIES:deg`` for columns that the address does not have.  A last line that was cut off (a
     recorder was killed) is left out and counted in ``truncated``.  Raises RecordingError, one line: the file, the line,
     what was found and expected, and the likely cause.
     """
     path, choice = split_address(Path(path))
-    choice = replace(choice, terms={**parse_map(said), **choice.terms})
+    choice = replace(choice, terms={**parse_map(terms), **choice.terms})
     if not choice and not is_foreign(path):
         recording = _read_own(path)
     else:

@@ -1,6 +1,6 @@
-"""A recording as a robot: its rows are handed out as if they were being measured.
+"""A recording as a robot: its rows are returned as if they were being measured.
 
-``port`` is the recording's path, relative to the working folder of the process; ``column`` says which of its columns
+``port`` is the recording's path, relative to the working folder of the process; ``column`` selects which of its columns
 is the joint's command, or the accelerometer's signal (any column may be the one that rings).  Reading the file is
 recording.py's; what becomes of the samples, the service's.
 """
@@ -62,7 +62,7 @@ class ReplayAccelerometerOptions(AccelerometerOptions, frozen=True, kw_only=True
 class ReplayOptions(RobotOptions, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """speed: 1 is real time, "max" as fast as the samples are taken.
 
-    start: UTC of the first row; by default what the recording says in ``start``, else such that it ends now.
+    start: UTC of the first row; by default the recording's ``start``, else such that it ends now.
     """
 
     speed: Annotated[float, msgspec.Meta(gt=0)] | Literal["max"] = 1.0
@@ -85,11 +85,11 @@ class ReplayClock(VirtualClock):
         with self._loading:
             if path not in self._recordings:
                 self._recordings[path] = read_recording(path)
-                self._tell(self._recordings[path])
+                self._take_start(self._recordings[path])
             return self._recordings[path]
 
-    def _tell(self, recording: Recording) -> None:
-        """Takes the recording's start in UTC, unless another is known, and says what is odd about the file."""
+    def _take_start(self, recording: Recording) -> None:
+        """Takes the recording's start in UTC, unless another is known, and logs what is odd about the file."""
         if not self._start_is_known:
             self._start = recording.start or datetime.now(UTC) - timedelta(seconds=recording.duration)
             self._start_is_known = True

@@ -1,7 +1,7 @@
-"""Driver of joints and accelerometers that a robot with ROS 2 tells of on its topics, over rmw_zenoh.
+"""Driver of joints and accelerometers that a robot publishes on topics of ROS 2, over rmw_zenoh.
 
 It only listens: nothing is published, and the bus of the servos is left to ros2_control.  The session stands in
-``ros2_session.py``, messages in ``codec/ros2_messages.py``, who is there in ``ros2_hearing.py``.
+``ros2_session.py``, messages in ``codec/ros2_messages.py``, identities in ``ros2_identity.py``.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ from lostmotion.drivers.codec.ros2_messages import (
     DECODERS,
     IMU,
     JOINT_STATE,
-    JointsTold,
+    JointStates,
     imu_acceleration,
 )
 from lostmotion.drivers.errors import DriverError
-from lostmotion.drivers.ros2_hearing import REFERENCE, Wanted, decoded, hear
+from lostmotion.drivers.ros2_identity import REFERENCE, Wanted, decoded, identify_all
 from lostmotion.drivers.ros2_session import Listener, Message, Ros2Network
 from lostmotion.drivers.ros2_stamps import Source, stamped
 from lostmotion.drivers.timeline import Timeline
@@ -86,10 +86,12 @@ class Ros2Bus:
         for joint in joints:
             topic = qualified(joint.reference or joint.topic, network.namespace)
             same = self._joints.setdefault(topic, {})
-            told = joint.joint or joint.name
-            if told in same:
-                raise DriverError(f"joint {joint.name!r}: {told!r} on {topic} already belongs to joint {same[told]!r}")
-            same[told] = joint.name
+            ros_name = joint.joint or joint.name
+            if ros_name in same:
+                raise DriverError(
+                    f"joint {joint.name!r}: {ros_name!r} on {topic} already belongs to joint {same[ros_name]!r}"
+                )
+            same[ros_name] = joint.name
         self._controlled = {joint.name for joint in joints if joint.reference}
         self._names = tuple(joint.name for joint in joints)
         controlled = {qualified(joint.reference, network.namespace) for joint in joints if joint.reference}
@@ -109,11 +111,11 @@ class Ros2Bus:
     def identify(self) -> tuple[Identity, ...]:
         """Listens until each topic has shown its type, joints, rate and clock.  Raises PortError."""
         wanted = [
-            Wanted(name, topic, told, tuple(DECODERS), name in self._controlled)
+            Wanted(name, topic, ros_name, tuple(DECODERS), name in self._controlled)
             for topic, joints in self._joints.items()
-            for told, name in joints.items()
+            for ros_name, name in joints.items()
         ]
-        found = {who.name: who for who in hear(self._listener, wanted, self._clock.now)}
+        found = {who.name: who for who in identify_all(self._listener, wanted, self._clock.now)}
         commanded = {who.name for who in found.values() if who.ok and who.found.endswith(REFERENCE)}
         self.resolution_rad = 0.0 if commanded == set(self._names) else math.nan
         return tuple(found[name] for name in self._names)
@@ -145,36 +147,36 @@ class Ros2Bus:
         samples, broken = list[ServoSample](), 0
         for topic, joints in self._joints.items():
             times = self._times[topic]
-            messages = times.heard(self._listener, self._clock)
+            messages = times.received(self._listener, self._clock)
             arrival = self._clock.now()
-            told: list[JointsTold] = []
+            states: list[JointStates] = []
             attached: list[bytes] = []
             for message in messages:
                 try:
-                    told.append(decoded(message))
+                    states.append(decoded(message))
                     attached.append(message.attached)
                 except CdrError:
                     broken += 1
-            host = times.host([(one.stamp_ns, more) for one, more in zip(told, attached, strict=True)], arrival)
-            for one, moment in zip(told, host, strict=True):
+            host = times.host([(one.stamp_ns, more) for one, more in zip(states, attached, strict=True)], arrival)
+            for one, moment in zip(states, host, strict=True):
                 broken += self._add(one, moment, joints, samples)
         return samples, broken
 
-    def _add(self, told: JointsTold, moment: float, joints: dict[str, str], samples: list[ServoSample]) -> int:
+    def _add(self, states: JointStates, moment: float, joints: dict[str, str], samples: list[ServoSample]) -> int:
         """Puts the joints of a message to the samples; how many of them had no angle."""
         broken = 0
-        for index, name in enumerate(told.names):
+        for index, name in enumerate(states.names):
             joint = joints.get(name)
             if joint is None or moment <= self._last[joint]:
                 continue
-            position = told.position[index] if told.position else math.nan
-            command = told.reference[index] if told.reference else position
+            position = states.position[index] if states.position else math.nan
+            command = states.reference[index] if states.reference else position
             if not math.isfinite(command):
                 broken += 1
                 continue
             self._last[joint] = moment
-            velocity = told.velocity[index] if told.velocity else math.nan
-            torque = told.effort[index] if told.effort else math.nan
+            velocity = states.velocity[index] if states.velocity else math.nan
+            torque = states.effort[index] if states.effort else math.nan
             samples.append(ServoSample(joint, moment, command, position, velocity, torque))
         return broken
 
@@ -208,13 +210,13 @@ class Ros2Accelerometer:
     def identify(self) -> tuple[Identity, ...]:
         """Listens until the topic has shown its type, rate and clock.  Raises PortError."""
         wanted = Wanted(self._name, self._topic, "", (IMU,), rate_hz=self._rate)
-        found = hear(self._listener, [wanted], self._clock.now)
+        found = identify_all(self._listener, [wanted], self._clock.now)
         self._listener.take(self._topic)
         return tuple(found)
 
     def read(self) -> AccelBlock:
         """The samples since the last call; waits for some up to 0.25 s.  Raises PortError when the router went away."""
-        messages = self._times.heard(self._listener, self._clock) or self._listener.wait(self._topic, WAIT_S)
+        messages = self._times.received(self._listener, self._clock) or self._listener.wait(self._topic, WAIT_S)
         arrival = self._clock.now()
         if not messages:
             self._listener.check()
@@ -224,13 +226,13 @@ class Ros2Accelerometer:
             try:
                 if message.type != IMU:
                     raise CdrError(f"found {message.type}, expected {IMU}")
-                told = imu_acceleration(message.data)
+                sample = imu_acceleration(message.data)
             except CdrError:
                 broken += 1
                 continue
-            value = self._sign * told[self._index]
+            value = self._sign * sample[self._index]
             accel.append(value if abs(value) <= self.range_ms2 else math.nan)
-            stamps.append(self._times.stamp(told[0], message.attached))
+            stamps.append(self._times.stamp(sample[0], message.attached))
         if not accel:
             return AccelBlock(NOTHING, NOTHING, broken=broken)
         return self._block(np.array(stamps), np.array(accel), arrival, broken)
@@ -261,9 +263,9 @@ class TopicTimes:
         self._origin = math.nan
         self._source: Source | None = None
         self._watched = -math.inf
-        self._told = 0
+        self._logged_steps = 0
 
-    def heard(self, listener: Listener, clock: Clock) -> list[Message]:
+    def received(self, listener: Listener, clock: Clock) -> list[Message]:
         """The messages that have come; now and then those up to one whose arrival was seen."""
         if clock.now() < self._watched + ARRIVAL_S:
             return listener.take(self._topic)
@@ -271,7 +273,7 @@ class TopicTimes:
         return listener.wait(self._topic, GATHER_S / 2)
 
     def stamp(self, header_ns: int, attached: bytes) -> float:
-        """A message's time [s] since the first one's, NaN where only its arrival tells; the log says by which clock."""
+        """A message's time [s] since the first one's, NaN where only its arrival is known; the clock is logged."""
         seconds, source = stamped(header_ns, attached)
         if source is not self._source:
             if self._source is not None:
@@ -300,8 +302,8 @@ class TopicTimes:
 
     def _mapped(self, run: list[float], arrival: float) -> list[float]:
         host = self._map.feed(np.array(run), arrival).tolist()
-        if self._map.steps > self._told:
-            self._told = self._map.steps
+        if self._map.steps > self._logged_steps:
+            self._logged_steps = self._map.steps
             log.warning("%s: the clock of the stamps jumped by %+.3g s; times go on", self._topic, -self._map.step)
         return list(host)
 

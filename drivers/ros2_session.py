@@ -1,6 +1,6 @@
 """A listener to topics of ROS 2 over Zenoh: a client of the robot's router that declares subscribers and nothing else.
 
-What the messages mean is told by ``ros2.py``, keys and tokens by ``codec/rmw_zenoh.py``.  Zenoh is imported when a
+``ros2.py`` decodes the messages, ``codec/rmw_zenoh.py`` keys and tokens.  Zenoh is imported when a
 session is opened.
 """
 
@@ -52,10 +52,10 @@ class Message(msgspec.Struct, frozen=True, gc=False):
 
 
 class Listener:
-    """Hears some topics over one session of its own; opened again after the router went away."""
+    """Subscribes to some topics over one session of its own; opened again after the router went away."""
 
     def __init__(self, network: Ros2Network, topics: Mapping[str, str]) -> None:
-        """topics: with the types that they have behind a bridge, whose keys do not tell them."""
+        """topics: with the types that they have behind a bridge, whose keys do not have them."""
         self._network = network
         self.topics = tuple(topics)
         self._bridged = topics
@@ -93,25 +93,25 @@ class Listener:
     def take(self, topic: str) -> list[Message]:
         """The messages of a topic that have come since the last call.  Raises PortError."""
         self._opened()
-        take, heard = self._takes.get(topic), list[Message]()
+        take, messages = self._takes.get(topic), list[Message]()
         while take and (sample := _next(take)):
             attached = sample.attachment
             kind = self._bridged[topic] if self._network.bridge else self._type(str(sample.key_expr))
-            heard.append(Message(kind, sample.payload.to_bytes(), attached.to_bytes() if attached else b""))
-        return heard
+            messages.append(Message(kind, sample.payload.to_bytes(), attached.to_bytes() if attached else b""))
+        return messages
 
     def wait(self, topic: str, seconds: float) -> list[Message]:
         """The same, but for the first to come from now on: then the time of its arrival is known."""
         end = time.monotonic() + seconds
-        heard = self.take(topic)
+        messages = self.take(topic)
         fresh: list[Message] = []
         while not fresh and time.monotonic() < end:
             time.sleep(LOOK_S)
             fresh = self.take(topic)
-        return heard + fresh
+        return messages + fresh
 
     def check(self) -> None:
-        """Raises PortError when the router went away, which Zenoh itself does not tell."""
+        """Raises PortError when the router went away, which Zenoh itself does not report."""
         info = self._opened().info
         if not (info.routers_zid() or info.peers_zid()):
             raise PortError(f"the router at {self.where} went away; likely cause: it ended, or the network is down")

@@ -27,12 +27,12 @@ class Source(Enum):
 
 
 def stamped(header_ns: int, attached: bytes) -> tuple[float, Source]:
-    """The time of a message [s] and where it comes from; NaN where only its arrival tells."""
+    """The time of a message [s] and where it comes from; NaN where only its arrival is known."""
     if header_ns:
         seconds = header_ns / SECOND_NS
         return seconds, Source.HEADER if seconds >= SIMULATED_BEFORE_S else Source.SIMULATION
-    told = sent(attached)
-    return (told.time_ns / SECOND_NS, Source.PUBLISHER) if told else (math.nan, Source.ARRIVAL)
+    info = sent(attached)
+    return (info.time_ns / SECOND_NS, Source.PUBLISHER) if info else (math.nan, Source.ARRIVAL)
 
 
 def clock_fault(span_s: float, passed_s: float) -> str:

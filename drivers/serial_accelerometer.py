@@ -1,6 +1,6 @@
 """What all accelerometers on a serial port have in common: opening, identity by rate, reading, robot times.
 
-What their bytes mean is told by a ``Format``: ``witmotion.py``, ``csv_serial.py``.
+A ``Format`` decodes their bytes: ``witmotion.py``, ``csv_serial.py``.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ NOTHING = np.empty(0)
 class Readings:
     """What a chunk of bytes held: accelerations [m/s²], shape (N,), NaN for a broken one; the sensor's own times [s] of
     each, (N,), or None if it sends none; how many frames or lines were broken; how many of the NaN the sensor itself
-    tells as lost."""
+    reports as lost."""
 
     accel: FloatArray
     stamps: FloatArray | None
@@ -99,8 +99,8 @@ class SerialAccelerometer:
             what = "nothing" if not seen else "bytes that are none of its"
             cause = "unpowered, or another port" if not seen else "another device on the port, or a wrong baudrate"
             when = f" in {SILENCE_S:g} s; likely cause: {cause}"
-            heard = f" ({seen[:24]!r})" if seen else ""
-            return (Identity(self._name, what + heard + when, expected, False, what + when),)
+            excerpt = f" ({seen[:24]!r})" if seen else ""
+            return (Identity(self._name, what + excerpt + when, expected, False, what + when),)
         rate = (count - 1) / span
         ok = abs(rate / self._rate - 1) <= RATE_TOLERANCE and broken <= 0.1 * count
         found = f"{self._form.name} at {rate:.0f} Hz" + (f", {broken} broken of {count + broken}" if broken else "")

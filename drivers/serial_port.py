@@ -1,6 +1,6 @@
-"""One serial port: opening it with errors that say the likely cause, reading without busy waiting, losing it.
+"""One serial port: opening it with errors that have the likely cause, reading without busy waiting, losing it.
 
-What the bytes mean stands in ``codec``.
+``codec`` decodes the bytes.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ class SerialPort:
         All requests in one call, with nothing else between them: what Python does right after a wait costs several
         times as much as at other times, because the caches are cold.
         """
-        heard: list[tuple[float, bytes]] = []
+        answers: list[tuple[float, bytes]] = []
         write, read, timeout_ms = os.write, os.read, timeout_s * 1000
         with self._busy:
             fd, answered = self._fd(), self._poll.poll
@@ -107,15 +107,15 @@ class SerialPort:
                     write(fd, exchange.request)
                     if answered(timeout_ms) and not (answer := read(fd, CHUNK)):
                         raise self._gone(None)
-                    heard.append((asked, answer))
+                    answers.append((asked, answer))
                     if len(answer) != exchange.length or not answer.startswith(exchange.start):
-                        return heard, False
+                        return answers, False
             except BlockingIOError:  # the line takes nothing, or another reader was quicker
-                heard.append((asked, b""))
-                return heard, False
+                answers.append((asked, b""))
+                return answers, False
             except OSError as error:
                 raise self._gone(error) from error
-        return heard, True
+        return answers, True
 
     def write(self, data: bytes) -> int:
         """Sends the bytes; how many the port took.  Raises PortError when the port is closed or gone."""

@@ -18,7 +18,7 @@ from lostmotion.drivers.codec.servo_state import Model, ServoState
 from lostmotion.drivers.errors import DriverError
 from lostmotion.drivers.servo_port import ServoPort
 
-__all__ = ["LineBus", "LineOptions", "Said", "Servo", "check_line", "silence_s"]
+__all__ = ["LineBus", "LineOptions", "Reply", "Servo", "check_line", "silence_s"]
 
 LONGEST_WAIT_S = 0.3
 GATHER_S = 0.095
@@ -73,7 +73,7 @@ class _Group:
         return late
 
 
-Said = tuple[Servo, tuple[float, bytes]]
+Reply = tuple[Servo, tuple[float, bytes]]
 """a servo, the robot time [s] of its request, and its state block, or the answer to its plain question as it came"""
 
 
@@ -112,10 +112,10 @@ class LineBus(ABC):
         found = [self._found(servo) for servo in self._servos]
         silence, gist = "no answer; likely cause: no power, another id, or another baudrate", ""
         if all(description is None for description in found):
-            heard = self._line.listen(EAVESDROP_S)
-            if heard:
-                told = "no answer, but {} unasked; likely cause: another device on the port"
-                silence, gist = told.format(repr(heard[:24])), told.format("bytes")
+            received = self._line.listen(EAVESDROP_S)
+            if received:
+                text = "no answer, but {} unasked; likely cause: another device on the port"
+                silence, gist = text.format(repr(received[:24])), text.format("bytes")
         self._start()
         return tuple(
             self._identity(servo, description, silence, gist)
@@ -123,7 +123,7 @@ class LineBus(ABC):
         )
 
     def read(self) -> ServoReading:
-        """Waits for the next poll, at most 0.3 s; what the servos said in this poll and in those of the next 95 ms.
+        """Waits for the next poll, at most 0.3 s; the answers of this poll and of those of the next 95 ms.
 
         Raises PortError.
         """
@@ -131,13 +131,13 @@ class LineBus(ABC):
         if turn - self._clock.now() > LONGEST_WAIT_S:
             time.sleep(LONGEST_WAIT_S)
             return ServoReading(silent=self._silent())
-        told: list[Said] = []
+        replies: list[Reply] = []
         lost, end = 0, turn + GATHER_S
         while turn < end:
             time.sleep(max(0.0, turn - self._clock.now()))
-            missed, turn = self._poll(told)
+            missed, turn = self._poll(replies)
             lost += missed
-        samples = tuple(self._samples(told))
+        samples = tuple(self._samples(replies))
         broken, self._broken = self._broken, 0
         return ServoReading(samples, self._silent(), lost, broken)
 
@@ -147,7 +147,7 @@ class LineBus(ABC):
 
     @abstractmethod
     def _found(self, servo: Servo) -> str | None:
-        """Which servo answers at this id, as ``_description`` tells it; None when none does."""
+        """Which servo answers at this id, as by ``_description``; None when none does."""
 
     @abstractmethod
     def _description(self, number: int, protocol: int) -> str:
@@ -166,7 +166,7 @@ class LineBus(ABC):
         """The state block of one servo that would obey a sync read."""
 
     @abstractmethod
-    def _sync_read(self, missing: dict[int, Servo], told: list[Said]) -> None:
+    def _sync_read(self, missing: dict[int, Servo], replies: list[Reply]) -> None:
         """Asks the servos by their ids all at once; takes those out of ``missing`` that answer."""
 
     def _identity(self, servo: Servo, description: str | None, silence: str, gist: str) -> Identity:
@@ -184,9 +184,9 @@ class LineBus(ABC):
         self._awake = 0.0
         self._broken = 0
 
-    def _samples(self, told: Iterable[Said]) -> Iterator[ServoSample]:
-        """What servos have told, in SI units; an answer with a wrong checksum makes its servo a silent one."""
-        for servo, (asked, block) in told:
+    def _samples(self, replies: Iterable[Reply]) -> Iterator[ServoSample]:
+        """The samples in replies, in SI units; an answer with a wrong checksum makes its servo a silent one."""
+        for servo, (asked, block) in replies:
             if servo.question and len(block) == servo.question.length:
                 block = servo.question.parameters(block)
                 self._broken += not block
@@ -195,7 +195,7 @@ class LineBus(ABC):
                 command, position, velocity, voltage, heat, current = self._state(servo.model, block)
                 yield ServoSample(servo.joint, asked, command, position, velocity, math.nan, current, voltage, heat)
 
-    def _poll(self, told: list[Said]) -> tuple[int, float]:
+    def _poll(self, replies: list[Reply]) -> tuple[int, float]:
         """Asks the servos whose turn it is; how many polls went by meanwhile, and when the next turn is [s].
 
         Few calls, because they come right after a wait: each costs ten times as much there as at other times.
@@ -208,14 +208,14 @@ class LineBus(ABC):
                     asked = [servo for servo in asked if servo.rests_until <= now]
                     questions = _questions(asked)
                 if group.questions:
-                    self._read_in_turn(asked, questions, told)
+                    self._read_in_turn(asked, questions, replies)
                 else:
-                    self._read_group(asked, told)
+                    self._read_group(asked, replies)
                 lost += group.advance(self._clock.now()) * len(asked)
             turn = min(turn, group.due)
         return lost, turn
 
-    def _read_in_turn(self, servos: list[Servo], questions: list[Question], told: list[Said]) -> None:
+    def _read_in_turn(self, servos: list[Servo], questions: list[Question], replies: list[Reply]) -> None:
         """Asks servos one after the other, whose answers are all of one length.
 
         Those that look like answers are kept as they are: to look into them at once, after a wait, takes ten times as
@@ -223,37 +223,37 @@ class LineBus(ABC):
         """
         while servos:
             answers, good = self._line.ask(questions, self._clock.now)
-            told.extend(zip(servos, answers, strict=False))
+            replies.extend(zip(servos, answers, strict=False))
             if good:
                 return
-            servo, (asked, answer) = told.pop()
+            servo, (asked, answer) = replies.pop()
             block: Sequence[int] = b""
             if not answer or len(answer) == questions[0].length:
                 self._line.clear()
             else:
                 block = self._search(servo)
-            self._take(servo, asked, block, told)
+            self._take(servo, asked, block, replies)
             servos, questions = servos[len(answers) :], questions[len(answers) :]
 
-    def _read_group(self, servos: list[Servo], told: list[Said]) -> None:
+    def _read_group(self, servos: list[Servo], replies: list[Reply]) -> None:
         """One sync read; those that were silent before, or are now, are asked alone."""
         lone = [servo for servo in servos if servo.pause]
         missing = {servo.id: servo for servo in servos if not servo.pause}
         if missing:
-            self._sync_read(missing, told)
+            self._sync_read(missing, replies)
         for servo in (*missing.values(), *lone):
             asked = self._clock.now()
-            self._take(servo, asked, self._read_alone(servo), told)
+            self._take(servo, asked, self._read_alone(servo), replies)
 
-    def _take(self, servo: Servo, asked: float, data: Sequence[int], told: list[Said]) -> None:
+    def _take(self, servo: Servo, asked: float, data: Sequence[int], replies: list[Reply]) -> None:
         """Keeps a state block; one that is missing or of another size makes the servo a silent one."""
         good = len(data) == servo.model.block_size
         self._note(servo, asked, good)
         if good:
-            told.append((servo, (asked, bytes(data))))
+            replies.append((servo, (asked, bytes(data))))
 
     def _note(self, servo: Servo, asked: float, good: bool) -> None:
-        """Takes down whether a servo has answered; what it was asked before its last rest says nothing new."""
+        """Takes down whether a servo has answered; a request before its last rest does not count."""
         if asked < servo.rests_until:
             return
         servo.pause = 0.0 if good else min(2 * servo.pause, LONGEST_PAUSE_S) or FIRST_PAUSE_S

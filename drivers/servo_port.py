@@ -18,7 +18,7 @@ LATENCY_S = 0.034
 
 
 class ServoPort:
-    """A port on which servos answer, and say nothing unasked.  Every method may raise PortError."""
+    """A port on which servos only answer requests.  Every method may raise PortError."""
 
     def __init__(self, path: str, baudrate: int) -> None:
         self._port = SerialPort(path, baudrate)
@@ -40,10 +40,10 @@ class ServoPort:
     def listen(self, seconds: float) -> bytes:
         """What comes in without being asked for."""
         end = time.monotonic() + seconds
-        heard = b""
-        while not heard and (left := end - time.monotonic()) > 0:
-            heard = self._port.read(left)
-        return heard
+        received = b""
+        while not received and (left := end - time.monotonic()) > 0:
+            received = self._port.read(left)
+        return received
 
     def ask(self, exchanges: Sequence[Exchange], now: Callable[[], float]) -> tuple[list[tuple[float, bytes]], bool]:
         """Asks one servo after the other: the time ``now`` of each request, and what came in; whether all of that looks
@@ -55,11 +55,11 @@ class ServoPort:
         if not self._quiet:
             self.clear()
         length = exchanges[0].length
-        heard, self._quiet = self._port.converse(exchanges, self._patience(length), now)
+        answers, self._quiet = self._port.converse(exchanges, self._patience(length), now)
         if not self._quiet:
-            self._received = heard[-1][1]
+            self._received = answers[-1][1]
             self._expect(length)
-        return heard, self._quiet
+        return answers, self._quiet
 
     def receive(self) -> bytes:
         """What has come in; waits for it until the deadline, and is empty then, also if a stream never ends."""

@@ -32,9 +32,9 @@ from lostmotion.drivers.base import (
 )
 from lostmotion.drivers.clock import Clock, VirtualClock
 from lostmotion.drivers.errors import DriverError
-from lostmotion.drivers.life import YEAR_S, Step, grid, skips, step_of_life
 from lostmotion.drivers.pacing import Pace, as_utc
 from lostmotion.drivers.packages import is_there, missing
+from lostmotion.drivers.schedule import YEAR_S, Step, grid, schedule_step, skips
 from lostmotion.drivers.simulated_options import (
     MOST_PLAY_M,
     SimulatedAccelerometerOptions,
@@ -48,7 +48,7 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
-WORTH_TELLING_S = 2.0
+LONG_COMPILE_S = 2.0
 STEP_S = 0.5
 """A step where time is skipped [s]."""
 KNOT_S = 2e-3
@@ -90,7 +90,7 @@ class SimulatedRobot(VirtualClock):
             return self._joints[-1]
 
     def add_sensor(self, options: SimulatedAccelerometerOptions) -> Bar:
-        """An accelerometer that is heard from now on."""
+        """Adds an accelerometer, simulated from now on."""
         with self._made:
             bar = self._sensors[options.name] = Bar(options, [self._options.seed, len(self._sensors)])
             return bar
@@ -98,7 +98,7 @@ class SimulatedRobot(VirtualClock):
     def prepare(self) -> None:
         """Loads and compiles the model, so that no reading has to wait for it.  Raises DriverError.
 
-        A sensor that no joint names rides on one without play, of which nobody hears.
+        A sensor that no joint names moves with a joint without play, which is not reported.
         """
         with self._made:
             begin = time.monotonic()
@@ -112,7 +112,7 @@ class SimulatedRobot(VirtualClock):
                         f"{joint.options.accelerometer}: a simulated joint moves no other accelerometer"
                     )
                 joint.prepare(self._options.motion, self._sensors.get(joint.options.accelerometer))
-        if time.monotonic() - begin > WORTH_TELLING_S:
+        if time.monotonic() - begin > LONG_COMPILE_S:
             log.info("the model was compiled in %.0f s; it is kept for the next start", time.monotonic() - begin)
 
     def collect(self, queues: Sequence[deque[T]]) -> list[T]:
@@ -124,7 +124,7 @@ class SimulatedRobot(VirtualClock):
 
     def _step(self) -> None:
         """Makes the next step of all joints and sensors, once its time has come."""
-        step = step_of_life(self._number, self._length, self._speed)
+        step = schedule_step(self._number, self._length, self._speed)
         if not self._pace.wait(step.end):
             return
         self._number += 1
@@ -133,7 +133,7 @@ class SimulatedRobot(VirtualClock):
             bar = self._sensors.get(joint.options.accelerometer)
             felt = joint.move(step, bar.times(step) if bar else np.empty(0))
             if bar:
-                tips[bar.options.name] += joint.reach(bar) * felt
+                tips[bar.options.name] += joint.lever_ratio(bar) * felt
         for name, bar in self._sensors.items():
             bar.feel(step, tips[name])
         self.advance(step.end)
@@ -163,8 +163,8 @@ class Gear:
         worn = min(self.options.wear_per_year * robot_time / YEAR_S, MOST_WEAR)
         return min(self.options.play_m * math.exp(worn), MOST_PLAY_M)
 
-    def reach(self, bar: Bar) -> float:
-        """The joint's lever arm at its accelerometer in lengths of the bar: so much louder it is there."""
+    def lever_ratio(self, bar: Bar) -> float:
+        """The joint's lever arm at its accelerometer in lengths of the bar: the factor of the acceleration there."""
         length_m = bar.options.oscillator.length_m
         return self.options.levers_m.get(bar.options.name, length_m) / length_m
 
@@ -184,7 +184,7 @@ class Gear:
         self._body = body
 
     def move(self, step: Step, accel_times: FloatArray) -> FloatArray:
-        """Moves through a step, queues what the servo tells; the tip acceleration [m/s²] at these times [s].
+        """Moves through a step, queues the servo's samples; the tip acceleration [m/s²] at these times [s].
 
         The model's time is that of the stretch: a large time has few digits left for the phase of a motion.
         """
@@ -192,13 +192,13 @@ class Gear:
         if step.after_rest:
             self._body.begin(self._moves(step.stretch), -RUN_UP_S)
         servo_times = grid(step.begin, step.servo_end, self.options.poll_hz)
-        heard = np.unique(np.concatenate([servo_times, accel_times]))
-        times = np.concatenate([[self._body.time], heard - step.origin])
+        all_times = np.unique(np.concatenate([servo_times, accel_times]))
+        times = np.concatenate([[self._body.time], all_times - step.origin])
         command, position, accel = (signal[1:] for signal in self._body.move(times, self.play_m(step.begin)))
         if self.is_read:
-            at = np.searchsorted(heard, servo_times)
-            self.samples.append(self._told(servo_times, command[at], position[at]))
-        return np.asarray(accel[np.searchsorted(heard, accel_times)])
+            at = np.searchsorted(all_times, servo_times)
+            self.samples.append(self._servo_samples(servo_times, command[at], position[at]))
+        return np.asarray(accel[np.searchsorted(all_times, accel_times)])
 
     def _moves(self, stretch: int) -> Motion:
         """The motion of a stretch; a hand never waves twice the same.  Raises ModelError."""
@@ -206,7 +206,7 @@ class Gear:
 
         return HandWaved(self._seed + 1000 * stretch) if self._motion == "hand-waved" else by_name(self._motion)
 
-    def _told(self, times: FloatArray, command: FloatArray, position: FloatArray) -> list[ServoSample]:
+    def _servo_samples(self, times: FloatArray, command: FloatArray, position: FloatArray) -> list[ServoSample]:
         step = self.options.resolution_rad
         if step:
             command, position = np.round(command / step) * step, np.round(position / step) * step
@@ -316,13 +316,15 @@ class SimulatedJoints:
 
     def identify(self) -> tuple[Identity, ...]:
         return tuple(
-            Identity(joint.options.name, told, told, ok=True)
+            Identity(joint.options.name, description, description, ok=True)
             for joint in self._joints
-            for told in [f"simulated joint, play {joint.play_m(self._robot.now()) * 1e6:.0f} µm"]
+            for description in [f"simulated joint, play {joint.play_m(self._robot.now()) * 1e6:.0f} µm"]
         )
 
     def read(self) -> ServoReading:
-        samples = [sample for told in self._robot.collect([joint.samples for joint in self._joints]) for sample in told]
+        samples = [
+            sample for batch in self._robot.collect([joint.samples for joint in self._joints]) for sample in batch
+        ]
         return ServoReading(tuple(sorted(samples, key=attrgetter("time"))))
 
     def close(self) -> None:
@@ -348,8 +350,8 @@ class SimulatedAccelerometer:
         self._bar.is_read = True
 
     def identify(self) -> tuple[Identity, ...]:
-        told = f"simulated accelerometer at {self._bar.options.rate_hz:g} Hz"
-        return (Identity(self._bar.options.name, told, told, ok=True),)
+        description = f"simulated accelerometer at {self._bar.options.rate_hz:g} Hz"
+        return (Identity(self._bar.options.name, description, description, ok=True),)
 
     def read(self) -> AccelBlock:
         return next(iter(self._robot.collect([self._bar.blocks])), AccelBlock(np.empty(0), np.empty(0)))

@@ -1,4 +1,4 @@
-"""What a configuration says of a simulated robot: its joints, its accelerometers, and the robot as a whole."""
+"""The options of a simulated robot: its joints, its accelerometers, and the robot as a whole."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Driver of a second adapter on a servos' line whose master is somebody else: it listens, and never sends a byte.
+"""Driver of a second adapter on a servos' line that has another master: it listens, and never sends a byte.
 
-The commands are the goals that the master writes, the positions what it reads.  What the bytes mean stands in
-``codec/overheard.py`` and ``codec/registers.py``; the port in ``listening_port.py``.  Dynamixel of both protocols and
+The commands are the goals that the master writes, the positions what it reads.  The bytes are decoded by
+``codec/sniffer.py`` and ``codec/registers.py``; the port in ``listening_port.py``.  Dynamixel of both protocols and
 Feetech, also mixed on one line.
 """
 
@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 
 from lostmotion.drivers.base import Driver, Identity, JointOptions, RobotOptions, ServoBus, ServoReading, ServoSample
 from lostmotion.drivers.clock import Clock
-from lostmotion.drivers.codec.overheard import Heard, Overheard, What
 from lostmotion.drivers.codec.registers import ALL_MODELS, POSITION, Registers
+from lostmotion.drivers.codec.sniffer import AccessKind, BusSniffer, RegisterAccess
 from lostmotion.drivers.listening_port import ListeningPort
 from lostmotion.drivers.servo_line import GATHER_S, LineOptions, check_line, silence_s
 
@@ -26,7 +26,7 @@ HOLD_S = 2e-3
 """what comes within so long of a first byte is fetched together: a question with its answers takes 1 to 3 ms, and each
 fetch costs a wake-up"""
 LISTEN_S = 1.6
-"""a master that reads once a second is heard"""
+"""long enough for a master that reads once a second"""
 SHOWN = 24
 """so many bytes of what is no packet are shown"""
 
@@ -38,12 +38,12 @@ class TapOptions(LineOptions, frozen=True, kw_only=True, forbid_unknown_fields=T
 
 @dataclass(slots=True, eq=False)
 class _Servo:
-    """A servo that is listened to; heard: when its position was [s]; told: what was heard of it since ``open``."""
+    """A monitored servo; last_seen: time of its last position [s]; counts: register accesses since ``open``."""
 
     options: TapOptions
     registers: Registers
-    heard: float = -math.inf
-    told: Counter[What] = field(default_factory=Counter)
+    last_seen: float = -math.inf
+    counts: Counter[AccessKind] = field(default_factory=Counter)
     positions: int = 0
     asked: set[int] = field(default_factory=set)
 
@@ -62,7 +62,7 @@ class TapBus:
         self._joints = joints
         self._port = ListeningPort(joints[0].port, joints[0].baudrate)
         models = {joint.name: ALL_MODELS[joint.model] for joint in joints}
-        self._streams = [Overheard(protocol) for protocol in sorted({model.protocol for model in models.values()})]
+        self._streams = [BusSniffer(protocol) for protocol in sorted({model.protocol for model in models.values()})]
         self.resolution_rad = max(model.step for model in models.values())
         self._servos: dict[int, _Servo] = {}
         self._broken, self._first = 0, b""
@@ -74,13 +74,13 @@ class TapBus:
         self._forget()
 
     def identify(self) -> tuple[Identity, ...]:
-        """Listens to what is said of each servo.  Raises PortError."""
+        """Listens for traffic of each servo.  Raises PortError."""
         self._forget()
         self._listen(LISTEN_S)
         return tuple(self._identity(servo) for servo in self._servos.values())
 
     def read(self) -> ServoReading:
-        """What was said in the next 95 ms.  Raises PortError."""
+        """The samples of the next 95 ms.  Raises PortError."""
         samples = self._listen(GATHER_S)
         broken, self._broken = self._broken, self._damage()
         return ServoReading(tuple(samples), self._silent(), broken=self._broken - broken)
@@ -108,21 +108,21 @@ class TapBus:
         for begun, data in pieces:
             self._first = self._first or data[:SHOWN]
             for stream in self._streams:
-                for heard in stream.feed(data):
-                    self._take(heard, begun, samples)
+                for access in stream.feed(data):
+                    self._take(access, begun, samples)
         return samples
 
-    def _take(self, heard: Heard, now: float, samples: list[ServoSample]) -> None:
-        servo = self._servos.get(heard.id)
+    def _take(self, access: RegisterAccess, now: float, samples: list[ServoSample]) -> None:
+        servo = self._servos.get(access.id)
         if servo is None:
             return
-        servo.told[heard.what] += 1
-        if heard.what is What.ASKED:
-            servo.asked.add(heard.address)
+        servo.counts[access.kind] += 1
+        if access.kind is AccessKind.ASKED:
+            servo.asked.add(access.address)
             return
-        told = servo.registers.hear(heard.address, heard.data, now)
-        if heard.what is What.ANSWERED and POSITION in told and now > servo.heard:
-            servo.heard = now
+        names = servo.registers.update(access.address, access.data, now)
+        if access.kind is AccessKind.ANSWERED and POSITION in names and now > servo.last_seen:
+            servo.last_seen = now
             servo.positions += 1
             state = servo.registers.state(now)
             samples.append(
@@ -141,7 +141,7 @@ class TapBus:
         return tuple(
             servo.options.name
             for servo in self._servos.values()
-            if now - servo.heard > silence_s(servo.options.poll_hz)
+            if now - servo.last_seen > silence_s(servo.options.poll_hz)
         )
 
     def _identity(self, servo: _Servo) -> Identity:
@@ -155,7 +155,7 @@ class TapBus:
         return Identity(options.name, f"{expected}, {rate}, {goals}", expected, True, expected)
 
     def _fault(self, servo: _Servo) -> str:
-        """Why no position of a servo was heard."""
+        """Why no position of a servo was seen."""
         name = f"id {servo.options.id}"
         if not self._first:
             return f"{name}: nothing on the line; likely cause: its master does not run, or another wire"
@@ -164,18 +164,18 @@ class TapBus:
                 f"{name}: no packets, but {self._first!r}; likely cause: another device on the port, another baudrate,"
                 " or servos of another protocol"
             )
-        if servo.told[What.ANSWERED]:
+        if servo.counts[AccessKind.ANSWERED]:
             asked = ", ".join(str(address) for address in sorted(servo.asked))
             return (
                 f"{name}: answers without the position, its master reads from address {asked}; likely cause: another"
                 " model, or indirect addresses, which a listener cannot know"
             )
-        if servo.told[What.ASKED]:
+        if servo.counts[AccessKind.ASKED]:
             return (
                 f"{name}: asked, and no answer heard; likely cause: it has no power, or only the master's own wire is"
                 " listened to"
             )
-        if servo.told[What.WRITTEN]:
+        if servo.counts[AccessKind.WRITTEN]:
             return f"{name}: goals, and no position; likely cause: its master never reads it"
         return f"{name}: nobody speaks to it, though others are spoken to; likely cause: another id"
 

@@ -11,11 +11,11 @@ __all__ = ["TextFileError", "read_text", "shortened"]
 MOST_CHARACTERS = 1_000_000
 """a configuration of 1000 joints takes a fifth of it"""
 LONGEST_LINE = 1000
-"""characters of what is said of a file"""
+"""characters of an error about a file"""
 
 
 class TextFileError(LostmotionError):
-    """The file cannot be read, or is no such file; the one-line message says why."""
+    """The file cannot be read, or is no such file; the one-line message has the cause."""
 
 
 def read_text(path: Path) -> str:

@@ -1,7 +1,7 @@
 """Stamps of a clock with coarse ticks → the times at which evenly sampled values were really taken.  Pure functions of
 numbers.
 
-``millis()`` at 800 samples a second says 0, 1, 2, 3, 5 ms …: each stamp is right to a tick, but neighbours are a tick
+``millis()`` at 800 samples a second gives 0, 1, 2, 3, 5 ms …: each stamp is right to a tick, but neighbours are a tick
 or two apart, which looks as if samples were missing.
 """
 
@@ -32,7 +32,7 @@ class Ticks:
 
     A sample was taken within the tick that its stamp begins; within it the time goes on evenly from the last sample's.
     A stamp that lies later than that by half a period or 0.6 ticks, whichever is more, follows samples that were lost.
-    At a tick of 0.8 periods some single lost samples cannot be told from rounding and are not counted: 17 of 157.
+    At a tick of 0.8 periods some single lost samples look like rounding and are not counted: 17 of 157.
     """
 
     def __init__(self, period: float, tick: float) -> None:

@@ -46,7 +46,7 @@ class Timeline:
     ) -> None:
         self._period = period
         self._is_robot_time = is_robot_time
-        self._told = -math.inf
+        self._last_time = -math.inf
         self._least = 0.0 if tick > COARSE * period else TINY
         self._ticks = Ticks(period, tick) if tick > COARSE * period else None
         self._counts = wraps is None
@@ -98,8 +98,8 @@ class Timeline:
             missing = np.maximum(np.rint(advances / self._period).astype(int) - 1, 0)
         else:
             before_first = self._even
-            sensor, told = self._ticks.feed(sensor)
-            start, self._even, missing = before_first, float(sensor[-1]), told.astype(int)
+            sensor, skipped = self._ticks.feed(sensor)
+            start, self._even, missing = before_first, float(sensor[-1]), skipped.astype(int)
         lost = int(missing.sum())
         if lost:
             sensor, values = _fill(start, sensor, values, missing)
@@ -142,9 +142,9 @@ class Timeline:
     def _kept(self, sensor: FloatArray, accel: FloatArray, arrival: float, lost: int, broken: int) -> AccelBlock:
         """The block of stamps that are robot times; one set anew is where it was set to, but never before the last."""
         time = sensor + (self._stamp - self._time)
-        if time[0] <= self._told:
-            time = np.maximum(time, self._told + TINY * np.arange(1, len(time) + 1))
-        self._told = float(time[-1])
+        if time[0] <= self._last_time:
+            time = np.maximum(time, self._last_time + TINY * np.arange(1, len(time) + 1))
+        self._last_time = float(time[-1])
         return self._looked_at(time, accel, arrival, lost, broken)
 
     def _looked_at(self, time: FloatArray, accel: FloatArray, arrival: float, lost: int, broken: int) -> AccelBlock:

@@ -1,4 +1,4 @@
-"""Drives (CiA 402): the objects that are listened to, their units, and the states that a status word tells.
+"""Drives (CiA 402): the objects that are read, their units, and the states of a status word.
 
 No I/O, no clock.
 """
@@ -68,7 +68,7 @@ class Units:
 
     counts: of a turn of the motor; ratio: turns of the motor for one of the joint, negative where it turns the other
     way; velocity_unit: counts/s or rpm of the motor; rated_torque [N m] of the motor and rated_current [A], of which
-    drives tell thousandths, NaN where they are unknown.
+    drives report thousandths, NaN where they are unknown.
     """
 
     counts: float

@@ -29,8 +29,8 @@ class CsvDecoder:
     A broken line becomes None in its place and is counted in ``broken``: one that is not all numbers (NaN and infinity
     are none), or that has another number of columns than the others, as happens when bytes are lost.  The second line
     running with the same new number of columns is believed, so a change of format costs one line.  Readings that the
-    device tells as lost are None, too, but counted in ``lost``.  The first line
-    after ``reset`` is dropped without counting, for it is rarely whole.  ``table`` says the same as ``feed`` in a
+    device reports as lost are None, too, but counted in ``lost``.  The first line
+    after ``reset`` is dropped without counting, for it is rarely whole.  ``table`` returns the same as ``feed`` in a
     quarter of the time, where all lines are as they nearly always are.
     """
 
@@ -50,7 +50,7 @@ class CsvDecoder:
         if lines and self._skip_first:
             del lines[0]
             self._skip_first = False
-        return [row for line in lines for row in (self._told(line) if line[:1] == b"#" else (self._row(line),))]
+        return [row for line in lines for row in (self._lost_rows(line) if line[:1] == b"#" else (self._row(line),))]
 
     def table(self, data: bytes) -> NDArray[np.float64] | None:
         """The same as an array, shape (rows, columns); None, and nothing is taken in, where a line is not plainly one
@@ -77,8 +77,8 @@ class CsvDecoder:
         self._rest = b""
         self._skip_first = True
 
-    def _told(self, comment: bytes) -> list[None]:
-        """A place for each reading that the comment says is lost."""
+    def _lost_rows(self, comment: bytes) -> list[None]:
+        """A place for each reading that the comment reports as lost."""
         found = LOST.fullmatch(comment)
         count = int(found[1]) if found else 0
         self.lost += count

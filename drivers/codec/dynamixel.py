@@ -60,7 +60,7 @@ class Question:
         self.length = size + 6
 
     def parameters(self, answer: bytes) -> bytes:
-        """Those of a frame that is this answer and nothing else, whatever its error byte says; else none."""
+        """Those of a frame that is this answer and nothing else, whatever its error byte; else none."""
         whole = len(answer) == self.length and answer.startswith(self.start) and sum(answer) & 0xFF == SUM_1
         return answer[5:-1] if whole else b""
 

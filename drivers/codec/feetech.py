@@ -137,7 +137,7 @@ def identity_question(id: int) -> Question:
 
 
 def model_number(identity: bytes) -> int:
-    """The model number in the answer to ``identity_question``, in the byte order of the series that it tells."""
+    """The model number in the answer to ``identity_question``, in the byte order of its series."""
     number = identity[NUMBER : NUMBER + 2]
     return int.from_bytes(number, "big" if number[0] == SCS_SERIES else "little")
 

@@ -1,4 +1,4 @@
-"""Scans of the Linux kernel's IIO buffers: what the ``*_type`` files of sysfs say, and the frames that follow from it.
+"""Scans of the Linux kernel's IIO buffers: the ``*_type`` files of sysfs, and the frame layout that they define.
 
 Pure functions of texts and bytes.  Documentation/ABI/testing/sysfs-bus-iio describes the texts; the frame is laid out
 as ``iio_compute_scan_bytes`` of drivers/iio/industrialio-buffer.c does it.
@@ -20,7 +20,7 @@ STORAGE_BITS = (8, 16, 32, 64)
 
 
 class ScanError(ValueError):
-    """A type that is none, or that no kernel uses; the message says what was found and expected."""
+    """A type that is none, or that no kernel uses; the message has what was found and expected."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""PDOs (CiA 301): which objects the bits of a frame are, as mapping parameters say it, and their values.  No I/O, no
+"""PDOs (CiA 301): which objects the bits of a frame are, by the mapping parameters, and their values.  No I/O, no
 clock.  What the objects of a drive mean stands in ``cia402.py``.
 """
 

@@ -1,6 +1,6 @@
-"""Where servos keep command, position and the rest, and a servo's state as far as its registers were heard.
+"""Where servos keep command, position and the rest, and a servo's state as far as its registers were seen.
 
-A polled servo is asked for its whole state block; a listener hears whatever its master asks for and writes.  Source: as
+A polled servo is asked for its whole state block; a listener sees only what its master asks for and writes.  Source: as
 of ``servo_state.py`` and ``feetech.py``.
 """
 
@@ -42,29 +42,29 @@ class Registers:
         self._block = bytearray(model.block_size)
         self._places = _places(model)
         self._at: dict[str, float] = {}
-        """when a value was heard last [s], by its name"""
+        """when a value was last seen [s], by its name"""
 
-    def hear(self, address: int, data: bytes, time: float) -> set[str]:
+    def update(self, address: int, data: bytes, time: float) -> set[str]:
         """Takes registers that were answered or written; the names of the values among them."""
-        told = set()
+        names = set()
         for name, (at, size) in self._places.items():
             if address <= at and at + size <= address + len(data):
                 start = at - self._model.address
                 self._block[start : start + size] = data[at - address : at - address + size]
                 self._at[name] = time
-                told.add(name)
-        if POSITION in told and TRAJECTORY in self._places and TRAJECTORY not in told:
+                names.add(name)
+        if POSITION in names and TRAJECTORY in self._places and TRAJECTORY not in names:
             start, size = self._places[TRAJECTORY][0] - self._model.address, self._places[TRAJECTORY][1]
             self._block[start : start + size] = bytes(size)  # of another moment: the goal is nearer to the truth
-        return told
+        return names
 
     @property
     def has_command(self) -> bool:
-        """Whether a goal was heard."""
+        """Whether a goal was seen."""
         return COMMAND in self._at
 
     def state(self, now: float) -> ServoState:
-        """The state as far as it is known and fresh, else NaN; the command is the position until a goal was heard."""
+        """The state as far as it is known and fresh, else NaN; the command is the position until a goal was seen."""
         state = self._decoded()
         known = {
             name: getattr(state, name) if now - self._at.get(name, -math.inf) <= limit else math.nan

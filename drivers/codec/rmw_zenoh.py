@@ -40,7 +40,7 @@ BRIDGED_SLASH = "§"
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """A publisher as its token shows it: topic with its slash, type as package/msg/Type, node ("" if untold)."""
+    """A publisher as its token shows it: topic with its slash, type as package/msg/Type, node ("" if unknown)."""
 
     topic: str
     type: str
@@ -118,7 +118,7 @@ def attachment(sequence: int, time_ns: int, gid: bytes) -> bytes:
 
 
 def sent(attached: bytes) -> Sent | None:
-    """What an attachment says; None for one of another form."""
+    """The content of an attachment; None for one of another form."""
     if len(attached) != SENT.size:
         return None
     sequence, time_ns, size, gid = SENT.unpack(attached)

@@ -1,4 +1,4 @@
-"""The messages of ROS 2 that tell of joints and accelerations, from their bytes.  No I/O.
+"""The messages of ROS 2 with joints and accelerations, from their bytes.  No I/O.
 
 JointTrajectoryControllerState has had three layouts.  In all of them two points follow the joints' names: what the
 controller wants (``desired``, now ``reference``) and what it sees (``actual``, now ``feedback``); the rest is not read.
@@ -14,7 +14,7 @@ import msgspec
 
 from lostmotion.drivers.codec.cdr import CdrError, CdrReader
 
-__all__ = ["CONTROLLER_STATE", "DECODERS", "IMU", "JOINT_STATE", "JointsTold", "imu_acceleration"]
+__all__ = ["CONTROLLER_STATE", "DECODERS", "IMU", "JOINT_STATE", "JointStates", "imu_acceleration"]
 
 IMU = "sensor_msgs/msg/Imu"
 JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -22,9 +22,9 @@ CONTROLLER_STATE = "control_msgs/msg/JointTrajectoryControllerState"
 SECOND_NS = 1_000_000_000
 
 
-class JointsTold(msgspec.Struct, frozen=True, gc=False):
+class JointStates(msgspec.Struct, frozen=True, gc=False):
     """One message: its header's stamp [ns] and, of each joint, position [rad], velocity [rad/s], effort [N m] and what
-    the controller wants [rad]; empty where it does not tell."""
+    the controller wants [rad]; empty where it has none."""
 
     stamp_ns: int
     names: tuple[str, ...]
@@ -34,26 +34,26 @@ class JointsTold(msgspec.Struct, frozen=True, gc=False):
     reference: tuple[float, ...] = ()
 
 
-def joint_state(data: bytes) -> JointsTold:
+def joint_state(data: bytes) -> JointStates:
     """sensor_msgs/msg/JointState.  Raises CdrError."""
     reader = CdrReader(data)
     stamp = _header(reader)
     names = reader.texts()
     values = [_fitting(reader.doubles(), names) for _ in range(3)]
-    return JointsTold(stamp, names, *values)
+    return JointStates(stamp, names, *values)
 
 
-def controller_state(data: bytes) -> JointsTold:
+def controller_state(data: bytes) -> JointStates:
     """control_msgs/msg/JointTrajectoryControllerState, whichever layout.  Raises CdrError."""
     reader = CdrReader(data)
     stamp = _header(reader)
     names = reader.texts()
     wanted, _, _ = (_fitting(each, names) for each in _point(reader))
     position, velocity, effort = (_fitting(each, names) for each in _point(reader))
-    return JointsTold(stamp, names, position, velocity, effort, wanted)
+    return JointStates(stamp, names, position, velocity, effort, wanted)
 
 
-def dynamic_joint_state(data: bytes) -> JointsTold:
+def dynamic_joint_state(data: bytes) -> JointStates:
     """control_msgs/msg/DynamicJointState: its interfaces position, velocity and effort.  Raises CdrError."""
     reader = CdrReader(data)
     stamp = _header(reader)
@@ -61,14 +61,14 @@ def dynamic_joint_state(data: bytes) -> JointsTold:
     (count,) = reader.numbers("I")
     if count != len(names):
         raise CdrError(f"found values of {count} joints, expected those of {len(names)}")
-    told = []
+    interface_values = []
     for _ in names:
         interfaces = reader.texts()
-        told.append(dict(zip(interfaces, _fitting(reader.doubles(), interfaces), strict=False)))
+        interface_values.append(dict(zip(interfaces, _fitting(reader.doubles(), interfaces), strict=False)))
     position, velocity, effort = (
-        tuple(one.get(kind, math.nan) for one in told) for kind in ("position", "velocity", "effort")
+        tuple(one.get(kind, math.nan) for one in interface_values) for kind in ("position", "velocity", "effort")
     )
-    return JointsTold(stamp, names, position, velocity, effort)
+    return JointStates(stamp, names, position, velocity, effort)
 
 
 def imu_acceleration(data: bytes) -> tuple[int, float, float, float]:
@@ -79,7 +79,7 @@ def imu_acceleration(data: bytes) -> tuple[int, float, float, float]:
     return stamp, x, y, z
 
 
-DECODERS: Mapping[str, Callable[[bytes], JointsTold]] = MappingProxyType(
+DECODERS: Mapping[str, Callable[[bytes], JointStates]] = MappingProxyType(
     {
         JOINT_STATE: joint_state,
         CONTROLLER_STATE: controller_state,

@@ -42,8 +42,8 @@ def uploaded(index: int, subindex: int, data: bytes) -> int | None:
     """
     if len(data) != SIZE:
         return None
-    command, told, sub = HEAD.unpack_from(data)
-    if (told, sub) != (index, subindex):
+    command, answered, sub = HEAD.unpack_from(data)
+    if (answered, sub) != (index, subindex):
         return None
     if command == ABORTED:
         raise Abort(ABORT.unpack(data)[3])

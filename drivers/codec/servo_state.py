@@ -32,7 +32,7 @@ class Model:
     """One kind of servo.
 
     number: model number (address 0); protocol: 1 or 2; step: rad per count; centre: the count of 0 rad; speed: rad/s
-    per count; ampere: A per count of the present current, NaN where the servo has none to tell.
+    per count; ampere: A per count of the present current, NaN where the servo reports none.
     """
 
     name: str
@@ -63,7 +63,7 @@ class ServoState(NamedTuple):
     """A state block in SI units: command and position [rad], velocity [rad/s], current [A], voltage [V],
     temperature [°C].
 
-    There is no torque: AX and MX tell a "load" that is the drive's own effort, not measured, so it would be a guess.
+    There is no torque: AX and MX report a "load" that is the drive's own effort, not measured, so it would be a guess.
     """
 
     command: float

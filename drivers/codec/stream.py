@@ -16,7 +16,7 @@ T = TypeVar("T")
 class StreamDecoder(Generic[T]):
     """Cuts a stream into packets and finds its way back after garbage.
 
-    ``header`` opens every frame.  ``length(buffer, at)`` tells how long the frame that begins at ``at`` is: 0 when no
+    ``header`` opens every frame.  ``length(buffer, at)`` is the length of the frame that begins at ``at``: 0 when no
     frame can begin so, None when that needs more bytes.  ``decode(frame)`` gives the packet, None for a wrong checksum.
 
     After a bad frame the search goes on one byte further, so that a truncated or corrupted frame loses only itself.

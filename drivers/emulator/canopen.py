@@ -132,10 +132,10 @@ class CanopenLine:
                 self.commands.append(line)
                 self._open = line in (b"O", b"L") or (self._open and line != b"C")
             for id, content in frames:
-                self.hear(id, content)
+                self.receive_frame(id, content)
 
-    def hear(self, id: int, data: bytes) -> None:
-        """A frame from whoever listens."""
+    def receive_frame(self, id: int, data: bytes) -> None:
+        """Takes a frame from the host."""
         self.received.append((id, data))
         drive = self.drives.get(id - REQUEST)
         if drive and not drive.silent and (answer := drive.server.answer(data)):
@@ -146,35 +146,35 @@ class CanopenLine:
         return -math.inf if self._answers else self._due
 
     def emit(self, now: float) -> bytes:
-        """All that the bus says up to now, as the adapter tells it."""
-        said = b"".join([slcan.encode(id, data) for id, data in self.frames(now)])
-        return said if self._open else b""
+        """All bytes of the adapter up to now."""
+        data = b"".join([slcan.encode(id, data) for id, data in self.frames(now)])
+        return data if self._open else b""
 
     def frames(self, now: float) -> list[Frame]:
-        """All that the bus says up to now."""
+        """All frames on the bus up to now."""
         answers, self._answers = self._answers, []
         if self._due < now - AWAKE_S:  # switched on just now
             self._cycle, self._sample = int(now / self._period), int(now * self._sensor_hz)
-        said = list(answers)
+        sent = list(answers)
         while self._cycle * self._period <= now:
-            said += self._one_cycle(self._cycle * self._period)
+            sent += self._one_cycle(self._cycle * self._period)
             self._cycle += 1
         if self._sensor:
             end = int(now * self._sensor_hz) + 1
-            said += [(TPDO1 + self._sensor, self._tip[i % len(self._tip)]) for i in range(self._sample, end)]
+            sent += [(TPDO1 + self._sensor, self._tip[i % len(self._tip)]) for i in range(self._sample, end)]
             self._sample = max(self._sample, end)
         if now > self._beat + BEAT_S:
             self._beat = now
-            said += [(HEARTBEAT + d.node, bytes([d.nmt])) for d in self.drives.values() if not d.silent]
+            sent += [(HEARTBEAT + d.node, bytes([d.nmt])) for d in self.drives.values() if not d.silent]
         self._due = min(self._cycle * self._period, now + 0.005) if self._sensor else self._cycle * self._period
-        return said
+        return sent
 
     def _one_cycle(self, time: float) -> list[Frame]:
         self._count = self._count % SYNC_OVERFLOW + 1
         if self.lose:
             self.lose -= 1
             return []
-        said: list[Frame] = [(SYNC, bytes([self._count]))]
+        sent: list[Frame] = [(SYNC, bytes([self._count]))]
         for drive in self.drives.values():
-            said += drive.cycle(time)
-        return said
+            sent += drive.cycle(time)
+        return sent

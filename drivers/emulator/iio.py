@@ -1,6 +1,6 @@
 """An accelerometer as the Linux kernel shows it: sysfs as a tree of files, the character device as a FIFO.
 
-Files cannot refuse a value as a kernel's driver does, and are looked at instead of heard: what is written to
+Files cannot refuse a value as a kernel's driver does, and are polled: what is written to
 ``buffer/enable`` counts some milliseconds later.
 """
 
@@ -101,7 +101,7 @@ class IioEmulator:
         _put(trigger / "name", f"{self.sensor.name}-dev0")
 
     def unplug(self) -> None:
-        """The device is gone: whoever reads hears of it."""
+        """The device is gone: whoever reads gets an error."""
         with self._held:
             self._hang_up()
             shutil.rmtree(self.folder, ignore_errors=True)

@@ -1,4 +1,4 @@
-"""A line of servos with a master of its own, and what a second adapter hears on it.  No I/O of its own."""
+"""A line of servos with a master of its own, and what a second adapter receives on it.  No I/O of its own."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from lostmotion.drivers.codec import feetech
 from lostmotion.drivers.codec.dynamixel import BROADCAST, READ, SYNC_READ, Packet, encode
-from lostmotion.drivers.codec.overheard import SYNC_WRITE
+from lostmotion.drivers.codec.sniffer import SYNC_WRITE
 from lostmotion.drivers.emulator.server import Device
 from lostmotion.drivers.emulator.servos import ServoLine
 
@@ -17,27 +17,27 @@ PERIOD_S = 0.01
 
 
 class Tap:
-    """The second adapter: hears what it is told, and keeps in ``received`` what a host sends into it."""
+    """The second adapter: emits what it is fed, and keeps in ``received`` what a host sends into it."""
 
     def __init__(self) -> None:
         self.received = b""
-        self._heard = b""
+        self._buffer = b""
 
-    def hear(self, data: bytes) -> None:
+    def feed(self, data: bytes) -> None:
         """Takes bytes from the line."""
-        self._heard += data
+        self._buffer += data
 
     def receive(self, data: bytes, now: float) -> None:
         """Takes bytes from the host, which ought to send none."""
         self.received += data
 
     def due(self) -> float:
-        """At once, when something was heard."""
-        return 0.0 if self._heard else math.inf
+        """At once, when the buffer holds bytes."""
+        return 0.0 if self._buffer else math.inf
 
     def emit(self, now: float) -> bytes:
-        """What was heard."""
-        data, self._heard = self._heard, b""
+        """The bytes of the buffer."""
+        data, self._buffer = self._buffer, b""
         return data
 
 
@@ -49,7 +49,7 @@ class TappedLine:
 
     def receive(self, data: bytes, now: float) -> None:
         """Takes bytes from the master."""
-        self._tap.hear(data)
+        self._tap.feed(data)
         self._device.receive(data, now)
 
     def due(self) -> float:
@@ -59,12 +59,12 @@ class TappedLine:
     def emit(self, now: float) -> bytes:
         """What the device sends now."""
         data = self._device.emit(now)
-        self._tap.hear(data)
+        self._tap.feed(data)
         return data
 
 
 class MasteredLine(Tap):
-    """Servos whose master writes goals and reads positions, as an arm's controller does, every 10 ms; what a tap hears.
+    """Servos whose master writes goals and reads positions, as an arm's controller does, every 10 ms, for a tap.
 
     The goals are those of the servos' own motion, so they are not delivered to them.
     """
@@ -79,14 +79,14 @@ class MasteredLine(Tap):
         return self._next
 
     def emit(self, now: float) -> bytes:
-        """All that is said in a round."""
+        """All bytes of a round."""
         self._next = now + PERIOD_S if now > self._next + 10 * PERIOD_S else self._next + PERIOD_S
-        said = b""
+        sent = b""
         for protocol, packet in self._round(now):
             request = encode(packet, protocol)
             self.line.receive(request, now)
-            said += request + self.line.emit(now)
-        return said
+            sent += request + self.line.emit(now)
+        return sent
 
     def _round(self, now: float) -> Iterator[tuple[int, Packet]]:
         kinds: dict[tuple[int, int, str], list[int]] = {}

@@ -177,8 +177,8 @@ class Ros2Robot:
         data = self._message(topic, moment)
         self._sequence += 1
         for gid in (b"a" * 16, b"b" * 16)[: 1 + self.twice]:
-            told = struct.pack("<qqB", self._sequence, time.time_ns(), 16) + gid
-            self._publishers[topic].put(data, **({} if self._bridge else {"attachment": told}))
+            attachment = struct.pack("<qqB", self._sequence, time.time_ns(), 16) + gid
+            self._publishers[topic].put(data, **({} if self._bridge else {"attachment": attachment}))
 
     def _message(self, topic: str, moment: float) -> bytes:
         types = self._store.types

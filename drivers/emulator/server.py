@@ -1,4 +1,4 @@
-"""Devices on pseudo-terminals: one thread waits for all of them.  What they say is their own affair."""
+"""Devices on pseudo-terminals: one thread waits for all of them.  Each device makes its own bytes."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ class Emulator:
     """Serves devices, each on a pseudo-terminal of its own, until the ``with`` block ends.
 
     ``link`` makes symbolic links that survive unplugging and plugging in again: link.0, link.1, …  With a ``baudrate``,
-    one that termios knows, whoever opens a port at another one hears noise, and is not understood.
+    one that termios knows, whoever opens a port at another one gets noise, and is not understood.
     """
 
     def __init__(self, *devices: Device, link: Path | None = None, baudrate: int | None = None) -> None:

@@ -45,7 +45,7 @@ class VirtualServo:
         self._held = angle
 
     def state(self, now: float) -> ServoState:
-        """What it would tell of itself at a time [s]."""
+        """The state it would report at a time [s]."""
         if self._held is not None:
             return ServoState(self._held, self._held, 0.0, 11.8, 41, 0.02)
         time = now + self._ahead

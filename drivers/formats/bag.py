@@ -1,4 +1,4 @@
-"""MCAP and rosbag2 as series: which topics tell numbers, and those of the chosen ones over time."""
+"""MCAP and rosbag2 as series: which topics have numbers, and those of the chosen ones over time."""
 
 from __future__ import annotations
 
@@ -112,8 +112,8 @@ class Bag:
         waiting = {topic for topic, count in left.items() if count}
         for topic, _, data in self._log.messages(topics) if waiting else ():
             seen[topic] += 1
-            if seen[topic] <= LOOKED_AT and (told := self._decoded(topic, data)):
-                found[topic].update(dict.fromkeys(told[1]))
+            if seen[topic] <= LOOKED_AT and (decoded := self._decoded(topic, data)):
+                found[topic].update(dict.fromkeys(decoded[1]))
             if seen[topic] >= left[topic]:
                 waiting.discard(topic)
                 if not waiting:
@@ -136,10 +136,10 @@ class Bag:
         topics = {topic: _Topic(values={name: array("d") for name in of.values()}) for topic, of in wanted.items()}
         count = 0
         for topic, received, data in self._log.messages(list(wanted)):
-            told = self._decoded(topic, data)
-            if told is None:
+            decoded = self._decoded(topic, data)
+            if decoded is None:
                 continue
-            stamp, values = told
+            stamp, values = decoded
             if max(received, abs(stamp or 0)) > LATEST_NS:
                 self._broken += 1
                 continue
@@ -171,8 +171,8 @@ def open_rosbag(path: Path) -> Bag:
     return Bag(path, RosbagLog(path))
 
 
-def _clock(topics: dict[str, _Topic], said: str) -> tuple[str, list[str], dict[str, NDArray[np.int64]]]:
-    """What tells the time, what is odd about it, and the times [ns] of each topic's messages, 0 for none.
+def _clock(topics: dict[str, _Topic], clock: str) -> tuple[str, list[str], dict[str, NDArray[np.int64]]]:
+    """The clock that is used, what is odd about it, and the times [ns] of each topic's messages, 0 for none.
 
     A topic that mostly has no stamps takes part by the delay of the others.
     """
@@ -181,9 +181,9 @@ def _clock(topics: dict[str, _Topic], said: str) -> tuple[str, list[str], dict[s
     stamps = {name: each for name, each in stamps.items() if 2 * np.count_nonzero(each) > each.size}
     ahead = {name: float(np.median((each - received[name])[each != 0])) for name, each in stamps.items()}
     apart = max(ahead.values()) - min(ahead.values()) if ahead else 0.0
-    if said == "log" or not ahead:
+    if clock == "log" or not ahead:
         return RECEIPT, [], received
-    if apart > MOST_APART_NS and not said:
+    if apart > MOST_APART_NS and not clock:
         return RECEIPT, [f"the stamps of {shown(', '.join(ahead))} are of clocks {apart * 1e-9:.3g} s apart"], received
     shift = round(float(np.median(list(ahead.values()))))
     bare = [name for name in topics if name not in stamps]

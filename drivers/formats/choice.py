@@ -1,11 +1,11 @@
-"""What people say of a file of another program: ``--map`` and what may stand behind a ``#``.  Text in, Choice out.
+"""The options for a file of another program: ``--map`` and what may stand behind a ``#``.  Text in, Choice out.
 
 position=/joint_states.position[elbow]       the series of that name
-position=angle:deg                           in that unit, whatever its name says
+position=angle:deg                           in that unit, whatever its name
 position=raw*0.00153398-3.14159              times a number, and a number added
 position=raw*25.4:mm                         which makes this unit of it
 torque=                                      this column is left out
-time=log                                     (MCAP, rosbag2) when a message was received, not what its header says
+time=log                                     (MCAP, rosbag2) when a message was received, not the stamp of its header
 """
 
 from __future__ import annotations
@@ -68,17 +68,17 @@ def _scaled(text: str) -> Term:
 
 
 def split_address(path: Path) -> tuple[Path, Choice]:
-    """``FILE#joint=elbow,episode=3,position=/x.y:deg`` → the file, and what is said of it.  Raises RecordingError."""
-    name, mark, said = str(path).rpartition("#")
+    """``FILE#joint=elbow,episode=3,position=/x.y:deg`` → the file, and the options for it.  Raises RecordingError."""
+    name, mark, fragment = str(path).rpartition("#")
     if not mark or path.exists() or not Path(name).exists():
         return path, Choice()
-    pairs = re.split(rf",(?=(?:{'|'.join((*KEYS, *COLUMN_UNITS))})=)", said)
+    pairs = re.split(rf",(?=(?:{'|'.join((*KEYS, *COLUMN_UNITS))})=)", fragment)
     known = {key: pair.removeprefix(f"{key}=") for pair in pairs for key in KEYS if pair.startswith(f"{key}=")}
     terms = parse_map(pair for pair in pairs if pair.partition("=")[0] not in KEYS)
     try:
         episode = int(known["episode"]) if "episode" in known else None
         rate_hz = float(known["rate_hz"]) if "rate_hz" in known else None
     except ValueError as error:
-        raise RecordingError(f"{path}: found {said!r}, expected numbers for episode and rate_hz") from error
+        raise RecordingError(f"{path}: found {fragment!r}, expected numbers for episode and rate_hz") from error
     topics = (known["topic"],) if "topic" in known else ()
     return Path(name), Choice(terms, known.get("joint", ""), topics, episode, rate_hz)

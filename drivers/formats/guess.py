@@ -1,4 +1,4 @@
-"""Which series becomes which column: what somebody said, else what the names say.  Pure functions."""
+"""Which series becomes which column: by the options, else by the names.  Pure functions."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ SHOWN = 12
 
 @dataclass(frozen=True, slots=True)
 class Chosen:
-    """One column of the recording: ``factor * series + offset``, in the unit ``si``; why: in words for people.
+    """One column of the recording: ``factor * series + offset``, in the unit ``si``; why: the reason, as text.
 
-    unit: in which the series stands, "" where nobody says.
+    unit: that of the series, "" where it is unknown.
     """
 
     column: str
@@ -96,7 +96,7 @@ def listed(series: Sequence[Series]) -> str:
 
 
 def _chosen(column: str, series: Series, term: Term, why: str) -> Chosen:
-    """With the unit that somebody said, or the format, or the name; else that of the column, or of a displacement or a
+    """With the unit of the options, or the format, or the name; else that of the column, or of a displacement or a
     force, which are those of an axis that moves along a line."""
     own = column_of(series.name)
     usual = COLUMN_UNITS[own] if own in LINEAR else ""
@@ -105,7 +105,7 @@ def _chosen(column: str, series: Series, term: Term, why: str) -> Chosen:
         return Chosen(column, series.name, "", si, term.factor * factor, term.offset * factor, why)
     unit = term.unit or series.unit or unit_of(series.name, column) or (usual if column != own else "")
     known = to_si(unit)
-    if known is None:  # none, or one that stays as it is and is told
+    if known is None:  # none, or one that is kept and reported
         return Chosen(column, series.name, unit, unit or COLUMN_UNITS[column], 1.0, 0.0, why)
     return Chosen(column, series.name, unit, known[0], known[1], 0.0, why)
 
@@ -135,9 +135,11 @@ def _joint(candidates: Mapping[str, Sequence[Series]], choice: Choice, name: str
         return choice.joint
     if choice.hint in moving:
         return choice.hint
-    said = {joint_of(term.name) for column, term in choice.terms.items() if column in OF_JOINTS and term.name} - {""}
-    if len(said) == 1 and (said <= set(moving) or not moving):
-        return said.pop()
+    named_joints = {
+        joint_of(term.name) for column, term in choice.terms.items() if column in OF_JOINTS and term.name
+    } - {""}
+    if len(named_joints) == 1 and (named_joints <= set(moving) or not moving):
+        return named_joints.pop()
     if len(moving) > 1 and not {"command", "position"} & set(choice.terms):
         raise RecordingError(
             f"{name}: found {len(moving)} joints, expected one; choose with --joint NAME (or FILE#joint=NAME) from "

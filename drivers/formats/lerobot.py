@@ -1,7 +1,7 @@
 """LeRobot's datasets, versions 2 and 3: one episode's states and actions, by the names of the robot's joints.
 
-The format tells no units: robots are recorded in degrees or in -100 to 100 of each joint's range, simulated ones in
-rad.  What the numbers look like is assumed, and told.
+The format has no units: robots are recorded in degrees or in -100 to 100 of each joint's range, simulated ones in
+rad.  The unit is assumed from the size of the numbers, and reported.
 """
 
 from __future__ import annotations
@@ -135,16 +135,16 @@ def _info(path: Path) -> dict[str, Any]:
 def _places(info: Mapping[str, Any], path: Path) -> dict[str, _Place]:
     """The series of all features that are numbers or short lists of them."""
     found: dict[str, _Place] = {}
-    for feature, told in info["features"].items():
-        shape = told.get("shape") if isinstance(told, Mapping) else None
-        kind = str(told.get("dtype", "")) if isinstance(told, Mapping) else ""
+    for feature, spec in info["features"].items():
+        shape = spec.get("shape") if isinstance(spec, Mapping) else None
+        kind = str(spec.get("dtype", "")) if isinstance(spec, Mapping) else ""
         count = _length(shape)
         if feature in BOOKKEEPING or not kind.startswith(("float", "int")) or not count:
             continue
         if count == 1:
             found[feature] = _Place(feature, None)
             continue
-        for place, name in enumerate(_names(told.get("names"), count)):
+        for place, name in enumerate(_names(spec.get("names"), count)):
             found[f"{feature}[{name}]"] = _Place(feature, place)
         if len(found) > MOST_SERIES:
             raise too_many(str(path), len(found), "series")
@@ -159,9 +159,9 @@ def _length(shape: Any) -> int:
     return int(shape[0]) if is_vector and 0 < shape[0] <= MOST_SERIES else 0
 
 
-def _names(told: Any, count: int) -> list[str]:
+def _names(names: Any, count: int) -> list[str]:
     """Of the joints, as a list or {"motors": list}; else their numbers."""
-    lists = [*told.values()] if isinstance(told, Mapping) else [told]
+    lists = [*names.values()] if isinstance(names, Mapping) else [names]
     for each in lists:
         if isinstance(each, list) and len(each) == count and len(set(map(str, each))) == count:
             return [str(name) for name in each]

@@ -52,7 +52,7 @@ class McapLog:
     """Read from its beginning on, chunk by chunk; so is one without its end, as a killed recorder leaves it.
 
     mcap's own reader of messages takes 30 µs a message and, by topic, the whole file into memory; here records within
-    a chunk are told apart by their first bytes, and only those of the topics looked into (MCAP 1.0, records).
+    a chunk are distinguished by their first bytes, and only those of the topics looked into (MCAP 1.0, records).
     """
 
     def __init__(self, path: Path) -> None:

@@ -69,7 +69,9 @@ def _vectors(path: Path) -> dict[str, NDArray[Any]]:
     except subprocess.TimeoutExpired as error:
         raise RecordingError(f"{path}: SciPy was not done with it after {LONGEST_S:g} s; is it damaged?") from error
     if done.returncode != 0:
-        told = done.stderr.decode(errors="replace").strip() or "SciPy crashed"
-        raise RecordingError(f"{path}: cannot be read as a MAT file: {shown(' '.join(told.split()))}; is it damaged?")
+        message = done.stderr.decode(errors="replace").strip() or "SciPy crashed"
+        raise RecordingError(
+            f"{path}: cannot be read as a MAT file: {shown(' '.join(message.split()))}; is it damaged?"
+        )
     with np.load(io.BytesIO(done.stdout), allow_pickle=False) as archive:
         return {str(name): archive[f"arr_{index}"] for index, name in enumerate(archive["names"])}

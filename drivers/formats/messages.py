@@ -19,15 +19,15 @@ from lostmotion.drivers.codec.ros2_messages import (
     DECODERS,
     IMU,
     SECOND_NS,
-    JointsTold,
+    JointStates,
     imu_acceleration,
 )
 from lostmotion.drivers.packages import is_there
 
-__all__ = ["BEFORE", "Decoder", "Told", "UnreadableError", "decoder_of", "flat"]
+__all__ = ["BEFORE", "Decoded", "Decoder", "UnreadableError", "decoder_of", "flat"]
 
 BEFORE = (*DECODERS, IMU)
-"""types whose series come first where several tell a column, in this order"""
+"""types whose series come first where several fit a column, in this order"""
 MOST_ENTRIES = 256
 """of a list that is signals; point clouds have more"""
 MOST_BYTES = 1 << 20
@@ -35,9 +35,9 @@ MOST_BYTES = 1 << 20
 DEEPEST = 12
 NAMES = ("name", "names", "joint_names")
 
-Told = tuple[int | None, dict[str, float]]
+Decoded = tuple[int | None, dict[str, float]]
 """the header's stamp [ns], None without one, and the numbers by name"""
-Decoder = Callable[[bytes], Told]
+Decoder = Callable[[bytes], Decoded]
 
 
 class UnreadableError(ValueError):
@@ -57,10 +57,10 @@ def decoder_of(kind: str, encoding: str, definition: str) -> Decoder | None:
     return _by_rosbags(kind, definition)
 
 
-def _joints(decode: Callable[[bytes], JointsTold], is_controller: bool) -> Decoder:
+def _joints(decode: Callable[[bytes], JointStates], is_controller: bool) -> Decoder:
     position, effort = ("feedback.positions", "feedback.efforts") if is_controller else ("position", "effort")
 
-    def told(data: bytes) -> Told:
+    def decoder(data: bytes) -> Decoded:
         try:
             joints = decode(data)
         except CdrError as error:
@@ -72,10 +72,10 @@ def _joints(decode: Callable[[bytes], JointsTold], is_controller: bool) -> Decod
             values.update({f"{field}[{name}]": number for name, number in zip(joints.names, numbers, strict=False)})
         return joints.stamp_ns or None, values
 
-    return told
+    return decoder
 
 
-def _imu(data: bytes) -> Told:
+def _imu(data: bytes) -> Decoded:
     try:
         stamp, x, y, z = imu_acceleration(data)
     except CdrError as error:
@@ -83,7 +83,7 @@ def _imu(data: bytes) -> Told:
     return stamp or None, {f"linear_acceleration.{axis}": value for axis, value in zip("xyz", (x, y, z), strict=True)}
 
 
-def _json(data: bytes) -> Told:
+def _json(data: bytes) -> Decoded:
     if len(data) > MOST_BYTES:
         return None, {}
     try:
@@ -104,12 +104,12 @@ def _by_rosbags(kind: str, definition: str) -> Decoder | None:
         try:
             store.register({name: fields for name, fields in get_types_from_msg(definition, kind).items()
                             if name not in store.types})  # fmt: skip
-        except Exception:  # noqa: BLE001 - whatever a parser says of a definition it does not understand
+        except Exception:  # noqa: BLE001 - whatever a parser raises on a definition it does not understand
             return None
         if kind not in store.types:
             return None
 
-    def told(data: bytes) -> Told:
+    def decoder(data: bytes) -> Decoded:
         if len(data) > MOST_BYTES:
             return None, {}
         try:
@@ -118,7 +118,7 @@ def _by_rosbags(kind: str, definition: str) -> Decoder | None:
             raise UnreadableError(f"no {kind}: {error}") from error
         return _stamp(message), dict(flat(message))
 
-    return told
+    return decoder
 
 
 def flat(value: Any, name: str = "", names: Sequence[str] = (), depth: int = 0) -> Iterator[tuple[str, float]]:

@@ -53,7 +53,7 @@ def open_parquet(path: Path) -> Table:
 
 @contextmanager
 def readable(path: Path) -> Iterator[None]:
-    """What pyarrow says of a damaged file, in one line.  Raises RecordingError."""
+    """Turns pyarrow's error on a damaged file into one line.  Raises RecordingError."""
     import pyarrow as pa
 
     try:

@@ -24,9 +24,9 @@ __all__ = ["Imported", "imported"]
 ANGLES, MOTIONS = ("command", "position"), ("position", "displacement")
 DRIVES = {"command", "torque", "force", "displacement"}
 INTEGRAL = {"rad/s": "rad", "m/s": "m"}
-"""of a speed that somebody says is a position: encoders of motors often tell nothing else"""
+"""of a speed that is mapped to a position: encoders of motors often report nothing else"""
 MANY_TURNS = 4 * pi
-"""angles beyond are looked at with suspicion where no unit is known [rad]"""
+"""angles beyond are doubted where no unit is known [rad]"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,7 +43,7 @@ class Imported:
         """What was taken for what, a line a column."""
         name = self.recording.name
         head = f"{name}: {self.kind}; time: {self.clock}"
-        return [head, *(f"  {_told(one)}" for one in self.columns), *(f"  note: {note}" for note in self.notes)]
+        return [head, *(f"  {_column_line(one)}" for one in self.columns), *(f"  note: {note}" for note in self.notes)]
 
 
 def imported(path: Path, choice: Choice) -> Imported:
@@ -92,13 +92,15 @@ def _integrated(times: FloatArray, speed: FloatArray) -> FloatArray:
 
 
 def _doubts(one: Chosen, values: FloatArray) -> list[str]:
-    """What the size of the numbers says against a unit that nobody gave."""
+    """A warning where the size of the numbers contradicts the assumed unit."""
     if one.column not in ANGLES or one.unit or one.why == "said" or np.abs(values).max(initial=0.0) < MANY_TURNS:
         return []
     span = f"{values.min():.4g} to {values.max():.4g}"
-    say = f"{one.column}={shown(one.series)}"
-    counts = f", if counts of 4096 a turn, {say}*{pi / 2048:.8f}" if (values == np.round(values)).all() else ""
-    return [f"{one.column}: no unit is given, and {span} were taken as rad; if they are degrees, say {say}:deg{counts}"]
+    option = f"{one.column}={shown(one.series)}"
+    counts = f", if counts of 4096 a turn, {option}*{pi / 2048:.8f}" if (values == np.round(values)).all() else ""
+    return [
+        f"{one.column}: no unit is given, and {span} were taken as rad; if they are degrees, say {option}:deg{counts}"
+    ]
 
 
 def _merged(
@@ -129,7 +131,7 @@ def _plain(name: str) -> str:
     return name.encode("utf-8", errors="replace").decode()
 
 
-def _told(one: Chosen) -> str:
+def _column_line(one: Chosen) -> str:
     if one.unit:
         unit = one.unit if one.unit == one.si else f"{one.unit}, now {one.si}"
     elif one.factor != 1 or one.offset:

@@ -114,7 +114,7 @@ def _format(start: bytes, path: Path) -> Format | None:
 def _is_own(start: bytes) -> bool:
     """Whether text may be lostmotion's: a header with ``time``, and a column of ours or none that looks like one.
 
-    Text without any such header is left to recording.py, too, whose errors say what is wrong with it, unless a header
+    Text without any such header is left to recording.py, too, whose errors describe what is wrong, unless a header
     of another program's follows.
     """
     lines = re.split(r"\r\n|\r|\n", start.decode("utf-8-sig", errors="replace"))

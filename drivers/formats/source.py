@@ -34,7 +34,7 @@ LONGEST_NAME = 120
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """One signal: its name, as people write it in ``--map``, and the unit of its values where the format says so."""
+    """One signal: its name, as people write it in ``--map``, and the unit of its values where the format has one."""
 
     name: str
     unit: str = ""
@@ -42,9 +42,9 @@ class Series:
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """What somebody wants a column to be: ``factor * series + offset``; an empty name leaves the column out.
+    """The definition of a column: ``factor * series + offset``; an empty name leaves the column out.
 
-    unit: in which that stands, "" for what the series' name says; factor None: as the unit says.
+    unit: in which that stands, "" for that in the series' name; factor None: that of the unit.
     """
 
     name: str
@@ -55,7 +55,7 @@ class Term:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """What somebody has said of a file.  terms: by column; topics: come first where several tell a column; rate_hz:
+    """The options for a file.  terms: by column; topics: come first where several fit a column; rate_hz:
     where the file has no times; hint: the joint that is meant where the file has one of that name."""
 
     terms: Mapping[str, Term] = field(default_factory=dict)
@@ -74,8 +74,8 @@ class Samples:
     """What was read.
 
     values: by series its times [s] from a common origin, never descending, and its values, shape (N,) each;
-    clock: what told the time; start: UTC of time 0 where it is known; notes: what a person should know of them;
-    metadata: what the file says of the recording.
+    clock: the source of the times; start: UTC of time 0 where it is known; notes: what a person should know of them;
+    metadata: those in the file.
     """
 
     values: Mapping[str, tuple[FloatArray, FloatArray]]
@@ -111,7 +111,7 @@ def shown(name: str) -> str:
 
 
 def reason(error: Exception) -> str:
-    """What a library says of a file, on one line of bounded length."""
+    """A library's error about a file, on one line of bounded length."""
     return shown(" ".join(f"{type(error).__name__}: {error}".split()))
 
 

@@ -45,23 +45,23 @@ class Table:
             assert choice.rate_hz is not None
             loaded = self.load(names)
             times, start = np.arange(max(map(len, loaded.values()))) / choice.rate_hz, None
-            told, notes = f"{choice.rate_hz:g} rows a second, as said", []
+            clock_text, notes = f"{choice.rate_hz:g} rows a second, as said", []
         else:
             series, term = clock
             loaded = dict(self.load(list(dict.fromkeys([series.name, *names]))))
             unit = term.unit or series.unit or unit_of(series.name, "time")
-            times, start, told = seconds(loaded[series.name], unit, term.factor, f"{self.name}: {series.name}")
-            told = f"{series.name} [{told}]"
+            times, start, clock_text = seconds(loaded[series.name], unit, term.factor, f"{self.name}: {series.name}")
+            clock_text = f"{series.name} [{clock_text}]"
             notes = self._check(times, series.name)
         values = {}
         for name in names:
             numbers = np.asarray(loaded[name], dtype=np.float64)
             there = ~np.isnan(numbers) & ~np.isnan(times)
             values[name] = (times, numbers) if there.all() else (times[there], numbers[there])
-        return Samples(values, told, start, notes, self.metadata)
+        return Samples(values, clock_text, start, notes, self.metadata)
 
     def _clock(self, choice: Choice) -> tuple[Series, Term] | None:
-        """The series that tells the time; None where a rate was given.  Raises RecordingError."""
+        """The series with the times; None where a rate was given.  Raises RecordingError."""
         if term := choice.terms.get("time"):
             return named(term, self.series, "", self.name)
         if choice.rate_hz is not None:
@@ -106,25 +106,25 @@ def seconds(values: Array, unit: str, factor: float | None, name: str) -> tuple[
     if factor is not None:
         return np.asarray(numbers * factor, dtype=np.float64), None, f"times {factor:g}"
     largest = float(np.abs(known).max()) if known.size else 0.0
-    told = unit or "s"
+    clock_text = unit or "s"
     if not unit and (unit := next((each for limit, each in LOOKS_LIKE if largest > limit), "")):
-        told = f"{unit} since 1970, by their size"
+        clock_text = f"{unit} since 1970, by their size"
     si = to_si(unit or "s")
     if si is None or si[0] != "s":
         raise RecordingError(f"{name}: found times in {unit!r}, expected s, ms, us, ns, min or h")
     if EPOCH_S[0] < largest * si[1] < EPOCH_S[1]:
-        return _since_start(numbers, si[1], told)
-    return np.asarray(numbers * si[1], dtype=np.float64), None, told
+        return _since_start(numbers, si[1], clock_text)
+    return np.asarray(numbers * si[1], dtype=np.float64), None, clock_text
 
 
-def _since_start(stamps: Array, factor: float, told: str) -> tuple[FloatArray, datetime | None, str]:
+def _since_start(stamps: Array, factor: float, clock_text: str) -> tuple[FloatArray, datetime | None, str]:
     """Exact also in ns: the first is subtracted before a float is made."""
     known = stamps[np.isfinite(stamps) if stamps.dtype.kind == "f" else stamps != np.iinfo(np.int64).min]
     if known.size == 0:
-        return np.full(stamps.shape, np.nan), None, told
+        return np.full(stamps.shape, np.nan), None, clock_text
     first = known[0]
     start = datetime.fromtimestamp(round(float(first) * factor, 6), UTC)
     times = np.asarray((stamps - first) * factor, dtype=np.float64)
     if stamps.dtype.kind != "f":
         times[stamps == np.iinfo(np.int64).min] = np.nan  # NaT
-    return times, start, told
+    return times, start, clock_text

@@ -31,7 +31,7 @@ __all__ = ["COMMENT", "Layout", "called", "cells_of", "date", "layout_of", "line
 SEPARATORS = ",;\t|"
 COMMENT = ("#", "%", "//")
 LOOKED_AT = 200
-"""rows, to tell numbers from words"""
+"""rows, to distinguish numbers from words"""
 LONGEST = 100 * LONGEST_LINE
 """of a line; MOST_SERIES names of 100 characters are a tenth of it"""
 NOTHING = {"", "nan", "null", "none", "na", "n/a", "-", "--", "?"}
@@ -85,7 +85,7 @@ def layout_of(path: Path) -> tuple[Layout, list[list[str]]]:
 
 
 def _metadata(comments: list[str]) -> dict[str, Any]:
-    """What the comments say as ``key = value``; others are for people."""
+    """The comments of the form ``key = value``; others are ignored."""
     metadata: dict[str, Any] = {}
     for line in comments:
         with suppress(TomlError):

@@ -1,7 +1,7 @@
 """A recording as MCAP with messages of ROS 2, which Foxglove, PlotJuggler and ``ros2 bag`` open.
 
 /joint_states   sensor_msgs/msg/JointState: position, effort
-/command        sensor_msgs/msg/JointState: what the joint was told
+/command        sensor_msgs/msg/JointState: the command
 /imu            sensor_msgs/msg/Imu: the acceleration along x
 /force, …       std_msgs/msg/Float64: every other column
 """
@@ -30,7 +30,7 @@ KINDS = {"/command": JOINT_STATE, "/joint_states": JOINT_STATE, "/imu": IMU}
 WITHOUT_START_NS = 1_000_000_000
 """where a recording without a start begins: a stamp of 0 would be none"""
 LATEST_S = 2**31 - 1.0
-"""what a stamp of ROS can say"""
+"""the largest stamp of ROS"""
 
 
 def write_mcap(recording: Recording, joint: str, path: Path) -> int:
@@ -66,7 +66,7 @@ def _stamps(recording: Recording) -> NDArray[np.int64]:
     if not 0 <= begin_ns * 1e-9 + recording.duration <= LATEST_S or begin_ns < 0:
         raise RecordingError(
             f"{recording.name}: found {recording.duration:g} s from {start or 'no start'} on, expected 1970 to 2038, "
-            "which is what ROS can say"
+            "the range of ROS's stamps"
         )
     since_first: NDArray[np.int64] = np.round((recording.time - recording.time[0]) * 1e9).astype(np.int64)
     return since_first + begin_ns
@@ -96,7 +96,7 @@ class _Makers:
         vector = types["geometry_msgs/msg/Vector3"]
         self._vector, self._still = vector, vector(0.0, 0.0, 0.0)
         self._upright = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
-        self._unknown = np.array([-1.0, *[0.0] * 8])  # a covariance that says: not measured
+        self._unknown = np.array([-1.0, *[0.0] * 8])  # a covariance that means: not measured
 
     def message(self, topic: str, stamp_ns: int, values: dict[str, FloatArray]) -> Any:
         if topic not in KINDS:

@@ -1,4 +1,4 @@
-"""What the name of a series says: which column it may be, which joint's, in which unit.  Pure functions of text."""
+"""Parses the name of a series: which column it may be, which joint's, in which unit.  Pure functions of text."""
 
 from __future__ import annotations
 

@@ -25,8 +25,8 @@ SYNC, HEARTBEAT, NODES = 0x80, 0x700, 128
 
 @dataclass(frozen=True, slots=True)
 class CanFound:
-    """A CAN interface; bitrate [bit/s] 0 where it is unknown; frames: heard in ``LISTEN_S``; nodes: CANopen nodes whose
-    heartbeat was heard; sync_hz: SYNC objects a second; error: why nobody listened."""
+    """A CAN interface; bitrate [bit/s] 0 where it is unknown; frames: received in ``LISTEN_S``; nodes: CANopen nodes
+    with a heartbeat; sync_hz: SYNC objects a second; error: why nobody listened."""
 
     name: str
     up: bool
@@ -79,7 +79,7 @@ def _can(device: Path, listen_s: float) -> CanFound:
 
 
 def _listen(name: str, seconds: float) -> Counter[int]:
-    """How many data frames of each identifier come in; a raw socket of its own hears all and sends nothing."""
+    """How many data frames of each identifier come in; a raw socket of its own receives all and sends nothing."""
     import can
 
     found, end = Counter[int](), time.monotonic() + seconds
@@ -95,14 +95,14 @@ def _listen(name: str, seconds: float) -> Counter[int]:
 
 
 def _bitrate(name: str) -> int:
-    """What the tool ``ip`` tells; the kernel says it over netlink only."""
+    """The bit rate from the tool ``ip``; the kernel reports it over netlink only."""
     if shutil.which("ip") is None:
         return 0
-    told = subprocess.run(
+    result = subprocess.run(
         ["ip", "-details", "-json", "link", "show", "dev", name], capture_output=True, text=True, check=False
     )
     with suppress(ValueError, LookupError, TypeError, AttributeError):
-        timing = json.loads(told.stdout)[0]["linkinfo"]["info_data"]["bittiming"]
+        timing = json.loads(result.stdout)[0]["linkinfo"]["info_data"]["bittiming"]
         return int(re.sub(r"\D", "", str(timing["bitrate"])))
     return 0
 

@@ -1,4 +1,4 @@
-"""One serial port, looked into: what it says unasked, then what answers questions, within a time."""
+"""Probes one serial port: what it sends unasked, then what answers requests, within a time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LONGEST_S = 90.0
 ALIKE = 3
 """at so many baud rates the same servos answer: the port does not care for baud rates (USB inside, or an emulator)"""
 LISTENING = 0.1
-"""share of the work that goes to listening, where nothing is heard"""
+"""share of the work that goes to listening, where nothing is received"""
 
 Step = Callable[[float], None]
 
@@ -42,7 +42,7 @@ class Look:
 
 
 def look(path: str, progress: Step, longest_s: float = LONGEST_S) -> Look:
-    """Listens first; only a port that says nothing is asked.  progress: told the share of the work that is done."""
+    """Listens first; only a silent port is asked.  progress: gets the share of the work that is done."""
     end = time.monotonic() + longest_s
 
     def step(share: float) -> None:
@@ -51,14 +51,14 @@ def look(path: str, progress: Step, longest_s: float = LONGEST_S) -> Look:
         progress(share)
 
     try:
-        heard = streams.hear(path, step)
+        found = streams.probe(path, step)
     except PortError as error:
         return Look(error=str(error))
     except _TimeOver:
         return Look(complete=False)
-    if isinstance(heard, FoundSensor):
-        return Look(sensor=heard)
-    return Look(chatter=heard) if heard is not None else _ask(path, step)
+    if isinstance(found, FoundSensor):
+        return Look(sensor=found)
+    return Look(chatter=found) if found is not None else _ask(path, step)
 
 
 def _cares_not(found: list[FoundServo]) -> tuple[FoundServo, ...]:

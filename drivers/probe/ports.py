@@ -20,8 +20,8 @@ BY_ID = Path("/dev/serial/by-id")
 class SerialPlace:
     """One serial port.
 
-    path: as Linux calls it today; stays: a name that survives replugging, ``path`` where there is none; adapter: what
-    the plug says it is; usb: whether it is one, and no port of the board; users: the processes that have it open.
+    path: as Linux calls it today; stays: a name that survives replugging, ``path`` where there is none; adapter: the
+    name that the plug reports; usb: whether it is USB, not on the board; users: the processes that have it open.
     """
 
     path: str

@@ -1,7 +1,7 @@
 """Which servos answer on a port, at one baud rate: pings, and a read of model number and id.  Nothing is ever written.
 
-Frames and models stand in ``codec``.  Dynamixel's protocol 1.0 and Feetech's servos share their frames; which of them
-it is, and which kind, the first bytes of the control table tell.
+Frames and models stand in ``codec``.  Dynamixel's protocol 1.0 and Feetech's servos share their frames; the first
+bytes of the control table determine which of them it is.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ SHY_RATES, SHY_IDS = (1_000_000, 57_600, 115_200, 500_000), range(21)
 """where servos are also looked for that answer no ping for all, as Feetech's SCS: usual baud rates and ids"""
 TRIES = 3
 TABLE = 6
-"""bytes from address 0 on that tell model and id"""
+"""bytes from address 0 on, with model and id"""
 DYNAMIXEL_ID, FEETECH_ID = 3, 5
 """where the id stands in them"""
 
 Step = Callable[[float], None]
-"""told what share of the work at this rate is done; may raise to end it"""
+"""gets the share of the work at this rate that is done; may raise to end it"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ def servos_at(port: SerialPort, step: Step) -> list[FoundServo]:
 
 
 def _modern(port: SerialPort) -> list[FoundServo]:
-    """Those of protocol 2.0, which tell their model number in the answer to a ping."""
+    """Those of protocol 2.0, which send their model number in the answer to a ping."""
     found = {}
     for packet in _answers(port, Packet(BROADCAST, PING), 2, BROADCAST_S):
         if packet.code == STATUS and len(packet.parameters) == 4 and packet.id <= LAST_ID:
@@ -73,12 +73,12 @@ def _classic(port: SerialPort, step: Step) -> list[FoundServo]:
     """Those with the frames of protocol 1.0: all together, whose answers may collide, and if there are any one by one;
     where nothing answers, the usual ids are tried.
 
-    An adapter that echoes repeats the question; no servo is believed before it has told its table.
+    An adapter that echoes repeats the question; no servo is accepted before it has sent its table.
     """
     ping = encode(Packet(BROADCAST, PING), 1)
-    heard = _ask(port, ping, BROADCAST_S, lambda data: len(data) > len(ping))
-    ids = {packet.id for packet in decoder(1).feed(heard) if packet is not None}
-    if not heard.replace(ping, b""):
+    received = _ask(port, ping, BROADCAST_S, lambda data: len(data) > len(ping))
+    ids = {packet.id for packet in decoder(1).feed(received) if packet is not None}
+    if not received.replace(ping, b""):
         if port.baudrate in SHY_RATES:
             ids = _alone(port, SHY_IDS, step)
         if not ids:
@@ -101,8 +101,8 @@ def _asked(port: SerialPort, id: int) -> FoundServo | None:
     question = Question(id, 0, TABLE)
     for _ in range(TRIES):
         stream = decoder(1)
-        heard = _ask(port, question.request, 2 * ALONE_S, lambda data: len(data) >= question.length)
-        for packet in stream.feed(heard):
+        received = _ask(port, question.request, 2 * ALONE_S, lambda data: len(data) >= question.length)
+        for packet in stream.feed(received):
             if packet is not None and packet.id == id and len(packet.parameters) == TABLE:
                 return _recognised(id, packet.parameters, port.baudrate)
     return None
@@ -133,15 +133,15 @@ def _answers(port: SerialPort, question: Packet, protocol: int, seconds: float) 
     def is_enough(data: bytes) -> bool:
         return question.id != BROADCAST and len(data) >= len(request) and data != request
 
-    heard = _ask(port, request, seconds, is_enough).replace(request, b"", 1)
-    found += [packet for packet in stream.feed(heard) if packet is not None]
+    received = _ask(port, request, seconds, is_enough).replace(request, b"", 1)
+    found += [packet for packet in stream.feed(received) if packet is not None]
     return found
 
 
 def _ask(port: SerialPort, request: bytes, seconds: float, is_enough: Callable[[bytes], bool]) -> bytes:
     """What comes in after a request until it is enough, or the time is over."""
     port.write(request)
-    heard, end = b"", time.monotonic() + seconds
-    while not is_enough(heard) and (left := end - time.monotonic()) > 0:
-        heard += port.read(left)
-    return heard
+    received, end = b"", time.monotonic() + seconds
+    while not is_enough(received) and (left := end - time.monotonic()) > 0:
+        received += port.read(left)
+    return received

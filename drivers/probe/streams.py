@@ -1,4 +1,4 @@
-"""What a port says unasked: a sensor that a driver reads, or chatter.  Listening at all baud rates; no byte is sent.
+"""What a port sends unasked: data of a sensor, or other bytes.  Listening at all baud rates; no byte is sent.
 
 The bytes are taken apart by the drivers' own codecs.
 """
@@ -16,7 +16,7 @@ from lostmotion.drivers.codec import dynamixel, witmotion
 from lostmotion.drivers.codec.csv_line import CsvDecoder
 from lostmotion.drivers.serial_port import SerialPort
 
-__all__ = ["RATES", "Chatter", "FoundSensor", "hear"]
+__all__ = ["RATES", "Chatter", "FoundSensor", "probe"]
 
 RATES = (
     115_200, 9_600, 460_800, 921_600, 230_400, 1_000_000, 57_600, 38_400, 19_200, 2_000_000, 500_000, 250_000,
@@ -38,8 +38,8 @@ USUAL_WITHIN = 0.03
 
 @dataclass(frozen=True, slots=True)
 class FoundSensor:
-    """An accelerometer that ``driver`` reads; options: keys of its table beside port, baud rate and rate; told: what a
-    person should know of its readings; columns: how many a line has, 0 where there are none."""
+    """An accelerometer that ``driver`` reads; options: keys of its table beside port, baud rate and rate; told: a
+    summary of its readings; columns: how many a line has, 0 where there are none."""
 
     driver: str
     baudrate: int
@@ -62,7 +62,7 @@ class Chatter:
 
 
 @dataclass(slots=True)
-class _Heard:
+class _Capture:
     """Chunks, and when each came in [s]; ``seconds`` were listened for."""
 
     seconds: float
@@ -76,18 +76,18 @@ class _Heard:
 Step = Callable[[float], None]
 
 
-def hear(path: str, step: Step) -> FoundSensor | Chatter | None:
-    """What speaks on a port; None where nothing does.  Raises PortError."""
+def probe(path: str, step: Step) -> FoundSensor | Chatter | None:
+    """What sends on a port; None where nothing does.  Raises PortError."""
     first = _listen(path, RATES[0], SILENCE_S, stop=GLITCH + 1)
     if len(first.data) <= GLITCH:
         return None
     best: Chatter | None = None
     for i, baudrate in enumerate(RATES):
         step(i / len(RATES))
-        heard = _listen(path, baudrate, LOOK_S)
-        if _is_witmotion(heard.data) or _table(heard.data) is not None:
-            return _measured(path, baudrate) or _chatter(baudrate, heard)
-        chatter = _chatter(baudrate, heard)
+        capture = _listen(path, baudrate, LOOK_S)
+        if _is_witmotion(capture.data) or _table(capture.data) is not None:
+            return _measured(path, baudrate) or _chatter(baudrate, capture)
+        chatter = _chatter(baudrate, capture)
         if chatter.protocol:
             return chatter
         if best is None or chatter.printable > best.printable:
@@ -95,24 +95,24 @@ def hear(path: str, step: Step) -> FoundSensor | Chatter | None:
     return best
 
 
-def _listen(path: str, baudrate: int, seconds: float, stop: int | None = None) -> _Heard:
+def _listen(path: str, baudrate: int, seconds: float, stop: int | None = None) -> _Capture:
     """All that comes in, or what has come in as soon as it is ``stop`` bytes."""
-    port, heard, count = SerialPort(path, baudrate), _Heard(seconds), 0
+    port, capture, count = SerialPort(path, baudrate), _Capture(seconds), 0
     port.open()
     try:
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0 and (stop is None or count < stop):
             if data := port.read(left):
-                heard.chunks.append((time.monotonic(), data))
+                capture.chunks.append((time.monotonic(), data))
                 count += len(data)
     finally:
         port.close()
-    return heard
+    return capture
 
 
 def _measured(path: str, baudrate: int) -> FoundSensor | None:
-    heard = _listen(path, baudrate, MEASURE_S)
-    return _witmotion(baudrate, heard) if _is_witmotion(heard.data) else _csv(baudrate, heard)
+    capture = _listen(path, baudrate, MEASURE_S)
+    return _witmotion(baudrate, capture) if _is_witmotion(capture.data) else _csv(baudrate, capture)
 
 
 def _is_witmotion(data: bytes) -> bool:
@@ -121,16 +121,16 @@ def _is_witmotion(data: bytes) -> bool:
     return accelerations >= LEAST and len(frames) * witmotion.FRAME_SIZE >= SHARE * len(data)
 
 
-def _witmotion(baudrate: int, heard: _Heard) -> FoundSensor:
+def _witmotion(baudrate: int, capture: _Capture) -> FoundSensor:
     stream = witmotion.WitDecoder()
     counts, values = [], list[tuple[int, ...]]()
-    for _, chunk in heard.chunks:
+    for _, chunk in capture.chunks:
         found = [frame.values for frame in stream.feed(chunk) if frame and frame.kind == witmotion.ACCELERATION]
         counts.append(len(found))
         values += found
     means = witmotion.to_ms2(np.array(values, np.float64)[:, :3]).mean(0)
-    told = "at rest or in the mean x {:.1f}, y {:.1f}, z {:.1f} m/s²".format(*means)
-    return FoundSensor("witmotion", baudrate, _rate(heard, counts), {"axis": "x"}, told)
+    description = "at rest or in the mean x {:.1f}, y {:.1f}, z {:.1f} m/s²".format(*means)
+    return FoundSensor("witmotion", baudrate, _rate(capture, counts), {"axis": "x"}, description)
 
 
 def _table(data: bytes) -> FloatArray | None:
@@ -143,12 +143,12 @@ def _table(data: bytes) -> FloatArray | None:
     return np.array(good, np.float64)
 
 
-def _csv(baudrate: int, heard: _Heard) -> FoundSensor | None:
-    table = _table(heard.data)
+def _csv(baudrate: int, capture: _Capture) -> FoundSensor | None:
+    table = _table(capture.data)
     if table is None:
         return None
     stream = CsvDecoder()
-    rate = _rate(heard, [sum(row is not None for row in stream.feed(chunk)) for _, chunk in heard.chunks])
+    rate = _rate(capture, [sum(row is not None for row in stream.feed(chunk)) for _, chunk in capture.chunks])
     clock = _clock(table, len(table) / rate)
     options: dict[str, str | int] = {}
     if clock is not None:
@@ -162,8 +162,8 @@ def _csv(baudrate: int, heard: _Heard) -> FoundSensor | None:
     column = max(others, key=lambda i: float(table[:, i].std()))
     options["column"] = column
     low, middle, high = np.quantile(table[:, column], (0, 0.5, 1))
-    told = f"column {column} from {low:.4g} to {high:.4g}, median {middle:.4g}"
-    return FoundSensor("csv_serial", baudrate, rate, options, told, table.shape[1])
+    description = f"column {column} from {low:.4g} to {high:.4g}, median {middle:.4g}"
+    return FoundSensor("csv_serial", baudrate, rate, options, description, table.shape[1])
 
 
 def _clock(table: FloatArray, seconds: float) -> tuple[int, str] | None:
@@ -176,11 +176,11 @@ def _clock(table: FloatArray, seconds: float) -> tuple[int, str] | None:
     return None
 
 
-def _rate(heard: _Heard, counts: Sequence[int]) -> float:
+def _rate(capture: _Capture, counts: Sequence[int]) -> float:
     """Readings a second: those after the first chunk, which may have waited."""
-    times = [when for when, _ in heard.chunks]
+    times = [when for when, _ in capture.chunks]
     span = times[-1] - times[0]
-    return _usual(sum(counts[1:]) / span) if span > 0 else sum(counts) / heard.seconds
+    return _usual(sum(counts[1:]) / span) if span > 0 else sum(counts) / capture.seconds
 
 
 def _usual(rate_hz: float) -> float:
@@ -189,10 +189,10 @@ def _usual(rate_hz: float) -> float:
     return float(nearest if abs(nearest / rate_hz - 1) < USUAL_WITHIN else f"{rate_hz:.3g}")
 
 
-def _chatter(baudrate: int, heard: _Heard) -> Chatter:
-    data = heard.data
+def _chatter(baudrate: int, capture: _Capture) -> Chatter:
+    data = capture.data
     printable = sum(32 <= byte < 127 or byte in b"\r\n\t" for byte in data) / max(len(data), 1)
-    return Chatter(baudrate, len(data) / heard.seconds, printable, data[:24], _servo_protocol(data))
+    return Chatter(baudrate, len(data) / capture.seconds, printable, data[:24], _servo_protocol(data))
 
 
 def _servo_protocol(data: bytes) -> int:

@@ -116,5 +116,7 @@ def test_a_zenoh_file_without_any_address_is_refused(tmp_path: Path, fake_driver
     """It would have listened on all interfaces; now nobody can reach the robot, and that is said."""
     (tmp_path / "peer.json5").write_text('{ mode: "peer" }')
     text = fake_config(tmp_path, f'[alarm.zenoh]\nconfig = "{tmp_path / "peer.json5"}"\n')
-    with pytest.raises(ConfigError, match=r"alarm\.zenoh\.connect: found none, nor in .*peer\.json5, so that no program"):
+    with pytest.raises(
+        ConfigError, match=r"alarm\.zenoh\.connect: found none, nor in .*peer\.json5, so that no program"
+    ):
         config.loads(text, "x")

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from lostmotion.drivers.codec import rmw_zenoh
 from lostmotion.drivers.codec.cdr import CdrError
-from lostmotion.drivers.codec.ros2_messages import DECODERS, JointsTold, imu_acceleration
+from lostmotion.drivers.codec.ros2_messages import DECODERS, JointStates, imu_acceleration
 from lostmotion.drivers.emulator.ros2 import STATE, typestore
 
 EXAMPLES = int(os.environ.get("LOSTMOTION_EXAMPLES", "400"))
@@ -48,7 +48,7 @@ def check_joint_states(
     values = np.random.default_rng(seed).normal(size=(3, len(joints)))
     given = [row if keep else np.empty(0) for row, keep in zip(values, told, strict=True)]
     data = written(TYPES[JOINT_STATE](header(sec, nanosec, frame), joints, *given), JOINT_STATE, is_little)
-    expected = JointsTold(sec * 10**9 + nanosec, tuple(joints), *(tuple(row.tolist()) for row in given))
+    expected = JointStates(sec * 10**9 + nanosec, tuple(joints), *(tuple(row.tolist()) for row in given))
     assert DECODERS[JOINT_STATE](data) == expected
 
 

@@ -16,8 +16,8 @@ from lostmotion.detector.series import score_series
 from lostmotion.detector.window import DetectorSettings
 from lostmotion.drivers.base import FloatArray, OscillatorOptions
 from lostmotion.drivers.errors import DriverError
-from lostmotion.drivers.life import YEAR_S
 from lostmotion.drivers.pacing import Pace
+from lostmotion.drivers.schedule import YEAR_S
 from lostmotion.drivers.simulated import SimulatedAccelerometer, SimulatedJoints, SimulatedRobot, check
 from lostmotion.drivers.simulated_options import (
     SimulatedAccelerometerOptions,

@@ -22,9 +22,9 @@ from lostmotion.drivers.base import ServoBus, ServoSample
 from lostmotion.drivers.clock import SystemClock
 from lostmotion.drivers.codec import feetech
 from lostmotion.drivers.codec.dynamixel import Packet, encode
-from lostmotion.drivers.codec.overheard import Overheard, What
 from lostmotion.drivers.codec.registers import Registers
 from lostmotion.drivers.codec.servo_state import MODELS
+from lostmotion.drivers.codec.sniffer import AccessKind, BusSniffer
 from lostmotion.drivers.emulator import Emulator, FeetechLine, MasteredLine, Motion, ServoLine, Tap, TappedLine
 from lostmotion.drivers.errors import DriverError, PortError
 from lostmotion.drivers.tap import DRIVER
@@ -247,25 +247,25 @@ def _dead() -> ServoLine:
 @pytest.mark.parametrize("cut", [1, 7, 1000])
 def test_a_fast_answer_for_all(cut: int) -> None:
     """Fast sync read: error, id, data and a checksum of each servo in one packet, the last checksum the packet's."""
-    stream = Overheard(2)
+    stream = BusSniffer(2)
     question = encode(Packet(0xFE, 0x8A, bytes((132, 0, 4, 0, 3, 7, 4))), 2)
     shares = [bytes((0, id)) + bytes((id, 1, 2, 3)) for id in (3, 7, 4)]
     answer = encode(Packet(0xFE, 0x55, b"\xaa\xbb".join(shares)), 2)
     line = b"\x00" + question + answer
     heard = [one for at in range(0, len(line), cut) for one in stream.feed(line[at : at + cut])]
-    assert [one.id for one in heard if one.what is What.ASKED] == [3, 7, 4]
-    told = [(one.id, one.address, one.data) for one in heard if one.what is What.ANSWERED]
+    assert [one.id for one in heard if one.kind is AccessKind.ASKED] == [3, 7, 4]
+    told = [(one.id, one.address, one.data) for one in heard if one.kind is AccessKind.ANSWERED]
     assert told == [(id, 132, bytes((id, 1, 2, 3))) for id in (3, 7, 4)]
 
 
 def test_protocol_1_tells_answers_from_instructions() -> None:
     """An overheated servo's answer has the code of an instruction; a dead servo's next question is no answer; a read of
     several servos (bulk read) is answered by each."""
-    stream = Overheard(1)
+    stream = BusSniffer(1)
 
     def said(*packets: Packet) -> list[tuple[int, int, bytes]]:
         heard = [one for packet in packets for one in stream.feed(encode(packet, 1))]
-        return [(one.id, one.address, one.data) for one in heard if one.what is What.ANSWERED]
+        return [(one.id, one.address, one.data) for one in heard if one.kind is AccessKind.ANSWERED]
 
     read = Packet(1, 2, bytes((36, 2)))
     assert said(read, Packet(1, 0x04, b"\x10\x02")) == [(1, 36, b"\x10\x02")]
@@ -281,12 +281,12 @@ def test_protocol_1_tells_answers_from_instructions() -> None:
 def test_any_traffic_is_taken(protocol: int, said: list[bytes | Packet], cut: int) -> None:
     """Whatever comes in: no error, registers of the sizes asked for, the same however it is cut."""
     line = b"".join(one if isinstance(one, bytes) else encode(one, protocol) for one in said)
-    whole, pieces = Overheard(protocol), Overheard(protocol)
+    whole, pieces = BusSniffer(protocol), BusSniffer(protocol)
     heard = list(whole.feed(line))
     assert heard == [one for at in range(0, len(line), cut) for one in pieces.feed(line[at : at + cut])]
     registers = Registers(MODELS["XL330-M288" if protocol == 2 else "AX-12A"])
     for time_s, one in enumerate(heard):
-        registers.hear(one.address, one.data, time_s)
+        registers.update(one.address, one.data, time_s)
         assert math.isfinite(registers.state(time_s).position)
 
 

@@ -1,4 +1,4 @@
-"""Who is on a topic of ROS 2: what doctor and the service are told of a joint or sensor before it is listened to."""
+"""The identities on topics of ROS 2: which joints and sensors publish there, at which rate and by which clock."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from statistics import median
 from lostmotion.drivers.base import Identity
 from lostmotion.drivers.codec.cdr import CdrError
 from lostmotion.drivers.codec.rmw_zenoh import Endpoint, sent
-from lostmotion.drivers.codec.ros2_messages import DECODERS, IMU, JointsTold, imu_acceleration
+from lostmotion.drivers.codec.ros2_messages import DECODERS, IMU, JointStates, imu_acceleration
 from lostmotion.drivers.ros2_session import Listener, Message
 from lostmotion.drivers.ros2_stamps import Source, clock_fault, stamped
 
-__all__ = ["REFERENCE", "Wanted", "decoded", "hear"]
+__all__ = ["REFERENCE", "Wanted", "decoded", "identify_all"]
 
 SILENCE_S, LISTEN_S, DOUBT_S = 2.5, 0.8, 3.2
 """how long to wait for a first message, and then to listen; and in all where a clock seems to be wrong: a message
@@ -26,7 +26,7 @@ REFERENCE = ", commanded: the controller's reference"
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """What a joint or sensor of that name is to be heard on: a topic of one of these types; joint: its name there;
+    """What is expected of a joint or sensor of that name: a topic of one of these types; joint: its name there;
     is_controlled: whether a controller's reference is wanted; rate_hz: of a sensor."""
 
     name: str
@@ -38,8 +38,8 @@ class Wanted:
 
 
 @dataclass(slots=True)
-class Heard:
-    """What came on one topic: messages with the times at which they were found [s]."""
+class Received:
+    """The messages of one topic, with the times at which they were found [s]."""
 
     messages: list[tuple[float, Message]] = field(default_factory=list)
 
@@ -57,47 +57,47 @@ class _Sum:
     has_reference: bool = False
 
 
-def hear(listener: Listener, wanted: Sequence[Wanted], now: Callable[[], float]) -> list[Identity]:
+def identify_all(listener: Listener, wanted: Sequence[Wanted], now: Callable[[], float]) -> list[Identity]:
     """Listens to all topics at once; an Identity for each that is wanted.  Raises PortError."""
-    heard = {topic: Heard() for topic in listener.topics}
-    for topic in heard:
+    received = {topic: Received() for topic in listener.topics}
+    for topic in received:
         listener.take(topic)
     start = now()
-    _listen(listener, heard, start, LISTEN_S, now)
-    sums = [_sum(one, heard[one.topic]) for one in wanted]
+    _listen(listener, received, start, LISTEN_S, now)
+    sums = [_sum(one, received[one.topic]) for one in wanted]
     if any(map(_clock_fault, sums)):
-        _listen(listener, heard, start, DOUBT_S, now)
-        sums = [_sum(one, heard[one.topic]) for one in wanted]
+        _listen(listener, received, start, DOUBT_S, now)
+        sums = [_sum(one, received[one.topic]) for one in wanted]
     listener.check()
     shown = listener.publishers()
-    return [_identity(one, heard[one.topic], total, shown) for one, total in zip(wanted, sums, strict=True)]
+    return [_identity(one, received[one.topic], total, shown) for one, total in zip(wanted, sums, strict=True)]
 
 
 def _listen(
-    listener: Listener, heard: dict[str, Heard], start: float, listen_s: float, now: Callable[[], float]
+    listener: Listener, received: dict[str, Received], start: float, listen_s: float, now: Callable[[], float]
 ) -> None:
-    """Listens until each topic was heard for ``listen_s``, or kept silent."""
+    """Listens until each topic has sent for ``listen_s``, or stayed silent."""
 
-    def end(one: Heard) -> float:
+    def end(one: Received) -> float:
         return one.messages[0][0] + listen_s if one.messages else start + SILENCE_S
 
-    while any(now() < end(one) for one in heard.values()):
+    while any(now() < end(one) for one in received.values()):
         time.sleep(0.01)
-        for topic, one in heard.items():
+        for topic, one in received.items():
             moment = now()
             one.messages += [(moment, message) for message in listener.take(topic)]
 
 
-def _identity(wanted: Wanted, heard: Heard, total: _Sum, shown: Sequence[Endpoint]) -> Identity:
+def _identity(wanted: Wanted, received: Received, total: _Sum, shown: Sequence[Endpoint]) -> Identity:
     what = f"joint {wanted.joint!r}" if wanted.joint else IMU
     expected = f"{what} on {wanted.topic}" + (f" at {wanted.rate_hz:g} Hz" if wanted.rate_hz else "")
 
     def wrong(found: str) -> Identity:
         return Identity(wanted.name, found, expected, False)
 
-    if not heard.messages:
+    if not received.messages:
         return wrong(_nothing(wanted, shown))
-    types = {message.type for _, message in heard.messages}
+    types = {message.type for _, message in received.messages}
     if other := types - {*wanted.types}:
         return wrong(
             f"{', '.join(sorted(other))} on {wanted.topic}, which is none of {', '.join(wanted.types)};"
@@ -160,11 +160,11 @@ def _clock_fault(total: _Sum) -> str:
     return clock_fault(median(later[1] - one[1] for one, later in pairs), passed_s) if passed_s > 0 else ""
 
 
-def _sum(wanted: Wanted, heard: Heard) -> _Sum:
+def _sum(wanted: Wanted, received: Received) -> _Sum:
     total = _Sum()
-    for moment, message in heard.messages:
+    for moment, message in received.messages:
         try:
-            stamp_ns, names, has_reference = _told(wanted, message)
+            stamp_ns, names, has_reference = _contents(wanted, message)
         except CdrError as error:
             total.broken = str(error)
             continue
@@ -179,16 +179,16 @@ def _sum(wanted: Wanted, heard: Heard) -> _Sum:
     return total
 
 
-def _told(wanted: Wanted, message: Message) -> tuple[int, Iterable[str], bool]:
-    """The stamp of a message, the joints in it, and whether it tells what they are commanded."""
+def _contents(wanted: Wanted, message: Message) -> tuple[int, Iterable[str], bool]:
+    """The stamp of a message, the joints in it, and whether it has their commands."""
     if not wanted.joint:
         return imu_acceleration(message.data)[0], (), False
-    told = decoded(message)
-    return told.stamp_ns, told.names, bool(told.reference)
+    states = decoded(message)
+    return states.stamp_ns, states.names, bool(states.reference)
 
 
-def decoded(message: Message) -> JointsTold:
-    """The joints of a message.  Raises CdrError, also for a type that tells of none."""
+def decoded(message: Message) -> JointStates:
+    """The joints of a message.  Raises CdrError, also for a type without joints."""
     if message.type not in DECODERS:
         raise CdrError(f"found {message.type}, expected {', '.join(DECODERS)}")
     return DECODERS[message.type](message.data)

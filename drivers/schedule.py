@@ -12,7 +12,7 @@ import numpy as np
 
 from lostmotion.drivers.base import FloatArray
 
-__all__ = ["YEAR_S", "Step", "grid", "skips", "step_of_life"]
+__all__ = ["YEAR_S", "Step", "grid", "schedule_step", "skips"]
 
 YEAR_S = 365 * 86400.0
 
@@ -24,12 +24,12 @@ SHIFT_S = 3600.0
 """Motion in one stretch where time is not skipped [s]; then the robot rests for a second."""
 REST_S = 1.0
 TAIL_S = 0.5
-"""The servos fall silent this long before the end of a stretch [s], so that the last window is heard to its end."""
+"""The servos fall silent this long before the end of a stretch [s], so that the last window is complete."""
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A step of robot time [s]: from begin to end the accelerometers are heard, until servo_end the servos.
+    """A step of robot time [s]: from begin to end the accelerometers deliver samples, until servo_end the servos.
 
     It is part of the stretch number ``stretch``, which began at ``origin``; ``after_rest``: it is the first one there.
     """
@@ -51,8 +51,8 @@ def skips(speed: float) -> bool:
     return STRETCH_S / STRETCH_EVERY_S < speed < math.inf
 
 
-def step_of_life(number: int, length: float, speed: float) -> Step:
-    """Step ``number`` of a life at that speed, each of ``length`` [s], a whole part of a stretch."""
+def schedule_step(number: int, length: float, speed: float) -> Step:
+    """Step ``number`` of the schedule at that speed, each of ``length`` [s], a whole part of a stretch."""
     motion, every = (STRETCH_S, speed * STRETCH_EVERY_S) if skips(speed) else (SHIFT_S, SHIFT_S + REST_S)
     stretch, part = divmod(number, round(motion / length))
     origin = stretch * every
