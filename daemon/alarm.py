@@ -95,7 +95,7 @@ class JointMonitor:
         return self._update(time)
 
     def tick(self, time: datetime) -> list[Change]:
-        """What the passing of time brings: delays that are over, the end of shelving, reminders."""
+        """What has changed by time alone: delays that are over, the end of shelving, reminders."""
         changes: list[Change] = []
         for cause, alarm in list(self._alarms.items()):
             due = reminder_due(alarm, self._options.remind)
@@ -106,7 +106,7 @@ class JointMonitor:
         return changes + self._update(time)
 
     def request(self, request: Request, time: datetime) -> tuple[list[Change], Answer]:
-        """Does what somebody asks; the changes, and the answer."""
+        """Carries out a request; the changes, and the answer."""
         changes: list[Change] = []
         for alarm in [alarm for cause, alarm in self._alarms.items() if request.cause in (None, cause)]:
             if request.verb is Verb.UNSHELVE and alarm.state is AlarmState.SHELVED:

@@ -1,4 +1,4 @@
-"""The command line: arguments only.  What a command does stands in ``commands`` and is imported when it is called, so
+"""The command line: arguments only.  Commands are implemented in ``commands``, imported when they are called, so
 that ``--help`` is quick and the running service carries no plots; the lab's commands come from ``lab.cli``, late too.
 
 A command returns its exit status (``commands/guard.py``); None means 0.
@@ -119,7 +119,7 @@ def doctor(config: Path | None, find: bool, port: tuple[str, ...], output: Path 
     first.
 
     With --find: listens to every free serial port, asks silent ones which servos are there (pings and reads,
-    nothing is written to them), and lists CAN interfaces and accelerometers of the kernel's.  Exit status 1 if there is
+    nothing is written to them), and lists CAN interfaces and the kernel's accelerometers.  Exit status 1 if there is
     nothing.
     """
     if find:

@@ -57,7 +57,7 @@ DAMAGE = ("SQLITE_CORRUPT", "SQLITE_NOTADB")
 UNREADABLE = (sqlite3.Error, UnicodeDecodeError)
 """what SQLite's module raises for a damaged file: it reads even the message of an error as UTF-8"""
 DAMAGED = (*UNREADABLE, ValueError, TypeError, OverflowError)
-"""what reading its rows raises: also of values that nobody has written, as a state that there is not"""
+"""what reading its rows raises: also of values that were never written, as an unknown state"""
 PASSING = ("SQLITE_FULL", "SQLITE_BUSY", "SQLITE_IOERR")
 CAUSES = {
     "SQLITE_FULL": "the disk is full; free some space",

@@ -1,6 +1,6 @@
 """An HTTP server that connections cannot exhaust: each ends after a time, and there are never more than a few.
 
-What it answers is ``metrics.py``'s business.  Python's own ``http.server`` brings mail and TLS, 6 MB, for a page that
+``metrics.py`` has its answers.  Python's own ``http.server`` brings mail and TLS, 6 MB, for a page that
 needs neither.
 """
 

@@ -105,7 +105,7 @@ class MetricsOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 class WebOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """``[web]``: where ``lostmotion web`` serves its page, and to whom.
+    """``[web]``: where ``lostmotion web`` serves its page, and who may see it.
 
     password_hash: an Argon2 hash, from ``lostmotion web --hash-password``; token_file: a file that holds a token for
     programs; one of them is required beyond this computer.  certificate, key: files for TLS.  lab: the folder of the
@@ -131,7 +131,7 @@ class AlarmOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     limit; error: median score as a multiple of the level, None for no limit; trend_days: a trend that reaches
     severity_warning sooner (of the score: the level) is DEGRADED, 0: none is; deadband: share of its limit by which
     a figure has to fall until a severity is left; on_delay_s, off_delay_s: how long a cause has to stand, or to be
-    gone, before the alarm changes [s]; remind: of an alarm that nobody acknowledges; judged_within_h: a joint without a
+    gone, before the alarm changes [s]; remind: of an alarm that is not acknowledged; judged_within_h: a joint without a
     sound window for so long is DEGRADED [h]; 0: no limit.
     """
 

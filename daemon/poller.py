@@ -1,7 +1,7 @@
 """One thread for each servo bus and accelerometer: open, identify, read, and again when the port went away.
 
-A poller knows no window and no score.  It hands on what was read and keeps the public status of its device: the state
-it is in, why, and how many samples came, were lost, late or broken.
+A poller computes no windows and no scores.  It passes on what was read and keeps the public status of its device: its
+state, why, and how many samples came, were lost, late or broken.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class Inbox:
 
 
 class Poller:
-    """Keeps one device going until ``stop`` is set.
+    """Keeps one device running until ``stop`` is set.
 
     members: the joints, or the accelerometer, behind it; pulse: host time (monotonic) [s] of the last sign of life of
     its thread; while that rests, of the end of the rest; inf when it has nothing more to do.
@@ -102,7 +102,7 @@ class Poller:
         self._condition = Condition()
 
     def run(self) -> None:
-        """The whole life of the device; ends with ``stop`` or at the end of a replay."""
+        """Runs the device until ``stop`` or the end of a replay."""
         pause = FIRST_RETRY_S
         while not self._stop.is_set():
             longest = LAST_RETRY_S

@@ -160,7 +160,7 @@ class Reader:
         return str(next((row["value"] for row in self._rows("SELECT value FROM meta WHERE key = 'robot'")), ""))
 
     def clock(self) -> ClockRow | None:
-        """What the service last knew of the time."""
+        """The time as the service last wrote it."""
         value = next((row["value"] for row in self._rows("SELECT value FROM meta WHERE key = 'clock'")), None)
         return None if value is None else ClockRow(*map(int, json.loads(value)))
 
@@ -202,7 +202,7 @@ class Reader:
 
     def batches(self, joint: str, bounds: Bounds, size: int = BATCH) -> Iterator[list[tuple[Any, ...]]]:
         """The same rows as the database has them (SCORE), oldest first, so many at a time: each batch is a question of
-        its own, so that nobody who writes has to keep old pages for a reader that takes its time."""
+        its own, so that no writer has to keep old pages for a slow reader."""
         found = _bounds(joint, *bounds) | {"size": size}
         newest = f"SELECT min(time_us), max(time_us) FROM (SELECT time_us {self.OF} ORDER BY time_us DESC LIMIT :limit)"
         first, last = self._db.execute(newest, found).fetchone()
@@ -278,7 +278,7 @@ class Reader:
         return [(row["id"], _transition(row)) for row in reversed(rows)]
 
     def requests(self, after: int = 0) -> list[Request]:
-        """What people have asked of alarms and nobody has taken up, oldest first; after: only those with a larger
+        """Requests about alarms that are not answered yet, oldest first; after: only those with a larger
         number."""
         return self._asked(Verb, after)
 
@@ -302,7 +302,7 @@ class Reader:
         ]  # fmt: skip
 
     def answer(self, request: int) -> Answer | None:
-        """What came of a request; None while nobody has taken it up."""
+        """The answer to a request; None while there is none."""
         rows = self._rows("SELECT * FROM request WHERE id = ? AND answer IS NOT NULL", [request])
         return next((Answer(request, bool(row["done"]), row["answer"]) for row in rows), None)
 

@@ -77,9 +77,9 @@ class AlarmState(Enum):
     """The state of an alarm (ISA-18.2); ``lifecycle.py`` has the transitions."""
 
     NORMAL = "normal"
-    ACTIVE = "active"  # its cause stands, and nobody has acknowledged it
-    ACKNOWLEDGED = "acknowledged"  # its cause stands, and somebody knows
-    RETURNED = "returned"  # its cause has gone, and nobody has acknowledged it
+    ACTIVE = "active"  # its cause is present, not acknowledged
+    ACKNOWLEDGED = "acknowledged"  # its cause is present, acknowledged
+    RETURNED = "returned"  # its cause has gone, not acknowledged
     SHELVED = "shelved"  # silent until a time, whatever its cause does
 
 
@@ -196,7 +196,7 @@ class Transition:
 
 
 class Verb(Enum):
-    """What people ask of alarms."""
+    """Requests of people about alarms."""
 
     ACK = "ack"
     SHELVE = "shelve"
@@ -204,7 +204,7 @@ class Verb(Enum):
 
 
 class Task(Enum):
-    """What programs ask of a running service: a recording of a joint, to read its configuration again."""
+    """Requests of programs to a running service: a recording of a joint, to read its configuration again."""
 
     RECORD = "record"
     RELOAD = "reload"
@@ -212,7 +212,7 @@ class Task(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What somebody asks of the alarms of a joint, or of the service; cause None means all of them; for_s: how long to
+    """A request about the alarms of a joint, or to the service; cause None means all of them; for_s: how long to
     shelve, or to record [s]."""
 
     id: int
@@ -226,7 +226,7 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """The request with this number has been taken up: what came of it; done: whether anything changed."""
+    """The answer to the request with this number; done: whether anything changed."""
 
     id: int
     done: bool

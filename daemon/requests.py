@@ -104,7 +104,7 @@ def take(
 ) -> list[Change | Answer]:
     """Takes requests up; what changed by each, followed by its answer.
 
-    A joint without a monitor is watched no more, and may still have an alarm that nobody has acknowledged.
+    A joint without a monitor is no longer monitored, and may still have an alarm that is not acknowledged.
     """
     rows: list[Change | Answer] = []
     for request in asked:

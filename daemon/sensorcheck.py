@@ -1,8 +1,8 @@
 """Whether an accelerometer measures its joints at all: what their windows and their motion show of it.
 
 A joint without sound evidence must not be called healthy.  Two kinds of evidence are followed here: the quality of the
-last windows, and whether the readings follow the measured motion.  What a driver itself notices (a missing port, no
-bytes) is the poller's, lost samples are ``losses.py``'s.  No clock, no I/O.
+last windows, and whether the readings follow the measured motion.  The poller reports what a driver notices (a missing
+port, no bytes), ``losses.py`` lost samples.  No clock, no I/O.
 """
 
 from __future__ import annotations

@@ -150,7 +150,7 @@ class Service:
         log.info("stopped")
         return lost
 
-    # --- one configuration's life -----------------------------------------------------------------------------------
+    # --- start and end of a configuration ---------------------------------------------------------------------------
 
     def _begin(self, known: Sequence[Change | ScoreRow] = ()) -> None:
         """Starts the present configuration: health from the store, sinks, then the pollers.

@@ -33,7 +33,7 @@ def recording_path(database: Path, request: int) -> Path:
 
 
 class Tasks:
-    """Takes requests up for one configuration's life; ``reload`` is the request for another one, 0 without any.
+    """Carries out requests while one configuration is in use; ``reload`` is the request for another one, 0 without any.
 
     seen: the requests that were taken up, number and time; whose answers may not be on the disk yet.
     """

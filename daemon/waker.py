@@ -24,5 +24,5 @@ class Waker:
             self._asleep.release()
 
     def wait(self, timeout_s: float) -> bool:
-        """Whether somebody woke it within so long."""
+        """Whether it was woken within so long."""
         return self._asleep.acquire(timeout=timeout_s)

@@ -100,7 +100,7 @@ def opened(options: ZenohOptions) -> tuple[list[str], list[str]]:
 
 
 def _asked_to_listen(config: zenoh.Config, mode: str) -> list[str]:
-    """The endpoints that a file of Zenoh's asks for; its defaults nobody has asked for."""
+    """The endpoints that a file of Zenoh's asks for; without its defaults."""
     found, unasked = (json.loads(one.get_json("listen/endpoints")) for one in (config, zenoh.Config()))
     return [] if found == unasked else _of_mode(found, mode)
 

@@ -208,7 +208,7 @@ class AccelerometerFactory(Protocol):
 
 
 class ClockFactory(Protocol):
-    """Makes the clock of a robot that lives in a time of its own."""
+    """Makes the clock of a robot with virtual time."""
 
     def __call__(self, robot: RobotOptions) -> Clock: ...
 

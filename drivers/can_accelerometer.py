@@ -1,6 +1,6 @@
 """An accelerometer that sends its samples as CAN frames of one identifier, whatever describes them; it only listens.
 
-Which bits mean what stands in ``codec/signal.py``, the bus in ``can_port.py``.
+``codec/signal.py`` decodes the bits; the bus is in ``can_port.py``.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class CanAccelerometer:
 
     def read(self) -> AccelBlock:
         """The samples since the last call; waits for some up to 0.25 s.  Raises PortError."""
-        if self._fresh:  # what waited since nobody read would look as if it came late
+        if self._fresh:  # what waited before the first read would look as if it came late
             self._port.read(0.0)
             self._fresh = False
         frames = self._port.read(WAIT_S) if self._port.stamped else self._unstamped()

@@ -1,6 +1,6 @@
 """Who listens to a CAN bus: any number of drivers of this process share one that is opened once.
 
-Whoever reads first reads for all.  The bus itself stands in ``can_bus.py``.
+The listener that reads first reads for all.  The bus itself is in ``can_bus.py``.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ _opening = threading.Lock()
 
 
 class CanPort:
-    """One listener.  broken: error frames, and lines that are none, since somebody set it to 0."""
+    """One listener.  broken: error frames, and lines that are none, since it was set to 0."""
 
     def __init__(self, options: CanOptions, now: Callable[[], float]) -> None:
         """Raises DriverError for an interface or a bit rate that cannot be."""

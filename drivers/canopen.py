@@ -1,8 +1,8 @@
-"""Driver of CiA 402 drives on a CANopen bus whose master is somebody else: it listens to SYNC and PDOs.
+"""Driver of CiA 402 drives on a CANopen bus with another master: it listens to SYNC and PDOs.
 
 Nothing is ever sent, unless ``sdo`` lets a drive's mapping and units be read, by SDO uploads when the bus is opened.
-What frames mean stands in ``canopen_drive.py``; where the mapping comes from in ``canopen_mapping.py``; the bus in
-``can_port.py``.  An accelerometer with the process value of CiA 404 in a PDO is received in the same way.
+``canopen_drive.py`` decodes frames, ``canopen_mapping.py`` finds the mapping, ``can_port.py`` has the bus.  An
+accelerometer with the process value of CiA 404 in a PDO is received in the same way.
 """
 
 from __future__ import annotations

@@ -33,12 +33,12 @@ class Drive:
     it; while the drive is not in Operation enabled it follows none, and there is no sample."""
 
     def __init__(self, options: CanopenJointOptions) -> None:
-        """Raises DriverError for a mapping without a position or a command, or units that nobody gives."""
+        """Raises DriverError for a mapping without a position or a command, or units that are not given."""
         self.options = options
         self.joint = options.name
         self.node = options.node
         self.last_seen = -math.inf  # when the last position came [s]
-        self.lost = 0  # polls, since somebody set it to 0
+        self.lost = 0  # polls, since it was set to 0
         self.facts: NodeFacts | None = None
         self.units: cia402.Units | None = None
         self.fields: dict[int, list[tuple[Object, Field]]] = {}

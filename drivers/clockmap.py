@@ -1,5 +1,5 @@
 """A sensor's clock → the host's: a running regression over the times at which its samples arrived.  Pure: time comes in
-as an argument.  What gaps in the sensor's times mean stands in ``timeline.py``.
+as an argument.  ``timeline.py`` handles gaps in the sensor's times.
 """
 
 from __future__ import annotations

@@ -64,7 +64,7 @@ class Subject:
 
     @property
     def tables(self) -> list[dict[str, Any]]:
-        """The tables as they would stand in a configuration."""
+        """The tables as in a configuration."""
         rows = [{"accelerometer": "tip", **joint} for joint in self.joints] or [dict(self.accelerometer)]
         return [{"name": name, "driver": self.driver, **row} for name, row in zip(self.names, rows, strict=True)]
 

@@ -1,6 +1,6 @@
 """Driver of a microcontroller that prints one reading a line: ``value``, or ``t_us,value``, or more columns.
 
-The lines stand in ``codec/csv_line.py``; ports, identity and times in ``serial_accelerometer.py``.
+``codec/csv_line.py`` parses lines; ports, identity and times are in ``serial_accelerometer.py``.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Driver of ROBOTIS Dynamixel servos: AX and MX on protocol 1.0, X and MX on protocol 2.0, also mixed on one line.
 
-It only reads; it never moves a servo.  When which servo is asked stands in ``servo_line.py``, the port in
+It only reads; it never moves a servo.  The schedule of requests is in ``servo_line.py``, the port in
 ``dynamixel_port.py``, models and units in ``codec/servo_state.py``.  Packets are made and checked by dynamixel-sdk, but
 for the one question that is put to each servo of protocol 1.0 at every poll: a sync read, which 1.0 has not, would ask
 all at once.

@@ -1,6 +1,6 @@
 """Driver of Feetech serial bus servos: STS and SMS with a magnetic encoder, SCS with a potentiometer, also mixed.
 
-It only reads; it never moves a servo.  When which servo is asked stands in ``servo_line.py``, models, questions and
+It only reads; it never moves a servo.  The schedule of requests is in ``servo_line.py``; models, questions and
 units in ``codec/feetech.py``.
 """
 

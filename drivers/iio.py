@@ -1,7 +1,7 @@
 """Driver of accelerometers that the Linux kernel drives (ADXL345, ADXL355, ADXL372, LIS3DH, MPU6050, KX022A, …):
 the IIO buffer with the kernel's time stamps.
 
-Attributes stand in ``iio_sysfs.py``, frames in ``codec/iio_scan.py``, what is set before measuring in ``iio_setup.py``.
+Attributes are in ``iio_sysfs.py``, frames in ``codec/iio_scan.py``, what is set before measuring in ``iio_setup.py``.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""A recording: what was measured or simulated, as columns over time, and the CSV file it lives in.
+"""A recording: what was measured or simulated, as columns over time, and its CSV file.
 
-The format is described for users in docs/recordings.md, its text is codec/recording_csv.py's, files of other programs
-are formats/'s.  Only whole files are handled here: rows that are written while they arrive are recorder.py's, playing a
-file back is replay.py's.
+docs/recordings.md describes the format; codec/recording_csv.py parses its text, formats/ files of other programs.  Only
+whole files are handled here: recorder.py writes rows as they arrive, replay.py plays a file back.
 """
 
 from __future__ import annotations
@@ -108,7 +107,7 @@ class Recording:
 
     @property
     def foreign_units(self) -> dict[str, str]:
-        """Columns that do not stand in the format's unit (a force in "V", a command in "m"), and their unit."""
+        """Columns that are not in the format's unit (a force in "V", a command in "m"), and their unit."""
         return {name: self.unit(name) for name in self.columns if self.unit(name) != COLUMN_UNITS[name]}
 
 

@@ -1,8 +1,8 @@
 """A recording as a robot: its rows are returned as if they were being measured.
 
 ``port`` is the recording's path, relative to the working folder of the process; ``column`` selects which of its columns
-is the joint's command, or the accelerometer's signal (any column may be the one that rings).  Reading the file is
-recording.py's; what becomes of the samples, the service's.
+is the joint's command, or the accelerometer's signal (any column may be the one that rings).  ``recording.py``
+reads the file.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Driver of joints and accelerometers that a robot publishes on topics of ROS 2, over rmw_zenoh.
 
-It only listens: nothing is published, and the bus of the servos is left to ros2_control.  The session stands in
+It only listens: nothing is published, and the bus of the servos is left to ros2_control.  The session is in
 ``ros2_session.py``, messages in ``codec/ros2_messages.py``, identities in ``ros2_identity.py``.
 """
 

@@ -134,7 +134,7 @@ class Listener:
         return rmw_zenoh.every_type_key(self._network.domain_id, topic)
 
     def _type(self, key: str) -> str:
-        """The type that stands in a key; one publisher has one key."""
+        """The type in a key; one publisher has one key."""
         if key not in self._types:
             self._types = {key: rmw_zenoh.ros_type(key.split("/")[-2])}
         return self._types[key]
@@ -151,7 +151,7 @@ def _next(take: Callable[[], zenoh.Sample | None]) -> zenoh.Sample | None:
 
 
 def _configuration(network: Ros2Network) -> zenoh.Config:
-    """A client that listens nowhere and looks for nobody."""
+    """A client that listens nowhere and does not scout."""
     import zenoh
 
     config = zenoh.Config()

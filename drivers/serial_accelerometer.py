@@ -114,7 +114,7 @@ class SerialAccelerometer:
 
     def read(self) -> AccelBlock:
         """The samples since the last call; waits for some up to 0.25 s.  Raises PortError."""
-        if self._fresh:  # what waited since nobody read would look as if it came late
+        if self._fresh:  # what waited before the first read would look as if it came late
             self._port.discard_input()
             self._form.reset()
             self._fresh = False

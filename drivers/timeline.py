@@ -1,5 +1,5 @@
 """A sensor's samples → blocks in robot time, with what was lost, late or broken counted.  Pure: time comes in as an
-argument.  Bytes stand in ``codec``, the regression behind the times in ``clockmap.py``.
+argument.  ``codec`` decodes bytes, ``clockmap.py`` has the regression behind the times.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Units that recordings come in, and their factors to SI.  Nothing but the table and its look-up lives here."""
+"""Units that recordings come in, and their factors to SI.  Only the table and its look-up."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Driver of WitMotion's serial inertial sensors (WT901, JY901 and like): ±16 g, at most 200 readings a second.
 
-Its frames stand in ``codec/witmotion.py``; ports, identity and times in ``serial_accelerometer.py``.
+``codec/witmotion.py`` decodes frames; ports, identity and times are in ``serial_accelerometer.py``.
 """
 
 from __future__ import annotations

@@ -63,9 +63,9 @@ class Base:
     states: the solver integrates them; input_signals: signals that carry the input, with the order of the derivative
     (0 or 1); presets: signals that begin at a parameter's value (the inertia) or at a number; outputs: the names under
     which signals leave; rate: the fastest rate [rad/s] of the base, of which a sub-step covers at most a quarter;
-    watched: the signal that tells the solver how hard it got; scale: the parameter with which all forces can be scaled
-    without a change of the motion, where no input drives it; start: states that move along with
-    an input, from the values, the input and its two derivatives.
+    watched: the signal from which the solver chooses its sub-step; scale: the parameter with which all forces can be
+    scaled without a change of the motion, where no input drives it; start: states that move along with an input, from
+    the values, the input and its two derivatives.
     """
 
     id: str

@@ -1,7 +1,7 @@
 """How far a simulation can be trusted: convergence by halving the step, and the horizon of predictability.
 
 With weak contact damping the gear model is chaotic: impacts amplify any difference until two runs have nothing in
-common but their statistics.  No step is small enough then; the horizon says how long the samples mean something.
+common but their statistics.  No step is small enough then; the horizon is how long single samples mean something.
 """
 
 from __future__ import annotations

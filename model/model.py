@@ -260,7 +260,7 @@ class Model:
 def _remade(
     base: str, effects: tuple[str, ...], parameters: Mapping[str, Parameter], own_effects: tuple[Effect, ...]
 ) -> Model:
-    """The model, in a process that may not know the effects that are not lostmotion's: unpickling them told them."""
+    """The model, in a process where effects that are not lostmotion's may not be registered yet: registers them."""
     for effect in own_effects:
         register(effect)
     return Model(base, effects, MappingProxyType(dict(parameters)))

@@ -35,7 +35,7 @@ class Motion(Protocol):
 
 
 class Named(Motion, Protocol):
-    """A motion that has a name, and can tell how fast it may become."""
+    """A motion that has a name, and bounds of its velocity and acceleration."""
 
     def peaks(self) -> tuple[float, float]:
         """Velocity and acceleration [rad/s, rad/s²] that it does not exceed at any time."""

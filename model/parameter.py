@@ -79,7 +79,7 @@ class Parameter:
             )
 
     def check_unit(self, unit: str) -> None:
-        """Raises ModelError unless it is the unit of this parameter, or "" for nothing said."""
+        """Raises ModelError unless it is the unit of this parameter, or "" for none given."""
         if unit and unit != self.unit:
             raise ModelError(
                 f"the unit is {unit!r}, expected {repr(self.unit) if self.unit else 'none'}; values are in SI units"

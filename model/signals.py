@@ -76,7 +76,7 @@ TIP = 18
 SENSOR = 19
 """the same behind the sensor's filter [m/s²]"""
 READING = 20
-"""what the sensor tells: with offset, drift and limits [m/s²]"""
+"""the sensor's reading: with offset, drift and limits [m/s²]"""
 
 DISPLACED = 21
 """displacement of the oscillator's end, of all its modes [m]"""

@@ -1,5 +1,5 @@
 """The page that people look at: robot, joints, calibration, laboratory and fleet in a browser.
 
-A process of its own beside the service: it reads the database, leaves requests there as every command does, and starts
+A separate process beside the service: it reads the database, leaves requests there as every command does, and starts
 commands for what takes long.  Nothing of the service imports this package.
 """

@@ -1,4 +1,4 @@
-"""The application: which address leads to which page, and what goes before them all."""
+"""The application: its routes and its middleware."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from lostmotion.web import calibrate, fleet, joint, lab, lab_record, login, robo
 from lostmotion.web.calibration import Calibration
 from lostmotion.web.events import News
 from lostmotion.web.pages import trouble
-from lostmotion.web.security import Guard, Keys, Sessions, Throttle
+from lostmotion.web.security import Keys, SecurityMiddleware, Sessions, Throttle
 from lostmotion.web.site import Site
 
 __all__ = ["create_app"]
@@ -35,10 +35,10 @@ SMALLEST_ZIPPED = 1000
 def create_app(site: Site, keys: Keys) -> Starlette:
     """The ASGI application of a robot's page."""
     sessions = Sessions()
-    guard = Middleware(Guard, keys=keys, sessions=sessions)
+    security = Middleware(SecurityMiddleware, keys=keys, sessions=sessions)
     app = Starlette(
         routes=[*_routes()],
-        middleware=[guard, Middleware(GZipMiddleware, minimum_size=SMALLEST_ZIPPED)],
+        middleware=[security, Middleware(GZipMiddleware, minimum_size=SMALLEST_ZIPPED)],
         exception_handlers={HTTPException: _http_error, LostmotionError: trouble, Exception: trouble},
         lifespan=partial(_lifespan, site),
     )

@@ -20,7 +20,7 @@ __all__ = ["ROUTES"]
 
 
 class Asked(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What somebody wants: ``begin`` needs joint and step, ``write`` and ``undo`` the digest of what was shown."""
+    """A request: ``begin`` needs joint and step, ``write`` and ``undo`` the digest of what was shown."""
 
     verb: Literal["begin", "end", "forget", "write", "undo"]
     joint: str = ""
@@ -45,7 +45,7 @@ def state(request: Request) -> Response:
 
 
 async def act(request: Request) -> Response:
-    """Does what is asked, and tells how things are then."""
+    """Does what is asked; returns the state after it."""
     asked = await document(request, Asked)
     by = f"web, from {request.client.host if request.client else ''}"
     calibration = _calibration(request)

@@ -54,7 +54,7 @@ class CalibrationError(LostmotionError):
 @dataclass(frozen=True, slots=True)
 class State:
     """All that the page shows.  step: what is recorded now, "" for nothing; false_alarm: the rate that is to be
-    promised; is_judging: whether settings and level are being computed; said: the last answer of a command or of the
+    promised; is_judging: whether settings and level are being computed; said: the last messages of a command or of the
     service; trouble: what went wrong last; change, back: of the configuration."""
 
     joint: str = ""
@@ -84,7 +84,7 @@ class Calibration:
         self._began = self._rest_until = 0.0
 
     def look(self) -> State:
-        """How things are; measures what has come in, but not without rest."""
+        """The state; measures what has come in, but not without pauses."""
         with self._lock:
             if self._state.step and time.monotonic() - self._began > LONGEST_S[self._state.step]:
                 self.end()
@@ -93,7 +93,7 @@ class Calibration:
                 dead = self._dead()
                 self._measure()
                 if dead:
-                    self._tell(trouble=dead)
+                    self._update(trouble=dead)
                 self._rest_until = time.monotonic() + max(LEAST_REST_S, REST * (time.monotonic() - began))
             return self._with_changes()
 
@@ -106,20 +106,20 @@ class Calibration:
                 self._oscillator, self._detector, self._state = {}, {}, State(joint)
             self._path, self._recorder = self._start(joint, step, by)
             fresh: dict[str, Any] = {"taps": None, "history": ()} if step == "taps" else {"motion": None}
-            self._tell(step=step, false_alarm=false_alarm, said=(), trouble="", **fresh)
+            self._update(step=step, false_alarm=false_alarm, said=(), trouble="", **fresh)
             self._began, self._rest_until = time.monotonic(), 0.0
 
     def end(self) -> None:
-        """Ends the recording, and takes from it what it says of the bar, or judges the motion."""
+        """Ends the recording, and estimates the bar from it, or judges the motion."""
         with self._lock:
             step = self._state.step
             if not step:
                 return
             self._stop()
             self._measure()
-            self._tell(step="")
+            self._update(step="")
             if step == "motion" and self._state.motion and not self._state.trouble:
-                self._tell(is_judging=True)
+                self._update(is_judging=True)
                 threading.Thread(target=self._judge, name="judge", daemon=True).start()
 
     def forget(self) -> None:
@@ -135,7 +135,7 @@ class Calibration:
             file = self._file()
             file.write(self._new(file.text()), digest)
             self._oscillator, self._detector = {}, {}
-            self._tell(said=(f"{file.path.name} is written.", self._reload(by)), trouble="")
+            self._update(said=(f"{file.path.name} is written.", self._reload(by)), trouble="")
 
     def take_back(self, digest: str, by: str) -> None:
         """Puts the file of before in place again; the service takes it."""
@@ -143,7 +143,7 @@ class Calibration:
             self._expect_idle()
             file = self._file()
             file.take_back(digest)
-            self._tell(said=(f"{file.path.name} is as it was.", self._reload(by)), trouble="")
+            self._update(said=(f"{file.path.name} is as it was.", self._reload(by)), trouble="")
 
     def close(self) -> None:
         """Ends a recording that runs."""
@@ -179,7 +179,7 @@ class Calibration:
             try:
                 self._ask(Task.RECORD, self._state.joint, 0.0, "")
             except LostmotionError as error:  # the service has gone; what it recorded is there
-                self._tell(said=(str(error),))
+                self._update(said=(str(error),))
             size = -1
             while size != (size := self._path.stat().st_size if self._path.exists() else 0):
                 time.sleep(0.5)
@@ -201,31 +201,31 @@ class Calibration:
             if self._state.step == "taps":
                 self._take_taps(taps(self._path))
             else:
-                self._tell(motion=self._motion())
-            self._tell(trouble="")
+                self._update(motion=self._motion())
+            self._update(trouble="")
         except LostmotionError as error:
             if time.monotonic() - self._began > FIRST_ROWS_S:
-                self._tell(trouble=str(error))
+                self._update(trouble=str(error))
 
     def _motion(self) -> Motion:
         return motion(self._path, self._settings(), self._state.false_alarm, self._state.motion)
 
     def _take_taps(self, found: Taps) -> None:
         before = self._state.taps
-        self._tell(taps=found)
+        self._update(taps=found)
         if found.f_res_hz is None or found.zeta is None:
             return
         if before is None or before.taps != found.taps:
-            self._tell(history=(*self._state.history, replace(found, frequency=[], amplitude=[])))
+            self._update(history=(*self._state.history, replace(found, frequency=[], amplitude=[])))
         self._oscillator = {"f_res_hz": round(found.f_res_hz.value, 3), "zeta": round(found.zeta.value, 5)}
 
     def _dead(self) -> str:
         """Why nothing more is recorded, "" where all is well."""
         if self._recorder is not None and (status := self._recorder.poll()):
             self._recorder = None
-            self._tell(step="")
-            said = self._path.with_suffix(".log").read_text("utf-8", "replace").strip().splitlines()
-            return said[-1].removeprefix("lostmotion: ") if said else f"the recording ended with status {status}"
+            self._update(step="")
+            lines = self._path.with_suffix(".log").read_text("utf-8", "replace").strip().splitlines()
+            return lines[-1].removeprefix("lostmotion: ") if lines else f"the recording ended with status {status}"
         since_s = time.time() - self._path.stat().st_mtime if self._path.exists() else time.monotonic() - self._began
         return "nothing comes from the sensor: is it plugged in?" if since_s > QUIET_S else ""
 
@@ -239,15 +239,15 @@ class Calibration:
     def _judge(self) -> None:
         """Settings and level from the recorded motion, by the commands that do so; in a thread of its own."""
         try:
-            detector, said = self._judged()
+            detector, messages = self._judged()
         except (LostmotionError, OSError, subprocess.SubprocessError, ValueError) as error:
-            told = str(error).replace("promise less with --false-alarm", "allow more false alarms")
+            text = str(error).replace("promise less with --false-alarm", "allow more false alarms")
             with self._lock:
-                self._tell(is_judging=False, trouble=told)
+                self._update(is_judging=False, trouble=text)
             return
         with self._lock:
             self._detector = detector
-            self._tell(is_judging=False, said=said)
+            self._update(is_judging=False, said=messages)
 
     def _judged(self) -> tuple[dict[str, Any], tuple[str, ...]]:
         joint, text = self._state.joint, self._file().text()
@@ -260,8 +260,8 @@ class Calibration:
             level = self._run("level", config, joint, "--false-alarm", str(self._state.false_alarm))
         count, limit, found = level["healthy"], level["level"], max(healthy["found"].values())
         words = f"{count} healthy windows: the level is {limit:g}, and {found:.0%} of weak rings are found"
-        said = (f"{words} at false alarms below 10 %.", *healthy["warnings"], *level["warnings"])
-        return detector | {"level": limit}, said
+        messages = (f"{words} at false alarms below 10 %.", *healthy["warnings"], *level["warnings"])
+        return detector | {"level": limit}, messages
 
     def _run(self, command: str, config: Path, joint: str, *more: str) -> Any:
         """The document that ``lostmotion calibrate`` prints: SciPy and its memory are another process's."""
@@ -317,5 +317,5 @@ class Calibration:
         if self._state.step or self._state.is_judging:
             raise CalibrationError(f"joint {self._state.joint} is being calibrated: end that first")
 
-    def _tell(self, **values: Any) -> None:
+    def _update(self, **values: Any) -> None:
         self._state = replace(self._state, **values)

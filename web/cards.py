@@ -1,4 +1,4 @@
-"""What the first page says of each joint, of the alarms and of the devices: texts and a few numbers, ready to be shown.
+"""The content of the first page: texts and a few numbers of each joint, the alarms and the devices, ready to be shown.
 
 The same texts are in the page when it is loaded and in the events that keep it up to date.
 """
@@ -75,7 +75,7 @@ class Cards:
 
 
 def cards(site: Site, reader: Reader) -> Cards:
-    """What the database says now.  Raises ReaderError, or what a damaged database raises."""
+    """The cards from the database now.  Raises ReaderError, or what a damaged database raises."""
     now = datetime.now(UTC)
     radii = _radii(site)
     joints = tuple(
@@ -158,7 +158,7 @@ def _places(site: Site) -> dict[str, str]:
 
 
 def _radii(site: Site) -> dict[str, float]:
-    """The radius of each joint's gear [m], as far as the configuration says it."""
+    """The radius of each joint's gear [m], as far as it is configured."""
     try:
         return {joint.name: joint.gear_radius_m for joint in site.config().joints if joint.gear_radius_m}
     except ConfigError:

@@ -84,7 +84,7 @@ def web(
 
 
 def _fleet(config: Path | None, connect: tuple[str, ...], robots: str | None, zenoh: Path | None) -> Fleet | None:
-    """Whom the fleet's page asks; None without an endpoint."""
+    """The robots that the fleet's page asks; None without an endpoint."""
     if not (connect or zenoh):
         return None
     from lostmotion.daemon.commands.fleet_ask import Fleet

@@ -1,4 +1,4 @@
-"""News of the robot as it comes: one thread looks at the database while anybody listens, and every listener hears it.
+"""Events of the robot: one thread polls the database while there are listeners, and sends to all of them.
 
 Server-sent events (WHATWG HTML, 9.2).  What a listener does not take is dropped for it; it then asks for the whole.
 """
@@ -34,7 +34,7 @@ Queue = asyncio.Queue[Event]
 
 
 class News:
-    """What listeners hear: the event ``cards`` (a list for each joint, as ``cards.cards``) whenever the database has
+    """The events for listeners: ``cards`` (a list for each joint, as ``cards.cards``) whenever the database has
     changed, and every few seconds."""
 
     def __init__(self, site: Site) -> None:
@@ -77,7 +77,7 @@ class News:
         """Looks at the database as long as anybody listens."""
         look: _Look | None = None
         pause = threading.Event()
-        waited, told = BEAT_S, ""
+        waited, sent = BEAT_S, ""
         try:
             while self._listeners and not self._closing:
                 is_due = waited >= BEAT_S or self._wake.is_set()
@@ -85,14 +85,14 @@ class News:
                     look = look if look and look.is_of(self._site.database) else _Look.at(self._site, look)
                     if look.is_news() or is_due:
                         self._send("cards", cards(self._site, look.reader))
-                        waited, told = 0.0, ""
+                        waited, sent = 0.0, ""
                 except (LostmotionError, *DAMAGED) as error:
                     if look:
                         look.reader.close()
                     look, trouble = None, " ".join(str(error).split())
-                    if is_due or trouble != told:
+                    if is_due or trouble != sent:
                         self._send("trouble", {"text": trouble})
-                        waited, told = 0.0, trouble
+                        waited, sent = 0.0, trouble
                 if is_due:
                     self._wake.clear()
                 pause.wait(self._site.look_s)

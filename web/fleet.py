@@ -91,7 +91,7 @@ class Watch:
         self._view, self._asked = View((), ()), -math.inf
 
     def look(self) -> View:
-        """What the robots say now.  Takes as long as they do, a few seconds at most."""
+        """The robots' present answers.  Takes as long as they do, a few seconds at most."""
         with self._lock:
             if time.monotonic() - self._asked >= REST_S:
                 self._view = self._ask()

@@ -1,7 +1,7 @@
 """Jobs: commands that take long, each in a process of its own with limits, one at a time on a robot.
 
 All that is known of a job lies in its folder, so that a page that is loaded again, and a server that was started again,
-find it as it is.  What a job is about is its maker's (``lab.py``); what runs it is ``runner.py``.
+find it as it is.  ``lab.py`` defines jobs, ``runner.py`` runs them.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ MOST_KEPT = 40
 STOPPING_S = 5.0
 """how long a job may take to end by itself [s]"""
 LINES = 40
-"""of progress that are told"""
+"""of progress that are returned"""
 LEAST_FREE = 300 * 10**6
 """bytes that have to be free on the disk: the database needs them"""
 TAIL = 20_000
@@ -84,7 +84,7 @@ class Wish(msgspec.Struct, frozen=True):
 
 
 class State(msgspec.Struct, frozen=True):
-    """running, done, failed, stopped or interrupted; text: what there is to say of it; times since 1970 [s]."""
+    """running, done, failed, stopped or interrupted; text: a message for the user; times since 1970 [s]."""
 
     state: str
     text: str = ""
@@ -93,7 +93,7 @@ class State(msgspec.Struct, frozen=True):
 
 
 class Job(msgspec.Struct, frozen=True):
-    """A job as it is now; progress: what it has told, oldest first, ``{"progress", "part"}``; files: what it left."""
+    """A job as it is now; progress: its reports, oldest first, ``{"progress", "part"}``; files: what it left."""
 
     id: str
     about: dict[str, Any]
@@ -267,17 +267,17 @@ class Jobs:
 
 
 def _progress(log: Path) -> list[dict[str, Any]]:
-    """What a command has told of its progress."""
+    """The progress reports of a command."""
     try:
         with log.open("rb") as file:
             file.seek(max(log.stat().st_size - TAIL, 0))
             lines = file.read(TAIL).splitlines()
     except OSError:
         return []
-    told = []
+    entries = []
     for line in lines:
         with suppress(msgspec.DecodeError):
             found = msgspec.json.decode(line)
             if isinstance(found, dict) and "progress" in found:
-                told.append(found)
-    return told[-LINES:]
+                entries.append(found)
+    return entries[-LINES:]

@@ -103,10 +103,10 @@ def window(request: Request) -> Response:
         stamp = f"{row.time:%Y%m%dT%H%M%S}"
         headers = {"content-disposition": f'attachment; filename="window-{stamp}.csv"'}
         return Response(csv(row, settings), media_type="text/csv", headers=headers)
-    return json(_told(picture(row, settings), score))
+    return json(_document(picture(row, settings), score))
 
 
-def _told(found: Picture, score: ScoreRow | None) -> dict[str, Any]:
+def _document(found: Picture, score: ScoreRow | None) -> dict[str, Any]:
     return {"picture": found, "score": documents.score(score) if score else None}
 
 

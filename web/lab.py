@@ -248,11 +248,11 @@ async def events(request: Request) -> Response:
 
 async def _news(jobs: Jobs, name: str) -> AsyncIterator[bytes]:
     yield b"retry: 2000\n\n"
-    told: object = None
+    sent: object = None
     waited = 0.0
     while True:
-        if (stamp := jobs.stamp(name)) != told:
-            told, waited = stamp, 0.0
+        if (stamp := jobs.stamp(name)) != sent:
+            sent, waited = stamp, 0.0
             try:
                 job = jobs.find(name)
             except JobError:

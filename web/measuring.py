@@ -1,4 +1,4 @@
-"""What a recording that still grows says of the bar, and of the motion: as far as it goes, and what is missing."""
+"""The bar and the motion from a recording that still grows: the results so far, and what is missing."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ ENOUGH_F, ENOUGH_ZETA = 0.002, 0.1
 """relative widths of the intervals from which more taps bring little: 0.2 % of f_res costs no ring-down, and damping
 varies more than this with temperature"""
 JUDGED, LEAST_JUDGED = 60, 20
-"""windows that tell which motion is brisk enough"""
+"""windows from which the needed motion is computed"""
 AGAIN = 3
 """times as many windows are worth that again: it takes a second or more"""
-HEARD_DEG, SWAY_HZ = 0.1, 1.0
+SMALL_PLAY_DEG, SWAY_HZ = 0.1, 1.0
 MANY_REFUSED = 0.2
 
 
@@ -79,7 +79,7 @@ def taps(path: Path) -> Taps:
 def motion(path: Path, settings: DetectorSettings, false_alarm: float, before: Motion | None = None) -> Motion:
     """The windows in a recording of a joint, and what is missing until a level with this rate can be promised.
 
-    before: what the same recording said when it was shorter.  Raises LostmotionError.
+    before: the result for the same recording when it was shorter.  Raises LostmotionError.
     """
     needed = windows_needed(false_alarm)
     try:
@@ -125,7 +125,7 @@ def _wanted(cut: Cuttings, settings: DetectorSettings) -> float:
         amplitude = least_amplitude(windows, cut.rate_hz, known, known.level)
     except DetectorError:
         return math.nan
-    return least_acceleration(amplitude, math.radians(HEARD_DEG), SWAY_HZ, known)
+    return least_acceleration(amplitude, math.radians(SMALL_PLAY_DEG), SWAY_HZ, known)
 
 
 def _missing(cut: Cuttings, needed: int, reached: float, wanted: float) -> list[str]:
@@ -133,7 +133,7 @@ def _missing(cut: Cuttings, needed: int, reached: float, wanted: float) -> list[
     found = []
     if reached < wanted:
         found.append(
-            f"Brisker: it reaches {reached:.2g} rad/s², but {wanted:.2g} make {HEARD_DEG:g}° of play detectable."
+            f"Brisker: it reaches {reached:.2g} rad/s², but {wanted:.2g} make {SMALL_PLAY_DEG:g}° of play detectable."
         )
     if count < needed:
         left = f" about {_span(cut.duration * (needed - count) / count)} more of this motion" if count else ""

@@ -61,9 +61,9 @@ def wants_html(request: Request) -> bool:
 
 
 async def trouble(request: Request, error: Exception, status: int = 0) -> Response:
-    """What a person, or a script, is told of an error: one sentence, never a traceback.
+    """The answer to an error, for a person or a script: one sentence, never a traceback.
 
-    An error of ours may have the status of its answer; else the robot is to blame.
+    An error of ours may have the status of its answer; else it is the server's.
     """
     known = (LostmotionError, *DAMAGED, OSError)
     if isinstance(error, HTTPException):

@@ -78,7 +78,7 @@ class Shelf:
         return next(name for name in names if not (self.folder / name).exists())
 
     async def receive(self, length: int | None, chunks: AsyncIterator[bytes]) -> Path:
-        """What a browser sends, as a file that ``keep`` takes, or the caller removes.  length: what it says it is
+        """What a browser sends, as a file that ``keep`` takes, or the caller removes.  length: the announced one
         [bytes].  Raises RecordingRefusedError."""
         self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         self._check_room(length or 0)
@@ -134,7 +134,7 @@ def _kept(path: Path) -> Kept | None:
 
 
 def _header(path: Path) -> list[str]:
-    """The names of the columns, as far as the head of the file tells them."""
+    """The names of the columns, as far as the head of the file has them."""
     with path.open("rb") as file:
         text = file.read(HEAD).decode("utf-8-sig", "replace")
     lines = (line for line in text.splitlines() if line.strip() and not line.startswith("#"))
@@ -142,7 +142,7 @@ def _header(path: Path) -> list[str]:
 
 
 def _check(header: list[str], wanted: str) -> None:
-    """Whether it looks like a recording; what stands in it the lab finds out."""
+    """Whether it looks like a recording; the lab checks its content."""
     if "time" not in header:
         found = ", ".join(header)[:60]
         printable = "".join(letter if letter.isprintable() else "?" for letter in found)

@@ -28,7 +28,7 @@ LONGEST_S = 366 * 86400.0
 
 
 class Asked(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What somebody wants of an alarm."""
+    """A request about an alarm."""
 
     joint: str
     verb: Verb

@@ -1,7 +1,7 @@
 """Runs the commands of one job within its limits, and leaves in the job's folder how it went.
 
-A process of its own, started by ``jobs.py``, so that a job outlives the page's process: ``python -m
-lostmotion.web.runner FOLDER``.  The lock that says that a job is under way is an open file that it inherits and holds
+A separate process, started by ``jobs.py``, so that a job survives the page's process: ``python -m
+lostmotion.web.runner FOLDER``.  The lock that marks a running job is an open file that it inherits and holds
 to its end, however that comes.  The standard library alone is imported: the memory is the commands'.
 """
 
@@ -37,12 +37,12 @@ def main(folder: Path) -> None:
     try:
         wish = json.loads((folder / "wish.json").read_text("utf-8"))
         _limit(wish["limits"])
-        _tell(folder, "running", "", began, None)
+        _write_state(folder, "running", "", began, None)
         state, text = _outcome(folder, wish)
     except StoppedError:
         state, text = "stopped", "It was stopped."
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    _tell(folder, state, text, began, time.time())
+    _write_state(folder, state, text, began, time.time())
     if state != "done":
         os.killpg(0, signal.SIGKILL)
 
@@ -64,7 +64,7 @@ def _limit(limits: dict[str, Any]) -> None:
 
 
 def _outcome(folder: Path, wish: dict[str, Any]) -> tuple[str, str]:
-    """The state at the end, and what to say of it."""
+    """The state at the end, and a message for the user."""
     until = time.monotonic() + wish["limits"]["time_s"]
     for step in wish["steps"]:
         with (folder / "result.json").open("wb") as out, (folder / "log").open("ab") as log:
@@ -79,18 +79,18 @@ def _outcome(folder: Path, wish: dict[str, Any]) -> tuple[str, str]:
 
 
 def _reason(folder: Path, status: int, limits: dict[str, Any]) -> str:
-    """What a command said last, or how it ended."""
+    """The last message of a command, or how it ended."""
     lines = (folder / "log").read_text("utf-8", "replace").splitlines()
-    said = [line for line in lines if line.strip() and not line.startswith('{"progress"')]
-    if status > 0 and said:
-        return said[-1].removeprefix("lostmotion: ").replace(f"{folder}{os.sep}", "")
+    messages = [line for line in lines if line.strip() and not line.startswith('{"progress"')]
+    if status > 0 and messages:
+        return messages[-1].removeprefix("lostmotion: ").replace(f"{folder}{os.sep}", "")
     if status == -signal.SIGXCPU:
         return "It computed for longer than it may, and was ended."
     ended = f"signal {signal.Signals(-status).name}" if status < 0 else f"status {status}"
     return f"It ended with {ended}; perhaps it needed more than the {limits['memory_bytes'] / 1e9:.2g} GB it may have."
 
 
-def _tell(folder: Path, state: str, text: str, began: float, ended: float | None) -> None:
+def _write_state(folder: Path, state: str, text: str, began: float, ended: float | None) -> None:
     new = folder / "state.new"
     new.write_text(json.dumps({"state": state, "text": text, "began": began, "ended": ended}), "utf-8")
     new.replace(folder / "state.json")

@@ -1,10 +1,10 @@
 """Who may see the page and who may change anything: hosts, sessions, the password, tokens, and the headers of each
 answer.
 
-Three things are checked before any page is asked.  *Host*: without a password only names of this computer are
-answered, so that no foreign page can reach the robot under a name of its own (DNS rebinding).  *Identity*: a session's
-cookie, or a program's bearer token.  *Origin*: what changes something must come from a page of ours and carry its
-session's token (CSRF).
+Three things are checked before the application gets a request.  *Host*: without a password only names of this
+computer are answered, so that no foreign page can reach the robot through another host name (DNS rebinding).
+*Identity*: a session's cookie, or a program's bearer token.  *Origin*: a change must come from a page of ours and
+carry its session's token (CSRF).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from argon2.exceptions import InvalidHashError, VerificationError
 from starlette.datastructures import Headers
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
 
-__all__ = ["COOKIE", "Guard", "Keys", "Session", "Sessions", "Throttle", "hash_password", "is_loopback"]
+__all__ = ["COOKIE", "Keys", "SecurityMiddleware", "Session", "Sessions", "Throttle", "hash_password", "is_loopback"]
 
 COOKIE = "lostmotion_session"
 IDLE_S = 12 * 3600.0
@@ -73,7 +73,7 @@ class Keys:
 
     @property
     def is_open(self) -> bool:
-        """Whether nothing is asked of anybody."""
+        """Whether neither password nor token is needed."""
         return not (self.password_hash or self.token)
 
     def is_password(self, password: str) -> bool:
@@ -147,12 +147,12 @@ class Throttle:
             self._failed.popitem(last=False)
 
     def forgive(self, address: str) -> None:
-        """The right password was given."""
+        """Forgets the failures after the right password."""
         self._failed.pop(address, None)
 
 
-class Guard:
-    """Stands before the application: nothing reaches it that is not allowed, and each answer gets its headers.
+class SecurityMiddleware:
+    """ASGI middleware: refuses requests that are not allowed, and adds the headers to each answer.
 
     ``scope["session"]`` is the Session of a request, ``scope["session_name"]`` its cookie's value.
     """
@@ -204,7 +204,7 @@ def _please_log_in(scope: Scope, headers: Headers) -> Response:
 
 
 def _is_same_origin(headers: Headers) -> bool:
-    """Whether a browser says that one of our own pages asks; a program says nothing, and carries a token."""
+    """Whether, by the browser's headers, one of our own pages asks; a program sends none, and carries a token."""
     site, origin = headers.get("sec-fetch-site"), headers.get("origin")
     if site not in (None, "same-origin", "none"):
         return False

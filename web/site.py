@@ -24,7 +24,7 @@ class Site:
     """One robot's page.
 
     config_file: None for the built-in simulated robot; given_database: instead of the configured one; look_s: how often
-    the database is looked at for news [s]; fleet: whom the fleet's page asks, None where there is none.
+    the database is looked at for news [s]; fleet: the robots of the fleet's page, None where there are none.
     """
 
     config_file: Path | None
@@ -44,7 +44,7 @@ class Site:
         try:
             changed = self.config_file.stat().st_mtime_ns
         except OSError:
-            changed = 0  # loading tells what is wrong
+            changed = 0  # loading raises the error
         return _loaded(self.config_file, changed)
 
     @property

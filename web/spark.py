@@ -20,7 +20,7 @@ SEVERITY, SCORE = "severity", "score"
 
 @dataclass(frozen=True, slots=True)
 class Spark:
-    """path: SVG's ``d``, from (0, 0) to (WIDTH, HEIGHT); words: what a screen reader says of it."""
+    """path: SVG's ``d``, from (0, 0) to (WIDTH, HEIGHT); words: the text for a screen reader."""
 
     path: str
     words: str

@@ -38,7 +38,7 @@ class Picture:
 
 
 def picture(row: WindowRow, settings: DetectorSettings | None) -> Picture:
-    """What there is to see of a window; without settings nobody knows the bar."""
+    """What there is to see of a window; without settings the bar is unknown."""
     accel = row.accel.astype(np.float64)
     length = accel.size
     frequency = frequencies(length, row.rate_hz)

@@ -1,4 +1,4 @@
-"""The arguments of ``lostmotion alarms``; what the commands do stands in ``alarms.py``."""
+"""The arguments of ``lostmotion alarms``; the commands are in ``alarms.py``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The arguments of ``lostmotion calibrate``; what the commands do stands in ``calibrate_tap.py`` and its siblings."""
+"""The arguments of ``lostmotion calibrate``; the commands are in ``calibrate_*.py``."""
 
 from __future__ import annotations
 

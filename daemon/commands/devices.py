@@ -28,7 +28,7 @@ GATHER_S = 0.01
 GRACE_S = 0.5
 """How long after its end a measurement waits for samples of that time [s]."""
 WAITING = 200
-"""Events that may wait to be taken; nobody gets that far behind."""
+"""Events that may wait to be taken; more than ever wait in practice."""
 GIVE_UP_S = 5.0
 """How long a thread may take to end after its port was closed [s]."""
 

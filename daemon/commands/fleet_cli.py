@@ -1,4 +1,4 @@
-"""The arguments of ``lostmotion fleet``; what the commands do stands in ``fleet.py``."""
+"""The arguments of ``lostmotion fleet``; the commands are in ``fleet.py``."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The edge of the program: what a command raises becomes one line on stderr and an exit status; late commands.
 
 0: done; 1: the answer is bad news; 2: the call, the configuration or the input is wrong; 130, 141: ended by Ctrl-C, or
-because nobody reads the output any more (128 + the signal's number, as a shell reports it).
+because the output's reader has ended (128 + the signal's number, as a shell reports it).
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Closed(io.TextIOBase):
 
 
 class LateCommand(click.Command):
-    """A command that lives in a module which is imported only when the command is called.
+    """A command in a module that is imported only when the command is called.
 
     target: ``module:attribute`` of a click.Command; the help line is repeated here so that ``--help`` imports nothing.
     """

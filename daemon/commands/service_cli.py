@@ -1,4 +1,4 @@
-"""The arguments of ``lostmotion service``; what the commands do stands in ``service.py``."""
+"""The arguments of ``lostmotion service``; the commands are in ``service.py``."""
 
 from __future__ import annotations
 

@@ -186,7 +186,7 @@ class CanSink:
             self._wakeup.wake()
 
     def _log_problem(self, problem: str) -> None:
-        """Logs when the bus begins to fail and when it works again, not every time: one on which nobody answers opens
+        """Logs when the bus begins to fail and when it works again, not every time: one without another node opens
         and fails every few seconds."""
         if not self._condition.is_news("fails" if problem else "", time.monotonic()):
             return

@@ -1,6 +1,6 @@
 """ROS 2's diagnostic_msgs/DiagnosticArray as rmw_zenoh sends it.  No I/O, no clock.
 
-Of ROS nothing is needed: the form of keys and tokens stands in ``drivers/codec/rmw_zenoh.py``, CDR in
+Of ROS nothing is needed: the form of keys and tokens is in ``drivers/codec/rmw_zenoh.py``, CDR in
 ``drivers/codec/cdr.py``.
 """
 

@@ -5,7 +5,7 @@ EMCY, COB-ID 0x80 + node, 8 bytes, little-endian: error code (u16), error regist
 joint index (u8, in the order of the configuration), score x 10 (u16), play in arc-minutes x 10 (u16); 0xFFFF is
 unknown, 0xFFFE that or more. TPDO1, COB-ID 0x180 + node, 6 bytes: joint index (u8), health (u8, 0 OK to 3 ERROR),
 severity and play in arc-minutes x 10 (u16 each) of the last window. Heartbeat, COB-ID 0x700 + node: one byte, the NMT
-state. ``lostmotion.dbc`` has it too; what the node answers stands in ``node.py``.
+state. ``lostmotion.dbc`` has it too; ``node.py`` has its answers.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ class LogSink:
         _log_event(bad if transition.event in NEWS else logging.INFO, "alarm", **what, **_by(transition))
 
     def health(self, row: JointRow) -> None:
-        """Another reason for the same health is an alarm's affair."""
+        """Logs another health; another reason for the same health is logged with its alarm."""
         if self._healths.get(row.name) is row.health:
             return
         self._healths[row.name] = row.health

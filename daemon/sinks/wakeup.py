@@ -18,7 +18,7 @@ class Wakeup:
         weakref.finalize(self, os.close, self._event)  # who wakes it late must not write into another file
 
     def wake(self) -> None:
-        """Ends a wait, also the next one if nobody waits now."""
+        """Ends a wait, also the next one if none is waiting now."""
         os.eventfd_write(self._event, 1)
 
     def wait(self, seconds: float, *others: int) -> None:

@@ -3,8 +3,8 @@
 No transition of an alarm is lost to an advanced subscriber with recovery and history: the publisher keeps them in its
 cache and sends their number by heartbeat.  Who joins late gets them as well, any other program the newest ones
 by a ``get`` on the key.  The session is opened by a thread of its own, again and again while the router is away;
-transitions wait for it, scores do not.  What else can be asked stands in ``answers.py``, who answers
-in ``queries.py``.
+transitions wait for it, scores do not.  ``answers.py`` has the other keys that can be
+queried, ``queries.py`` serves them.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ class ZenohSink:
         self._thread.join(CLOSE_S)
 
     def _keep(self, key: str, kind: str, content: bytes) -> None:
-        """Publishes what nobody may miss, in order: it waits for a session, and for a publisher that takes it."""
+        """Publishes what must not be lost, in order: it waits for a session, and for a publisher that takes it."""
         with self._lock:
             self._latest[key, kind] = content
             self._waiting.append((key, content))
@@ -202,7 +202,7 @@ class ZenohSink:
         log.info("zenoh: session open as %s", session.zid())
 
     def _leave(self, linked_at: float) -> None:
-        """Closes a session that connects to nobody any more, so that another one is opened, with what was published
+        """Closes a session without a link, so that another one is opened, with what was published
         since a link was last seen [s, monotonic]: it may have reached nobody."""
         log.warning("zenoh: the session has lost its connection and does not know it, as after lack of memory; "
                     "another one is opened")  # fmt: skip

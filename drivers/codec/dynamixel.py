@@ -1,6 +1,6 @@
 """Packets of the Dynamixel protocols 1.0 and 2.0: encoding, and decoding from a stream.
 
-What the bytes in a servo's control table mean stands in ``servo_state.py``.  Source: ROBOTIS e-Manual, "DYNAMIXEL
+``servo_state.py`` decodes a servo's control table.  Source: ROBOTIS e-Manual, "DYNAMIXEL
 Protocol 1.0" and "DYNAMIXEL Protocol 2.0".
 """
 

@@ -1,5 +1,5 @@
 """PDOs (CiA 301): which objects the bits of a frame are, by the mapping parameters, and their values.  No I/O, no
-clock.  What the objects of a drive mean stands in ``cia402.py``.
+clock.  ``cia402.py`` has the meaning of a drive's objects.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ CUT = '"'  # no number: stands for what was cut off
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """What stands in a recording, as it stands there.
+    """The content of a recording, in the units of the file.
 
     columns: the numbers of the columns that the format knows, shape (N,) each, NaN where a cell is empty; metadata;
     extra: the other columns, as text; truncated: whether an incomplete last line was left out; first_line: the number
@@ -50,7 +50,7 @@ class Table:
 
 
 def parse(lines: Iterator[str], name: str, *, ends_in_newline: bool) -> Table:
-    """Reads the text.  ``name`` stands in errors; raises RecordingError."""
+    """Reads the text.  ``name`` is for errors; raises RecordingError."""
     metadata, header_text, header_line = _head(lines, name)
     table = _rows(chain([header_text], lines), name, header_line, ends_in_newline=ends_in_newline)
     header = _header(next(table), f"{name}: line {header_line}")

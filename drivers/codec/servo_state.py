@@ -1,6 +1,6 @@
 """Which Dynamixel models there are, and what the bytes of their state block mean in SI units.
 
-Packets stand in ``dynamixel.py``.  Source: ROBOTIS e-Manual, control tables of the AX, MX and X series.
+``dynamixel.py`` has the packets.  Source: ROBOTIS e-Manual, control tables of the AX, MX and X series.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """How framed packets are found in a stream of bytes: the part that all framed protocols share.
 
-Nothing of a particular protocol lives here, and no I/O.
+No particular protocol, no I/O.
 """
 
 from __future__ import annotations

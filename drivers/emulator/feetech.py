@@ -1,4 +1,4 @@
-"""Feetech servos on one line, byte for byte.  Lines, faults and protocol 1.0's frames stand in ``servos.py``."""
+"""Feetech servos on one line, byte for byte.  Lines, faults and protocol 1.0's frames are in ``servos.py``."""
 
 from __future__ import annotations
 

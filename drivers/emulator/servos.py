@@ -1,6 +1,6 @@
 """Servos on one line, byte for byte, with faults on request: Dynamixel's protocols 1.0 and 2.0.  No I/O of its own.
 
-Feetech's servos, which differ in what their control table holds, stand in ``feetech.py``.
+Feetech's servos, which differ in their control table, are in ``feetech.py``.
 """
 
 from __future__ import annotations

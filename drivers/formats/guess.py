@@ -55,7 +55,7 @@ def guessed(series: Sequence[Series], choice: Choice, name: str) -> Guess:
     chosen, notes = {}, []
     for column, term in choice.terms.items():
         if term.name and column != "time":
-            chosen[column] = _chosen(column, *named(term, series, joint, name), "said")
+            chosen[column] = _chosen(column, *named(term, series, joint, name), "given")
     for column in COLUMN_UNITS:
         found = _of_joint(candidates.get(column, []), column, joint)
         if len(found) > 1 and column == "accel":
@@ -111,7 +111,7 @@ def _chosen(column: str, series: Series, term: Term, why: str) -> Chosen:
 
 
 def _of_topics(found: list[Series], topics: Sequence[str]) -> list[Series]:
-    """Those of the topics that somebody named, where there are any."""
+    """Those of the chosen topics, where there are any."""
     return [one for one in found if one.name.startswith(tuple(f"{topic}." for topic in topics))] or found
 
 

@@ -180,11 +180,11 @@ def _notes(largest: Mapping[str, float]) -> list[str]:
     """Which unit was assumed, and why."""
     most = max(largest.values(), default=0.0)
     if most > RANGE:
-        return [f"LeRobot tells no unit: numbers up to {most:.4g} are taken as degrees"]
+        return [f"LeRobot has no unit: numbers up to {most:.4g} are taken as degrees"]
     if most > MOST_TURNS:
         assumed = (
-            f"LeRobot tells no unit: numbers up to {most:.4g} are taken as degrees; recorded without use_degrees they "
+            f"LeRobot has no unit: numbers up to {most:.4g} are taken as degrees; recorded without use_degrees they "
             "are -100 to 100 of a joint's range: then say position=SERIES*FACTOR, a hundredth of half the range [rad]"
         )
         return [assumed]
-    return [f"LeRobot tells no unit: numbers up to {most:.4g} are taken as rad"] if largest else []
+    return [f"LeRobot has no unit: numbers up to {most:.4g} are taken as rad"] if largest else []

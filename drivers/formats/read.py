@@ -55,7 +55,7 @@ def imported(path: Path, choice: Choice) -> Imported:
     parts, kept = [], []
     for one in guess.columns:
         times, values = samples.values[one.series]
-        if values.size == 0 and one.why != "said":
+        if values.size == 0 and one.why != "given":
             notes.append(f"{one.column}: left out, {shown(one.series)} holds no numbers")
             continue
         values = _converted(one, values, str(path))
@@ -93,7 +93,7 @@ def _integrated(times: FloatArray, speed: FloatArray) -> FloatArray:
 
 def _doubts(one: Chosen, values: FloatArray) -> list[str]:
     """A warning where the size of the numbers contradicts the assumed unit."""
-    if one.column not in ANGLES or one.unit or one.why == "said" or np.abs(values).max(initial=0.0) < MANY_TURNS:
+    if one.column not in ANGLES or one.unit or one.why == "given" or np.abs(values).max(initial=0.0) < MANY_TURNS:
         return []
     span = f"{values.min():.4g} to {values.max():.4g}"
     option = f"{one.column}={shown(one.series)}"

@@ -45,7 +45,7 @@ class Table:
             assert choice.rate_hz is not None
             loaded = self.load(names)
             times, start = np.arange(max(map(len, loaded.values()))) / choice.rate_hz, None
-            clock_text, notes = f"{choice.rate_hz:g} rows a second, as said", []
+            clock_text, notes = f"{choice.rate_hz:g} rows a second, as given", []
         else:
             series, term = clock
             loaded = dict(self.load(list(dict.fromkeys([series.name, *names]))))

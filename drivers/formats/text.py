@@ -1,6 +1,6 @@
 """Tables as text of other programs: PlotJuggler's CSV, and what is separated by commas, semicolons, tabs or blanks.
 
-How a file is laid out is text_layout.py's; lostmotion's own CSV is recording.py's.
+text_layout.py finds the layout of a file; recording.py reads lostmotion's own CSV.
 """
 
 from __future__ import annotations

@@ -69,7 +69,7 @@ def is_time(name: str) -> bool:
 
 
 def joint_of(name: str) -> str:
-    """The joint in a name: what stands in brackets, else what is left of the path without the usual words."""
+    """The joint in a name: the text in brackets, else what is left of the path without the usual words."""
     if name in COLUMN_UNITS or re.fullmatch(r"column\d+", name):
         return ""
     for bracket in re.findall(r"\[([^\]]+)\]", name):

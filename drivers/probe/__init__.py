@@ -1,1 +1,1 @@
-"""What is plugged in, found by listening and by questions that change nothing; what it means is the caller's affair."""
+"""What is plugged in, found by listening and by requests that change nothing; the caller interprets it."""

@@ -1,6 +1,6 @@
 """Which servos answer on a port, at one baud rate: pings, and a read of model number and id.  Nothing is ever written.
 
-Frames and models stand in ``codec``.  Dynamixel's protocol 1.0 and Feetech's servos share their frames; the first
+Frames and models are in ``codec``.  Dynamixel's protocol 1.0 and Feetech's servos share their frames; the first
 bytes of the control table determine which of them it is.
 """
 
@@ -33,7 +33,7 @@ TRIES = 3
 TABLE = 6
 """bytes from address 0 on, with model and id"""
 DYNAMIXEL_ID, FEETECH_ID = 3, 5
-"""where the id stands in them"""
+"""place of the id in them"""
 
 Step = Callable[[float], None]
 """gets the share of the work at this rate that is done; may raise to end it"""

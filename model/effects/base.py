@@ -52,7 +52,7 @@ class ActsOn(StrEnum):
 
 @dataclass(frozen=True)
 class Simpler:
-    """The effect that another one becomes when one of its parameters says nothing.
+    """The effect that another one becomes when one of its parameters has no influence.
 
     effect: its id; grown: for each of its parameters those of the wider effect that take its value where the wider one
     takes its place.
@@ -64,7 +64,7 @@ class Simpler:
 
 @dataclass(frozen=True, kw_only=True)
 class EffectInfo:
-    """What a person is told of an effect: id, equation, summary, parameters by name, where it acts, on which bases."""
+    """The description of an effect: id, equation, summary, parameters by name, where it acts, on which bases."""
 
     id: str
     equation: str
@@ -81,19 +81,19 @@ class Effect(EffectInfo):
     terms: by base, in any order; their parameters are names of this effect's own, or else of the base's.
     states: for each state of its own, the signal whose value it begins with, or None for zero; a state that takes a
     signal's place begins where that stood *without* this effect.  free_states: whether they begin anywhere in a motion
-    that no input drives, so that only their initial values tell its amplitudes.  distance: of states that follow from
+    that no input drives, so that only their initial values set its amplitudes.  distance: of states that follow from
     the joint's motion alone, as those of a hysteresis do, the shortest way over which they change [rad].  is_searched:
     whether a search for what is missing tries it.  rate: the fastest rate [rad/s] of the effect
     for its own and the base's values.  delay [s] shifts the input, clock_rate stretches the sensor's time
     stamps; both are plain functions of the effect's values, outside the kernels.  defaults: other values of the
     parameters on one base.
-    is_apt: whether values of its parameters are what its name says: a Stribeck friction is largest near rest.
+    is_apt: whether values of its parameters fit its name: a Stribeck friction is largest near rest.
 
     For a search: amplitudes: parameters without which it vanishes; guesses: values from which it may begin in a motion
     of these scales; barely: values with which it hardly acts, one for each shape, where it has no amplitude; simpler:
     the effect that is a part of it; likelier, odds: another effect of its kind, which so many times as many
     machines have; most_turns: a motion of more turns cannot have it; delays_by: its parameter T [s] where to first
-    order it makes the reading come later by T.  words: what a person reads of it.
+    order it makes the reading come later by T.  words: its description for a person.
     """
 
     terms: Mapping[str, tuple[Term, ...]] = field(default_factory=dict)

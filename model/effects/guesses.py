@@ -53,7 +53,7 @@ MOST_TURNS = 60
 
 
 def no_guesses(scales: MotionScales) -> Sequence[Values]:
-    """None: of an effect that says nothing of its own."""
+    """No guesses: the default of an effect."""
     return ()
 
 

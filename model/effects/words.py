@@ -1,4 +1,4 @@
-"""What a maintenance engineer reads of an effect: its name, what it says of the robot, where to look."""
+"""The description of an effect for a maintenance engineer: its name, what it means for the robot, where to look."""
 
 from __future__ import annotations
 

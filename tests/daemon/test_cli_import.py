@@ -76,7 +76,7 @@ def test_import_makes_the_same_recording(own: Path, foreign: Path, tmp_path: Pat
         ("command", "deg", "rad"),
         ("accel", "g", "m/s^2"),
     ]
-    assert f"command = {ELBOW}  (deg, now rad; said)" in result.stderr
+    assert f"command = {ELBOW}  (deg, now rad; given)" in result.stderr
     back, true = read_recording(tmp_path / "rec.csv"), read_recording(own)
     assert back.metadata["imported"]["accel"] == "/imu/linear_acceleration/x"
     np.testing.assert_allclose(back.columns["accel"], true.columns["accel"], rtol=1e-9)
@@ -92,7 +92,7 @@ def test_a_foreign_file_stands_where_a_recording_does(own: Path, foreign: Path, 
         [*PROGRAM, "lab", "compare", "play", said, "--json"], capture_output=True, text=True, check=True, cwd=tmp_path
     )
     assert "accel" in json.loads(result.stdout)["columns"]
-    assert f"command = {ELBOW}  (deg, now rad; said)" in result.stderr
+    assert f"command = {ELBOW}  (deg, now rad; given)" in result.stderr
     named = call("score", foreign, "--joint", "elbow", "--json")
     assert json.loads(named.stdout)["joint"] == "elbow"
     assert is_one_line(call("score", foreign), "found 2 joints, expected one", "#joint=NAME")

@@ -127,7 +127,7 @@ def test_table_with_semicolons_and_decimal_commas(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.recording.columns["current"], 0.1)
     assert [(one.unit, one.si, one.why) for one in found.columns] == [
         ("deg", "rad", "by its name"),
-        ("mA", "A", "said"),
+        ("mA", "A", "given"),
     ]
 
 

@@ -82,7 +82,7 @@ def test_units_are_assumed_aloud(tmp_path: Path) -> None:
     normalised = read(dataset(tmp_path / "a", "v3.0", episodes=1), joint="elbow_flex")
     assert "recorded without use_degrees they are -100 to 100 of a joint's range" in normalised.notes[0]
     degrees = read(dataset(tmp_path / "b", "v3.0", episodes=1, scale=1.5), joint="elbow_flex")
-    assert degrees.notes[0] == "LeRobot tells no unit: numbers up to 136.4 are taken as degrees"
+    assert degrees.notes[0] == "LeRobot has no unit: numbers up to 136.4 are taken as degrees"
     simulated = read(dataset(tmp_path / "c", "v3.0", episodes=1, scale=np.pi / 180), joint="elbow_flex")
     np.testing.assert_allclose(simulated.recording.columns["position"], np.radians(state(0)[:, 1]), rtol=1e-5)
     said = read(tmp_path / "a", "position=observation.state[elbow_flex.pos]*0.02", joint="elbow_flex")
