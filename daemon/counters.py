@@ -1,4 +1,4 @@
-"""What has become of samples and windows, in words and rows: what was lost is never hidden.  Reads no clock."""
+"""Counts of samples and windows, also of lost ones, as text and rows.  Reads no clock."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ log = logging.getLogger(__name__)
 
 
 def rows(robot: Robot, utc: datetime) -> Iterator[DeviceRow | Origins]:
-    """The devices' counts and whose play it is, for `status` and `doctor`."""
+    """The devices' counts and which joint the play comes from, for `status` and `doctor`."""
     yield Origins(tuple(attributor.origin for attributor in robot.pipeline.attributors))
     for poller in robot.pollers:
         of, ring = poller.status, robot.rings.get(poller.name)

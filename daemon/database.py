@@ -1,4 +1,4 @@
-"""The database's file: its lock, its version, the copy before a change, and what becomes of a damaged one.
+"""The database's file: its lock, its version, the copy before a change, and the handling of a damaged one.
 
 What is written into it is in ``store.py``, the versions themselves are in ``migrations.py``.
 """

@@ -1,4 +1,4 @@
-"""A lock on a file by its device and inode, so that a hard link to a database is no other database.
+"""A lock on a file by its device and inode, so that a hard link to a database is the same database.
 
 A lock beside the file (``database.py``) knows names only.  This one is an abstract Unix socket named by the inode: it
 needs no folder, goes with its process, and does not touch the file, of which SQLite's own locks would be lost when it

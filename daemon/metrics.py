@@ -1,4 +1,4 @@
-"""What Prometheus may ask for, over HTTP: every scrape reads the database, as any other program would.
+"""Metrics for Prometheus, over HTTP: every scrape reads the database, as any other program would.
 
 Imported only where ``[metrics]`` asks for it.  Names are in docs/metrics.md; a dashboard is in examples/grafana.
 """

@@ -1,4 +1,4 @@
-"""Word to systemd over its notification socket (sd_notify(3)); silent where there is none.  Knows nothing of robots."""
+"""Notifications to systemd over its socket (sd_notify(3)); none are sent where there is no socket."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ INBOX_READINGS = 1000
 
 
 class DeviceState(Enum):
-    """What a poller is doing."""
+    """The state of a poller."""
 
     OPENING = "opening"
     READING = "reading"

@@ -1,4 +1,4 @@
-"""When a joint will reach its limit, as its trend goes: asked of the database now and then by the service."""
+"""When a joint will reach its limit, from its trend in the database; the service computes it now and then."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Questions to the database, in another process than the one that writes it."""
+"""Queries of the database, in another process than the one that writes it."""
 
 from __future__ import annotations
 
@@ -257,7 +257,7 @@ class Reader:
         return [_alarm(row) for row in rows]
 
     def active_alarms(self, joint: str | None = None) -> list[AlarmRow]:
-        """Alarms whose cause stands and that are not shelved, oldest first."""
+        """Alarms whose cause is present and that are not shelved, oldest first."""
         return [alarm for alarm in self.alarms(joint, living=True) if alarm.is_active]
 
     def transitions(
@@ -283,7 +283,7 @@ class Reader:
         return self._asked(Verb, after)
 
     def tasks(self) -> list[Request]:
-        """The same of what is asked of the service."""
+        """The same for requests to the service."""
         return self._asked(Task)
 
     def _asked(self, kind: type[Verb] | type[Task], after: int = 0) -> list[Request]:

@@ -1,6 +1,6 @@
-"""What people ask of alarms, by way of the database: asked by any process, taken up by the one that writes alarms.
+"""Requests about alarms, through the database: made by any process, carried out by the one that writes alarms.
 
-While a service runs it alone changes alarms, and takes requests up every second.  Without one, the asking program
+While a service runs it alone changes alarms, and carries out requests every second.  Without one, the asking program
 opens the store itself, which keeps a service out meanwhile (docs/decisions/0006-alarms.md).
 """
 
@@ -102,7 +102,7 @@ def resume(
 def take(
     asked: Iterable[Request], monitors: Mapping[str, JointMonitor], reader: Reader, time: datetime
 ) -> list[Change | Answer]:
-    """Takes requests up; what changed by each, followed by its answer.
+    """Carries out requests; the changes by each, followed by its answer.
 
     A joint without a monitor is no longer monitored, and may still have an alarm that is not acknowledged.
     """

@@ -1,4 +1,4 @@
-"""Whether an accelerometer measures its joints at all: what their windows and their motion show of it.
+"""Whether an accelerometer measures its joints at all, judged by their windows and their motion.
 
 A joint without sound evidence must not be called healthy.  Two kinds of evidence are followed here: the quality of the
 last windows, and whether the readings follow the measured motion.  The poller reports what a driver notices (a missing

@@ -1,6 +1,6 @@
-"""What other processes ask of a running service besides alarms: a recording of a joint, another configuration.
+"""Other requests to a running service than about alarms: to record a joint, to reload the configuration.
 
-The requests lie in the database beside those of ``requests.py``, and are looked for as often.
+The requests are in the database with those of ``requests.py``, and are polled as often.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Tasks:
         self.reload = 0
 
     def take(self) -> list[Answer]:
-        """Does what has been asked since the last look; the answers so far."""
+        """Carries out the requests since the last call; the answers so far."""
         answers = []
         for request in self._reader.tasks():
             if (request.id, request.made) in self._seen:

@@ -1,4 +1,4 @@
-"""The files that make lostmotion a systemd service: their text, their places, and who could not start from where.
+"""The files that make lostmotion a systemd service: their text, their places, and whether its user can read them.
 
 Nothing here changes the system; ``commands/service.py`` does.
 """

@@ -1,4 +1,4 @@
-"""What wakes a thread that waits for another one.  Nothing is handed over here."""
+"""A primitive that wakes a waiting thread.  It carries no data."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ __all__ = ["Waker"]
 
 
 class Waker:
-    """Wakes one thread that waits, once, from any other; who was woken before it waits does not wait.
+    """Wakes one thread that waits, once, from any other; a thread that was woken before it waits does not wait.
 
     It is a bare lock, for a ``threading.Event`` runs a hundred lines of Python when one wakes: tens of times a second.
     """
@@ -19,7 +19,7 @@ class Waker:
         self._asleep.acquire()
 
     def wake(self) -> None:
-        """Wakes who waits."""
+        """Wakes the waiting thread."""
         with contextlib.suppress(RuntimeError):  # it has been done already
             self._asleep.release()
 

@@ -1,4 +1,4 @@
-"""Who listens to a CAN bus: any number of drivers of this process share one that is opened once.
+"""Sharing of a CAN bus: any number of drivers of this process use one that is opened once.
 
 The listener that reads first reads for all.  The bus itself is in ``can_bus.py``.
 """

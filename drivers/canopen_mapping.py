@@ -1,4 +1,4 @@
-"""Where a node's PDO mapping comes from: the configuration, an EDS or DCF file, or the node itself by SDO.
+"""Finds a node's PDO mapping: from the configuration, an EDS or DCF file, or the node itself by SDO.
 
 All of it is read, nothing written.
 """

@@ -57,7 +57,7 @@ class SystemClock:
 
 
 class VirtualClock:
-    """The time of a simulated robot or a replay: it stands wherever its driver has got to.
+    """The time of a simulated robot or a replay, advanced by its driver.
 
     ``start`` is the UTC of robot time 0.
     """

@@ -1,4 +1,4 @@
-"""What the service relies on in any driver, as checks that a package of your own can run in its tests.
+"""The requirements of the service on a driver, as checks that other packages can run in their tests.
 
     from lostmotion.drivers.conformance import CHECKS, Subject
 

@@ -1,4 +1,4 @@
-"""What can go wrong with the outside world, as one tree.
+"""The exceptions of drivers, as one tree.
 
 LostmotionError
 └── DriverError              every message has what was found, what was expected and the likely cause

@@ -1,4 +1,4 @@
-"""What is set in an IIO device before it measures, and what then is known of its samples: elements of the scan, rate,
+"""The settings of an IIO device for a measurement, and the resulting format of its samples: elements of the scan, rate,
 trigger, buffer and clock.  Every change goes through ``Settings``, which puts it back.
 """
 

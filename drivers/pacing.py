@@ -1,4 +1,4 @@
-"""What the times of a simulated robot and of a replay have in common: how fast they run, and a start in UTC."""
+"""Pacing shared by simulated robots and replays: the speed of their time, and its start in UTC."""
 
 from __future__ import annotations
 

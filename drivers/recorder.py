@@ -1,4 +1,4 @@
-"""Writes a recording while its samples arrive.  Whole recordings are recording.py's."""
+"""Writes a recording while its samples arrive.  recording.py handles whole recordings."""
 
 from __future__ import annotations
 

@@ -129,7 +129,7 @@ class Calibration:
             self._oscillator, self._detector, self._state = {}, {}, State(self._state.joint)
 
     def write(self, digest: str, by: str) -> None:
-        """Writes the change that was seen; the service takes it."""
+        """Writes the change that was shown; the service reloads the file."""
         with self._lock:
             self._expect_idle()
             file = self._file()
@@ -138,7 +138,7 @@ class Calibration:
             self._update(said=(f"{file.path.name} is written.", self._reload(by)), trouble="")
 
     def take_back(self, digest: str, by: str) -> None:
-        """Puts the file of before in place again; the service takes it."""
+        """Restores the previous file; the service reloads it."""
         with self._lock:
             self._expect_idle()
             file = self._file()
@@ -294,7 +294,7 @@ class Calibration:
         return ConfigFile(self._site.config_file)
 
     def _reload(self, by: str) -> str:
-        """What becomes of the new file."""
+        """Lets the service reload the file; the result as a message."""
         if not is_held(self._site.database):
             return "No service runs; it takes the file when it starts."
         try:

@@ -1,7 +1,7 @@
 """The configuration file as the page changes it: some keys of one joint and its sensor, every other byte as it was.
 
-A change is shown as a diff first, checked as the service checks it, and written at once or not at all; the file of
-before lies beside it until it is taken back or replaced by the next one.
+A change is shown as a diff first, checked as the service checks it, and written at once or not at all; the
+previous file lies beside it until it is restored or replaced by the next one.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def _set(item: Any, table: str, values: Values) -> None:
 
 
 class ConfigFile:
-    """A configuration file and the one of before."""
+    """A configuration file and the previous one."""
 
     def __init__(self, path: Path) -> None:
         self.path = Path(os.path.realpath(path))
@@ -84,7 +84,7 @@ class ConfigFile:
         return self._change(self._read(self.path), new.encode())
 
     def change_back(self) -> Change | None:
-        """From what it holds to the file of before; None without one."""
+        """From its content to the previous file; None without one."""
         if not self.backup.exists():
             return None
         return self._change(self._read(self.path), self._read(self.backup))
@@ -98,7 +98,7 @@ class ConfigFile:
         self._replace(self.path, new.encode())
 
     def take_back(self, digest: str) -> None:
-        """Puts the file of before in place again, byte for byte.  Raises ConfigFileError."""
+        """Restores the previous file, byte for byte.  Raises ConfigFileError."""
         self._expect(self.change_back(), digest)
         self._replace(self.path, self._read(self.backup))
         self.backup.unlink()

@@ -65,7 +65,7 @@ class FullError(JobError):
 
 
 class Limits(msgspec.Struct, frozen=True):
-    """Of a job: its time, its memory, the size of a file that it writes, its politeness."""
+    """Of a job: its time, its memory, the size of a file that it writes, its niceness."""
 
     time_s: float = 900.0
     memory_bytes: int = msgspec.field(default_factory=_memory)
@@ -74,7 +74,7 @@ class Limits(msgspec.Struct, frozen=True):
 
 
 class Wish(msgspec.Struct, frozen=True):
-    """What a job is to do: commands one after the other; about: its maker's."""
+    """The commands of a job, one after the other; about: data of its creator."""
 
     about: dict[str, Any]
     steps: list[list[str]]

@@ -53,7 +53,7 @@ Name = Annotated[str, Meta(max_length=LONGEST_TEXT)]
 
 
 class Asked(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What somebody wants to know; model: the text of a model file; own: of the owner's effects, those to try."""
+    """A request for a run; model: the text of a model file; own: of the owner's effects, those to try."""
 
     kind: Literal["compare", "explain"]
     recordings: Annotated[list[Name], Meta(min_length=1, max_length=MOST_RECORDINGS)]
@@ -147,7 +147,7 @@ class Lab:
 
 
 def show(request: Request) -> Response:
-    """The page on which one chooses."""
+    """The page with the choice of recordings and models."""
     lab = lab_of(request)
     site = site_of(request)
     return page(

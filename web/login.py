@@ -26,7 +26,7 @@ async def ask(request: Request) -> Response:
 
 
 async def enter(request: Request) -> Response:
-    """Takes the password; a session begins."""
+    """Checks the password and begins a session."""
     keys: Keys = request.app.state.keys
     throttle: Throttle = request.app.state.throttle
     sessions: Sessions = request.app.state.sessions

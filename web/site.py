@@ -1,4 +1,4 @@
-"""What all pages share: which robot, where its database is, what the configuration allows.  No HTTP here."""
+"""What all pages share: the robot, its database, its configuration.  No HTTP here."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What the commands do: one module each.  Arguments are cli.py's."""
+"""The implementations of the commands, one module each.  cli.py defines the arguments."""

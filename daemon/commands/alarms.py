@@ -1,4 +1,4 @@
-"""``lostmotion alarms``: what alarms there are, what happens to them, and what people do about them."""
+"""``lostmotion alarms``: lists alarms, watches them, acknowledges and shelves them."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def show(config: Path | None, database: Path | None, everything: bool, as_json: 
 
 
 def watch(config: Path | None, database: Path | None, duration_s: float | None, as_json: bool) -> None:
-    """Prints what happens to alarms as it happens, a line each (JSON: a document each), until Ctrl-C."""
+    """Prints transitions of alarms as they come, a line each (JSON: a document each), until Ctrl-C."""
     end = time.monotonic() + duration_s if duration_s else math.inf
     for transition in _news(find_database(config, database), end):
         document = msgspec.json.encode(documents.transition(transition)).decode()
@@ -74,7 +74,7 @@ def _file(path: Path) -> int:
 
 
 def change(config: Path | None, database: Path | None, request: Request, as_json: bool) -> int:
-    """Has the service do what is asked, or does it here where none runs; 1 when nothing came of it.
+    """Lets the service carry out the request, or does it here where none runs; 1 when nothing changed.
 
     Raises UnknownJointError, RequestError or StoreError.
     """

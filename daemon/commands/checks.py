@@ -1,4 +1,4 @@
-"""One check of the doctor: a value, what it may be, and the likely cause when it is not."""
+"""One check of ``doctor``: a value, its allowed range, and the likely cause when it is outside."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the doctor finds on the machine itself: clock, disk, database, adapters, versions."""
+"""The checks of the machine itself, for ``doctor``: clock, disk, database, adapters, versions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Names that the shell completes: joints and accelerometers of what a command means.  Nothing is printed here."""
+"""Names that the shell completes: joints and accelerometers of a configuration or database.  Prints nothing."""
 
 from __future__ import annotations
 

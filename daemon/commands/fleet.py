@@ -1,5 +1,5 @@
-"""``lostmotion fleet``: what is printed of the answers of all robots; those that do not answer are named.  The asking
-stands in ``fleet_ask.py``."""
+"""``lostmotion fleet``: prints the answers of all robots, and names those that do not answer.  ``fleet_ask.py``
+sends the queries."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""One question to every robot that the endpoints of a Zenoh network know.  What is printed of the answers stands in
-``fleet.py``.
+"""One query to every robot that the endpoints of a Zenoh network know.  ``fleet.py``
+prints the answers.
 
 A session in Zenoh's client mode uses one of its endpoints, so each endpoint is asked in a session of its own, all at
 the same time.
@@ -31,12 +31,12 @@ AT_ONCE = 32
 
 
 class FleetError(LostmotionError):
-    """Nobody can be asked."""
+    """No robot can be queried."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fleet:
-    """Whom to ask, and for how long [s].  robots: names that are expected to answer besides those that are alive."""
+    """The robots to query, and the timeout [s].  robots: names expected to answer besides those that are alive."""
 
     connect: Sequence[str] = ()
     zenoh: str = ""
@@ -73,7 +73,7 @@ class _Answers:
 
 
 def ask(fleet: Fleet, selector: str) -> FleetReply:
-    """Asks all robots for a key, and at the same time who is alive.  Raises FleetError when nobody is there."""
+    """Asks all robots for a key, and at the same time who is alive.  Raises FleetError when there is no robot."""
     options = _options(fleet)
     endpoints = _endpoints(options)
     with ThreadPoolExecutor(min(len(endpoints), AT_ONCE)) as pool:
@@ -154,7 +154,7 @@ def _options(fleet: Fleet) -> ZenohOptions:
 
 
 def _endpoints(options: ZenohOptions) -> list[str]:
-    """Where there is somebody to ask; [""]: Zenoh's own file names no endpoint, but may look for some."""
+    """The endpoints to query; [""]: Zenoh's own file names no endpoint, but may look for some."""
     try:
         return addresses(configuration(options)) or [""]
     except zenoh.ZError as error:

@@ -1,4 +1,4 @@
-"""The edge of the program: what a command raises becomes one line on stderr and an exit status; late commands.
+"""Error handling of the command line: an exception becomes one line on stderr and an exit status; late imports.
 
 0: done; 1: the answer is bad news; 2: the call, the configuration or the input is wrong; 130, 141: ended by Ctrl-C, or
 because the output's reader has ended (128 + the signal's number, as a shell reports it).

@@ -25,7 +25,7 @@ __all__ = ["RecordError", "record"]
 
 
 class RecordError(LostmotionError):
-    """The joint to record is not clear, or nothing came of it."""
+    """The joint to record is ambiguous, or has delivered nothing."""
 
 
 class Tally:

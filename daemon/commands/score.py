@@ -30,7 +30,7 @@ MILLISECONDS = 0.5
 
 
 class ScoreError(LostmotionError):
-    """The recording and what was asked of it do not fit."""
+    """The recording does not fit the options."""
 
 
 def score(path: Path, config: Path | None, asked: Asked, as_json: bool) -> None:

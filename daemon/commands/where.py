@@ -1,4 +1,4 @@
-"""Which configuration and which database a command means."""
+"""Finds the configuration and the database of a command."""
 
 from __future__ import annotations
 

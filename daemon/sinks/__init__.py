@@ -1,4 +1,4 @@
-"""Where scores, alarms and health go besides the database.  A sink never raises for what its far end does."""
+"""Sinks: where scores, alarms and health go besides the database.  A sink raises no error of its far end."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["Sink"]
 
 
 class Sink(Protocol):
-    """Takes what happens, in order, from one thread; must return at once."""
+    """Takes events in order, from one thread; must return at once."""
 
     def score(self, row: ScoreRow) -> None:
         """Every scored window."""

@@ -1,8 +1,8 @@
-"""What a robot answers on Zenoh: its alarms, status and history from the database, and the newest word on each key.
+"""The answers to queries on Zenoh: alarms, status and history from the database, and the newest message on each key.
 
 Keys under ``lostmotion/<robot>/``: ``status``, ``alarms``, ``<joint>/history?since=…;until=…;limit=…``,
 ``<joint>/series?since=…;until=…``,
-``<joint>/alarm``, ``<joint>/health``.  Payloads only; who asked, and how, is the sink's.
+``<joint>/alarm``, ``<joint>/health``.  Payloads only; the sink handles the queries.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def _history(reader: Reader, joint: str, parameters: Mapping[str, str]) -> dict[
 
 
 def _series(reader: Reader, joint: str, parameters: Mapping[str, str]) -> dict[str, Any]:
-    """What a trend of the scores with since <= time < until is computed from: one an hour where there are many."""
+    """The scores with since <= time < until from which a trend is computed: one an hour where there are many."""
     return documents.series(joint, reader.series(joint, *_span(f"{joint}/series", parameters), most=MOST))
 
 

@@ -1,6 +1,6 @@
 """ROS 2's diagnostic_msgs/DiagnosticArray as rmw_zenoh sends it.  No I/O, no clock.
 
-Of ROS nothing is needed: the form of keys and tokens is in ``drivers/codec/rmw_zenoh.py``, CDR in
+No package of ROS is needed: the form of keys and tokens is in ``drivers/codec/rmw_zenoh.py``, CDR in
 ``drivers/codec/cdr.py``.
 """
 
@@ -37,7 +37,7 @@ class Status:
 
 
 class Board:
-    """The newest word on each joint of a robot, as one message."""
+    """The newest state of each joint of a robot, as one message."""
 
     def __init__(self, robot: str) -> None:
         self._robot = robot

@@ -24,7 +24,7 @@ __all__ = ["Queries", "Queryable"]
 THREADS = 4
 """for histories, and as many for the rest"""
 MOST_WAITING = 64
-"""queries of one kind that are being answered or wait for it; more are dropped, and who asks sees no answer"""
+"""queries of one kind that are being answered or wait for it; more are dropped, and get no answer"""
 
 Queryable = zenoh.Queryable[zenoh.handlers.Handler[zenoh.Query]]
 

@@ -1,4 +1,4 @@
-"""How ROS 2 shows itself on Zenoh: keys of topics, tokens, attachments, of rmw_zenoh and of zenoh-bridge-ros2dds.
+"""ROS 2's conventions on Zenoh: keys of topics, tokens, attachments, of rmw_zenoh and of zenoh-bridge-ros2dds.
 
 No I/O.  rmw_zenoh's design page: a message on the topic /arm/joint_states in domain 0 has the key
 ``0/arm/joint_states/sensor_msgs::msg::dds_::JointState_/RIHS01_…`` (the type's hash of REP 2011); in a

@@ -23,7 +23,7 @@ TOGGLE_NOT_ALTERNATED, UNKNOWN_COMMAND = 0x05030000, 0x05040001
 
 
 class Abort(Exception):  # noqa: N818 - the standard's name
-    """A transfer that does not take place; code: as CiA 301 has it."""
+    """An aborted transfer; code: as CiA 301 has it."""
 
     def __init__(self, code: int) -> None:
         super().__init__(f"abort 0x{code:08X}")

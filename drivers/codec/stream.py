@@ -1,4 +1,4 @@
-"""How framed packets are found in a stream of bytes: the part that all framed protocols share.
+"""Framing: finds packets in a stream of bytes, for all framed protocols.
 
 No particular protocol, no I/O.
 """
@@ -14,7 +14,7 @@ T = TypeVar("T")
 
 
 class StreamDecoder(Generic[T]):
-    """Cuts a stream into packets and finds its way back after garbage.
+    """Cuts a stream into packets and resynchronises after garbage.
 
     ``header`` opens every frame.  ``length(buffer, at)`` is the length of the frame that begins at ``at``: 0 when no
     frame can begin so, None when that needs more bytes.  ``decode(frame)`` gives the packet, None for a wrong checksum.
