@@ -11,7 +11,7 @@ import pytest
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.experiment import Experiment, experiments
 from lostmotion.lab.estimate import fit
-from lostmotion.lab.fitting.fit import noise_of
+from lostmotion.lab.fitting.fit import fit_of, noise_of
 from lostmotion.lab.fitting.strategy import doubled, full_fit
 from lostmotion.lab.parallel import open_executor
 from lostmotion.lab.results import Fit
@@ -141,3 +141,19 @@ def test_intervals_do_not_depend_on_the_step_of_the_derivatives() -> None:
     assert level.typical == pytest.approx(1.0, abs=0.1)
     assert np.min(deviation(STEP) / deviation(1e-7)) < 0.5
     np.testing.assert_allclose(deviation(FINE_STEP), deviation(1e-7), rtol=0.15)
+
+
+@pytest.mark.slow
+def test_what_is_told_does_not_depend_on_the_first_value() -> None:
+    """A drift of 0.5 m/s² a second is told from a tenth of it, too: it is ten times what it began with, and its
+    interval half of that."""
+    recordings = [gears(seed, 1.0) for seed in (7, 8)]
+    for recording in recordings:
+        recording.columns["accel"][:] += 0.5 * recording.time
+    held = experiments(build_model("play", values=GEARS), recordings)
+    for first in (0.4, 0.05):
+        model = build_model("play", ["bias_drift"], {**GEARS, "bias_drift.c": first})
+        task = Task.of(model, held, noise_of(held))
+        drift = fit_of(full_fit(model, task), task)["bias_drift.c"]
+        assert drift.low < 0.5 < drift.high
+        assert drift.told
