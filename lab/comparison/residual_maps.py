@@ -41,20 +41,17 @@ class ResidualMap:
 
 
 def residual_maps(
-    residuals: Sequence[FloatArray],
-    variables: Mapping[str, Sequence[FloatArray]],
-    noise: NoiseModel | None = None,
+    residuals: Sequence[FloatArray], variables: Mapping[str, Sequence[FloatArray]]
 ) -> tuple[ResidualMap, ...]:
     """A map for each variable, the one that explains most first.
 
     residuals: one (N_r,) for each recording, NaN where not sampled; variables: by name, one (N_r,) for each recording,
-    NaN allowed.  noise: of the residuals; when left out, that of what the map with the largest share leaves of them.
+    NaN allowed.  Their noise is what the map with the largest share leaves of them.
     """
     binned = [one for name, x in variables.items() if (one := _binned(name, residuals, x)) is not None]
     if not binned:
         return ()
-    if noise is None:
-        noise = fit_autoregression(max(binned, key=lambda one: one.share).left(residuals))
+    noise = fit_autoregression(max(binned, key=lambda one: one.share).left(residuals))
     return _discovered([_map(one, noise) for one in binned])
 
 

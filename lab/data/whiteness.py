@@ -13,6 +13,8 @@ from lostmotion.model.motion import FloatArray
 
 __all__ = ["Correlation", "autocorrelation", "cross_correlation", "fit_percent"]
 
+LAGS = 25
+"""Lags that are tested, or a quarter of the samples where these are fewer."""
 KEPT = 1e-3
 """Directions of the lagged input with less of its power than this share tell nothing of their own."""
 
@@ -41,28 +43,25 @@ def fit_percent(measured: FloatArray, modelled: FloatArray) -> float:
     return 100 * (1 - error / max(spread, 1e-300))
 
 
-def autocorrelation(residual: FloatArray, most_lags: int = 25, fitted: int = 0) -> Correlation:
-    """Of a residual (N,), NaN being gaps, at lags 1 … most_lags.
+def autocorrelation(residual: FloatArray) -> Correlation:
+    """Of a residual (N,), NaN being gaps, at lags 1 … LAGS.
 
-    p_value: Ljung and Box's Q = N (N + 2) sum r_k²/(N - k), chi-squared with most_lags - fitted degrees of freedom (at
-    least one), where fitted counts the parameters that were estimated from these samples.
+    p_value: Ljung and Box's Q = N (N + 2) sum r_k²/(N - k), chi-squared with one degree of freedom for each lag.
     """
     there = np.isfinite(residual)
     count = int(there.sum())
-    most_lags = min(most_lags, count // 4)
+    most_lags = min(LAGS, count // 4)
     x = np.where(there, residual - np.mean(residual[there]), 0.0)
     products = _correlate(x, x, most_lags)[1:]
     r = products / max(float(x @ x), 1e-300)
     pairs = np.maximum(_correlate(there.astype(float), there.astype(float), most_lags)[1:], 1.0)
     q = count * (count + 2) * float(np.sum(r**2 / pairs))
     lags = np.arange(1.0, most_lags + 1)
-    return Correlation(lags, r, _bound(most_lags) / np.sqrt(count), float(chdtrc(max(most_lags - fitted, 1), q)))
+    return Correlation(lags, r, _bound(most_lags) / np.sqrt(count), float(chdtrc(max(most_lags, 1), q)))
 
 
-def cross_correlation(
-    residual: FloatArray, source: FloatArray, most_lags: int = 25, noise: NoiseModel | None = None
-) -> Correlation:
-    """Of a residual (N,) with an input, both made white by the residual's own noise model, at lags 0 … most_lags.
+def cross_correlation(residual: FloatArray, source: FloatArray, noise: NoiseModel | None = None) -> Correlation:
+    """Of a residual (N,) with an input, both made white by the residual's own noise model, at lags 0 … LAGS.
 
     The residual follows the input.  Haugh's idea: with a white residual each correlation has the variance 1/N whatever
     the input's spectrum, while of raw series it is (1 + 2 sum rho_e rho_u)/N (Bartlett), often ten times as much.  The
@@ -75,7 +74,7 @@ def cross_correlation(
     there = np.isfinite(e) & np.isfinite(u)
     e, u = np.where(there, e, 0.0), np.where(there, u, 0.0)
     count = int(there.sum())
-    most_lags = min(most_lags, count // 4)
+    most_lags = min(LAGS, count // 4)
     scale = np.sqrt(max(float((e @ e) * (u @ u)), 1e-300))
     r = _correlate(e, u, most_lags) / scale
     own = _correlate(u, u, most_lags) / max(float(u @ u), 1e-300)

@@ -27,7 +27,7 @@ NUMERICS = {
     "data/noise.py": (10, "an estimator of the noise, each number with its measured error"),
     "data/stationarity.py": (1, "length of a block"),
     "data/supply.py": (3, "which of two things a voltage is; the margins are measured"),
-    "data/whiteness.py": (1, "rank of a matrix"),
+    "data/whiteness.py": (2, "lags, rank of a matrix"),
     "design/next_experiment.py": (2, "the motions that are proposed"),
     "discrepancy/basis.py": (5, "grid of an unknown function"),
     "discrepancy/describe.py": (3, "what a curve is drawn with"),
