@@ -41,18 +41,17 @@ def explain(
     experiments: Sequence[Experiment],
     pool: Executor,
     progress: Progress = lambda what, part: None,
-    seed: int = 0,
     budget_s: float = policy.BUDGET_S,
 ) -> Explanation:
     """What these experiments say is missing from the model.
 
-    seed: of a bootstrap; budget_s: about how long it may take [s].  Raises ModelError where the model cannot be run on
-    the experiments at all.
+    budget_s: about how long it may take [s].  Raises ModelError where the model cannot be run on the experiments at
+    all.
     """
     method, noise = method_of(model, experiments), noise_of(experiments)
     train, last = _split(experiments, method is not None)
     if method is None:
-        return explained_gears(model, train, last, noise, pool, progress, budget_s, seed)
+        return explained_gears(model, train, last, noise, pool, progress, budget_s)
     return explained(model, train, last, method, noise, pool, progress, budget_s)
 
 

@@ -30,7 +30,7 @@ from lostmotion.lab.selection.forward import descended
 from lostmotion.lab.selection.prune import reduced, simplified, unsized
 from lostmotion.lab.selection.score_test import Scores
 from lostmotion.lab.selection.step import Step, Tried
-from lostmotion.lab.selection.validate import Judged, Unseen, is_left, trained_each
+from lostmotion.lab.selection.validate import Judged, Unseen, is_left
 from lostmotion.lab.shooting.continuation import FIRST_S, Level, followed, residuals
 from lostmotion.lab.shooting.task import Task, coarse_substep, rubbing
 from lostmotion.model import Model, ModelError
@@ -46,12 +46,12 @@ STEP_COST = 0.4
 
 def explained_gears(
     model: Model, train: Sequence[Experiment], last: Experiment, noise: dict[str, float], pool: Executor,
-    progress: Progress, budget_s: float, seed: int,
+    progress: Progress, budget_s: float,
 ) -> Explanation:  # fmt: skip
     """What is missing, found on ``train`` and on ``last``, to which no parameter is fitted.
 
     noise: floor of each column; budget_s: how long all of it may take [s]; of long recordings as much is used as a
-    search can use in this time; seed: of the bootstrap.  Raises ExperimentError where they were sampled too slowly.
+    search can use in this time.  Raises ExperimentError where they were sampled too slowly.
     """
     _check_rate(model, [*train, last])
     model, held = with_scale(model, [*train, last])
@@ -60,7 +60,10 @@ def explained_gears(
     task = Task.of(model, train, noise)
     progress("fitting what is there", 0.0)
     with within(policy.SEARCH_SHARE * budget_s):
-        search = _searched(model, task, last, pool, np.random.default_rng(seed), progress)
+        short = first_fit(model, task, pool)
+        base = grown(short, task)
+        unseen = Unseen(last, task, predictable(short, task), pool).with_floor_of(short)
+        search = _pruned(base, *descended(short, base, unseen, np.random.default_rng(0), progress), unseen)
         untried = _untried(search.level.model, search.steps) if is_over() else ()
     progress("refining", 0.9)
     with within((1 - policy.SEARCH_SHARE) * budget_s):
@@ -86,18 +89,14 @@ class _Search:
     is_unsized: bool = False
 
 
-def _searched(
-    model: Model, task: Task, last: Experiment, pool: Executor, rng: np.random.Generator, progress: Progress
+def _pruned(
+    base: Level, short: Level, level: Level, descent: Sequence[Judged], steps: Sequence[Step], unseen: Unseen
 ) -> _Search:
-    """The search: what is there is fitted, effects are added, and those that became superfluous taken out."""
-    short = first_fit(model, task, pool)
-    base = grown(short, task)
-    unseen = Unseen(last, task, predictable(short, task), pool).beside(short)
-    last_short, level, descent, steps = descended(short, base, unseen, rng, progress)
+    """The search without the effects that became superfluous, or whose size may be zero."""
     level, descent = simplified(level, descent, unseen, _unvalidated(steps))
-    if void := unsized(level, task):
+    if void := unsized(level, unseen.task):
         level, descent = reduced(level, void, descent, unseen)
-    return _Search(base, level, last_short, descent, steps, unseen, bool(void))
+    return _Search(base, level, short, descent, steps, unseen, bool(void))
 
 
 def _check_rate(model: Model, experiments: Sequence[Experiment]) -> None:
@@ -135,7 +134,7 @@ def _explanation(search: _Search) -> Explanation:
     first = next(iter(task.noise))
     named = task.added(best.model)
     refined = unseen.pool.submit(refined_fit, best, task)  # it works on one core while what is left is described
-    left = _is_left(search, named)
+    left = search.is_unsized or is_left(search.descent[-1])
     verdict: Verdict = "missing" if named else "outside_catalogue" if left else "nothing_missing"
     columns = {
         name: Errors(before.of(name), after.of(name), noise, words.column(name)[1])
@@ -161,14 +160,6 @@ def _explanation(search: _Search) -> Explanation:
         left_out=(after.errors.size - len(after.residual), after.errors.size),
         unshown=tuple(effect for effect in _unvalidated(steps) if effect in named),
     )
-
-
-def _is_left(search: _Search, named: Sequence[str]) -> bool:
-    """Whether more than noise is left.  With the right effect, what is left of unseen data may be starts that were not
-    found: then the data of the fit tell."""
-    if not (search.is_unsized or is_left(search.descent[-1])):
-        return False
-    return not named or all(is_left(one) for one in trained_each(search.level, search.unseen.task.substep_s))
 
 
 def _with_unseen(fit: Fit, judged: Judged) -> Fit:

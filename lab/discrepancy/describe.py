@@ -126,7 +126,7 @@ def _compared(
         return []
     models = [base.model.with_effect(guess.effect.id) for guess in found]
     tight = pool.map(Descent.of, models, [follower] * len(models), [TIGHT] * len(models))
-    best = sorted(zip(tight, found, models, strict=True), key=lambda one: one[0].cost)[: policy.FITTED]
+    best = sorted(zip(tight, found, models, strict=True), key=lambda one: one[0].cost)[: policy.FINISHED]
     many = [follower] * len(best)
     direct = pool.map(Descent.of, [model for *_, model in best], many)
     after = pool.map(Descent.of, [much.model for much, *_ in best], many)

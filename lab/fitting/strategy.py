@@ -131,9 +131,9 @@ def first_fit(model: Model, task: Task, pool: Executor) -> Level:
     return best_of(pool.map(full_fit, [level.model for level in rough], [task] * len(rough)), 1)[0]
 
 
-def nearest_fit(model: Model, task: Task, seed: int, hopeless: float = 1.0) -> Level:
+def nearest_fit(model: Model, task: Task, seed: int) -> Level:
     """The fit on all short segments from where observer runs come nearest, beginning with the model's values."""
-    return full_fit(nearest(model, task, seed), task, hopeless)
+    return full_fit(nearest(model, task, seed), task)
 
 
 def refined(level: Level, task: Task, iterations: int = 8) -> Level:

@@ -34,9 +34,6 @@ FIRST, EACH, MOST_EACH, POPULATION = 72, 9, 240, 20
 """So many are tried at first, of effects with many initial guesses so many around each, up to a limit; then the best
 live on."""
 BASE_GENERATIONS, EFFECT_GENERATIONS, FINAL_GENERATIONS = 8, 5, 8
-KEPT = (20, 10, 6)
-"""So many effects go on after the first generations, which hardly tell them apart; and after some more, where none is
-ahead, and where one is."""
 WIDTH = {"d": 0.22, "alpha": 0.3, "k": 0.01, "b": 0.25, "l": 0.03}
 """Standard deviations of a first population, in logarithms."""
 BIAS_WIDTH = 0.05  # m/s²
@@ -69,7 +66,7 @@ def nearest(model: Model, task: Task, seed: int = 0) -> Model:
     return found.near("").model
 
 
-def shortlist(base: Level, effects: Sequence[str], task: Task, pool: Executor, seed: int = 0) -> list[Near]:
+def shortlist(base: Level, effects: Sequence[str], task: Task, pool: Executor) -> list[Near]:
     """The effects that bring observer runs nearest to the measurement, best first; one whose whole number leaves
     valleys far apart may be there twice.  None where there is no time for it, or the bar was not measured.
 
@@ -79,13 +76,13 @@ def shortlist(base: Level, effects: Sequence[str], task: Task, pool: Executor, s
         return []
     follower, count = _follower(base.model, task), len(effects)
     size = scales_of(base.model, base.segments, task.substep_s)
-    given = ([base.model] * count, [follower.roughly()] * count, [size] * count, [seed] * count)
+    given = ([base.model] * count, [follower.roughly()] * count, [size] * count)
     niches = zip(effects, pool.map(_begun, effects, *given), strict=True)
-    first, many, few = KEPT
-    best = _leading([(population, effect) for effect, found in niches for population in found], first, NICHES)
+    begun = [(population, effect) for effect, found in niches for population in found]
+    best = _leading(begun, NICHES)
     further = pool.map(_further, (population for population, _ in best), [follower] * len(best))
     best = list(zip(further, [effect for _, effect in best], strict=True))
-    best = _leading(best, few if _is_ahead(best) else many, NICHES_LEFT)
+    best = _leading(best, NICHES_LEFT)
     return sorted(pool.map(_finished, *zip(*best, strict=True)), key=lambda near: near.cost)
 
 
@@ -178,13 +175,13 @@ class _Population:
         return np.array([BIAS_WIDTH / i.scale if i.name == "bias" else WIDTH.get(i.name, EFFECT_WIDTH) for i in items])
 
 
-def _begun(effect: str, base: Model, follower: Follower, size: MotionScales, seed: int) -> list[_Population]:
+def _begun(effect: str, base: Model, follower: Follower, size: MotionScales) -> list[_Population]:
     models = [base.with_effect(effect), follower.rough.with_effect(effect)]
     found = _values(models[0], effect, [size, replace(size, torque=LARGER * size.torque)])
     populations = []
     for part in _niches(models[0], found):
         every = [model.replace(values) for values in part for model in models]
-        populations.append(_Population(follower, every, seed, [True, False] * len(part)))
+        populations.append(_Population(follower, every, 0, [True, False] * len(part)))
         populations[-1].evolve(EFFECT_GENERATIONS)
     return populations
 
@@ -213,26 +210,12 @@ def _opposite(model: Model, values: dict[str, float]) -> dict[str, float]:
     return {name: -values[name] for name in may if "." in name and not name.endswith(".phi")}
 
 
-def _leading(populations: list[tuple[_Population, str]], most: int, niches: int) -> list[tuple[_Population, str]]:
-    """Those of the best few effects, and of more effects those that are not far behind; so many of each."""
-    each = _of_each_effect(populations)
-    least = policy.BEHIND * float(each[min(1, len(each) - 1)][0][0].costs.min())
-    kept = [pairs for i, pairs in enumerate(each[:most]) if i < policy.FITTED or pairs[0][0].costs.min() < least]
-    return [pair for pairs in kept for pair in pairs[:niches]]
-
-
-def _is_ahead(populations: list[tuple[_Population, str]]) -> bool:
-    """Whether one effect is far nearer than all others, which may be left then."""
-    costs = [float(pairs[0][0].costs.min()) for pairs in _of_each_effect(populations)]
-    return len(costs) < 2 or costs[0] < policy.NEARER * costs[1]
-
-
-def _of_each_effect(populations: list[tuple[_Population, str]]) -> list[list[tuple[_Population, str]]]:
-    """The populations effect by effect, best first, and so the effects."""
+def _leading(populations: list[tuple[_Population, str]], niches: int) -> list[tuple[_Population, str]]:
+    """Those of the best few effects, so many of each, best first."""
     of_effect: dict[str, list[tuple[_Population, str]]] = {}
     for pair in sorted(populations, key=lambda pair: float(pair[0].costs.min())):
         of_effect.setdefault(pair[1], []).append(pair)
-    return list(of_effect.values())
+    return [pair for pairs in list(of_effect.values())[: policy.FINISHED] for pair in pairs[:niches]]
 
 
 def _further(population: _Population, follower: Follower) -> _Population:

@@ -8,7 +8,6 @@ longer segments, on which only the right one stays.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -18,7 +17,7 @@ import numpy as np
 
 from lostmotion.lab import policy
 from lostmotion.lab.fitting.strategy import doubled, full_fit, refined, repaired_fit
-from lostmotion.lab.observer.global_search import Near, shortlist
+from lostmotion.lab.observer.global_search import shortlist
 from lostmotion.lab.selection.nesting import contained
 from lostmotion.lab.selection.score_test import Direction
 from lostmotion.lab.selection.validate import LONGER
@@ -96,7 +95,8 @@ def score_trials(base: Level, directions: Sequence[Direction], task: Task, pool:
 
 def observer_trials(base: Level, task: Task, pool: Executor) -> list[Trial]:
     """Fits on all short segments with the effects that bring observer runs nearest to the measurement; best first."""
-    return full_fits(_nearest(shortlist(base, others(base.model), task, pool)), task, pool)
+    near = shortlist(base, others(base.model), task, pool)[: policy.FINISHED]
+    return full_fits([(one.effect, one.model) for one in near], task, pool)
 
 
 def repaired_trial(effect: str, model: Model, level: Level, task: Task) -> Trial:
@@ -104,13 +104,6 @@ def repaired_trial(effect: str, model: Model, level: Level, task: Task) -> Trial
     return Trial(
         effect, repaired_fit(model, Unknowns.of(model, task.rough), _segments(model, level), task, policy.LOST_SHARE)
     )
-
-
-def _nearest(ordered: Sequence[Near]) -> list[tuple[str, Model]]:
-    """Of the first few effects those that are not far behind."""
-    effects = {near.effect for near in best_of_each(ordered)[: policy.FITTED]}
-    followed = [near for near in ordered if near.effect in effects and near.cost < policy.BEHIND * ordered[0].cost]
-    return [(near.effect, near.model) for near in followed[: policy.FITTED + 1]]
 
 
 def halving_fits(begin: Sequence[tuple[str, Model]], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
@@ -124,20 +117,13 @@ def full_fits(begin: Sequence[tuple[str, Model]], task: Task, pool: Executor) ->
     return _ordered([Trial(effect, level) for (effect, _), level in zip(begin, levels, strict=True)])
 
 
-def halving(
-    full: Sequence[Trial], task: Task, horizon_s: float, pool: Executor, before: float = math.inf
-) -> list[Trial]:
-    """The trials on longer and longer segments, up to this length, those that fall behind the best left out.
-
-    before: the error of the short segments without these effects; what is no clear gain is not worth longer ones.
-    """
+def halving(full: Sequence[Trial], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
+    """The trials on longer and longer segments, up to this length, those that fall behind the best left out."""
     trials = best_of_each(_ordered(full))
-    if trials and trials[0].level.typical > max(policy.NEARER * before, policy.FAR):
-        return trials[: policy.FEWEST]
     trials[:1] = [_recounted(trial, task, pool) for trial in trials[:1]]
     while trials and trials[0].level.horizon_s * LONGER < horizon_s:
         limit = policy.BEHIND * max(trials[0].level.typical, 1.0)
-        running = [trial for trial in trials if trial.level.typical < limit][: policy.FINISHED]
+        running = [trial for trial in trials if trial.level.typical < limit]
         levels = pool.map(
             doubled, [trial.level for trial in running], [task] * len(running), [policy.LOST_SHARE] * len(running)
         )

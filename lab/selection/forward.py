@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from operator import attrgetter
-
 import numpy as np
 
 from lostmotion.lab import policy
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.fitting.fit import Progress
 from lostmotion.lab.fitting.strategy import grown
-from lostmotion.lab.selection.alternatives import distinguished, generalised
-from lostmotion.lab.selection.step import Step, on_trust, searched
+from lostmotion.lab.selection.alternatives import distinguished
+from lostmotion.lab.selection.step import Step, look_ahead, searched
 from lostmotion.lab.selection.validate import Judged, Unseen
 from lostmotion.lab.shooting.continuation import Level
 
@@ -29,13 +27,11 @@ def descended(
         steps += found
         if not found[-1].accepted:
             break
-        steps[-1] = last = distinguished(generalised(found[-1], unseen), descent[-1], unseen)
+        steps[-1] = last = distinguished(found[-1], descent[-1], unseen)
         descent += [step.tried[0].judged for step in (*found[:-1], last)]
         short = last.tried[0].level
-        unseen = unseen.beside(short)
+        unseen = unseen.with_floor_of(short)
         level = grown(short, unseen.task)
-        if not unseen.is_far(level.typical) and unseen.is_far(descent[-1].error):  # judged before it was fitted well
-            descent[-1] = min(descent[-1], unseen.judge(level.model, descent[-1]), key=attrgetter("error"))
     return short, level, descent, steps
 
 
@@ -44,9 +40,9 @@ def _next(short: Level, level: Level, now: Judged, unseen: Unseen, rng: np.rando
     step = searched(level, short, now, unseen, rng)
     if step.accepted or len(unseen.task.added(short.model)) + 2 > policy.MOST_MISSING or is_over():
         return [step]
-    if first := on_trust(step, now, unseen):
+    if first := look_ahead(step, now, unseen):
         best = first.tried[0]
-        second = searched(best.level, best.level, best.judged, unseen.beside(best.level), rng)
+        second = searched(best.level, best.level, best.judged, unseen.with_floor_of(best.level), rng)
         if second.accepted and unseen.is_better(second.tried[0].judged, now):
             return [first, second]
     return [step]

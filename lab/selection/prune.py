@@ -34,8 +34,6 @@ def simplified(
     """
     for model in _simpler(level.model, [e for e in unseen.task.added(level.model) if e not in kept]):
         fit = full_fit(model, unseen.task, policy.LOST_SHARE)
-        if not fit.typical < policy.BEHIND * level.typical:
-            continue
         fit = grown(fit, unseen.task)
         judged = unseen.judge(fit.model, descent[-1])
         if not unseen.is_better(unseen.again(level.model, descent[-1], judged), judged):

@@ -29,7 +29,7 @@ from lostmotion.lab.selection.validate import Judged, Unseen, misfits, trained
 from lostmotion.lab.shooting.continuation import Level
 from lostmotion.lab.shooting.task import Task
 
-__all__ = ["Step", "Tried", "on_trust", "on_unseen", "searched", "with_first"]
+__all__ = ["Step", "Tried", "look_ahead", "on_unseen", "searched"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,20 +51,20 @@ class Tried:
 class Step:
     """A fit without, and those with, one more effect, best first; scores of the fit without.
 
-    accepted: the first one's effect is missing; trusted: as the first of two, as it explains too little alone;
+    accepted: the first one's effect is missing; provisional: as the first of two, as it explains too little alone;
     unvalidated: the unseen data are free of it, the training data said so.
     """
 
     scores: Scores
     tried: tuple[Tried, ...] = ()
     accepted: bool = False
-    trusted: bool = False
+    provisional: bool = False
     unvalidated: bool = False
 
     @property
     def equals(self) -> list[Tried]:
         """The effect that was accepted, and what explains the data that decided as well within ALIKE."""
-        if not self.accepted or self.trusted:
+        if not self.accepted or self.provisional:
             return []
         return [one for one in self.tried if one.misfit < self.tried[0].misfit + policy.ALIKE]
 
@@ -77,14 +77,18 @@ def searched(level: Level, short: Level, now: Judged, unseen: Unseen, rng: np.ra
     scores = score_test(short if is_far else level, others(level.model), task.substep_s, pool, rng)
     if not is_far or not scores.directions:
         return _near_step(level, scores, now, unseen)
-    full = score_trials(short, scores.directions, task, pool)
-    if full and full[0].level.typical < policy.FAR:
-        trials = halving(full, task, unseen.horizon_s, pool, unseen.floor)
-        step = _ranked(scores, on_unseen(trials, now, unseen), now, unseen)
+    trials, tried = score_trials(short, scores.directions, task, pool), list[Tried]()
+    if trials and trials[0].level.typical < policy.FAR:
+        tried, trials = _halved(trials, now, unseen), []
+        step = _ranked(scores, tried, now, unseen)
         if step.accepted:
             return step
-    trials = halving([*full, *observer_trials(short, task, pool)], task, unseen.horizon_s, pool, unseen.floor)
-    return _ranked(scores, on_unseen(trials, now, unseen), now, unseen)
+    trials += observer_trials(short, task, pool)
+    return _ranked(scores, [*tried, *_halved(trials, now, unseen)], now, unseen)
+
+
+def _halved(trials: Sequence[Trial], now: Judged, unseen: Unseen) -> list[Tried]:
+    return on_unseen(halving(trials, unseen.task, unseen.horizon_s, unseen.pool), now, unseen)
 
 
 def _near_step(level: Level, scores: Scores, now: Judged, unseen: Unseen) -> Step:
@@ -104,29 +108,21 @@ def _near_step(level: Level, scores: Scores, now: Judged, unseen: Unseen) -> Ste
     return _told_by_training(step, level, now, task) or step
 
 
-def with_first(step: Step, effect: str, level: Level, unseen: Unseen) -> Step:
-    """The step with another fit in the place of its first one."""
-    first = step.tried[0]
-    (found,) = on_unseen([Trial(effect, level)], first.judged, unseen)
-    before, after = misfits([first.judged, found.judged]).tolist()
-    found = replace(found, misfit=first.misfit + after - before)
-    return replace(step, tried=(found, *(one for one in step.tried[1:] if one.effect != effect)))
-
-
-def on_trust(step: Step, now: Judged, unseen: Unseen) -> Step | None:
-    """The step with the effect put first that explains most of the data of the fit, although it explains too little of
-    the unseen data alone: with two effects, each moves the impacts wrongly without the other."""
+def look_ahead(step: Step, now: Judged, unseen: Unseen) -> Step | None:
+    """The step with the effect provisionally accepted that explains most of the data of the fit, although it explains
+    too little of the unseen data alone: with two effects, each moves the impacts wrongly without the other.  None near
+    the noise, or where nothing could be fitted."""
     if not step.tried or not unseen.is_far(now.error):
         return None
     best = min(step.tried, key=lambda one: one.level.typical)
-    return replace(step, tried=_first(best, step.tried), accepted=True, trusted=True)
+    return replace(step, tried=_first(best, step.tried), accepted=True, provisional=True)
 
 
 def on_unseen(trials: Sequence[Trial], now: Judged, unseen: Unseen) -> list[Tried]:
-    """The trials judged, each beginning segments that it has lost where another one follows them; the best few, when
+    """The trials judged, each beginning segments that it has lost where another one follows them; the best one, when
     the time is up."""
     if is_over():
-        trials = sorted(trials, key=lambda trial: trial.level.typical)[: policy.FEWEST]
+        trials = sorted(trials, key=lambda trial: trial.level.typical)[:1]
     judged = unseen.judge_each([trial.level.model for trial in trials], now)
     return [Tried(trial.effect, trial.level, own) for trial, own in zip(trials, judged, strict=True)]
 
@@ -157,6 +153,6 @@ def _told_by_training(step: Step, level: Level, now: Judged, task: Task) -> Step
     before, *misfit = misfits(trained_on).tolist()
     tried = [replace(one, misfit=own) for one, own in zip(step.tried, misfit, strict=True)]
     tried = sorted(tried, key=lambda one: one.misfit)
-    limit = (1 + policy.UNSEEN_GAIN) * now.errors
+    limit = (1 + policy.ALIKE) * now.errors
     full = [o for o in tried if before - o.misfit > policy.LEAST_GAIN and np.all(o.judged.errors < limit)]
     return Step(step.scores, _first(full[0], tried), accepted=True, unvalidated=True) if full else None

@@ -21,7 +21,7 @@ from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["LONGER", "Judged", "Unseen", "better", "is_left", "misfits", "trained", "trained_each"]
+__all__ = ["LONGER", "Judged", "Unseen", "better", "is_left", "misfits", "trained"]
 
 LONGER = 1.2
 """Times the length that is asked for, up to which a segment may be."""
@@ -48,11 +48,6 @@ class Judged:
         """Error of a column in its unit; infinite where the model could not be run."""
         return self.columns.get(column, math.inf)
 
-    @property
-    def count(self) -> int:
-        """Samples of all segments."""
-        return int(self.counts.sum())
-
 
 def misfits(judged: Sequence[Judged]) -> FloatArray:
     """The mean logarithm of each one's errors (J,): differences times the count are those of log-likelihoods, every
@@ -66,12 +61,12 @@ def misfits(judged: Sequence[Judged]) -> FloatArray:
 
 
 def better(judged: Judged, now: Judged, is_far: bool = False) -> bool:
-    """Whether what was added explains enough: near the noise what Schwarz's criterion asks, on gears far from it a good
+    """Whether what was added explains enough: near the noise more than counts as equal, on gears far from it a good
     part, as almost any effect moves impacts to where some fit better."""
     if is_far:
         return judged.error < policy.FAR_GAIN * now.error
     before, after = misfits([now, judged])
-    return bool(before - after > max(0.5 * math.log(judged.count) / judged.count, policy.UNSEEN_GAIN))
+    return bool(before - after > policy.ALIKE)
 
 
 def is_left(judged: Judged) -> bool:
@@ -95,8 +90,8 @@ class Unseen:
     pool: Executor
     floor: float = 1.0
 
-    def beside(self, short: Level) -> Unseen:
-        """The same, for effects that are looked for beside a fit, whose shortest segments begin where they may."""
+    def with_floor_of(self, short: Level) -> Unseen:
+        """The same, for a search that begins with this fit; its shortest segments begin where they may."""
         return replace(self, floor=max(started(short.model, subset(self.task), self.task).typical, 1.0))
 
     def is_far(self, error: float) -> bool:
@@ -155,14 +150,6 @@ def _judged_on(whole: Experiment, model: Model, task: Task, horizon_s: float) ->
 def trained(level: Level, substep_s: float) -> Judged:
     """A fit on the segments that it was made on."""
     return _judged(residuals(level.model, level.segments, substep_s))
-
-
-def trained_each(level: Level, substep_s: float) -> list[Judged]:
-    """The same for each experiment alone: their noise may differ in colour."""
-    parts: dict[str, list[FloatArray]] = {}
-    for segment, r in zip(level.segments, residuals(level.model, level.segments, substep_s), strict=True):
-        parts.setdefault(segment.experiment.name, []).append(r)
-    return [_judged(own) for own in parts.values()]
 
 
 def _judged(parts: Sequence[FloatArray], segments: Sequence[Segment] = (), states: Sequence[str] = ()) -> Judged:

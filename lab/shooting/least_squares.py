@@ -59,8 +59,10 @@ class Problem:
             model = self.unknowns.put(self.model, z)
         except ModelError:
             return np.full(len(segments), np.inf)
-        r = (s.residual(s.experiment.model(model), s.start, self.substep_s) for s in segments)
-        return np.array([float(robust(one, self.huber)) for one in r])
+        found = np.empty(len(segments))
+        for at, s in enumerate(segments):
+            found[at] = robust(s.residual(s.experiment.model(model), s.start, self.substep_s), self.huber)
+        return found
 
     def moved(
         self, z: FloatArray, segments: Sequence[Segment], ds: Sequence[FloatArray], before: FloatArray

@@ -1,8 +1,7 @@
-"""Which beginnings survive: a number of teeth that is a little off, effects that explain nothing."""
+"""Which beginnings survive: a number of teeth that is a little off, what the score test alone leads to."""
 
 from __future__ import annotations
 
-import math
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -11,7 +10,7 @@ import pytest
 from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.fitting.fit import noise_of
-from lostmotion.lab.fitting.strategy import first_fit, full_fit
+from lostmotion.lab.fitting.strategy import full_fit
 from lostmotion.lab.selection.candidates import full_fits, halving, others, score_trials
 from lostmotion.lab.selection.score_test import score_test
 from lostmotion.lab.shooting.task import Task
@@ -35,27 +34,6 @@ def test_teeth_are_counted_on_short_segments() -> None:
     assert found["gear_eccentricity.N"].value == 20
     assert found["gear_eccentricity.e"].value == pytest.approx(1e-5, rel=0.03)
     assert trial.level.typical == pytest.approx(1.0, abs=0.05)
-
-
-@pytest.mark.slow
-def test_what_explains_nothing_is_not_raced() -> None:
-    """Effects that leave the error of the short segments where it was are told as they are, at most two; one that is
-    there is fitted on longer segments."""
-    model = build_model("play", values=GEARS)
-    held = experiments(model, [gears(seed, 1.5, **{"coulomb_friction.tau_c": 5e-4}) for seed in (71, 72)])
-    task = Task.of(model, held, noise_of(held))
-    wrong = [(name, model.with_effect(name)) for name in ("gravity_leakage", "bias_drift", "second_mode")]
-    right = ("coulomb_friction", model.with_effect("coulomb_friction").replace({"coulomb_friction.tau_c": 4e-4}))
-    with ThreadPoolExecutor(2) as pool:
-        before = first_fit(model, task, pool)
-        void, (friction,) = full_fits(wrong, task, pool), full_fits([right], task, pool)
-        useless = halving(void, task, 0.5, pool, before.typical)
-        useful = halving([void[0], friction], task, 0.5, pool, before.typical)
-    assert before.typical > 2
-    assert len(useless) == 2
-    assert math.isclose(useless[0].level.horizon_s, before.horizon_s)
-    assert useful[0].effect == "coulomb_friction"
-    assert useful[0].level.horizon_s > 1.9 * before.horizon_s
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""The first of two effects is taken on trust where it explains too little alone."""
+"""The first of two effects is accepted provisionally where it explains too little alone."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.data.noise import NoiseModel
 from lostmotion.lab.selection.score_test import Scores
-from lostmotion.lab.selection.step import Step, Tried, on_trust
+from lostmotion.lab.selection.step import Step, Tried, look_ahead
 from lostmotion.lab.selection.validate import Judged, Unseen
 from lostmotion.lab.shooting.continuation import Level
 from lostmotion.lab.shooting.parameters import Unknowns
@@ -18,9 +18,9 @@ from lostmotion.model import build_model
 from tests.lab.gears import GEARS, gears
 
 
-def test_far_from_the_noise_what_explains_most_of_the_data_of_the_fit_is_trusted() -> None:
+def test_far_from_the_noise_the_first_of_two_is_accepted_provisionally() -> None:
     """The second best on unseen data is put first, as it explains more of the data of the fit; near the noise nothing
-    is trusted, nor where nothing could be fitted."""
+    is, nor where nothing could be fitted."""
     model = build_model("play", values=GEARS)
     held = experiments(model, [gears(1)])
 
@@ -37,9 +37,9 @@ def test_far_from_the_noise_what_explains_most_of_the_data_of_the_fit_is_trusted
     )
     with ThreadPoolExecutor(1) as pool:
         unseen = Unseen(held[0], Task.of(model, held, {"accel": 0.2}), 0.25, pool)
-        trusted = on_trust(step, judged(10.0), unseen)
-        assert on_trust(step, judged(1.5), unseen) is None
-        assert on_trust(Step(step.scores), judged(10.0), unseen) is None
-    assert trusted is not None
-    assert [one.effect for one in trusted.tried] == ["coulomb_friction", "viscous_friction"]
-    assert (trusted.accepted, trusted.trusted) == (True, True)
+        first = look_ahead(step, judged(10.0), unseen)
+        assert look_ahead(step, judged(1.5), unseen) is None
+        assert look_ahead(Step(step.scores), judged(10.0), unseen) is None
+    assert first is not None
+    assert [one.effect for one in first.tried] == ["coulomb_friction", "viscous_friction"]
+    assert (first.accepted, first.provisional) == (True, True)
