@@ -18,21 +18,17 @@ from lostmotion.detector import legendre
 from lostmotion.detector.servo import GRID_S, ServoLaw, delayed, smoothing
 from lostmotion.detector.window import FloatArray, Window
 
-__all__ = ["BEFORE_S", "Commanded", "cornered", "smoothed"]
+__all__ = ["BEFORE_S", "Commanded", "smoothed"]
 
 BEFORE_S = 0.2
 """The flank that is left is heard so long before the reversal [s]."""
 COVERED = 0.7
 """Share of the stretch that commands must cover; what lies behind them is left out."""
-FASTEST_HZ = 15.0
-"""Polynomials follow a motion up to this; the prior of the jerk decides how much of it is believed."""
-SHARPEST_HZ, CORNER_S = 40.0, 0.005
-"""The same of motions with corners, and how soon the acceleration may jump again [s].  With 25 Hz and 14 ms, all that
-commands in steps of 5 mrad at 100 Hz tell, corners of 30 rad/s² remained 1.5 mrad wrong: of hard stops of 0.5 to 2 mrad
-under trapezoids 63 of 105 intervals lay above the truth, with these 10 of 60 (recordings of seeds 8610 to 8612)."""
-MOST_DEGREE = 95
-"""What SHARPEST_HZ asks for in a stretch of 0.85 s.  With 60, of hard stops of 1 mrad 48 % of the windows told a play
-that was too large, with 95 11 % (recordings of seeds 8600 and 8601)."""
+FASTEST_HZ = 25.0
+"""Polynomials follow a motion up to 2 / pi of this in their middle, faster ones near their ends.  Commands in steps of
+5 mrad at 100 Hz tell white jerk up to some 13 Hz.  With 25 and with 35 78 % of the windows above 30 dB told a size,
+95.4 and 94.9 % of the intervals held (every third of the seeds 7000 to 7119 of ``bench.outside``); with 15 60 and 96 %
+(all of them).  Each window told by itself then."""
 LEAST_COMMANDS = 20
 ORDERS = (3, 5)
 """The derivative that is white: jerk, for profiles whose acceleration jumps, or a higher one for smooth motions."""
@@ -44,20 +40,24 @@ EXACT = 1e-7
 """Noise of commands that are not quantised [rad]."""
 WHOLE = 0.02
 """Commands are quantised where all their changes are whole multiples of the smallest, to this share of it."""
-MOST_POWERS = 20
-"""Up to this degree powers serve, in a tenth of the time of the recursion; they lose six digits of sixteen there."""
 RIDGE = 1e-9
 """Share of a coefficient's weight that is known to be 0: commands may come in bunches, which leave some unknown."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Commanded:
-    """theta_1 as a polynomial: coefficients and their covariance, over times mapped to -1..1."""
+    """theta_1 as a polynomial: coefficients and their covariance, over times mapped to -1..1.
+
+    order and roughness: the derivative that is white and its strength [rad² / s^(2 order - 1)], whose part that is too
+    fast for the polynomial remains unknown (``rest``).
+    """
 
     middle: float
     half: float
     coefficients: FloatArray
     covariance: FloatArray
+    order: int = 3
+    roughness: float = 0.0
 
     @property
     def start(self) -> float:
@@ -71,7 +71,18 @@ class Commanded:
 
     def basis(self, time: FloatArray) -> FloatArray:
         """Legendre's polynomials at times [s], shape (N, degree + 1)."""
-        return _basis((time - self.middle) / self.half, len(self.coefficients) - 1)
+        return legendre.values((time - self.middle) / self.half, len(self.coefficients) - 1)
+
+    def rest(self, count: int, step: float) -> FloatArray:
+        """Covariance [rad²] of what is too fast for the polynomial, (count, count), at times ``step`` [s] apart."""
+        strength = self.roughness / math.pi * self.fastest ** (1 - 2 * self.order)
+        row, index = strength * _beyond(count, round(step * self.fastest, 2), self.order), np.arange(count)
+        return np.asarray(row[np.abs(index[:, None] - index)])
+
+    @property
+    def fastest(self) -> float:
+        """Angular frequency [rad/s] that the polynomial follows in its middle."""
+        return (len(self.coefficients) - 1) / self.half
 
     def derivative(self, basis: FloatArray, order: int) -> FloatArray:
         """The derivative of theta_1 of that order [rad/s^order] at the times of a basis, shape (N,)."""
@@ -105,24 +116,8 @@ def smoothed(times: FloatArray, commands: FloatArray, stretch: Window) -> Comman
     if local.size < LEAST_COMMANDS or local[0] > 0.05 * length or local[-1] < COVERED * length:
         return None
     middle, half = (local[-1] + local[0]) / 2, (local[-1] - local[0]) / 2
-    basis = _basis((local - middle) / half, _degree(FASTEST_HZ, half, local.size))
-    return Commanded(middle, half, *_fitted(basis, angle))
-
-
-def cornered(times: FloatArray, commands: FloatArray, stretch: Window, smooth: Commanded) -> Commanded:
-    """The same if the acceleration may jump anywhere by the largest that ``smooth`` has: white jerk as strong as that
-    of one such corner within CORNER_S, which leaves nearly what each command tells by itself."""
-    local, angle = _near(times, commands, stretch)
-    middle, half = smooth.middle, smooth.half
-    basis = _basis((local - middle) / half, _degree(SHARPEST_HZ, half, local.size))
-    weight, noise = _weights(angle)
-    degree = basis.shape[1] - 1
-    jump = float(np.max(np.abs(smooth.acceleration(local[local >= 0]))))
-    stiff = noise**2 * CORNER_S / max(jump**2 * half**5, 1e-12)
-    inverse = np.linalg.inv(_gram(basis, weight) + stiff * _penalty(degree, ORDERS[0]))
-    coefficients = inverse @ (basis.T @ (weight * (angle - angle.mean())))
-    coefficients[0] += angle.mean()
-    return Commanded(middle, half, coefficients, np.asarray(inverse * noise**2))
+    basis = legendre.values((local - middle) / half, _degree(half, local.size))
+    return Commanded(middle, half, *_fitted(basis, angle, half))
 
 
 def _near(times: FloatArray, commands: FloatArray, stretch: Window) -> tuple[FloatArray, FloatArray]:
@@ -132,24 +127,26 @@ def _near(times: FloatArray, commands: FloatArray, stretch: Window) -> tuple[Flo
     return times[near] - first, commands[near]
 
 
-def _degree(fastest_hz: float, half: float, count: int) -> int:
-    """Of polynomials that follow motions of that frequency over 2 ``half`` seconds."""
-    return min(math.ceil(4 * fastest_hz * half) + 5, MOST_DEGREE, count - 4)
+def _degree(half: float, count: int) -> int:
+    """Of polynomials that follow motions of FASTEST_HZ over 2 ``half`` seconds."""
+    return min(math.ceil(4 * FASTEST_HZ * half) + 5, count - 4)
 
 
-def _fitted(basis: FloatArray, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Coefficients and their covariance at the most likely smoothness and noise."""
+def _fitted(basis: FloatArray, angle: FloatArray, half: float) -> tuple[FloatArray, FloatArray, int, float]:
+    """Coefficients and their covariance at the most likely smoothness and noise; the white derivative's order and
+    strength."""
     weight, least = _weights(angle)
     centre = float(angle.mean())
     away = angle - centre
-    whitening = np.linalg.inv(np.linalg.cholesky(_gram(basis, weight)))
-    plain = whitening @ (basis.T @ (weight * away))
+    gram, told = _gram(basis, weight), basis.T @ (weight * away)
     power = float(weight @ away**2)
-    told = [_smoothest(plain, whitening, order, power, angle.size, least) for order in ORDERS]
-    _, noise, kept, mixed = min(told, key=lambda one: one[0])
-    coefficients = mixed.T @ (kept * (mixed @ (basis.T @ (weight * away))))
+    _, order, stiff, noise = min(_smoothest(gram, told, power, order, angle.size, least) for order in ORDERS)
+    scale = _scale(told.size - 1, order)
+    white = np.repeat([0.0, stiff], [order, told.size - order])
+    inverse = scale @ np.linalg.inv(scale.T @ gram @ scale + np.diag(white)) @ scale.T
+    coefficients = inverse @ told
     coefficients[0] += centre
-    return coefficients, np.asarray((mixed.T * kept) @ mixed * noise)
+    return coefficients, np.asarray(inverse * noise), order, noise / stiff / half ** (2 * order - 1)
 
 
 def _gram(basis: FloatArray, weight: FloatArray) -> FloatArray:
@@ -158,25 +155,28 @@ def _gram(basis: FloatArray, weight: FloatArray) -> FloatArray:
 
 
 def _smoothest(
-    plain: FloatArray, whitening: FloatArray, order: int, power: float, count: int, least: float
-) -> tuple[float, float, FloatArray, FloatArray]:
-    """-2 ln of the marginal likelihood at the best smoothness, with the noise's variance, the share of each eigenmode
-    that is believed and the modes."""
-    rough, turned = np.linalg.eigh(whitening @ _penalty(plain.size - 1, order) @ whitening.T)
-    told = turned.T @ plain
-    stiff = SMOOTHNESS[:, None] * np.maximum(rough[order:], 0.0)
-    shrink = stiff / (1 + stiff)
-    misfit = max(power - float(told @ told), 0.0) + shrink @ told[order:] ** 2
+    gram: FloatArray, told: FloatArray, power: float, order: int, count: int, least: float
+) -> tuple[float, int, float, float]:
+    """-2 ln of the marginal likelihood at the best smoothness if the derivative of that order is white, with the order,
+    that smoothness and the noise's variance.
+
+    The modes are of the white derivative, whose prior is the same in all directions: what commands tell of a mode is
+    exact where it is much and rounds to nothing where it is little.  (Modes of the polynomials by their roughness, up
+    to 1e24, lost the smoothest ones to rounding, and with them 350 nats in every second window.)
+    """
+    scale = _scale(told.size - 1, order)
+    gram, told = scale.T @ gram @ scale, scale.T @ told
+    free = np.linalg.inv(gram[:order, :order]) @ np.column_stack([gram[:order, order:], told[:order]])
+    mode, turned = np.linalg.eigh(gram[order:, order:] - gram[order:, :order] @ free[:, :-1])
+    mode = np.maximum(mode, 0.0)
+    seen = turned.T @ (told[order:] - gram[order:, :order] @ free[:, -1])
+    stiff = SMOOTHNESS[:, None]
+    misfit = np.maximum(power - told[:order] @ free[:, -1] - np.sum(seen**2 / (mode + stiff), axis=1), 0.0)
     noise = np.maximum(misfit / (count - order), least**2)
-    cost = count * np.log(noise) + misfit / noise - np.sum(np.log(np.maximum(shrink, 1e-300)), axis=1)
+    cost = count * np.log(noise) + misfit / noise + np.sum(np.log1p(mode / stiff), axis=1)
     cost += order * np.log(FREE**2 * count / noise)
     best = int(np.argmin(cost))
-    return (
-        float(cost[best]),
-        float(noise[best]),
-        np.concatenate([np.ones(order), 1 - shrink[best]]),
-        turned.T @ whitening,
-    )
+    return float(cost[best]), order, float(SMOOTHNESS[best]), float(noise[best])
 
 
 def _weights(angle: FloatArray) -> tuple[FloatArray, float]:
@@ -196,25 +196,22 @@ def _weights(angle: FloatArray) -> tuple[FloatArray, float]:
 @lru_cache(maxsize=8)
 def _grid(count: int, degree: int) -> tuple[FloatArray, FloatArray]:
     """Polynomials on an even grid, shape (count, degree + 1), and what makes coefficients of values there."""
-    basis = _basis(np.linspace(-1, 1, count), degree)
+    basis = legendre.values(np.linspace(-1, 1, count), degree)
     return basis, np.asarray(np.linalg.pinv(basis))
 
 
 @lru_cache(maxsize=16)
-def _penalty(degree: int, order: int) -> FloatArray:
-    """Integral over -1..1 of the square of a polynomial's derivative, as a matrix of its coefficients."""
-    derived = legendre.derivative(degree, order)
-    return np.asarray(derived.T * (2 / (2 * np.arange(degree + 1 - order) + 1)) @ derived)
-
-
-def _basis(place: FloatArray, degree: int) -> FloatArray:
-    """Legendre's polynomials up to a degree at places -1..1, shape (N, degree + 1)."""
-    if degree > MOST_POWERS:
-        return legendre.values(place, degree)
-    return np.asarray(np.vander(place, degree + 1, increasing=True) @ _powers(degree))
+def _scale(degree: int, order: int) -> FloatArray:
+    """What makes a polynomial's coefficients of the first ``order`` of them and of those of its derivative of that
+    order, in orthonormal polynomials; shape (degree + 1, degree + 1)."""
+    scale = np.eye(degree + 1)
+    norms = np.sqrt(2 / (2 * np.arange(degree + 1 - order) + 1))
+    scale[order:, order:] = np.linalg.inv(norms[:, None] * legendre.derivative(degree, order)[:, order:])
+    return scale
 
 
 @lru_cache(maxsize=16)
-def _powers(degree: int) -> FloatArray:
-    """Legendre's polynomials by powers, a column each, shape (degree + 1, degree + 1)."""
-    return np.ascontiguousarray(legendre.powers(degree).T)
+def _beyond(count: int, step: float, order: int) -> FloatArray:
+    """Integral of cos(w t) / w^(2 order) over w > 1 at t = 0, step, ..., shape (count,)."""
+    period = (np.arange(400) + 0.5) / 400  # 1 / w
+    return np.asarray(np.cos(step * np.arange(count)[:, None] / period) @ period ** (2 * order - 2) / period.size)

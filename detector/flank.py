@@ -74,12 +74,15 @@ class FlankLaw:
         return FlankLaw(tuple((gained - np.max(gained)).tolist()), self.decades)
 
     def interval(self, told: Sized, z: float) -> tuple[float, float, float]:
-        """Median, low and high end of the play [rad] under this law, the interval that of ± z of a normal value."""
+        """Median, low and high end of the play [rad] under this law, which is not negative, the interval that of ± z of
+        a normal value."""
         factor = 10.0 ** (SOFTNESS[:, None] * np.linspace(*self.decades, PLACES))
         means, spreads = told.play[:, None] * factor, told.deviation[:, None] * factor
         values = np.linspace(float(np.min(means - 4 * spreads)), float(np.max(means + 4 * spreads)), 200)
         below = np.sum(self.weights[:, None] / PLACES * _normal((values[:, None, None] - means) / spreads), axis=(1, 2))
         share = math.erf(z / math.sqrt(2)) / 2
+        negative = float(np.interp(0.0, values, below))
+        below = (below - negative) / max(1 - negative, 1e-9)
         middle, low, high = np.interp((0.5, 0.5 - share, 0.5 + share), below, values)
         return float(middle), float(low), float(high)
 

@@ -1,4 +1,4 @@
-"""Legendre's polynomials P_0 to P_n on -1..1: values, derivatives, powers.  NumPy's own package of polynomials takes as
+"""Legendre's polynomials P_0 to P_n on -1..1: values and derivatives.  NumPy's own package of polynomials takes as
 long for its checks as for what a window needs, and a megabyte."""
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import numpy as np
 
 from lostmotion.detector.window import FloatArray
 
-__all__ = ["derivative", "powers", "values"]
+__all__ = ["derivative", "values"]
 
 
 def values(place: FloatArray, degree: int) -> FloatArray:
@@ -32,15 +32,3 @@ def derivative(degree: int, order: int) -> FloatArray:
         k, j = np.arange(size)[:, None], np.arange(size + 1)
         matrix = np.where((j > k) & ((j - k) % 2 == 1), 2.0 * k + 1, 0.0) @ matrix
     return matrix
-
-
-def powers(degree: int) -> FloatArray:
-    """The coefficients of P_0 to P_degree by rising powers, one polynomial a row, shape (degree + 1, degree + 1)."""
-    rows = np.zeros((degree + 1, degree + 1))
-    rows[0, 0] = 1.0
-    if degree:
-        rows[1, 1] = 1.0
-    for k in range(2, degree + 1):
-        rows[k, 1:] = (2 * k - 1) / k * rows[k - 1, :-1]
-        rows[k] -= (k - 1) / k * rows[k - 2]
-    return rows

@@ -15,18 +15,16 @@ docs/decisions/0007-play-size.md has the measurements.  No trigger, no trend.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lostmotion.detector.commanded import BEFORE_S, Commanded, cornered, smoothed
-from lostmotion.detector.contact_fit import Solved, evidence, lag_information, sized, solve
-from lostmotion.detector.corners import CORNERS_UNKNOWN, SMOOTH, CornerLaw
+from lostmotion.detector.commanded import BEFORE_S, smoothed
+from lostmotion.detector.contact_fit import Solved, lag_information, sized, solve
 from lostmotion.detector.flank import FlankLaw, Sized, law_of
 from lostmotion.detector.offset import OFFSET_UNKNOWN, OffsetLaw
-from lostmotion.detector.pooling import PlaySize, Z, unknown
+from lostmotion.detector.pooling import SHOWN_UNKNOWN, PlaySize, ShownLaw, Z, unknown
 from lostmotion.detector.relative_motion import relative_motion
 from lostmotion.detector.servo import AT_ONCE, ServoLaw
 from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
@@ -46,14 +44,14 @@ LEARNT = 0.015
 
 @dataclass(frozen=True, slots=True)
 class SizeLaw:
-    """What a joint's earlier windows told of its sensor's offset and of its commanded motion."""
+    """What a joint's earlier windows told: its sensor's offset, and whether it has a play."""
 
     offset: OffsetLaw = OFFSET_UNKNOWN
-    corners: CornerLaw = CORNERS_UNKNOWN
+    shown: ShownLaw = SHOWN_UNKNOWN
 
 
-SMOOTH_MOTION = SizeLaw(corners=SMOOTH)
-"""Nothing but that the commanded motion is smooth."""
+NOTHING_KNOWN = SizeLaw()
+"""Before the first window."""
 
 
 def play_size(
@@ -66,8 +64,10 @@ def play_size(
     none of its samples missing; law: what earlier windows told of the joint's flanks, servo: of how its servo follows
     the commands.
     """
-    told = _told(stretch, np.asarray(servo_times), np.asarray(commands), settings, servo, SMOOTH_MOTION)[0]
-    return told if isinstance(told, PlaySize) else _under(told, law or law_of(settings))
+    told = _told(stretch, np.asarray(servo_times), np.asarray(commands), settings, servo, NOTHING_KNOWN)[0]
+    if isinstance(told, PlaySize):
+        return told
+    return _under(told, law or law_of(settings), _shown(told, SHOWN_UNKNOWN))
 
 
 def stretch_of(score: Score, times: FloatArray, accel: FloatArray, rate_hz: float) -> Window:
@@ -90,10 +90,10 @@ def with_play(
 
 def learnt_play(
     score: Score, stretch: Window, servo_times: Sequence[float] | FloatArray, commands: Sequence[float] | FloatArray,
-    settings: DetectorSettings, law: FlankLaw, servo: ServoLaw = AT_ONCE, known: SizeLaw = SMOOTH_MOTION,
+    settings: DetectorSettings, law: FlankLaw, servo: ServoLaw = AT_ONCE, known: SizeLaw = NOTHING_KNOWN,
 ) -> tuple[Score, FlankLaw, SizeLaw, ServoLaw]:  # fmt: skip
     """The score with the play that its stretch shows to one who knows the law of the flanks, how the servo follows,
-    what the sensor reads beside motion and whether the motion has corners; what is known after this window."""
+    what the sensor reads beside motion; what is known after this window."""
     if not settings.play_size or not score.impact or "clipped" in score.quality:
         reason = "not asked for" if not settings.play_size else "clipped" if score.impact else "no impact"
         return replace(score, play_reason=reason), law, known, servo
@@ -103,17 +103,24 @@ def learnt_play(
     told, known, servo = _told(stretch, times, np.asarray(commands), settings, servo, known)
     if isinstance(told, Sized):
         law = law.updated(told)
-        told = _under(told, law)
+        known = replace(known, shown=_shown(told, known.shown))
+        told = _under(told, law, known.shown)
     score = replace(score, play=told.value, play_low=told.low, play_high=told.high, play_reason=told.reason)
     return score, law, known, servo
 
 
-def _under(told: Sized, law: FlankLaw) -> PlaySize:
-    """The play under a law of the flanks; none where its interval reaches zero."""
-    value, low, high = law.interval(told, Z)
-    if low <= 0:
+def _shown(told: Sized, shown: ShownLaw) -> ShownLaw:
+    """Whether windows show a play, after one more, whatever the teeth are: what follows the acceleration of a joint
+    without play looks like soft teeth."""
+    least = int(np.argmin(told.play / told.deviation))
+    return shown.updated(float(told.play[least]), float(told.deviation[least]))
+
+
+def _under(told: Sized, law: FlankLaw, shown: ShownLaw) -> PlaySize:
+    """The play under a law of the flanks; none where all windows together show none."""
+    if not shown.is_shown:
         return unknown("the play is lost in its own uncertainty")
-    return PlaySize(value, low, high)
+    return PlaySize(*law.interval(told, Z))
 
 
 def _told(
@@ -127,31 +134,11 @@ def _told(
         return unknown("samples are missing"), known, servo
     if servo.delay[1] > LEARNT:
         return unknown("how the servo follows is not known yet"), known, servo
-    smooth = smoothed(times, commands, stretch)
-    if smooth is None:
+    command = smoothed(times, commands, stretch)
+    if command is None:
         return unknown("too few commands during the stretch"), known, servo
-    tried = {True: smooth} if known.corners.none or known.corners.asks_both else {}
-    if not known.corners.none or known.corners.asks_both:
-        tried[False] = cornered(times, commands, stretch, smooth)
-    return _of_priors(stretch, tried, settings, servo, known)
-
-
-def _of_priors(
-    stretch: Window, tried: Mapping[bool, Commanded], settings: DetectorSettings, servo: ServoLaw, known: SizeLaw
-) -> tuple[Sized | PlaySize, SizeLaw, ServoLaw]:
-    """What a stretch tells by the prior of the command that earlier windows make likely, and which it makes likely.
-
-    tried: the motion if it is smooth (True), and if it has corners.
-    """
-    corners, offset, found = known.corners, known.offset, {}
-    for is_smooth, command in tried.items():
-        apart, touched, offset = relative_motion(stretch, command, settings, servo, known.offset)
-        found[is_smooth] = apart, solve(apart, touched)
-    if len(found) == 2 and isinstance(solved := found[False][1], Solved):
-        corners = corners.updated(evidence(found[True][0], solved) - evidence(found[False][0], solved))
-    else:
-        corners = corners.updated(math.nan)
-    apart, solution = found.get(corners.none) or found[not corners.none]
+    apart, touched, offset = relative_motion(stretch, command, settings, servo, known.offset)
+    known, solution = replace(known, offset=offset), solve(apart, touched)
     if not isinstance(solution, Solved):
-        return solution, SizeLaw(offset, corners), servo
-    return sized(apart, solution), SizeLaw(offset, corners), servo.corrected(lag_information(apart, solution))
+        return solution, known, servo
+    return sized(apart, solution), known, servo.corrected(lag_information(apart, solution))

@@ -11,10 +11,18 @@ import numpy as np
 from lostmotion.detector.median import weighted_quantile
 from lostmotion.detector.window import FloatArray
 
-__all__ = ["PlaySize", "Z", "pooled", "unknown"]
+__all__ = ["SHOWN_UNKNOWN", "PlaySize", "ShownLaw", "Z", "pooled", "unknown"]
 
 Z = 1.959964
 """Standard deviations at the ends of a 95 % interval."""
+COMMON = 0.4
+"""Share of a window's standard deviation by which all windows err alike.  With 0.25, 0.35, 0.4 and 0.5 91, 89, 88 and
+86 % of the windows above 30 dB tell a size, and 25, 7, 3 and 1 of 2748 of healthy joints do, most of them under
+trapezoids; 97 % of the intervals hold with each (40 joints of ``bench.outside``, seeds 7000 to 7117, and 45 of seeds
+9000 to 9116 without their play)."""
+MEMORY = 0.95
+"""Weight of what earlier windows told after each window: plays grow, motions change.  With 0.5 in common 0.8, 0.95 and
+0.99 tell a size in 85, 86 and 87 % of those windows, and in 7, 1 and 1 healthy ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +33,35 @@ class PlaySize:
     low: float
     high: float
     reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ShownLaw:
+    """Whether a joint's windows so far show a play, all together: sums over windows of weight times play [1/rad], of
+    the weights 1 / variance [1/rad²], and of 1, the number of windows.
+
+    A window that told a play only when its own estimate is large would err upwards; the mean of all does not choose.
+    """
+
+    told: float = 0.0
+    weight: float = 0.0
+    windows: float = 0.0
+
+    @property
+    def is_shown(self) -> bool:
+        """Whether the mean is above 0 by more than chance and what all windows may have in common explain."""
+        if not self.weight:
+            return False
+        return self.told / self.weight > Z * math.sqrt((1 + COMMON**2 * self.windows) / self.weight)
+
+    def updated(self, play: float, deviation: float) -> ShownLaw:
+        """The law after one more window, which tells a play [rad] with that standard deviation."""
+        weight = deviation**-2
+        return ShownLaw(MEMORY * self.told + weight * play, MEMORY * self.weight + weight, MEMORY * self.windows + 1)
+
+
+SHOWN_UNKNOWN = ShownLaw()
+"""No window has told anything yet."""
 
 
 def pooled(values: Sequence[float] | FloatArray, halves: Sequence[float] | FloatArray | None = None) -> PlaySize:

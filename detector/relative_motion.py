@@ -108,6 +108,7 @@ def _apart(
         astray,
     ])  # fmt: skip
     covariance = undone.doubt + basis @ command.covariance @ basis.T + columns @ columns.T
+    covariance += command.rest(time.size, step) * servo.passed(command.fastest)
     apart = integrated(impulses, step) - basis @ command.coefficients
     lag = np.column_stack([2 * USUAL * servo.delay[0] * accel - speed, accel])
     shape = SHAPE * servo.delay[0] ** 2

@@ -119,6 +119,13 @@ class ServoLaw:
         mean = float(odds @ DELAYS)
         return mean, float(np.sqrt(odds @ (DELAYS - mean) ** 2))
 
+    def passed(self, omega: float) -> float:
+        """Share of the power at that angular frequency [rad/s] which the servo follows."""
+        odds = self.odds
+        ways = np.flatnonzero(odds)
+        ago = GRID_S * np.arange(responses().shape[1])[::-1]
+        return float(odds[ways] @ np.abs(responses()[ways] @ np.exp(-1j * omega * ago)) ** 2)
+
     @property
     def is_learnt(self) -> bool:
         """Whether windows may tell it: not where it is known."""

@@ -9,25 +9,24 @@ import numpy as np
 import pytest
 from bench.joints import motion_of
 
-from lostmotion.detector.commanded import MOST_POWERS, smoothed
+from lostmotion.detector.commanded import Commanded, smoothed
 from lostmotion.detector.servo import DAMPING, DELAYS, ORDERS, PURE, ServoLaw
 from lostmotion.detector.window import Window
 
 OMEGA = 2 * np.pi * 1.5
 
 
-@pytest.mark.parametrize(("seconds", "by_powers"), [(0.2, True), (0.45, False), (2.5, False)])
-def test_a_sines_acceleration(seconds: float, by_powers: bool) -> None:
-    """-w² times the angle, to a thousandth of its amplitude, whichever way the polynomials are made."""
+@pytest.mark.parametrize("seconds", [0.2, 0.45, 2.5])
+def test_a_sines_acceleration(seconds: float) -> None:
+    """-w² times the angle, to a thousandth of its amplitude, however long the stretch is."""
     times, clock = np.arange(-0.2, seconds + 0.05, 0.01), np.arange(0.0, seconds, 1e-3)
     motion = smoothed(
         times, 0.3 * np.sin(OMEGA * times), Window("elbow", 0.0, seconds, clock, np.zeros(clock.size), 1e3)
     )
     assert motion is not None
-    assert (motion.coefficients.size - 1 <= MOST_POWERS) == by_powers
     expected = -0.3 * OMEGA**2 * np.sin(OMEGA * clock)
     assert motion.acceleration(clock) == pytest.approx(expected, abs=0.3e-3 * OMEGA**2)
-    assert motion.basis(clock) @ motion.coefficients == pytest.approx(0.3 * np.sin(OMEGA * clock), abs=3e-6)
+    assert motion.basis(clock) @ motion.coefficients == pytest.approx(0.3 * np.sin(OMEGA * clock), abs=6e-6)
 
 
 def test_commands_in_bunches() -> None:
@@ -57,6 +56,30 @@ def test_errors_of_quantised_commands(kind: str) -> None:
         shares.append(error / np.sqrt(np.sum((basis @ motion.covariance) * basis, axis=1)))
     assert 4e-4 < np.sqrt(np.mean(np.square(errors))) < 1.1e-3
     assert 0.6 < np.sqrt(np.mean(np.square(shares))) < 1.15
+
+
+@pytest.mark.parametrize("phase", np.arange(8) / 8)
+def test_a_slow_sway_is_smoother_than_white_jerk(phase: float) -> None:
+    """Of commands of 1 Hz in steps of 0.29° the fifth derivative is white rather than the jerk, wherever the stretch
+    begins; in two of the eight only, when the likelihood lost its smoothest modes to rounding."""
+    step, times = np.radians(300) / 1023, np.arange(-0.2, 0.9, 0.01)
+    window = Window("elbow", 0.0, 0.85, np.arange(850) / 1e3, np.zeros(850), 1e3)
+    angle = 0.3 * np.sin(2 * math.pi * (times + phase))
+    motion = smoothed(times, np.round(angle / step) * step, window)
+    assert motion is not None
+    assert motion.order == 5
+
+
+def test_what_is_too_fast_for_the_polynomial() -> None:
+    """White jerk of strength q has the variance q / (5 pi w^5) beyond w, whose covariance is the integral of its
+    spectrum q / w^6."""
+    motion = Commanded(0.5, 0.5, np.zeros(51), np.zeros((51, 51)), 3, 2e4)
+    rest, omega = motion.rest(30, 2e-3), np.linspace(100.0, 1e4, 200_000)
+    assert motion.fastest == pytest.approx(100.0)
+    assert rest[0, 0] == pytest.approx(2e4 / (5 * math.pi * 100.0**5), rel=0.01)
+    for apart in (5, 29):
+        found = np.trapezoid(np.cos(omega * apart * 2e-3) / omega**6, omega) * 2e4 / math.pi
+        assert rest[0, apart] == pytest.approx(found, abs=0.02 * rest[0, 0])
 
 
 @pytest.mark.parametrize("order", [0, 1, 2, 3, 4])

@@ -15,11 +15,10 @@ from bench.roc.waveforms import Bar
 from bench.severity import recorded as recorded_moves
 
 from lostmotion.detector.commanded import BEFORE_S
-from lostmotion.detector.corners import SMOOTH
 from lostmotion.detector.flank import law_of
 from lostmotion.detector.offset import OFFSET_UNKNOWN
 from lostmotion.detector.play_size import SizeLaw, learnt_play, play_size, with_play
-from lostmotion.detector.pooling import pooled
+from lostmotion.detector.pooling import SHOWN_UNKNOWN, pooled
 from lostmotion.detector.score import score_window
 from lostmotion.detector.series import score_series
 from lostmotion.detector.window import DetectorSettings, Score, Window
@@ -239,6 +238,22 @@ def test_pooled_is_a_median_with_its_interval() -> None:
     assert "expected at least 6" in pooled([1.0] * 5 + [math.nan]).reason
 
 
+def shown(play: float, seed: int) -> bool:
+    """Whether 60 windows show a play of so many of their standard deviations, of which 0.4 are alike in all."""
+    rng, law = np.random.default_rng(seed), SHOWN_UNKNOWN
+    for error in 0.4 * rng.normal() + 0.92 * rng.normal(size=60):
+        law = law.updated((play + error) * 1e-3, 1e-3)
+    return law.is_shown
+
+
+def test_windows_together_show_a_play() -> None:
+    """No play is shown by at most 3 % of joints, 1.5 standard deviations of a window by 90 % of them, where a window by
+    itself would tell them in 32 %; what no window has told is not shown."""
+    assert np.mean([shown(0.0, seed) for seed in range(400)]) <= 0.03
+    assert np.mean([shown(1.5, seed) for seed in range(400)]) >= 0.9
+    assert not SHOWN_UNKNOWN.is_shown
+
+
 def test_a_window_tells_what_its_sensor_reads_beside_motion() -> None:
     """Offset and gravity of 9.8 m/s² that earlier windows have told are taken away: the play is that without either,
     with an interval as wide; unknown they make it wider or hide it."""
@@ -250,7 +265,7 @@ def test_a_window_tells_what_its_sensor_reads_beside_motion() -> None:
     known = OFFSET_UNKNOWN
     for place in np.linspace(-0.15, 0.15, 40):
         known = known.updated(place, 0.3 + 9.8 * math.sin(place + 0.7))
-    told = learnt_play(score, turned, polls, shaft, settings, law, known=SizeLaw(known, SMOOTH))[0]
+    told = learnt_play(score, turned, polls, shaft, settings, law, known=SizeLaw(known))[0]
     level = play_size(window, polls, shaft, settings)
     assert told.play == pytest.approx(0.008, rel=0.12)
     assert told.play_high - told.play_low <= 1.1 * (level.high - level.low)
@@ -260,7 +275,23 @@ def test_a_window_tells_what_its_sensor_reads_beside_motion() -> None:
 
 @pytest.mark.slow
 def test_corners_of_the_command_are_no_play() -> None:
-    """Trapezoids with steps of 5 mrad, hard stops of 1 mrad: at most one of seven windows tells a play that is too
-    large; half of them would, were the command always taken for smooth.  (Of seeds 8602 to 8609 a quarter do.)"""
-    told = [score for seed in (8600, 8601) for score in recorded_moves("stops", "trapezoids", seed, 1e-5, Bar(), 0.2)]
-    assert np.mean([score.play_low > 1e-3 for score in told]) < 1 / 7
+    """Trapezoids with steps of 5 mrad, hard stops of 1 mrad, ten recordings: of the sizes that are told less than 30 %
+    are too large with all of their interval."""
+    scores = [
+        score for seed in range(8600, 8610) for score in recorded_moves("stops", "trapezoids", seed, 1e-5, Bar(), 0.2)
+    ]
+    told = [score for score in scores if math.isfinite(score.play)]
+    assert len(told) > 0.8 * len(scores)
+    assert np.mean([score.play_low > 1e-3 for score in told]) < 0.3
+
+
+@pytest.mark.slow
+def test_a_flank_is_reached_by_an_impact() -> None:
+    """Hard stops of 0.4 mrad under sines to 10 Hz, crossed within a period of the bar: the median is right within a
+    factor of 1.6 and 95 % of the intervals hold it.  When flights counted as rests on the flank that they lead to, the
+    median was 0.3 to 0.4 times as large."""
+    scores = recorded(8222, 4e-6, Cell(Gear(restitution=0.2, friction=1.0), "sines10", 0.3))
+    told = [score for score in scores if math.isfinite(score.play)]
+    assert len(told) > 0.8 * len(scores)
+    assert 1 / 1.6 < np.median([score.play for score in told]) / 4e-4 < 1.6
+    assert np.mean([score.play_low <= 4e-4 <= score.play_high for score in told]) >= 0.95
