@@ -96,11 +96,16 @@ def _metadata(comments: list[str]) -> dict[str, Any]:
 def _header(
     comments: list[str], rows: list[list[str]], separator: str, comma: bool
 ) -> tuple[list[str], list[list[str]]]:
-    """The names and the rows below them: the first line, or the last comment, or numbers of the columns."""
+    """The names and the rows below them: the first line, or the last comment (the one before, where that holds units),
+    or numbers of the columns."""
     if not all(number(cell, comma) is not None for cell in rows[0]):
         return _unique(rows[0]), rows[1:]
-    if comments and len(names := cells_of(comments[-1].lstrip("#%/ "), separator)) == len(rows[0]):
-        return _unique(names), rows
+    above = [cells_of(line.lstrip("#%/ "), separator) for line in comments[-2:]]
+    above = [cells for cells in above if len(cells) == len(rows[0])]
+    if len(above) == 2 and all(re.fullmatch(r"\[.*\]|\(.*\)", cell.strip()) for cell in above[1]):
+        return _unique(above[0]), [above[1], *rows]
+    if above:
+        return _unique(above[-1]), rows
     return [f"column{index + 1}" for index in range(len(rows[0]))], rows
 
 

@@ -13,6 +13,8 @@ COMMAND = {
     "commanded", "cmd", "setpoint", "action",
 }  # fmt: skip
 POSITION = {"position", "positions", "pos", "angle", "angles", "qpos", "q", "theta"}
+SYMBOLS = {"q", "theta"}
+"""of the joint, where a name says another quantity, too: ``q3_tau`` is its torque"""
 QUANTITIES = {
     "temperature": {"temperature", "temp"},
     "voltage": {"voltage", "volt", "volts"},
@@ -54,9 +56,9 @@ def column_of(name: str) -> str | None:
     words = set(_words(name))
     if words & OTHER:
         return None
-    if words & POSITION or {"observation", "state"} <= words:
-        return "command" if words & COMMAND else "position"
     found = [column for column, known in QUANTITIES.items() if words & known]
+    if words & (POSITION - SYMBOLS if found else POSITION) or {"observation", "state"} <= words:
+        return "command" if words & COMMAND else "position"
     if found:
         return None if words & COMMAND else found[0]
     return "command" if words & COMMAND else None
@@ -101,11 +103,11 @@ def _words(name: str) -> list[str]:
 
 
 def _proper(text: str) -> str:
-    """A text without the usual words at its ends."""
-    words = list(re.finditer(r"[A-Za-z]+|\d+", text))
-    usual = VOCABULARY - {"joint", "motor", "servo"}
-    while words and words[-1][0].lower() in usual:
-        words.pop()
-    while words and words[0][0].lower() in usual:
-        words.pop(0)
-    return text[words[0].start() : words[-1].end()] if words else ""
+    """The first words of a text that are not usual ones: of ``q3_tau_J_compensate`` the 3."""
+    found: list[re.Match[str]] = []
+    for word in re.finditer(r"[A-Za-z]+|\d+", text):
+        if word[0].lower() not in VOCABULARY - {"joint", "motor", "servo"}:
+            found.append(word)
+        elif found:
+            break
+    return text[found[0].start() : found[-1].end()] if found else ""

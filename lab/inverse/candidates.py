@@ -208,14 +208,11 @@ def _with_values(model: Model, other: Model) -> Model:
 
 
 def _within_speeds(model: Model, name: str, size: MotionScales) -> Model:
-    """The model with the speeds at which an effect changes among those of the motion."""
+    """The model with the speeds at which an effect changes among those of the motion: slower ones are rest.  Below them
+    a Stribeck friction was 35 N m near rest, of a wrist whose motor gave a hundredth of that."""
+    low, high = policy.UNSURE_SPEED * size.speed, policy.NEAR_REST * size.speed
     speeds = {
-        full: replace(
-            p,
-            value=min(p.value, policy.NEAR_REST * size.speed),
-            low=min(p.low, policy.NEAR_REST * size.speed),
-            high=policy.NEAR_REST * size.speed,
-        )
+        full: replace(p, value=min(max(p.value, low), high), low=low, high=high)
         for full, p in model.parameters.items()
         if full.startswith(f"{name}.") and p.unit == "rad/s" and not p.fixed
     }

@@ -133,6 +133,7 @@ def _added(
             now = fits[-1] = better
             continue
         several = [found] if found.is_accepted else _two(found, now, tuple(added), search)
+        several = [] if several and _is_slight(several[-1], now, fits[0]) else several
         steps += several or [found]
         for step in several:
             best = step.judged[0]
@@ -160,6 +161,12 @@ def _better_without(step: Step, now: Fitted, method: Method) -> Fitted | None:
         return None
     less = _without(best.effect, best.fitted, method)
     return less if less.judged.rms < math.sqrt(1 - policy.LEAST_GAIN) * now.judged.rms else None
+
+
+def _is_slight(step: Step, now: Fitted, first: Fitted) -> bool:
+    """Whether what an accepted step takes is nothing beside the error of the model as it was, however sure it is."""
+    taken = now.judged.rms**2 - step.judged[0].fit.rms ** 2
+    return taken < policy.LEAST_SHARE * first.judged.rms**2
 
 
 def _rms(fit: Regression) -> float:
