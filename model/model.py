@@ -222,7 +222,8 @@ class Model:
         out, states = np.empty((records.size, grid.size)), np.empty((grid.size, x0.size))
         before = substep.operating(self._base, self._values, pieces)
         length = float(pieces.knots[-1])
-        step = substep_s or substep.pick(self._base, self._in_order, self._values, before, None, length)
+        interval = float(np.median(np.diff(grid))) if grid.size > 1 else 0.0
+        step = substep_s or substep.pick(self._base, self._in_order, self._values, before, None, length, interval)
         for _ in range(4):
             self._kernel_errors()  # of runs before
             peak = integrate(plan, pieces.knots, pieces.coefficients, step, x0, grid, records, out, states, origin)
@@ -231,9 +232,9 @@ class Model:
             finite = math.isfinite(peak) and bool(np.all(np.isfinite(states[-1])))
             if substep_s is not None:
                 break
-            needed = (
-                substep.pick(self._base, self._in_order, self._values, before, peak, length) if finite else step / 8
-            )
+            needed = step / 8
+            if finite:
+                needed = substep.pick(self._base, self._in_order, self._values, before, peak, length, interval)
             if needed >= step:
                 break
             step = needed

@@ -17,7 +17,8 @@ __all__ = ["operating", "pick"]
 
 SHARE = 0.25
 """Sub-step times fastest rate.  RK4 is stable to about 2.8; a quarter keeps an impact's error near 1e-4."""
-LONGEST_S = 4e-3
+LONGEST_S, LONGEST = 4e-3, 0.4
+"""Seconds, or of the time between two samples where that is longer: a day's recording needs no steps of 4 ms."""
 MOST_STEPS = 50_000_000
 
 
@@ -34,8 +35,10 @@ def pick(
     before: Operating,
     watched: float | None,
     length: float,
+    interval: float = 0.0,
 ) -> float:
-    """The sub-step [s]: 4 ms halved until a quarter of the fastest rate's time is not exceeded.
+    """The sub-step [s]: 4 ms (0.4 of the interval between samples, if that is longer) halved until a quarter of the
+    fastest rate's time is not exceeded.
 
     Halves, so that a small change of a parameter leaves the step as it is and the result stays smooth.  Raises
     ModelError where the length [s] would take more than 50 million steps.
@@ -43,7 +46,8 @@ def pick(
     now = replace(before, watched=watched)
     rates = [base.rate(scope(values), now)]
     rates += [effect.rate(scope(values, effect), now) for effect in effects if effect.rate]
-    substep = LONGEST_S * 0.5 ** max(0, math.ceil(math.log2(LONGEST_S * max(rates) / SHARE)))
+    longest = max(LONGEST_S, LONGEST * interval)
+    substep = longest * 0.5 ** max(0, math.ceil(math.log2(longest * max(rates) / SHARE)))
     if length / substep > MOST_STEPS:
         raise ModelError(
             f"the fastest rate is {max(rates):.3g} 1/s, which would take {length / substep:.2g} steps; "

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 import click
@@ -71,9 +72,10 @@ def explain(
     from lostmotion.lab.commands.told import told
     from lostmotion.lab.explain import explain as explained
 
+    until = monotonic() + budget_s
     with _beside(effects):  # their words are asked for to the end
         with _prepared(model, recordings, executor, progress) as (built, experiments, pool, tell):
-            found = explained(built, experiments, pool, tell, budget_s=budget_s)
+            found = explained(built, experiments, pool, tell, budget_s=until - monotonic())
         if told(found, "explanation", report, curves, as_json=as_json):
             return
         from lostmotion.lab.commands.fitting_terminal import show_explanation
@@ -101,9 +103,10 @@ def improve(
     from lostmotion.lab.comparison.ladder import ladder_of
     from lostmotion.lab.explain import explain as explained
 
+    until = monotonic() + budget_s
     with _beside(effects):
         with _prepared(model, recordings, executor, progress) as (built, experiments, pool, tell):
-            found = ladder_of(explained(built, experiments, pool, tell, budget_s=budget_s))
+            found = ladder_of(explained(built, experiments, pool, tell, budget_s=until - monotonic()))
         _save(found.last.best.model, output)
         if told(found, "ladder", report, curves, as_json=as_json):
             return

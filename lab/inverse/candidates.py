@@ -9,7 +9,9 @@ import numpy as np
 
 from lostmotion.lab import policy
 from lostmotion.lab.data.frequency_response import usual_torque
+from lostmotion.lab.deadline import is_over
 from lostmotion.lab.fitting.identifiability import is_driven, with_free_states
+from lostmotion.lab.inverse.dry_friction import softened
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import TURN, Data, EquationError, Problem, by_recording
 from lostmotion.lab.inverse.regression import MOST_STEPS, Regression, can_run, regressed
@@ -20,7 +22,7 @@ from lostmotion.lab.selection.nesting import wider, without
 from lostmotion.lab.shooting.initial_guess import initial_guesses, natural_frequency
 from lostmotion.lab.shooting.least_squares import projected_off
 from lostmotion.lab.shooting.parameters import free_names
-from lostmotion.model import Model, ModelError, build_model
+from lostmotion.model import Model, ModelError
 from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.guesses import MotionScales
 from lostmotion.model.motion import FloatArray
@@ -33,7 +35,6 @@ __all__ = [
     "fitted_with",
     "refined",
     "sizes_of",
-    "softened",
     "starts",
     "torques_of",
     "turns_of",
@@ -51,21 +52,9 @@ SHORT = 7
 """Steps of the first fit of an effect to a simulated motion."""
 
 
-def softened(model: Model, data: Problem) -> Model:
-    """The model with dry friction that changes sign as steeply as the filtered speed tells, or less where the model
-    says so: a width in rad/s is wide for a slow joint, and for an axis in m/s."""
-    told = policy.UNSURE_SPEED * _rms([one.velocity for one in data.signals])
-    usual = build_model(model.base, model.effects).parameters
-    widths = {
-        name: told
-        for name, parameter in model.parameters.items()
-        if name.endswith(".omega_0") and parameter.fixed and (parameter.value < told or parameter == usual[name])
-    }
-    return model.replace(widths)
-
-
 def starts(model: Model, signals: Sequence[Signals]) -> list[Model]:
     """Models from which the base is fitted to a simulated motion: the file's, and what the acceleration says."""
+    model = softened(model, signals)
     found = by_acceleration(model, signals)
     return [model, _with_values(model, found.model)] if found else [model]
 
@@ -74,7 +63,7 @@ def by_acceleration(model: Model, signals: Sequence[Signals]) -> Regression | No
     """The model fitted to the acceleration instead of the motion; None where that does not follow from the motion at
     the same instant."""
     error = EquationError.driven(signals)
-    return _tried(softened(model, error), error, error.nuisance, MOST_STEPS) if _follow_motion(model) else None
+    return _tried(softened(model, error.signals), error, error.nuisance, MOST_STEPS) if _follow_motion(model) else None
 
 
 def sizes_of(model: Model, data: Problem) -> MotionScales:
@@ -116,8 +105,8 @@ def candidates(model: Model, added: tuple[str, ...], data: Problem) -> Iterator[
             yield name, nested[name]
         elif (simple := effect.simpler) is None or simple.effect in model.effects:
             wide = model.with_effect(name)
-            if model.base == "oscillator":  # of some hertz and centimetres, or of kilohertz and micrometres
-                wide = softened(wide, data)
+            if is_simulated:  # of some hertz and centimetres, or of kilohertz and micrometres
+                wide = softened(wide, data.signals)
             yield name, wide if is_moved else with_free_states(wide)
 
 
@@ -131,7 +120,7 @@ def fitted_with(name: str, wide: Model, now: Regression, inverse: Regression | N
     the effect would not be what its name says.  inverse: the present model by the acceleration, for a simulated
     motion."""
     if not isinstance(now.data, OutputError):
-        found = _fitted_from_guesses(name, softened(wide, now.data), now, STARTS, MOST_STEPS)
+        found = _fitted_from_guesses(name, softened(wide, now.data.signals), now, STARTS, MOST_STEPS)
         return found if found and can_run(found.model, now.data.signals) else None
     fits = [_fitted_from_guesses(name, wide, now, 1, SHORT)]
     if inverse and _follow_motion(wide):
@@ -175,20 +164,21 @@ def are_apt(model: Model, effects: Sequence[str]) -> bool:
 
 
 def _fitted_from_guesses(name: str, wide: Model, now: Regression, most: int, steps: int) -> Regression | None:
-    """From those initial values that explain most of what is left."""
+    """From those initial values that explain most of what is left; None where there is no time for that."""
     size = sizes_of(now.model, now.data)
     wide = _within_speeds(wide, name, size)
     begin = [wide.replace(values) for values in initial_guesses(wide, name, size)]
     data = now.data.suited(begin)
-    ranked = sorted((entry for start in begin if (entry := _promise(name, start, now, data))), key=lambda one: -one[0])
-    fits = [found for _, start, beside in ranked[:most] if (found := _tried(start, data, beside, steps))]
+    promising = (entry for start in begin if not is_over() and (entry := _promise(name, start, now, data)))
+    ranked = sorted(promising, key=lambda one: -one[0])
+    fits = [fit for _, start, beside in ranked[:most] if not is_over() and (fit := _tried(start, data, beside, steps))]
     possible = [one for one in fits if are_apt(one.model, [name])]
     return min(possible, key=lambda one: one.rms, default=None)
 
 
 def _fitted_from_acceleration(name: str, wide: Model, now: Regression, inverse: Regression) -> Regression | None:
     """From what the acceleration says of the whole model with the effect."""
-    begun = _with_values(softened(wide, inverse.data), inverse.model)
+    begun = _with_values(softened(wide, inverse.data.signals), inverse.model)
     found = _fitted_from_guesses(name, begun, inverse, STARTS, MOST_STEPS)
     if not found:
         return None

@@ -23,7 +23,7 @@ from scipy.special import stdtrit
 from lostmotion.lab import policy, words
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.frequency_response import from_spectra
-from lostmotion.lab.deadline import within
+from lostmotion.lab.deadline import is_over, within
 from lostmotion.lab.design.next_experiment import what_to_record
 from lostmotion.lab.fitting.identifiability import is_driven, with_scale
 from lostmotion.lab.inverse.candidates import torques_of
@@ -79,13 +79,12 @@ def explained(
     band = telling_band(train) if method is Method.TORQUE else math.inf
     signals = [Signals.of(one, is_force, band) for one in train]
     unseen = Signals.of(last, is_force, band)
+    search = Search(method, unseen, len(train) < policy.ENOUGH_RECORDINGS, pool)
     with within(budget_s):
-        selection = selected(
-            rough, signals, Search(method, unseen, len(train) < policy.ENOUGH_RECORDINGS, pool), progress
-        )
-    progress("judging", 0.9)
-    fit_on.cache_clear()  # fits that the end of the time cut short are not reported
-    found = _explanation(selection, model, train, unseen, method, noise, pool)
+        with within(policy.STAGE_SHARE * budget_s):
+            selection = selected(rough, signals, search, progress)
+        progress("judging", 0.9)
+        found = _explanation(selection, model, train, unseen, method, noise, pool)
     fit_on.cache_clear()
     progress("done", 1.0)
     return replace(found, held=held)
@@ -182,7 +181,8 @@ def _confusable(selection: Selection) -> tuple[tuple[str, ...], ...]:
 
 def _ranking(selection: Selection, unseen: Signals, before: float) -> tuple[Ranked, ...]:
     """The candidates of the first step, best first; those that are in the last fit with its values.  The error with one
-    that predicts nothing better is that without it: its fit may be far off, and take a minute to simulate."""
+    that predicts nothing better is that without it: its fit may be far off, and take a minute to simulate; when the
+    time is up it is that of the folds."""
     final = {e.name: (e.value, e.low, e.high) for e in _estimates(selection.fits[-1].judged)}
 
     def values(effect: str, fit: Regression) -> dict[str, tuple[float, float, float]]:
@@ -193,7 +193,7 @@ def _ranking(selection: Selection, unseen: Signals, before: float) -> tuple[Rank
         Ranked(
             one.effect,
             before,
-            error_on(one.fit, unseen) if one.gain > 0 else before,
+            before if one.gain <= 0 else before * math.sqrt(1 - one.gain) if is_over() else error_on(one.fit, unseen),
             one.p_value,
             values(one.effect, one.fit),
         )
@@ -207,7 +207,7 @@ def _advice(selection: Selection, train: Sequence[Experiment], noise: dict[str, 
     for step in selection.steps:
         first = step.judged[0].effect if step.judged else ""
         effects = next((group for group in _confusable(selection) if group[0] == first), ())
-        if effects:
+        if effects and not is_over():
             alike = [one.fit.model for one in step.judged if one.effect in effects]
             with suppress(ModelError):
                 return what_to_record(alike, Task.of(alike[0], train, noise), pool)

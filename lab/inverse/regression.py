@@ -168,11 +168,7 @@ class Regression:
 
 
 class _TimeIsUpError(Exception):
-    """A fit ends where it is."""
-
-    def __init__(self, at: FloatArray) -> None:
-        super().__init__()
-        self.at = at.copy()
+    """A fit ends where its derivatives are known."""
 
 
 def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, steps: int = MOST_STEPS) -> Regression:
@@ -206,10 +202,11 @@ def _minimised(
         error = data.residual(unknowns.put(model, at[:count]), at[count:]) / usual
         return np.concatenate([error, weight * (at[:count] - near)])
 
+    known: list[tuple[FloatArray, FloatArray]] = []
+
     def jacobian(at: FloatArray) -> FloatArray:  # it is asked for at the first values and after each step
-        if is_over():
-            raise _TimeIsUpError(at)
-        return _jacobian(residual, at, high, data)
+        known[:] = [(at.copy(), _jacobian(residual, at, high, data, may_end=bool(known)))]
+        return known[0][1]
 
     if not np.isfinite(residual(z)).all():
         raise ModelError("the motion cannot be simulated with the first values of the parameters")
@@ -217,8 +214,9 @@ def _minimised(
         with np.errstate(over="ignore"):  # a trial step may be far off: its error is compared, no more
             found = least_squares(residual, z, jacobian, (low, high), x_scale="jac", max_nfev=steps, ftol=CONVERGED)
         x, error, slopes = found.x, found.fun, np.asarray(found.jac)
-    except _TimeIsUpError as end:
-        x, error, slopes = end.at, residual(end.at), _jacobian(residual, end.at, high, data)
+    except _TimeIsUpError:
+        x, slopes = known[0]
+        error = residual(x)
     values = unknowns.put(model, x[:count])
     return Regression(values, data, unknowns, x[:count], error[:size] * usual, slopes[:size] * usual, x[count:])
 
@@ -243,15 +241,17 @@ def can_run(model: Model, signals: Sequence[Signals]) -> bool:
 
 
 def _jacobian(
-    residual: Callable[[FloatArray], FloatArray], z: FloatArray, high: FloatArray, data: Problem
+    residual: Callable[[FloatArray], FloatArray], z: FloatArray, high: FloatArray, data: Problem, *, may_end: bool
 ) -> FloatArray:
     """Forward differences (M, P + E), backward at an upper bound; all recordings move their initial values at once,
-    as each has its own."""
+    as each has its own.  Raises _TimeIsUpError when the time is up, if it may."""
     here = residual(z)
     recordings = len(data.signals)
     count, found = z.size - recordings * data.nuisances, np.zeros((here.size, z.size))
     parts = by_recording(np.arange(here.size), data)
     for at in range(count):
+        if may_end and is_over():
+            raise _TimeIsUpError
         step = STEP * max(1.0, abs(z[at]))
         step = -step if z[at] + step > high[at] else step
         found[:, at] = (residual(z + step * (np.arange(z.size) == at)) - here) / step

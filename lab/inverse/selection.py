@@ -19,9 +19,9 @@ from lostmotion.lab.inverse.candidates import (
     fitted_beside,
     fitted_with,
     refined,
-    softened,
     starts,
 )
+from lostmotion.lab.inverse.dry_friction import softened
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import Data, Problem
 from lostmotion.lab.inverse.regression import Regression, regressed
@@ -114,7 +114,7 @@ def selected(
     model: Model, signals: Sequence[Signals], search: Search, progress: Callable[[str, float], None]
 ) -> Selection:
     """Adds effects as long as one is significant and there is time, then takes out what has become superfluous."""
-    with within(policy.SELECTION_SHARE * remaining_s()):
+    with within(policy.STAGE_SHARE * remaining_s()):
         found = _added(model, signals, search, progress)
     return _eliminated(*found, search)
 
@@ -222,7 +222,7 @@ def first_fit(model: Model, signals: Sequence[Signals], search: Search) -> Fitte
         best = min((fit(start, OutputError.of(signals, start)) for start in starts(model, signals)), key=_rms)
         return Fitted(best, best)
     data = Data.of(signals, model)
-    return Fitted.of(_with_load(softened(model, data), data), search.method)
+    return Fitted.of(_with_load(softened(model, signals), data), search.method)
 
 
 def _with(best: Judged, now: Fitted, method: Method) -> Fitted:
@@ -236,7 +236,8 @@ def _with(best: Judged, now: Fitted, method: Method) -> Fitted:
 def _step(now: Fitted, added: tuple[str, ...], search: Search) -> Step:
     """All candidates, judged against the present fit."""
     wide = list(candidates(now.inverse.model, added, now.inverse.data))
-    fits, hopeless = _fitted_each(wide, now.inverse, search)
+    with within(policy.STAGE_SHARE * remaining_s()):
+        fits, hopeless = _fitted_each(wide, now.inverse, search)
     prior = prior_odds([name for name, _ in wide], now.inverse.model.effects)
     tried = sum(prior.values())
 
@@ -244,7 +245,7 @@ def _step(now: Fitted, added: tuple[str, ...], search: Search) -> Step:
         fitted = _as_judged(*one, now, search.method)
         return judged(one[0], fitted, now, tried / prior[one[0]], search.choosing)
 
-    found = search.each(work, fits, first=policy.FINISHED)
+    found = search.each(work, fits, first=1)
     found.sort(key=lambda one: -one.gain)
     untried = tuple(name for name, _ in wide if name not in {*(one.effect for one in found), *hopeless})
     good = [one for one in found if one.is_significant]
@@ -277,7 +278,7 @@ def _fitted_each(
     inverse = by_acceleration(now.model, now.data.signals) if is_simulated else None
     tried = search.each(lambda one: (one[0], fitted_with(*one, now, inverse)), wide)
     found = [(name, fit) for name, fit in tried if fit]
-    hopeless = [name for name, fit in tried if fit is None]
+    hopeless = [] if is_over() else [name for name, fit in tried if fit is None]
     if not is_simulated:
         return found, hopeless
     found.sort(key=lambda one: one[1].rms)

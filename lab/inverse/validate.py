@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import lru_cache
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 from scipy.special import stdtr, stdtrit
 
 from lostmotion.lab import policy
+from lostmotion.lab.deadline import within
 from lostmotion.lab.fitting.identifiability import held
 from lostmotion.lab.inverse.candidates import are_apt, turns_of
 from lostmotion.lab.inverse.output_error import OutputError
@@ -154,13 +156,11 @@ def fit_on(fit: Regression, unseen: Signals) -> Regression | None:
     """The fit's model on a recording that it has not seen, None where its motion has no end there: only the initial
     state of a motion, or the zero of an angle, is fitted."""
     known = held(fit.model, fit.unknowns.names)
-    try:
+    with suppress(ModelError), within(math.inf):  # two numbers: an end cut short would be told as the effect's error
         if isinstance(fit.data, OutputError):
             return regressed(known, OutputError.of([unseen], known).no_finer(fit.data))
-        data = replace(Data.of([unseen], known), is_anchored=fit.nuisance.size == 0)
-        return regressed(known, data)
-    except ModelError:
-        return None
+        return regressed(known, replace(Data.of([unseen], known), is_anchored=fit.nuisance.size == 0))
+    return None
 
 
 def is_noise(residual: FloatArray, floor: float) -> bool:

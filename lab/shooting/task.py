@@ -10,12 +10,15 @@ from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.frequency_response import from_spectra, usual_torque
 from lostmotion.lab.shooting.continuation import first_level
 from lostmotion.model import Model
+from lostmotion.model.motion import FloatArray
 
 __all__ = ["Task", "coarse_substep", "rubbing"]
 
 SEARCH_STEPS = {"play": 8.0, "oscillator": 2.0, "joint": 4.0, "servo": 2.0}  # times the model's own choice of step
 LONGEST_STEP_S = {"play": 5e-4}
 FRICTION_SHARE = 0.2
+LOOKED_AT_S, LOOKED_AT = 1.0, 100
+"""Seconds, and samples at least, of the motion that says how finely it has to be integrated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +57,13 @@ def coarse_substep(model: Model, experiments: Sequence[Experiment], factor: floa
 
     Without a factor, one that is good enough for a search.
     """
-    own = [e.model(model).simulate(e.drive, e.between(e.time[0], e.time[0] + 1.0).time).substep_s for e in experiments]
+    own = [e.model(model).simulate(e.drive, _beginning(e)).substep_s for e in experiments]
     if factor:
         return min(own) * factor
     return min(min(own) * SEARCH_STEPS.get(model.base, 1.0), LONGEST_STEP_S.get(model.base, math.inf))
+
+
+def _beginning(experiment: Experiment) -> FloatArray:
+    """The times of the first second, or of the first samples of a slow recording."""
+    length = max(LOOKED_AT_S, LOOKED_AT / experiment.rate_hz)
+    return experiment.between(experiment.time[0], experiment.time[0] + length).time

@@ -321,11 +321,12 @@ def in_units(recording: Recording, inertia: float, length: float, time: float) -
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("time", [0.001, 0.1, 60.0])
 @pytest.mark.parametrize("case", ["driven", "swinging", "struck"])
-def test_units_change_nothing(case: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
+def test_units_change_nothing(case: str, time: float, request: pytest.FixtureRequest, tmp_path: Path) -> None:
     """In other units of inertia, length and time the names, the shares and the errors over the noise are the same."""
     asked: Asked = request.getfixturevalue(case)
-    other = explained(tmp_path, asked.model, [in_units(one, 1e4, 1e3, 0.1) for one in asked.recordings])
+    other = explained(tmp_path, asked.model, [in_units(one, 1e4, 1e3, time) for one in asked.recordings])
     first = asked.answer
     assert first["missing"]
     assert other["missing"] == first["missing"]
