@@ -37,8 +37,6 @@ def show_explanation(explanation: Explanation) -> None:
     console = _console()
     _say(console, *verdict.of_explanation(explanation))
     console.print(_ranking(explanation))
-    for group in explanation.confusable:
-        _say(console, f"these recordings hardly tell apart: {', '.join(group)}")
     if explanation.advice:
         _say(console, explanation.advice)
 

@@ -33,6 +33,7 @@ from lostmotion.lab.inverse.problem import Data
 from lostmotion.lab.inverse.regression import Regression, blocks_of, can_run
 from lostmotion.lab.inverse.selection import Search, Selection, Step, first_fit, selected
 from lostmotion.lab.inverse.signals import COLUMNS, Signals, telling_band
+from lostmotion.lab.inverse.signs import advice_of_signs
 from lostmotion.lab.inverse.torques import can_invert, noise_floor
 from lostmotion.lab.inverse.validate import Method, amplitudes, error_on, fit_on, is_noise
 from lostmotion.lab.results import Errors, Estimate, Explanation, Fit, Ranked, Verdict
@@ -85,6 +86,8 @@ def explained(
             selection = selected(rough, signals, search, progress)
         progress("judging", 0.9)
         found = _explanation(selection, model, train, unseen, method, noise, pool)
+        if found.verdict == "outside_catalogue" and method is Method.TORQUE and not is_over():
+            found = replace(found, advice=advice_of_signs(rough, signals, search))
     fit_on.cache_clear()
     progress("done", 1.0)
     return replace(found, held=held)

@@ -43,7 +43,7 @@ from lostmotion.lab.selection.nesting import without
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Search", "Selection", "Step", "first_fit", "selected"]
+__all__ = ["Search", "Selection", "Step", "first_fit", "first_step", "selected"]
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -231,6 +231,11 @@ def _with(best: Judged, now: Fitted, method: Method) -> Fitted:
         return best.fitted
     inverse = _with_load(best.fit.model, now.inverse.data, best.fitted.inverse.nuisance)
     return Fitted(inverse, best.fit if method is Method.FREE else inverse)
+
+
+def first_step(now: Fitted, search: Search) -> Step:
+    """All candidates beside the model as it is."""
+    return _step(now, (), search)
 
 
 def _step(now: Fitted, added: tuple[str, ...], search: Search) -> Step:

@@ -29,7 +29,7 @@ PLACES = {"joint": "the joint", "oscillator": "the bar", "sensor": "the sensor",
 def of_explanation(explanation: Explanation) -> tuple[str, ...]:
     """The verdict: what is missing and how large, or that nothing is, or what no effect explains; the errors."""
     error, found = explanation.error, explanation.residual
-    sentences = [words.sentence(effect, words.intervals(explanation.best, effect)) for effect in explanation.missing]
+    sentences = [_named(effect, explanation) for effect in explanation.missing]
     if explanation.verdict == "nothing_missing":
         sentences.append(
             f"Nothing is missing: the model explains these recordings down to the noise: {_against(error)}."
@@ -43,7 +43,6 @@ def of_explanation(explanation: Explanation) -> tuple[str, ...]:
             else "Something is missing that no effect of the catalogue explains."
         )
         sentences += of_finding(found) if found else ()
-    sentences += [f"These recordings cannot tell {_apart(group)}." for group in explanation.confusable]
     if explanation.missing and not explanation.complete and found:
         beyond = "" if explanation.untried else " that no effect of the catalogue explains"
         sentences.append(f"Something more is missing{beyond}.")
@@ -54,6 +53,15 @@ def of_explanation(explanation: Explanation) -> tuple[str, ...]:
         effects = joined([words.name(effect) for effect in explanation.unshown])
         sentences.append(f"The recording kept for judging does not show {effects}: only the others tell it.")
     return tuple(sentences)
+
+
+def _named(effect: str, explanation: Explanation) -> str:
+    """An effect and its size, and what it may be as well."""
+    sentence = words.sentence(effect, words.intervals(explanation.best, effect))
+    alike = [words.name(name) for group in explanation.confusable if group[0] == effect for name in group[1:]]
+    if not alike:
+        return sentence
+    return f"{sentence} If it is that: these recordings cannot tell it from {joined(alike)}."
 
 
 def _unused(explanation: Explanation) -> list[str]:
@@ -164,8 +172,3 @@ def _held(one: Estimate) -> str:
 def _against(error: Errors) -> str:
     (after, noise), unit = quantities(error.unit, error.after, error.noise)
     return f"{with_unit(after, unit)} against {noise}"
-
-
-def _apart(group: Sequence[str]) -> str:
-    names = [words.name(effect) for effect in group]
-    return f"{names[0]} from {names[1]}" if len(names) == 2 else f"apart {joined(names)}"

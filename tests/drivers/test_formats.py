@@ -152,6 +152,25 @@ def test_other_layouts_of_text(tmp_path: Path) -> None:
     assert "and no times; say which series they are" in refused(path)
 
 
+def test_names_and_units_that_stand_behind_comment_signs(tmp_path: Path) -> None:
+    """Of two comments above the rows, names and then units in brackets, each is what it is."""
+    path = tmp_path / "pendulum.txt"
+    rows = "".join(f"{t:.2f}\t{angle:.6f}\n" for t, angle in zip(T, ANGLE, strict=True))
+    path.write_text(f"#Creator: somebody\n#Time\tAngle\n#[s]\t[deg]\n{rows}")
+    found = read(path)
+    assert found.recording.columns["position"] == pytest.approx(np.deg2rad(ANGLE), abs=1e-7)
+    assert found.recording.time == pytest.approx(T)
+
+
+def test_a_symbol_of_the_joint_and_a_quantity_of_it(tmp_path: Path) -> None:
+    """``q3`` is the angle of joint 3, ``q3_tau_J_compensate`` its torque, not the angle of another joint."""
+    path = tmp_path / "arm.csv"
+    pd.DataFrame({"time": T, "q3": ANGLE, "q3_tau_J_compensate": 2 * ANGLE}).to_csv(path, index=False)
+    found = read(path).recording.columns
+    assert found["position"] == pytest.approx(ANGLE)
+    assert found["torque"] == pytest.approx(2 * ANGLE)
+
+
 def test_text_with_metadata_and_many_columns(tmp_path: Path) -> None:
     """Lines of ``# key = value`` count, as in lostmotion's own files; a header of 100 kB is another program's."""
     path = tmp_path / "x.csv"

@@ -8,6 +8,10 @@ import pytest
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab import experiments, explain, open_executor
 from lostmotion.lab.deadline import is_over, remaining_s, within
+from lostmotion.lab.inverse import regression
+from lostmotion.lab.inverse.output_error import OutputError
+from lostmotion.lab.inverse.signals import Signals
+from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.model import HandWaved, build_model
 
 
@@ -37,6 +41,27 @@ def servo(seed: int) -> Recording:
     run = model.simulate(HandWaved(seed=seed), times)
     angle = run["position"] + 5e-4 * np.random.default_rng(seed).standard_normal(times.size)
     return Recording(times, {"command": run["command"], "position": angle}, {}, {}, 0, f"servo{seed}.csv")
+
+
+def test_a_fit_ends_with_what_it_knows_when_the_time_is_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After the end of the time no derivative is begun: simulations go on for the rest of the last step only, whatever
+    they cost.  Derivatives at the end took servos on busy cores half a minute more than they had."""
+    model = build_model("servo", ["viscous_friction", "coulomb_friction"])
+    signals = [Signals.of(one, is_force=False) for one in experiments(model, [servo(1), servo(2)])]
+    data, asked = OutputError.of(signals, model), []
+    count = len(Unknowns.of(model).items) + data.nuisances
+
+    def counted(self: OutputError, *given: object) -> object:
+        asked.append(1)
+        return residual(self, *given)  # type: ignore[arg-type]
+
+    residual = OutputError.residual
+    monkeypatch.setattr(OutputError, "residual", counted)
+    monkeypatch.setattr(regression, "is_over", lambda: len(asked) > count + 3)
+    found = regression.regressed(model, data)
+    assert np.isfinite(found.rms)
+    assert found.jacobian.shape == (found.residual.size, found.count + found.nuisance.size)
+    assert count + 3 < len(asked) <= count + 8
 
 
 def test_an_answer_comes_without_any_time() -> None:

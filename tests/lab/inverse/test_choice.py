@@ -11,7 +11,7 @@ import pytest
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.experiment import Experiment, experiments
-from lostmotion.lab.inverse import validate
+from lostmotion.lab.inverse import candidates, validate
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.model import build_model
 from tests.lab.inverse.test_inverse import explained
@@ -97,3 +97,13 @@ def test_an_offset_of_the_accelerometer_is_no_effect(offset: float, tmp_path: Pa
     answer = explained(tmp_path, 'base = "oscillator"\n', [rung(1, offset), rung(2, offset)])
     assert answer["verdict"] == "nothing_missing"
     assert answer["error"]["after"] == pytest.approx(0.02, rel=0.15)
+
+
+def test_a_speed_at_which_friction_changes_is_one_of_the_motion() -> None:
+    """Below a fiftieth of the usual speed a joint rests: there a Stribeck friction may be anything, and was 35 N m of a
+    wrist whose motor gave 0.4."""
+    model = build_model("joint", ["stribeck_friction"])
+    size = SimpleNamespace(speed=0.3)
+    speed = candidates._within_speeds(model, "stribeck_friction", size).parameters["stribeck_friction.omega_s"]  # type: ignore[arg-type]
+    assert (speed.low, speed.high) == pytest.approx((0.006, 0.15))
+    assert speed.low <= speed.value <= speed.high

@@ -321,7 +321,7 @@ def in_units(recording: Recording, inertia: float, length: float, time: float) -
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("time", [0.001, 0.1, 60.0])
+@pytest.mark.parametrize("time", [0.01, 60.0])
 @pytest.mark.parametrize("case", ["driven", "swinging", "struck"])
 def test_units_change_nothing(case: str, time: float, request: pytest.FixtureRequest, tmp_path: Path) -> None:
     """In other units of inertia, length and time the names, the shares and the errors over the noise are the same."""

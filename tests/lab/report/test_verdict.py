@@ -7,13 +7,17 @@ from dataclasses import replace
 from lostmotion.lab.report import verdict
 from tests.lab import report_example
 
+RUBS = (
+    "Something rubs: Coulomb friction of 0.120 mN m, between 0.112 and 0.128 (95 %). If it is that: these recordings "
+    "cannot tell it from Stribeck friction."
+)
+
 
 def test_verdict_of_a_missing_effect() -> None:
     """The headline: the effect and its interval, the error before and after against the noise, what cannot be told."""
     assert verdict.of_explanation(report_example.explanation()) == (
-        "Something rubs: Coulomb friction of 0.120 mN m, between 0.112 and 0.128 (95 %).",
+        RUBS,
         "Adding it brings the error from 4.1 to 0.41 m/s²; the sensor's noise is 0.40.",
-        "These recordings cannot tell Coulomb friction from Stribeck friction.",
     )
 
 
@@ -49,9 +53,8 @@ def test_verdict_outside_the_catalogue() -> None:
 def test_verdict_of_a_ladder() -> None:
     """What explain says of it, once, and that nothing more is missing."""
     assert verdict.of_ladder(report_example.ladder()) == (
-        "Something rubs: Coulomb friction of 0.120 mN m, between 0.112 and 0.128 (95 %).",
+        RUBS,
         "Adding it brings the error from 4.1 to 0.41 m/s²; the sensor's noise is 0.40.",
-        "These recordings cannot tell Coulomb friction from Stribeck friction.",
         "Nothing more is missing.",
     )
 

@@ -1,0 +1,64 @@
+"""What is worth a name, and what a user is told of a torque with the other sign: joints by closed forms of prescribed
+motions, written apart from the simulator."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lostmotion.drivers.recording import Recording
+from lostmotion.lab import policy
+from tests.lab.inverse.test_inverse import explained
+
+BARE = 'base = "joint"\n'
+INERTIA, VISCOUS, COULOMB, WEIGHT = 0.05, 0.22, 0.3, 11.0
+
+
+def slow(seed: int, weight: float = 0.0, ripple: float = 0.0, noise: float = 0.01, sign: float = 1.0) -> Recording:
+    """A joint led along sines of some ten seconds, 100 samples a second for a minute; its dry friction changes sign at
+    once.  ripple: seven a turn [N m]; sign: of the torque that is written down."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, 60.0, 0.01)
+    rates = 2 * math.pi * np.array([0.1, 0.17])
+    angle, speed, acceleration = (
+        sum(0.6 * rate**order * np.sin(rate * time + order * math.pi / 2) for rate in rates) for order in (0, 1, 2)
+    )
+    torque = INERTIA * acceleration + VISCOUS * speed + COULOMB * np.sign(speed)
+    torque += weight * np.sin(angle + 0.4) + ripple * np.sin(7 * angle)
+    columns = {
+        "position": angle + 2e-5 * rng.standard_normal(time.size),
+        "torque": sign * (torque + noise * rng.standard_normal(time.size)),
+    }
+    return Recording(time, columns, {}, {}, 0, f"slow{seed}.csv")
+
+
+@pytest.mark.slow
+def test_friction_near_rest_is_no_larger_than_the_motion_can_show(tmp_path: Path) -> None:
+    """Dry friction that changes sign faster than a model's is no Stribeck friction at speeds that count as rest."""
+    answer = explained(tmp_path, BARE, [slow(1, noise=0.003)])
+    assert answer["missing"] == ["coulomb_friction", "viscous_friction"]
+    assert answer["parameters"]["coulomb_friction.tau_c"][0] == pytest.approx(COULOMB, rel=0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("least", [policy.LEAST_SHARE, 0.0])
+def test_a_ripple_of_a_thousandth_is_not_worth_a_name(
+    least: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside a weight of 11 N m a ripple of 10 mN m is told by six thousand samples, and is not what is missing."""
+    monkeypatch.setattr(policy, "LEAST_SHARE", least)
+    answer = explained(tmp_path, BARE, [slow(2, WEIGHT, 0.01, 0.003)])
+    assert {"gravity_torque", "viscous_friction", "coulomb_friction"} <= set(answer["missing"])
+    assert ("torque_ripple" in answer["missing"]) == (least == 0.0)
+
+
+@pytest.mark.slow
+def test_a_torque_with_the_other_sign_is_told(tmp_path: Path) -> None:
+    """Friction that drives is in no catalogue; that the torque may be counted against the angle is said."""
+    answer = explained(tmp_path, BARE, [slow(3, sign=-1.0)])
+    assert answer["verdict"] == "outside_catalogue"
+    assert "the other way round" in answer["advice"]
+    assert "torque=SERIES*-1" in answer["advice"]
