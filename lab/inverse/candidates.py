@@ -32,6 +32,7 @@ __all__ = [
     "by_acceleration",
     "candidates",
     "fitted_beside",
+    "fitted_by_acceleration",
     "fitted_with",
     "refined",
     "sizes_of",
@@ -115,17 +116,23 @@ def turns_of(data: Problem) -> float:
     return max(float(np.ptp(one.position)) for one in data.signals) / TURN
 
 
-def fitted_with(name: str, wide: Model, now: Regression, inverse: Regression | None) -> Regression | None:
+def fitted_with(name: str, wide: Model, now: Regression, begun: Regression | None) -> Regression | None:
     """The best fit of a model with one more effect, from several initial values; None where nothing can be fitted or
-    the effect would not be what its name says.  inverse: the present model by the acceleration, for a simulated
-    motion."""
+    the effect would not be what its name says.  begun: the same by the acceleration, for a simulated motion."""
     if not isinstance(now.data, OutputError):
         found = _fitted_from_guesses(name, softened(wide, now.data.signals), now, STARTS, MOST_STEPS)
         return found if found and can_run(found.model, now.data.signals) else None
-    fits = [_fitted_from_guesses(name, wide, now, 1, SHORT)]
-    if inverse and _follow_motion(wide):
-        fits.append(_fitted_from_acceleration(name, wide, now, inverse))
+    fits = [_fitted_from_acceleration(name, wide, now, begun), _fitted_from_guesses(name, wide, now, 1, SHORT)]
     return min((one for one in fits if one), key=lambda one: one.rms, default=None)
+
+
+def fitted_by_acceleration(name: str, wide: Model, inverse: Regression | None) -> Regression | None:
+    """The fit of a model with one more effect to the acceleration; None where that does not follow from the motion at
+    the same instant.  inverse: that of the present model."""
+    if not inverse or not _follow_motion(wide):
+        return None
+    begun = _with_values(softened(wide, inverse.data.signals), inverse.model)
+    return _fitted_from_guesses(name, begun, inverse, STARTS, MOST_STEPS)
 
 
 def fitted_beside(name: str, wide: Model, now: Regression) -> Regression | None:
@@ -176,13 +183,11 @@ def _fitted_from_guesses(name: str, wide: Model, now: Regression, most: int, ste
     return min(possible, key=lambda one: one.rms, default=None)
 
 
-def _fitted_from_acceleration(name: str, wide: Model, now: Regression, inverse: Regression) -> Regression | None:
+def _fitted_from_acceleration(name: str, wide: Model, now: Regression, begun: Regression | None) -> Regression | None:
     """From what the acceleration says of the whole model with the effect."""
-    begun = _with_values(softened(wide, inverse.data.signals), inverse.model)
-    found = _fitted_from_guesses(name, begun, inverse, STARTS, MOST_STEPS)
-    if not found:
+    if not begun or is_over():
         return None
-    start = _with_values(wide, found.model)
+    start = _with_values(wide, begun.model)
     fit = _tried(start, now.data.suited([start]), now.data.nuisance, SHORT)
     return fit if fit and are_apt(fit.model, [name]) else None
 

@@ -13,9 +13,10 @@ from lostmotion.model import Model, build_model
 
 __all__ = ["softened"]
 
-HOLDS = 0.1
+HOLDS = 0.25
 """Of the width of other bases, that of a servo: within it friction creeps instead of sticking, and a servo holds its
-load at rest for much of a recording.  With the whole width nothing was named of an XL330 under control."""
+load at rest for much of a recording.  With the whole width nothing was named of an XL330 under control; with 0.1 an
+STS3215 needed steps four times as short."""
 
 
 def softened(model: Model, signals: Sequence[Signals]) -> Model:

@@ -17,6 +17,7 @@ from lostmotion.lab.inverse.candidates import (
     by_acceleration,
     candidates,
     fitted_beside,
+    fitted_by_acceleration,
     fitted_with,
     refined,
     starts,
@@ -277,11 +278,14 @@ def _fitted_each(
 ) -> tuple[list[tuple[str, Regression]], list[str]]:
     """The candidates for which there was time, each with its fit, and those that cannot be fitted.
 
-    Of fits to a simulated motion the best come first, and the most promising of them are finished.
+    Of fits to a simulated motion those come first that explain the acceleration best, which takes no simulation, and
+    the most promising of them are finished.
     """
     is_simulated = search.method is Method.MOTION
     inverse = by_acceleration(now.model, now.data.signals) if is_simulated else None
-    tried = search.each(lambda one: (one[0], fitted_with(*one, now, inverse)), wide)
+    begun = dict(search.each(lambda one: (one[0], fitted_by_acceleration(*one, inverse)), wide if inverse else []))
+    wide = sorted(wide, key=lambda one: fit.rms if (fit := begun.get(one[0])) else math.inf)
+    tried = search.each(lambda one: (one[0], fitted_with(*one, now, begun.get(one[0]))), wide)
     found = [(name, fit) for name, fit in tried if fit]
     hopeless = [] if is_over() else [name for name, fit in tried if fit is None]
     if not is_simulated:
