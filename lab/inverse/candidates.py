@@ -11,7 +11,7 @@ from lostmotion.lab import policy
 from lostmotion.lab.data.frequency_response import usual_torque
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.fitting.identifiability import is_driven, with_free_states
-from lostmotion.lab.inverse.dry_friction import softened
+from lostmotion.lab.inverse.dry_friction import simulable, softened
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import TURN, Data, EquationError, Problem, by_recording
 from lostmotion.lab.inverse.regression import MOST_STEPS, Regression, can_run, regressed
@@ -55,7 +55,7 @@ SHORT = 7
 
 def starts(model: Model, signals: Sequence[Signals]) -> list[Model]:
     """Models from which the base is fitted to a simulated motion: the file's, and what the acceleration says."""
-    model = softened(model, signals)
+    model = simulable(model, signals)
     found = by_acceleration(model, signals)
     return [model, _with_values(model, found.model)] if found else [model]
 
@@ -107,7 +107,7 @@ def candidates(model: Model, added: tuple[str, ...], data: Problem) -> Iterator[
         elif (simple := effect.simpler) is None or simple.effect in model.effects:
             wide = model.with_effect(name)
             if is_simulated:  # of some hertz and centimetres, or of kilohertz and micrometres
-                wide = softened(wide, data.signals)
+                wide = simulable(wide, data.signals)
             yield name, wide if is_moved else with_free_states(wide)
 
 

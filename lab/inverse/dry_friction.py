@@ -11,19 +11,13 @@ from lostmotion.lab import policy
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.model import Model, build_model
 
-__all__ = ["softened"]
-
-HOLDS = 0.25
-"""Of the width of other bases, that of a servo: within it friction creeps instead of sticking, and a servo holds its
-load at rest for much of a recording.  With the whole width nothing was named of an XL330 under control; with 0.1 an
-STS3215 needed steps four times as short."""
+__all__ = ["simulable", "softened"]
 
 
 def softened(model: Model, signals: Sequence[Signals]) -> Model:
     """The model with dry friction that changes sign as steeply as the filtered speed tells, or less where the model
     says so: a width in rad/s is wide for a slow joint, and for an axis in m/s, and depends on the unit of time."""
     told = policy.UNSURE_SPEED * float(np.sqrt(np.mean(np.concatenate([one.velocity for one in signals]) ** 2)))
-    told *= HOLDS if model.base == "servo" else 1.0
     usual = build_model(model.base, model.effects).parameters
     widths = {
         name: told
@@ -31,3 +25,9 @@ def softened(model: Model, signals: Sequence[Signals]) -> Model:
         if name.endswith(".omega_0") and parameter.fixed and (parameter.value < told or parameter == usual[name])
     }
     return model.replace(widths)
+
+
+def simulable(model: Model, signals: Sequence[Signals]) -> Model:
+    """The same for a model that is simulated; a servo's as it is.  It holds its load at rest for much of a recording,
+    and creeps in a wider step: of one that sticks Stribeck friction was named, and nothing of an XL330."""
+    return model if model.base == "servo" else softened(model, signals)

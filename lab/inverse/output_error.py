@@ -20,7 +20,7 @@ import numpy as np
 
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.fitting.identifiability import free_states, is_driven
-from lostmotion.lab.inverse.dry_friction import softened
+from lostmotion.lab.inverse.dry_friction import simulable
 from lostmotion.lab.inverse.problem import by_recording
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.shooting.task import coarse_substep, rubbing
@@ -69,7 +69,7 @@ class OutputError:
             for one, part in zip(signals, parts, strict=True)
         )
         experiments = [one.experiment for one in moving]
-        step = coarse_substep(softened(rubbing(model, experiments), signals), experiments, STEPS)
+        step = coarse_substep(simulable(rubbing(model, experiments), signals), experiments, STEPS)
         return cls(moving, step, model, () if any(map(is_driven, experiments)) else free_states(model))
 
     def first(self, share: float) -> OutputError:

@@ -40,7 +40,6 @@ NUMERICS = {
     "fitting/strategy.py": (13, "grids of first values, convergence and length of segments"),
     "gears.py": (2, "what a step costs, what is no recording of gears"),
     "inverse/candidates.py": (5, "first values and steps of a fit"),
-    "inverse/dry_friction.py": (1, "width in which a sign changes"),
     "inverse/explain.py": (3, "what is drawn"),
     "inverse/output_error.py": (6, "length, rate and integration step of what is simulated"),
     "inverse/problem.py": (2, "convergence of a fixed-point iteration, freedom of an angle"),

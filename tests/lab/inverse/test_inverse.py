@@ -18,7 +18,7 @@ from lostmotion.daemon.cli import cli
 from lostmotion.drivers.recording import Recording, write_recording
 from lostmotion.lab.data.experiment import Experiment, experiments
 from lostmotion.lab.fitting.identifiability import with_scale
-from lostmotion.lab.inverse.candidates import softened
+from lostmotion.lab.inverse.dry_friction import softened
 from lostmotion.lab.inverse.explain import method_of
 from lostmotion.lab.inverse.problem import Data
 from lostmotion.lab.inverse.regression import blocks_of, regressed
@@ -120,7 +120,7 @@ def test_intervals_hold_the_truth() -> None:
     for seed in range(100, 124):
         (one,) = experiments(model, [robot(seed)])
         data = Data.of([Signals.of(one)], model)
-        fit = regressed(softened(model, data), data)
+        fit = regressed(softened(model, data.signals), data)
         deviations = dict(zip(fit.unknowns.names, fit.deviations(blocks_of(fit)), strict=True))
         values = {name: fit.model.parameters[name].value for name in truth}
         off += [abs(values[name] - true) / deviations[name] for name, true in truth.items()]

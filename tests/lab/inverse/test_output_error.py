@@ -153,30 +153,6 @@ def test_units_of_inertia_change_nothing_of_a_servo(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("time", [0.1, 40.0])
-def test_units_of_time_change_nothing_of_a_servo(time: float, tmp_path: Path) -> None:
-    """With seconds that are so many units of time, in the recordings and in the model's file (kt as time, R as its
-    third power, voltages as they are), the name, its share and the errors are the same: the width in which dry friction
-    changes sign follows from the recordings."""
-    found = []
-    for unit in (1.0, time):
-        values = {"J": 0.04, "R": WINDING * unit**3, "viscous_friction.b_v": 0.04 / unit, "kp": GAIN, "U": SUPPLY}
-        lines = "".join(f"{name} = {value}\n" for name, value in values.items())
-        folder = tmp_path / f"{unit:g}"
-        folder.mkdir()
-        taken = [servo(seed, sees="supply") for seed in (1, 2)]
-        own = [Recording(one.time * unit, one.columns, {}, {}, 0, one.name) for one in taken]
-        found.append(explained(folder, f"{SERVO}kt = {{ value = {1.5 * unit}, fixed = true }}\n{lines}", own))
-    first, other = found
-    assert first["missing"] == other["missing"] == ["coulomb_friction"]
-    assert other["complete"] == first["complete"]
-    assert other["share"]["coulomb_friction"] == pytest.approx(first["share"]["coulomb_friction"], abs=3e-3)
-    assert other["error"]["after"] == pytest.approx(first["error"]["after"], rel=3e-2)
-    sizes = [answer["parameters"]["coulomb_friction.tau_c"][0] for answer in found]
-    assert sizes[1] * time**2 == pytest.approx(sizes[0], rel=2e-2)
-
-
-@pytest.mark.slow
 def test_nothing_is_missing_from_a_servo_without_dry_friction(tmp_path: Path) -> None:
     """A model that is complete is left alone."""
     model = SERVO + f"kp = {GAIN}\nU = {SUPPLY}\n"
