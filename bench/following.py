@@ -62,7 +62,7 @@ def heard(robot: Robot, snr_db: float, given: DetectorSettings) -> Learner:
     windows = robot.windows(snr_db, robot.some(WINDOWS))
     learner = Learner(given, BAR.rate_hz, windows.shape[1])
     for window in windows:
-        learner.hear(window)
+        learner.update(window)
     learner.finish()
     return learner
 

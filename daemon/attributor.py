@@ -101,33 +101,33 @@ class Attributor:
 
     def _weigh(self, window: Window, rings: Sequence[Ring], joints: Sequence[CommandHistory]) -> Evidence | None:
         start, length = window.start - BEFORE_S, window.duration + BEFORE_S
-        stretches = []
+        segments = []
         for sensor, ring in zip(self._sensors, rings, strict=True):
             times, accel = ring.slice(start - 1 / sensor.rate_hz, start + length + 1 / sensor.rate_hz)
-            stretches.append(cut("", times, accel, start, length, sensor.rate_hz))
+            segments.append(cut("", times, accel, start, length, sensor.rate_hz))
         movers = []
         for name, joint in zip(self.joints, joints, strict=True):
             times, angles = joint.commands
             movers.append(Mover(times, angles, tuple(sensor.levers.get(name, 0.0) for sensor in self._sensors)))
         since = max(window.start, self._evidence[-1].until) if self._evidence else window.start
-        return evidence(stretches, movers, [sensor.settings for sensor in self._sensors], since)
+        return evidence(segments, movers, [sensor.settings for sensor in self._sensors], since)
 
     def is_sure(self, joint: str) -> bool:
         """Whether the play is known to be this joint's."""
         return self.origin.probabilities[joint] >= SURE
 
-    def alone(self, stretch: Window, accelerometer: str, histories: Mapping[str, CommandHistory]) -> Window | None:
-        """The stretch as if its joint had moved alone: minus the quasi-static acceleration from the other joints'
+    def alone(self, segment: Window, accelerometer: str, histories: Mapping[str, CommandHistory]) -> Window | None:
+        """The segment as if its joint had moved alone: minus the quasi-static acceleration from the other joints'
         commands.  None where these have too few samples."""
         sensor = next(sensor for sensor in self._sensors if sensor.accelerometer == accelerometer)
-        accel = stretch.accel.copy()
-        for name in sensor.levers.keys() - {stretch.joint}:
+        accel = segment.accel.copy()
+        for name in sensor.levers.keys() - {segment.joint}:
             times, angles = histories[name].commands
-            command = smoothed(times, angles, stretch)
+            command = smoothed(times, angles, segment)
             if command is None:
                 return None
-            accel -= sensor.levers[name] * command.acceleration(np.minimum(stretch.time - stretch.time[0], command.end))
-        return replace(stretch, accel=accel)
+            accel -= sensor.levers[name] * command.acceleration(np.minimum(segment.time - segment.time[0], command.end))
+        return replace(segment, accel=accel)
 
     def _pool(self) -> None:
         pooled = attribute(self._evidence, self._prior)

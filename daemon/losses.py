@@ -9,7 +9,7 @@ from lostmotion.detector.quality import LEAST_SHARE
 __all__ = ["Losses"]
 
 SPAN_S, LEAST_SPAN_S, MARK_S = 30.0, 10.0, 1.0
-"""the stretch that counts; the shortest; how far apart its marks are [s]"""
+"""the segment that counts; the shortest; how far apart its marks are [s]"""
 MOST = 1 - LEAST_SHARE
 """share that may be missing: windows with less are not scored"""
 GONE = MOST / 2

@@ -18,7 +18,7 @@ from lostmotion.daemon.ring import Ring
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.flank import FlankLaw, law_of
 from lostmotion.detector.learner import BarChange, Change, Learner, is_learning
-from lostmotion.detector.play_size import HISTORY_S, SizeLaw, learnt_play, near_part, stretch_of
+from lostmotion.detector.play_size import HISTORY_S, SizeLaw, learnt_play, near_part, segment_of
 from lostmotion.detector.score import score_window
 from lostmotion.detector.servo import UNKNOWN, ServoLaw
 from lostmotion.detector.severity import with_severity
@@ -267,7 +267,7 @@ class Pipeline:
         joint, window = self._to_learn.popleft()
         assert joint.learner is not None
         known = joint.learner.background, joint.learner.bar
-        change = joint.learner.hear(window.accel)
+        change = joint.learner.update(window.accel)
         now = joint.learner.background, joint.learner.bar
         if any(one is not other for one, other in zip(known, now, strict=True)):
             self._learnt.append(Learnt(joint.plan.joint, window.start + window.duration, joint.learner, change))
@@ -337,8 +337,8 @@ class Pipeline:
         if shared and not shared.is_sure(plan.joint):
             return replace(score, play_reason="another joint may have struck")
         around = ring.slice(score.time - HISTORY_S - period, score.time + score.duration + period)
-        stretch = stretch_of(score, *around, plan.rate_hz)
-        alone = shared.alone(stretch, plan.accelerometer, self._joints) if shared else stretch
+        segment = segment_of(score, *around, plan.rate_hz)
+        alone = shared.alone(segment, plan.accelerometer, self._joints) if shared else segment
         if alone is None:
             return replace(score, play_reason="too few commands of the other joints")
         times, angles = joint.commands

@@ -24,7 +24,7 @@ UNTIL_CLOSED_S = 0.2
 class Ring:
     """Samples in time order; ``capacity`` of them.
 
-    Everything is written twice, ``capacity`` apart, so that any stretch lies in one piece and a slice costs one copy.
+    Everything is written twice, ``capacity`` apart, so that any segment lies in one piece and a slice costs one copy.
     ``overwritten`` counts samples lost because nobody had released them; ``unordered`` those that came with a time not
     after the last one's and were left out.  ``waker`` wakes the reader when a robot time has come that the reader
     expects, or when a writer needs room; ``sooner`` when the reader expects one before the time that ``due`` last

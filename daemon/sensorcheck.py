@@ -26,7 +26,7 @@ __all__ = ["LAST", "SensorCheck"]
 LAST, SOUND_AGAIN = 10, 5
 """windows that are looked at; with none of them sound the sensor has failed, until so many are sound again"""
 SPAN_S = 4.0
-"""stretch of motion that is compared with the readings [s]"""
+"""segment of motion that is compared with the readings [s]"""
 FIRST_PACE_S, PACE_S = 5.0, 30.0
 """how often it is compared: until the verdicts are in, and then [s]"""
 VERDICTS = 5
@@ -125,12 +125,12 @@ class SensorCheck:
         for times, angles in self._moved.values():
             gone = bisect_left(times, times[-1] - SPAN_S) if times else 0
             del times[:gone], angles[:gone]
-        stretches = [(np.array(times), np.array(angles)) for times, angles in self._moved.values()]
+        segments = [(np.array(times), np.array(angles)) for times, angles in self._moved.values()]
         whole = all(
             len(times) > 2 and (np.diff(times) > 0).all() and np.abs(np.diff(angles)).max() < LARGEST_STEP
-            for times, angles in stretches
+            for times, angles in segments
         )
-        return stretches if whole else ()
+        return segments if whole else ()
 
 
 def _held(accel: FloatArray, range_ms2: float) -> str:

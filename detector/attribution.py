@@ -57,7 +57,7 @@ FLIGHT, GRAIN = 0.8, 1e-5
 MOST = 6
 """Of so many joints that share accelerometers any may have play at once."""
 LEAST_S, LEAST_PERIODS = 0.04, 6.0
-"""A shorter rest of a window tells nothing [s], nor a stretch of fewer periods of the bar."""
+"""A shorter rest of a window tells nothing [s], nor a segment of fewer periods of the bar."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,11 +96,11 @@ class Attribution:
         return np.asarray(self.sets @ self.members)
 
 
-def attribute(told: Iterable[Evidence], prior: Sequence[float]) -> Attribution:
+def attribute(windows: Iterable[Evidence], prior: Sequence[float]) -> Attribution:
     """All windows together; prior: probability of play of each joint before them, shape (J,)."""
     members = _members(len(prior))
     total = np.log(np.where(members > 0, prior, 1 - np.asarray(prior)).prod(axis=1)) + np.zeros((len(PLAYS), 1))
-    logs = np.array([window.likelihood for window in told]).reshape(-1, *total.shape)
+    logs = np.array([window.likelihood for window in windows]).reshape(-1, *total.shape)
     share = np.exp(TRUST * (logs - logs.max(axis=(1, 2), keepdims=True)))
     total += np.log((1 - ODD) * share + ODD * share.mean(axis=(1, 2), keepdims=True)).sum(axis=0)
     sets = np.exp(total - total.max()).sum(axis=0)
@@ -108,46 +108,46 @@ def attribute(told: Iterable[Evidence], prior: Sequence[float]) -> Attribution:
 
 
 def evidence(
-    stretches: Sequence[Window], movers: Sequence[Mover], settings: Sequence[DetectorSettings], since: float
+    segments: Sequence[Window], movers: Sequence[Mover], settings: Sequence[DetectorSettings], since: float
 ) -> Evidence | None:
     """What the impulses after ``since`` [s] say; None where nothing can be said, as of bars beyond half of the rate.
 
-    stretches: tip acceleration at each accelerometer from ``BEFORE_S`` before a reversal to the window's end, none of
+    segments: tip acceleration at each accelerometer from ``BEFORE_S`` before a reversal to the window's end, none of
     its samples missing; settings: of each, with its bar and the length [m] at which LEAST_IMPULSE counts; movers: all
     joints that they feel.
     """
-    start = float(stretches[0].time[0])
-    commanded = [smoothed(mover.times, mover.commands, stretches[0]) for mover in movers]
+    start = float(segments[0].time[0])
+    commanded = [smoothed(mover.times, mover.commands, segments[0]) for mover in movers]
     known = [command for command in commanded if command is not None]
     usable = all(
         one.duration * chosen.f_res_hz >= LEAST_PERIODS and one.rate_hz > 2 * chosen.f_res_hz
         and np.isfinite(one.accel).all()
-        for one, chosen in zip(stretches, settings, strict=True)
+        for one, chosen in zip(segments, settings, strict=True)
     )  # fmt: skip
     if len(known) < len(commanded) or not usable:
         return None
-    felt = _felt(stretches, settings)
-    if felt.times.size <= 4 * felt.width:
+    tip = _tip_impulses(segments, settings)
+    if tip.times.size <= 4 * tip.width:
         return None
-    end = min(felt.last, *(command.end for command in known))
-    heard = (felt.times >= max(since - start, felt.first)) & (felt.times <= end)
-    if np.count_nonzero(heard) * felt.step < LEAST_S:
+    end = min(tip.last, *(command.end for command in known))
+    observed = (tip.times >= max(since - start, tip.first)) & (tip.times <= end)
+    if np.count_nonzero(observed) * tip.step < LEAST_S:
         return None
-    accel = np.array([command.acceleration(felt.times) for command in known])
+    accel = np.array([command.acceleration(tip.times) for command in known])
     levers = np.array([mover.levers for mover in movers])
     # Teeth that part, or come to rest, change the tip's motion by no more than their joint's own acceleration.
-    least = np.maximum(felt.least, PRESSED * felt.width * felt.step * np.abs(levers).T @ np.abs(accel))
-    clarity = np.max(np.abs(felt.impulses) / least, axis=0)
-    highest = np.lib.stride_tricks.sliding_window_view(np.pad(clarity, felt.width), 2 * felt.width + 1).max(axis=1)
-    where = np.flatnonzero((clarity == highest) & (clarity > 1) & heard)
-    each = [_likelihood(felt, drive, levers, least, where, heard) for drive in _drives(accel, levers)]
+    least = np.maximum(tip.least, PRESSED * tip.width * tip.step * np.abs(levers).T @ np.abs(accel))
+    clarity = np.max(np.abs(tip.impulses) / least, axis=0)
+    highest = np.lib.stride_tricks.sliding_window_view(np.pad(clarity, tip.width), 2 * tip.width + 1).max(axis=1)
+    where = np.flatnonzero((clarity == highest) & (clarity > 1) & observed)
+    each = [_likelihood(tip, drive, levers, least, where, observed) for drive in _drives(accel, levers)]
     return Evidence(start + end, _mean_of_logs(np.concatenate(each, axis=1), axis=1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Felt:
+class _TipImpulses:
     """Impulses of the tip [m/s] at each accelerometer beyond the smooth motion of all joints, their standard deviation
-    and the least that counts, shape (S, K), at times [s] from the first stretch's start; width: steps that an impulse
+    and the least that counts, shape (S, K), at times [s] from the first segment's start; width: steps that an impulse
     takes."""
 
     times: FloatArray
@@ -171,21 +171,21 @@ class _Felt:
         return float(self.times[-2 * self.width])
 
 
-def _felt(stretches: Sequence[Window], settings: Sequence[DetectorSettings]) -> _Felt:
-    """The impulses of all stretches on the grid of the first."""
-    start, rows, times, width = stretches[0].time[0], [], np.empty(0), 0
-    for stretch, chosen in zip(stretches, settings, strict=True):
-        told = edges(stretch.accel.size, stretch.rate_hz, noise_of(stretch.accel, chosen), chosen)
-        own = told.times + stretch.time[0] - start
+def _tip_impulses(segments: Sequence[Window], settings: Sequence[DetectorSettings]) -> _TipImpulses:
+    """The impulses of all segments on the grid of the first."""
+    start, rows, times, width = segments[0].time[0], [], np.empty(0), 0
+    for segment, chosen in zip(segments, settings, strict=True):
+        edge = edges(segment.accel.size, segment.rate_hz, noise_of(segment.accel, chosen), chosen)
+        own = edge.times + segment.time[0] - start
         times = times if times.size else own
-        width = max(width, told.width)
-        sharp = told.impulses(stretch.accel - stretch.accel.mean())
-        deviation = np.interp(times, own, told.deviation)
+        width = max(width, edge.width)
+        sharp = edge.impulses(segment.accel - segment.accel.mean())
+        deviation = np.interp(times, own, edge.deviation)
         least = np.maximum(SIGNIFICANT * deviation, LEAST_IMPULSE)
         reach = abs(chosen.length_m)
         rows.append((np.interp(times, own, sharp) * chosen.length_m, deviation * reach, least * reach))
     impulses, deviations, leasts = (np.array(row) for row in zip(*rows, strict=True))
-    return _Felt(times, impulses, deviations, leasts, width)
+    return _TipImpulses(times, impulses, deviations, leasts, width)
 
 
 def _drives(accel: FloatArray, levers: FloatArray) -> list[FloatArray]:
@@ -196,8 +196,8 @@ def _drives(accel: FloatArray, levers: FloatArray) -> list[FloatArray]:
 
 
 def _likelihood(
-    felt: _Felt, drive: FloatArray, levers: FloatArray, least: FloatArray, where: NDArray[np.intp],
-    heard: NDArray[np.bool_],
+    tip: _TipImpulses, drive: FloatArray, levers: FloatArray, least: FloatArray, where: NDArray[np.intp],
+    observed: NDArray[np.bool_],
 ) -> FloatArray:  # fmt: skip
     """Log-likelihood of each set for each phi and each choice of c and b, shape (P, G, M), of the impulses at
     ``where``.
@@ -212,24 +212,24 @@ def _likelihood(
     )
     members = _members(len(levers))
     with np.errstate(divide="ignore"):
-        slowest = (least / np.abs(levers)[:, :, None]).min(axis=1)[:, heard]
-    impulses = felt.impulses[:, where]
-    speed, beside = _sources(impulses, felt.deviation[:, where], levers)
+        slowest = (least / np.abs(levers)[:, :, None]).min(axis=1)[:, observed]
+    impulses = tip.impulses[:, where]
+    speed, beside = _sources(impulses, tip.deviation[:, where], levers)
     rates, counts = [], []  # of first strikes and of rebounds, for each phi and joint
-    for rate, usual in _strikes(drive, play, felt.step):
+    for rate, usual in _strikes(drive, play, tip.step):
         relative = np.abs(speed) / usual[..., where]
         rates.append(rate[..., where] * 4 * relative * np.exp(-2 * relative) / usual[..., where])
-        unseen = 2 * slowest / usual[..., heard]
-        counts.append(np.sum(rate[..., heard] * (1 + unseen) * np.exp(-unseen), axis=-1) * felt.step)
+        unseen = 2 * slowest / usual[..., observed]
+        counts.append(np.sum(rate[..., observed] * (1 + unseen) * np.exp(-unseen), axis=-1) * tip.step)
     toward = (1 + np.sign(speed) * drive[:, where] / np.hypot(drive[:, where], SLACK)) / 2
     arms = np.array([np.abs(column[column != 0]).mean() for column in levers.T])
     scale = np.sqrt(2 * STRAY_ACCEL * play) * arms[:, None]
     strays = stray * np.prod(np.exp(-np.abs(impulses) / scale) / (2 * scale), axis=1)[:, None, None, None]
-    struck = members @ ((rates[0][:, None] + share * rates[1][:, None]) * toward * beside)
+    rates_of_sets = members @ ((rates[0][:, None] + share * rates[1][:, None]) * toward * beside)
     expected = (counts[0][:, None] + share[..., 0] * counts[1][:, None]) @ members.T
-    told = np.log(struck[:, :, None] + strays).sum(axis=-1)
-    silence = expected[:, :, None] + stray[..., 0] * np.count_nonzero(heard) * felt.step
-    return np.asarray(told - silence).reshape(len(PLAYS), -1, len(members))
+    log_rates = np.log(rates_of_sets[:, :, None] + strays).sum(axis=-1)
+    expected_count = expected[:, :, None] + stray[..., 0] * np.count_nonzero(observed) * tip.step
+    return np.asarray(log_rates - expected_count).reshape(len(PLAYS), -1, len(members))
 
 
 def _strikes(

@@ -219,10 +219,10 @@ def _weighed(windows: FloatArray, rate_hz: float, settings: DetectorSettings, fi
     """The likelihood of all windows under the noise of some; share and power of the rings are those of all."""
     model = fit.model
     for _ in range(ROUNDS // 2):
-        told, new = _expected(windows, rate_hz, settings, model)
+        fit_of_all, new = _expected(windows, rate_hz, settings, model)
         model = replace(new, noise=fit.model.noise)
         yield
-    return _Fit(model, told.likelihood, fit.covariance)
+    return _Fit(model, fit_of_all.likelihood, fit.covariance)
 
 
 def _expected(windows: FloatArray, rate_hz: float, settings: DetectorSettings, model: _Model) -> tuple[_Fit, _Model]:

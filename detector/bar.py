@@ -110,7 +110,7 @@ def finding(windows: FloatArray, rate_hz: float, given: DetectorSettings) -> Gen
     bare = replace(given, noise_ms2=None, noise_colour=())
     tried = given.f_res_hz * (1 + np.arange(-REACH, REACH + COARSE / 2, COARSE))
     averaged = _averaged(windows, rate_hz, given.f_res_hz)
-    coarse = yield from _of_each(*averaged, [replace(bare, f_res_hz=float(f_res)) for f_res in tried], STARTS)
+    coarse = yield from _likelihood_grid(*averaged, [replace(bare, f_res_hz=float(f_res)) for f_res in tried], STARTS)
     clear = np.max(coarse, axis=0) > CLEAR
     if clear.sum() < LEAST_WINDOWS:
         return None
@@ -123,8 +123,10 @@ def finding(windows: FloatArray, rate_hz: float, given: DetectorSettings) -> Gen
     if not math.isfinite(zeta_deviation):
         return None
     fine = settings.f_res_hz * (1 + FINE * np.arange(-FINE_STEPS, FINE_STEPS + 1))
-    told = yield from _of_each(windows, rate_hz, [replace(settings, f_res_hz=float(f_res)) for f_res in fine])
-    f_res, deviation = _top(told, fine)
+    log_likelihoods = yield from _likelihood_grid(
+        windows, rate_hz, [replace(settings, f_res_hz=float(f_res)) for f_res in fine]
+    )
+    f_res, deviation = _maximum(log_likelihoods, fine)
     settings = replace(settings, f_res_hz=f_res)
     if not math.isfinite(deviation) or not (yield from _is_alone(windows, rate_hz, settings)):
         return None
@@ -145,40 +147,42 @@ def _damping(
     """The settings with the likeliest damping ratio, and the standard deviation of its logarithm; those given and NaN
     where it lies at an end of what is compared."""
     tried = [replace(settings, zeta=settings.zeta * float(factor)) for factor in ZETAS]
-    told = yield from _of_each(windows, rate_hz, tried)
-    size, deviation = _top(told, np.log(ZETAS))
+    log_likelihoods = yield from _likelihood_grid(windows, rate_hz, tried)
+    size, deviation = _maximum(log_likelihoods, np.log(ZETAS))
     if not math.isfinite(deviation):
         return settings, math.nan
     return replace(settings, zeta=settings.zeta * math.exp(size)), deviation
 
 
-def _top(told: FloatArray, at: NDArray[np.floating[Any]]) -> tuple[float, float]:
+def _maximum(log_likelihoods: FloatArray, at: NDArray[np.floating[Any]]) -> tuple[float, float]:
     """Place of the largest sum of log-likelihoods, shape (P, M), at even places (P,), and its standard deviation; NaN
     where it is at an end."""
-    best = int(np.argmax(told.sum(axis=1)))
+    best = int(np.argmax(log_likelihoods.sum(axis=1)))
     if best in (0, at.size - 1):
         return math.nan, math.nan
     step = float(at[1] - at[0])
-    slope = (told[best + 1] - told[best - 1]) / (2 * step)
-    bend = float(np.sum(2 * told[best] - told[best + 1] - told[best - 1])) / step**2
+    slope = (log_likelihoods[best + 1] - log_likelihoods[best - 1]) / (2 * step)
+    bend = float(np.sum(2 * log_likelihoods[best] - log_likelihoods[best + 1] - log_likelihoods[best - 1])) / step**2
     if not bend > 0:
         return math.nan, math.nan
     return float(at[best] + np.sum(slope) / bend), math.sqrt(float(slope @ slope)) / bend
 
 
-def _of_each(
+def _likelihood_grid(
     windows: FloatArray, rate_hz: float, tried: Sequence[DetectorSettings], most_starts: int = ringdown.MOST_STARTS
 ) -> Generator[None, None, FloatArray]:
     """ln(1 + Lambda) of each window with each of the settings, shape (P, M); a round for each."""
     found = []
     for settings in tried:
         bank = ringdown.build(windows.shape[1], rate_hz, settings, most_starts)
-        found.append(_told(windows, rate_hz, settings, bank))
+        found.append(_log_likelihoods(windows, rate_hz, settings, bank))
         yield
     return np.array(found)
 
 
-def _told(windows: FloatArray, rate_hz: float, settings: DetectorSettings, bank: ringdown.Bank) -> FloatArray:
+def _log_likelihoods(
+    windows: FloatArray, rate_hz: float, settings: DetectorSettings, bank: ringdown.Bank
+) -> FloatArray:
     freedom = windows.shape[1] - bank.slow.shape[1]
     return np.asarray(freedom / 2 * np.log1p(ringdown.scores(windows, rate_hz, settings, bank) ** 2 / freedom))
 
@@ -193,7 +197,7 @@ def _is_alone(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -
     apart = APART * rate_hz / length
     tried = settings.f_res_hz * (1 + np.arange(-1.5 * REACH, 1.5 * REACH, 2 * COARSE))
     for line in tried[(np.abs(tried - settings.f_res_hz) > apart) & (tried < rate_hz / 2)]:
-        if _beside(windows, rate_hz, settings, float(line)) - whole > FOREIGN * whole:
+        if _with_line(windows, rate_hz, settings, float(line)) - whole > FOREIGN * whole:
             return False
         yield
     return True
@@ -205,18 +209,18 @@ def _new(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -> tup
     Its bank goes with the function, as it is needed once.
     """
     bank = ringdown.build(windows.shape[1], rate_hz, settings)
-    whole = float(_told(windows, rate_hz, settings, bank).sum())
+    whole = float(_log_likelihoods(windows, rate_hz, settings, bank).sum())
     first = ringdown.Family(bank.families[0].columns[:1], bank.families[0].mixes[:1])
     before = replace(bank, families=(first,), sizes=bank.sizes[:1], prior=bank.prior[:1] + math.log(bank.starts.size))
-    return whole, whole - float(_told(windows, rate_hz, settings, before).sum())
+    return whole, whole - float(_log_likelihoods(windows, rate_hz, settings, before).sum())
 
 
-def _beside(windows: FloatArray, rate_hz: float, settings: DetectorSettings, line_hz: float) -> float:
+def _with_line(windows: FloatArray, rate_hz: float, settings: DetectorSettings, line_hz: float) -> float:
     """The log-likelihood of all windows where a steady line sounds beside the rings."""
     length = windows.shape[1]
     bank = ringdown.build(length, rate_hz, settings, line_hz=line_hz)
     slow = ringdown.slow_basis(length, rate_hz, settings)
-    return float(_told(windows, rate_hz, settings, bank).sum()) + _line(windows, slow, bank.slow)
+    return float(_log_likelihoods(windows, rate_hz, settings, bank).sum()) + _line(windows, slow, bank.slow)
 
 
 def _line(windows: FloatArray, slow: FloatArray, with_line: FloatArray) -> float:

@@ -1,8 +1,8 @@
-"""Where a joint touched its flanks during one stretch, and what play, start and speed fit: generalised least squares.
+"""Contacts of a joint with its flanks during one segment, and play, start and speed by generalised least squares.
 
-Contacts are chosen and the fit is made in turn (``play_size`` has the equations).  A play that is crossed late, always
-in the same sense, looks like a servo that lags, so what is known of the servo's lag is uncertain by a share of the
-play's own size; the contacts of each window tell how much of it is the servo's.  No samples and no commands here.
+Selection of contacts and fit alternate (``play_size`` has the equations).  A play that is crossed late, always in the
+same sense, looks like a lag of the servo, so the estimated lag is uncertain by a share of the play; the contacts of
+each window show how much of it is the servo's.  No samples and no commands here.
 """
 
 from __future__ import annotations
@@ -14,36 +14,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.detector.contacts import Contacts
-from lostmotion.detector.flank import CONTACT_ACCEL, SOFTNESS, Sized
+from lostmotion.detector.flank import CONTACT_ACCEL, SOFTNESS, SizeEstimate
 from lostmotion.detector.pooling import PlaySize, unknown
 from lostmotion.detector.relative_motion import RelativeMotion
 from lostmotion.detector.servo import LagInformation
 from lostmotion.detector.window import FloatArray
 
-__all__ = ["Solved", "lag_information", "sized", "solve"]
+__all__ = ["Solved", "lag_information", "size_estimate", "solve"]
 
 LEAST_CONTACTS = 3
 FLANK, POINT, GRAIN = 0.03, 0.02, 5e-5
-"""Where on a flank a contact is: standard deviation of a whole rest and of each point, as shares of half the play, and
-least [rad]."""
+"""Standard deviations of the place of a contact on a flank: of a whole rest and of each point, as shares of half the
+play, and the least [rad]."""
 TIMING = 0.15
 """An impact's place is uncertain by so many steps of the grid times its impulse."""
 YIELD = 0.35e-3
 """Standard deviation of how far an impact presses the flanks, over its impulse [s], alike in all of a window: stops of
 200 to 800 Hz give by 0.8 to 0.1 ms, and the grid rounds the tip off.  Where a tenth of a step times the impulse was
-taken off instead, 93.0 instead of 94.6 % of the intervals held, 88.2 instead of 93.8 % below 1 mrad, and plays were
-told 10 instead of 0 % too large (120 joints of ``bench.outside``, seeds 7000 to 7119)."""
+taken off instead, 93.0 instead of 94.6 % of the intervals held, 88.2 instead of 93.8 % below 1 mrad, and plays were 10
+instead of 0 % too large (120 joints of ``bench.outside``, seeds 7000 to 7119)."""
 LATE, CROSSING = 0.003, 0.35
-"""Standard deviation of the servo's delay [s] beside that of what is known of it, and that of the angle by which a play
-that is crossed late has passed for a delay, as a share of the play: learnt from angles alone, delays of 19 joints with
-10 to 90 mrad were wrong by 0.35 plays over the gear's speed (root mean squares; ``bench.outside``, seeds 7000 to 7059).
-With 0.25, 0.35, 0.5 and 1 times the play 95.4, 95.5, 95.5 and 95.1 % of the intervals hold, 85 % of the windows above
-30 dB tell a size (60 joints of seeds 7000 to 7119 that lag or have more than 10 mrad); without it 95.3 and 85 %."""
+"""Standard deviation of the servo's delay [s] in addition to that of its estimate, and that of the angle by which a
+play that is crossed late was mistaken for a delay, as a share of the play: estimated from angles alone, delays of 19
+joints with 10 to 90 mrad were wrong by 0.35 plays over the gear's speed (root mean squares; ``bench.outside``, seeds
+7000 to 7059).  With 0.25, 0.35, 0.5 and 1 times the play 95.4, 95.5, 95.5 and 95.1 % of the intervals hold, 85 % of the
+windows above 30 dB give a size (60 joints of seeds 7000 to 7119 that lag or have more than 10 mrad); without it 95.3
+and 85 %."""
 LEAST_SHAPE, LEAST_SPEED = 1e-7, 1e-3
 """Standard deviation of the second coefficient of the lag of a servo that follows at once [s²], and speed of a gear
 that rests [rad/s]."""
 FIRST_TIMING = 0.3
-"""The same before the fit says which of three steps comes closest to the flank."""
+"""The same before the fit has found which of three steps comes closest to the flank."""
 BETWEEN, BOUND, RESTING = 14, 3.0, 0.85
 """Every so many steps without a contact D is known to be between the flanks, with a standard deviation of so many
 halves of the play: a joint rests on a flank most of the time, so points are not independent.  It is expected at 0 in
@@ -52,23 +53,23 @@ of half the play before arrival, 0.84 and 0.23 after it (20 joints of ``bench.ou
 at 0 everywhere they made plays up to 28 % too small.  With BOUND 1.5 of the intervals 90.9 % held, with 2 93.7 %, with
 3 95.7 %, without 94.6 % (52 joints, seeds 3000 to 3059, all expected at 0)."""
 THIN = 3
-"""Of rests every third step is used; the others say the same."""
+"""Of rests every third step is used; the others add no information."""
 ROUNDS = 8
 AWAY = 0.25
-"""A contact that is farther from the flank than this share of the play and three standard deviations is none."""
+"""A contact farther from the flank than this share of the play and three standard deviations is rejected."""
 BESIDE = 0.12
 """The same for the ends of rests, with two standard deviations."""
 LEAST_DRIVE = 1.0
-"""A rest ends where the command pushes less [rad/s²]."""
+"""A rest ends where the commanded acceleration is less [rad/s²]."""
 REBOUND = 1.7
 """Impulse of an impact over its speed of approach."""
 BEYOND = 0.1
-"""Share of the stretch in which the joint may seem to be beyond a flank: more, and model and data do not fit."""
+"""Largest share of the segment in which the joint may seem to be beyond a flank; above it model and data do not fit."""
 LEAST_PLAY, MOST_PLAY = 1e-4, 0.1
 """Play that scales the flanks' error [rad]."""
 LOST = 2 * math.pi
-"""Standard deviation of D from which nothing is known of the motion [rad]: commands with gaps and jumps reach 10⁴, and
-the weights of contacts, to ``GRAIN``, are then all rounding."""
+"""Standard deviation of D from which the motion is unknown [rad]: commands with gaps and jumps reach 10⁴, and the
+weights of contacts, to ``GRAIN``, are then rounding errors."""
 SIDES = (0.0, 1.0, -1.0)
 """The middle and both flanks, by the index that the sign of a place is."""
 
@@ -101,7 +102,7 @@ class Solved:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fit:
-    """start, speed and play, their covariance, what contacts tell (their place, weights and residuals)."""
+    """start, speed and play, their covariance, and the contacts' places, weights and residuals."""
 
     values: FloatArray
     covariance: FloatArray
@@ -120,15 +121,15 @@ class _Place:
     deviations: FloatArray
 
     def deviation(self, side: FloatArray) -> FloatArray:
-        """That from the flank on whose side each one is, (K,)."""
+        """Standard deviation of the distance from the flank on each one's side, (K,)."""
         return np.asarray(self.deviations[side.astype(np.intp), np.arange(side.size)])
 
 
-def solve(apart: RelativeMotion, found: Contacts) -> Solved | PlaySize:
-    """Fits and chooses contacts in turn."""
-    if np.max(np.diag(apart.covariance)[apart.known], initial=0.0) > LOST**2:
+def solve(relative: RelativeMotion, found: Contacts) -> Solved | PlaySize:
+    """Fit and selection of contacts in turn."""
+    if np.max(np.diag(relative.covariance)[relative.known], initial=0.0) > LOST**2:
         return unknown("the commands do not fit together")
-    play, step = _range(apart), float(apart.time[1] - apart.time[0])
+    play, step = _range(relative), float(relative.time[1] - relative.time[0])
     flank = np.where(found.hard, -np.sign(found.impulse), -np.sign(found.push))
     impulse = np.where(found.hard, np.abs(found.impulse), 0.0)
     arrived = _arrived(found, impulse * flank, 0.0, step)
@@ -136,26 +137,26 @@ def solve(apart: RelativeMotion, found: Contacts) -> Solved | PlaySize:
     if not touch.enough:
         return unknown("the teeth did not touch both flanks clearly")
     for turn in range(ROUNDS):
-        shown = _bounded(apart, found, touch, play)
-        fit = _fit(apart, shown, play, TIMING if turn else FIRST_TIMING)
+        points = _bounded(relative, found, touch, play)
+        fit = _fit(relative, points, play, TIMING if turn else FIRST_TIMING)
         play = fit.play
-        place = _between(apart, shown, fit)
+        place = _between(relative, points, fit)
         chosen = _chosen(found, place, fit, step, grown=turn > 0)
         if not chosen.enough:
             return unknown("contacts and command do not fit together")
         if turn > 2 and np.array_equal(chosen.at, touch.at) and np.array_equal(chosen.flank, touch.flank):
             break
         touch = chosen
-    beyond, doubt = np.abs(place.angle) - play / 2, place.deviation(np.sign(place.angle))
-    outside = (beyond > np.maximum(0.15 * play, 3 * doubt)) & apart.known
+    beyond, deviation = np.abs(place.angle) - play / 2, place.deviation(np.sign(place.angle))
+    outside = (beyond > np.maximum(0.15 * play, 3 * deviation)) & relative.known
     if np.mean(outside) > BEYOND:
         return unknown("contacts and command do not fit together")
-    return Solved(_bounded(apart, found, touch, play), play, found.push)
+    return Solved(_bounded(relative, found, touch, play), play, found.push)
 
 
-def _range(apart: RelativeMotion) -> float:
-    """How far D goes beside its mean line [rad]."""
-    time, angle = apart.time[apart.known], apart.angle[apart.known]
+def _range(relative: RelativeMotion) -> float:
+    """Range of D about its mean line [rad]."""
+    time, angle = relative.time[relative.known], relative.angle[relative.known]
     along = time - time.mean()
     return float(np.ptp(angle - along * (along @ angle) / (along @ along)))
 
@@ -166,68 +167,68 @@ def _touching(rests: NDArray[np.bool_], flank: FloatArray, impulse: FloatArray) 
     return _Touch(at, flank[at], impulse[at])
 
 
-def _bounded(apart: RelativeMotion, found: Contacts, touch: _Touch, play: float) -> _Touch:
-    """The contacts, and points of D between them, which are on no flank for sure."""
-    count = apart.time.size
-    free = apart.known & (np.arange(count) % BETWEEN == 0)
+def _bounded(relative: RelativeMotion, found: Contacts, touch: _Touch, play: float) -> _Touch:
+    """The contacts, and points of D between them, which are not certainly on a flank."""
+    count = relative.time.size
+    free = relative.known & (np.arange(count) % BETWEEN == 0)
     free[touch.at] = False
     flank, impulse = np.zeros(count), np.zeros(count)
     flank[touch.at], impulse[touch.at] = touch.flank, touch.impulse
-    arrived = _arrived(found, impulse * flank, play, float(apart.time[1] - apart.time[0]))
+    arrived = _arrived(found, impulse * flank, play, float(relative.time[1] - relative.time[0]))
     flank[free] = -RESTING * (np.sign(found.push) * arrived)[free]
     at = np.union1d(touch.at, np.flatnonzero(free))
     return _Touch(at, flank[at], impulse[at])
 
 
-def _fit(apart: RelativeMotion, touch: _Touch, play: float, timing: float) -> _Fit:
+def _fit(relative: RelativeMotion, touch: _Touch, play: float, timing: float) -> _Fit:
     """Generalised least squares of a, b and phi, the flanks' error in proportion to ``play`` [rad]."""
-    step = float(apart.time[1] - apart.time[0])
+    step = float(relative.time[1] - relative.time[0])
     half = min(max(play, LEAST_PLAY), MOST_PLAY) / 2
     run = np.cumsum(np.concatenate([[True], (np.diff(touch.at) > THIN + 1) | (np.diff(touch.flank) != 0)]))
-    lag = apart.lag[touch.at]
-    noise = apart.covariance[np.ix_(touch.at, touch.at)] + lag * _lag_variance(apart, play) @ lag.T
+    lag = relative.lag[touch.at]
+    noise = relative.covariance[np.ix_(touch.at, touch.at)] + lag * _lag_variance(relative, play) @ lag.T
     noise += (run[:, None] == run) * (FLANK * half) ** 2
     own = np.where(np.abs(touch.flank) < 1, BOUND, POINT) * half
     pressed = YIELD * touch.flank * touch.impulse
     noise += pressed[:, None] * pressed
     noise[np.diag_indices_from(noise)] += own**2 + GRAIN**2 + (timing * step * touch.impulse) ** 2
     weight = np.asarray(np.linalg.inv(noise), np.float64)
-    observed = apart.angle[touch.at]
-    values, covariance, left = _least(_design(apart, touch), weight, observed)
+    observed = relative.angle[touch.at]
+    values, covariance, left = _least(_design(relative, touch), weight, observed)
     # A play that is lost in its uncertainty must not make the search for contacts narrow.
     return _Fit(values, covariance, weight, observed, left,
                 max(float(values[2]), 2 * math.sqrt(covariance[2, 2]), LEAST_PLAY))  # fmt: skip
 
 
-def _lag_variance(apart: RelativeMotion, play: float) -> FloatArray:
+def _lag_variance(relative: RelativeMotion, play: float) -> FloatArray:
     """Of the errors of the lag's delay [s²] and second coefficient [s^4], (2,), if the play is of that size [rad]."""
-    return np.array([LATE**2 + _crossing(apart, play) ** 2, max(apart.shape, LEAST_SHAPE) ** 2])
+    return np.array([LATE**2 + _crossing(relative, play) ** 2, max(relative.shape, LEAST_SHAPE) ** 2])
 
 
-def _crossing(apart: RelativeMotion, play: float) -> float:
-    """Standard deviation of the delay [s] for which crossings of the play have passed."""
-    speed = float(np.std(apart.lag[apart.known, 0]))
-    return CROSSING * play / max(speed, LEAST_SPEED) if apart.servo_is_learnt else 0.0
+def _crossing(relative: RelativeMotion, play: float) -> float:
+    """Standard deviation of the delay [s] for which crossings of the play were mistaken."""
+    speed = float(np.std(relative.lag[relative.known, 0]))
+    return CROSSING * play / max(speed, LEAST_SPEED) if relative.servo_is_learnt else 0.0
 
 
-def lag_information(apart: RelativeMotion, solution: Solved) -> LagInformation:
-    """What the contacts tell of the errors of the servo's lag; it counts where the play may have passed for one."""
+def lag_information(relative: RelativeMotion, solution: Solved) -> LagInformation:
+    """The contacts' information on the errors of the servo's lag, weighted by how much of them may be play."""
     touch = solution.touch
-    fit = _fit(apart, touch, solution.play, TIMING)
-    lag = apart.lag[touch.at]
+    fit = _fit(relative, touch, solution.play, TIMING)
+    lag = relative.lag[touch.at]
     weighted = lag.T @ fit.weight
-    line = weighted @ _design(apart, touch)
-    crossing = _crossing(apart, solution.play) ** 2
+    line = weighted @ _design(relative, touch)
+    crossing = _crossing(relative, solution.play) ** 2
     return LagInformation(
         weighted @ fit.left,
         weighted @ lag - line @ fit.covariance @ line.T,
-        _lag_variance(apart, solution.play),
+        _lag_variance(relative, solution.play),
         crossing / (crossing + LATE**2),
     )
 
 
-def _design(apart: RelativeMotion, touch: _Touch) -> FloatArray:
-    return np.column_stack([np.ones(touch.at.size), apart.time[touch.at], touch.flank / 2])
+def _design(relative: RelativeMotion, touch: _Touch) -> FloatArray:
+    return np.column_stack([np.ones(touch.at.size), relative.time[touch.at], touch.flank / 2])
 
 
 def _least(design: FloatArray, weight: FloatArray, observed: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -238,14 +239,14 @@ def _least(design: FloatArray, weight: FloatArray, observed: FloatArray) -> tupl
     return values, covariance, observed - (design @ values[..., None])[..., 0]
 
 
-def _between(apart: RelativeMotion, touch: _Touch, fit: _Fit) -> _Place:
+def _between(relative: RelativeMotion, touch: _Touch, fit: _Fit) -> _Place:
     """D at all times given the contacts (kriging)."""
-    lag = apart.lag * _lag_variance(apart, fit.play)
-    shared = apart.covariance[:, touch.at] + lag @ apart.lag[touch.at].T
+    lag = relative.lag * _lag_variance(relative, fit.play)
+    shared = relative.covariance[:, touch.at] + lag @ relative.lag[touch.at].T
     gain = shared @ fit.weight
-    angle = apart.angle - fit.values[0] - fit.values[1] * apart.time - gain @ fit.left
-    variance = np.diag(apart.covariance) + np.sum(lag * apart.lag, axis=1) - np.sum(gain * shared, axis=1)
-    rows = np.column_stack([np.ones(angle.size), apart.time, np.zeros(angle.size)]) - gain @ _design(apart, touch)
+    angle = relative.angle - fit.values[0] - fit.values[1] * relative.time - gain @ fit.left
+    variance = np.diag(relative.covariance) + np.sum(lag * relative.lag, axis=1) - np.sum(gain * shared, axis=1)
+    rows = np.column_stack([np.ones(angle.size), relative.time, np.zeros(angle.size)]) - gain @ _design(relative, touch)
     variance = variance + np.sum((rows @ fit.covariance) * rows, axis=1)
     sides = np.array(SIDES)[:, None]
     variance = variance + sides * (rows @ fit.covariance[:, 2]) + sides**2 * (fit.covariance[2, 2] / 4)
@@ -253,7 +254,8 @@ def _between(apart: RelativeMotion, touch: _Touch, fit: _Fit) -> _Place:
 
 
 def _chosen(found: Contacts, place: _Place, fit: _Fit, step: float, grown: bool) -> _Touch:
-    """The contacts that a place between the flanks allows; grown: rests reach as far as the command pushes."""
+    """The contacts that agree with the place between the flanks; grown: rests last as long as the command
+    accelerates."""
     play, half, pushed = fit.play, max(float(fit.values[2]), 0.0) / 2, -np.sign(found.push)
     side = np.where(np.abs(place.angle) > 2 * place.deviations[0], np.sign(place.angle), pushed)
     off, deviation = np.abs(side * place.angle - half), place.deviation(side)
@@ -277,8 +279,8 @@ def _chosen(found: Contacts, place: _Place, fit: _Fit, step: float, grown: bool)
 
 
 def _arrived(found: Contacts, blows: FloatArray, play: float, step: float) -> NDArray[np.bool_]:
-    """Where the joint may rest on the flank to which the command pushes it: since it struck there, or, where no impact
-    is heard, since a joint that the command leaves behind would have flown that play [rad].
+    """Where the joint may rest on the flank to which the command pushes it: since its impact there, or, without an
+    impact, since a joint in free flight would have crossed that play [rad].
 
     blows: impulses [rad/s] by step of the grid, with the sign of the flank.
 
@@ -297,14 +299,14 @@ def _arrived(found: Contacts, blows: FloatArray, play: float, step: float) -> ND
     return np.asarray(np.where(struck_at < turn.size, np.arange(turn.size) >= struck_at, flown))
 
 
-def sized(apart: RelativeMotion, solution: Solved) -> Sized:
+def size_estimate(relative: RelativeMotion, solution: Solved) -> SizeEstimate:
     """The play for each softness of the flanks, all with the same weights so that they can be compared."""
     touch = solution.touch
-    fit = _fit(apart, touch, solution.play, TIMING)
-    step = float(apart.time[1] - apart.time[0])
+    fit = _fit(relative, touch, solution.play, TIMING)
+    step = float(relative.time[1] - relative.time[0])
     pushed = np.maximum(np.abs(solution.push[touch.at]), 1.0)
     softness, size = SOFTNESS[:, None], np.full((SOFTNESS.size, 1), fit.play)
-    design = np.repeat(_design(apart, touch)[None], SOFTNESS.size, axis=0)
+    design = np.repeat(_design(relative, touch)[None], SOFTNESS.size, axis=0)
     yielded = design[0, :, 2].copy()
     for _ in range(2):
         # An impact's force lasts as long as it takes to stop on the flank, (n + 1) v² / (X phi) of eq. 1, and at its
@@ -317,4 +319,4 @@ def sized(apart: RelativeMotion, solution: Solved) -> Sized:
         values, covariance, left = _least(design, fit.weight, fit.observed)
         deviation = np.sqrt(covariance[:, 2, 2])
         size = np.maximum(np.maximum(values[:, 2], deviation), LEAST_PLAY)[:, None]
-    return Sized(values[:, 2], deviation, -np.sum((left @ fit.weight) * left, axis=1) / 2)
+    return SizeEstimate(values[:, 2], deviation, -np.sum((left @ fit.weight) * left, axis=1) / 2)

@@ -1,9 +1,9 @@
-"""Where in a stretch a joint may touch the flanks of its teeth: impacts, and rests during which it is pushed along.
+"""Possible contacts of a joint with the flanks of its teeth: impacts, and rests, in which the flank pushes the joint.
 
-Both show in the joint's acceleration alone, without the play.  An impact is an impulse that is larger than the push of
-the command; the bar's reaction on the joint makes impulses too, but their sum over a period of the bar vanishes.  A
-rest is a row of steps in which the joint's acceleration, averaged over a period of the bar, is that of the command, and
-clearly not zero: a joint in free flight has none.
+Both are found from the joint's acceleration alone; the play need not be known.  An impact is an impulse larger than
+that of the command's acceleration; the bar's reaction on the joint makes impulses too, but their sum over a period of
+the bar vanishes.  A rest is a run of steps in which the joint's acceleration, averaged over a period of the bar, is
+that of the command and clearly not zero: in free flight it is zero.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ PERIOD = round(1 / STEP)
 LEAST_IMPULSE, SIGNIFICANT = 0.02, 6.0
 """An impact changes the speed by so much [rad/s] within three steps, and stands out by so many standard deviations."""
 FRICTION = 2.0
-"""Friction may accelerate a joint in flight by so much [rad/s²]."""
+"""Largest acceleration of a joint in flight by friction [rad/s²]."""
 ABOVE_PUSH, CLEARLY_ABOVE = 1.2, 1.5
-"""An impact is so many times what the command's own acceleration does in three steps; with the latter it surely is."""
+"""Least ratio of an impact to the impulse of the command's acceleration in three steps; the latter of a sure one."""
 OF_LARGEST, CLEARLY_LARGE = 0.35, 0.6
-"""Share of the largest impulse of the two periods before: smaller ones may be the bar's answer to it."""
+"""Share of the largest impulse of the two periods before: smaller ones may be the bar's reaction to it."""
 SUM_KEPT = 0.6
 """Share of an impact that its sum over a period keeps at least; the bar's reaction cancels."""
 LEAST_PUSH = 5.0
@@ -55,9 +55,9 @@ class Contacts:
     push: FloatArray
 
 
-def contacts(undone: Inverse, impulses: FloatArray, commanded: FloatArray, known: Mask) -> Contacts:
-    """What may be contacts; commanded: acceleration [rad/s²] at the grid's times, known: where there is one."""
-    count, step = impulses.size, undone.step
+def contacts(inverse: Inverse, impulses: FloatArray, commanded: FloatArray, known: Mask) -> Contacts:
+    """Possible contacts; commanded: acceleration [rad/s²] at the grid's times, known: where there is one."""
+    count, step = impulses.size, inverse.step
     inner = known.copy()
     inner[: PERIOD // 2] = inner[count - PERIOD // 2 :] = False
     moved, push = averaged(impulses) / step, averaged(commanded)
@@ -65,13 +65,13 @@ def contacts(undone: Inverse, impulses: FloatArray, commanded: FloatArray, known
     size, driven = np.abs(impulse), 3 * step * (np.abs(push) + FRICTION)
     largest = size >= _highest(size, 3, 3)
     answer = _highest(size, 2 * PERIOD, 0)
-    impacts = inner & largest & (size > LEAST_IMPULSE) & (size > SIGNIFICANT * undone.deviation)
+    impacts = inner & largest & (size > LEAST_IMPULSE) & (size > SIGNIFICANT * inverse.deviation)
     impacts &= (PERIOD * step * moved * np.sign(impulse) > SUM_KEPT * size) & (size > ABOVE_PUSH * driven)
     impacts &= size > OF_LARGEST * answer
     hard = impacts & (size > CLEARLY_LARGE * answer) & (size > CLEARLY_ABOVE * driven)
     beside = np.abs(impulse - 3 * step * push)
-    jolts = beside > np.maximum(5 * undone.deviation, JOLT * 3 * step * np.abs(push))
-    deviation = undone.slow_deviation
+    jolts = beside > np.maximum(5 * inverse.deviation, JOLT * 3 * step * np.abs(push))
+    deviation = inverse.slow_deviation
     rests = inner & (np.abs(moved - push) < SAME * np.abs(push) + 1.5 * deviation) & ~_near(jolts, CLOSE)
     rests = _runs(rests & (np.abs(push) > np.maximum(6 * deviation, LEAST_PUSH)), LEAST_RUN)
     loose = inner & (np.abs(moved - push) < 2.5 * np.hypot(deviation, NOISE_OF_COMMAND))
@@ -84,7 +84,7 @@ def averaged(values: FloatArray) -> FloatArray:
 
 
 def _highest(values: FloatArray, before: int, after: int) -> FloatArray:
-    """The largest of the values from so many before to so many after each."""
+    """Running maximum, over so many values before and after each."""
     padded = np.pad(values, (before, after))
     return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, before + after + 1).max(axis=1))
 
@@ -94,6 +94,6 @@ def _near(mask: Mask, reach: int) -> Mask:
 
 
 def _runs(mask: Mask, least: int) -> Mask:
-    """Where at least so many in a row hold."""
+    """The runs of at least so many true values."""
     row = np.cumsum(np.concatenate([[True], mask[1:] != mask[:-1]]))
     return np.asarray(mask & (np.bincount(row)[row] >= least))

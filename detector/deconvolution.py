@@ -1,4 +1,4 @@
-"""What struck the joint, from what the accelerometer at the bar's tip tells: eq. 7 turned round.  No commands here."""
+"""Impulses on the joint from the acceleration of the bar's tip: the inverse of eq. 7.  No commands here."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ STEP = 0.145
 IMPULSE = 0.1
 """Usual change of the joint's speed in a step of the grid [rad/s]."""
 AT_ONCE = 64
-"""Samples for which a gain is formed at once: that of 850 with all that it is made of takes 15 MB for a moment."""
+"""Samples for which a gain is formed at once: that of 850 with its intermediate results takes 15 MB for a moment."""
 MOST_KEPT = 8
-"""So many inverses are kept: of each sensor, and of each step of its noise.  One takes 2.1 MB for 0.85 s at 1 kHz, its
-answer to a wrong resonance 1.2 MB, its edges 1.2 MB."""
+"""Inverses that are cached: of each sensor, and of each step of its noise.  One takes 2.1 MB for 0.85 s at 1 kHz, its
+response to a wrong resonance 1.2 MB, its edges 1.2 MB."""
 OCTAVE = 4
 """Steps of a calibrated or learnt noise within a factor of two: 9 % of its size, less than it differs between windows
-(FREEDOM of ``background``).  Each noise that is learnt anew would otherwise have inverses of its own."""
+(FREEDOM of ``background``).  Without steps, each noise that is learnt would need another inverse."""
 LEAST_WIDTH, SAMPLES_WIDE = 3, 3.0
-"""As long as the inverse makes an impulse: steps of the grid at least, and samples."""
+"""Width of an impulse in the inverse: least steps of the grid, and samples."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Inverse:
     """Impulses at times (K,) from accelerations (N,): gain (K, N), and deviation (K,) of the sum of three neighbours;
-    doubt (K, K): covariance of the angles that they make; slow_deviation (K,): that of the acceleration [rad/s²]
-    averaged over a period of the bar."""
+    angle_covariance (K, K): of their second integral; slow_deviation (K,): that of the acceleration [rad/s²] averaged
+    over a period of the bar."""
 
     times: FloatArray
     gain: NDArray[np.float32]
     deviation: FloatArray
-    doubt: FloatArray
+    angle_covariance: FloatArray
     slow_deviation: FloatArray
 
     @property
@@ -49,14 +49,14 @@ class Inverse:
         return float(self.times[1] - self.times[0])
 
     def impulses(self, accel: FloatArray) -> FloatArray:
-        """Changes of the joint's speed [rad/s] that accelerations [m/s²] tell, (K,)."""
+        """Changes of the joint's speed [rad/s] from accelerations [m/s²], (K,)."""
         return np.asarray(self.gain @ accel.astype(np.float32), np.float64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Edges:
-    """What stands out of a smooth motion at times (K,): what ``width`` neighbouring impulses have more than the mean of
-    as many before and after, in gain (K, N) from accelerations (N,), and its standard deviation (K,)."""
+    """Deviations from a smooth motion at times (K,): the sum of ``width`` neighbouring impulses minus the mean of those
+    of as many before and after, by gain (K, N) from accelerations (N,), and its standard deviation (K,)."""
 
     times: FloatArray
     width: int
@@ -64,7 +64,7 @@ class Edges:
     deviation: FloatArray
 
     def impulses(self, accel: FloatArray) -> FloatArray:
-        """What stands out in accelerations [m/s²], (K,) [rad/s]."""
+        """The deviations (K,) [rad/s] from accelerations [m/s²]."""
         return np.asarray(self.gain @ accel.astype(np.float32), np.float64)
 
 
@@ -101,12 +101,12 @@ class _Posterior:
         return self.covariance[: self.times.size, : self.times.size]
 
     def gain(self, samples: slice) -> FloatArray:
-        """What accelerations at these samples tell of the impulses, (K, n)."""
+        """The impulses' gain from accelerations at these samples, (K, n)."""
         response = _responses(self.at[samples], self.times, self.settings)
         return np.asarray(self.covariance[: self.times.size] @ response.T / self.noise**2)
 
     def mapped(self, change: Callable[[slice], FloatArray]) -> NDArray[np.float32]:
-        """What ``change`` makes of each part of the samples, (K, N)."""
+        """``change`` of each part of the samples, joined, (K, N)."""
         out = np.empty((self.times.size, self.at.size), np.float32)
         for i in range(0, self.at.size, AT_ONCE):
             out[:, i : i + AT_ONCE] = change(slice(i, i + AT_ONCE))
@@ -114,8 +114,8 @@ class _Posterior:
 
 
 def noise_of(accel: FloatArray, settings: DetectorSettings) -> float:
-    """The sensor's noise [m/s²]: calibrated or learnt, or from fourth differences, in steps, so that few are
-    prepared."""
+    """The sensor's noise [m/s²]: calibrated or learnt, or from fourth differences; rounded, so that few inverses are
+    needed."""
     if settings.noise_ms2 is not None:
         return float(2.0 ** (round(OCTAVE * math.log2(settings.noise_ms2)) / OCTAVE))
     middle = (accel.size - 4) // 2
@@ -124,7 +124,7 @@ def noise_of(accel: FloatArray, settings: DetectorSettings) -> float:
 
 
 def _bar(settings: DetectorSettings) -> DetectorSettings:
-    """Only what the inverses depend on."""
+    """Only the settings that the inverses depend on."""
     return DetectorSettings(settings.f_res_hz, settings.zeta, length_m=settings.length_m)
 
 
@@ -135,12 +135,18 @@ def inverse(length: int, rate_hz: float, noise: float, settings: DetectorSetting
 
 @lru_cache(maxsize=MOST_KEPT)
 def _inverse(length: int, rate_hz: float, noise: float, settings: DetectorSettings) -> Inverse:
-    told = _Posterior.of(length, rate_hz, noise, settings)
-    index, period = np.arange(told.times.size), round(1 / STEP)
-    slow = (np.abs(index[:, None] - index) <= period // 2) / (period * told.step)
+    posterior = _Posterior.of(length, rate_hz, noise, settings)
+    index, period = np.arange(posterior.times.size), round(1 / STEP)
+    slow = (np.abs(index[:, None] - index) <= period // 2) / (period * posterior.step)
     sums = (np.abs(index[:, None] - index) <= 1).astype(np.float64)
-    doubt = np.ascontiguousarray(integrated(integrated(told.own, told.step).T, told.step).T)
-    return Inverse(told.times, told.mapped(told.gain), _deviation(sums, told.own), doubt, _deviation(slow, told.own))
+    angle_covariance = np.ascontiguousarray(integrated(integrated(posterior.own, posterior.step).T, posterior.step).T)
+    return Inverse(
+        posterior.times,
+        posterior.mapped(posterior.gain),
+        _deviation(sums, posterior.own),
+        angle_covariance,
+        _deviation(slow, posterior.own),
+    )
 
 
 def integrated(impulses: FloatArray, step: float) -> FloatArray:
@@ -153,7 +159,7 @@ def integrated(impulses: FloatArray, step: float) -> FloatArray:
 def mistuned(
     length: int, rate_hz: float, noise: float, settings: DetectorSettings, share: float
 ) -> NDArray[np.float32]:
-    """What a resonance set wrong by that share adds to the angles that accelerations (N,) give, shape (K, N)."""
+    """Gain from accelerations (N,) to the error of the angles by a resonance wrong by that share, shape (K, N)."""
     return _mistuned(length, rate_hz, noise, _bar(settings), share)
 
 
@@ -181,13 +187,13 @@ def edges(length: int, rate_hz: float, noise: float, settings: DetectorSettings)
 
 @lru_cache(maxsize=MOST_KEPT)
 def _edges(length: int, rate_hz: float, noise: float, settings: DetectorSettings) -> Edges:
-    told = _Posterior.of(length, rate_hz, noise, settings)
-    width = 2 * math.ceil((max(SAMPLES_WIDE / rate_hz / told.step, LEAST_WIDTH) - 1) / 2) + 1
-    index = np.arange(told.times.size)
+    posterior = _Posterior.of(length, rate_hz, noise, settings)
+    width = 2 * math.ceil((max(SAMPLES_WIDE / rate_hz / posterior.step, LEAST_WIDTH) - 1) / 2) + 1
+    index = np.arange(posterior.times.size)
     wide = (np.abs(index[:, None] - index) <= width // 2).astype(np.float64)
     sharp = wide - (np.roll(wide, width, axis=0) + np.roll(wide, -width, axis=0)) / 2
-    gain = told.mapped(lambda samples: sharp @ told.gain(samples))
-    return Edges(told.times, width, gain, _deviation(sharp, told.own))
+    gain = posterior.mapped(lambda samples: sharp @ posterior.gain(samples))
+    return Edges(posterior.times, width, gain, _deviation(sharp, posterior.own))
 
 
 def _deviation(rows: FloatArray, covariance: FloatArray) -> FloatArray:

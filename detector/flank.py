@@ -1,8 +1,8 @@
-"""How the flanks of a joint's teeth give way under load, learnt from many windows.  No samples, no commands here.
+"""The elasticity of a joint's tooth flanks under load, estimated from many windows.  No samples, no commands here.
 
-Eq. 1 lets the flank yield: under the acceleration a of the joint its teeth are X = (|a| / A)^(1/n) of half the play
+In eq. 1 the flank is elastic: under the acceleration a of the joint its teeth are X = (|a| / A)^(1/n) of half the play
 away from the middle.  Hard teeth have 1/n = 0.  Equation 1 stays the same when the play is multiplied by c and beta by
-c^n, so motion alone tells n and the play times A^(-1/n), never the play of soft teeth itself.  A = beta R2 / J2 is
+c^n, so motion alone determines n and the play times A^(-1/n), not the play of soft teeth itself.  A = beta R2 / J2 is
 therefore uncertain, from a hundredth to thirty times the model's value, unless the settings give it.
 """
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from lostmotion.detector.window import DetectorSettings, FloatArray
 
-__all__ = ["CONTACT_ACCEL", "SOFTNESS", "FlankLaw", "Sized", "law_of"]
+__all__ = ["CONTACT_ACCEL", "SOFTNESS", "FlankLaw", "SizeEstimate", "law_of"]
 
 SOFTNESS = np.array([0.0, 0.02, 0.04, 0.065, 1 / 11, 0.12, 0.16, 0.2])
 """Values of 1/n that are compared: from hard teeth to n = 5."""
@@ -23,18 +23,19 @@ CONTACT_ACCEL = 1000.0
 """A of the model [rad/s²]: beta R2 / J2 = 20 N * 10 mm / 2e-4 kg m²."""
 DECADES = (-2.0, 1.5)
 """A lies between so many decades below and above that: a gear stiffer or lighter than the model's, or one whose teeth
-give like springs, so that the play is the gap under the loads of the motion itself.  With one decade above, of a tenth
-of the model's inertia and 80 um, at that very edge, 88 % of the intervals held (seed 8231); with 1.5 94.1 %, with two
-95.9 % (seeds 8220 and 8222), but hard stops of 30 um were then told 21 % too large instead of less than 20 %."""
+are springs, so that the play is the gap under the loads of the motion itself.  With one decade above, of a tenth of the
+model's inertia and 80 um, at that very edge, 88 % of the intervals held (seed 8231); with 1.5 94.1 %, with two 95.9 %
+(seeds 8220 and 8222), but hard stops of 30 um were then estimated 21 % too large instead of less than 20 %."""
 MEMORY = 0.998
-"""Weight of what earlier windows told of 1/n after each window: teeth change as they wear, over some 500 windows."""
+"""Weight of earlier windows in the estimate of 1/n after each window: teeth change as they wear, over some 500
+windows."""
 PLACES = 7
-"""So many values of A are averaged over."""
+"""Number of values of A that are averaged over."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sized:
-    """What one window tells for each value of SOFTNESS: play [rad], its standard deviation, log-likelihood; (S,)."""
+class SizeEstimate:
+    """The estimate from one window for each value of SOFTNESS: play [rad], standard deviation, log-likelihood; (S,)."""
 
     play: FloatArray
     deviation: FloatArray
@@ -56,28 +57,28 @@ class FlankLaw:
 
     @property
     def is_learnt(self) -> bool:
-        """Whether windows may tell it: not where the settings fix it."""
+        """Whether it is estimated from windows: not where the settings fix it."""
         return -math.inf not in self.likelihood
 
     @property
     def softness(self) -> tuple[float, float, float]:
-        """Median of 1/n and the ends of its 95 % interval, as far as SOFTNESS is fine."""
+        """Median of 1/n and the ends of its 95 % interval, to the resolution of SOFTNESS."""
         below = np.cumsum(self.weights)
         low, middle, high = (float(SOFTNESS[int(np.searchsorted(below, share))]) for share in (0.025, 0.5, 0.975))
         return middle, low, high
 
-    def updated(self, told: Sized) -> FlankLaw:
-        """The law after one more window; a law that the settings fix stays what it is."""
+    def updated(self, estimate: SizeEstimate) -> FlankLaw:
+        """The law after one more window; unchanged where the settings fix it."""
         if not self.is_learnt:
             return self
-        gained = MEMORY * np.array(self.likelihood) + told.likelihood - np.max(told.likelihood)
+        gained = MEMORY * np.array(self.likelihood) + estimate.likelihood - np.max(estimate.likelihood)
         return FlankLaw(tuple((gained - np.max(gained)).tolist()), self.decades)
 
-    def interval(self, told: Sized, z: float) -> tuple[float, float, float]:
-        """Median, low and high end of the play [rad] under this law, which is not negative, the interval that of ± z of
-        a normal value."""
+    def interval(self, estimate: SizeEstimate, z: float) -> tuple[float, float, float]:
+        """Median, low and high end of the play [rad] under this law, truncated at 0; the interval has the probability
+        of ± z standard deviations of a normal value."""
         factor = 10.0 ** (SOFTNESS[:, None] * np.linspace(*self.decades, PLACES))
-        means, spreads = told.play[:, None] * factor, told.deviation[:, None] * factor
+        means, spreads = estimate.play[:, None] * factor, estimate.deviation[:, None] * factor
         values = np.linspace(float(np.min(means - 4 * spreads)), float(np.max(means + 4 * spreads)), 200)
         below = np.sum(self.weights[:, None] / PLACES * _normal((values[:, None, None] - means) / spreads), axis=(1, 2))
         share = math.erf(z / math.sqrt(2)) / 2
@@ -88,7 +89,7 @@ class FlankLaw:
 
 
 def law_of(settings: DetectorSettings) -> FlankLaw:
-    """What is known of the flanks before the first window."""
+    """The law before the first window."""
     decades, likelihood = DECADES, (0.0,) * SOFTNESS.size
     if settings.contact_accel is not None:
         decades = (math.log10(settings.contact_accel / CONTACT_ACCEL),) * 2

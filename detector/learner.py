@@ -21,14 +21,14 @@ DUE = (20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000)
 """After so many windows the noise is learnt again, then every 10 000: an hour of motion or two."""
 BLOCK = 100
 """Windows of each time, taken evenly from all since the last one."""
-LOOK = 500
+CHECK = 500
 """After so many windows the noise is compared with the one that is known."""
 MOVED = 1.3
 """A noise that is so many times as loud as it was, or as quiet, is learnt at once."""
-BAR_LOOK = 2000
+BAR_CHECK = 2000
 """After so many windows resonance and damping are looked at again, and until a look has found what is known also
 whenever the noise is due but the first time: looks of the first ten minutes were 28 % of the main thread's work."""
-TOLD_HZ, TOLD_ZETA = 0.02, 0.3
+REPORT_HZ, REPORT_ZETA = 0.02, 0.3
 """Shares by which resonance or damping have to have moved to be told."""
 ROUNDS, FIRST_ROUNDS = 1, 3
 """Rounds of ``background.learning`` that are done with each window that is heard, so that no window waits long for
@@ -86,7 +86,7 @@ def settled(windows: Iterable[FloatArray], rate_hz: float, settings: DetectorSet
     learner: Learner | None = None
     for accel in windows if is_learning(settings) else ():
         learner = learner or Learner(given, rate_hz, accel.size)
-        learner.hear(accel)
+        learner.update(accel)
     if learner is None:
         return settings
     learner.finish()
@@ -109,24 +109,24 @@ class Learner:
         self.seen = 0
         self.rate_hz = rate_hz
         self._length = length
-        self._usual = math.nan
+        self._usual_power = math.nan
         self._work: Generator[None, None, Change | BarChange | None] | None = None
         self._bar_due = DUE[1]
-        self._told = (settings.f_res_hz, settings.zeta)
+        self._reported = (settings.f_res_hz, settings.zeta)
         self._begin_block()
 
     def resume(self, background: Background | None, seen: int, bar: Bar | None = None) -> None:
         """Goes on from what an earlier run has learnt of windows of the same bar, rate and length."""
         if background is None or background.length == self._length:
             self.bar = bar if self.given.follow_bar else None
-            self._use(used(self.bar, self.given))
+            self._set_settings(used(self.bar, self.given))
             if background is not None:
-                self._take(background)
-            self._told = (self.settings.f_res_hz, self.settings.zeta)
+                self._set_background(background)
+            self._reported = (self.settings.f_res_hz, self.settings.zeta)
             self.seen = seen
             self._begin_block()
 
-    def hear(self, accel: FloatArray) -> Change | BarChange | None:
+    def update(self, accel: FloatArray) -> Change | BarChange | None:
         """Takes the tip acceleration [m/s²] of a window, shape (N,); what has changed, if anything."""
         there = np.isfinite(accel)
         if accel.size != self._length or there.sum() < LEAST_SHARE * accel.size or np.ptp(accel[there]) == 0:
@@ -134,7 +134,7 @@ class Learner:
         self.seen += 1
         if self.seen % self._stride == 0 and len(self._block) < BLOCK:
             self._block.append(ringdown.filled(accel, self.rate_hz, self.settings).astype(np.float32))
-        change = self._go_on(ROUNDS if self.background else FIRST_ROUNDS)
+        change = self._advance(ROUNDS if self.background else FIRST_ROUNDS)
         if self.seen >= self._next and len(self._block) >= LEAST_WINDOWS and self._work is None:
             self._work = self._learn(np.array(self._block, dtype=float), self.seen >= self._due)
             self._begin_block()
@@ -142,9 +142,9 @@ class Learner:
 
     def finish(self) -> Change | BarChange | None:
         """Does what is left of the learning that has begun; what has changed, if anything."""
-        return self._go_on(None)
+        return self._advance(None)
 
-    def _go_on(self, rounds: int | None) -> Change | BarChange | None:
+    def _advance(self, rounds: int | None) -> Change | BarChange | None:
         """So many more rounds, None for all."""
         while self._work is not None and rounds != 0:
             rounds = rounds and rounds - 1
@@ -159,8 +159,8 @@ class Learner:
     def _learn(self, windows: FloatArray, is_due: bool) -> Generator[None, None, Change | BarChange | None]:
         before = self.settings
         if self.given.follow_bar and self.seen >= self._bar_due:
-            self._bar_due = min(self._due, self.seen + BAR_LOOK)
-            yield from self._look_at_bar(windows)
+            self._bar_due = min(self._due, self.seen + BAR_CHECK)
+            yield from self._update_bar(windows)
         has_moved = (self.settings.f_res_hz, self.settings.zeta) != (before.f_res_hz, before.zeta)
         if not is_due and not has_moved and self._is_usual(windows):
             return None
@@ -173,35 +173,35 @@ class Learner:
             pooled, is_other = followed(known, found)
             if change is None and (is_other or self.background is None):
                 change = self._change(self.background, pooled)
-            self._take(pooled)
+            self._set_background(pooled)
         elif has_moved:
             self.background = None
-            self._use(used(self.bar, self.given))
-        self._usual = self._leftover(windows)
+            self._set_settings(used(self.bar, self.given))
+        self._usual_power = self._leftover(windows)
         return change
 
-    def _look_at_bar(self, windows: FloatArray) -> Generator[None, None, None]:
+    def _update_bar(self, windows: FloatArray) -> Generator[None, None, None]:
         found = yield from finding(windows, self.rate_hz, self.given)
         if found is not None:
             if agrees(self.bar, found, self.given):
-                self._bar_due = self.seen + BAR_LOOK
+                self._bar_due = self.seen + BAR_CHECK
             self.bar = moved(self.bar, found, self.given)
             bare = used(self.bar, self.given)
-            self._use(replace(self.settings, f_res_hz=bare.f_res_hz, zeta=bare.zeta))
+            self._set_settings(replace(self.settings, f_res_hz=bare.f_res_hz, zeta=bare.zeta))
 
     def _change_of_bar(self) -> BarChange | None:
         f_res, zeta = self.settings.f_res_hz, self.settings.zeta
-        if abs(f_res / self._told[0] - 1) < TOLD_HZ and abs(zeta / self._told[1] - 1) < TOLD_ZETA:
+        if abs(f_res / self._reported[0] - 1) < REPORT_HZ and abs(zeta / self._reported[1] - 1) < REPORT_ZETA:
             return None
-        change = BarChange(self._told, (f_res, zeta))
-        self._told = (f_res, zeta)
+        change = BarChange(self._reported, (f_res, zeta))
+        self._reported = (f_res, zeta)
         return change
 
-    def _take(self, background: Background) -> None:
+    def _set_background(self, background: Background) -> None:
         self.background = background
-        self._use(applied(background, used(self.bar, self.given)))
+        self._set_settings(applied(background, used(self.bar, self.given)))
 
-    def _use(self, settings: DetectorSettings) -> None:
+    def _set_settings(self, settings: DetectorSettings) -> None:
         """Scores by these from now on."""
         if settings != self.settings:
             ringdown.forget(self._length, self.rate_hz, self.settings)
@@ -210,16 +210,16 @@ class Learner:
     def _begin_block(self) -> None:
         """The next windows to learn from: evenly from now until it is next looked at."""
         self._due = next((due for due in DUE if due > self.seen), (self.seen // DUE[-1] + 1) * DUE[-1])
-        self._next = min(self._due, self.seen + LOOK)
+        self._next = min(self._due, self.seen + CHECK)
         self._stride = max((self._next - self.seen) // BLOCK, 1)
         self._block: list[np.ndarray[tuple[int], np.dtype[np.float32]]] = []
 
     def _is_usual(self, windows: FloatArray) -> bool:
         """Whether what neither motion nor rings explain is about as loud as when the noise was last learnt."""
         now = self._leftover(windows)
-        if math.isnan(self._usual):
-            self._usual = now
-        return 1 / MOVED < now / self._usual < MOVED
+        if math.isnan(self._usual_power):
+            self._usual_power = now
+        return 1 / MOVED < now / self._usual_power < MOVED
 
     def _leftover(self, windows: FloatArray) -> float:
         return ringdown.leftover(windows, self.rate_hz, self.settings)
@@ -227,6 +227,6 @@ class Learner:
     def _change(self, before: Background | None, after: Background) -> Change:
         if before is None:
             return Change(math.nan, after.deviation, math.nan)
-        apart = np.abs(spectrum(after.noise, POINTS) - spectrum(before.noise, POINTS))
-        near_hz = float(np.argmax(apart)) / POINTS * self.rate_hz / 2
+        difference = np.abs(spectrum(after.noise, POINTS) - spectrum(before.noise, POINTS))
+        near_hz = float(np.argmax(difference)) / POINTS * self.rate_hz / 2
         return Change(before.deviation, after.deviation, near_hz)

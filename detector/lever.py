@@ -27,7 +27,7 @@ KERNEL_S = 0.24
 LAGS_S = (-0.04, -0.03, -0.02, -0.01, 0.0, 0.01, 0.02, 0.03, 0.04)
 """By how much the angles may lag behind the readings [s]: servos report late."""
 LEAST_SPAN_S = 1.8
-"""A shorter stretch tells theta'' and theta of a swaying arm too badly apart [s]."""
+"""A shorter segment tells theta'' and theta of a swaying arm too badly apart [s]."""
 LEAST_BINS = 0.9
 """Share of the grid that has to hold readings."""
 
@@ -45,7 +45,7 @@ class Lever:
 def levers(
     times: FloatArray, accel: FloatArray, joints: Sequence[tuple[FloatArray, FloatArray]]
 ) -> tuple[Lever, ...] | None:
-    """The lever arm of each joint on one accelerometer; None where the stretch is too short or too full of holes.
+    """The lever arm of each joint on one accelerometer; None where the segment is too short or too full of holes.
 
     times [s] and accel [m/s²], shape (N,), NaN where a sample is missing; joints: measured angles, for each times [s]
     and angles [rad], shape (M,), ascending.  The error of a joint that moves like another one, or like a pendulum

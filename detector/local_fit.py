@@ -1,4 +1,4 @@
-"""A parabola through the last stretch of a stream, sample by sample, at the samples' own times."""
+"""A parabola through the last segment of a stream, sample by sample, at the samples' own times."""
 
 from __future__ import annotations
 

@@ -59,14 +59,14 @@ def _dependence(value: FloatArray, columns: FloatArray) -> tuple[FloatArray, Flo
         return np.zeros(many), np.full(many, math.inf)
     ends = np.linspace(0, count, pieces + 1).astype(int)[1:-1]
     left = np.concatenate([run - np.median(run) for run in np.split(value, ends)])
-    apart = np.concatenate([run - np.median(run, axis=0) for run in np.split(columns, ends)])
+    centred = np.concatenate([run - np.median(run, axis=0) for run in np.split(columns, ends)])
     slopes = np.zeros(many)
     for _ in range(3):  # outliers are pulled in towards the line
-        rest = left - apart @ slopes
+        rest = left - centred @ slopes
         spread = 1.4826 * float(np.median(np.abs(rest))) + 1e-12
-        inverse = np.linalg.pinv(apart.T @ apart)
-        slopes = slopes + inverse @ (apart.T @ np.clip(rest, -CLIP * spread, CLIP * spread))
-    rest = left - apart @ slopes
+        inverse = np.linalg.pinv(centred.T @ centred)
+        slopes = slopes + inverse @ (centred.T @ np.clip(rest, -CLIP * spread, CLIP * spread))
+    rest = left - centred @ slopes
     clipped = np.clip(rest, -CLIP * spread, CLIP * spread)
     variance = float(clipped @ clipped) / max(count - pieces - many, 1)
     errors = np.sqrt(variance * np.diag(inverse))

@@ -1,13 +1,14 @@
-"""What an accelerometer reads beside its motion: its offset and gravity, learnt from many windows.  No ring, no play.
+"""An accelerometer's readings without motion, offset and gravity, estimated from many windows.  No ring, no play.
 
 A tangential accelerometer on a joint at the angle theta reads l theta'' + o + A sin theta + B cos theta, where o is its
 offset and A, B are what gravity has along its axis, at most 9.8 m/s².  Twice integrated, an offset that is 0.1 m/s²
-wrong on a lever of 0.1 m is a parabola that 0.45 s make 25 mrad high: more than most plays.  One window tells little,
+wrong on a lever of 0.1 m is a parabola that reaches 25 mrad after 0.45 s: more than most plays.  One window gives
+little information,
 
     r = integral of w (a - l theta_1'') dt = o + gravity + l * integral of w'' D dt,    D = theta_2 - theta_1,
 
-but D is bounded by the play, so a smooth weight w (Hann) leaves it little of r, and windows together tell o, A and B by
-least squares.  Other joints that turn the sensor show as scatter of r, and the more there is the less is believed.
+but D is bounded by the play, so with a smooth weight w (Hann) its part of r is small, and many windows determine o, A
+and B by least squares.  Other joints that turn the sensor scatter r; the estimate's variance grows with the scatter.
 """
 
 from __future__ import annotations
@@ -28,9 +29,9 @@ counts."""
 LARGEST = 10.0
 """Standard deviation of o, A and B before the first window [m/s²]."""
 LEAST = 0.02
-"""What an offset may change from window to window [m/s²]: 2 mg."""
+"""Change of an offset from window to window [m/s²]: 2 mg."""
 MEMORY = 0.97
-"""Weight of what earlier windows told after each window: an arm is set up otherwise, a sensor warms up."""
+"""Weight of earlier windows after each window: an arm is set up otherwise, a sensor warms up."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +39,7 @@ class OffsetLaw:
     """Sums over a joint's windows so far, f = (1, sin theta, cos theta): of f f (9 values), of f r, of r² and of 1."""
 
     products: tuple[float, ...] = (0.0,) * 9
-    told: tuple[float, ...] = (0.0,) * 3
+    moments: tuple[float, ...] = (0.0,) * 3
     squares: float = 0.0
     windows: float = 0.0
 
@@ -46,22 +47,22 @@ class OffsetLaw:
         """The law after one more window, which read r [m/s²] around that angle [rad]."""
         row = _row(np.array(angle))
         products = MEMORY * np.array(self.products) + np.outer(row, row).ravel()
-        told = MEMORY * np.array(self.told) + row * reading
-        return OffsetLaw(tuple(products.tolist()), tuple(told.tolist()),
+        moments = MEMORY * np.array(self.moments) + row * reading
+        return OffsetLaw(tuple(products.tolist()), tuple(moments.tolist()),
                          MEMORY * self.squares + reading**2, MEMORY * self.windows + 1)  # fmt: skip
 
     def read(self, angles: FloatArray) -> tuple[FloatArray, float, float]:
-        """What it reads at the angles [m/s²], (N,), with the standard deviations at their middle [m/s²] and of its
-        slope [m/s² per rad].
+        """The reading without motion at the angles [m/s²], (N,), with the standard deviations at their middle [m/s²]
+        and of its slope [m/s² per rad].
 
         Other joints that turn the sensor by some radians change the slope by as much as the reading.
         """
-        products, told = np.array(self.products).reshape(3, 3), np.array(self.told)
+        products, moments = np.array(self.products).reshape(3, 3), np.array(self.moments)
         spread, values, covariance = OWN, np.zeros(3), np.eye(3) * LARGEST**2
         for _ in range(2):
             covariance = np.asarray(np.linalg.inv(products / spread**2 + np.eye(3) / LARGEST**2), np.float64)
-            values = covariance @ told / spread**2
-            left = max(self.squares - 2 * values @ told + values @ products @ values, 0.0)
+            values = covariance @ moments / spread**2
+            left = max(self.squares - 2 * values @ moments + values @ products @ values, 0.0)
             spread = math.sqrt((left + OWN_COUNT * OWN**2) / (self.windows + OWN_COUNT))
         middle = _row(np.array(angles.mean()))
         slope = np.array([0.0, middle[2], -middle[1]])
@@ -74,7 +75,7 @@ OFFSET_UNKNOWN = OffsetLaw()
 
 
 def averaged(values: FloatArray) -> float:
-    """Mean by Hann's weight, which begins and ends at 0 with its slope."""
+    """Mean weighted by a Hann window, whose value and slope are 0 at both ends."""
     weight = np.hanning(values.size + 2)[1:-1]
     return float(weight @ values / weight.sum())
 

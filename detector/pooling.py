@@ -11,23 +11,23 @@ import numpy as np
 from lostmotion.detector.median import weighted_quantile
 from lostmotion.detector.window import FloatArray
 
-__all__ = ["SHOWN_UNKNOWN", "PlaySize", "ShownLaw", "Z", "pooled", "unknown"]
+__all__ = ["NO_EVIDENCE", "PlayEvidence", "PlaySize", "Z", "pooled", "unknown"]
 
 Z = 1.959964
 """Standard deviations at the ends of a 95 % interval."""
 COMMON = 0.4
-"""Share of a window's standard deviation by which all windows err alike.  With 0.25, 0.35, 0.4 and 0.5 91, 89, 88 and
-86 % of the windows above 30 dB tell a size, and 25, 7, 3 and 1 of 2748 of healthy joints do, most of them under
-trapezoids; 97 % of the intervals hold with each (40 joints of ``bench.outside``, seeds 7000 to 7117, and 45 of seeds
-9000 to 9116 without their play)."""
+"""Standard deviation of the error common to all windows, as a share of a window's own.  With 0.25, 0.35, 0.4 and 0.5
+91, 89, 88 and 86 % of the windows above 30 dB give a size, and 25, 7, 3 and 1 of 2748 of healthy joints do, most of
+them under trapezoids; 97 % of the intervals hold with each (40 joints of ``bench.outside``, seeds 7000 to 7117, and 45
+of seeds 9000 to 9116 without their play)."""
 MEMORY = 0.95
-"""Weight of what earlier windows told after each window: plays grow, motions change.  With 0.5 in common 0.8, 0.95 and
-0.99 tell a size in 85, 86 and 87 % of those windows, and in 7, 1 and 1 healthy ones."""
+"""Weight of earlier windows after each window: plays grow, motions change.  With COMMON = 0.5, values of 0.8, 0.95 and
+0.99 give a size in 85, 86 and 87 % of those windows, and in 7, 1 and 1 healthy ones."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlaySize:
-    """Lost motion at the joint [rad] with the ends of its 95 % interval; all NaN where reason says why not."""
+    """Lost motion at the joint [rad] with the ends of its 95 % interval; all NaN where ``reason`` is given."""
 
     value: float
     low: float
@@ -36,44 +36,47 @@ class PlaySize:
 
 
 @dataclass(frozen=True, slots=True)
-class ShownLaw:
-    """Whether a joint's windows so far show a play, all together: sums over windows of weight times play [1/rad], of
-    the weights 1 / variance [1/rad²], and of 1, the number of windows.
+class PlayEvidence:
+    """The evidence of play in all windows of a joint so far: sums over windows of weight times play [1/rad], of the
+    weights 1 / variance [1/rad²], and of 1, the number of windows.
 
-    A window that told a play only when its own estimate is large would err upwards; the mean of all does not choose.
+    Windows selected because their own estimate is large would be biased upwards; the mean of all windows has no
+    selection.
     """
 
-    told: float = 0.0
+    weighted_sum: float = 0.0
     weight: float = 0.0
     windows: float = 0.0
 
     @property
-    def is_shown(self) -> bool:
-        """Whether the mean is above 0 by more than chance and what all windows may have in common explain."""
+    def is_significant(self) -> bool:
+        """Whether the mean is above 0 by more than chance and a common error explain."""
         if not self.weight:
             return False
-        return self.told / self.weight > Z * math.sqrt((1 + COMMON**2 * self.windows) / self.weight)
+        return self.weighted_sum / self.weight > Z * math.sqrt((1 + COMMON**2 * self.windows) / self.weight)
 
-    def updated(self, play: float, deviation: float) -> ShownLaw:
-        """The law after one more window, which tells a play [rad] with that standard deviation."""
+    def updated(self, play: float, deviation: float) -> PlayEvidence:
+        """The evidence after one more window, which estimates a play [rad] with that standard deviation."""
         weight = deviation**-2
-        return ShownLaw(MEMORY * self.told + weight * play, MEMORY * self.weight + weight, MEMORY * self.windows + 1)
+        return PlayEvidence(
+            MEMORY * self.weighted_sum + weight * play, MEMORY * self.weight + weight, MEMORY * self.windows + 1
+        )
 
 
-SHOWN_UNKNOWN = ShownLaw()
-"""No window has told anything yet."""
+NO_EVIDENCE = PlayEvidence()
+"""Before the first window."""
 
 
 def pooled(values: Sequence[float] | FloatArray, halves: Sequence[float] | FloatArray | None = None) -> PlaySize:
-    """The play [rad] that many windows tell together, with its 95 % interval (needs 6 windows).
+    """The play [rad] pooled over many windows, with its 95 % interval (needs 6 windows).
 
-    values: the plays of the windows [rad], NaN where a window tells none; halves: half of their own intervals [rad],
-    None where nothing is known of them.
+    values: the plays of the windows [rad], NaN where a window gives none; halves: half-widths of their intervals [rad],
+    None where these are unknown.
 
     The value is the median, each window weighted by 1 / half (``median.weighted_quantile``).  The interval lies between
     the values at 1/2 +- z |w|_2 / (2 |w|_1) of the weight, which is the binomial interval of a median where all weights
-    are alike.  What is uncertain in all windows alike, as the gear's stiffness, is at most the tenth of the halves that
-    are narrowest, and is added.
+    are alike.  A common uncertainty of all windows, such as the gear's stiffness, is bounded by the 10 % quantile of
+    the halves, which is added.
     """
     plays = np.asarray(values, dtype=float)
     own = np.ones_like(plays) if halves is None else np.asarray(halves, dtype=float)
@@ -91,5 +94,5 @@ def pooled(values: Sequence[float] | FloatArray, halves: Sequence[float] | Float
 
 
 def unknown(reason: str) -> PlaySize:
-    """No play is told, and why."""
+    """No estimate, and the reason."""
     return PlaySize(math.nan, math.nan, math.nan, reason)

@@ -73,9 +73,9 @@ def _has_flat_top(values: FloatArray, extremes: tuple[float, float]) -> bool:
 
 
 def _is_jumped_to(at: NDArray[np.bool_], values: FloatArray) -> bool:
-    """Whether a large step leads to one of the longer stretches where ``at`` is true."""
+    """Whether a large step leads to one of the longer segments where ``at`` is true."""
     steps = np.abs(np.diff(values))
     finest = float(steps[steps > 0].min())
     edges = np.flatnonzero(np.diff(np.concatenate(([0], at.astype(np.int8), [0]))))
-    stretches = zip(edges[::2], edges[1::2], strict=True)
-    return any(end - first >= FLAT_TOP and first > 0 and steps[first - 1] > 5 * finest for first, end in stretches)
+    segments = zip(edges[::2], edges[1::2], strict=True)
+    return any(end - first >= FLAT_TOP and first > 0 and steps[first - 1] > 5 * finest for first, end in segments)

@@ -1,8 +1,9 @@
-"""How far a joint is from its gear during one stretch: D = theta_2 - theta_1, but for a + b t, and how uncertain it is.
+"""The joint's angle relative to its gear during one segment, D = theta_2 - theta_1 except for a + b t, and its
+covariance.
 
-theta_2 is twice the integral of the impulses that the accelerometer tells (``deconvolution``), less what it reads
-beside motion (``offset``); theta_1 is the commanded motion (``commanded``) as a servo follows it (``servo``).  Errors
-of the lever, the resonance, the servo's ways and the offset are in the covariance.  No flanks, no play.
+theta_2 is the second integral of the impulses from the accelerometer (``deconvolution``) without offset and gravity
+(``offset``); theta_1 is the servo's response (``servo``) to the commanded motion (``commanded``).  The covariance
+includes errors of the lever, the resonance, the servo's response and the offset.  No flanks, no play.
 """
 
 from __future__ import annotations
@@ -23,20 +24,20 @@ from lostmotion.detector.window import DetectorSettings, FloatArray, Window
 __all__ = ["RelativeMotion", "relative_motion"]
 
 LENGTH, MISTUNED = 0.02, 0.005
-"""Standard deviations of the shares by which length or sensitivity, and the resonance, are wrong."""
+"""Relative standard deviations of length or sensitivity, and of the resonance."""
 OTHERWISE, SHAPE = 0.15, 0.15
-"""Standard deviations of the share of what following changes by which a servo follows otherwise, and of the second
+"""Standard deviations of the error of the servo's response, as a share of response minus goal, and of the second
 coefficient of its lag over the delay's square, which is 0.5 of a pure delay, 1 of the first order, 0.3 to 0.8 of a
 second order damped by 0.6 to 1.2."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RelativeMotion:
-    """The joint's angle against the gear, but for a + b t, where that is known, and its covariance, at times (K,).
+    """The joint's angle relative to the gear except for a + b t, where it is known, and its covariance, at times (K,).
 
-    lag (K, 2): what a delay that is 1 s too long, and a second coefficient that is 1 s² too small, add to the angle;
-    shape: standard deviation of that coefficient [s²].  Neither is in the covariance; nor is what a play has made
-    one believe of a servo that is learnt.
+    lag (K, 2): change of the angle by a delay that is 1 s too long, and by a second coefficient that is 1 s² too small;
+    shape: standard deviation of that coefficient [s²].  Neither is in the covariance; nor is the error that a play
+    causes in the estimated lag of a servo.
     """
 
     time: FloatArray
@@ -49,67 +50,68 @@ class RelativeMotion:
 
 
 def relative_motion(
-    stretch: Window, command: Commanded, settings: DetectorSettings, servo: ServoLaw, offset: OffsetLaw
+    segment: Window, command: Commanded, settings: DetectorSettings, servo: ServoLaw, offset: OffsetLaw
 ) -> tuple[RelativeMotion, Contacts, OffsetLaw]:
-    """D, where the joint may touch its gear, and what is known of the sensor's offset after this stretch."""
+    """D, possible contacts of joint and gear, and the estimate of the sensor's offset after this segment."""
     followed = command.followed(servo)
-    noise = noise_of(stretch.accel, settings)
-    undone = inverse(stretch.accel.size, stretch.rate_hz, noise, settings)
-    basis = command.basis(np.minimum(undone.times, command.end))
-    accel, doubt, offset = _levelled(stretch, followed, undone.times, basis, settings, offset)
-    impulses = undone.impulses(accel)
-    wrong = mistuned(accel.size, stretch.rate_hz, noise, settings, MISTUNED) @ accel.astype(np.float32)
+    noise = noise_of(segment.accel, settings)
+    inverted = inverse(segment.accel.size, segment.rate_hz, noise, settings)
+    basis = command.basis(np.minimum(inverted.times, command.end))
+    accel, deviations, offset = _without_offset(segment, followed, inverted.times, basis, settings, offset)
+    impulses = inverted.impulses(accel)
+    wrong = mistuned(accel.size, segment.rate_hz, noise, settings, MISTUNED) @ accel.astype(np.float32)
     otherwise = (basis @ command.coefficients, wrong.astype(np.float64))
-    apart = _apart(undone, impulses, followed, basis, otherwise, doubt, servo, settings)
-    return apart, contacts(undone, impulses, followed.derivative(basis, 2), apart.known), offset
+    motion = _relative_motion(inverted, impulses, followed, basis, otherwise, deviations, servo, settings)
+    return motion, contacts(inverted, impulses, followed.derivative(basis, 2), motion.known), offset
 
 
-def _levelled(
-    stretch: Window, command: Commanded, times: FloatArray, basis: FloatArray, settings: DetectorSettings,
+def _without_offset(
+    segment: Window, command: Commanded, times: FloatArray, basis: FloatArray, settings: DetectorSettings,
     offset: OffsetLaw,
 ) -> tuple[FloatArray, tuple[float, float], OffsetLaw]:  # fmt: skip
-    """Accelerations without what the sensor reads beside motion, the standard deviations of what may remain of offset
-    [m/s²] and gravity [m/s² per rad], and what is known of them after this window.
+    """Accelerations without offset and gravity, the standard deviations of what may remain of offset [m/s²] and gravity
+    [m/s² per rad], and the estimate of both after this window.
 
-    basis: of the command at times from the stretch's start [s].  Of the offset this window tells as much as it does for
-    all of them, with the deviation OWN that its play leaves.
+    basis: of the command at times from the segment's start [s].  This window's own reading corrects the offset by its
+    share of the information, with the deviation OWN caused by its play.
     """
-    local = stretch.time - stretch.time[0]
+    local = segment.time - segment.time[0]
     angle = np.interp(local, times, basis @ command.coefficients)
     driven = np.interp(local, times, command.derivative(basis, 2))
     known = local <= command.end
-    reading = stretch.accel[known] - settings.length_m * driven[known]
+    reading = segment.accel[known] - settings.length_m * driven[known]
     offset = offset.updated(averaged(angle[known]), averaged(reading))
     read, level, slope = offset.read(angle)
     share = level**2 / (level**2 + OWN**2)
-    accel = stretch.accel - read - share * averaged(reading - read[known])
+    accel = segment.accel - read - share * averaged(reading - read[known])
     return accel, (OWN * math.sqrt(share), slope), offset
 
 
-def _apart(
-    undone: Inverse, impulses: FloatArray, command: Commanded, basis: FloatArray,
-    uncertain: tuple[FloatArray, FloatArray], doubt: tuple[float, float], servo: ServoLaw, settings: DetectorSettings,
+def _relative_motion(
+    inverted: Inverse, impulses: FloatArray, command: Commanded, basis: FloatArray,
+    uncertain: tuple[FloatArray, FloatArray], deviations: tuple[float, float], servo: ServoLaw,
+    settings: DetectorSettings,
 ) -> RelativeMotion:  # fmt: skip
-    """D and what is uncertain about it: a servo that follows otherwise is nearer to its goal [rad], or later; a wrong
-    resonance adds angles [rad].
+    """D and its covariance; uncertain: the goal [rad], for errors of the servo's response, and the angles [rad] added
+    by an error of the resonance.
 
     basis: of the command at the times of the impulses.
     """
     goal, astray = uncertain
-    time = undone.times
+    time = inverted.times
     driven, speed, accel = basis @ command.coefficients, *(command.derivative(basis, order) for order in (1, 2))
     driven, speed, accel = driven - driven.mean(), speed - speed.mean(), accel - accel.mean()
-    step = undone.step
+    step = inverted.step
     columns = np.column_stack([
-        (time - time.mean()) ** 2 * (doubt[0] / settings.length_m / 2),
-        integrated(driven, step) * step * (doubt[1] / settings.length_m),
+        (time - time.mean()) ** 2 * (deviations[0] / settings.length_m / 2),
+        integrated(driven, step) * step * (deviations[1] / settings.length_m),
         LENGTH * driven,
         OTHERWISE * (goal - goal.mean() - driven),
         astray,
     ])  # fmt: skip
-    covariance = undone.doubt + basis @ command.covariance @ basis.T + columns @ columns.T
+    covariance = inverted.angle_covariance + basis @ command.covariance @ basis.T + columns @ columns.T
     covariance += command.rest(time.size, step) * servo.passed(command.fastest)
-    apart = integrated(impulses, step) - basis @ command.coefficients
+    motion = integrated(impulses, step) - basis @ command.coefficients
     lag = np.column_stack([2 * USUAL * servo.delay[0] * accel - speed, accel])
     shape = SHAPE * servo.delay[0] ** 2
-    return RelativeMotion(time, apart, covariance, time <= command.end, lag, shape, servo.is_learnt)
+    return RelativeMotion(time, motion, covariance, time <= command.end, lag, shape, servo.is_learnt)

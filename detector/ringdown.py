@@ -282,10 +282,10 @@ def _hypotheses(gram: FloatArray) -> tuple[tuple[Family, ...], NDArray[np.intp],
     families, sizes, prior = [], [], []
     for columns in _families(gram.shape[0] // 2):
         power, directions = np.linalg.eigh(gram[columns[:, :, None], columns[:, None, :]])
-        told = power > LEAST_NEW
-        scale = np.where(told, 1 / np.sqrt(np.maximum(power, LEAST_NEW)), 0.0)
+        significant = power > LEAST_NEW
+        scale = np.where(significant, 1 / np.sqrt(np.maximum(power, LEAST_NEW)), 0.0)
         families.append(Family(columns, np.ascontiguousarray((directions * scale[:, None, :]).transpose(0, 2, 1))))
-        sizes.append(told.sum(axis=1))
+        sizes.append(significant.sum(axis=1))
         prior.append(-PENALTY * sizes[-1] - math.log(len(columns)))
     return tuple(families), np.concatenate(sizes), np.concatenate(prior)
 

@@ -10,7 +10,7 @@ from lostmotion.detector.commanded import BEFORE_S
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.flank import law_of
 from lostmotion.detector.learner import settled
-from lostmotion.detector.play_size import HISTORY_S, SizeLaw, learnt_play, near_part, stretch_of
+from lostmotion.detector.play_size import HISTORY_S, SizeLaw, learnt_play, near_part, segment_of
 from lostmotion.detector.score import score_window, validate
 from lostmotion.detector.servo import SPAN_S, UNKNOWN
 from lostmotion.detector.severity import with_severity
@@ -70,11 +70,11 @@ def score_series(
     scored = [score_window(window, known, range_ms2) for window in windows]
     around = [_around(score, times_servo, commands, times_accel, accel, accel_rate) for score in scored]
     servo, size_law, scores, law = UNKNOWN, SizeLaw(), [], law_of(settings)
-    for score, (stretch, polls, goals) in zip(scored, around, strict=True):
-        servo = with_severity(score, near_part(score, stretch), polls, goals, settings, servo)[1]
-    for score, (stretch, polls, goals) in zip(scored, around, strict=True):
-        sized, law, size_law, servo = learnt_play(score, stretch, polls, goals, settings, law, servo, size_law)
-        scores.append(with_severity(sized, near_part(score, stretch), polls, goals, settings, servo)[0])
+    for score, (segment, polls, goals) in zip(scored, around, strict=True):
+        servo = with_severity(score, near_part(score, segment), polls, goals, settings, servo)[1]
+    for score, (segment, polls, goals) in zip(scored, around, strict=True):
+        sized, law, size_law, servo = learnt_play(score, segment, polls, goals, settings, law, servo, size_law)
+        scores.append(with_severity(sized, near_part(score, segment), polls, goals, settings, servo)[0])
     return scores
 
 
@@ -82,10 +82,10 @@ def _around(
     score: Score, times_servo: FloatArray, commands: FloatArray, times_accel: FloatArray, accel: FloatArray,
     rate_hz: float,
 ) -> tuple[Window, FloatArray, FloatArray]:  # fmt: skip
-    """The stretch of a score's window, and times and angles of the commands that moved the servo meanwhile."""
-    stretch = stretch_of(score, times_accel, accel, rate_hz)
+    """The segment of a score's window, and times and angles of the commands that moved the servo meanwhile."""
+    segment = segment_of(score, times_accel, accel, rate_hz)
     first, last = times_servo.searchsorted((score.time - HISTORY_S - SPAN_S, score.time + score.duration + BEFORE_S))
-    return stretch, times_servo[first:last], commands[first:last]
+    return segment, times_servo[first:last], commands[first:last]
 
 
 def rate_of(times: FloatArray, what: str) -> float:

@@ -36,7 +36,7 @@ __all__ = [
 GRID_S = 0.004
 """Grid of the commands, and of the delays that are compared [s]."""
 SPAN_S = 0.5
-"""Commands so long before a stretch still move the servo [s]: five times the longest lag."""
+"""Commands so long before a segment still move the servo [s]: five times the longest lag."""
 LONGEST_S, SHORTEST_LAG_S = 0.1, 0.008
 """Delays up to this are compared (servos of 20 to 80 ms were tried); shorter lags than this are pure delays."""
 _PURE = np.arange(0.0, LONGEST_S + GRID_S / 2, GRID_S)
@@ -102,8 +102,8 @@ class ServoLaw:
     @property
     def chosen(self) -> NDArray[np.intp]:
         """Those ways that are likely enough to be looked at."""
-        told = np.array(self.likelihood)
-        return np.flatnonzero(told > told.max() - TRIED)
+        likelihood = np.array(self.likelihood)
+        return np.flatnonzero(likelihood > likelihood.max() - TRIED)
 
     @property
     def odds(self) -> FloatArray:
@@ -139,7 +139,7 @@ class ServoLaw:
         gained[chosen] += evidence - np.max(evidence)
         return ServoLaw(tuple((gained - np.max(gained)).tolist()))
 
-    def corrected(self, told: LagInformation) -> ServoLaw:
+    def corrected(self, lag: LagInformation) -> ServoLaw:
         """The law after a window's contacts told how wrong its lag is: without their priors, with ALIKE."""
         if not self.is_learnt:
             return self
@@ -147,9 +147,9 @@ class ServoLaw:
         error = COEFFICIENTS - self.odds @ COEFFICIENTS
         error[:, 1] -= 2 * USUAL * delay * error[:, 0]
         alike = np.array([ALIKE, ALIKE * delay]) ** 2
-        kept = np.linalg.inv(np.eye(2) + told.information * (alike - told.prior))
-        evidence = error @ (kept @ told.score) - np.sum((error @ (kept @ told.information)) * error, axis=1) / 2
-        gained = np.array(self.likelihood) + told.weight * evidence
+        kept = np.linalg.inv(np.eye(2) + lag.information * (alike - lag.prior))
+        evidence = error @ (kept @ lag.score) - np.sum((error @ (kept @ lag.information)) * error, axis=1) / 2
+        gained = np.array(self.likelihood) + lag.weight * evidence
         return ServoLaw(tuple((gained - np.max(gained)).tolist()))
 
 

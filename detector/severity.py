@@ -1,6 +1,6 @@
 """How bad the play is, of every window and for any size of it: the equivalent play, with an interval.
 
-Where ``play_size`` tells the play, this is that play.  Elsewhere two measures of the stretch from ``BEFORE_S`` before
+Where ``play_size`` tells the play, this is that play.  Elsewhere two measures of the segment from ``BEFORE_S`` before
 the reversal to the window's end tell the order of magnitude, each where the other one cannot:
 
 * the impact: teeth that leave a flank as the commanded acceleration passes zero with the jerk j meet after the gap phi
@@ -44,8 +44,8 @@ HALF_WAVES = (1.1, 1.4, 1.8, 2.25, 2.75, 3.25, 4.0, 5.2)
 SHARES = (0.081, 0.105, 0.123, 0.128, 0.137, 0.158, 0.123, 0.110)
 FALLS = (1.15, 1.16, 1.12, 1.09, 0.92, 0.98, 0.65, 0.45)
 """The standard deviation of coefficient k of D is SHARE (3 / k)^FALL of the play, by how many half-waves the commanded
-motion makes during the stretch: teeth that change sides often put more of D, and more of its higher degrees, into
-these coefficients.  Measured on 1850 stretches of joints with 3 to 100 mrad (``bench.outside``, seeds 3000 to 3059 and
+motion makes during the segment: teeth that change sides often put more of D, and more of its higher degrees, into
+these coefficients.  Measured on 1850 segments of joints with 3 to 100 mrad (``bench.outside``, seeds 3000 to 3059 and
 4000 to 4059); the energy, 0.016 to 0.070 of the play's square, is alike for trapezoids, moves of minimum jerk and
 sines.  With 0.10 and 1.2 for all motions, as before, severities were 1.30 times too large in the median, now 1.02 times
 (seeds 5000 to 5047)."""
@@ -67,7 +67,7 @@ SPREAD, NOISE_SPREAD = 0.65, 0.35
 NOISE_RINGS = 2.2
 """The largest ring that noise shows, in standard deviations of its amplitude."""
 UNSEEN = 0.002
-"""Weight of there being no impact within the stretch, or a late or a soft one: silence alone excludes no large play."""
+"""Weight of there being no impact within the segment, or a late or a soft one: silence alone excludes no large play."""
 CORNER = 2.0
 """A corner in the command, a step of its acceleration by the swing, excites the bar by up to swing / omega_res; below
 so many times that speed the ring proves no play, and the interval begins at 0."""
@@ -77,19 +77,19 @@ intervals do not hold, half of them at 1 mrad and less, where windows that err u
 With 0.1, 0.02 and 0.003 of the severities' 95 % intervals 93.1, 90.7 and 88.7 % hold on eq. 1's gears, 95.7, 94.6 and
 93.3 % on MuJoCo's stops, 97.0, 96.3 and 94.0 % on hard stops; Spearman's correlation is the same within 0.001."""
 STARTS, FIRST_START, LAST_START = 40, 1.5, 1.0
-"""The ring is looked for at so many moments, from so many periods after the stretch's begin on, until so many before
+"""The ring is looked for at so many moments, from so many periods after the segment's begin on, until so many before
 its end."""
 SLOW_HZ, SLOW_SHARE = 16.0, 0.3
-"""Below both, the latter a share of f_res, a stretch may hold anything (as in ``ringdown``)."""
+"""Below both, the latter a share of f_res, a segment may hold anything (as in ``ringdown``)."""
 COVERED, BEYOND, PARTS = 0.6, 0.03, 20
-"""The share of the stretch that commands have to cover, from its begin on; what lies behind the last one by more than
+"""The share of the segment that commands have to cover, from its begin on; what lies behind the last one by more than
 BEYOND is left out, in so many steps of length, each of which is prepared once."""
 PIECE_S, LEAST_PIECE, LEAST_NOISE = 0.03, 15, 1e-3
-"""Pieces of the stretch whose quietest tell the noise [s, samples, m/s²]."""
+"""Pieces of the segment whose quietest tell the noise [s, samples, m/s²]."""
 DIFFERENCES = 0.6745 * math.sqrt(70)
 """Median size of white noise's fourth differences, in its standard deviations."""
 PRESENT = 0.95
-"""Share of a stretch's samples that have to be there: an acceleration drawn over a gap integrates to a false motion."""
+"""Share of a segment's samples that have to be there: an acceleration drawn over a gap integrates to a false motion."""
 UNLIKELY = 2.0
 """Play that is so much less likely [nats] than the best one is left out of the interval."""
 QUANTILES = (0.025, 0.5, 0.975)
@@ -130,61 +130,61 @@ GRID: FloatArray = np.geomspace(SMALLEST, LARGEST, STEPS)
 
 
 def severity(
-    stretch: Window, times: Sequence[float] | FloatArray, commands: Sequence[float] | FloatArray, swing: float,
+    segment: Window, times: Sequence[float] | FloatArray, commands: Sequence[float] | FloatArray, swing: float,
     settings: DetectorSettings, play: tuple[float, float] = (math.nan, math.nan), clipped: bool = False,
     servo: ServoLaw = UNKNOWN,
 ) -> Severity:  # fmt: skip
-    """The equivalent play of one stretch of tip acceleration.
+    """The equivalent play of one segment of tip acceleration.
 
-    times [s] and commands [rad], shape (M,): the goal around the stretch and from ``servo.SPAN_S`` before, which may be
+    times [s] and commands [rad], shape (M,): the goal around the segment and from ``servo.SPAN_S`` before, which may be
     few or none; swing: change of the commanded acceleration at the reversal [rad/s²]; play: size and standard deviation
     of ``play_size`` [rad], NaN if unknown; clipped: the sensor's range was reached, so that v is at least what the ring
     shows; servo: what earlier windows told of how the servo follows.
     """
-    return learnt_severity(stretch, times, commands, swing, settings, play, clipped, servo)[0]
+    return learnt_severity(segment, times, commands, swing, settings, play, clipped, servo)[0]
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # readings beyond all numbers: unknown
 def learnt_severity(
-    stretch: Window, times: Sequence[float] | FloatArray, commands: Sequence[float] | FloatArray, swing: float,
+    segment: Window, times: Sequence[float] | FloatArray, commands: Sequence[float] | FloatArray, swing: float,
     settings: DetectorSettings, play: tuple[float, float], clipped: bool, servo: ServoLaw,
 ) -> tuple[Severity, ServoLaw]:  # fmt: skip
     """The same, and what is known of the servo after this window."""
-    there = np.isfinite(stretch.accel)
-    if there.sum() < PRESENT * stretch.accel.size or not swing > 0 or settings.f_res_hz >= stretch.rate_hz / 2:
+    there = np.isfinite(segment.accel)
+    if there.sum() < PRESENT * segment.accel.size or not swing > 0 or settings.f_res_hz >= segment.rate_hz / 2:
         return Severity(), servo
-    accel = mended(stretch.accel)
+    accel = mended(segment.accel)
     if np.ptp(accel) == 0:
         return Severity(), servo
-    speed, noise, least = _speed(accel, stretch.rate_hz, settings)
+    speed, noise, least = _speed(accel, segment.rate_hz, settings)
     if not math.isfinite(speed):
         return Severity(), servo
-    likelihood, struck = np.zeros(STEPS), _of_impact(speed, least, swing, clipped)
+    likelihood, impact = np.zeros(STEPS), _impact_log_likelihood(speed, least, swing, clipped)
     if not clipped:
         chosen = servo.chosen
-        ways = _of_motion(accel, stretch, np.asarray(times), np.asarray(commands), noise, settings, chosen)
+        ways = _motion_log_likelihood(accel, segment, np.asarray(times), np.asarray(commands), noise, settings, chosen)
         if ways.size:
             known = np.array(servo.likelihood)[chosen, None]
             likelihood = _summed(known + ways, 0) - float(_summed(known, 0)[0])
-            servo = servo.updated(chosen, _summed(ways + struck, 1))
+            servo = servo.updated(chosen, _summed(ways + impact, 1))
     if math.isfinite(play[0]):
         size, deviation = play
         likelihood = likelihood + np.log(WRONG + np.exp(-(((GRID - size) / deviation) ** 2) / 2))
-    is_clear = speed > CORNER * swing / (2 * math.pi * settings.f_res_hz) or _excludes_none(likelihood)
-    return _interval(likelihood + struck, is_clear), servo
+    is_clear = speed > CORNER * swing / (2 * math.pi * settings.f_res_hz) or _excludes_zero(likelihood)
+    return _interval(likelihood + impact, is_clear), servo
 
 
 def with_severity(
-    score: Score, stretch: Window, times: Sequence[float] | FloatArray, commands: Sequence[float] | FloatArray,
+    score: Score, segment: Window, times: Sequence[float] | FloatArray, commands: Sequence[float] | FloatArray,
     settings: DetectorSettings, servo: ServoLaw = UNKNOWN,
 ) -> tuple[Score, ServoLaw]:  # fmt: skip
-    """The score with the severity of its stretch, and what is known of the servo after it; ``score.play`` is that of
+    """The score with the severity of its segment, and what is known of the servo after it; ``score.play`` is that of
     ``play_size``, where it is known."""
     if IMPLAUSIBLE in score.quality:
         return score, servo
     play = (score.play, (score.play_high - score.play_low) / (2 * 1.959964))
     found, servo = learnt_severity(
-        stretch, times, commands, abs(score.excitation), settings, play, "clipped" in score.quality, servo
+        segment, times, commands, abs(score.excitation), settings, play, "clipped" in score.quality, servo
     )
     return replace(score, severity=found.value, severity_low=found.low, severity_high=found.high), servo
 
@@ -200,15 +200,15 @@ def _interval(likelihood: FloatArray, is_clear: bool) -> Severity:
     density = np.exp(likelihood - likelihood.max())
     below = np.cumsum(density) / density.sum()
     low, middle, high = np.exp(np.interp(QUANTILES, below, np.log(GRID)))
-    return Severity(float(middle), float(low) if is_clear and _excludes_none(likelihood) else 0.0, float(high))
+    return Severity(float(middle), float(low) if is_clear and _excludes_zero(likelihood) else 0.0, float(high))
 
 
-def _excludes_none(likelihood: FloatArray) -> bool:
+def _excludes_zero(likelihood: FloatArray) -> bool:
     """Whether no play at all is unlikely."""
     return bool(likelihood[0] < likelihood.max() - UNLIKELY)
 
 
-def _of_impact(speed: float, least: float, swing: float, clipped: bool) -> FloatArray:
+def _impact_log_likelihood(speed: float, least: float, swing: float, clipped: bool) -> FloatArray:
     """Log-likelihood of the impact speed [rad/s] over the grid; least: what noise alone shows."""
     from_rest = EXCESS * GRID / (1 + (GRID / (swing * KNEE_S**2)) ** SLOWER)
     expected = np.cbrt(4.5 * swing / SWING_S * from_rest**2)
@@ -222,17 +222,17 @@ def _of_impact(speed: float, least: float, swing: float, clipped: bool) -> Float
     return np.where(off < 0, np.logaddexp(density, math.log(UNSEEN)), density)
 
 
-def _of_motion(
-    accel: FloatArray, stretch: Window, times: FloatArray, commands: FloatArray, noise: float,
+def _motion_log_likelihood(
+    accel: FloatArray, segment: Window, times: FloatArray, commands: FloatArray, noise: float,
     settings: DetectorSettings, chosen: NDArray[np.intp],
 ) -> FloatArray:  # fmt: skip
     """Log-likelihood of the coefficients of D over the grid for each of the chosen ways in which a servo follows, shape
-    (C, STEPS); (0, STEPS) where the commands do not cover the stretch.
+    (C, STEPS); (0, STEPS) where the commands do not cover the segment.
 
-    The service decodes commands in bunches: the last ones of a stretch may not be there yet.
+    The service decodes commands in bunches: the last ones of a segment may not be there yet.
     """
-    span = stretch.time[-1] - stretch.time[0]
-    place = (times - stretch.time[0]) / span
+    span = segment.time[-1] - segment.time[0]
+    place = (times - segment.time[0]) / span
     known_part = _known_part(place)
     if not known_part:
         return np.empty((0, STEPS))
@@ -245,20 +245,20 @@ def _of_motion(
     if count < 2:
         return np.empty((0, STEPS))
     fitted, covariance = _fitted(place, angle, degree)
-    known = _paths(accel.size, stretch.rate_hz, settings)
+    known = _paths(accel.size, segment.rate_hz, settings)
     commanded = known.basis[:, : degree + 1] @ fitted[: LAST_DEGREE + 1]
-    told = slice(FIRST_DEGREE, FIRST_DEGREE + count)
-    doubt = noise**2 * known.product[:count, :count] + covariance[told, told]
-    for nuisance in (GAIN * fitted[told], GRAVITY * (known.twice[:count] @ (commanded - commanded.mean()))):
-        doubt = doubt + np.outer(nuisance, nuisance)
+    degrees = slice(FIRST_DEGREE, FIRST_DEGREE + count)
+    error_covariance = noise**2 * known.product[:count, :count] + covariance[degrees, degrees]
+    for nuisance in (GAIN * fitted[degrees], GRAVITY * (known.twice[:count] @ (commanded - commanded.mean()))):
+        error_covariance = error_covariance + np.outer(nuisance, nuisance)
     grid = round(known_part * span / GRID_S)
-    path = followed(times, commands, float(stretch.time[0]), grid, chosen)
-    project = _projected(grid, degree)[told]
-    follows, goal = path @ project.T, followed(times, commands, float(stretch.time[0]), grid, FIRST) @ project.T
+    path = followed(times, commands, float(segment.time[0]), grid, chosen)
+    project = _projected(grid, degree)[degrees]
+    follows, goal = path @ project.T, followed(times, commands, float(segment.time[0]), grid, FIRST) @ project.T
     late, otherwise = LATE_S / GRID_S * (np.gradient(path, axis=1) @ project.T), OTHERWISE * (follows - goal)
-    doubts = doubt + late[:, :, None] * late[:, None] + otherwise[:, :, None] * otherwise[:, None]
+    covariances = error_covariance + late[:, :, None] * late[:, None] + otherwise[:, :, None] * otherwise[:, None]
     waves = _half_waves(np.where(np.abs(fitted) > CLEAR * np.sqrt(np.diagonal(covariance)), fitted, 0.0))
-    return _of_coefficients(known.gain[:count] @ accel - follows, doubts, waves)
+    return _coefficient_log_likelihood(known.gain[:count] @ accel - follows, covariances, waves)
 
 
 def _fitted(place: FloatArray, angle: FloatArray, degree: int) -> tuple[FloatArray, FloatArray]:
@@ -282,7 +282,7 @@ def _half_waves(coefficients: FloatArray) -> float:
 
 
 def _known_part(place: FloatArray) -> float:
-    """The share of the stretch, in steps, from its begin to the last command at a place 0..1 of it; 0 if too little."""
+    """The share of the segment, in steps, from its begin to the last command at a place 0..1 of it; 0 if too little."""
     before = place[place < 1 + BEYOND]
     share = min(math.floor((before.max() + BEYOND) * PARTS) / PARTS, 1.0) if before.size else 0.0
     return 0.0 if share < COVERED or before[before > -BEYOND].min(initial=1.0) > BEYOND else share
@@ -294,23 +294,23 @@ def _projected(count: int, degree: int) -> FloatArray:
     return np.asarray(np.linalg.pinv(_legendre(np.linspace(-1, 1, count), degree)), np.float64)
 
 
-def _of_coefficients(apart: FloatArray, doubt: FloatArray, half_waves: float) -> FloatArray:
-    """Log-likelihood over the grid, shape (C, STEPS), of coefficients (C, K) whose variance is doubt (C, K, K) and what
-    each play adds."""
-    count = apart.shape[1]
+def _coefficient_log_likelihood(difference: FloatArray, error_covariance: FloatArray, half_waves: float) -> FloatArray:
+    """Log-likelihood over the grid, shape (C, STEPS), of coefficients (C, K); their covariance is
+    ``error_covariance`` (C, K, K) plus that of each play."""
+    count = difference.shape[1]
     first, fall = float(np.interp(half_waves, HALF_WAVES, SHARES)), float(np.interp(half_waves, HALF_WAVES, FALLS))
     share = first * (FIRST_DEGREE / np.arange(FIRST_DEGREE, FIRST_DEGREE + count)) ** fall
     # With commands that jump by 10⁹ rad the other variances are below the rounding of the largest.
-    least = 1e-18 + count * np.finfo(float).eps * np.trace(doubt, axis1=1, axis2=2)
-    lower = np.linalg.cholesky(doubt + least[:, None, None] * np.eye(count))
+    least = 1e-18 + count * np.finfo(float).eps * np.trace(error_covariance, axis1=1, axis2=2)
+    lower = np.linalg.cholesky(error_covariance + least[:, None, None] * np.eye(count))
     white = np.linalg.inv(lower)
     scaled = white * share
     power, directions = np.linalg.eigh(scaled @ scaled.transpose(0, 2, 1))
-    energy = (directions.transpose(0, 2, 1) @ (white @ apart[:, :, None]))[:, None, :, 0] ** 2
+    energy = (directions.transpose(0, 2, 1) @ (white @ difference[:, :, None]))[:, None, :, 0] ** 2
     variance = 1 + GRID[:, None] ** 2 * np.maximum(power, 0.0)[:, None]
-    told = np.sum(np.log(variance) + energy / variance, axis=2)
+    deviance = np.sum(np.log(variance) + energy / variance, axis=2)
     scale = 2 * np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
-    return np.asarray(-TEMPER / 2 * (told + scale[:, None]))
+    return np.asarray(-TEMPER / 2 * (deviance + scale[:, None]))
 
 
 def _speed(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> tuple[float, float, float]:
@@ -349,7 +349,7 @@ def _held(length: int, rate_hz: float, settings: DetectorSettings) -> FloatArray
 
 @lru_cache(maxsize=16)
 def _rings(length: int, rate_hz: float, settings: DetectorSettings) -> _Rings:
-    """The rings of stretches of ``length`` samples."""
+    """The rings of segments of ``length`` samples."""
     time = np.arange(length) / rate_hz
     degree = max(int(2 * min(SLOW_HZ, SLOW_SHARE * settings.f_res_hz) * time[-1]), 3)
     before = np.linalg.qr(np.hstack([_legendre(np.linspace(-1, 1, length), degree), ring(time, settings)]))[0]
@@ -364,7 +364,7 @@ def _rings(length: int, rate_hz: float, settings: DetectorSettings) -> _Rings:
 
 @lru_cache(maxsize=16)
 def _paths(length: int, rate_hz: float, settings: DetectorSettings) -> _Paths:
-    """What makes coefficients of D of stretches of ``length`` samples."""
+    """What makes coefficients of D of segments of ``length`` samples."""
     basis = _legendre(np.linspace(-1, 1, length), LAST_DEGREE)
     project: FloatArray = np.asarray(np.linalg.pinv(basis)[FIRST_DEGREE:], np.float64)
     # theta[n] = sum over k < n of (n - k) a[k] / rate²; sums over all later samples are the transpose of an integral.

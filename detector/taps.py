@@ -159,8 +159,8 @@ def _aliasing(f_res: float, zeta: float, rate: float, true_hz: float | None) -> 
     return [doubt]
 
 
-def _mean(told: list[tuple[float, float]]) -> Estimate:
-    values, stds = (np.array(column) for column in zip(*told, strict=True))
+def _mean(estimates: list[tuple[float, float]]) -> Estimate:
+    values, stds = (np.array(column) for column in zip(*estimates, strict=True))
     # No clock and no bar is steadier than this, whatever the fit says of its noise.
     weights = 1 / (stds**2 + (1e-5 * values) ** 2)
     mean = float(np.sum(weights * values) / weights.sum())

@@ -99,8 +99,8 @@ def theil_sen(t: ArrayLike, y: ArrayLike, confidence: float = 0.95, inflation: f
     time, value = _clean(t, y)
     first, second = np.triu_indices(time.size, 1)
     steps = time[second] - time[first]
-    apart = steps > 0
-    slopes = np.sort((value[second] - value[first])[apart] / steps[apart])
+    distinct = steps > 0
+    slopes = np.sort((value[second] - value[first])[distinct] / steps[distinct])
     if slopes.size == 0:
         raise DetectorError(f"all {time.size} points are at the time {time[0]:g} s; expected different times")
     spread = math.sqrt(inflation * _kendall_variance(time.size, time, value))
@@ -171,8 +171,8 @@ def summarise(times: ArrayLike, scores: ArrayLike, level: float) -> WearTrend:
     left = time_to_limit(recent, last, level)
     at = tuple(float(time[i]) for i in changes)
     worn = slice(_repair(score, changes), None)
-    told = forecast(time[worn], score[worn], level)
-    return WearTrend(score.size, first, last, slope, trend, at, recent, recent.at(last), level, left, told)
+    predicted = forecast(time[worn], score[worn], level)
+    return WearTrend(score.size, first, last, slope, trend, at, recent, recent.at(last), level, left, predicted)
 
 
 def _repair(score: FloatArray, changes: list[int]) -> int:

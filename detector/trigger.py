@@ -145,7 +145,7 @@ class Trigger:
 
 
 class _Lobes:
-    """The acceleration as a row of lobes, positive and negative in turn, with weak stretches between them."""
+    """The acceleration as a row of lobes, positive and negative in turn, with weak segments between them."""
 
     def __init__(self, span: float) -> None:
         self._span = span

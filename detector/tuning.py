@@ -75,10 +75,10 @@ def tune(
     for candidate in _bands(usual, healthy, worn, rate_hz):
         if candidate[0] > best:
             best, band = candidate
-    knowing = _knowing(replace(settings, statistic="ringdown"), healthy, worn, rate_hz)
-    found: dict[Statistic, float] = {"band": max(before, best - CLEARLY * (band is usual)), "ringdown": knowing[0]}
+    ringing = _best_ringdown(replace(settings, statistic="ringdown"), healthy, worn, rate_hz)
+    found: dict[Statistic, float] = {"band": max(before, best - CLEARLY * (band is usual)), "ringdown": ringing[0]}
     best_of: Statistic = "ringdown" if found["ringdown"] >= found["band"] - CLEARLY else "band"
-    ring = knowing[1]
+    ring = ringing[1]
     chosen = replace(
         band, window_s=(ring if best_of == "ringdown" else band).window_s, statistic=best_of,
         noise_ms2=ring.noise_ms2, noise_colour=ring.noise_colour, level=LEVELS[best_of],
@@ -193,11 +193,11 @@ def _bands(
                 chosen = bands(length, rate_hz, tried)
             except DetectorError:
                 continue
-            told = [one[:, chosen.mask].sum(axis=1) / one[:, chosen.norm].mean(axis=1) for one in spectra]
-            yield found_share(*told), tried
+            scores = [one[:, chosen.mask].sum(axis=1) / one[:, chosen.norm].mean(axis=1) for one in spectra]
+            yield found_share(*scores), tried
 
 
-def _knowing(
+def _best_ringdown(
     settings: DetectorSettings, healthy: FloatArray, worn: FloatArray, rate_hz: float
 ) -> tuple[float, DetectorSettings]:
     """The best length for ``ringdown``, with the noise of the healthy windows, and what it finds."""

@@ -43,8 +43,8 @@ def fit_noise(windows: FloatArray, slow: FloatArray) -> Noise:
     if windows.ndim != 2 or windows.shape[1] != length or length < LEAST_LENGTH or not np.all(np.isfinite(windows)):
         raise DetectorError(f"windows of shape {windows.shape}; expected several of at least {LEAST_LENGTH} samples")
     seen = np.linalg.qr(slow, mode="complete")[0][:, lost:]
-    told = windows @ seen
-    power = told.T @ told / len(told)
+    projected = windows @ seen
+    power = projected.T @ projected / len(projected)
     most = min(length // 3, MOST_ORDER)
     covariance = np.full(most + 1, 0.0)
     covariance[0] = np.trace(power) / (length - lost)

@@ -1,4 +1,4 @@
-"""Which stretch of tip acceleration belongs to a reversal: how long it is, and how it is cut from a stream."""
+"""Which segment of tip acceleration belongs to a reversal: how long it is, and how it is cut from a stream."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def cut(
 ) -> Window:
     """The window [start, start + duration) of a stream of tip acceleration, on the grid of the sensor's rate.
 
-    times [s], ascending, and accel [m/s²], shape (M,): a stretch of the stream that holds the window, or what there is
+    times [s], ascending, and accel [m/s²], shape (M,): a segment of the stream that holds the window, or what there is
     of it.  Each sample goes to the grid point nearest in time, whatever its jitter; a grid point without a sample is
     NaN.  The grid starts within half a sample of ``start``.
     """
@@ -68,13 +68,13 @@ def cut(
     return Window(joint, start, duration, time, grid, rate_hz, excitation, temperature)
 
 
-def last_part(stretch: Window, duration: float) -> Window:
-    """The last so many seconds of a stretch, or all of it if that is shorter."""
-    gone = stretch.accel.size - round(duration * stretch.rate_hz)
+def last_part(segment: Window, duration: float) -> Window:
+    """The last so many seconds of a segment, or all of it if that is shorter."""
+    gone = segment.accel.size - round(duration * segment.rate_hz)
     if gone <= 0:
-        return stretch
-    start = stretch.start + gone / stretch.rate_hz
-    return replace(stretch, start=start, duration=duration, time=stretch.time[gone:], accel=stretch.accel[gone:])
+        return segment
+    start = segment.start + gone / segment.rate_hz
+    return replace(segment, start=start, duration=duration, time=segment.time[gone:], accel=segment.accel[gone:])
 
 
 @lru_cache(maxsize=16)

@@ -87,9 +87,9 @@ def told(
     movers = [Mover(polls, shaft(seed, polls, 0), arms) for seed, arms in zip(seeds, levers, strict=True)]
     found: list[Evidence] = []
     for start in np.arange(1.0, SECONDS - 0.5, 0.25):
-        stretches = [cut("", times, accel, start - BEFORE_S, 0.25 + BEFORE_S, rate) for accel in tips]
+        segments = [cut("", times, accel, start - BEFORE_S, 0.25 + BEFORE_S, rate) for accel in tips]
         window = evidence(
-            stretches,
+            segments,
             movers,
             [replace(SETTINGS, noise_ms2=noise)] * len(tips),
             max(start, found[-1].until if found else 0),
@@ -177,15 +177,15 @@ def test_many_joints_do_not_double_the_sets() -> None:
 def test_says_nothing_without_data() -> None:
     """A missing sample, commands that do not cover the window, a rest of a window too short: None."""
     times, polls = np.arange(0, 1, 1e-3), np.arange(0, 1, 0.01)
-    stretch = cut("", times, np.random.default_rng(1).normal(0, 0.1, 1000), 0.3, 0.45, RATE)
+    segment = cut("", times, np.random.default_rng(1).normal(0, 0.1, 1000), 0.3, 0.45, RATE)
     movers = [Mover(polls, shaft(seed, polls, 0), (0.1,)) for seed in (11, 12)]
-    assert evidence([stretch], movers, [SETTINGS], 0.5) is not None
-    assert evidence([stretch], movers, [SETTINGS], 0.72) is None
+    assert evidence([segment], movers, [SETTINGS], 0.5) is not None
+    assert evidence([segment], movers, [SETTINGS], 0.72) is None
     short = [movers[0], replace(movers[1], times=polls[:40], commands=movers[1].commands[:40])]
-    assert evidence([stretch], short, [SETTINGS], 0.5) is None
-    holed = stretch.accel.copy()
+    assert evidence([segment], short, [SETTINGS], 0.5) is None
+    holed = segment.accel.copy()
     holed[300] = np.nan
-    assert evidence([replace(stretch, accel=holed)], movers, [SETTINGS], 0.5) is None
+    assert evidence([replace(segment, accel=holed)], movers, [SETTINGS], 0.5) is None
 
 
 @pytest.mark.parametrize("rate", [10.0, 50.0, 200.0, 1000.0])
@@ -194,9 +194,9 @@ def test_says_nothing_without_data() -> None:
 def test_any_bar_at_any_rate(rate: float, f_res: float, length: float) -> None:
     """Whatever a configuration may ask for, there is an answer of finite likelihoods, or none."""
     times, polls = np.arange(0, 8, 1 / rate), np.arange(0, 8, 0.01)
-    stretch = cut("", times, np.random.default_rng(1).normal(0, 0.1, times.size), 1.0, length, rate)
+    segment = cut("", times, np.random.default_rng(1).normal(0, 0.1, times.size), 1.0, length, rate)
     movers = [Mover(polls, shaft(seed, polls, 0), (0.1,)) for seed in (11, 12)]
-    window = evidence([stretch], movers, [replace(SETTINGS, f_res_hz=f_res)], 1.2)
+    window = evidence([segment], movers, [replace(SETTINGS, f_res_hz=f_res)], 1.2)
     assert window is None or np.isfinite(window.likelihood).all()
 
 

@@ -140,7 +140,7 @@ def test_what_is_found_again_is_looked_at_less_often(monkeypatch: pytest.MonkeyP
         learner = Learner(GIVEN, RATE, LENGTH)
         looks.clear()
         for window in np.random.default_rng(8906).normal(size=(2200, LENGTH)):
-            learner.hear(window)
+            learner.update(window)
         return looks.copy()
 
     assert finds(58.1) == [51]
@@ -155,9 +155,9 @@ def test_a_wrong_file_is_mended_and_told() -> None:
     wrong = replace(GIVEN, f_res_hz=58.0 * 0.95)
     windows = np.vstack([WORN.worn(rng, 50, RATE, 0.25) for _ in range(21)])
     learner, held = (Learner(replace(wrong, follow_bar=follow), RATE, LENGTH) for follow in (True, False))
-    told: list[Any] = [change for window in windows if (change := learner.hear(window))]
+    told: list[Any] = [change for window in windows if (change := learner.update(window))]
     for window in windows[:250]:
-        held.hear(window)
+        held.update(window)
     assert learner.settings.f_res_hz == pytest.approx(58.0, rel=0.015)
     changes = [change for change in told if isinstance(change, BarChange)]
     assert changes

@@ -18,7 +18,7 @@ OMEGA = 2 * np.pi * 1.5
 
 @pytest.mark.parametrize("seconds", [0.2, 0.45, 2.5])
 def test_a_sines_acceleration(seconds: float) -> None:
-    """-w² times the angle, to a thousandth of its amplitude, however long the stretch is."""
+    """-w² times the angle, to a thousandth of its amplitude, however long the segment is."""
     times, clock = np.arange(-0.2, seconds + 0.05, 0.01), np.arange(0.0, seconds, 1e-3)
     motion = smoothed(
         times, 0.3 * np.sin(OMEGA * times), Window("elbow", 0.0, seconds, clock, np.zeros(clock.size), 1e3)
@@ -60,7 +60,7 @@ def test_errors_of_quantised_commands(kind: str) -> None:
 
 @pytest.mark.parametrize("phase", np.arange(8) / 8)
 def test_a_slow_sway_is_smoother_than_white_jerk(phase: float) -> None:
-    """Of commands of 1 Hz in steps of 0.29° the fifth derivative is white rather than the jerk, wherever the stretch
+    """Of commands of 1 Hz in steps of 0.29° the fifth derivative is white rather than the jerk, wherever the segment
     begins; in two of the eight only, when the likelihood lost its smoothest modes to rounding."""
     step, times = np.radians(300) / 1023, np.arange(-0.2, 0.9, 0.01)
     window = Window("elbow", 0.0, 0.85, np.arange(850) / 1e3, np.zeros(850), 1e3)

@@ -27,7 +27,7 @@ def white(rng: np.random.Generator, count: int) -> FloatArray:
 
 def heard(learner: Learner, windows: FloatArray) -> list[Change]:
     """What the learner says of windows."""
-    return [change for window in windows if (change := learner.hear(window)) is not None]
+    return [change for window in windows if (change := learner.update(window)) is not None]
 
 
 def test_what_is_calibrated_is_not_learnt_over() -> None:
@@ -90,7 +90,7 @@ def test_a_window_costs_one_round(monkeypatch: pytest.MonkeyPatch) -> None:
     learner = Learner(SETTINGS, RATE, LENGTH)
     for window in windows:
         is_known = learner.background is not None
-        learner.hear(window)
+        learner.update(window)
         assert rounds[-1] <= (1 if is_known else 3)
         rounds.append(0)
     assert sum(rounds) >= 10
@@ -123,7 +123,7 @@ def test_windows_that_tell_nothing_are_not_heard() -> None:
     holed = white(rng, 1)[0]
     holed[::2] = np.nan
     for bad in (np.zeros(LENGTH), holed, np.zeros(10)):
-        assert learner.hear(bad) is None
+        assert learner.update(bad) is None
     assert learner.seen == 0
     few = white(rng, 30)
     few[:, 7] = np.nan

@@ -33,7 +33,7 @@ def test_learning_imports_no_masked_arrays() -> None:
         settings, random = DetectorSettings(f_res_hz=58.0), np.random.default_rng(1)
         learner = Learner(settings, 1000.0, 250)
         for accel in random.normal(size=(50, 250)):
-            learner.hear(accel)
+            learner.update(accel)
         learner.finish()
         assert learner.background is not None
         time = np.arange(450) / 1000

@@ -18,7 +18,7 @@ from lostmotion.detector.commanded import BEFORE_S
 from lostmotion.detector.flank import law_of
 from lostmotion.detector.offset import OFFSET_UNKNOWN
 from lostmotion.detector.play_size import SizeLaw, learnt_play, play_size, with_play
-from lostmotion.detector.pooling import SHOWN_UNKNOWN, pooled
+from lostmotion.detector.pooling import NO_EVIDENCE, pooled
 from lostmotion.detector.score import score_window
 from lostmotion.detector.series import score_series
 from lostmotion.detector.window import DetectorSettings, Score, Window
@@ -119,7 +119,7 @@ def test_intervals_are_as_wide_as_they_must_be() -> None:
 
 @lru_cache
 def flights(play: float, rate: float = 1000.0) -> tuple[Window, np.ndarray, np.ndarray]:
-    """A body that flies freely between hard stops ± play/2 on a swaying shaft, without a rebound: its stretch of tip
+    """A body that flies freely between hard stops ± play/2 on a swaying shaft, without a rebound: its segment of tip
     acceleration by the exact ring of each impulse, and the shaft's angle."""
 
     def shaft(t: np.ndarray) -> np.ndarray:
@@ -187,13 +187,13 @@ def test_why_it_cannot_be_told() -> None:
     holes = replace(window, accel=np.where(np.arange(window.accel.size) == 7, np.nan, window.accel))
     noise = replace(window, accel=np.random.default_rng(0).normal(0, 0.1, window.accel.size))
     slow = replace(window, time=window.time[::5], accel=window.accel[::5], rate_hz=200.0)
-    for stretch, commands, words in (
+    for segment, commands, words in (
         (slow, (polls, shaft), "too slow"),
         (holes, (polls, shaft), "missing"),
         (window, (polls[:5], shaft[:5]), "too few commands"),
         (noise, (polls, shaft), "both flanks"),
     ):
-        found = play_size(stretch, *commands, SETTINGS)
+        found = play_size(segment, *commands, SETTINGS)
         assert math.isnan(found.value)
         assert words in found.reason
 
@@ -240,10 +240,10 @@ def test_pooled_is_a_median_with_its_interval() -> None:
 
 def shown(play: float, seed: int) -> bool:
     """Whether 60 windows show a play of so many of their standard deviations, of which 0.4 are alike in all."""
-    rng, law = np.random.default_rng(seed), SHOWN_UNKNOWN
+    rng, law = np.random.default_rng(seed), NO_EVIDENCE
     for error in 0.4 * rng.normal() + 0.92 * rng.normal(size=60):
         law = law.updated((play + error) * 1e-3, 1e-3)
-    return law.is_shown
+    return law.is_significant
 
 
 def test_windows_together_show_a_play() -> None:
@@ -251,7 +251,7 @@ def test_windows_together_show_a_play() -> None:
     itself would tell them in 32 %; what no window has told is not shown."""
     assert np.mean([shown(0.0, seed) for seed in range(400)]) <= 0.03
     assert np.mean([shown(1.5, seed) for seed in range(400)]) >= 0.9
-    assert not SHOWN_UNKNOWN.is_shown
+    assert not NO_EVIDENCE.is_significant
 
 
 def test_a_window_tells_what_its_sensor_reads_beside_motion() -> None:

@@ -54,8 +54,8 @@ def test_same_as_the_service() -> None:
     windows: list[Window] = []
     for time, command in zip(servo, commands, strict=True):
         for found in trigger.push((time,), (command,)):
-            stretch = (sensor > found.time - 0.5) & (sensor < found.time + 0.5)
-            window = cut("joint", sensor[stretch], accel[stretch], found.time, 0.25, 200.0, excitation=abs(found.swing))
+            segment = (sensor > found.time - 0.5) & (sensor < found.time + 0.5)
+            window = cut("joint", sensor[segment], accel[segment], found.time, 0.25, 200.0, excitation=abs(found.swing))
             windows.append(window)
     known = settled([window.accel for window in windows], 200.0, SETTINGS)
     scores = [score_window(window, known) for window in windows]

@@ -42,8 +42,8 @@ def scores(play: float, rate_hz: float = 1000.0, settings: DetectorSettings = SE
     return [score for score in found if 1 < score.time < 8.5]
 
 
-def stretch(accel: FloatArray, rate_hz: float = 1000.0, start: float = 3.0) -> Window:
-    """A stretch around a reversal at ``start``."""
+def segment(accel: FloatArray, rate_hz: float = 1000.0, start: float = 3.0) -> Window:
+    """A segment around a reversal at ``start``."""
     time = start - BEFORE_S + np.arange(accel.size) / rate_hz
     return Window("elbow", start - BEFORE_S, accel.size / rate_hz, time, accel, rate_hz)
 
@@ -90,7 +90,7 @@ def test_silence_is_an_upper_bound() -> None:
     motion = HandWaved(7, amplitude_rad=0.1)
     times = 3.0 - BEFORE_S + np.arange(450) / 1000
     accel = LENGTH_M * motion.acceleration(times) + noise()
-    found = severity(stretch(accel), POLLS, told(motion), 10.0, SETTINGS)
+    found = severity(segment(accel), POLLS, told(motion), 10.0, SETTINGS)
     assert found.low == 0.0
     assert found.value < 3e-4
     assert found.high < 2e-3
@@ -100,7 +100,7 @@ def test_a_joint_that_floats_between_the_flanks_is_bad() -> None:
     """The command moves by 40 mrad to either side and the joint stays where it is, without any impact: more play, where
     the servo is known to follow."""
     motion = Sine(6.0, 0.04)
-    found = severity(stretch(noise()), POLLS, told(motion), 100.0, SETTINGS, servo=AT_ONCE)
+    found = severity(segment(noise()), POLLS, told(motion), 100.0, SETTINGS, servo=AT_ONCE)
     assert found.low > 0.03
     assert found.high > 0.08
 
@@ -109,10 +109,10 @@ def test_commands_may_end_before_the_stretch() -> None:
     """Without the last 0.1 s of commands, as in the service, the rest of the motion still tells that the joint floats;
     with half of them nothing does."""
     motion, most, half = Sine(6.0, 0.04), POLLS[:315], POLLS[:300]
-    found = severity(stretch(noise()), most, told(motion)[: most.size], 100.0, SETTINGS, servo=AT_ONCE)
+    found = severity(segment(noise()), most, told(motion)[: most.size], 100.0, SETTINGS, servo=AT_ONCE)
     assert found.low > 0.03
     assert found.high > 0.08
-    unknown = severity(stretch(noise()), half, told(motion)[: half.size], 100.0, SETTINGS)
+    unknown = severity(segment(noise()), half, told(motion)[: half.size], 100.0, SETTINGS)
     assert unknown.low == 0.0
     assert unknown.value < 0.003
 
@@ -123,7 +123,7 @@ def test_a_servo_that_lags_has_no_play() -> None:
     times = 3.0 - BEFORE_S + np.arange(450) / 1000
     late = times - 0.015
     assert np.ptp(motion.position(times) - motion.position(late)) > 0.02
-    found = severity(stretch(LENGTH_M * motion.acceleration(late) + noise()), POLLS, told(motion), 10.0, SETTINGS)
+    found = severity(segment(LENGTH_M * motion.acceleration(late) + noise()), POLLS, told(motion), 10.0, SETTINGS)
     assert found.low == 0.0
     assert found.value < 1e-3
 
@@ -137,7 +137,7 @@ def test_speed_of_the_impact_by_hand() -> None:
     values = []
     for amplitude in (0.5, 1.0, 2.0):
         accel = amplitude * np.exp(-0.012 * omega * after) * np.sin(omega * after) + noise()
-        found = severity(stretch(accel), [], [], 10.0, SETTINGS)
+        found = severity(segment(accel), [], [], 10.0, SETTINGS)
         speed = amplitude / (LENGTH_M * omega)
         assert found.value == pytest.approx(math.sqrt(2 * speed**3 / (9 * 50.0)) / 3, rel=1.0)
         values.append(found.value)
@@ -149,11 +149,11 @@ def test_the_size_of_the_play_leads_where_it_is_told() -> None:
     time = np.arange(450) / 1000
     after = np.maximum(time - 0.25, 0.0)
     accel = 9.0 * np.exp(-4.4 * after) * np.sin(2 * math.pi * 58 * after) + noise()
-    alone = severity(stretch(accel), [], [], 10.0, SETTINGS)
-    known = severity(stretch(accel), [], [], 10.0, SETTINGS, (8e-3, 5e-4))
+    alone = severity(segment(accel), [], [], 10.0, SETTINGS)
+    known = severity(segment(accel), [], [], 10.0, SETTINGS, (8e-3, 5e-4))
     assert known.value == pytest.approx(8e-3, rel=0.1)
     assert known.value < 0.7 * alone.value
-    wrong = severity(stretch(accel), [], [], 10.0, SETTINGS, (0.2, 0.002))
+    wrong = severity(segment(accel), [], [], 10.0, SETTINGS, (0.2, 0.002))
     assert wrong.value < 0.05
 
 
@@ -161,11 +161,11 @@ def test_what_is_clipped_is_at_least_as_bad() -> None:
     """The ring of a clipped window is a lower bound: neither value nor upper end fall below those of the ring."""
     time = np.arange(450) / 1000
     accel = 2.0 * np.exp(-4.4 * time) * np.sin(2 * math.pi * 58 * np.maximum(time - 0.1, 0)) + noise()
-    plain, cut = (severity(stretch(accel), [], [], 10.0, SETTINGS, clipped=clipped) for clipped in (False, True))
+    plain, cut = (severity(segment(accel), [], [], 10.0, SETTINGS, clipped=clipped) for clipped in (False, True))
     assert cut.value > plain.value
     assert cut.high > 10 * plain.high
     score = Score("elbow", 3.0, 0.25, 20.0, 8.0, True, excitation=10.0, quality="clipped")
-    assert with_severity(score, stretch(accel), [], [], SETTINGS)[0].severity == cut.value
+    assert with_severity(score, segment(accel), [], [], SETTINGS)[0].severity == cut.value
 
 
 @pytest.mark.parametrize(
@@ -179,7 +179,7 @@ def test_what_is_clipped_is_at_least_as_bad() -> None:
 )
 def test_what_cannot_be_told_is_unknown(accel: FloatArray, swing: float, rate_hz: float) -> None:
     """Unknown excitation, the first 30 of 450 samples missing, a flat sensor, one slower than twice the bar: NaN."""
-    found = severity(stretch(accel, rate_hz), [], [], swing, SETTINGS)
+    found = severity(segment(accel, rate_hz), [], [], swing, SETTINGS)
     assert np.isnan([found.value, found.low, found.high]).all()
     assert Severity().value != Severity().value
 
