@@ -1,7 +1,7 @@
-"""The noise around a joint's bar, learnt from the joint's own windows, worn or not.
+"""The noise of a joint's accelerometer, estimated from the joint's windows, with or without play.
 
-Pure functions of windows: when they are called, and what is kept, is the caller's.  docs/decisions/0005-ringdown.md has
-the measurements.
+Pure functions of windows; the caller decides when they are called and what is kept.  docs/decisions/0005-ringdown.md
+has the measurements.
 """
 
 from __future__ import annotations
@@ -24,32 +24,34 @@ __all__ = ["LEAST_WINDOWS", "Background", "applied", "distance", "followed", "le
 
 LEAST_WINDOWS = 20
 ROUNDS = 8
-"""Of expectation and maximisation at most: the likelihood rises by less than 0.1 nats a window after them."""
+"""Largest number of rounds of expectation and maximisation: the likelihood rises by less than 0.1 nats a window after
+them."""
 SETTLED = 0.02
 """A round that raises the likelihood by less than so many nats a window is the last."""
 LOUD = 2.0
-"""A window whose rings hold so many times the energy that is left tells nothing of the noise: what the rings do not
-explain of an impact is then as loud as the noise (at 30 dB)."""
+"""A window whose rings have so many times the energy of the residual is not used for the noise: the part of an impact
+that the rings do not explain is then as large as the noise (at 30 dB)."""
 CALM = 0.25
-"""Share of windows that have to tell of the noise: of rings at 30 dB the few quiet ones are no fair sample."""
+"""Least share of windows with information on the noise: with rings at 30 dB the few quiet ones are a biased sample."""
 SILENT = 0.8
-"""Share of such windows below which windows without rings are not believed: 0.88 of those of a bar that a rough gear
-shakes as loud as the noise, nearly all with hum or a fan, 0.45 of those with rings at 25 dB in coloured noise."""
+"""Share of such windows below which the model without rings is rejected: it is 0.88 of those of a bar that a rough gear
+excites as much as the noise, nearly all with hum or a fan, 0.45 of those with rings at 25 dB in coloured noise."""
 RINGING, LEAST_RINGING = 0.5, 0.02
 POWER, LEAST_POWER = 20.0, 3.0
 """First guess and bounds of the share of windows that ring, and of the rings' variance over that of the noise."""
 HEALTHY_SCORE, HEALTHY_SHARE = 3.0, 0.02
-"""Noise without rings scores above the first in less than 0.3 % of the windows (white, coloured, hum, fan, shaken bar);
-of windows with rings at 25 dB that are taken for noise 5 to 7 % do."""
+"""Noise without rings scores above the first in less than 0.3 % of the windows (white, coloured, hum, fan, excited
+bar); windows with rings at 25 dB that are mistaken for noise do in 5 to 7 %."""
 RARE = 0.45
-"""Rings that make fewer windows score so are none: an autoregressive model of few orders is helped by them to describe
-hum (at 200 Hz up to 43 % of healthy windows); of windows with rings at 15 dB mostly more than 54 % do."""
+"""Rings with fewer such windows are rejected: they compensate for an autoregressive model of too few orders for hum (at
+200 Hz up to 43 % of healthy windows); of windows with rings at 15 dB mostly more than 54 % do."""
 MEMORY = 1000.0
-"""Windows for which the past counts at most."""
+"""Largest weight of the past, in windows."""
 CHANGED = 0.1
-"""Distance [nats a sample] from which a noise is another one: half again as loud is 0.06, mains hum that comes 1.1."""
+"""Distance [nats a sample] from which the noise has changed: 1.5 times the deviation is 0.06, the onset of mains hum
+1.1."""
 POINTS = 2048
-"""Frequencies at which spectra are looked at."""
+"""Frequencies at which spectra are evaluated."""
 TOGETHER = 25
 """Windows whose moments are formed at once: those of a hundred take 7 MB for a moment."""
 FREEDOM = ringdown.TRUST
@@ -58,8 +60,8 @@ FREEDOM = ringdown.TRUST
 
 @dataclass(frozen=True, slots=True)
 class Background:
-    """covariance: of the noise at lags of 0, 1, ... samples [m²/s⁴]; windows: how many tell it; ringing: share of the
-    last ones that hold a ring."""
+    """covariance: of the noise at lags of 0, 1, ... samples [m²/s⁴]; windows: number of windows it is estimated from;
+    ringing: share of the last ones with a ring."""
 
     covariance: tuple[float, ...]
     windows: float
@@ -80,7 +82,7 @@ class Background:
 @dataclass(frozen=True, slots=True)
 class _Model:
     """A noise, the share of windows that ring, the variance of the rings' amplitudes over that of the noise, and
-    whether rings leave something that is no noise."""
+    whether the residual of rings contains a misfit."""
 
     noise: Noise
     ringing: float = RINGING
@@ -98,7 +100,7 @@ class _Fit:
 
 
 def applied(background: Background, settings: DetectorSettings) -> DetectorSettings:
-    """The settings with that noise, in few digits."""
+    """The settings with that noise, rounded."""
     noise = rounded(background.noise)
     return replace(settings, noise_ms2=noise.deviation, noise_colour=noise.colour)
 
@@ -111,11 +113,11 @@ def learn(
     A window is slow motion, rings with a certain probability (the hypotheses of ``ringdown``, their amplitudes normal),
     and autoregressive noise whose loudness follows Student's t.  The model's likelihood is maximised by expectation and
     maximisation (Dempster, Laird and Rubin 1977) from several starts: noise without rings; rings in white noise, or in
-    the ``earlier`` noise.  The best by Akaike's criterion wins, so hum is learnt as noise and rings are not: hum
-    neither begins nor decays.  "No rings at all" is believed only when the windows then score like noise.  Where rings
-    win, the noise is told from what they do not explain of an impact (``misfit``).
+    the ``earlier`` noise.  The best by Akaike's criterion wins, so the model takes hum for noise but not rings: hum
+    neither begins nor decays.  The model without rings is accepted only if the windows then score like noise.
+    Otherwise the noise is separated from the part of an impact that rings do not explain (``misfit``).
 
-    None when the windows tell nothing of the noise: rings are too loud in all of them.  Raises DetectorError for fewer
+    None when the windows do not determine the noise because their rings are too loud.  Raises DetectorError for fewer
     than 20 windows.
     """
     work = learning(windows, rate_hz, settings, earlier)
@@ -162,8 +164,8 @@ def learning(
 
 
 def followed(earlier: Background | None, new: Background) -> tuple[Background, bool]:
-    """Both together, the past counting for 1000 windows at most; and whether the new noise is another one, which
-    then stands alone."""
+    """Both pooled, the past with the weight of 1000 windows at most; and whether the noise has changed: the new one is
+    then used alone."""
     if earlier is None or len(earlier.covariance) != len(new.covariance):
         return new, False
     if distance(new.noise, earlier.noise) > CHANGED:
@@ -176,20 +178,20 @@ def followed(earlier: Background | None, new: Background) -> tuple[Background, b
 
 
 def distance(one: Noise, other: Noise) -> float:
-    """How badly the other noise foretells this one [nats a sample], 0 if as well as itself (Itakura, Saito 1968)."""
+    """Loss when the other noise predicts this one [nats a sample], 0 if the spectra are alike (Itakura, Saito 1968)."""
     ratio = spectrum(one, POINTS) / spectrum(other, POINTS)
     return float(np.mean(ratio - 1 - np.log(ratio))) / 2
 
 
 def _white(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -> Noise:
-    """As if all that is left beside slow motion were white, in the middle one of the windows."""
+    """White noise from the residual of slow motion: the median over the windows."""
     slow = ringdown.bank(windows.shape[1], rate_hz, settings).slow
     energy = np.sum((windows - (windows @ slow) @ slow.T) ** 2, axis=1)
     return Noise(math.sqrt(median(energy) / (windows.shape[1] - slow.shape[1])), ())
 
 
 def _loudness(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -> FloatArray:
-    """Energy of the best rings over what they leave, in white noise; shape (M,)."""
+    """Energy of the best rings over that of their residual, in white noise; shape (M,)."""
     bank = ringdown.bank(windows.shape[1], rate_hz, settings)
     left = windows - (windows @ bank.slow) @ bank.slow.T
     total = np.sum(left**2, axis=1)
@@ -216,7 +218,7 @@ def _fitted(
 
 
 def _weighed(windows: FloatArray, rate_hz: float, settings: DetectorSettings, fit: _Fit) -> Generator[None, None, _Fit]:
-    """The likelihood of all windows under the noise of some; share and power of the rings are those of all."""
+    """The likelihood of all windows under the noise fitted to some; share and power of the rings are fitted to all."""
     model = fit.model
     for _ in range(ROUNDS // 2):
         fit_of_all, new = _expected(windows, rate_hz, settings, model)
@@ -229,7 +231,8 @@ def _expected(windows: FloatArray, rate_hz: float, settings: DetectorSettings, m
     """The likelihood under a model, and the model that is best for what is expected under this one.
 
     With whitened samples z, of which slow motion and the rings of a hypothesis with orthonormal basis B are unknown,
-    the noise's expected z zᵀ is that of what is left, weighted by Student's t, plus its variance in B, which B hides.
+    the noise's expected z zᵀ is that of the residual, weighted by Student's t, plus the noise's variance in the span of
+    B.
     """
     count, length = windows.shape
     noise = model.noise
@@ -271,7 +274,7 @@ class _Moments(NamedTuple):
     amplitudes: float
 
     def plus(self, more: _Moments) -> _Moments:
-        """Of both together."""
+        """The sums over both sets of windows."""
         return _Moments(
             self.likelihood + more.likelihood,
             self.products + more.products,
@@ -308,7 +311,7 @@ def _moments(
 
 
 class _Rings(NamedTuple):
-    """Of each window: ln of the likelihood's gain by rings, probability of one, what the likeliest one leaves, its
+    """Of each window: ln of the likelihood ratio of rings, probability of a ring, residual of the likeliest one, its
     basis (rows, zero where it has fewer), its energy.  expected: the rings' energy and amplitudes in all windows."""
 
     gain: FloatArray
@@ -348,7 +351,7 @@ def _criterion(fit: _Fit) -> float:
 
 
 def _share_above(score: float, windows: FloatArray, rate_hz: float, settings: DetectorSettings, fit: _Fit) -> float:
-    """Share of the windows that score more where this is the noise."""
+    """Share of the windows with a higher score under this noise."""
     noise = fit.model.noise
     known = replace(settings, noise_ms2=noise.deviation, noise_colour=noise.colour)
     bank = ringdown.build(windows.shape[1], rate_hz, known)

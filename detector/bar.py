@@ -1,7 +1,7 @@
-"""Resonance and damping of a joint's bar, found in the windows after the joint's own reversals.
+"""Resonance and damping of a joint's bar, estimated from the windows after the joint's reversals.
 
-Pure functions of windows: when they are called, and what becomes of the values, is ``learner``'s.  A tap that somebody
-gives to the bar is ``oscillator_id``'s.  docs/decisions/0012-following-the-bar.md has the measurements.
+Pure functions of windows; ``learner`` calls them and uses the values.  ``oscillator_id`` is for taps on the bar.
+docs/decisions/0012-following-the-bar.md has the measurements.
 """
 
 from __future__ import annotations
@@ -20,28 +20,27 @@ from lostmotion.detector.window import DetectorSettings, FloatArray
 __all__ = ["Bar", "agrees", "finding", "moved", "used"]
 
 REACH = 0.2
-"""The resonance is looked for within this share of the configured value."""
+"""The resonance is searched for within this share of the configured value."""
 COARSE, FINE, FINE_STEPS = 0.02, 0.005, 5
 """Steps of the search, as shares of the resonance (a window of 0.25 s resolves 4 Hz), and how many fine ones a side."""
 SAMPLES, STARTS = 8.0, 12
-"""For the coarse search so many samples a period are enough (a faster sensor's are averaged), and so many moments at
-which a ring may begin: an eighth of the time.  The fine one needs all: with these the damping comes out a third too
-small."""
+"""Samples a period (a faster sensor's are averaged) and start times of rings in the coarse search, which then takes an
+eighth of the time.  The fine search uses all: with these its damping is a third too small."""
 CLEAR = 10.0
-"""A window counts whose rings are so many nats likelier than white noise alone."""
+"""Windows are used whose rings are so many nats likelier than white noise alone."""
 LEAST_WINDOWS = 20
 NEW = 0.15
 """Share of the log-likelihood that new rings within the window contribute at least, beside one from before it: 0.26 to
 0.65 for rings after reversals, 0.09 and less for steady hum or a fan."""
 FOREIGN, APART = 0.025, 0.75
-"""Where a steady line farther away than APART / (length of the window) adds this share of the log-likelihood, something
-else sounds there as well, and the resonance is not told: hum beside rings would draw it 2 to 15 % away."""
+"""Where a steady line farther away than APART / (length of the window) adds this share of the log-likelihood, there is
+another source, and no resonance is estimated: hum beside rings would bias it by 2 to 15 %."""
 MISFIT, ZETA_MISFIT = 0.003, 0.1
-"""Standard deviations, as shares, of what bounces and the colour of the noise do to resonance and damping."""
+"""Relative standard deviations of the errors of resonance and damping by bounces and the colour of the noise."""
 SURE = 3.0
-"""A value is used that is so many standard deviations from the configured one."""
+"""An estimate is used if it is so many standard deviations from the configured value."""
 SHARE, STEP, ZETA_STEP = 0.5, 0.02, 0.25
-"""One look moves what is known by this share of the way to what it found, resonance and ln zeta by at most so much."""
+"""Gain of one estimate in the update of the known values, and the largest steps of resonance and ln zeta."""
 ZETAS = 2.0 ** np.arange(-1.0, 2.1, 0.5)
 """Damping ratios that are compared, over the configured one."""
 
@@ -49,7 +48,7 @@ ZETAS = 2.0 ** np.arange(-1.0, 2.1, 0.5)
 @dataclass(frozen=True, slots=True)
 class Bar:
     """Resonance [Hz] and its standard deviation; damping ratio and the standard deviation of its logarithm; windows:
-    how many of the last block showed it."""
+    how many of the last block show it."""
 
     f_res_hz: float
     f_deviation: float
@@ -59,8 +58,8 @@ class Bar:
 
 
 def used(known: Bar | None, given: DetectorSettings) -> DetectorSettings:
-    """The settings with the resonance and the damping that are known, each where it is clearly another than the given
-    one.  A damping below the given one is not believed: teeth that bounce keep a ring alive."""
+    """The settings with the estimated resonance and damping, each where it differs significantly from the given one.  A
+    damping below the given one is not used: bouncing teeth prolong a ring."""
     if known is None:
         return given
     f_res, zeta = given.f_res_hz, given.zeta
@@ -72,14 +71,14 @@ def used(known: Bar | None, given: DetectorSettings) -> DetectorSettings:
 
 
 def agrees(known: Bar | None, found: Bar, given: DetectorSettings) -> bool:
-    """Whether a look found what was known, within ``SURE`` of its own standard deviations."""
+    """Whether an estimate agrees with the known values, within ``SURE`` of its standard deviations."""
     f_res, zeta = _so_far(known, given)
     resonance, damping = abs(found.f_res_hz - f_res), abs(math.log(found.zeta / zeta))
     return resonance < SURE * found.f_deviation and damping < SURE * found.zeta_deviation
 
 
 def moved(known: Bar | None, found: Bar, given: DetectorSettings) -> Bar:
-    """What is known after one more look: half of the way to what it found, in steps that are no jumps."""
+    """The known values after one more estimate: half of the difference is added, in limited steps."""
     f_res, zeta = _so_far(known, given)
     f_res *= 1 + _limited(SHARE * (found.f_res_hz / f_res - 1), STEP)
     zeta *= math.exp(_limited(SHARE * math.log(found.zeta / zeta), ZETA_STEP))
@@ -95,18 +94,18 @@ def _limited(value: float, most: float) -> float:
 
 
 def finding(windows: FloatArray, rate_hz: float, given: DetectorSettings) -> Generator[None, None, Bar | None]:
-    """The bar that windows [m/s²], shape (M, N), show, none of their samples missing; in rounds, each as long as the
-    scores of all windows with a new bank take.
+    """The bar from windows [m/s²], shape (M, N), without missing samples; in rounds, each as long as scoring all
+    windows with a new bank.
 
     The log-likelihood of a resonance and a damping ratio is the sum over the windows of ln(1 + Lambda) of
     ``ringdown.scores`` in white noise of unknown size.  It is searched within ``REACH`` of the given resonance, and for
     the damping from half of the given one to four times.  Standard deviations are those of an M-estimator (Huber 1967):
-    the scatter of the windows' slopes over the curvature, so that windows that disagree widen them.
+    the scatter of the windows' slopes over the curvature, so that disagreeing windows increase them.
 
-    None where fewer than 20 windows show a ring, or no decaying one that begins within the window, or where a steady
-    line sounds beside it, or where the best value lies at an end of the search.
+    None where fewer than 20 windows show a ring, or none that begins within the window and decays, or where there is
+    also a steady line, or where the best value is at an end of the search.
     """
-    # What stands out of white noise may be hum; nothing that has been learnt with a wrong resonance is relied on.
+    # The noise is not used: it may have been estimated with a wrong resonance.  Hum is excluded below.
     bare = replace(given, noise_ms2=None, noise_colour=())
     tried = given.f_res_hz * (1 + np.arange(-REACH, REACH + COARSE / 2, COARSE))
     averaged = _averaged(windows, rate_hz, given.f_res_hz)
@@ -144,8 +143,8 @@ def _averaged(windows: FloatArray, rate_hz: float, f_res_hz: float) -> tuple[Flo
 def _damping(
     windows: FloatArray, rate_hz: float, settings: DetectorSettings
 ) -> Generator[None, None, tuple[DetectorSettings, float]]:
-    """The settings with the likeliest damping ratio, and the standard deviation of its logarithm; those given and NaN
-    where it lies at an end of what is compared."""
+    """The settings with the likeliest damping ratio, and the standard deviation of its logarithm; the given ones and
+    NaN where it lies at an end of the grid."""
     tried = [replace(settings, zeta=settings.zeta * float(factor)) for factor in ZETAS]
     log_likelihoods = yield from _likelihood_grid(windows, rate_hz, tried)
     size, deviation = _maximum(log_likelihoods, np.log(ZETAS))
@@ -155,8 +154,8 @@ def _damping(
 
 
 def _maximum(log_likelihoods: FloatArray, at: NDArray[np.floating[Any]]) -> tuple[float, float]:
-    """Place of the largest sum of log-likelihoods, shape (P, M), at even places (P,), and its standard deviation; NaN
-    where it is at an end."""
+    """Argument of the largest sum of log-likelihoods, shape (P, M), on an even grid (P,), and its standard deviation;
+    NaN where it is at an end."""
     best = int(np.argmax(log_likelihoods.sum(axis=1)))
     if best in (0, at.size - 1):
         return math.nan, math.nan
@@ -204,9 +203,9 @@ def _is_alone(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -
 
 
 def _new(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -> tuple[float, float]:
-    """The log-likelihood of all windows, and what rings that begin within them contribute to it.
+    """The log-likelihood of all windows, and the contribution of rings that begin within them.
 
-    Its bank goes with the function, as it is needed once.
+    Its bank is not cached, as it is needed once.
     """
     bank = ringdown.build(windows.shape[1], rate_hz, settings)
     whole = float(_log_likelihoods(windows, rate_hz, settings, bank).sum())
@@ -216,7 +215,7 @@ def _new(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -> tup
 
 
 def _with_line(windows: FloatArray, rate_hz: float, settings: DetectorSettings, line_hz: float) -> float:
-    """The log-likelihood of all windows where a steady line sounds beside the rings."""
+    """The log-likelihood of all windows with a steady line in addition to the rings."""
     length = windows.shape[1]
     bank = ringdown.build(length, rate_hz, settings, line_hz=line_hz)
     slow = ringdown.slow_basis(length, rate_hz, settings)
@@ -224,7 +223,7 @@ def _with_line(windows: FloatArray, rate_hz: float, settings: DetectorSettings, 
 
 
 def _line(windows: FloatArray, slow: FloatArray, with_line: FloatArray) -> float:
-    """What a steady line adds to the log-likelihood of all windows, minus the price of its amplitudes."""
+    """Increase of the log-likelihood of all windows by a steady line, minus the penalty of its amplitudes."""
     without, left = (np.sum((windows - (windows @ basis) @ basis.T) ** 2, axis=1) for basis in (slow, with_line))
     freedom = windows.shape[1] - slow.shape[1]
     return float(

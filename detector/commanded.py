@@ -91,13 +91,13 @@ class Commanded:
 
     def followed(self, servo: ServoLaw) -> Commanded:
         """The response of a servo: the mean over the candidate responses, and their covariance."""
-        ways = np.flatnonzero(servo.odds)
-        if ways.tolist() == [0]:
+        candidates = np.flatnonzero(servo.odds)
+        if candidates.tolist() == [0]:
             return self
-        odds, degree = servo.odds[ways], len(self.coefficients) - 1
+        odds, degree = servo.odds[candidates], len(self.coefficients) - 1
         basis, inverse = _grid(max(round(2 * self.half / GRID_S) + 1, degree + 1), degree)
-        each = delayed(basis @ self.coefficients, ways) @ inverse.T
-        mean, matrix = odds @ each, inverse @ (smoothing(len(basis), odds, ways) @ basis)
+        each = delayed(basis @ self.coefficients, candidates) @ inverse.T
+        mean, matrix = odds @ each, inverse @ (smoothing(len(basis), odds, candidates) @ basis)
         deviation = each - mean
         covariance = matrix @ self.covariance @ matrix.T + (deviation.T * odds) @ deviation
         return replace(self, coefficients=mean, covariance=covariance)

@@ -1,4 +1,5 @@
-"""When noise and bar of a joint are learnt, and from which of its windows.  How is ``background``'s and ``bar``'s."""
+"""Schedule of the estimation of a joint's noise and bar: when, and from which windows.  ``background`` and ``bar``
+estimate."""
 
 from __future__ import annotations
 
@@ -20,27 +21,27 @@ __all__ = ["BarChange", "Change", "Learner", "is_learning", "settled"]
 DUE = (20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000)
 """After so many windows the noise is learnt again, then every 10 000: an hour of motion or two."""
 BLOCK = 100
-"""Windows of each time, taken evenly from all since the last one."""
+"""Windows for each estimate, taken evenly from those since the last one."""
 CHECK = 500
-"""After so many windows the noise is compared with the one that is known."""
+"""After so many windows the noise is compared with its last estimate."""
 MOVED = 1.3
-"""A noise that is so many times as loud as it was, or as quiet, is learnt at once."""
+"""The noise is learnt at once if its power has changed by this factor."""
 BAR_CHECK = 2000
-"""After so many windows resonance and damping are looked at again, and until a look has found what is known also
-whenever the noise is due but the first time: looks of the first ten minutes were 28 % of the main thread's work."""
+"""After so many windows resonance and damping are estimated again; until an estimate confirms the known values, also
+whenever the noise is due except the first time: the estimates of the first ten minutes were 28 % of the main thread's
+work."""
 REPORT_HZ, REPORT_ZETA = 0.02, 0.3
-"""Shares by which resonance or damping have to have moved to be told."""
+"""Relative changes of resonance or damping that are reported."""
 ROUNDS, FIRST_ROUNDS = 1, 3
-"""Rounds of ``background.learning`` that are done with each window that is heard, so that no window waits long for
-another one's score: a round of 100 windows of 250 samples costs 8 ms, all of them 0.2 to 0.4 s.  The second while no
-noise is known."""
+"""Rounds of ``background.learning`` with each window, so that the score of no window is delayed for long: a round of
+100 windows of 250 samples costs 8 ms, all of them 0.2 to 0.4 s.  The second value is used while no noise is known."""
 POINTS = 512
 
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """The noise of a joint is another one: standard deviations before (NaN: none was known) and after [m/s²], and where
-    in the spectrum the difference is largest [Hz]."""
+    """A change of a joint's noise: standard deviations before (NaN: none was known) and after [m/s²], and the frequency
+    of the largest difference of the spectra [Hz]."""
 
     before: float
     after: float
@@ -59,7 +60,7 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class BarChange:
-    """Resonance [Hz] and damping ratio of a joint's bar are others than were told last: before and after."""
+    """A change of resonance [Hz] and damping ratio of a joint's bar since the last report: before and after."""
 
     before: tuple[float, float]
     after: tuple[float, float]
@@ -75,13 +76,13 @@ class BarChange:
 
 
 def is_learning(settings: DetectorSettings) -> bool:
-    """Whether the noise is to be learnt: not where it has been calibrated."""
+    """Whether the noise is learnt: not where it is calibrated."""
     return settings.noise_ms2 is None and not settings.noise_colour
 
 
 def settled(windows: Iterable[FloatArray], rate_hz: float, settings: DetectorSettings) -> DetectorSettings:
-    """The settings with the noise that a ``Learner`` knows after all these windows of one length; as they are where
-    the noise has been calibrated.  The bar is the given one."""
+    """The settings with the noise that a ``Learner`` estimates from these windows of one length; unchanged where the
+    noise is calibrated.  The bar is the given one."""
     given = replace(settings, follow_bar=False)
     learner: Learner | None = None
     for accel in windows if is_learning(settings) else ():
@@ -94,12 +95,12 @@ def settled(windows: Iterable[FloatArray], rate_hz: float, settings: DetectorSet
 
 
 class Learner:
-    """Noise and bar of one joint's windows of ``length`` samples, from the windows that it hears.
+    """Noise and bar of one joint, estimated from its windows of ``length`` samples.
 
-    given: the settings of the file; settings: the same with noise, resonance and damping as they are known by now;
-    seen: how many windows; background: None until the first 20 windows have told the noise; bar: None until windows
-    have shown it.  Learning goes on in steps, one with each window, so that the noise of a block is
-    known some 10 to 40 windows after it.
+    given: the settings of the file; settings: the same with the current estimates of noise, resonance and damping;
+    seen: number of windows; background: None until it is estimated from the first 20 windows; bar: None until windows
+    show it.  The estimation proceeds in steps, one with each window, so that the noise of a block is known some 10 to
+    40 windows after it.
     """
 
     def __init__(self, settings: DetectorSettings, rate_hz: float, length: int) -> None:
@@ -116,7 +117,7 @@ class Learner:
         self._begin_block()
 
     def resume(self, background: Background | None, seen: int, bar: Bar | None = None) -> None:
-        """Goes on from what an earlier run has learnt of windows of the same bar, rate and length."""
+        """Continues from the estimates of an earlier run with the same bar, rate and length of windows."""
         if background is None or background.length == self._length:
             self.bar = bar if self.given.follow_bar else None
             self._set_settings(used(self.bar, self.given))
@@ -127,7 +128,7 @@ class Learner:
             self._begin_block()
 
     def update(self, accel: FloatArray) -> Change | BarChange | None:
-        """Takes the tip acceleration [m/s²] of a window, shape (N,); what has changed, if anything."""
+        """Takes the tip acceleration [m/s²] of a window, shape (N,); returns a change to report, or None."""
         there = np.isfinite(accel)
         if accel.size != self._length or there.sum() < LEAST_SHARE * accel.size or np.ptp(accel[there]) == 0:
             return None
@@ -141,11 +142,11 @@ class Learner:
         return change
 
     def finish(self) -> Change | BarChange | None:
-        """Does what is left of the learning that has begun; what has changed, if anything."""
+        """Completes the current estimation; returns a change to report, or None."""
         return self._advance(None)
 
     def _advance(self, rounds: int | None) -> Change | BarChange | None:
-        """So many more rounds, None for all."""
+        """Runs so many more rounds, None for all."""
         while self._work is not None and rounds != 0:
             rounds = rounds and rounds - 1
             try:
@@ -202,20 +203,20 @@ class Learner:
         self._set_settings(applied(background, used(self.bar, self.given)))
 
     def _set_settings(self, settings: DetectorSettings) -> None:
-        """Scores by these from now on."""
+        """Replaces the settings, and drops the bank of the old ones."""
         if settings != self.settings:
             ringdown.forget(self._length, self.rate_hz, self.settings)
             self.settings = settings
 
     def _begin_block(self) -> None:
-        """The next windows to learn from: evenly from now until it is next looked at."""
+        """Begins the next block: windows taken evenly until the next comparison."""
         self._due = next((due for due in DUE if due > self.seen), (self.seen // DUE[-1] + 1) * DUE[-1])
         self._next = min(self._due, self.seen + CHECK)
         self._stride = max((self._next - self.seen) // BLOCK, 1)
         self._block: list[np.ndarray[tuple[int], np.dtype[np.float32]]] = []
 
     def _is_usual(self, windows: FloatArray) -> bool:
-        """Whether what neither motion nor rings explain is about as loud as when the noise was last learnt."""
+        """Whether the power of the residual of motion and rings is about that of the last estimate."""
         now = self._leftover(windows)
         if math.isnan(self._usual_power):
             self._usual_power = now

@@ -60,8 +60,8 @@ def relative_motion(
     accel, deviations, offset = _without_offset(segment, followed, inverted.times, basis, settings, offset)
     impulses = inverted.impulses(accel)
     wrong = mistuned(accel.size, segment.rate_hz, noise, settings, MISTUNED) @ accel.astype(np.float32)
-    otherwise = (basis @ command.coefficients, wrong.astype(np.float64))
-    motion = _relative_motion(inverted, impulses, followed, basis, otherwise, deviations, servo, settings)
+    uncertain = (basis @ command.coefficients, wrong.astype(np.float64))
+    motion = _relative_motion(inverted, impulses, followed, basis, uncertain, deviations, servo, settings)
     return motion, contacts(inverted, impulses, followed.derivative(basis, 2), motion.known), offset
 
 
@@ -110,7 +110,7 @@ def _relative_motion(
         astray,
     ])  # fmt: skip
     covariance = inverted.angle_covariance + basis @ command.covariance @ basis.T + columns @ columns.T
-    covariance += command.rest(time.size, step) * servo.passed(command.fastest)
+    covariance += command.rest(time.size, step) * servo.power_gain(command.fastest)
     motion = integrated(impulses, step) - basis @ command.coefficients
     lag = np.column_stack([2 * USUAL * servo.delay[0] * accel - speed, accel])
     shape = SHAPE * servo.delay[0] ** 2

@@ -1,10 +1,9 @@
-"""How a servo follows its goal: late, and rounded off.  Learnt from many windows of a joint.  No samples here.
+"""The response of a servo to its goal, a lag, estimated from many windows of a joint.  No samples here.
 
-theta_1 is not the commanded angle: a servo follows its goal some 5 to 80 ms behind.  What it does is compared as a pure
-delay, as a lag of the first order (a position controller in front of a speed) and as one of the second order (a
-position controller in front of a torque), critically damped or less, at once or after a pure delay.  Play is not such a
-lag: it is bounded, and waits for a reversal; so one window may take the one for the other, and many windows with ever
-other motions do not.
+theta_1 is not the commanded angle: a servo lags its goal by some 5 to 80 ms.  The candidates are a pure delay, a lag of
+the first order (a position controller in front of a speed) and one of the second order (a position controller in front
+of a torque), critically damped or less, without or after a pure delay.  Play is bounded and acts at reversals only,
+unlike such a lag: a single window may not distinguish the two, many windows with different motions do.
 """
 
 from __future__ import annotations
@@ -36,55 +35,56 @@ __all__ = [
 GRID_S = 0.004
 """Grid of the commands, and of the delays that are compared [s]."""
 SPAN_S = 0.5
-"""Commands so long before a segment still move the servo [s]: five times the longest lag."""
+"""Commands up to this long before a segment affect it [s]: five times the longest lag."""
 LONGEST_S, SHORTEST_LAG_S = 0.1, 0.008
 """Delays up to this are compared (servos of 20 to 80 ms were tried); shorter lags than this are pure delays."""
 _PURE = np.arange(0.0, LONGEST_S + GRID_S / 2, GRID_S)
 _LAGS = np.arange(SHORTEST_LAG_S, LONGEST_S + GRID_S / 2, GRID_S)
 DELAYS: FloatArray = np.concatenate([_PURE, *[_LAGS] * 4])
-"""The delay of each way of following that is compared [s], shape (G,)."""
+"""The delay of each candidate response [s], shape (G,)."""
 ORDERS: NDArray[np.intp] = np.repeat([0, 1, 2, 3, 4], [_PURE.size, *[_LAGS.size] * 4])
 """0: pure delay, 1: first order, 2: second order, critically damped, 3: second order, damped by DAMPING, 4: the same
-behind a pure delay, which makes the share PURE of the whole; shape (G,)."""
+after a pure delay, which is the share PURE of the whole; shape (G,)."""
 DAMPING, PURE = 0.6, 0.4
 """A lag is its delay T and higher coefficients; the second, which is an angle in proportion to the acceleration and
 looks like play, is 0.5 T² of a pure delay, 1 of the first order, 0.75 of a critically damped second order and 0.31 of
 one damped by 0.6.  Of servos damped by 0.6 to 1.2, up to half a pure delay (26 joints of ``bench.outside``, seeds 3000
-to 3117), sizes of the play were told in 77 % of the windows, held in 93.0 % and were 9 % too large without the third
-and fourth way, 78, 95.7 and 8 % with the third, 80, 95.5 and 5 % with both; of the severities 96.2, 98.7 and 98.6 %
-held, and their correlation with the play was 0.944, 0.962 and 0.964."""
+to 3117), sizes of the play were estimated in 77 % of the windows, held in 93.0 % and were 9 % too large without orders
+3 and 4, 78, 95.7 and 8 % with order 3, 80, 95.5 and 5 % with both; of the severities 96.2, 98.7 and 98.6 % held, and
+their correlation with the play was 0.944, 0.962 and 0.964."""
 SECOND = np.array([0.5, 1.0, 0.75, 1 - 1 / (4 * DAMPING**2), 0.0])
 """The second coefficient of each order's lag, as a share of the delay's square; the last one is that of the two delays
 in a row."""
 SECOND[4] = PURE**2 / 2 + PURE * (1 - PURE) + (1 - PURE) ** 2 * SECOND[3]
 COEFFICIENTS: FloatArray = np.column_stack([DELAYS, SECOND[ORDERS] * DELAYS**2])
-"""Delay [s] and second coefficient [s²] of each way of following, shape (G, 2)."""
+"""Delay [s] and second coefficient [s²] of each candidate, shape (G, 2)."""
 USUAL = 0.65
-"""What the second coefficient usually is of the delay's square: the mean of SECOND."""
+"""Usual ratio of the second coefficient to the delay's square: the mean of SECOND."""
 ALIKE = 0.006
-"""What contacts tell of a lag is wrong alike in many windows: by 1.3 ms of the delay, and of the delay times the delay,
-which is this over the root of the 20 windows that MEMORY keeps.  With 0.003, 0.006 and 0.012 s of the intervals of the
-size of the play 95.0, 95.5 and 95.3 % held, above 20 mrad 96.2, 97.4 and 96.7 % (60 joints of ``bench.outside`` that
-lag or have more than 10 mrad, seeds 7000 to 7119)."""
+"""Standard deviation of the error that is common to the lag from contacts in all windows [s], of the delay and, times
+the delay, of the second coefficient: 1.3 ms times the root of the 20 windows that MEMORY keeps.  With 0.003, 0.006 and
+0.012 s of the intervals of the size of the play 95.0, 95.5 and 95.3 % held, above 20 mrad 96.2, 97.4 and 96.7 % (60
+joints of ``bench.outside`` that lag or have more than 10 mrad, seeds 7000 to 7119)."""
 SETTLED = 100.0
-"""Delays after which a step is followed, to the last bit."""
+"""Delays after which a step response is 1 to the last bit."""
 TRIED = 8.0
-"""What is less likely [nats] than the best is not looked at, until it is forgotten why."""
+"""Candidates that are so much less likely [nats] than the best are not evaluated, until MEMORY has reduced the
+difference."""
 PROBABLE = 0.003
-"""A way that is less probable takes no part in the motion: 3 to 25 ways remain after a recording of 15 s."""
+"""Candidates that are less probable are left out of the mean response: 3 to 25 remain after a recording of 15 s."""
 MEMORY = 0.95
-"""Weight of what earlier windows told after each window: another load changes how a servo follows.  With 0.99 the
-delays were as right, and too sure: 85 % of the intervals of the size of the play held behind servos of other shapes,
-with 0.95 and the second coefficient of ``relative_motion.SHAPE`` 87 % (14 joints of seeds 100 to 139)."""
+"""Weight of earlier windows after each window: the response changes with the load.  With 0.99 the delays were as
+accurate, but their intervals too narrow: 85 % of the intervals of the size of the play held behind servos of other
+shapes, with 0.95 and the second coefficient of ``relative_motion.SHAPE`` 87 % (14 joints of seeds 100 to 139)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LagInformation:
-    """What the contacts of one window tell of the errors of a law's lag: of its delay [s], and of its second
-    coefficient [s²] beside the 2 USUAL delays that go with one.
+    """Information from the contacts of one window on the errors of a law's lag: of its delay [s], and of its second
+    coefficient [s²] in addition to 2 USUAL delay times that error.
 
     score (2,) and information (2, 2) of their likelihood where both have Gaussian priors with these variances (2,)
-    already; weight: share of it that is to count.
+    already; weight: the power of the likelihood.
     """
 
     score: FloatArray
@@ -95,19 +95,19 @@ class LagInformation:
 
 @dataclass(frozen=True, slots=True)
 class ServoLaw:
-    """Log-likelihood of each way of following after a joint's windows so far, shape (G,)."""
+    """Log-likelihood of each candidate response after a joint's windows so far, shape (G,)."""
 
     likelihood: tuple[float, ...] = (0.0,) * len(DELAYS)
 
     @property
     def chosen(self) -> NDArray[np.intp]:
-        """Those ways that are likely enough to be looked at."""
+        """Indices of the candidates that are likely enough to be evaluated."""
         likelihood = np.array(self.likelihood)
         return np.flatnonzero(likelihood > likelihood.max() - TRIED)
 
     @property
     def odds(self) -> FloatArray:
-        """Probability of each way, shape (G,); 0 where it is below PROBABLE."""
+        """Probability of each candidate, shape (G,); 0 where it is below PROBABLE."""
         odds = np.exp(np.array(self.likelihood) - max(self.likelihood))
         odds[odds < PROBABLE * odds.sum()] = 0.0
         return np.asarray(odds / odds.sum())
@@ -119,20 +119,20 @@ class ServoLaw:
         mean = float(odds @ DELAYS)
         return mean, float(np.sqrt(odds @ (DELAYS - mean) ** 2))
 
-    def passed(self, omega: float) -> float:
-        """Share of the power at that angular frequency [rad/s] which the servo follows."""
+    def power_gain(self, omega: float) -> float:
+        """Squared gain of the mean response at that angular frequency [rad/s]."""
         odds = self.odds
-        ways = np.flatnonzero(odds)
+        candidates = np.flatnonzero(odds)
         ago = GRID_S * np.arange(responses().shape[1])[::-1]
-        return float(odds[ways] @ np.abs(responses()[ways] @ np.exp(-1j * omega * ago)) ** 2)
+        return float(odds[candidates] @ np.abs(responses()[candidates] @ np.exp(-1j * omega * ago)) ** 2)
 
     @property
     def is_learnt(self) -> bool:
-        """Whether windows may tell it: not where it is known."""
+        """Whether it is estimated from windows: not where it is known."""
         return -math.inf not in self.likelihood
 
     def updated(self, chosen: NDArray[np.intp], evidence: FloatArray) -> ServoLaw:
-        """The law after one more window, which tells the log-likelihood of the chosen ways."""
+        """The law after one more window; evidence: log-likelihood of the chosen candidates."""
         if not self.is_learnt:
             return self
         gained = MEMORY * np.array(self.likelihood)
@@ -140,7 +140,7 @@ class ServoLaw:
         return ServoLaw(tuple((gained - np.max(gained)).tolist()))
 
     def corrected(self, lag: LagInformation) -> ServoLaw:
-        """The law after a window's contacts told how wrong its lag is: without their priors, with ALIKE."""
+        """The law after the information from a window's contacts: without its priors, with ALIKE."""
         if not self.is_learnt:
             return self
         delay = self.delay[0]
@@ -155,27 +155,27 @@ class ServoLaw:
 
 UNKNOWN = ServoLaw()
 AT_ONCE = ServoLaw((0.0,) + (-math.inf,) * (len(DELAYS) - 1))
-"""A servo that is known to follow without a delay."""
+"""A servo that is known to have no lag."""
 
 
 def followed(times: FloatArray, commands: FloatArray, start: float, count: int, chosen: NDArray[np.intp]) -> FloatArray:
-    """theta_1 [rad] of a servo that follows the commands in each of the chosen ways, shape (C, count), on a grid of
-    GRID_S from ``start`` [s] on."""
+    """theta_1 [rad] of a servo with each of the chosen responses to the commands, shape (C, count), on a grid of GRID_S
+    from ``start`` [s] on."""
     before = round(SPAN_S / GRID_S)
     grid = start + GRID_S * np.arange(-before, count)
     return delayed(np.interp(grid, times, commands), chosen)[:, before:]
 
 
 def delayed(goal: FloatArray, chosen: NDArray[np.intp]) -> FloatArray:
-    """What the servo makes in each of the chosen ways of values on a grid of GRID_S, (count,), before which the goal
-    stood still, shape (C, count)."""
+    """Each of the chosen responses to a goal on a grid of GRID_S, (count,), which was constant before, shape (C,
+    count)."""
     taps = responses().shape[1]
     rows = np.lib.stride_tricks.sliding_window_view(np.concatenate([np.full(taps - 1, goal[0]), goal]), taps)
     return np.asarray((rows @ responses()[chosen].T).T)
 
 
 def smoothing(count: int, odds: FloatArray, chosen: NDArray[np.intp]) -> FloatArray:
-    """The same for the mean of the chosen ways, as a matrix, shape (count, count)."""
+    """The mean of the chosen responses as a matrix, shape (count, count)."""
     response = np.zeros(2 * count)
     mean = (odds @ responses()[chosen])[::-1][:count]
     response[count : count + mean.size] = mean
@@ -186,7 +186,7 @@ def smoothing(count: int, odds: FloatArray, chosen: NDArray[np.intp]) -> FloatAr
 
 
 def _step_response(since: FloatArray, way: int) -> FloatArray:
-    """What has been reached so long after a step of the goal [s]."""
+    """Response so long after a unit step of the goal [s]."""
     delay, order = float(DELAYS[way]), int(ORDERS[way])
     if order == 0:
         return np.asarray(since > delay, dtype=np.float64)

@@ -1,20 +1,20 @@
-"""How bad the play is, of every window and for any size of it: the equivalent play, with an interval.
+"""Severity: the equivalent play of every window, for any size of the play, with an interval.
 
-Where ``play_size`` tells the play, this is that play.  Elsewhere two measures of the segment from ``BEFORE_S`` before
-the reversal to the window's end tell the order of magnitude, each where the other one cannot:
+Where ``play_size`` has an estimate, this is that play.  Elsewhere two measures of the segment from ``BEFORE_S`` before
+the reversal to the window's end give the order of magnitude; they complement each other:
 
 * the impact: teeth that leave a flank as the commanded acceleration passes zero with the jerk j meet after the gap phi
-  with the speed v = (9 j phi² / 2)^(1/3).  The bar's ring tells v: its amplitude is l omega_res v.  This reaches
+  with the speed v = (9 j phi² / 2)^(1/3).  The amplitude of the bar's ring gives v: it is l omega_res v.  This holds
   down to the sensor's noise.  Large play, and teeth that bounce, do not come to rest before the next reversal, so v
   then grows more slowly.
-* the relative motion of the gears, D = theta_2 - theta_1, which never leaves a range as wide as the play.  Eq. 7 gives
+* the relative motion of the gears, D = theta_2 - theta_1, whose range is at most the play.  Eq. 7 gives
   l theta_2 = (twice the integral of a) + a / omega_res² up to damping; the commands give theta_1.  An unknown offset
-  and start hide a parabola of D, so Legendre's coefficients from the third degree on are compared.  This holds without
+  and start add a parabola to D, so Legendre coefficients from the third degree on are compared.  This holds without
   impacts, with late ones and with bounces, from a few times the commands' resolution on.
 
-A likelihood over the play combines them.  The constants are the average of three simulators and four motions, none of
-which is exactly anybody's gear: the interval is as wide as they differ.  docs/decisions/0010-severity.md has the
-measurements.  No trend and no limits here.
+A likelihood over the play combines them.  The constants are averages over three simulators and four motions; the
+interval includes the differences between these.  docs/decisions/0010-severity.md has the measurements.  No trend and no
+limits here.
 """
 
 from __future__ import annotations
@@ -39,26 +39,26 @@ __all__ = ["Severity", "learnt_severity", "severity", "with_severity"]
 SMALLEST, LARGEST, STEPS = 1e-5, 0.3, 90
 """The plays that are compared [rad]: 0.1 um to 3 mm on a gear of 10 mm."""
 FIRST_DEGREE, LAST_DEGREE = 3, 12
-"""Legendre's coefficients of D: the lower ones hide in the sensor's offset, the higher ones in the commands' steps."""
+"""Degrees of the Legendre coefficients of D: the sensor's offset masks lower ones, the commands' steps higher ones."""
 HALF_WAVES = (1.1, 1.4, 1.8, 2.25, 2.75, 3.25, 4.0, 5.2)
 SHARES = (0.081, 0.105, 0.123, 0.128, 0.137, 0.158, 0.123, 0.110)
 FALLS = (1.15, 1.16, 1.12, 1.09, 0.92, 0.98, 0.65, 0.45)
 """The standard deviation of coefficient k of D is SHARE (3 / k)^FALL of the play, by how many half-waves the commanded
-motion makes during the segment: teeth that change sides often put more of D, and more of its higher degrees, into
-these coefficients.  Measured on 1850 segments of joints with 3 to 100 mrad (``bench.outside``, seeds 3000 to 3059 and
-4000 to 4059); the energy, 0.016 to 0.070 of the play's square, is alike for trapezoids, moves of minimum jerk and
+motion makes during the segment: with frequent changes of the flank these coefficients hold a larger part of D, and more
+of it at high degrees.  Measured on 1850 segments of joints with 3 to 100 mrad (``bench.outside``, seeds 3000 to 3059
+and 4000 to 4059); the energy, 0.016 to 0.070 of the play's square, is alike for trapezoids, moves of minimum jerk and
 sines.  With 0.10 and 1.2 for all motions, as before, severities were 1.30 times too large in the median, now 1.02 times
 (seeds 5000 to 5047)."""
 CLEAR = 3.0
-"""Coefficients of the command that are smaller than so many standard deviations take no part in its half-waves."""
+"""Coefficients of the command below so many standard deviations are ignored in the number of half-waves."""
 TEMPER = 0.5
 """The coefficients are not independent: the likelihood counts half, which made the intervals cover 95 %."""
 LATE_S, OTHERWISE, GAIN, GRAVITY = 0.003, 0.15, 0.02, 5.0
-"""Standard deviations of what else makes theta_2 differ from the commands: a delay beside that of the ways of following
-(``servo``) [s], the share of what following changes by which the servo follows otherwise, the error of the lever and of
-the sensor's scale, gravity along the sensor's axis [m/s² per rad]."""
+"""Standard deviations of the other differences between theta_2 and the commands: a delay in addition to that of the
+candidate responses (``servo``) [s], the error of the response as a share of response minus goal, the error of the lever
+and of the sensor's scale, gravity along the sensor's axis [m/s² per rad]."""
 SWING_S = 0.2
-"""The trigger's swing is gathered over about so long [s]: jerk = swing / SWING_S."""
+"""Time over which the trigger's swing extends [s]: jerk = swing / SWING_S."""
 EXCESS, KNEE_S, SLOWER = 3.0, 0.012, 0.6
 """The impact speed is that of EXCESS phi / (1 + (phi / phi_0)^SLOWER) with phi_0 = swing KNEE_S²: teeth that bounce
 meet faster than from rest, and large play does not come to rest."""
@@ -67,31 +67,31 @@ SPREAD, NOISE_SPREAD = 0.65, 0.35
 NOISE_RINGS = 2.2
 """The largest ring that noise shows, in standard deviations of its amplitude."""
 UNSEEN = 0.002
-"""Weight of there being no impact within the segment, or a late or a soft one: silence alone excludes no large play."""
+"""Probability of no impact within the segment, or a late or a soft one: a missing ring alone excludes no large play."""
 CORNER = 2.0
 """A corner in the command, a step of its acceleration by the swing, excites the bar by up to swing / omega_res; below
-so many times that speed the ring proves no play, and the interval begins at 0."""
+so many times that speed the ring is no evidence of play, and the interval begins at 0."""
 WRONG = 0.1
-"""Weight of the interval of ``play_size`` being wrong, which keeps a wrong size from deciding alone: 12 % of these
-intervals do not hold, half of them at 1 mrad and less, where windows that err upwards tell a size and others none.
-With 0.1, 0.02 and 0.003 of the severities' 95 % intervals 93.1, 90.7 and 88.7 % hold on eq. 1's gears, 95.7, 94.6 and
-93.3 % on MuJoCo's stops, 97.0, 96.3 and 94.0 % on hard stops; Spearman's correlation is the same within 0.001."""
+"""Weight of the interval of ``play_size`` being wrong, so that a wrong size does not decide alone: 12 % of these
+intervals do not hold, half of them at 1 mrad and less, where mostly windows with errors upwards have a size.  With 0.1,
+0.02 and 0.003 of the severities' 95 % intervals 93.1, 90.7 and 88.7 % hold on eq. 1's gears, 95.7, 94.6 and 93.3 % on
+MuJoCo's stops, 97.0, 96.3 and 94.0 % on hard stops; Spearman's correlation is the same within 0.001."""
 STARTS, FIRST_START, LAST_START = 40, 1.5, 1.0
-"""The ring is looked for at so many moments, from so many periods after the segment's begin on, until so many before
-its end."""
+"""Number of start times at which a ring is searched for; the first and last, in periods after the segment's begin and
+before its end."""
 SLOW_HZ, SLOW_SHARE = 16.0, 0.3
-"""Below both, the latter a share of f_res, a segment may hold anything (as in ``ringdown``)."""
+"""Below both, the latter a share of f_res, is motion (as in ``ringdown``)."""
 COVERED, BEYOND, PARTS = 0.6, 0.03, 20
-"""The share of the segment that commands have to cover, from its begin on; what lies behind the last one by more than
-BEYOND is left out, in so many steps of length, each of which is prepared once."""
+"""The share of the segment that commands have to cover, from its begin on; the part later than BEYOND after the last
+one is left out, in so many steps of length, for each of which the matrices are cached."""
 PIECE_S, LEAST_PIECE, LEAST_NOISE = 0.03, 15, 1e-3
-"""Pieces of the segment whose quietest tell the noise [s, samples, m/s²]."""
+"""Pieces of the segment, from the quietest of which the noise is estimated [s, samples, m/s²]."""
 DIFFERENCES = 0.6745 * math.sqrt(70)
 """Median size of white noise's fourth differences, in its standard deviations."""
 PRESENT = 0.95
 """Share of a segment's samples that have to be there: an acceleration drawn over a gap integrates to a false motion."""
 UNLIKELY = 2.0
-"""Play that is so much less likely [nats] than the best one is left out of the interval."""
+"""Zero play is excluded from the interval if it is so much less likely [nats] than the best value."""
 QUANTILES = (0.025, 0.5, 0.975)
 
 
@@ -115,8 +115,8 @@ class _Rings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Paths:
-    """Coefficients of D, the K degrees from FIRST_DEGREE on: gain (K, N) from accelerations, its product (K, K) with
-    itself, twice (K, N) the double integral alone; basis (N, LAST_DEGREE + 1) and project (K, N), its inverse."""
+    """Coefficients of D, the K degrees from FIRST_DEGREE on: gain (K, N) from accelerations, its Gram matrix (K, K),
+    twice (K, N) the double integral alone; basis (N, LAST_DEGREE + 1) and project (K, N), its inverse."""
 
     basis: FloatArray
     project: FloatArray
@@ -138,8 +138,8 @@ def severity(
 
     times [s] and commands [rad], shape (M,): the goal around the segment and from ``servo.SPAN_S`` before, which may be
     few or none; swing: change of the commanded acceleration at the reversal [rad/s²]; play: size and standard deviation
-    of ``play_size`` [rad], NaN if unknown; clipped: the sensor's range was reached, so that v is at least what the ring
-    shows; servo: what earlier windows told of how the servo follows.
+    of ``play_size`` [rad], NaN if unknown; clipped: the sensor's range was reached, so that the ring gives a lower
+    bound of v; servo: the response of the servo as estimated from earlier windows.
     """
     return learnt_severity(segment, times, commands, swing, settings, play, clipped, servo)[0]
 
@@ -149,7 +149,7 @@ def learnt_severity(
     segment: Window, times: Sequence[float] | FloatArray, commands: Sequence[float] | FloatArray, swing: float,
     settings: DetectorSettings, play: tuple[float, float], clipped: bool, servo: ServoLaw,
 ) -> tuple[Severity, ServoLaw]:  # fmt: skip
-    """The same, and what is known of the servo after this window."""
+    """The same, and the servo's response as estimated after this window."""
     there = np.isfinite(segment.accel)
     if there.sum() < PRESENT * segment.accel.size or not swing > 0 or settings.f_res_hz >= segment.rate_hz / 2:
         return Severity(), servo
@@ -162,11 +162,13 @@ def learnt_severity(
     likelihood, impact = np.zeros(STEPS), _impact_log_likelihood(speed, least, swing, clipped)
     if not clipped:
         chosen = servo.chosen
-        ways = _motion_log_likelihood(accel, segment, np.asarray(times), np.asarray(commands), noise, settings, chosen)
-        if ways.size:
+        motion = _motion_log_likelihood(
+            accel, segment, np.asarray(times), np.asarray(commands), noise, settings, chosen
+        )
+        if motion.size:
             known = np.array(servo.likelihood)[chosen, None]
-            likelihood = _summed(known + ways, 0) - float(_summed(known, 0)[0])
-            servo = servo.updated(chosen, _summed(ways + impact, 1))
+            likelihood = _summed(known + motion, 0) - float(_summed(known, 0)[0])
+            servo = servo.updated(chosen, _summed(motion + impact, 1))
     if math.isfinite(play[0]):
         size, deviation = play
         likelihood = likelihood + np.log(WRONG + np.exp(-(((GRID - size) / deviation) ** 2) / 2))
@@ -178,8 +180,8 @@ def with_severity(
     score: Score, segment: Window, times: Sequence[float] | FloatArray, commands: Sequence[float] | FloatArray,
     settings: DetectorSettings, servo: ServoLaw = UNKNOWN,
 ) -> tuple[Score, ServoLaw]:  # fmt: skip
-    """The score with the severity of its segment, and what is known of the servo after it; ``score.play`` is that of
-    ``play_size``, where it is known."""
+    """The score with the severity of its segment, and the servo's response as estimated after it; ``score.play`` is
+    that of ``play_size``, where it is known."""
     if IMPLAUSIBLE in score.quality:
         return score, servo
     play = (score.play, (score.play_high - score.play_low) / (2 * 1.959964))
@@ -190,13 +192,13 @@ def with_severity(
 
 
 def _summed(logarithms: FloatArray, axis: int) -> FloatArray:
-    """The logarithm of the sum of what they are logarithms of."""
+    """Logarithm of the sum of exponentials."""
     top = np.max(logarithms, axis=axis, keepdims=True)
     return np.asarray(np.squeeze(top, axis) + np.log(np.sum(np.exp(logarithms - top), axis=axis)))
 
 
 def _interval(likelihood: FloatArray, is_clear: bool) -> Severity:
-    """Median and 95 % interval over the grid, every order of magnitude being equally likely beforehand."""
+    """Median and 95 % interval over the grid, with a log-uniform prior."""
     density = np.exp(likelihood - likelihood.max())
     below = np.cumsum(density) / density.sum()
     low, middle, high = np.exp(np.interp(QUANTILES, below, np.log(GRID)))
@@ -204,12 +206,12 @@ def _interval(likelihood: FloatArray, is_clear: bool) -> Severity:
 
 
 def _excludes_zero(likelihood: FloatArray) -> bool:
-    """Whether no play at all is unlikely."""
+    """Whether zero play is unlikely."""
     return bool(likelihood[0] < likelihood.max() - UNLIKELY)
 
 
 def _impact_log_likelihood(speed: float, least: float, swing: float, clipped: bool) -> FloatArray:
-    """Log-likelihood of the impact speed [rad/s] over the grid; least: what noise alone shows."""
+    """Log-likelihood of the impact speed [rad/s] over the grid; least: that of noise alone."""
     from_rest = EXCESS * GRID / (1 + (GRID / (swing * KNEE_S**2)) ** SLOWER)
     expected = np.cbrt(4.5 * swing / SWING_S * from_rest**2)
     whole = np.hypot(expected, least)
@@ -226,10 +228,10 @@ def _motion_log_likelihood(
     accel: FloatArray, segment: Window, times: FloatArray, commands: FloatArray, noise: float,
     settings: DetectorSettings, chosen: NDArray[np.intp],
 ) -> FloatArray:  # fmt: skip
-    """Log-likelihood of the coefficients of D over the grid for each of the chosen ways in which a servo follows, shape
-    (C, STEPS); (0, STEPS) where the commands do not cover the segment.
+    """Log-likelihood of the coefficients of D over the grid for each of the chosen responses of the servo, shape (C,
+    STEPS); (0, STEPS) where the commands do not cover the segment.
 
-    The service decodes commands in bunches: the last ones of a segment may not be there yet.
+    The service decodes commands in batches: the last ones of a segment may be missing.
     """
     span = segment.time[-1] - segment.time[0]
     place = (times - segment.time[0]) / span
@@ -255,8 +257,10 @@ def _motion_log_likelihood(
     path = followed(times, commands, float(segment.time[0]), grid, chosen)
     project = _projected(grid, degree)[degrees]
     follows, goal = path @ project.T, followed(times, commands, float(segment.time[0]), grid, FIRST) @ project.T
-    late, otherwise = LATE_S / GRID_S * (np.gradient(path, axis=1) @ project.T), OTHERWISE * (follows - goal)
-    covariances = error_covariance + late[:, :, None] * late[:, None] + otherwise[:, :, None] * otherwise[:, None]
+    late, response_error = LATE_S / GRID_S * (np.gradient(path, axis=1) @ project.T), OTHERWISE * (follows - goal)
+    covariances = (
+        error_covariance + late[:, :, None] * late[:, None] + response_error[:, :, None] * response_error[:, None]
+    )
     waves = _half_waves(np.where(np.abs(fitted) > CLEAR * np.sqrt(np.diagonal(covariance)), fitted, 0.0))
     return _coefficient_log_likelihood(known.gain[:count] @ accel - follows, covariances, waves)
 
@@ -314,8 +318,8 @@ def _coefficient_log_likelihood(difference: FloatArray, error_covariance: FloatA
 
 
 def _speed(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> tuple[float, float, float]:
-    """Change of the joint's speed [rad/s] that the clearest new ring shows; the noise [m/s²]; the speed that this alone
-    shows."""
+    """Change of the joint's speed [rad/s] from the most significant new ring; the noise [m/s²]; the speed from noise
+    alone."""
     known = _rings(accel.size, rate_hz, settings)
     found = (known.pairs @ accel).reshape(-1, 2)
     best = int(np.argmax(np.sum(found**2, axis=1)))
@@ -327,8 +331,8 @@ def _speed(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> tup
 
 
 def _noise(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> float:
-    """The sensor's noise [m/s²]: what fourth differences show, or, where these hold the ring because it has few samples
-    a period, the second quietest of some pieces, without slow motion and ring, and most likely without an impact."""
+    """The sensor's noise [m/s²]: from fourth differences, or, where these contain the ring because it has few samples a
+    period,  the second quietest of some pieces, without slow motion and ring, and most likely without an impact."""
     length = max(round(PIECE_S * rate_hz), LEAST_PIECE)
     count = accel.size // length
     pieces = accel[: count * length].reshape(count, length)
@@ -364,7 +368,7 @@ def _rings(length: int, rate_hz: float, settings: DetectorSettings) -> _Rings:
 
 @lru_cache(maxsize=16)
 def _paths(length: int, rate_hz: float, settings: DetectorSettings) -> _Paths:
-    """What makes coefficients of D of segments of ``length`` samples."""
+    """The matrices to the coefficients of D for segments of ``length`` samples."""
     basis = _legendre(np.linspace(-1, 1, length), LAST_DEGREE)
     project: FloatArray = np.asarray(np.linalg.pinv(basis)[FIRST_DEGREE:], np.float64)
     # theta[n] = sum over k < n of (n - k) a[k] / rate²; sums over all later samples are the transpose of an integral.
