@@ -1,24 +1,24 @@
-"""Which of several joints has the play: impulses that one accelerometer, or several, feel from all of them.
+"""Which of several joints has play, from the impulses of all of them at one accelerometer or several.
 
-A joint without play hands on its acceleration smoothly, one with play in impulses: its teeth part where the
-acceleration a(t) changes direction, fly freely over the gap, strike the other flank and may rebound.  So a joint's
-impulses have the direction of its a(t), and an accelerometer whose lever arm to the joint's axis is l feels l times
+A joint without play transmits its acceleration smoothly, one with play in impulses: its teeth separate where the
+acceleration a(t) changes direction, cross the gap freely, strike the other flank and may rebound.  So a joint's
+impulses have the direction of its a(t), and an accelerometer whose lever arm to the joint's axis is l measures l times
 their speed v [rad/s].  Teeth with the gap phi strike at a rate [1/s] and with usual speeds m of two kinds,
 
-    first strike:  d/dt Phi(ln(x(t) / phi) / FLIGHT),   m = x'(t),   x(t) the way flown since a changed direction
+    first strike:  d/dt Phi(ln(x(t) / phi) / FLIGHT),   m = x'(t),   x(t) the distance crossed since a changed direction
     rebounds:      c |a(t)| / m,                         m = sqrt(2 |a(t)| phi),
 
-Phi the normal distribution, c the share of the motion that rebounds carry, speeds distributed as g(v / m) / m with
-g(z) = 4 z exp(-2 z).  Impulses that no joint explains come at a rate b in either direction.  The log-likelihood of the
-impulses (t_k, v_k) of a window under a set of joints with play is that of a Poisson process: the sum over k of the
-logarithm of the rate of such an impulse, all of the set's joints and b together, less the number of impulses to be
-expected that are large enough to be seen.  It is averaged over c and b of each window, and over phi of all windows
-together.  An impulse and its rebounds tell less than independent ones, so a window counts with the power TRUST; and any
-may be odd.
+Phi the normal distribution, c the share of the motion that rebounds carry, speeds distributed as g(v / m) / m with g(z)
+= 4 z exp(-2 z).  Impulses from other causes come at a rate b in either direction.  The log-likelihood of the impulses
+(t_k, v_k) of a window under a set of joints with play is that of a Poisson process: the sum over k of the logarithm of
+the rate of such an impulse, all of the set's joints and b together, minus the expected number of impulses that are
+large enough to be detected.  It is averaged over c and b of each window, and over phi of all windows together.  An
+impulse and its rebounds are not independent, so the likelihood of a window is raised to the power TRUST; and any window
+may be an outlier.
 
-A joint that is carried by another one turns with it: its teeth feel both accelerations.  Joints with longer lever arms
-carry those with shorter ones, or do not; that is averaged over too.  Several accelerometers: a joint's impulse lies
-along its vector of lever arms, to within LEVER of its size.  docs/decisions/0008-attribution.md has the measurements.
+A joint that is carried by another one turns with it: both accelerations act on its teeth.  Joints with longer lever
+arms may carry those with shorter ones; both cases are averaged.  Several accelerometers: a joint's impulse lies along
+its vector of lever arms, to within LEVER of its size.  docs/decisions/0008-attribution.md has the measurements.
 """
 
 from __future__ import annotations
@@ -39,31 +39,31 @@ from lostmotion.detector.window import DetectorSettings, FloatArray, Window
 __all__ = ["Attribution", "Evidence", "Mover", "attribute", "evidence"]
 
 SHARES, PLAYS, STRAY_HZ = (0.1, 0.3, 0.8, 1.5), (2e-4, 1e-3, 5e-3, 2e-2), (0.3, 3.0, 20.0)
-"""What c [-], phi [rad] and b [1/s] may be."""
+"""Grids of c [-], phi [rad] and b [1/s]."""
 STRAY_ACCEL = 10.0
-"""Impulses that no joint explains are as large as those of a joint that accelerates so much [rad/s²]."""
+"""Impulses from other causes are as large as those of a joint with this acceleration [rad/s²]."""
 SLACK = 2.0
-"""How well a commanded acceleration is known [rad/s²]; around zero it has either direction."""
+"""Uncertainty of a commanded acceleration [rad/s²]; around zero it has either direction."""
 LEVER = 0.15
 """Relative error of the lever arms."""
 TRUST, ODD = 0.4, 0.05
-"""What a window counts, as a power of its likelihood; share of windows in which something else happens."""
+"""Power of a window's likelihood; share of windows that are outliers."""
 SIGNIFICANT, LEAST_IMPULSE = 6.0, 0.02
-"""An impulse stands out by so many standard deviations, and is as large as that [rad/s] at the settings' length."""
+"""Least impulse, in standard deviations and at the settings' length [rad/s]."""
 PRESSED = 1.2
-"""An impulse is so much larger than what teeth that part, or come to rest on a flank, do to a smooth motion."""
+"""Least ratio of an impulse to the change of a smooth motion when teeth separate, or come to rest on a flank."""
 FLIGHT, GRAIN = 0.8, 1e-5
-"""How far the way flown at the first strike is from phi, as a logarithm; the least way flown [rad]."""
+"""Standard deviation of the logarithm of the distance at the first strike over phi; the least distance [rad]."""
 MOST = 6
-"""Of so many joints that share accelerometers any may have play at once."""
+"""Up to so many joints that share accelerometers, any of them may have play at once."""
 LEAST_S, LEAST_PERIODS = 0.04, 6.0
-"""A shorter rest of a window tells nothing [s], nor a segment of fewer periods of the bar."""
+"""Least remainder of a window [s], and least length of a segment in periods of the bar."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mover:
     """A joint: its commands [rad] at times [s], shape (M,), and its lever arm at each accelerometer [m]: signed, 0 at
-    one that does not feel it."""
+    one that it does not move."""
 
     times: FloatArray
     commands: FloatArray
@@ -72,8 +72,8 @@ class Mover:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """What one window says: the log-likelihood of each size of the play and set of joints that have it, shape (P, M);
-    until: the end of what was listened to [s]."""
+    """The evidence of one window: the log-likelihood of each size of the play and set of joints that have it, shape (P,
+    M); until: the end of the time evaluated [s]."""
 
     until: float
     likelihood: FloatArray
@@ -97,7 +97,7 @@ class Attribution:
 
 
 def attribute(windows: Iterable[Evidence], prior: Sequence[float]) -> Attribution:
-    """All windows together; prior: probability of play of each joint before them, shape (J,)."""
+    """The attribution by all windows; prior: probability of play of each joint before them, shape (J,)."""
     members = _members(len(prior))
     total = np.log(np.where(members > 0, prior, 1 - np.asarray(prior)).prod(axis=1)) + np.zeros((len(PLAYS), 1))
     logs = np.array([window.likelihood for window in windows]).reshape(-1, *total.shape)
@@ -110,11 +110,12 @@ def attribute(windows: Iterable[Evidence], prior: Sequence[float]) -> Attributio
 def evidence(
     segments: Sequence[Window], movers: Sequence[Mover], settings: Sequence[DetectorSettings], since: float
 ) -> Evidence | None:
-    """What the impulses after ``since`` [s] say; None where nothing can be said, as of bars beyond half of the rate.
+    """The evidence of the impulses after ``since`` [s]; None where there is none, such as for a resonance above half of
+    the rate.
 
     segments: tip acceleration at each accelerometer from ``BEFORE_S`` before a reversal to the window's end, none of
     its samples missing; settings: of each, with its bar and the length [m] at which LEAST_IMPULSE counts; movers: all
-    joints that they feel.
+    joints that move them.
     """
     start = float(segments[0].time[0])
     commanded = [smoothed(mover.times, mover.commands, segments[0]) for mover in movers]
@@ -135,7 +136,7 @@ def evidence(
         return None
     accel = np.array([command.acceleration(tip.times) for command in known])
     levers = np.array([mover.levers for mover in movers])
-    # Teeth that part, or come to rest, change the tip's motion by no more than their joint's own acceleration.
+    # Teeth that separate, or come to rest, change the tip's motion by no more than their joint's own acceleration.
     least = np.maximum(tip.least, PRESSED * tip.width * tip.step * np.abs(levers).T @ np.abs(accel))
     clarity = np.max(np.abs(tip.impulses) / least, axis=0)
     highest = np.lib.stride_tricks.sliding_window_view(np.pad(clarity, tip.width), 2 * tip.width + 1).max(axis=1)
@@ -147,8 +148,8 @@ def evidence(
 @dataclass(frozen=True, slots=True, eq=False)
 class _TipImpulses:
     """Impulses of the tip [m/s] at each accelerometer beyond the smooth motion of all joints, their standard deviation
-    and the least that counts, shape (S, K), at times [s] from the first segment's start; width: steps that an impulse
-    takes."""
+    and the least that is used, shape (S, K), at times [s] from the first segment's start; width: of an impulse, in
+    steps."""
 
     times: FloatArray
     impulses: FloatArray
@@ -162,12 +163,12 @@ class _TipImpulses:
 
     @property
     def first(self) -> float:
-        """Before this an impulse cannot be told from a smooth motion [s]."""
+        """The earliest time at which impulses are separated from smooth motion [s]."""
         return float(self.times[2 * self.width])
 
     @property
     def last(self) -> float:
-        """After this neither [s]."""
+        """The latest such time [s]."""
         return float(self.times[-2 * self.width])
 
 
@@ -189,7 +190,8 @@ def _tip_impulses(segments: Sequence[Window], settings: Sequence[DetectorSetting
 
 
 def _drives(accel: FloatArray, levers: FloatArray) -> list[FloatArray]:
-    """What each joint's teeth may feel [rad/s²], shape (J, K): its own acceleration, or also those that carry it."""
+    """Accelerations that may act on each joint's teeth [rad/s²], shape (J, K): its own, or also those of joints that
+    carry it."""
     reach = levers[np.arange(len(levers)), np.abs(levers).argmax(axis=1)]
     carries = np.where(np.abs(reach) > np.abs(reach)[:, None], np.sign(reach) * np.sign(reach)[:, None], 0.0)
     return [accel, accel + carries @ accel] if carries.any() else [accel]
@@ -202,8 +204,8 @@ def _likelihood(
     """Log-likelihood of each set for each phi and each choice of c and b, shape (P, G, M), of the impulses at
     ``where``.
 
-    drive: accelerations of the joints, shape (J, K); least: the tip's speed [m/s] from which an impulse is seen, (S,
-    K).
+    drive: accelerations of the joints, shape (J, K); least: the tip's speed [m/s] from which an impulse is detected,
+    (S, K).
     """
     play, share, stray = (
         np.array(PLAYS)[:, None, None],
@@ -236,7 +238,7 @@ def _strikes(
     drive: FloatArray, play: FloatArray, step: float
 ) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
     """Rates [1/s] and usual speeds [rad/s] of first strikes, and of rebounds at c = 1, at each time; shapes (P, J, K),
-    or (J, K) where phi plays no part."""
+    or (J, K) where independent of phi."""
     speed = np.cumsum(np.abs(drive), axis=1) * step
     way = np.cumsum(speed, axis=1) * step
     index = np.arange(drive.shape[1])
@@ -252,8 +254,8 @@ def _strikes(
 
 
 def _sources(impulses: FloatArray, deviation: FloatArray, levers: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Speed v [rad/s] of impulses (S, E) if they are a joint's, and the density of what the accelerometers feel beside
-    it (integrated over v, so that rate(t, v) times this is per m/s of each accelerometer); shape (J, E) both."""
+    """Speed v [rad/s] of impulses (S, E) if they are a joint's, and the density of the accelerometers' residuals
+    (integrated over v, so that rate(t, v) times this is per m/s of each accelerometer); shape (J, E) both."""
     variance = deviation**2
     if len(impulses) > 1:
         variance = variance + LEVER**2 * np.sum(impulses**2, axis=0)
@@ -275,6 +277,6 @@ def _members(joints: int) -> FloatArray:
 
 
 def _mean_of_logs(logs: FloatArray, axis: int) -> FloatArray:
-    """Logarithm of the mean over an axis of what these are logarithms of."""
+    """Logarithm of the mean of exponentials over an axis."""
     top = logs.max(axis=axis, keepdims=True)
     return np.asarray(np.squeeze(top, axis) + np.log(np.exp(logs - top).mean(axis=axis)))

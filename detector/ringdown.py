@@ -1,6 +1,7 @@
-"""How likely it is that something struck the bar during a window: the detector that knows the oscillator.
+"""Likelihood ratio of an impact on the bar during a window, by a model of the oscillator.
 
-Beside eq. 8, which only knows its frequency.  docs/decisions/0005-ringdown.md has the measurements.  No level here.
+An alternative to eq. 8, which uses the oscillator's frequency only.  docs/decisions/0005-ringdown.md has the
+measurements.  No level here.
 """
 
 from __future__ import annotations
@@ -35,34 +36,34 @@ __all__ = [
 ]
 
 SLOW_HZ, SLOW_SHARE = 16.0, 0.3
-"""Below both, the latter a share of f_res, a window may hold anything: an arm's motion up to 3 Hz to 1e-4."""
+"""Below both, the latter a share of f_res, is motion: an arm's motion up to 3 Hz is fitted to 1e-4."""
 STEPS_PER_TAU, MOST_STARTS, LEAST_STARTS = 30, 26, 10
-"""How finely the moment of an impact is tried."""
+"""Resolution of the start times of impacts."""
 LAST_CYCLES = 1.0
-"""A ring that begins later in the window than so many cycles before its end is not looked for."""
+"""The latest start of a ring, in cycles before the window's end."""
 PENALTY = 1.5
-"""Price of each free amplitude [nats]: ln(1 + S²)/2 for amplitudes of about S = 4 standard deviations."""
+"""Penalty of each free amplitude [nats]: ln(1 + S²)/2 for amplitudes of about S = 4 standard deviations."""
 TRUST = 100.0
-"""How many samples the calibrated noise counts for beside the window's own."""
+"""Weight of the calibrated noise, in samples, besides the window's own."""
 LEAST_NEW = 0.05
-"""Share of a ring that must be new beside those before it for it to be told from them."""
+"""Least share of a ring that is orthogonal to the rings before it; less is treated as the same ring."""
 LEAST_SAMPLES, LEAST_CYCLES = 16, 3
 FILLS = 8
-"""Rounds in which missing samples are drawn from what the others say."""
+"""Rounds in which missing samples are estimated from the others."""
 CHUNK = 2048
 TOGETHER = 32
 """Windows whose products with a bank are formed at once: those of a hundred take three megabytes for a moment."""
 KEPT = 32
-"""Banks that are kept, each of 0.2 MB for windows of 250 samples: one of each joint.  Of six joints that had learnt
-their noise six times, those of what they knew before took 4 MB more until they were forgotten."""
+"""Banks that are cached, each of 0.2 MB for windows of 250 samples: one for each joint.  After six updates of the noise
+of six joints, the banks of earlier settings took 4 MB more until they were dropped."""
 DUST = 1e-12
-"""Share of the window's power below which what is left of it is rounding."""
+"""Share of the window's power below which its residual is rounding."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Family:
-    """Hypotheses of equally many rings: columns, (H, R), those of the bank's rings that each is made of; mixes,
-    (H, R, R), what makes orthonormal coordinates of them, one a row, zero where two rings are hardly two."""
+    """Hypotheses of equally many rings: columns, (H, R), the bank's rings of each; mixes, (H, R, R), matrices to
+    orthonormal coordinates, one a row, zero where rings are nearly collinear."""
 
     columns: NDArray[np.intp]
     mixes: FloatArray
@@ -70,11 +71,11 @@ class Family:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bank:
-    """What the windows of one length are compared with; everything lies in the space of whitened samples.
+    """Templates for the windows of one length, in the space of whitened samples.
 
-    slow: orthonormal, (N, P), what the arm's motion may be; rings: ring-downs from each start on, without their slow
-    parts, in orthonormal pairs, (N, 2 K); starts: [s] from the window's begin, (K,); families: all hypotheses; sizes:
-    how many amplitudes each has, prior: minus its price [nats], both (H,).
+    slow: orthonormal basis of the arm's motion, (N, P); rings: ring-downs from each start on, without their slow parts,
+    in orthonormal pairs, (N, 2 K); starts: [s] from the window's begin, (K,); families: all hypotheses; sizes: how many
+    amplitudes each has, prior: log-prior minus penalty [nats], both (H,).
     """
 
     slow: FloatArray
@@ -85,7 +86,7 @@ class Bank:
     prior: FloatArray
 
     def basis(self, hypothesis: int) -> FloatArray:
-        """What one hypothesis may explain of a whitened window: orthonormal, (size, N)."""
+        """Orthonormal basis of one hypothesis in a whitened window, (size, N)."""
         for family in self.families:
             if hypothesis < len(family.columns):
                 mix = family.mixes[hypothesis]
@@ -98,7 +99,7 @@ _banks: dict[tuple[int, float, DetectorSettings], Bank] = {}
 
 
 def scores(windows: FloatArray, rate_hz: float, settings: DetectorSettings, chosen: Bank | None = None) -> FloatArray:
-    """How far windows, shape (M, N), stand out of the noise [-], shape (M,): about the ring's amplitude in its own
+    """Signal-to-noise ratio of rings in windows, shape (M, N), [-], shape (M,): about the ring's amplitude in its own
     standard deviations, 0.5 to 2 in noise alone; NaN for a window of one value.
 
     The hypotheses are: a ring from before the window, or one new start of it, or both, or both and a second start; all
@@ -106,18 +107,18 @@ def scores(windows: FloatArray, rate_hz: float, settings: DetectorSettings, chos
     exp(log-likelihood ratio - 1.5 nats for each amplitude) against "only noise" and L = ln(1 + Lambda) the score is
     sqrt(n (exp(2 L / n) - 1)): sqrt(2 L) for small ones, and for large ones the root of the energy ratio E / (T - E) n.
 
-    The log-likelihood ratio of a hypothesis that explains the energy E of the whitened window's total T, with
-    n degrees of freedom, is -(n + v)/2 ln(1 - E / (T + v)), v = 100 where the noise is calibrated, else 0: Student's t
-    for a noise whose variance is known about as well as from v samples.  ``settings.noise_ms2`` is the standard
-    deviation [m/s²] of what cannot be foretold of the noise, ``settings.noise_colour`` tells the rest.  chosen: the
-    bank of these settings where it is at hand.
+    The log-likelihood ratio of a hypothesis that explains the energy E of the whitened window's total T, with n degrees
+    of freedom, is -(n + v)/2 ln(1 - E / (T + v)), v = 100 where the noise is calibrated, else 0: Student's t for a
+    noise whose variance is known about as well as from v samples.  ``settings.noise_ms2`` is the standard deviation
+    [m/s²] of the noise's one-step prediction error, ``settings.noise_colour`` are its reflection coefficients.  chosen:
+    the bank of these settings if it exists.
     """
     chosen = chosen or bank(windows.shape[1], rate_hz, settings)
     parts = [_scores(windows[i : i + CHUNK], chosen, settings) for i in range(0, len(windows), CHUNK)]
     return np.concatenate(parts) if parts else np.empty(0)
 
 
-@np.errstate(invalid="ignore", over="ignore")  # of a reading that is beyond all numbers nothing can be told: NaN
+@np.errstate(invalid="ignore", over="ignore")  # readings that overflow give NaN
 def _scores(windows: FloatArray, chosen: Bank, settings: DetectorSettings) -> FloatArray:
     white = whiten(windows, settings.noise_colour)
     before = np.sum(white**2, axis=1)
@@ -151,8 +152,8 @@ def explained(white: FloatArray, chosen: Bank) -> FloatArray:
 
 
 def leftover(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -> float:
-    """What neither slow motion nor the best rings explain of windows, shape (M, N): the median of the mean squares of
-    whitened samples [m²/s⁴]."""
+    """Residual of slow motion and the best rings in windows, shape (M, N): the median of the mean squares of whitened
+    samples [m²/s⁴]."""
     chosen = bank(windows.shape[1], rate_hz, settings)
     white = whiten(windows, settings.noise_colour)
     white -= (white @ chosen.slow) @ chosen.slow.T
@@ -161,7 +162,7 @@ def leftover(windows: FloatArray, rate_hz: float, settings: DetectorSettings) ->
 
 
 def filled(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> FloatArray:
-    """The window, shape (N,), with its missing samples as slow motion and rings, fitted to the others, say."""
+    """The window, shape (N,), with missing samples from slow motion and rings fitted to the others."""
     missing = ~np.isfinite(accel)
     if not missing.any() or missing.all():
         return accel
@@ -195,7 +196,7 @@ def validate(length: int, rate_hz: float, settings: DetectorSettings) -> None:
 
 
 def bank(length: int, rate_hz: float, settings: DetectorSettings) -> Bank:
-    """The bank for windows of ``length`` samples, at least 16; kept until ``KEPT`` others were asked for."""
+    """The bank for windows of ``length`` samples, at least 16; the last ``KEPT`` ones are cached."""
     key = length, rate_hz, settings
     if (known := _banks.pop(key, None)) is None:
         known = build(length, rate_hz, settings)
@@ -206,14 +207,14 @@ def bank(length: int, rate_hz: float, settings: DetectorSettings) -> Bank:
 
 
 def forget(length: int, rate_hz: float, settings: DetectorSettings) -> None:
-    """These settings will not be used again: their bank need not be kept."""
+    """Drops the bank of settings that will not be used again."""
     _banks.pop((length, rate_hz, settings), None)
 
 
 def build(
     length: int, rate_hz: float, settings: DetectorSettings, most_starts: int = MOST_STARTS, line_hz: float = 0.0
 ) -> Bank:
-    """The same, not kept; line_hz: a steady line of that frequency may be in the windows, too, 0 for none."""
+    """The same, not cached; line_hz: frequency of a steady line in the windows, 0 for none."""
     time = np.arange(length) / rate_hz
     slow = slow_basis(length, rate_hz, settings, line_hz)
     starts = _starts(length / rate_hz, settings, most_starts)
@@ -224,7 +225,7 @@ def build(
 
 
 def slow_basis(length: int, rate_hz: float, settings: DetectorSettings, line_hz: float = 0.0) -> FloatArray:
-    """What the arm's motion, and a steady line [Hz], may be, whitened: orthonormal, shape (N, P)."""
+    """Orthonormal basis of the arm's motion, and of a steady line [Hz], whitened, shape (N, P)."""
     if not line_hz:
         return _slow_basis(length, _degree(length, rate_hz, settings), settings.noise_colour)
     columns = slow_motion(length, rate_hz, settings)
@@ -235,7 +236,7 @@ def slow_basis(length: int, rate_hz: float, settings: DetectorSettings, line_hz:
 
 @lru_cache(maxsize=16)
 def _slow_basis(length: int, degree: int, colour: tuple[float, ...]) -> FloatArray:
-    """The same without a line: a search tries fifty resonances with one of these."""
+    """The same without a line; cached, as a search of fifty resonances uses one."""
     return _orthonormal(whiten(_polynomials(length, degree).T, colour).T, 1e-9)
 
 
@@ -292,8 +293,8 @@ def _hypotheses(gram: FloatArray) -> tuple[tuple[Family, ...], NDArray[np.intp],
 
 @lru_cache(maxsize=16)
 def _families(starts: int) -> tuple[NDArray[np.intp], ...]:
-    """The rings of each hypothesis, shape (hypotheses, rings), alike ones together: a start, the begin and a start, the
-    begin and two."""
+    """The rings of each hypothesis, shape (hypotheses, rings), grouped by their number: a start, the begin and a start,
+    the begin and two."""
     later = range(1, starts)
     families = [(k,) for k in range(starts)], [(0, k) for k in later], [(0, *two) for two in combinations(later, 2)]
     return tuple(
@@ -302,6 +303,6 @@ def _families(starts: int) -> tuple[NDArray[np.intp], ...]:
 
 
 def _orthonormal(columns: FloatArray, least: float) -> FloatArray:
-    """A basis of what the columns, scaled alike, span; parts below a share of the largest left out."""
+    """Orthonormal basis of the columns, scaled alike, without singular values below a share of the largest."""
     basis, size, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)
     return np.asarray(basis[:, size > least * size[0]])

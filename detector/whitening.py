@@ -1,4 +1,4 @@
-"""Noise as an autoregressive process: fitted to healthy windows, undone in others.  Knows no oscillator."""
+"""Noise as an autoregressive process: fitted to healthy windows, whitened in others.  No oscillator here."""
 
 from __future__ import annotations
 
@@ -20,24 +20,25 @@ LEAST_LENGTH = 16
 ROUNDS = 8
 DIGITS = 4
 MOST_ORDER = 64
-"""A kilohertz needs as many to tell a bar's own hum from the noise around it."""
+"""At a kilohertz as many are needed to resolve a bar's own hum."""
 
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """deviation: standard deviation of what cannot be foretold of the noise; colour: reflection coefficients."""
+    """deviation: standard deviation of the one-step prediction error; colour: reflection coefficients."""
 
     deviation: float
     colour: tuple[float, ...]
 
 
 def fit_noise(windows: FloatArray, slow: FloatArray) -> Noise:
-    """An autoregressive model of the noise in windows, shape (M, N), whose slow motion may be anything.
+    """An autoregressive model of the noise in windows, shape (M, N), with unknown slow motion.
 
-    slow: orthonormal, shape (N, P), what the motion may be.  The noise's own part in it is not seen: its expectation
-    under the model is put in its place and the model made anew (Dempster, Laird and Rubin 1977), from white noise on.
-    Each model is that of the mean autocovariances (Levinson's recursion); its order, at most a third of N and 64, has
-    the least Bayesian information criterion.  Raises DetectorError for windows that are too short or have holes.
+    slow: orthonormal basis of the motion, shape (N, P).  The noise in its span is not observed: it is replaced by its
+    expectation under the model, and the model is fitted again (Dempster, Laird and Rubin 1977), beginning with white
+    noise.  Each model is that of the mean autocovariances (Levinson's recursion); its order, at most a third of N and
+    64, has the least Bayesian information criterion.  Raises DetectorError for windows that are too short or have
+    holes.
     """
     length, lost = slow.shape
     if windows.ndim != 2 or windows.shape[1] != length or length < LEAST_LENGTH or not np.all(np.isfinite(windows)):
@@ -59,7 +60,7 @@ def fit_noise(windows: FloatArray, slow: FloatArray) -> Noise:
 
 
 def levinson(covariance: FloatArray, count: float) -> Noise:
-    """The model of the order with the least criterion for autocovariances told by ``count`` samples."""
+    """The model of the order with the least criterion for autocovariances from ``count`` samples."""
     error, weights, colour = float(covariance[0]), np.ones(1), list[float]()
     criterion, best = 0.0, Noise(math.sqrt(error), ())
     least = 0.0
@@ -95,17 +96,17 @@ def spectrum(noise: Noise, points: int) -> FloatArray:
 
 
 def _covariance(noise: Noise, length: int) -> FloatArray:
-    """Covariance (length, length) of the process: the inverse of what ``whiten`` does, squared."""
+    """Covariance (length, length) of the process, from the inverse of ``whiten``."""
     root = unwhitener(length, noise.colour) * noise.deviation
     return np.asarray(root @ root.T)
 
 
 def whiten(values: FloatArray, reflections: Sequence[float]) -> FloatArray:
-    """What cannot be foretold from the samples before, scaled to the noise's one-step error; shape (..., N) kept.
+    """One-step prediction errors, scaled to the same variance; shape (..., N) kept.
 
-    The prediction-error filter of the reflection coefficients (Levinson's recursion); the first samples are foretold
-    from the fewer that there are, and scaled up to the same variance, so white noise of that model comes out white from
-    the first sample on.
+    The prediction-error filter of the reflection coefficients (Levinson's recursion); the first samples are predicted
+    from the fewer before them, and scaled to the same variance, so noise of that model is white from the first sample
+    on.
     """
     whole = np.array(values, dtype=float, order="C")
     if not reflections:

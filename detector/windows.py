@@ -1,4 +1,4 @@
-"""Which segment of tip acceleration belongs to a reversal: how long it is, and how it is cut from a stream."""
+"""Windows of tip acceleration after reversals: their length, and cutting them from a stream."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ __all__ = ["cut", "last_part", "window_length"]
 BEST_RATIO = 1.2564
 """T / tau that maximises (1 - exp(-T / tau)) / sqrt(T), a ring-down's amplitude over white noise in T seconds."""
 IMPACT_DELAY = 0.05
-"""How long after a reversal the teeth typically meet [s]; the gap has to be crossed first."""
+"""Typical time from a reversal to the impact [s]; the gap has to be crossed first."""
 LONGEST = 0.5
-"""A hand-waved arm reverses about as often [s]: a longer window would hear the next impact too."""
+"""The usual time between reversals of a hand-waved arm [s]: a longer window would contain the next impact."""
 LEAST_RESOLUTION = 2.5
-"""Bins that the mask must hold for the ring to stand out of it."""
+"""Least bins in the mask for a ring to be detected."""
 
 
 def window_length(settings: DetectorSettings, rate_hz: float) -> float:
     """Length of a window [s], a whole number of samples.
 
-    That of the settings, or else what fits the oscillator: the delay of the impact and 1.26 time constants
-    tau = 1 / (2π zeta f_res) of its ring-down, at least 2.5 / f_width, at most 0.5 s.  A longer window gathers more
-    noise than ring; docs/decisions/0002-score.md has the measurement.
+    That of the settings, or else, for the oscillator: the delay of the impact and 1.26 time constants tau = 1 / (2π
+    zeta f_res) of its ring-down, at least 2.5 / f_width, at most 0.5 s.  A longer window gathers more noise than ring;
+    docs/decisions/0002-score.md has the measurement.
     """
     if settings.window_s is not None:
         wanted = settings.window_s
@@ -51,9 +51,9 @@ def cut(
 ) -> Window:
     """The window [start, start + duration) of a stream of tip acceleration, on the grid of the sensor's rate.
 
-    times [s], ascending, and accel [m/s²], shape (M,): a segment of the stream that holds the window, or what there is
-    of it.  Each sample goes to the grid point nearest in time, whatever its jitter; a grid point without a sample is
-    NaN.  The grid starts within half a sample of ``start``.
+    times [s], ascending, and accel [m/s²], shape (M,): a segment of the stream with the window, or its available part.
+    Each sample goes to the grid point nearest in time, whatever its jitter; a grid point without a sample is NaN.  The
+    grid starts within half a sample of ``start``.
     """
     length = round(duration * rate_hz)
     first, last = times.searchsorted((start - 1 / rate_hz, start + duration + 1 / rate_hz))
