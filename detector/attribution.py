@@ -216,7 +216,7 @@ def _likelihood(
     with np.errstate(divide="ignore"):
         slowest = (least / np.abs(levers)[:, :, None]).min(axis=1)[:, observed]
     impulses = tip.impulses[:, where]
-    speed, beside = _sources(impulses, tip.deviation[:, where], levers)
+    speed, density = _sources(impulses, tip.deviation[:, where], levers)
     rates, counts = [], []  # of first strikes and of rebounds, for each phi and joint
     for rate, usual in _strikes(drive, play, tip.step):
         relative = np.abs(speed) / usual[..., where]
@@ -227,7 +227,7 @@ def _likelihood(
     arms = np.array([np.abs(column[column != 0]).mean() for column in levers.T])
     scale = np.sqrt(2 * STRAY_ACCEL * play) * arms[:, None]
     strays = stray * np.prod(np.exp(-np.abs(impulses) / scale) / (2 * scale), axis=1)[:, None, None, None]
-    rates_of_sets = members @ ((rates[0][:, None] + share * rates[1][:, None]) * toward * beside)
+    rates_of_sets = members @ ((rates[0][:, None] + share * rates[1][:, None]) * toward * density)
     expected = (counts[0][:, None] + share[..., 0] * counts[1][:, None]) @ members.T
     log_rates = np.log(rates_of_sets[:, :, None] + strays).sum(axis=-1)
     expected_count = expected[:, :, None] + stray[..., 0] * np.count_nonzero(observed) * tip.step

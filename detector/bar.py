@@ -30,8 +30,8 @@ CLEAR = 10.0
 """Windows are used whose rings are so many nats likelier than white noise alone."""
 LEAST_WINDOWS = 20
 NEW = 0.15
-"""Share of the log-likelihood that new rings within the window contribute at least, beside one from before it: 0.26 to
-0.65 for rings after reversals, 0.09 and less for steady hum or a fan."""
+"""Share of the log-likelihood that new rings within the window contribute at least, in addition to one from before it:
+0.26 to 0.65 for rings after reversals, 0.09 and less for steady hum or a fan."""
 FOREIGN, APART = 0.025, 0.75
 """Where a steady line farther away than APART / (length of the window) adds this share of the log-likelihood, there is
 another source, and no resonance is estimated: hum beside rings would bias it by 2 to 15 %."""

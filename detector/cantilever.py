@@ -1,6 +1,6 @@
-"""How long a bar must be for a frequency: a cantilever with a sensor at its free end (Euler and Bernoulli).
+"""Resonances of a bar and its length for a resonance: a cantilever with a sensor at its end (Euler and Bernoulli).
 
-Pure functions of SI numbers.  How the finished bar rings is measured: ``taps.py``.
+Pure functions of SI numbers.  ``taps`` measures the finished bar.
 
 The bar's equation E I d4w/dz4 = m' omega² w, clamped at 0, with the mass m_tip at L, has a solution where
 x = L (m' omega² / E I)^(1/4) and the ratio mu = m_tip / (m' L) meet
@@ -19,7 +19,8 @@ from dataclasses import dataclass
 __all__ = ["MATERIALS", "Beam", "Material", "dunkerley", "frequencies", "length_for", "rectangle", "rod"]
 
 BARE = (1.8751040687, 4.6940911330)
-"""the first two roots x without a mass; with one they lie below, the second above 3.9266, where the tip stands still"""
+"""the first two roots x without a mass; with one they lie below, the second above 3.9266, where the tip does not
+move"""
 HELD = 3.9266023120
 STEPS = 60
 """of bisection: a range of 1 m comes down to 1e-18 m"""

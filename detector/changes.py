@@ -1,4 +1,4 @@
-"""When a slow series changed its level or its slope."""
+"""Change points of a slow series in level or slope."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ __all__ = ["change_points"]
 MOST = 500
 """Longer series are first replaced by the medians of as many runs."""
 SHORTEST = 5
-"""Points that a piece must have."""
+"""Least points of a piece."""
 PENALTY = 5.0
-"""Price of one more piece, in variances times log N; calibrated on noise, see tests/detector/test_changes.py."""
+"""Penalty of one more piece, in variances times log N; calibrated on noise, see tests/detector/test_changes.py."""
 CLIP = 3.0
-"""Standard deviations off the running median beyond which a point is an outlier and is pulled in."""
+"""Standard deviations off the running median beyond which a point is an outlier and is clipped."""
 MAD = 1.4826 / np.sqrt(2)
 """Standard deviation of a normal series from the median absolute difference of its neighbours."""
 
@@ -27,7 +27,7 @@ def change_points(y: ArrayLike) -> list[int]:
 
     y: shape (N,), in time order, NaN left out of account (their indices count).  The pieces are lines, found by optimal
     partitioning (Jackson et al. 2005) of the squared error with a penalty for each piece.  The noise is that of the
-    differences between neighbours and next neighbours, which tell its serial correlation too.
+    differences between neighbours and next neighbours, from which its serial correlation is estimated too.
     """
     values = np.asarray(y, dtype=float)
     if values.ndim != 1:
@@ -47,7 +47,7 @@ def change_points(y: ArrayLike) -> list[int]:
 
 
 def _noise(series: FloatArray) -> tuple[float, float]:
-    """Variance and lag-one correlation, as of a first-order process, blind to slow changes and rare jumps."""
+    """Variance and lag-one correlation of a first-order process, insensitive to slow changes and rare jumps."""
     near, far = (MAD * float(np.median(np.abs(series[lag:] - series[:-lag]))) for lag in (1, 2))
     if near == 0:
         return float(np.var(np.diff(series))) / 2, 0.0

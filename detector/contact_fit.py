@@ -29,10 +29,10 @@ play, and the least [rad]."""
 TIMING = 0.15
 """An impact's place is uncertain by so many steps of the grid times its impulse."""
 YIELD = 0.35e-3
-"""Standard deviation of how far an impact presses the flanks, over its impulse [s], alike in all of a window: stops of
-200 to 800 Hz give by 0.8 to 0.1 ms, and the grid rounds the tip off.  Where a tenth of a step times the impulse was
-taken off instead, 93.0 instead of 94.6 % of the intervals held, 88.2 instead of 93.8 % below 1 mrad, and plays were 10
-instead of 0 % too large (120 joints of ``bench.outside``, seeds 7000 to 7119)."""
+"""Standard deviation of the flanks' compression by an impact over its impulse [s], common to all impacts of a window:
+0.8 to 0.1 ms for stops of 200 to 800 Hz; the grid also rounds the peak.  With a correction by a tenth of a step times
+the impulse instead, 93.0 instead of 94.6 % of the intervals held, 88.2 instead of 93.8 % below 1 mrad, and plays were
+10 instead of 0 % too large (120 joints of ``bench.outside``, seeds 7000 to 7119)."""
 LATE, CROSSING = 0.003, 0.35
 """Standard deviation of the servo's delay [s] in addition to that of its estimate, and that of the angle by which a
 play that is crossed late was mistaken for a delay, as a share of the play: estimated from angles alone, delays of 19
@@ -278,25 +278,25 @@ def _chosen(found: Contacts, place: _Place, fit: _Fit, step: float, grown: bool)
     return _touching(rests & _arrived(found, impulse * side, play, step), side, impulse)
 
 
-def _arrived(found: Contacts, blows: FloatArray, play: float, step: float) -> NDArray[np.bool_]:
+def _arrived(found: Contacts, impulses: FloatArray, play: float, step: float) -> NDArray[np.bool_]:
     """Where the joint may rest on the flank to which the command pushes it: since its impact there, or, without an
     impact, since a joint in free flight would have crossed that play [rad].
 
-    blows: impulses [rad/s] by step of the grid, with the sign of the flank.
+    impulses: [rad/s] by step of the grid, with the sign of the flank.
 
     Averaged over a period of the bar, flight and impact together accelerate like a rest.
     """
     sign = np.sign(found.push)
     turn = np.cumsum(np.concatenate([[0], sign[1:] != sign[:-1]]))
     first = np.searchsorted(turn, np.arange(turn[-1] + 1))[turn]
-    struck = blows * sign < 0
+    strikes = impulses * sign < 0
     speed = np.cumsum(np.abs(found.push)) * step
     way = np.cumsum(speed - speed[first]) * step
     hit = np.full(turn[-1] + 1, turn.size)
-    np.minimum.at(hit, turn[struck], np.flatnonzero(struck))
-    struck_at = hit[turn]
+    np.minimum.at(hit, turn[strikes], np.flatnonzero(strikes))
+    first_strike = hit[turn]
     flown = way - way[first] >= play
-    return np.asarray(np.where(struck_at < turn.size, np.arange(turn.size) >= struck_at, flown))
+    return np.asarray(np.where(first_strike < turn.size, np.arange(turn.size) >= first_strike, flown))
 
 
 def size_estimate(relative: RelativeMotion, solution: Solved) -> SizeEstimate:
@@ -311,10 +311,10 @@ def size_estimate(relative: RelativeMotion, solution: Solved) -> SizeEstimate:
     for _ in range(2):
         # An impact's force lasts as long as it takes to stop on the flank, (n + 1) v² / (X phi) of eq. 1, and at its
         # peak is at least that of half a sine of three steps, pi / 2 of its mean.
-        struck = np.maximum(
+        load_of_impact = np.maximum(
             touch.impulse / (2 * step), (touch.impulse / REBOUND) ** 2 / (np.maximum(softness, 0.01) * size)
         )
-        load = np.where(touch.impulse > 0, struck, pushed)
+        load = np.where(touch.impulse > 0, load_of_impact, pushed)
         design[:, :, 2] = yielded * (load / CONTACT_ACCEL) ** softness
         values, covariance, left = _least(design, fit.weight, fit.observed)
         deviation = np.sqrt(covariance[:, 2, 2])

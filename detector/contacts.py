@@ -22,7 +22,7 @@ Mask = NDArray[np.bool_]
 PERIOD = round(1 / STEP)
 """Steps of the grid in a period of the bar."""
 LEAST_IMPULSE, SIGNIFICANT = 0.02, 6.0
-"""An impact changes the speed by so much [rad/s] within three steps, and stands out by so many standard deviations."""
+"""Least change of the speed by an impact within three steps, in rad/s and in standard deviations."""
 FRICTION = 2.0
 """Largest acceleration of a joint in flight by friction [rad/s²]."""
 ABOVE_PUSH, CLEARLY_ABOVE = 1.2, 1.5
@@ -44,7 +44,7 @@ NOISE_OF_COMMAND = 0.7
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Contacts:
-    """By step of the grid, shape (K,): impacts and sure ones; rests and what may be a rest beside one; the impulse of
+    """By step of the grid, shape (K,): impacts and sure ones; rests and possible extensions of them; the impulse of
     three steps [rad/s]; the commanded acceleration averaged over a period of the bar [rad/s²]."""
 
     impacts: Mask
@@ -69,8 +69,8 @@ def contacts(inverse: Inverse, impulses: FloatArray, commanded: FloatArray, know
     impacts &= (PERIOD * step * moved * np.sign(impulse) > SUM_KEPT * size) & (size > ABOVE_PUSH * driven)
     impacts &= size > OF_LARGEST * answer
     hard = impacts & (size > CLEARLY_LARGE * answer) & (size > CLEARLY_ABOVE * driven)
-    beside = np.abs(impulse - 3 * step * push)
-    jolts = beside > np.maximum(5 * inverse.deviation, JOLT * 3 * step * np.abs(push))
+    excess = np.abs(impulse - 3 * step * push)
+    jolts = excess > np.maximum(5 * inverse.deviation, JOLT * 3 * step * np.abs(push))
     deviation = inverse.slow_deviation
     rests = inner & (np.abs(moved - push) < SAME * np.abs(push) + 1.5 * deviation) & ~_near(jolts, CLOSE)
     rests = _runs(rests & (np.abs(push) > np.maximum(6 * deviation, LEAST_PUSH)), LEAST_RUN)

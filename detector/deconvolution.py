@@ -181,7 +181,7 @@ def _mistuned(
 
 
 def edges(length: int, rate_hz: float, noise: float, settings: DetectorSettings) -> Edges:
-    """The same inverse for impulses beside smooth motions of any size."""
+    """The same inverse for impulses in addition to smooth motions of any size."""
     return _edges(length, rate_hz, noise, _bar(settings))
 
 

@@ -1,4 +1,4 @@
-"""What the detector refuses.  It knows no device and no file, so its one error stands alone."""
+"""The detector's only error.  The detector uses no device and no file."""
 
 from __future__ import annotations
 

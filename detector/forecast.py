@@ -1,7 +1,8 @@
-"""When a slow rise will reach a limit, where nobody knows the law of wear.  Slopes and tests are ``trend``'s.
+"""Forecast of the time at which a slow rise reaches a limit, under an unknown law of wear.  ``trend`` has slopes and
+tests.
 
-Wear may slow down, go on evenly or speed up, and months of scores seldom tell which.  So many laws are fitted, each
-counts as much as it explains, and what is told is the middle and the spread of all their answers.
+Wear may decelerate, be steady or accelerate, and months of scores seldom distinguish these.  So several laws are fitted
+and weighted by their likelihoods; the result is the median and the spread over all of them.
 """
 
 from __future__ import annotations
@@ -17,12 +18,12 @@ from lostmotion.detector.window import FloatArray
 __all__ = ["CONFIDENCE", "TimeToLimit", "forecast"]
 
 CONFIDENCE = 0.8
-"""Share of wear histories whose day lies within the interval."""
+"""Share of wear histories whose time lies within the interval."""
 POWERS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0)
 RATES = (0.5, 1.0, 1.5, 2.2, 3.3)
 """Laws: a + b x^p and a + b (exp(r x) - 1), with x from 0 at the first score to 1 at the last."""
 MOST, LEAST = 120, 12
-"""Medians of so many runs are fitted; fewer scores than LEAST foretell nothing."""
+"""Medians of so many runs are fitted; with fewer scores than LEAST there is no forecast."""
 DRAWS = 1500
 PLASTIC = 1.32471795724474602596
 """The real root of x³ = x + 1."""
@@ -45,9 +46,9 @@ def forecast(times: ArrayLike, values: ArrayLike, limit: float) -> TimeToLimit |
     """When the values, shape (N,) at ascending times [s], will reach the limit, median and 80 % interval; None for
     fewer than 12.
 
-    Each law's line is least squares over medians, weighted by the noise, which is taken to grow with the value; its
-    covariance and likelihood count correlated residuals as the fewer that they are worth (the sum of their
-    autocorrelations up to the first that is not positive).  The same numbers give the same answer: the draws are fixed.
+    Each law is fitted by least squares to medians, weighted by the noise, which is assumed to grow with the value; its
+    covariance and likelihood use the effective number of correlated residuals (from the sum of their autocorrelations
+    up to the first that is not positive).  The draws are fixed, so the result is reproducible.
     """
     time, value = _medians(np.asarray(times, dtype=float), np.asarray(values, dtype=float))
     if time.size < LEAST:
@@ -114,7 +115,7 @@ class _Fit:
 
     @property
     def variance(self) -> float:
-        """Of the weighted residuals; never 0, so that a perfect line is no division by it."""
+        """Of the weighted residuals; never 0, as it is a divisor."""
         return float(self.left @ self.left) / (self.left.size - 3) + 1e-12
 
     def crossings(self, limit: float, worth: float, normal: FloatArray) -> FloatArray:
@@ -136,7 +137,7 @@ def _medians(time: FloatArray, value: FloatArray) -> tuple[FloatArray, FloatArra
 
 
 def _inflation(left: FloatArray) -> float:
-    """How many correlated residuals are worth one independent one, with caution."""
+    """Number of correlated residuals per independent one, times CAUTION."""
     power = float(left @ left)
     if power < 1e-9 * left.size:  # a line without noise
         return CAUTION

@@ -1,4 +1,4 @@
-"""A goal that stood, jumped between two samples, and stands again."""
+"""Jumps of a goal that is constant before and after."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from lostmotion.detector.local_fit import LocalFit
 __all__ = ["JumpDetector"]
 
 HOLD = 3
-"""Samples for which the new goal must stand, or else it is the start of a motion."""
+"""Samples for which the new goal must be constant; otherwise it is the start of a motion."""
 STANDING = 0.25
-"""A goal that changes by less than this share of the jump stands."""
+"""A goal that changes by less than this share of the jump is constant."""
 BEFORE = 0.5
-"""Likewise for the half span before the jump; more, for a slow motion may precede it."""
+"""Likewise for the half span before the jump; larger, as a slow motion may precede it."""
 
 
 class JumpDetector:
-    """Looks at each sample before the local fit takes it; ``pending`` while it cannot yet tell a jump from a start."""
+    """Takes each sample before the local fit does; ``pending`` while a jump is not yet distinguished from a start."""
 
     def __init__(self, fit: LocalFit) -> None:
         self._fit = fit
@@ -29,7 +29,8 @@ class JumpDetector:
         self._time = self._from = self._to = math.nan
 
     def add(self, time: float, value: float, least: float) -> tuple[float, float] | None:
-        """Time [s] and height of a jump of at least ``least``, once, when it has stood for ``HOLD`` samples."""
+        """Time [s] and height of a jump of at least ``least``, once, when the new goal was constant for ``HOLD``
+        samples."""
         if self.pending:
             change = self._to - self._from
             if abs(value - self._to) <= STANDING * abs(change):

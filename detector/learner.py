@@ -166,7 +166,7 @@ class Learner:
         if not is_due and not has_moved and self._is_usual(windows):
             return None
         yield
-        # What was learnt with another resonance may hold rings that were taken for noise.
+        # A noise estimated with another resonance may contain rings.
         known = None if has_moved else self.background
         found = yield from learning(windows, self.rate_hz, used(self.bar, self.given), known)
         change: Change | BarChange | None = self._change_of_bar()

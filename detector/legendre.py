@@ -1,5 +1,5 @@
-"""Legendre's polynomials P_0 to P_n on -1..1: values and derivatives.  NumPy's own package of polynomials takes as
-long for its checks as for what a window needs, and a megabyte."""
+"""Legendre's polynomials P_0 to P_n on -1..1: values and derivatives.  The checks of NumPy's package of polynomials
+take as long as the computation for a window, and a megabyte."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def values(place: FloatArray, degree: int) -> FloatArray:
 
 @lru_cache(maxsize=32)
 def derivative(degree: int, order: int) -> FloatArray:
-    """What makes coefficients of the derivative of that order of a series' coefficients, shape (degree + 1 - order,
-    degree + 1): P_j' is the sum of (2 k + 1) P_k over k = j - 1, j - 3, ..."""
+    """Matrix from a series' coefficients to those of its derivative of that order, shape (degree + 1 - order, degree +
+    1): P_j' is the sum of (2 k + 1) P_k over k = j - 1, j - 3, ..."""
     matrix = np.eye(degree + 1)
     for size in range(degree, degree - order, -1):
         k, j = np.arange(size)[:, None], np.arange(size + 1)

@@ -1,6 +1,6 @@
-"""Where to draw the line between healthy and worn: eq. 9, and two better relatives.
+"""The level between healthy and worn scores: by eq. 9, and by two better criteria.
 
-All take scores and give a ``Level``; none looks at a signal.
+All take scores and return a ``Level``; none uses a signal.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ CONFIDENCE = 0.99
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """A level and what it does to the scores it was made from: a score is an impact when it is above ``value``.
+    """A level and its errors on the scores it was made from: a score is an impact when it is above ``value``.
 
     criterion: what was maximised; separable: whether the value lies in a gap between all healthy and all worn scores.
     """
@@ -81,8 +81,8 @@ def from_healthy(scores: ArrayLike, false_alarm: float = 0.01) -> Level:
 
 
 def windows_needed(false_alarm: float) -> int:
-    """How many healthy windows ``from_healthy`` needs so that its level keeps its promise on fresh windows: with 99 %
-    confidence their rate of false alarms lies between half of ``false_alarm`` and twice of it.
+    """How many healthy windows ``from_healthy`` needs for its level to hold on new windows: with 99 % confidence their
+    rate of false alarms lies between half of ``false_alarm`` and twice of it.
     """
     high = math.ceil(1 / false_alarm)
     while _kept(high, false_alarm) < CONFIDENCE:
@@ -133,7 +133,7 @@ def _best(scores: FloatArray, worn: NDArray[np.bool_], criterion: Criterion) -> 
     ends = np.flatnonzero(np.diff(scores) > 0)
     if ends.size == 0:
         raise DetectorError(
-            f"all {scores.size} scores are {scores[0]:g}, with play and without; no level tells them apart"
+            f"all {scores.size} scores are {scores[0]:g}, with play and without; no level separates them"
         )
     below = np.cumsum(worn)[ends].astype(float)
     healthy_below = ends + 1 - below

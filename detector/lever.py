@@ -1,4 +1,5 @@
-"""Whether an accelerometer feels the motion of a joint: the lever arm that its readings show.  No trigger, no score.
+"""The lever arm of a joint at an accelerometer, from its readings: 0 if the joint does not move it.  No trigger, no
+score.
 
 A tangential accelerometer at a distance l from a joint's axis measures, slowly compared with its bar's resonance,
 
@@ -25,11 +26,11 @@ STEP_S = 0.02
 KERNEL_S = 0.24
 """Length of the Hann kernel that smooths both [s]: it passes what arms do (half at 4 Hz), and no ring of a bar."""
 LAGS_S = (-0.04, -0.03, -0.02, -0.01, 0.0, 0.01, 0.02, 0.03, 0.04)
-"""By how much the angles may lag behind the readings [s]: servos report late."""
+"""Lags of the angles behind the readings that are tried [s]: servos report late."""
 LEAST_SPAN_S = 1.8
-"""A shorter segment tells theta'' and theta of a swaying arm too badly apart [s]."""
+"""In a shorter segment theta'' and theta of a swaying arm are nearly collinear [s]."""
 LEAST_BINS = 0.9
-"""Share of the grid that has to hold readings."""
+"""Least share of the grid with readings."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,11 +46,11 @@ class Lever:
 def levers(
     times: FloatArray, accel: FloatArray, joints: Sequence[tuple[FloatArray, FloatArray]]
 ) -> tuple[Lever, ...] | None:
-    """The lever arm of each joint on one accelerometer; None where the segment is too short or too full of holes.
+    """The lever arm of each joint on one accelerometer; None where the segment is too short or has too many gaps.
 
     times [s] and accel [m/s²], shape (N,), NaN where a sample is missing; joints: measured angles, for each times [s]
-    and angles [rad], shape (M,), ascending.  The error of a joint that moves like another one, or like a pendulum
-    would (theta'' proportional to theta), is large: its lever cannot be told.
+    and angles [rad], shape (M,), ascending.  The error of a joint that moves like another one, or like a pendulum would
+    (theta'' proportional to theta), is large: its lever cannot be estimated.
     """
     there = np.isfinite(accel)
     times, accel = times[there], accel[there]
@@ -66,7 +67,7 @@ def levers(
 def _fit(
     reading: FloatArray, grid: FloatArray, joints: Sequence[tuple[FloatArray, FloatArray]]
 ) -> tuple[Lever, ...] | None:
-    """Least squares at the lag that leaves the least."""
+    """Least squares at the lag with the least residual."""
     inner, many = slice(2, -2), len(joints)  # second differences are one-sided at the edges
     wanted = reading[inner] - reading[inner].mean()
     freedom = wanted.size * STEP_S / (KERNEL_S * 2 / 3) - 2 * many - 1  # smoothed readings are not independent
@@ -88,7 +89,8 @@ def _fit(
 
 
 def _solve(table: FloatArray, wanted: FloatArray) -> tuple[float, FloatArray, FloatArray] | None:
-    """Squares left, coefficients, and their errors for a residual of 1: infinite for what stands still."""
+    """Residual sum of squares, coefficients, and their errors for a residual of 1: infinite for a joint that does not
+    move."""
     size = np.sqrt((table**2).sum(axis=0))
     moves = size > 0
     values, errors = np.zeros(size.size), np.full(size.size, np.inf)
@@ -105,7 +107,7 @@ def _solve(table: FloatArray, wanted: FloatArray) -> tuple[float, FloatArray, Fl
 
 
 def _binned(local: FloatArray, accel: FloatArray, count: int) -> FloatArray | None:
-    """Means over the steps of the grid; those without a reading are drawn between their neighbours."""
+    """Means over the steps of the grid; those without a reading are interpolated."""
     place = np.floor(local / STEP_S).astype(np.intp)
     inside = (place >= 0) & (place < count)
     many = np.bincount(place[inside], minlength=count)

@@ -1,6 +1,6 @@
-"""What cannot be told at a rate, or with a window or commands like these: one sentence with numbers, "" where all can.
+"""What cannot be estimated at a rate, or with such a window or commands: one sentence with numbers, "" if all can.
 
-For ``config check`` and ``doctor``.  What makes scoring impossible is an error of ``score.validate`` instead.
+For ``config check`` and ``doctor``.  Where scoring is impossible, ``score.validate`` raises an error instead.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ POLLS_A_PERIOD, WAVED_HZ = 10.0, 3.0
 
 
 def rate_limit(f_res_hz: float, rate_hz: float, what: str) -> str:
-    """Whether a sensor at rate_hz is too slow to see single impacts; what: that which they tell."""
+    """Whether a sensor at rate_hz is too slow to resolve single impacts; what: the quantities estimated from them."""
     if rate_hz >= LEAST_RATE * f_res_hz:
         return ""
     return (
@@ -48,7 +48,7 @@ def window_limit(settings: DetectorSettings, rate_hz: float) -> str:
 
 
 def poll_limit(poll_hz: float) -> str:
-    """Whether commands come too seldom to find the reversals of a usual motion, and to know it between them."""
+    """Whether commands are too infrequent to find the reversals of a usual motion, and to interpolate it."""
     needed = POLLS_A_PERIOD * WAVED_HZ
     if poll_hz >= needed:
         return ""

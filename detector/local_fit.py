@@ -10,15 +10,15 @@ __all__ = ["Curvature", "LocalFit"]
 
 LEAST_POINTS = 5
 LEAST_COVER = 0.8
-"""Share of the span that the samples must cover."""
+"""Least share of the span that the samples cover."""
 REANCHOR = 64
-"""Samples after which the running sums are made anew, so that rounding does not pile up."""
+"""Samples after which the running sums are recomputed, so that rounding errors do not accumulate."""
 NO_SUMS = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Curvature(NamedTuple):
-    """Second derivative of the parabola, the time it stands for (mean of the samples' times) and its standard
-    deviation for samples with independent errors of unit variance."""
+    """Second derivative of the parabola, its time (mean of the samples' times) and its standard deviation for samples
+    with independent errors of unit variance."""
 
     time: float
     value: float
@@ -75,7 +75,7 @@ class LocalFit:
             self._count(time, value, 1.0)
 
     def _count(self, time: float, value: float, sign: float) -> None:
-        """Adds a sample (1) to the sums, or takes it (-1) out of them."""
+        """Adds a sample (1) to the sums, or removes it (-1)."""
         s1, s2, s3, s4, y0, y1, y2 = self._sums
         t = time - self._anchor
         t2 = t * t

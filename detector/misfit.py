@@ -25,9 +25,9 @@ of 0.25 s the last one has 1 % of the energy of the first."""
 
 
 class Split(NamedTuple):
-    """gain: ln of how much likelier each window is than without misfit, (M,); noise: rows (M, N) whose products with
-    themselves are what is expected of the noise in what is left of windows; hidden: the part of it that the misfit
-    hides, for noise of unit variance, summed over the windows, (N, N)."""
+    """gain: ln of the likelihood ratio of each window to one without misfit, (M,); noise: rows (M, N) whose outer
+    products are the expected ones of the noise in the residuals; hidden: the part of it that the misfit hides, for
+    noise of unit variance, summed over the windows, (N, N)."""
 
     gain: FloatArray
     noise: FloatArray

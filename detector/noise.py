@@ -1,4 +1,4 @@
-"""How noisy a stream of angles is, learnt from the stream itself; no thresholds here."""
+"""The noise level of a stream of angles, estimated from the stream; no thresholds here."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from collections import deque
 __all__ = ["NoiseLevel"]
 
 MEMORY = 100
-"""Samples that the level is made of."""
+"""Samples that the level is estimated from."""
 SHARE = 0.6
-"""The smallest deviations, which show what is usual."""
+"""Share of the smallest deviations, from which the usual one is estimated."""
 TRIMMED_MEAN = 0.3965
 """Mean of the smallest 60 % of |x| for a normal x of unit variance."""
 MEAN = 0.7979
 """Mean of |x| for the same."""
 FAR = 3.0
-"""Standard deviations beyond which a deviation is not noise."""
+"""Standard deviations at which a deviation is clipped."""
 
 
 class NoiseLevel:
-    """Standard deviation of the samples' independent errors, from how far each lies off the line between its
+    """Standard deviation of the samples' independent errors, from the deviation of each from the line between its
     neighbours, over the last ``MEMORY`` samples.  Deviations far above the usual and above two quantisation steps are
-    cut down to these, so that the edges of a staircase of goals are not taken for noise."""
+    clipped, so that the edges of a staircase of goals are not taken for noise."""
 
     def __init__(self) -> None:
         self.level = 0.0
@@ -55,7 +55,7 @@ class NoiseLevel:
 
     def _clipped_mean(self, least: float) -> float:
         count = len(self._sorted)
-        if self._sorted[-1] <= least:  # nothing to cut down, as nearly always
+        if self._sorted[-1] <= least:  # nothing to clip, as nearly always
             return self._sum / count
         usual = math.ceil(SHARE * count)
         limit = max(least, FAR * sum(self._sorted[:usual]) / (usual * TRIMMED_MEAN))

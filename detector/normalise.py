@@ -1,4 +1,5 @@
-"""A slow series freed of what it owes to motion and temperature, so that only wear is left.  Slopes are ``trend``'s."""
+"""A slow series corrected for its dependence on motion and temperature, so that only wear remains.  ``trend`` has
+slopes."""
 
 from __future__ import annotations
 
@@ -12,22 +13,22 @@ from lostmotion.detector.window import FloatArray
 __all__ = ["normalised"]
 
 PIECES, LEAST_POINTS = 20, 20
-"""Wear is taken to stand still within a piece: one of so many, of at least so many points."""
+"""Wear is assumed to be constant within a piece: number of pieces, and least points of one."""
 CLIP = 3.0
-"""Robust standard deviations to which what stands out of a piece is pulled in."""
+"""Robust standard deviations at which outliers of a piece are clipped."""
 SIGNIFICANT = 5.0
-"""A dependence counts from so many standard errors on; by chance, one series in a million has one."""
+"""A dependence is used from so many standard errors on; by chance, one series in a million has one."""
 PRESENT = 0.5
-"""Share of the points that have to know a quantity before it counts."""
+"""Least share of the points with a quantity for it to be used."""
 
 
 def normalised(values: FloatArray, quantities: Mapping[str, FloatArray]) -> tuple[FloatArray, dict[str, float]]:
     """The values, shape (N,), as they would be at the median of each quantity, (N,); and the dependences found.
 
-    The values are taken as f(t) exp(sum of b_k x_k).  In each of up to 20 runs of neighbouring points the medians of
-    ln value and of x are taken away, and b is least squares over what is left: wear, a repair or another job between
-    runs has no part in it.  What does not stand out by five standard errors is left alone, as are points of which a
-    quantity is not finite and values that are not positive.
+    The values are taken as f(t) exp(sum of b_k x_k).  In each of up to 20 runs of neighbouring points the medians of ln
+    value and of x are subtracted, and b is estimated by least squares from the residuals: wear, a repair or another job
+    between runs has no effect on it.  Dependences below five standard errors are not corrected, nor points with a
+    quantity that is not finite, nor values that are not positive.
     """
     usable = values > 0
     known = {
@@ -52,7 +53,7 @@ def normalised(values: FloatArray, quantities: Mapping[str, FloatArray]) -> tupl
 
 
 def _dependence(value: FloatArray, columns: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Slopes and their standard errors, shape (K,); infinite errors where nothing can be told."""
+    """Slopes and their standard errors, shape (K,); infinite errors where they cannot be estimated."""
     count, many = columns.shape
     pieces = min(count // LEAST_POINTS, PIECES)
     if pieces == 0:
@@ -61,7 +62,7 @@ def _dependence(value: FloatArray, columns: FloatArray) -> tuple[FloatArray, Flo
     left = np.concatenate([run - np.median(run) for run in np.split(value, ends)])
     centred = np.concatenate([run - np.median(run, axis=0) for run in np.split(columns, ends)])
     slopes = np.zeros(many)
-    for _ in range(3):  # outliers are pulled in towards the line
+    for _ in range(3):  # outliers are clipped
         rest = left - centred @ slopes
         spread = 1.4826 * float(np.median(np.abs(rest))) + 1e-12
         inverse = np.linalg.pinv(centred.T @ centred)

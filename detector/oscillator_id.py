@@ -1,4 +1,4 @@
-"""The oscillator's resonance and damping from one ring-down.  Finding taps in a recording is ``taps``'s."""
+"""The oscillator's resonance and damping from one ring-down.  ``taps`` finds the taps in a recording."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["Oscillator", "identify"]
 LOWEST_HZ = 5.0
 """Slower peaks are the arm's motion, not the bar's."""
 LEAST_PEAK = 4.0
-"""Height of the resonance over the median amplitude of the spectrum, or else nobody tapped."""
+"""Least height of a resonance over the median amplitude of the spectrum."""
 HALF_WIDTH = 0.2
 """Half-width of the band around the peak that is demodulated, as a share of its frequency."""
 LEAST_CYCLES = 6
@@ -40,7 +40,7 @@ class Oscillator:
 def identify(accel: FloatArray, rate_hz: float, hum_hz: Sequence[float] = ()) -> Oscillator:
     """f_res and zeta of the strongest ring-down in tip acceleration [m/s²], shape (N,), none missing.
 
-    hum_hz: frequencies of steady lines that may be in it, in part taken out already.
+    hum_hz: frequencies of steady lines that may be in it, partly removed already.
 
     From the maximum of the band around the spectral peak down to the noise, Re(A exp(s t)) and a cubic (the arm's own
     motion) are fitted by least squares; s = (-zeta + i sqrt(1 - zeta²)) 2π f_res starts from the envelope's decay
@@ -66,7 +66,7 @@ def identify(accel: FloatArray, rate_hz: float, hum_hz: Sequence[float] = ()) ->
     cycles = (last - first) * peak / rate_hz
     if cycles < LEAST_CYCLES:
         raise DetectorError(
-            f"the ring at {peak:.1f} Hz is heard for {cycles:.1f} cycles; expected at least {LEAST_CYCLES}: "
+            f"the ring at {peak:.1f} Hz lasts {cycles:.1f} cycles; expected at least {LEAST_CYCLES}: "
             "tap harder, and leave the bar alone until it is still"
         )
     ring = np.abs(analytic[first:last])
@@ -102,7 +102,7 @@ def _peak(size: FloatArray, frequency: FloatArray, rate_hz: float) -> float:
     inside = (frequency >= LOWEST_HZ) & (frequency < rate_hz / 2)
     if not inside.any():
         raise DetectorError(
-            f"{size.size} samples at {rate_hz:g} Hz tell no frequency above {LOWEST_HZ:g} Hz; record longer"
+            f"{size.size} samples at {rate_hz:g} Hz resolve no frequency above {LOWEST_HZ:g} Hz; record longer"
         )
     # A ring-down is broad: averaging a few bins finds its middle, not a spike of noise.
     smooth = np.convolve(size, np.hanning(7) / 3, mode="same")

@@ -82,7 +82,7 @@ def pooled(values: Sequence[float] | FloatArray, halves: Sequence[float] | Float
     own = np.ones_like(plays) if halves is None else np.asarray(halves, dtype=float)
     known = np.isfinite(plays) & np.isfinite(own)
     if (count := int(known.sum())) < 6:
-        return unknown(f"{count} windows tell a play; expected at least 6")
+        return unknown(f"{count} windows with a size of the play; expected at least 6")
     plays, own = plays[known], own[known]
     weight = 1 / np.maximum(own, 1e-12)
     reach = Z * float(np.linalg.norm(weight)) / (2 * float(weight.sum()))

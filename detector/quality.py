@@ -1,4 +1,4 @@
-"""What is wrong with a window, if anything: words for the ``quality`` of a score."""
+"""Defects of a window: words for the ``quality`` of a score."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def describe(window: Window, range_ms2: float = math.inf, gentle: float = GENTLE
     """ "ok", or comma-separated: short, gappy, clipped, flat, gentle.
 
     short: the samples start late or end early; gappy: samples are missing in between; clipped: at the sensor's range
-    (range_ms2 [m/s²]) or with a flat top; flat: no signal at all; gentle: excited by less than
-    that [rad/s²], so silence proves nothing.
+    (range_ms2 [m/s²]) or with a flat top; flat: no signal at all; gentle: excited by less than ``gentle`` [rad/s²], so
+    a low score is no evidence.
     """
     values = window.accel
     covered = values.size
@@ -49,13 +49,13 @@ def describe(window: Window, range_ms2: float = math.inf, gentle: float = GENTLE
 
 
 def scoreless(quality: str) -> str:
-    """The quality of a window that has no score although nothing else is wrong with it: implausible.  Beside a slow
-    motion it holds no noise at all, as a clock's column does, or its squares are beyond all numbers."""
+    """The quality of a window that has no score although nothing else is wrong with it: implausible.  It is a slow
+    motion without noise, such as a clock's column, or its squares overflow."""
     return {OK: IMPLAUSIBLE, "gentle": f"{IMPLAUSIBLE},gentle"}.get(quality, quality)
 
 
 def mended(accel: FloatArray) -> FloatArray:
-    """The window with its missing samples drawn straight between their neighbours; shape (N,) with at least one."""
+    """The window with missing samples interpolated linearly; shape (N,) with at least one sample."""
     there = np.isfinite(accel)
     if there.all():
         return accel
@@ -66,7 +66,7 @@ def mended(accel: FloatArray) -> FloatArray:
 def _has_flat_top(values: FloatArray, extremes: tuple[float, float]) -> bool:
     """Whether the signal stays at an extreme for some samples after a step far larger than its finest.
 
-    A slow signal in coarse steps also stays at its top for a while, but gets there by its finest step.
+    A slow signal in coarse steps also stays at its top for a while, but reaches it by its finest step.
     """
     held = [values == extreme for extreme in extremes]
     return any(np.count_nonzero(at) >= FLAT_TOP and _is_jumped_to(at, values) for at in held)

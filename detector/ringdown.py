@@ -103,7 +103,7 @@ def scores(windows: FloatArray, rate_hz: float, settings: DetectorSettings, chos
     standard deviations, 0.5 to 2 in noise alone; NaN for a window of one value.
 
     The hypotheses are: a ring from before the window, or one new start of it, or both, or both and a second start; all
-    starts are equally likely, every start has an amplitude and a phase of its own.  With Lambda = sum over all of
+    starts are equally likely, every start has a free amplitude and phase.  With Lambda = sum over all of
     exp(log-likelihood ratio - 1.5 nats for each amplitude) against "only noise" and L = ln(1 + Lambda) the score is
     sqrt(n (exp(2 L / n) - 1)): sqrt(2 L) for small ones, and for large ones the root of the energy ratio E / (T - E) n.
 

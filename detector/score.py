@@ -1,4 +1,5 @@
-"""How loudly the oscillator rings in a window: eq. 8, or the statistic of ``ringdown``.  Levels are ``level``'s."""
+"""The score of a window, for ringing of the oscillator: eq. 8, or the statistic of ``ringdown``.  ``level`` has
+levels."""
 
 from __future__ import annotations
 
@@ -25,9 +26,9 @@ def score(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> floa
     ``ringdown.scores``.
 
     accel: tip acceleration [m/s²], shape (N,), one sample every 1 / rate_hz, none missing.  NaN when the norm is zero
-    (silence) or a sample is NaN.  White noise scores about the number of bins in the mask, or 0.6.
+    (no noise) or a sample is NaN.  White noise scores about the number of bins in the mask, or 0.6.
 
-    Raises DetectorError when N samples at this rate do not tell the bands of the settings.
+    Raises DetectorError when N samples at this rate do not resolve the bands of the settings.
     """
     accel = np.asarray(accel)
     return (_ringdown if settings.statistic == "ringdown" else _band)(accel, rate_hz, settings)
@@ -43,7 +44,7 @@ def batch(accel2d: FloatArray, rate_hz: float, settings: DetectorSettings) -> Fl
 
 
 def score_window(window: Window, settings: DetectorSettings, range_ms2: float = math.inf) -> Score:
-    """A window's score, both statistics and quality; few missing samples are bridged, too many give NaN.
+    """A window's score, both statistics and quality; few missing samples are interpolated, too many give NaN.
 
     range_ms2: the largest acceleration that the sensor shows [m/s²].  Raises DetectorError as ``score`` does; the
     statistic that is not the score is NaN instead.
@@ -95,7 +96,7 @@ def _ringdown(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> 
 
 
 def validate(settings: DetectorSettings, rate_hz: float) -> None:
-    """Raises DetectorError, in words for the person who wrote the settings, when windows at this rate can't be scored.
+    """Raises DetectorError, with a message for the user, when windows at this rate cannot be scored.
 
     A norm band that reaches beyond the Nyquist frequency is cut there; an error only if too little of it is left.
     """

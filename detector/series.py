@@ -1,4 +1,4 @@
-"""A whole recording at once: trigger, windows and scores, by the very functions that the service calls one by one."""
+"""A whole recording at once: trigger, windows and scores, by the same functions as in the service."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from lostmotion.detector.windows import cut, window_length
 __all__ = ["rate_of", "score_series", "windows_of"]
 
 NONSENSE_MS2 = 1e100
-"""No accelerometer tells so much [m/s²], and sums of it may exceed all numbers."""
+"""Readings from here on are invalid [m/s²]: no accelerometer reaches them, and their sums may overflow."""
 
 
 def windows_of(
@@ -58,11 +58,11 @@ def score_series(
     """One Score for each reversal of the commanded acceleration, in time order.
 
     times_servo [s] and commands [rad], shape (N,); times_accel [s], ascending, and accel [m/s²], shape (M,): on one
-    clock, at rates of their own.  resolution: quantisation of the commands [rad], 0 if none, NaN if unknown;
-    range_ms2: the accelerometer's largest acceleration [m/s²].  Accelerations beyond 1e100 m/s² count as missing.
-    The noise is learnt from all windows before the first is scored, unless the settings give it.
+    clock, at different rates.  resolution: quantisation of the commands [rad], 0 if none, NaN if unknown; range_ms2:
+    the accelerometer's largest acceleration [m/s²].  Accelerations beyond 1e100 m/s² count as missing.  The noise is
+    learnt from all windows before the first is scored, unless the settings give it.
 
-    Raises DetectorError when there is too little data to tell a rate, or the settings do not fit the rate.
+    Raises DetectorError when there is too little data for a rate, or the settings do not fit the rate.
     """
     windows = windows_of(times_servo, commands, times_accel, accel, settings, joint, resolution)
     accel_rate = windows[0].rate_hz if windows else math.nan
@@ -89,13 +89,13 @@ def _around(
 
 
 def rate_of(times: FloatArray, what: str) -> float:
-    """Samples a second, by the median of the intervals (holes do not count).
+    """Samples a second, by the median of the intervals, without regard to gaps.
 
     Raises DetectorError for fewer than three samples or times that do not ascend.
     """
     steps = np.diff(times)
     if steps.size < 2:
-        raise DetectorError(f"found {times.size} {what}, expected at least 3 to tell their rate")
+        raise DetectorError(f"found {times.size} {what}, expected at least 3 to find their rate")
     period = float(np.median(steps))
     if not period > 0:
         raise DetectorError(

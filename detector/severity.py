@@ -46,7 +46,7 @@ FALLS = (1.15, 1.16, 1.12, 1.09, 0.92, 0.98, 0.65, 0.45)
 """The standard deviation of coefficient k of D is SHARE (3 / k)^FALL of the play, by how many half-waves the commanded
 motion makes during the segment: with frequent changes of the flank these coefficients hold a larger part of D, and more
 of it at high degrees.  Measured on 1850 segments of joints with 3 to 100 mrad (``bench.outside``, seeds 3000 to 3059
-and 4000 to 4059); the energy, 0.016 to 0.070 of the play's square, is alike for trapezoids, moves of minimum jerk and
+and 4000 to 4059); the energy, 0.016 to 0.070 of the play's square, is similar for trapezoids, moves of minimum jerk and
 sines.  With 0.10 and 1.2 for all motions, as before, severities were 1.30 times too large in the median, now 1.02 times
 (seeds 5000 to 5047)."""
 CLEAR = 3.0

@@ -1,8 +1,6 @@
-"""From a window of tip acceleration to the bins of its normalised spectrum that count: fft, freq_fft, norm and mask of
-eqs. 8 and 10.
+"""The normalised spectrum of a window of tip acceleration: fft, freq_fft, norm and mask of eqs. 8 and 10.
 
-Where the paper is silent, docs/decisions/0002-score.md says what was chosen and the measurement that decided.  No
-level and no score here.
+Where the paper is silent, docs/decisions/0002-score.md has the choice and its measurement.  No level and no score here.
 """
 
 from __future__ import annotations
@@ -21,21 +19,21 @@ from lostmotion.detector.window import DetectorSettings, FloatArray
 __all__ = ["Bands", "amplitudes", "bands", "freq_fft", "frequencies", "normalised_mask", "transform"]
 
 TREND_ORDER = 3
-"""The polynomial taken out of a window: a quarter of a second of arm motion below 3 Hz is no more than a cubic."""
+"""Order of the polynomial removed from a window: a quarter of a second of arm motion below 3 Hz is at most a cubic."""
 TAPER = 0.25
 """Share of the window in the two cosine slopes of the Tukey window."""
 LEAST_NORM_BINS = 3
 DUST = 3e-8
-"""Share of the largest value below which the norm band's mean amplitude is no noise to divide by, but what rounding
-leaves of a column that is no acceleration: of a clock in microseconds with 4 µs of jitter up to 2e-8 after ten seconds,
-of one in milliseconds 1.5e-8 after one, of one value 1e-16; a noise of 1 mm/s² under gravity leaves 1.3e-5."""
+"""Share of the largest value below which the norm band's mean amplitude is rounding, of a column that is no
+acceleration, and not noise: of a clock in microseconds with 4 µs of jitter up to 2e-8 after ten seconds, of one in
+milliseconds 1.5e-8 after one, of one value 1e-16; a noise of 1 mm/s² under gravity leaves 1.3e-5."""
 EDGE = 1e-9
 """A band's edge that falls on a bin up to rounding is that bin."""
 
 
 @dataclass(frozen=True, slots=True)
 class Bands:
-    """The bins of a spectrum of n samples that count: mask [first, last) of eq. 10, and the bins of norm."""
+    """The bins of a spectrum of n samples that are used: mask [first, last) of eq. 10, and the bins of norm."""
 
     mask: slice
     norm: NDArray[np.intp]
@@ -55,9 +53,9 @@ def transform(length: int, bins: NDArray[np.intp]) -> FloatArray:
     """A matrix that takes a window to some bins of its spectrum: to a real and an imaginary part of each in turn,
     shape (length, 2 × bins).
 
-    A cubic is taken out by least squares, a Tukey window of sum 2 laid over the rest, and the Fourier sums are formed.
-    All of that is linear, and of a hundred bins a dozen count: one product with this costs less than an FFT and what
-    goes before it.
+    A cubic is removed by least squares, a Tukey window of sum 2 is applied, and the Fourier sums are formed.  All of
+    this is linear, and a dozen of a hundred bins are used: one product with this matrix costs less than an FFT and the
+    steps before it.
     """
     from_edge = np.minimum(np.arange(length) + 0.5, length - 0.5 - np.arange(length)) / length
     taper = np.where(from_edge < TAPER / 2, 0.5 - 0.5 * np.cos(2 * np.pi * from_edge / TAPER), 1.0)
@@ -91,7 +89,7 @@ def _chosen(length: int, rate_hz: float, settings: _BandOptions) -> Bands:
     if not 1 <= mask.start < mask.stop <= math.ceil(length / 2):
         raise DetectorError(
             f"the mask {_range(settings.f_res_hz, settings.f_width_hz)} holds no bin, or reaches beyond what {length} "
-            f"samples at {rate_hz:g} Hz tell ({rate_hz / length:.3g} to {nyquist:g} Hz); "
+            f"samples at {rate_hz:g} Hz resolve ({rate_hz / length:.3g} to {nyquist:g} Hz); "
             "likely the sensor is too slow for this oscillator, or f_width_hz or window_s is too small"
         )
     wanted = _band(settings.f_norm_hz, settings.f_norm_width_hz, length, rate_hz)
@@ -122,7 +120,7 @@ def normalised_mask(accel: FloatArray, rate_hz: float, settings: DetectorSetting
 
 
 class _BandOptions(NamedTuple):
-    """The settings that bands depend on: what is kept by them is not kept again for each noise that is learnt."""
+    """The settings that bands depend on, as a cache key that a new noise does not change."""
 
     f_res_hz: float
     f_width_hz: float

@@ -1,6 +1,6 @@
-"""The oscillator from recordings in which somebody taps the bar: finds the taps, takes mains hum out, pools.
+"""The oscillator from recordings of taps on the bar: finds the taps, removes mains hum, pools.
 
-One ring-down is ``oscillator_id``'s; here is what a whole recording adds, and what two rates tell about aliasing.
+``oscillator_id`` has one ring-down; here are whole recordings, and the test for aliasing by two rates.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from lostmotion.detector.windows import cut
 __all__ = ["Calibrated", "Estimate", "TapRecording", "find_taps", "pooled", "true_frequency"]
 
 BLOCK_S = 0.025
-"""Loudness is looked at in blocks of so long: no shorter than a period of most bars."""
+"""Length of the blocks in which loudness is computed: no shorter than a period of most bars."""
 JUMP = 3.0
 """A tap is at least so many times as loud as the three blocks before it ..."""
 SHARE = 0.1
 """... and as this share of the loudest one."""
 LONGEST_S = 5.0
-"""No ring-down is looked at for longer."""
+"""Longest part of a ring-down that is used."""
 MAINS_HZ = (50.0, 60.0)
 MAINS_OFF_HZ = 0.3
 """How far mains, or the sensor's clock, may be off."""
@@ -33,12 +33,12 @@ HARMONICS = 4
 SIGNIFICANT = 5.0
 """Amplitude of a line in standard deviations from which it is hum."""
 SILENT, TAIL = 1.5, 8
-"""A ring-down ends when it is so many times as loud as silence; it is looked at twice as long and so many blocks."""
+"""A ring-down ends at so many times the noise floor; twice its length and so many blocks are used."""
 QUIET = 0.3
-"""The quietest share of the blocks tells noise and hum."""
+"""Share of the quietest blocks, from which noise and hum are estimated."""
 NEAR_NYQUIST = 0.9
 LEAST_ZETA = 1e-3
-"""Nothing that is clamped and carries a sensor is damped less: what seems to be is a rest of hum."""
+"""Least damping of a clamped bar with a sensor: an estimate below it is residual hum."""
 UNUSUAL_ZETA = 0.03
 """A clamped metal bar is damped less; more means a loose clamp, or a resonance that is aliased to a low frequency."""
 SAME = 0.01
@@ -58,7 +58,7 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class TapRecording:
-    """What one recording gave: the ring-downs, its rate [Hz], and the mains frequency that was taken out, or None."""
+    """The result of one recording: the ring-downs, its rate [Hz], and the mains frequency that was removed, or None."""
 
     rings: tuple[Oscillator, ...]
     rate_hz: float
@@ -93,7 +93,7 @@ def find_taps(times: FloatArray, accel: FloatArray) -> TapRecording:
     there = np.isfinite(values)
     rest = np.where(there, values - _moving_mean(values, there, round(rate_hz / LOWEST_HZ)), 0.0)
     hum, lines = np.zeros(rest.size), tuple[float, ...]()
-    for _ in range(2):  # what is quiet is seen better without the hum
+    for _ in range(2):  # the quiet blocks are found better without the hum
         hum, lines = _hum(rest, there & _quiet(rest - hum, rate_hz), rate_hz)
     rest -= hum
     rings: list[Oscillator] = []
@@ -113,8 +113,8 @@ def find_taps(times: FloatArray, accel: FloatArray) -> TapRecording:
 def pooled(recordings: Sequence[TapRecording]) -> Calibrated:
     """Weighted means over all taps; where taps scatter more than their noise explains, the intervals grow (Birge 1932).
 
-    Recordings at several rates decide whether the resonance is aliased (``true_frequency``); with one rate only what
-    looks like it is said.  Raises DetectorError when recordings of one rate disagree.
+    Recordings at several rates decide whether the resonance is aliased (``true_frequency``); with one rate there is a
+    warning where it may be.  Raises DetectorError when recordings of one rate disagree.
     """
     true_hz = true_frequency([(r.f_res_hz, r.rate_hz) for r in recordings])
     several_rates = len({round(r.rate_hz) for r in recordings}) > 1
@@ -128,7 +128,7 @@ def pooled(recordings: Sequence[TapRecording]) -> Calibrated:
     zeta = _mean([(ring.zeta, ring.zeta_std) for ring in rings])
     warnings = _aliasing(f_res.value, zeta.value, fastest.rate_hz, true_hz if several_rates else None)
     if len(rings) < 3:
-        warnings.append(f"{len(rings)} tap(s) say little about how well they agree; expected at least 3")
+        warnings.append(f"{len(rings)} tap(s) are too few to see how well they agree; expected at least 3")
     mains = next((r.mains_hz for r in recordings if r.mains_hz), None)
     return Calibrated(f_res, zeta, len(rings), mains, tuple(warnings))
 
@@ -161,7 +161,7 @@ def _aliasing(f_res: float, zeta: float, rate: float, true_hz: float | None) -> 
 
 def _mean(estimates: list[tuple[float, float]]) -> Estimate:
     values, stds = (np.array(column) for column in zip(*estimates, strict=True))
-    # No clock and no bar is steadier than this, whatever the fit says of its noise.
+    # No clock and no bar is steadier than this, whatever the standard deviation of the fit.
     weights = 1 / (stds**2 + (1e-5 * values) ** 2)
     mean = float(np.sum(weights * values) / weights.sum())
     scatter = float(np.sum(weights * (values - mean) ** 2)) / max(values.size - 1, 1)
@@ -179,7 +179,7 @@ def _student(freedom: int) -> float:
 
 
 def _alike(rings: list[Oscillator]) -> list[Oscillator]:
-    """Without what is no tap on this bar: resonances more than 5 % off the one that is known best."""
+    """Without resonances more than 5 % from that with the least standard deviation: they are no taps on this bar."""
     best = min(rings, key=lambda ring: ring.f_res_std / ring.f_res_hz)
     return [ring for ring in rings if abs(ring.f_res_hz / best.f_res_hz - 1) < 5 * SAME]
 
@@ -229,7 +229,7 @@ def _hum(
         for harmonic in range(1, HARMONICS + 1):
             shown = [_shown(line, rate_hz) for line in (mains * harmonic, *lines)]
             if shown[0] < LOWEST_HZ or min(abs(shown[0] - other) for other in (*shown[1:], math.inf)) < 1:
-                continue  # the slow motion, or a line that is out already, covers it
+                continue  # the slow motion, or a line that is removed already, covers it
             found = _line(t, left, mains * harmonic, float(time[-1])) if t.size > 4 * HARMONICS else None
             if found is None:
                 break
@@ -242,12 +242,12 @@ def _hum(
 
 
 def _shown(frequency_hz: float, rate_hz: float) -> float:
-    """The frequency [Hz] at which one shows that may be beyond half of the rate."""
+    """The apparent frequency [Hz] of one that may be above half of the rate."""
     return abs(frequency_hz - round(frequency_hz / rate_hz) * rate_hz)
 
 
 def _line(t: FloatArray, values: FloatArray, near_hz: float, duration: float) -> float | None:
-    """Frequency [Hz] of a line near another one, None where none stands out."""
+    """Frequency [Hz] of a line near ``near_hz``, None where none is significant."""
     step = 0.2 / max(duration, 1.0)
     tried = near_hz + np.arange(-MAINS_OFF_HZ, MAINS_OFF_HZ + step, step)
     sizes = np.abs(np.exp(-2j * np.pi * np.outer(tried, t)) @ values) * 2 / t.size
@@ -261,7 +261,7 @@ def _line(t: FloatArray, values: FloatArray, near_hz: float, duration: float) ->
 
 
 def _segments(rest: FloatArray, rate_hz: float) -> list[tuple[int, int]]:
-    """First and last sample of what follows each sudden rise of loudness, and of as much silence behind it."""
+    """First and last sample of the segment after each sudden rise of loudness, with as much silence at its end."""
     loudness, length = _loudness(rest, rate_hz)
     before = np.array([np.max(loudness[max(i - 3, 0) : i], initial=0.0) for i in range(loudness.size)])
     floor = float(np.quantile(loudness, 0.1)) if loudness.size else 0.0

@@ -1,7 +1,7 @@
 """Wear over months: slope, significance, changes and the time left, from scores in time order.
 
-Scores of neighbouring windows are correlated and have heavy tails, so everything here is rank-based or median-based
-and knows of serial correlation.  NaN are left out.  No plots, no dates: times are seconds.
+Scores of neighbouring windows are correlated and have heavy tails, so all methods here are rank-based or median-based
+and allow for serial correlation.  NaN are left out.  No plots, no dates: times are seconds.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ __all__ = [
 ]
 
 MOST = 1000
-"""More points than this are first replaced by the medians of as many runs of consecutive points: all pairs of 1000
-take milliseconds, and the medians of a trend are the trend of the medians."""
+"""More points than this are first replaced by the medians of as many runs of consecutive points: all pairs of 1000 take
+milliseconds, and medians of runs keep the trend."""
 LEAST = 3
 REPAIRED = 0.7
 """A change after which scores are below this share of those before is a repair."""
 LEAST_RECENT = 10
-"""Points since the last change that make a slope of their own."""
+"""Least points since the last change for a separate slope."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,12 +67,12 @@ class Trend:
 
 @dataclass(frozen=True, slots=True)
 class WearTrend:
-    """What months of scores say.
+    """The trend of months of scores.
 
     count: scores used; first, last: their times [s]; slope, trend: over all of them; change_points: times [s] at which
     level or slope changed; recent: the slope since the last change; current: its value at ``last``; limit: the level;
-    time_to_limit: by ``recent``, None when it does not get there; forecast: from the scores since the last repair, no
-    law of wear taken for granted, None for too few of them.
+    time_to_limit: by ``recent``, None when it does not reach the limit; forecast: from the scores since the last
+    repair, over several laws of wear, None for too few of them.
     """
 
     count: int
@@ -117,8 +117,8 @@ def mann_kendall(y: ArrayLike, alpha: float = 0.05) -> Trend:
 
     The variance is corrected for ties, and for serial correlation after Hamed and Rao (1998): by the autocorrelation of
     the ranks of the detrended series, over the lags before the first that is not significant; never below that of
-    independent values, for negative correlation promises more than it keeps.  At a correlation of 0.6 a test at
-    5 % cries wolf in 8 to 11 % of trend-free series of 80 to 400 points (uncorrected: 31 to 38 %).
+    independent values, as negative correlations are unreliable.  At a correlation of 0.6 a test at 5 % gives false
+    alarms in 8 to 11 % of trend-free series of 80 to 400 points (uncorrected: 31 to 38 %).
 
     Raises DetectorError for fewer than 3 points.
     """
@@ -137,8 +137,8 @@ def mann_kendall(y: ArrayLike, alpha: float = 0.05) -> Trend:
 def time_to_limit(slope: Slope, now: float, limit: float) -> TimeToLimit | None:
     """When the line reaches the limit; None when it never does, zeros when it already has.
 
-    The interval is that of the slope, whose ends turn the line about the median point.  now [s]; limit: in the units
-    of y.
+    The interval is from lines with the ends of the slope's interval through the median point.  now [s]; limit: in the
+    units of y.
     """
     middle = slope.at(slope.centre)
     if slope.at(now) >= limit:
@@ -153,7 +153,7 @@ def time_to_limit(slope: Slope, now: float, limit: float) -> TimeToLimit | None:
 
 
 def summarise(times: ArrayLike, scores: ArrayLike, level: float) -> WearTrend:
-    """Everything that the history of a joint tells: times [s], ascending, and scores, shape (N,), against the level.
+    """The trend of a joint's history: times [s], ascending, and scores, shape (N,), against the level.
 
     Raises DetectorError for fewer than 3 scores that are numbers.
     """
@@ -202,7 +202,7 @@ def _clean(t: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArray]:
 
 
 def _kendall_variance(count: int, *ranked: FloatArray) -> float:
-    """Variance of Kendall's S for independent values, less what ties in each of the variables take away."""
+    """Variance of Kendall's S for independent values, corrected for ties in each of the variables."""
     tied = sum(_tie_term(np.unique(values, return_counts=True)[1]) for values in ranked)
     return (count * (count - 1) * (2 * count + 5) - tied) / 18
 

@@ -1,7 +1,7 @@
-"""When to listen: reversals of the commanded acceleration, found in a stream of angles of one joint.
+"""The trigger of windows: reversals of the commanded acceleration in a stream of angles of one joint.
 
-Streaming: the answer does not depend on how the stream is cut into pushes, and the only clock is the samples' own.  No
-windows and no accelerometer here.  How the constants were found: docs/decisions/0003-trigger.md.
+Streaming: the result does not depend on how the stream is divided into pushes, and time is that of the samples.  No
+windows and no accelerometer here.  docs/decisions/0003-trigger.md has the measurements of the constants.
 """
 
 from __future__ import annotations
@@ -19,27 +19,27 @@ from lostmotion.detector.window import DetectorSettings, FloatArray, Reversal
 __all__ = ["Trigger"]
 
 INNER_RATE_HZ = 100.0
-"""Faster streams are thinned to about this rate: arms and hands do nothing faster."""
+"""Faster streams are decimated to about this rate: arms and hands do not move faster."""
 SPAN = 0.2
 """Length of the parabola [s]."""
 LEAST_SAMPLES = 8
-"""A slow stream gets a parabola of at least so many sample periods."""
+"""Least length of the parabola in sample periods, for slow streams."""
 GAP_PERIODS = 5
-"""A hole in time of more sample periods than this ends what was known."""
+"""After a gap of more sample periods than this the trigger starts again."""
 NOISE_FACTOR = 5.0
 """Threshold in standard deviations of the acceleration."""
 STEP_FACTOR = 6.0
-"""Threshold in quantisation steps / span²; a lone step makes a parabola of up to 5.77 of these."""
+"""Threshold in quantisation steps / span²; a single step gives a parabola of up to 5.77 of these."""
 REST_STEPS = 2.5
 """While the angle stays within so many quantisation steps the joint is at rest: ±1 step of jitter is 2."""
 UNKNOWN_STEP = math.radians(0.5)
-"""The coarsest quantisation that is believed in before anything has moved [rad]."""
+"""The assumed quantisation before the first motion [rad]."""
 TINY = 1e-6
 """Angles closer than this are the same [rad]."""
 SUDDEN = 0.2
 """Share of a span in which a sudden acceleration climbs to the threshold; a swaying arm takes longer."""
 EARLY = 0.25
-"""How early, in spans, the threshold is passed before an acceleration that sets in suddenly."""
+"""Time in spans by which the threshold is passed before a sudden acceleration begins."""
 JUMP_FACTOR = 6.0
 """Least jump of the goal in standard deviations of its noise."""
 JUMP_SWING = 11.5
@@ -51,8 +51,8 @@ class Trigger:
 
     The acceleration is that of a parabola through the last ``SPAN`` seconds.  It has a direction when it exceeds a
     threshold made of the quantisation, of the noise seen so far and of ``settings.min_acceleration``; a reversal is a
-    change of direction, at the last zero crossing in between.  A goal that jumps and then stands (a host that writes
-    goals seldom) is one reversal, at the jump, signed as the jump.
+    change of direction, at the last zero crossing in between.  A goal that jumps and is then constant (a host that
+    writes goals seldom) is one reversal, at the jump, signed as the jump.
 
     rate_hz: nominal rate of the samples; resolution_rad: their quantisation [rad], 0 if there is none, NaN if unknown
     (then the smallest step seen so far).  ``dropped`` counts samples that could not be used: repeated or out-of-order
@@ -91,7 +91,7 @@ class Trigger:
         return found
 
     def _thin(self, time: float, command: float) -> Reversal | None:
-        """Collects samples into blocks and hands on the median of each: a median keeps jumps sharp."""
+        """Collects samples into blocks and passes on the median of each: a median keeps jumps sharp."""
         if time - self._last_time > self._longest:
             self._forget()
         if self._learning:
@@ -135,7 +135,7 @@ class Trigger:
         return max(steps + NOISE_FACTOR * self._noise.level * gain, self._least)
 
     def _forget(self) -> None:
-        """Starts anew, with what was learnt about noise and steps."""
+        """Starts again; the estimates of noise and steps are kept."""
         self._times.clear()
         self._commands.clear()
         self._fit.clear()
@@ -145,7 +145,7 @@ class Trigger:
 
 
 class _Lobes:
-    """The acceleration as a row of lobes, positive and negative in turn, with weak segments between them."""
+    """The acceleration as a sequence of lobes, alternately positive and negative, with weak segments between them."""
 
     def __init__(self, span: float) -> None:
         self._span = span

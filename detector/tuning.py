@@ -1,4 +1,4 @@
-"""Settings that suit a robot: window, bands and noise, from its own windows.  Levels are ``level``'s."""
+"""Settings for a robot: window, bands and noise, optimised on its windows.  ``level`` has levels."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from lostmotion.detector.window import LEVELS, DetectorSettings, FloatArray, Sta
 __all__ = ["LEAST_WINDOWS", "LONGEST_S", "Tuned", "found_share", "least_acceleration", "least_amplitude", "tune"]
 
 LONGEST_S = 0.5
-"""Windows to tune with are cut so long [s]."""
+"""Length of windows for tuning [s]."""
 LENGTHS_S = (0.15, 0.2, 0.25, 0.3, 0.4, 0.5)
 WIDTHS = (0.07, 0.14, 0.2, 0.28, 0.41, 0.55)
 """Widths of the mask that are tried, as shares of f_res."""
 NORM_CENTRES, NORM_WIDTHS = (0.6, 1.4, 1.7, 2.0, 2.5, 3.0), (0.35, 0.7, 1.4)
 NOISE_SAMPLES = 400
-"""More of each window tell nothing new of the noise."""
+"""Samples of each window for the noise; more add no information."""
 LEAST_WINDOWS = 50
 FALSE_ALARM = 0.1
-"""Detection is judged over false-alarm rates from 0 to this one: fewer windows tell no smaller one."""
+"""Detection is averaged over false-alarm rates from 0 to this one; smaller ones need more windows."""
 CLEARLY = 0.01
-"""What is found more by other settings than the usual ones must exceed this share."""
+"""Least gain in the share found for other settings than the usual ones."""
 MIDDLING = 0.6
-"""Rings are put in so large that the usual settings find about this share: where settings differ most."""
+"""Rings are added so large that the usual settings find about this share: where settings differ most."""
 OPEN_SHARE = 0.7
-"""An impact after this share of the window is heard for too short a time."""
+"""An impact after this share of the window is observed for too short a time."""
 ONSET_S = (0.005, 0.09)
 WRONG_F, WRONG_ZETA = 0.005, 0.1
 """No calibration is better than this [share]."""
@@ -42,8 +42,8 @@ WRONG_F, WRONG_ZETA = 0.005, 0.1
 
 @dataclass(frozen=True, slots=True)
 class Tuned:
-    """settings: what suits best; found: by statistic, the share of rings found at false-alarm rates below 10 %, on
-    average over the rate, and before: by eq. 8 as it was set; windows: how many healthy ones it was learnt from."""
+    """settings: the best; found: by statistic, the share of rings found at false-alarm rates below 10 %, on average
+    over the rate, and before: by eq. 8 as it was set; windows: number of healthy ones used."""
 
     settings: DetectorSettings
     found: dict[Statistic, float]
@@ -54,12 +54,12 @@ class Tuned:
 def tune(
     healthy: FloatArray, rate_hz: float, settings: DetectorSettings, worn: FloatArray | None = None, seed: int = 0
 ) -> Tuned:
-    """The settings that find most of the worn windows at few false alarms.
+    """The settings with the highest share of worn windows found at few false alarms.
 
     healthy and worn: acceleration [m/s²] from a reversal on for 0.5 s, shape (M, N) each, none missing.  Without worn
-    windows, rings of the oscillator of ``settings`` are put into the healthy ones, struck 5 to 90 ms after the
-    reversal, with a rebound, resonance and damping not quite right.  The noise (``ringdown``) is that of the healthy
-    ones.  Raises DetectorError for fewer than 50 healthy windows.
+    windows, rings of the oscillator of ``settings`` are added to the healthy ones, from 5 to 90 ms after the reversal
+    on, with a rebound and slightly wrong resonance and damping.  The noise (``ringdown``) is that of the healthy ones.
+    Raises DetectorError for fewer than 50 healthy windows.
     """
     if len(healthy) < LEAST_WINDOWS:
         raise DetectorError(
@@ -178,7 +178,7 @@ def _bisected(share: Callable[[float], float], start: float, wanted: float) -> f
 def _bands(
     usual: DetectorSettings, healthy: FloatArray, worn: FloatArray, rate_hz: float
 ) -> Iterator[tuple[float, DetectorSettings]]:
-    """Each choice of window, mask and norm that the rate allows, with what it finds."""
+    """Each choice of window, mask and norm that the rate allows, with the share it finds."""
     f_res = usual.f_res_hz
     for window_s in LENGTHS_S:
         length = round(window_s * rate_hz)
@@ -200,7 +200,7 @@ def _bands(
 def _best_ringdown(
     settings: DetectorSettings, healthy: FloatArray, worn: FloatArray, rate_hz: float
 ) -> tuple[float, DetectorSettings]:
-    """The best length for ``ringdown``, with the noise of the healthy windows, and what it finds."""
+    """The best length for ``ringdown``, with the noise of the healthy windows, and the share it finds."""
     tried = [replace(noisy(healthy, rate_hz, settings), window_s=window_s) for window_s in LENGTHS_S]
     usable = []
     for one in tried:
@@ -215,7 +215,7 @@ def _best_ringdown(
 
 
 def noisy(healthy: FloatArray, rate_hz: float, settings: DetectorSettings) -> DetectorSettings:
-    """The settings with the noise of healthy windows, shape (M, N), their slow motion taken out."""
+    """The settings with the noise of healthy windows, shape (M, N), their slow motion removed."""
     length = min(healthy.shape[1], NOISE_SAMPLES)
     slow = ringdown.slow_basis(length, rate_hz, replace(settings, noise_colour=()))
     noise = rounded(fit_noise(healthy[:, :length], slow))
