@@ -1,9 +1,9 @@
 """How well the joint with play is named: `python -m bench.attribution`.
 
 Two joints with parallel axes and one bar (or two), each with play or without, commands of AX-12As (0.29°, 100 Hz), a
-bar whose setting is 0.3 % off, noise of 0.1 m/s², lever arms told 5 % wrong.  Motions: each joint waves on its own; or
-the second one makes the first one's motion half of the time, so that its reversals fall on the other's then.  By the
-model, whose joints add up at the bar; and by MuJoCo's arm of two links (``bench.arm``).  Seeds used nowhere else.
+bar whose setting is 0.3 % off, noise of 0.1 m/s², lever arms 5 % wrong.  Motions: each joint waves on its own; or the
+second one makes the first one's motion half of the time, so that its reversals fall on the other's then.  By the model,
+whose joints add up at the bar; and by MuJoCo's arm of two links (``bench.arm``).  Seeds used nowhere else.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def motions(seed: int, together: bool) -> tuple[Motion, Motion]:
     return one, Sampled(knots, share * one.position(knots) + (1 - share) * other.position(knots))
 
 
-def heard(case: Case, moved: tuple[Motion, Motion], worn: Sequence[int], seed: int) -> tuple[FloatArray, FloatArray]:
+def measured(case: Case, moved: tuple[Motion, Motion], worn: Sequence[int], seed: int) -> tuple[FloatArray, FloatArray]:
     """Times [s], and tip acceleration at each accelerometer [m/s²], shape (S, N)."""
     times = np.arange(round(SECONDS * case.bar.rate_hz)) / case.bar.rate_hz
     if case.mujoco:
@@ -93,18 +93,19 @@ def heard(case: Case, moved: tuple[Motion, Motion], worn: Sequence[int], seed: i
     return times, tips + np.random.default_rng(seed).normal(0, NOISE_MS2, tips.shape)
 
 
-def listen(case: Case, seed: int, worn: Sequence[int]) -> tuple[list[Evidence], float]:
-    """What the windows of one recording say, and the share of the first joint's reversals that fall on the other's."""
+def window_evidence(case: Case, seed: int, worn: Sequence[int]) -> tuple[list[Evidence], float]:
+    """The evidence of the windows of one recording, and the share of the first joint's reversals that coincide with the
+    other's."""
     moved = motions(seed, case.together)
-    times, tips = heard(case, moved, worn, seed)
+    times, tips = measured(case, moved, worn, seed)
     polls = np.arange(0, SECONDS, 1 / POLL_HZ)
     settings = DetectorSettings(f_res_hz=case.bar.f_res_hz * 1.003, noise_ms2=NOISE_MS2)
     wrong = np.random.default_rng([seed, 1]).normal(1, 0.05, np.shape(case.levers))
     movers, reversals = [], []
     for motion, levers in zip(moved, np.array(case.levers) * wrong, strict=True):
-        told = np.round(motion.position(polls) / STEP_RAD) * STEP_RAD
-        movers.append(Mover(polls, told, tuple(levers)))
-        reversals.append([found.time for found in Trigger(settings, POLL_HZ, STEP_RAD).push(polls, told)])
+        commands = np.round(motion.position(polls) / STEP_RAD) * STEP_RAD
+        movers.append(Mover(polls, commands, tuple(levers)))
+        reversals.append([found.time for found in Trigger(settings, POLL_HZ, STEP_RAD).push(polls, commands)])
     found: list[Evidence] = []
     for start in sorted(reversals[0] + reversals[1]):
         if not 1 < start < SECONDS - WINDOW_S - 0.1:
@@ -126,9 +127,9 @@ def answers(
     shares = []
     for seed in seeds or (MUJOCO_SEEDS if case.mujoco else SEEDS):
         for worn in KINDS[kind]:
-            told, share = listen(case, seed, worn)
+            found, share = window_evidence(case, seed, worn)
             shares.append(share)
-            pooled = [attribute(told[:count], (0.5, 0.5)) for count in COUNTS]
+            pooled = [attribute(found[:count], (0.5, 0.5)) for count in COUNTS]
             right.append([int(one.sets.argmax()) == sum(2**joint for joint in worn) for one in pooled])
             for one in pooled:
                 claims += [(max(p, 1 - p), (p > 0.5) == (joint in worn)) for joint, p in enumerate(one.joints)]
@@ -150,12 +151,12 @@ def main() -> None:
         print(f"{case.name:46} {rows['one'][1]:7.0%}", *shown, flush=True)
     for kind, made in claims.items():
         sure, right = np.array([p for p, _ in made]), np.array([is_right for _, is_right in made])
-        told = [
+        cells = [
             f"{low:.2f}-{min(high, 1):.2f}: {right[inside].mean():.1%} of {inside.sum()}"
             for low, high in pairwise(BINS)
             if (inside := (sure >= low) & (sure < high)).any()
         ]
-        print(f"{kind}: right where the probability was", ", ".join(told))
+        print(f"{kind}: right where the probability was", ", ".join(cells))
 
 
 if __name__ == "__main__":

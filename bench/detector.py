@@ -24,7 +24,7 @@ __all__ = ["main"]
 SETTINGS = DetectorSettings(f_res_hz=58.0, statistic="band")
 RINGDOWN = DetectorSettings(f_res_hz=58.0, statistic="ringdown", noise_ms2=1.0)
 JOINTS, POLL_HZ = 6, 100
-JOINTS_TOLD = ((1.5, 0.10), (1.1, 0.25))
+JOINTS_MOVED = ((1.5, 0.10), (1.1, 0.25))
 """Rates [Hz] and lever arms [m] of two joints on one accelerometer."""
 
 
@@ -73,7 +73,7 @@ def in_service(windows: FloatArray) -> dict[str, float]:
             play_size(segment, polls, angles, RINGDOWN)
 
     polled = np.array(polls)
-    movers = [Mover(polled, 0.3 * np.sin(2 * np.pi * rate * polled), (lever,)) for rate, lever in JOINTS_TOLD]
+    movers = [Mover(polled, 0.3 * np.sin(2 * np.pi * rate * polled), (lever,)) for rate, lever in JOINTS_MOVED]
 
     def attribute_all() -> None:
         for segment in segments:

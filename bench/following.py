@@ -22,7 +22,7 @@ from lostmotion.detector.learner import Learner
 from lostmotion.detector.tuning import noisy
 from lostmotion.detector.window import DetectorSettings
 
-__all__ = ["Robot", "heard"]
+__all__ = ["Robot", "learnt_from"]
 
 FloatArray = NDArray[np.float64]
 WINDOWS, COUNT, MOTION = 3600, 1000, 10.0
@@ -57,7 +57,7 @@ class Robot:
         return self._rng.integers(len(self._signals), size=count)
 
 
-def heard(robot: Robot, snr_db: float, given: DetectorSettings) -> Learner:
+def learnt_from(robot: Robot, snr_db: float, given: DetectorSettings) -> Learner:
     """What has been learnt after an hour of windows with impacts of that SNR [dB]."""
     windows = robot.windows(snr_db, robot.some(WINDOWS))
     learner = Learner(given, BAR.rate_hz, windows.shape[1])
@@ -84,7 +84,7 @@ def _row(learnt: Robot, tested: Robot, noise: str, mujoco: bool, snr_db: float, 
     right = DetectorSettings(f_res_hz=BAR.f_res_hz, zeta=BAR.zeta)
     wrong = replace(right, f_res_hz=BAR.f_res_hz * (1 + off))
     calibrated = noisy(learnt.windows(-math.inf, learnt.some(COUNT)), BAR.rate_hz, right)
-    held, followed = (heard(learnt, snr_db, replace(wrong, follow_bar=follow)) for follow in (False, True))
+    held, followed = (learnt_from(learnt, snr_db, replace(wrong, follow_bar=follow)) for follow in (False, True))
     found = [_needed(tested, settings) for settings in (calibrated, held.settings, followed.settings)]
     now = followed.settings
     print(f"| {'MuJoCo' if mujoco else 'eq. 1'}, {noise} | {snr_db:.0f} | {found[0]} | {off:+.0%} | {found[1]} "

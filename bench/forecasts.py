@@ -61,8 +61,8 @@ def errors(simulator: str, noise: float) -> FloatArray:
         for k in range(LIVES):
             time, rows = life(rng, law, windows, SEEN[k % len(SEEN)])
             left = 365 * DAY - time[-1]
-            told = [forecast(time, rows[:, i], float(ends[i])) for i in range(len(FIGURES))]
-            found.append([1.0 if one is None else min(abs(one.likely / left - 1), 1.0) for one in told])
+            forecasts = [forecast(time, rows[:, i], float(ends[i])) for i in range(len(FIGURES))]
+            found.append([1.0 if one is None else min(abs(one.likely / left - 1), 1.0) for one in forecasts])
     return np.array(found)
 
 

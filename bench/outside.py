@@ -83,7 +83,7 @@ class Joint:
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """A joint, what `score --json` says of its windows, and their energy over the noise's variance [dB]."""
+    """A joint, the output of `score --json` for its windows, and their energy over the noise's variance [dB]."""
 
     joint: Joint
     scores: list[dict[str, float]]
@@ -182,8 +182,8 @@ def scored(joint: Joint, folder: Path) -> Drawn:
     accel = clean + rng.normal(0, joint.noise, clean.size)
     rows, many = ["time,command,accel"], round(RATE_HZ / POLL_HZ)
     for i, value in enumerate(accel):
-        told = f"{round(goal[i * STEPS] / STEP_RAD) * STEP_RAD:.6f}" if i % many == 0 else ""
-        rows.append(f"{i / RATE_HZ:.3f},{told},{value:.4f}")
+        command = f"{round(goal[i * STEPS] / STEP_RAD) * STEP_RAD:.6f}" if i % many == 0 else ""
+        rows.append(f"{i / RATE_HZ:.3f},{command},{value:.4f}")
     (folder / "recording.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
     right = joint.f_res * (1 + 0.003 * rng.normal())
     (folder / "robot.toml").write_text(CONFIG.format(f_res=right), encoding="utf-8")
@@ -207,16 +207,16 @@ def row(name: str, some: Iterable[Drawn]) -> str:
     """A line of the table."""
     worn = [(one.joint.play, s, db) for one in some for s, db in zip(one.scores, one.snr_db, strict=True)
             if one.joint.play]  # fmt: skip
-    told = [(play, s) for play, s, _ in worn if s["play"] is not None]
+    sized = [(play, s) for play, s, _ in worn if s["play"] is not None]
     clear = [s["play"] is not None for _, s, db in worn if db > 30]
     known = [(play, s) for play, s, _ in worn if s["severity"] is not None]
-    held = np.mean([s["play_low"] <= play <= s["play_high"] for play, s in told]) if told else math.nan
+    held = np.mean([s["play_low"] <= play <= s["play_high"] for play, s in sized]) if sized else math.nan
     sure = np.mean([s["severity_low"] <= play <= s["severity_high"] for play, s in known]) if known else math.nan
-    off = np.median([s["play"] / play - 1 for play, s in told]) if told else math.nan
+    off = np.median([s["play"] / play - 1 for play, s in sized]) if sized else math.nan
     order = spearmanr([p for p, _ in known], [s["severity"] for _, s in known])[0] if len(known) > 9 else math.nan
     found = np.mean([s["impact"] for _, s, _ in worn]) if worn else math.nan
     return (f"| {name} | {len(worn)} | {found:.0%} | {np.mean(clear) if clear else math.nan:.0%} of {len(clear)} "
-            f"| {held:.1%} of {len(told)} | {off:+.0%} | {sure:.1%} | {order:.3f} |")  # fmt: skip
+            f"| {held:.1%} of {len(sized)} | {off:+.0%} | {sure:.1%} | {order:.3f} |")  # fmt: skip
 
 
 GROUPS: dict[str, Callable[[Joint], bool]] = {

@@ -1,4 +1,5 @@
-"""How well the size of the play is told: `python -m bench.play_size` (`--quick`: a representative part, 3 minutes).
+"""How well the size of the play is estimated: `python -m bench.play_size` (`--quick`: a representative part, 3
+minutes).
 
 Recordings of twelve seconds, sampled at 1 kHz: eq. 1 with other inertias, exponents and dampings, hard stops with other
 restitutions, friction and bars (``joints``), and MuJoCo; motions from hand-waved to trapezoidal; commands of an AX-12A
@@ -22,7 +23,7 @@ from lostmotion.detector.series import score_series
 from lostmotion.detector.window import DetectorSettings, Score
 from lostmotion.model import Motion
 
-__all__ = ["CELLS", "Cell", "Told", "recorded", "told_of"]
+__all__ = ["CELLS", "Cell", "Summary", "recorded", "summary_of"]
 
 RECORD_S, RATE_HZ = 13.0, 1000.0
 TUNED, LEVER, DELAY_S, OFFSET = 0.003, 0.01, 0.0015, 0.05
@@ -49,8 +50,8 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Told:
-    """What a cell's windows tell of one play: windows, those that tell it, median error, all together, intervals that
+class Summary:
+    """Results of a cell for one play: windows, those with a size, median error, pooled size, share of intervals that
     hold."""
 
     windows: int
@@ -98,15 +99,15 @@ def recorded(seed: int, play_m: float, cell: Cell, known: bool = False) -> list[
     return [score for score in score_series(polls - late, commands, times, accel, settings) if score.impact]
 
 
-def told_of(cell: Cell, play_m: float, seeds: Iterable[int], known: bool = False) -> Told:
-    """What the windows of all recordings tell."""
+def summary_of(cell: Cell, play_m: float, seeds: Iterable[int], known: bool = False) -> Summary:
+    """The results for the windows of all recordings."""
     scores = [score for seed in seeds for score in recorded(seed, play_m, cell, known)]
-    told = [score for score in scores if math.isfinite(score.play)]
+    sized = [score for score in scores if math.isfinite(score.play)]
     truth = play_m / RADIUS_M
-    together = pooled([s.play for s in told], [(s.play_high - s.play_low) / 2 for s in told])
-    error = float(np.median([abs(s.play / truth - 1) for s in told])) if told else math.nan
-    covered = float(np.mean([s.play_low <= truth <= s.play_high for s in told])) if told else math.nan
-    return Told(len(scores), len(told), error, together, covered)
+    together = pooled([s.play for s in sized], [(s.play_high - s.play_low) / 2 for s in sized])
+    error = float(np.median([abs(s.play / truth - 1) for s in sized])) if sized else math.nan
+    covered = float(np.mean([s.play_low <= truth <= s.play_high for s in sized])) if sized else math.nan
+    return Summary(len(scores), len(sized), error, together, covered)
 
 
 def main() -> None:
@@ -119,7 +120,7 @@ def main() -> None:
     for cell in [CELLS[i] for i in QUICK] if quick else CELLS:
         for play in QUICK_PLAYS if quick else PLAYS:
             seeds, truth = QUICK_SEEDS if quick else SEEDS, play / RADIUS_M
-            one, known = told_of(cell, play, seeds), told_of(cell, play, seeds, known=True)
+            one, known = summary_of(cell, play, seeds), summary_of(cell, play, seeds, known=True)
             ends = f"{_share(one.together.low / truth - 1)} to {_share(one.together.high / truth - 1)}"
             print(f"| {cell} | {play * 1e6:.0f} | {one.windows} | {one.values / max(one.windows, 1):.0%} "
                   f"| {_share(one.error, '')} | {_share(one.together.value / truth - 1)} | {ends} "
@@ -128,7 +129,7 @@ def main() -> None:
 
 
 def _share(value: float, sign: str = "+") -> str:
-    """In per cent, or - where nothing is told."""
+    """In per cent, or - where there is no size."""
     return f"{value:{sign}.0%}" if math.isfinite(value) else "-"
 
 

@@ -2,7 +2,7 @@
 
 False alarms: levels for 1 % learnt from as many healthy windows as are asked for, twenty in each kind of noise, counted
 on fresh windows; the noise of the calibrated ring-down is learnt from the same windows as its level.
-Forecasts: lives of gears by five laws of wear that nobody tells the forecast, from 10 to 80 µm; each history is made of
+Forecasts: lives of gears by five laws of wear unknown to the forecast, from 10 to 80 µm; each history is made of
 the severities of simulated windows, and its limit is what the gear's severity is at 80 µm; 80 % intervals.
 Which joint: probabilities after 5 to 40 windows, in ``bench.attribution``'s case of joints that move alike half of the
 time.
@@ -70,7 +70,7 @@ def severities(gear: Gear, mujoco: bool) -> tuple[FloatArray, list[FloatArray]]:
     plays = np.geomspace(FIRST_M, LAST_M, PLAYS)
     settings, bar = DetectorSettings(f_res_hz=F_RES_HZ * 1.003, noise_ms2=0.1), Bar()
     polls, times = np.arange(0, RECORD_S, 1 / POLL_HZ), np.arange(round(RECORD_S * bar.rate_hz)) / bar.rate_hz
-    told: list[FloatArray] = []
+    samples: list[FloatArray] = []
     for play in plays:
         found: list[float] = []
         for seed in SEVERITY_SEEDS:
@@ -79,21 +79,21 @@ def severities(gear: Gear, mujoco: bool) -> tuple[FloatArray, list[FloatArray]]:
             accel = accel + np.random.default_rng(seed).normal(0, 0.1, accel.size)
             commands = np.round(motion.position(polls) / STEP_RAD) * STEP_RAD
             found += [score.severity for score in score_series(polls, commands, times, accel, settings)]
-        told.append(np.array([value for value in found if np.isfinite(value)]))
-    return plays, told
+        samples.append(np.array([value for value in found if np.isfinite(value)]))
+    return plays, samples
 
 
-def lives(plays: FloatArray, told: list[FloatArray], law: str, seed: int) -> tuple[int, int, int]:
+def lives(plays: FloatArray, samples: list[FloatArray], law: str, seed: int) -> tuple[int, int, int]:
     """Of LIVES histories seen to 40, 60 and 80 % of the way: forecasts, those whose interval holds the day, and those
     whose middle is within a factor of two of the time that is left."""
-    rng, limit = np.random.default_rng([22300, seed]), float(np.median(told[-1]))
+    rng, limit = np.random.default_rng([22300, seed]), float(np.median(samples[-1]))
     count = hits = near = 0
     for i in range(LIVES):
         x = np.sort(rng.uniform(0, (0.4, 0.6, 0.8)[i % 3], SCORES))
         start = rng.uniform(FIRST_M, LAST_M / 3)
         play = start + (LAST_M - start) * LAWS[law](x)
         which = np.abs(np.log(play[:, None] / plays)).argmin(axis=1)
-        value = np.array([rng.choice(told[k]) * one / plays[k] for one, k in zip(play, which, strict=True)])
+        value = np.array([rng.choice(samples[k]) * one / plays[k] for one, k in zip(play, which, strict=True)])
         found = forecast(365 * DAY_S * x, value, limit)
         if found:
             left = 365 * DAY_S * (1 - x[-1])
@@ -118,15 +118,15 @@ def main() -> None:
     )
     print("| noise | eq. 8 | ring-down, own noise | ring-down, calibrated |\n|---|---|---|---|")
     for kind in NOISES:
-        told = [false_alarms(kind, s, taught) for s, taught in ((BAND, False), (RINGDOWN, False), (RINGDOWN, True))]
-        shown = [f"{100 * r.mean():.2f} ({100 * r.min():.2f} to {100 * r.max():.2f})" for r in told]
+        rates = [false_alarms(kind, s, taught) for s, taught in ((BAND, False), (RINGDOWN, False), (RINGDOWN, True))]
+        shown = [f"{100 * r.mean():.2f} ({100 * r.min():.2f} to {100 * r.max():.2f})" for r in rates]
         print(f"| {kind} | " + " | ".join(shown) + " |", flush=True)
     gears = [(name, gear, False) for name, gear in GEARS.items()] + [("MuJoCo, hard stops", Gear(), True)]
     print("\nforecasts: 80 % intervals that hold the day [%], by law; middle within a factor of two [%]\n")
     print("| gear | " + " | ".join(LAWS) + " | all | factor of two |\n" + "|---" * (len(LAWS) + 3) + "|")
     for name, gear, mujoco in gears:
-        plays, told = severities(gear, mujoco)
-        rows = np.array([lives(plays, told, law, seed) for seed, law in enumerate(LAWS)])
+        plays, samples = severities(gear, mujoco)
+        rows = np.array([lives(plays, samples, law, seed) for seed, law in enumerate(LAWS)])
         shown = [f"{100 * hits / max(count, 1):.0f}" for count, hits, _ in (*rows, rows.sum(axis=0))]
         print(f"| {name} | " + " | ".join(shown) + f" | {100 * rows[:, 2].sum() / rows[:, 0].sum():.0f} |", flush=True)
     print(f"\nwhich joint: answers with at least {SURE:.0%}, their share, right ones, and right ones of all\n")

@@ -1,4 +1,4 @@
-"""How well each figure tells how bad the play is: `python -m bench.severity [--rate 200] [--found] [--quick]`.
+"""How well each figure measures the severity of play: `python -m bench.severity [--rate 200] [--found] [--quick]`.
 
 Four motions, gears of 10 mm with 2 to 1000 um of play, commands of an AX-12A (0.29°, 100 Hz), a bar of 58 Hz whose
 setting is 0.3 % off; three simulators: eq. 1, MuJoCo's hard stops (nothing was fitted to it), and ``hardstops`` with a
@@ -46,10 +46,10 @@ def recorded(simulator: str, motion_name: str, seed: int, play_m: float, bar: Ba
         accel = tip(motion, times, play_m, bar, simulator == "MuJoCo")
     accel = accel + np.random.default_rng(seed).normal(0, noise, times.size)
     polls = np.arange(0, RECORD_S, 1 / POLL_HZ)
-    told = np.round(motion.position(polls) / STEP_RAD) * STEP_RAD
+    commands = np.round(motion.position(polls) / STEP_RAD) * STEP_RAD
     settings = DetectorSettings(f_res_hz=bar.f_res_hz * 1.003, f_norm_hz=85.0 if bar.rate_hz < 300 else 100.0,
                                 f_norm_width_hz=25.0 if bar.rate_hz < 300 else 40.0)  # fmt: skip
-    return [score for score in score_series(polls, told, times, accel, settings, resolution=STEP_RAD)
+    return [score for score in score_series(polls, commands, times, accel, settings, resolution=STEP_RAD)
             if 1 < score.time < RECORD_S - 0.4]  # fmt: skip
 
 
@@ -76,12 +76,12 @@ def rows(simulator: str, bar: Bar, noise: float, quick: bool) -> Iterator[str]:
             there += these
         angle = play / RADIUS_M
         held = np.mean([score.severity_low <= angle <= score.severity_high for score in there])
-        told = np.mean([math.isfinite(score.play) for score in there])
+        sized = np.mean([math.isfinite(score.play) for score in there])
         middle = {figure: np.nanmedian([getattr(score, figure) for score in there]) for figure in FIGURES}
         truth += [play] * len(there)
         scores += there
         yield (f"{simulator:7} {play * 1e6:5.0f} {angle * 1e3:7.1f} {middle['band']:8.1f} {middle['ringdown']:9.1f}"
-               f" {middle['severity'] * 1e3:10.2f} {held:8.0%} {told:6.0%} {len(there):8d}")  # fmt: skip
+               f" {middle['severity'] * 1e3:10.2f} {held:8.0%} {sized:6.0%} {len(there):8d}")  # fmt: skip
     each = [spearmanr(truth, [getattr(s, figure) for s in scores], nan_policy="omit")[0] for figure in FIGURES]
     tens = [spearmanr(*grouped[figure])[0] for figure in FIGURES]
     yield f"{simulator:7} Spearman, windows {each[0]:6.3f} {each[1]:9.3f} {each[2]:10.3f}"

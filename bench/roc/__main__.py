@@ -67,8 +67,8 @@ def _print_shipped(outcomes: list[Outcome]) -> None:
     print(_row("rate, f_res", list(SHIPPED)))
     print(_row("---", ["---"] * len(SHIPPED)))
     for outcome in outcomes:
-        told = [outcome.shipped[name] for name in SHIPPED]
-        cells = [f"{100 * a:.2f}, " + (f"> {TOP_DB:g}" if math.isnan(db) else f"{db:.1f}") for a, db in told]
+        shipped = [outcome.shipped[name] for name in SHIPPED]
+        cells = [f"{100 * a:.2f}, " + (f"> {TOP_DB:g}" if math.isnan(db) else f"{db:.1f}") for a, db in shipped]
         print(_row(outcome.condition.name, cells))
 
 

@@ -168,7 +168,7 @@ def ringdown_calibrated(known: Known) -> Statistic:
 
 
 def ringdown_learnt(known: Known) -> Statistic:
-    """The default: noise learnt from windows of which nobody says whether the joint is worn; here it is not."""
+    """The default: noise learnt from windows of a joint that may be worn; here it is not."""
     return _ringdown(known, settled(known.healthy, known.rate_hz, known.ringdown))
 
 

@@ -85,8 +85,8 @@ class _Trial:
     def windows(self, size: float, which: NDArray[np.intp]) -> FloatArray:
         """Windows with an impact of energy size², clipped and with holes as the condition has it."""
         clip = self.condition.clip
-        told = np.clip(self.noise(len(which)) + size * self.signals[which], -clip, clip) + self.motions[which]
-        return np.where(self.rng.random(told.shape) < self.condition.holes, np.nan, told)
+        readings = np.clip(self.noise(len(which)) + size * self.signals[which], -clip, clip) + self.motions[which]
+        return np.where(self.rng.random(readings.shape) < self.condition.holes, np.nan, readings)
 
 
 def run(condition: Condition) -> Outcome:
@@ -164,12 +164,12 @@ def _bounds(
 
 
 def _shipped(scores: dict[str, tuple[FloatArray, FloatArray]]) -> dict[str, tuple[float, float]]:
-    told = {}
+    found = {}
     for name, key in SHIPPED.items():
         level = LEVELS[key]  # type: ignore[index]
         healthy, worn = scores[name]
-        told[name] = float(np.mean(healthy > level)), crossing(np.mean(worn > level, axis=1), DB)
-    return told
+        found[name] = float(np.mean(healthy > level)), crossing(np.mean(worn > level, axis=1), DB)
+    return found
 
 
 def _moved(windows: Windows) -> FloatArray:

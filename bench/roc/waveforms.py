@@ -36,7 +36,7 @@ __all__ = [
 FloatArray = NDArray[np.float64]
 RADIUS_M, LENGTH_M, MASS_KG = 0.010, 0.10, 0.02
 POLL_HZ, STEP_RAD = 100.0, math.radians(300) / 1023
-"""Commands as an AX-12A on a fast bus tells them."""
+"""Rate and step of the commands of an AX-12A on a fast bus."""
 LEAD_S, RECORD_S = 1.0, 13.0
 STEPS = 4
 """MuJoCo's steps from one sample to the next, and no longer than 0.1 ms."""
@@ -131,8 +131,8 @@ def _cut(
 ) -> Windows:  # fmt: skip
     """The windows after the reversals that the service's own trigger finds in the commands."""
     polls = np.arange(0, times[-1], 1 / POLL_HZ)
-    told = np.round(motion.position(polls) / STEP_RAD) * STEP_RAD
-    found = Trigger(DetectorSettings(f_res_hz=bar.f_res_hz), POLL_HZ, STEP_RAD).push(polls.tolist(), told.tolist())
+    commands = np.round(motion.position(polls) / STEP_RAD) * STEP_RAD
+    found = Trigger(DetectorSettings(f_res_hz=bar.f_res_hz), POLL_HZ, STEP_RAD).push(polls.tolist(), commands.tolist())
     length = round(window_s * bar.rate_hz)
     kept = [r for r in found if LEAD_S < r.time < times[-1] - window_s - 0.1]
     first = [math.ceil(r.time * bar.rate_hz) for r in kept]

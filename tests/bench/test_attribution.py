@@ -1,4 +1,4 @@
-"""The bench of attribution moves its joints as it says."""
+"""The joints of the bench of attribution move as documented."""
 
 from __future__ import annotations
 

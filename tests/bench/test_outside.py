@@ -1,4 +1,4 @@
-"""The joints that the detector is tried on from outside are what they are said to be."""
+"""The simulated joints of ``bench.outside`` have their documented properties."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_a_servo_lags(pure: float) -> None:
 
 @pytest.mark.slow
 def test_the_size_of_the_play_is_told_and_held(tmp_path: Path) -> None:
-    """Of eight joints drawn at random, with 1 mrad and more, two thirds of the windows above 30 dB tell the size of the
+    """Of eight joints drawn at random, with 1 mrad and more, two thirds of the windows above 30 dB give the size of the
     play, and 93 to 99.7 % of the intervals hold it: fewer would, were they 0.6 times as wide (99.3 and 90.6 % here); of
     the severities 90 % do."""
     joints = (drawn(seed) for seed in range(5200, 5220))
@@ -63,7 +63,7 @@ def test_the_size_of_the_play_is_told_and_held(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_healthy_joint_tells_no_play(tmp_path: Path) -> None:
-    """Of three joints without play whose trapezoids ring the bar in half of the windows at most one window tells a size
+    """Of three joints without play whose trapezoids ring the bar in half of the windows at most one window gives a size
     (seeds 9000 to 9119 were developed with); 32 do without ``Commanded.rest``, and 37 did when corners of the command
     had a prior of their own."""
     joints = [replace(drawn(seed), play=0.0) for seed in (9044, 9072, 9116)]

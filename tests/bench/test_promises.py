@@ -1,4 +1,4 @@
-"""The bench of promises counts as it says."""
+"""The bench of promises counts correctly."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def test_false_alarms_are_those_of_the_promise(monkeypatch: pytest.MonkeyPatch) 
 def test_lives_of_a_gear_whose_severity_is_its_play() -> None:
     """Severities around the play itself: the 80 % interval holds the day in 65 to 95 % of the lives of even wear."""
     rng, plays = np.random.default_rng(8600), np.geomspace(promises.FIRST_M, promises.LAST_M, promises.PLAYS)
-    told = [play * np.exp(rng.normal(0, 0.1, 200)) for play in plays]
-    count, hits, near = np.sum([lives(plays, told, "even", seed) for seed in range(4)], axis=0)
+    samples = [play * np.exp(rng.normal(0, 0.1, 200)) for play in plays]
+    count, hits, near = np.sum([lives(plays, samples, "even", seed) for seed in range(4)], axis=0)
     assert count == 4 * promises.LIVES
     assert 0.65 <= hits / count <= 0.95
     assert near / count > 0.8

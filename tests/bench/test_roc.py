@@ -1,4 +1,4 @@
-"""The bench of the detector measures what it says."""
+"""The measurements of the detector's bench are right."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ class HandWaved:
 
 
 def quantise(angle: FloatArray, step: float) -> FloatArray:
-    """The angle as an encoder of that step tells it; a step of 0 changes nothing."""
+    """The angle as measured by an encoder of that step; a step of 0 changes nothing."""
     return angle if step == 0 else np.round(angle / step) * step
 
 

@@ -73,11 +73,11 @@ def tip(seed: int, worn: bool) -> np.ndarray:
     return np.asarray(felt)[:: round(1 / fine / RATE)]
 
 
-def told(
+def evidence_of(
     worn: Sequence[int], seeds: Sequence[int] = (11, 12), levers: Sequence[tuple[float, ...]] = ((0.1,), (0.1,)),
     rate: float = RATE, noise: float = 0.1,
 ) -> list[Evidence]:  # fmt: skip
-    """What windows of 0.25 s, one after the other, say of joints of which some have play."""
+    """The evidence of successive windows of 0.25 s of joints of which some have play."""
     times = np.arange(0, SECONDS, 1 / rate)
     every = round(RATE / rate)
     alone = [tip(seed, joint in worn)[::every] for joint, seed in enumerate(seeds)]
@@ -102,31 +102,31 @@ def told(
 @pytest.mark.parametrize("worn", [(), (0,), (1,)])
 def test_names_the_joint_with_play(worn: tuple[int, ...]) -> None:
     """One accelerometer, six seconds: the right set of joints with more than 95 %; both accelerate alike."""
-    sets = attribute(told(worn), EVEN).sets
+    sets = attribute(evidence_of(worn), EVEN).sets
     assert sets[sum(2**joint for joint in worn)] > 0.95
 
 
 def test_both() -> None:
     """Two joints with play are both found."""
-    assert attribute(told((0, 1)), EVEN).joints.min() > 0.9
+    assert attribute(evidence_of((0, 1)), EVEN).joints.min() > 0.9
 
 
 def test_names_do_not_matter() -> None:
     """Joints in another order have the same probabilities, to rounding."""
-    one, other = attribute(told((0,)), EVEN), attribute(told((1,), seeds=(12, 11)), EVEN)
+    one, other = attribute(evidence_of((0,)), EVEN), attribute(evidence_of((1,), seeds=(12, 11)), EVEN)
     assert one.joints == pytest.approx(other.joints[::-1], abs=1e-9)
 
 
 def test_a_lever_arm_has_a_sign() -> None:
-    """Of two joints that move alike, one on a lever arm the other way round: the sign of the impulses tells them
-    apart."""
-    windows = told((0,), seeds=(11, 11), levers=((0.1,), (-0.1,)))
+    """Of two joints that move alike, one on a lever arm the other way round: the sign of the impulses distinguishes
+    them apart."""
+    windows = evidence_of((0,), seeds=(11, 11), levers=((0.1,), (-0.1,)))
     assert attribute(windows, EVEN).joints == pytest.approx([1, 0], abs=0.02)
 
 
 def test_the_same_motion_cannot_be_told_apart_by_one_accelerometer() -> None:
     """Two joints that always move alike are equally probable, and neither is acquitted."""
-    joints = attribute(told((0,), seeds=(11, 11)), EVEN).joints
+    joints = attribute(evidence_of((0,), seeds=(11, 11)), EVEN).joints
     assert joints[0] == pytest.approx(joints[1], abs=1e-9)
     assert 0.4 < joints[0] < 0.9
 
@@ -134,14 +134,14 @@ def test_the_same_motion_cannot_be_told_apart_by_one_accelerometer() -> None:
 @pytest.mark.parametrize("worn", [0, 1])
 def test_two_accelerometers_tell_the_same_motion_apart(worn: int) -> None:
     """With a second accelerometer that the second joint does not move, two seconds are enough."""
-    windows = told((worn,), seeds=(11, 11), levers=((0.25, 0.1), (0.1, 0.0)))[:8]
+    windows = evidence_of((worn,), seeds=(11, 11), levers=((0.25, 0.1), (0.1, 0.0)))[:8]
     assert attribute(windows, EVEN).joints[worn] > 0.95
     assert attribute(windows, EVEN).joints[1 - worn] < 0.05
 
 
 def test_too_much_noise_leaves_it_open() -> None:
     """Where no impulse can stand out of the noise, no joint is accused, and none acquitted."""
-    joints = attribute(told((0,), noise=20.0), EVEN).joints
+    joints = attribute(evidence_of((0,), noise=20.0), EVEN).joints
     assert np.all((joints > 0.25) & (joints < 0.75))
 
 
@@ -168,7 +168,7 @@ def test_many_joints_do_not_double_the_sets() -> None:
     """Of eight joints on one accelerometer, most of them close by, no more than two may have play at once; the worn one
     is named all the same."""
     levers = [(0.1 if joint in (3, 5) else 0.01,) for joint in range(8)]
-    found = attribute(told((3,), seeds=range(11, 19), levers=levers), [0.1] * 8)
+    found = attribute(evidence_of((3,), seeds=range(11, 19), levers=levers), [0.1] * 8)
     assert found.sets.size == 1 + 8 + 28
     assert found.joints[3] > 0.95
     assert np.delete(found.joints, 3).max() < 0.3
@@ -203,13 +203,13 @@ def test_any_bar_at_any_rate(rate: float, f_res: float, length: float) -> None:
 @pytest.mark.slow
 def test_probabilities_are_kept_and_no_more_cautious_than_they_were() -> None:
     """Six pairs of motions in noise of 0.3 m/s², one, none or both worn, after 2 to 16 windows: of the answers of 95 %
-    and more at least 95 % are right, and wrong ones are fewer than the probabilities say.  40 to 57 % of the answers
-    are that sure; with 0.6 times the TRUST 29 % were, with 1.7 times 65 %."""
+    and more at least 95 % are right, and wrong ones are fewer than by the probabilities.  40 to 57 % of the answers are
+    that sure; with 0.6 times the TRUST 29 % were, with 1.7 times 65 %."""
     made = []
     for pair in range(6):
         seeds = (200 + 2 * pair, 201 + 2 * pair)
         for worn in ((), (0,), (1,), (0, 1)):
-            windows = told(worn, seeds=seeds, noise=0.3)
+            windows = evidence_of(worn, seeds=seeds, noise=0.3)
             for count in (2, 4, 8, 16):
                 joints = attribute(windows[:count], EVEN).joints
                 made += [(max(p, 1 - p), (p > 0.5) == (joint in worn)) for joint, p in enumerate(joints)]
@@ -223,9 +223,9 @@ def test_probabilities_are_kept_and_no_more_cautious_than_they_were() -> None:
 @pytest.mark.parametrize("worn", [0, 1])
 def test_mujoco_arm(worn: int) -> None:
     """MuJoCo's arm of two links, whose joints move together half of the time: the right one after forty windows."""
-    from bench.attribution import CASES, listen
+    from bench.attribution import CASES, window_evidence
 
     case = next(case for case in CASES if case.mujoco and case.together)
-    joints = attribute(listen(case, 8701, (worn,))[0][:40], EVEN).joints
+    joints = attribute(window_evidence(case, 8701, (worn,))[0][:40], EVEN).joints
     assert joints[worn] > 0.9
     assert joints[1 - worn] < 0.5

@@ -1,4 +1,4 @@
-"""The noise that windows tell of themselves: with rings and without, with hum, white and coloured."""
+"""The noise estimated from windows: with rings and without, with hum, white and coloured."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ def rings(rng: np.random.Generator, count: int, snr: float) -> FloatArray:
 
 @pytest.mark.parametrize("snr", [0.0, 8.0, 12.0])
 def test_noise_is_that_of_the_process_with_rings_and_without(snr: float) -> None:
-    """x = 0.6 x1 + e, in 100 windows without rings, with rings at 18 dB and at 21.6 dB: the learnt noise foretells it
-    as well as itself, within 0.01 nats a sample."""
+    """x = 0.6 x1 + e, in 100 windows without rings, with rings at 18 dB and at 21.6 dB: the learnt noise predicts it as
+    well as itself, within 0.01 nats a sample."""
     rng = np.random.default_rng(8800)
     found = learn(red(rng, 100) + rings(rng, 100, snr), RATE, SETTINGS)
     assert found is not None
@@ -87,8 +87,8 @@ def test_loud_rings_in_every_window_tell_nothing() -> None:
     assert learn(blurred + rng.normal(size=loud.shape), RATE, SETTINGS) is None
 
 
-def test_too_little_is_said() -> None:
-    """Fewer than 20 windows, or holes in them, are refused; windows of one value tell nothing."""
+def test_too_little_is_an_error() -> None:
+    """Fewer than 20 windows, or holes in them, are refused; windows of one value give no noise."""
     for windows in (np.zeros((19, LENGTH)), np.full((20, LENGTH), np.nan)):
         with pytest.raises(DetectorError, match="expected at least 20"):
             learn(windows, RATE, SETTINGS)

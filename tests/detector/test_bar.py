@@ -43,8 +43,8 @@ def line(rng: np.random.Generator, count: int, hz: float, wander: float = 0.0) -
 @pytest.mark.parametrize("rate", [200.0, 1000.0])
 @pytest.mark.parametrize("off", [-0.12, -0.05, 0.0, 0.08])
 def test_the_resonance_is_found_whatever_the_file_says(off: float, rate: float) -> None:
-    """In a scene with motion, coloured noise, rebounds and rings from before, each with a resonance of its own about
-    58 Hz (0.5 Hz), it is told within 2 % of that."""
+    """In a scene with motion, coloured noise, rebounds and rings from before, each with a resonance of its own about 58
+    Hz (0.5 Hz), it is found within 2 % of that."""
     given = replace(GIVEN, f_res_hz=58.0 * (1 + off))
     found = shown(WORN.worn(np.random.default_rng(8900), 100, rate, 0.25), given, rate)
     assert found is not None
@@ -72,14 +72,14 @@ def test_rings_in_white_noise(count: int) -> None:
 
 @pytest.mark.parametrize(("hz", "wander"), [(50.0, 0.0), (60.0, 0.0), (63.0, 0.5), (58.0, 0.0)])
 def test_a_steady_line_is_no_bar(hz: float, wander: float) -> None:
-    """Mains hum, a fan, and a line on the very resonance neither decay nor begin: nothing is told, nor of noise."""
+    """Mains hum, a fan, and a line on the very resonance neither decay nor begin: no bar is found, nor of noise."""
     rng = np.random.default_rng(8902)
     assert shown(line(rng, 100, hz, wander)) is None
     assert shown(rng.normal(size=(100, LENGTH))) is None
 
 
 def test_a_line_beside_rings_is_no_bar() -> None:
-    """Rings of 58 Hz with a hum of 50 Hz that is as loud: the resonance is 58 Hz or not told."""
+    """Rings of 58 Hz with a hum of 50 Hz that is as loud: the resonance is 58 Hz or not found."""
     rng = np.random.default_rng(8903)
     hits = 10 * ring(np.arange(LENGTH) / RATE, rng.uniform(0.005, 0.09, 100), 58.0, 0.012)
     found = shown(line(rng, 100, 50.0) + hits)
@@ -148,18 +148,18 @@ def test_what_is_found_again_is_looked_at_less_often(monkeypatch: pytest.MonkeyP
 
 
 @pytest.mark.slow
-def test_a_wrong_file_is_mended_and_told() -> None:
+def test_a_wrong_file_is_corrected_and_reported() -> None:
     """With 5 % too low a resonance in the file the learner uses one within 1.5 % of the windows' after 1000 of them,
-    and says so; with ``follow_bar`` off it stays, and a restart goes on."""
+    and reports it; with ``follow_bar`` off it stays, and a restart goes on."""
     rng = np.random.default_rng(8905)
     wrong = replace(GIVEN, f_res_hz=58.0 * 0.95)
     windows = np.vstack([WORN.worn(rng, 50, RATE, 0.25) for _ in range(21)])
     learner, held = (Learner(replace(wrong, follow_bar=follow), RATE, LENGTH) for follow in (True, False))
-    told: list[Any] = [change for window in windows if (change := learner.update(window))]
+    reports: list[Any] = [change for window in windows if (change := learner.update(window))]
     for window in windows[:250]:
         held.update(window)
     assert learner.settings.f_res_hz == pytest.approx(58.0, rel=0.015)
-    changes = [change for change in told if isinstance(change, BarChange)]
+    changes = [change for change in reports if isinstance(change, BarChange)]
     assert changes
     assert changes[0].before == (wrong.f_res_hz, wrong.zeta)
     assert "resonance and damping of the bar have moved from 55.1 Hz" in str(changes[0])

@@ -95,14 +95,14 @@ def test_the_table_of_the_page() -> None:
 
 
 def test_the_command_tells_the_length() -> None:
-    """The length that it tells rings at the frequency asked for; a length given tells its frequency back."""
+    """The length found rings at the requested frequency; a given length gives the frequency back."""
     common = ("--material", "carbon", "--diameter", "3mm", "--tip", "5g", "--json")
-    told = json.loads(call("calibrate", "bar", *common, "--frequency", "58").stdout)
+    result = json.loads(call("calibrate", "bar", *common, "--frequency", "58").stdout)
     beam = rod(MATERIALS["carbon"], 3e-3)
-    assert exact(beam, told["length_m"], 5e-3) == pytest.approx(58, rel=1e-9)
-    assert told["least_rate_hz"] == pytest.approx(464)
-    assert told["length_m"] == length_for(beam, 58, 5e-3)
-    back = json.loads(call("calibrate", "bar", *common, "--length", f"{told['length_m']}m").stdout)
+    assert exact(beam, result["length_m"], 5e-3) == pytest.approx(58, rel=1e-9)
+    assert result["least_rate_hz"] == pytest.approx(464)
+    assert result["length_m"] == length_for(beam, 58, 5e-3)
+    back = json.loads(call("calibrate", "bar", *common, "--length", f"{result['length_m']}m").stdout)
     assert back["f_res_hz"] == pytest.approx(58, rel=1e-9)
 
 
@@ -131,5 +131,5 @@ def test_wrong_calls_are_refused(arguments: tuple[str, ...], words: str) -> None
 
 def test_a_stubby_bar_is_warned_of() -> None:
     """A bar of 5 mm by 1 mm is no cantilever of Euler's and Bernoulli's."""
-    told = call("calibrate", "bar", "--width", "10mm", "--thickness", "1mm", "--length", "5mm")
-    assert "5.0 times as long as thick" in told.stderr
+    result = call("calibrate", "bar", "--width", "10mm", "--thickness", "1mm", "--length", "5mm")
+    assert "5.0 times as long as thick" in result.stderr

@@ -30,7 +30,7 @@ def test_a_sines_acceleration(seconds: float) -> None:
 
 
 def test_commands_in_bunches() -> None:
-    """Twenty at a time, nothing between: the motion is followed where it was told."""
+    """Twenty at a time, nothing between: the motion is followed where there are commands."""
     times = np.concatenate([start + 1e-4 * np.arange(20) for start in (-0.15, 0.0, 0.15, 0.3, 0.45)])
     clock = np.arange(0.0, 0.45, 1e-3)
     motion = smoothed(times, 0.3 * np.sin(OMEGA * times), Window("elbow", 0.0, 0.45, clock, np.zeros(clock.size), 1e3))

@@ -1,4 +1,4 @@
-"""Eq. 7 turned round: what the accelerometer tells of the joint's speed, and the memory that this takes."""
+"""The inverse of eq. 7: the joint's speed from the accelerometer, and the memory that this takes."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ def rung(jump: float, at: float, settings: DetectorSettings = SETTINGS) -> Float
 
 def test_a_change_of_speed_is_found() -> None:
     """The impulses add up to the jump, where it was; beside it next to nothing."""
-    told = inverse(LENGTH, RATE_HZ, NOISE, SETTINGS)
-    impulses = told.impulses(rung(0.2, 0.4))
-    near = np.abs(told.times - 0.4) < 0.01
+    inverted = inverse(LENGTH, RATE_HZ, NOISE, SETTINGS)
+    impulses = inverted.impulses(rung(0.2, 0.4))
+    near = np.abs(inverted.times - 0.4) < 0.01
     assert impulses[near].sum() == pytest.approx(0.2, rel=0.03)
-    assert np.abs(np.cumsum(impulses)[told.times < 0.38]).max() < 0.01
+    assert np.abs(np.cumsum(impulses)[inverted.times < 0.38]).max() < 0.01
 
 
 def test_a_wrong_resonance_turns_up_as_an_angle() -> None:
@@ -52,10 +52,10 @@ def test_a_wrong_resonance_turns_up_as_an_angle() -> None:
 
 def test_edges_see_a_jump_and_no_slow_motion() -> None:
     """A jump stands out by more than ten standard deviations of the noise, a sway of 1 Hz by none."""
-    told = edges(LENGTH, RATE_HZ, NOISE, SETTINGS)
+    sharp = edges(LENGTH, RATE_HZ, NOISE, SETTINGS)
     time = np.arange(LENGTH) / RATE_HZ
-    middle = slice(2 * told.width, -2 * told.width)
-    jump, sway = (told.impulses(accel) / told.deviation for accel in (rung(0.2, 0.4), np.sin(2 * np.pi * time)))
+    middle = slice(2 * sharp.width, -2 * sharp.width)
+    jump, sway = (sharp.impulses(accel) / sharp.deviation for accel in (rung(0.2, 0.4), np.sin(2 * np.pi * time)))
     assert np.abs(jump[middle]).max() > 10
     assert np.abs(sway[middle]).max() < 1
 

@@ -50,8 +50,8 @@ def back_tests(law: str) -> tuple[float, float]:
 
 @pytest.mark.parametrize("law", LAWS)
 def test_intervals_cover_in_back_tests(law: str) -> None:
-    """Nobody tells the forecast the law: the 80 % intervals of 180 histories hold the day in 68 to 92 %, and the median
-    forecast is within a third of the truth."""
+    """The law is unknown to the forecast: the 80 % intervals of 180 histories hold the day in 68 to 92 %, and the
+    median forecast is within a third of the truth."""
     covered, ratio = back_tests(law)
     assert 0.68 <= covered <= 0.92
     assert ratio == pytest.approx(1.0, abs=0.33)

@@ -1,4 +1,4 @@
-"""When the noise is learnt, what is said of it, and that wear is not learnt away."""
+"""When the noise is learnt and reported, and that wear is not learnt as noise."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def white(rng: np.random.Generator, count: int) -> FloatArray:
     return np.asarray(rng.normal(size=(count, LENGTH)))
 
 
-def heard(learner: Learner, windows: FloatArray) -> list[Change]:
-    """What the learner says of windows."""
+def changes_of(learner: Learner, windows: FloatArray) -> list[Change]:
+    """The changes that the learner reports of windows."""
     return [change for window in windows if (change := learner.update(window)) is not None]
 
 
@@ -41,31 +41,31 @@ def test_what_is_calibrated_is_not_learnt_over() -> None:
 
 
 @pytest.mark.slow
-def test_the_first_noise_and_another_one_are_told() -> None:
-    """White noise of 1 m/s²: said once; then hum comes: said once more, with its frequency, within 600 windows, and few
-    windows score above the level from then on."""
+def test_the_first_noise_and_another_one_are_reported() -> None:
+    """White noise of 1 m/s²: reported once; then hum begins: reported once more, with its frequency, within 600
+    windows, and few windows score above the level from then on."""
     rng = np.random.default_rng(8811)
     learner = Learner(SETTINGS, RATE, LENGTH)
-    (first,) = heard(learner, white(rng, 220))
+    (first,) = changes_of(learner, white(rng, 220))
     assert str(first).startswith("noise learnt: 1")
     assert first.is_first
-    (other,) = heard(learner, hum(rng, 600))
+    (other,) = changes_of(learner, hum(rng, 600))
     assert other.near_hz == pytest.approx(50, abs=3)
     assert (other.before, other.after) == (pytest.approx(1.0, rel=0.1), pytest.approx(math.sqrt(5), rel=0.1))
     assert np.mean(ringdown.scores(hum(rng, 200), RATE, learner.settings) > SETTINGS.level) < 0.01
 
 
 def test_a_restart_goes_on() -> None:
-    """With what was learnt a new learner knows the noise at once, counts on, and says nothing; windows of another
-    length begin anew."""
+    """A learner that resumes has the noise at once, continues to count, and reports nothing; windows of another length
+    begin anew."""
     rng = np.random.default_rng(8812)
     learner, resumed, other = (Learner(SETTINGS, RATE, length) for length in (LENGTH, LENGTH, 200))
-    heard(learner, white(rng, 60))
+    changes_of(learner, white(rng, 60))
     assert learner.background is not None
     for one in (resumed, other):
         one.resume(learner.background, learner.seen)
     assert (resumed.settings, resumed.seen) == (learner.settings, 60)
-    assert heard(resumed, white(rng, 60)) == []
+    assert changes_of(resumed, white(rng, 60)) == []
     assert (other.settings, other.background) == (SETTINGS, None)
 
 
@@ -96,27 +96,27 @@ def test_a_window_costs_one_round(monkeypatch: pytest.MonkeyPatch) -> None:
     assert sum(rounds) >= 10
     single = windows[:20].astype(np.float32).astype(float)
     first = Learner(SETTINGS, RATE, LENGTH)
-    heard(first, windows[:35])
+    changes_of(first, windows[:35])
     assert first.background == learn(single, RATE, SETTINGS)
 
 
 @pytest.mark.slow
 def test_wear_is_not_learnt_away(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A life in which rings grow from 6 to 24 dB while the noise is followed: the worn windows score as with the
-    noise of the first day, within 10 %, and no change of the noise is told."""
+    """A life in which rings grow from 6 to 24 dB while the noise is followed: the worn windows score as with the noise
+    of the first day, within 10 %, and no change of the noise is reported."""
     monkeypatch.setattr(module, "DUE", (20, 100))  # learnt again every hundred windows
     rng = np.random.default_rng(8813)
     learner = Learner(SETTINGS, RATE, LENGTH)
-    heard(learner, white(rng, 100))
+    changes_of(learner, white(rng, 100))
     first_day = learner.settings
     for snr in np.geomspace(2, 16, 7):
-        assert heard(learner, white(rng, 100) + rings(rng, 100, snr)) == []
+        assert changes_of(learner, white(rng, 100) + rings(rng, 100, snr)) == []
     worn = white(rng, 200) + rings(rng, 200, 12.0)
     then, now = (np.median(ringdown.scores(worn, RATE, known)) for known in (first_day, learner.settings))
     assert now == pytest.approx(then, rel=0.1)
 
 
-def test_windows_that_tell_nothing_are_not_heard() -> None:
+def test_windows_without_information_are_not_used() -> None:
     """Silence, holes and another length do not count; a few missing samples do not matter."""
     learner = Learner(DetectorSettings(f_res_hz=58.0), RATE, LENGTH)
     rng = np.random.default_rng(8814)
@@ -127,7 +127,7 @@ def test_windows_that_tell_nothing_are_not_heard() -> None:
     assert learner.seen == 0
     few = white(rng, 30)
     few[:, 7] = np.nan
-    assert len(heard(learner, few)) == 1
+    assert len(changes_of(learner, few)) == 1
 
 
 def test_what_is_not_used_any_more_is_not_kept() -> None:

@@ -86,7 +86,7 @@ def test_nan_scores_do_not_count() -> None:
     ],
 )
 def test_scores_that_tell_no_level_are_refused(scores: list[float], labels: list[int], words: str) -> None:
-    """One class, all ties, or unequal lengths: the message says what was found."""
+    """One class, all ties, or unequal lengths: the message has what was found."""
     with pytest.raises(DetectorError, match=words):
         level(scores, labels)
 

@@ -28,7 +28,7 @@ def test_running_sums_equal_a_polynomial_fit() -> None:
 
 
 def test_gain_is_the_standard_deviation_of_the_curvature() -> None:
-    """Unit noise at 100 Hz in 0.2 s: the spread of the fitted acceleration is what ``gain`` says, within 5 %."""
+    """Unit noise at 100 Hz in 0.2 s: the spread of the fitted acceleration is ``gain``, within 5 %."""
     rng = np.random.default_rng(21)
     fit = LocalFit(0.2)
     results = [fit.add(0.01 * i, value) for i, value in enumerate(rng.normal(size=20000))]

@@ -21,6 +21,6 @@ def test_noise_is_told_beside_a_misfit(share: float) -> None:
     found = split(left, np.zeros((COUNT, 1, LENGTH)), energy, np.ones(COUNT), columns, 1.0)
     basis = columns / np.linalg.norm(columns, axis=0)
     raw = np.mean((left @ basis) ** 2)
-    told = np.mean((found.noise @ basis) ** 2) + np.trace(basis.T @ found.hidden @ basis) / COUNT / basis.shape[1]
-    assert told == pytest.approx(1.0, abs=0.07)
+    power = np.mean((found.noise @ basis) ** 2) + np.trace(basis.T @ found.hidden @ basis) / COUNT / basis.shape[1]
+    assert power == pytest.approx(1.0, abs=0.07)
     assert (raw > 1.5) == (share > 0)

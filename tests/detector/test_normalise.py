@@ -45,7 +45,7 @@ def test_a_new_job_and_a_summer_are_no_wear(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", [4, 5, 6])
 def test_wear_stays(seed: int) -> None:
-    """Wear of a factor 2 in the year is told within 15 % though the job became half as hard meanwhile."""
+    """Wear of a factor 2 in the year is found within 15 % though the job became half as hard meanwhile."""
     _, score, excitation, temperature = history(seed, np.log(2), exponent=-0.6)
     result, _ = freed(score, excitation, temperature)
     early, late = np.median(result[:60]), np.median(result[-60:])

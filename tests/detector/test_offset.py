@@ -39,7 +39,7 @@ def test_before_the_first_window_anything_may_be_read() -> None:
 
 
 def test_other_joints_that_turn_the_sensor_are_seen() -> None:
-    """Readings that scatter by 2 m/s² are told to be as uncertain, and a sensor that is turned is, at once."""
+    """Readings that scatter by 2 m/s² have that uncertainty, and those of a turned sensor at once."""
     law = learnt(2, 2.0)
     assert 1.5 < law.read(np.zeros(3))[1] < 3
     assert law.read(np.zeros(3))[2] > 1.5

@@ -39,7 +39,7 @@ def test_no_bias() -> None:
     assert np.mean([o.zeta for o in found]) == pytest.approx(0.012, rel=0.01)
 
 
-def test_no_tap_is_said() -> None:
+def test_no_tap_is_an_error() -> None:
     """Noise alone has no resonance."""
     with pytest.raises(DetectorError, match="was the bar tapped"):
         identify(np.random.default_rng(62).normal(size=4000), 1000.0)
@@ -49,7 +49,7 @@ def test_no_tap_is_said() -> None:
     ("accel", "words"),
     [(np.zeros(10), "10 samples, 0 of them missing"), (np.full(100, np.nan), "100 of them missing")],
 )
-def test_too_little_is_said(accel: np.ndarray, words: str) -> None:
+def test_too_little_is_an_error(accel: np.ndarray, words: str) -> None:
     """Short recordings and recordings with holes are refused."""
     with pytest.raises(DetectorError, match=words):
         identify(accel, 1000.0)
@@ -57,13 +57,13 @@ def test_too_little_is_said(accel: np.ndarray, words: str) -> None:
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("value", [0.0, 9.81])
-def test_a_sensor_that_stands_still_is_said(value: float) -> None:
-    """A sensor that always tells the same number has nothing to find a resonance in."""
+def test_a_sensor_that_stands_still_is_an_error(value: float) -> None:
+    """A constant reading has no resonance."""
     with pytest.raises(DetectorError, match="all 1000 samples are"):
         identify(np.full(1000, value), 200.0)
 
 
-def test_a_short_ring_is_said() -> None:
+def test_a_short_ring_is_an_error() -> None:
     """A bar with a damping of 0.2 does not ring long enough."""
     with pytest.raises(DetectorError, match="cycles"):
         identify(tap(np.random.default_rng(63), 1000.0, 58.0, 0.2, 0.001), 1000.0)

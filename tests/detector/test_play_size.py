@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 import pytest
 from bench.joints import Gear
-from bench.play_size import Cell, recorded, told_of
+from bench.play_size import Cell, recorded, summary_of
 from bench.roc.waveforms import Bar
 from bench.severity import recorded as recorded_moves
 
@@ -39,30 +39,30 @@ def recording(seed: int, play_m: float, seconds: float = 12.0, rate: float = 100
 
 
 def shares(scores: list[Score], truth: float) -> np.ndarray:
-    """The error of each window that tells a play, as a share of the interval's reach in that direction."""
-    told = np.array([(s.play, s.play_low, s.play_high) for s in scores if math.isfinite(s.play)]).T
-    return np.asarray(np.where(told[0] > truth, (told[0] - truth) / (told[0] - told[1]),
-                               (truth - told[0]) / (told[2] - told[0])))  # fmt: skip
+    """The error of each window with a size, as a share of the interval's reach in that direction."""
+    sizes = np.array([(s.play, s.play_low, s.play_high) for s in scores if math.isfinite(s.play)]).T
+    return np.asarray(np.where(sizes[0] > truth, (sizes[0] - truth) / (sizes[0] - sizes[1]),
+                               (truth - sizes[0]) / (sizes[2] - sizes[0])))  # fmt: skip
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("play_um", [20, 80])
 def test_error_and_intervals(play_um: int) -> None:
-    """Eq. 1 with the settings' A and n: told by half of the windows, median error of a window at most 15 %, of all
+    """Eq. 1 with the settings' A and n: half of the windows have a size, median error of a window at most 15 %, of all
     together at most 12 %; 94 % of the intervals hold: radius 10 mm, 0.29° steps of the command, motions that were never
     used to choose a constant."""
     truth, known = play_um * 1e-6 / 0.01, replace(SETTINGS, flank_exponent=11.0, contact_accel=1000.0)
     scores = [score for seed in range(8200, 8204) for score in score_series(*recording(seed, play_um * 1e-6), known)]
-    told = [score for score in scores if math.isfinite(score.play)]
-    assert len(told) > 0.5 * len(scores)
-    assert np.median([abs(score.play / truth - 1) for score in told]) < 0.15
-    assert pooled([score.play for score in told]).value == pytest.approx(truth, rel=0.12)
-    assert np.mean([score.play_low <= truth <= score.play_high for score in told]) >= 0.94
+    sized = [score for score in scores if math.isfinite(score.play)]
+    assert len(sized) > 0.5 * len(scores)
+    assert np.median([abs(score.play / truth - 1) for score in sized]) < 0.15
+    assert pooled([score.play for score in sized]).value == pytest.approx(truth, rel=0.12)
+    assert np.mean([score.play_low <= truth <= score.play_high for score in sized]) >= 0.94
 
 
 @pytest.mark.parametrize("jump", [300.0, 1e4, 1e9])
 def test_commands_with_gaps_and_jumps_end_in_a_reason(jump: float) -> None:
-    """Where commands are missing and one is wrong by ``jump`` [rad], a window tells a finite size or a reason; the
+    """Where commands are missing and one is wrong by ``jump`` [rad], a window has a finite size or a reason; the
     uncertainty of such a motion is as large as rounding lets it be."""
     for seed in range(8206, 8208):
         rng = np.random.default_rng(2)
@@ -93,10 +93,10 @@ CAUSES = {
 @pytest.mark.slow
 @pytest.mark.parametrize("cause", CAUSES)
 def test_intervals_hold_whatever_the_gear(cause: str) -> None:
-    """Of 95 % intervals at least 90 % hold 3 mrad and 8 mrad, of a gear that no setting tells; hard stops are told by
-    half of the windows and to 20 % by all together."""
+    """Of 95 % intervals at least 90 % hold 3 mrad and 8 mrad, of a gear that no setting describes; hard stops have a
+    size in half of the windows and to 20 % by all together."""
     for play in (30e-6, 80e-6):
-        found = told_of(CAUSES[cause], play, [8220, 8222])
+        found = summary_of(CAUSES[cause], play, [8220, 8222])
         assert found.values >= 10
         assert found.covered >= 0.9
         if CAUSES[cause].gear.kind == "stops":
@@ -106,7 +106,7 @@ def test_intervals_hold_whatever_the_gear(cause: str) -> None:
 
 @pytest.mark.slow
 def test_intervals_are_as_wide_as_they_must_be() -> None:
-    """Of some 600 intervals of hard stops 92 to 99.5 % hold, when the settings say that they are hard: 89 % would, were
+    """Of some 600 intervals of hard stops 92 to 99.5 % hold, when the settings are for hard stops: 89 % would, were
     they 0.6 times as wide.  They are wide because lever and delay are allowed twice the error that they have here."""
     causes = ("motion up to 6 Hz, a bar of 5 g", "motion up to 10 Hz", "noise", "friction")
     tried = product(causes, (30e-6, 80e-6))
@@ -181,7 +181,7 @@ def test_commands_that_end_early() -> None:
     assert found.low <= 0.008 <= found.high
 
 
-def test_why_it_cannot_be_told() -> None:
+def test_why_there_is_no_size() -> None:
     """A slow sensor, holes, no commands, one flank only: each has its reason, and no number."""
     window, polls, shaft = flights(0.008)
     holes = replace(window, accel=np.where(np.arange(window.accel.size) == 7, np.nan, window.accel))
@@ -214,9 +214,9 @@ def test_only_impacts_that_can_be_sized_are() -> None:
 
 
 def test_pooled_weights_windows_by_their_intervals() -> None:
-    """A fifth of the windows are 60 % too large and say three times the interval: the value is off by at most 3 %,
-    where the plain median is off by 4 % and more.  Of windows of unlike intervals the pooled one covers the truth in 93
-    to 99 %."""
+    """A fifth of the windows are 60 % too large with three times the interval: the value is off by at most 3 %, where
+    the plain median is off by 4 % and more.  Of windows of unlike intervals the pooled one covers the truth in 93 to 99
+    %."""
     rng = np.random.default_rng(8211)
     wrong = np.arange(400) % 5 == 0
     plays = np.where(wrong, 1.6, 1.0) * (1 + 0.2 * rng.normal(size=400))
@@ -248,14 +248,14 @@ def shown(play: float, seed: int) -> bool:
 
 def test_windows_together_show_a_play() -> None:
     """No play is shown by at most 3 % of joints, 1.5 standard deviations of a window by 90 % of them, where a window by
-    itself would tell them in 32 %; what no window has told is not shown."""
+    itself would tell them in 32 %; without windows there is no evidence."""
     assert np.mean([shown(0.0, seed) for seed in range(400)]) <= 0.03
     assert np.mean([shown(1.5, seed) for seed in range(400)]) >= 0.9
     assert not NO_EVIDENCE.is_significant
 
 
 def test_a_window_tells_what_its_sensor_reads_beside_motion() -> None:
-    """Offset and gravity of 9.8 m/s² that earlier windows have told are taken away: the play is that without either,
+    """Offset and gravity of 9.8 m/s², estimated from earlier windows, are removed: the play is that without either,
     with an interval as wide; unknown they make it wider or hide it."""
     window, polls, shaft = flights(0.008)
     settings, law = replace(HARD, noise_ms2=0.05), law_of(HARD)
@@ -265,24 +265,24 @@ def test_a_window_tells_what_its_sensor_reads_beside_motion() -> None:
     known = OFFSET_UNKNOWN
     for place in np.linspace(-0.15, 0.15, 40):
         known = known.updated(place, 0.3 + 9.8 * math.sin(place + 0.7))
-    told = learnt_play(score, turned, polls, shaft, settings, law, known=SizeLaw(known))[0]
+    found = learnt_play(score, turned, polls, shaft, settings, law, known=SizeLaw(known))[0]
     level = play_size(window, polls, shaft, settings)
-    assert told.play == pytest.approx(0.008, rel=0.12)
-    assert told.play_high - told.play_low <= 1.1 * (level.high - level.low)
+    assert found.play == pytest.approx(0.008, rel=0.12)
+    assert found.play_high - found.play_low <= 1.1 * (level.high - level.low)
     alone = learnt_play(score, turned, polls, shaft, settings, law)[0]
-    assert not alone.play_high - alone.play_low <= 1.2 * (told.play_high - told.play_low)
+    assert not alone.play_high - alone.play_low <= 1.2 * (found.play_high - found.play_low)
 
 
 @pytest.mark.slow
 def test_corners_of_the_command_are_no_play() -> None:
-    """Trapezoids with steps of 5 mrad, hard stops of 1 mrad, ten recordings: of the sizes that are told at most a
-    third is too large with all of its interval (95 of 316; half, 80 of 159, when corners had a prior of their own)."""
+    """Trapezoids with steps of 5 mrad, hard stops of 1 mrad, ten recordings: of the sizes at most a third is too large
+    with all of its interval (95 of 316; half, 80 of 159, when corners had a prior of their own)."""
     scores = [
         score for seed in range(8600, 8610) for score in recorded_moves("stops", "trapezoids", seed, 1e-5, Bar(), 0.2)
     ]
-    told = [score for score in scores if math.isfinite(score.play)]
-    assert len(told) > 0.8 * len(scores)
-    assert np.mean([score.play_low > 1e-3 for score in told]) < 1 / 3
+    sized = [score for score in scores if math.isfinite(score.play)]
+    assert len(sized) > 0.8 * len(scores)
+    assert np.mean([score.play_low > 1e-3 for score in sized]) < 1 / 3
 
 
 @pytest.mark.slow
@@ -291,7 +291,7 @@ def test_a_flank_is_reached_by_an_impact() -> None:
     factor of 1.6 and 95 % of the intervals hold it.  When flights counted as rests on the flank that they lead to, the
     median was 0.3 to 0.4 times as large."""
     scores = recorded(8222, 4e-6, Cell(Gear(restitution=0.2, friction=1.0), "sines10", 0.3))
-    told = [score for score in scores if math.isfinite(score.play)]
-    assert len(told) > 0.8 * len(scores)
-    assert 1 / 1.6 < np.median([score.play for score in told]) / 4e-4 < 1.6
-    assert np.mean([score.play_low <= 4e-4 <= score.play_high for score in told]) >= 0.95
+    sized = [score for score in scores if math.isfinite(score.play)]
+    assert len(sized) > 0.8 * len(scores)
+    assert 1 / 1.6 < np.median([score.play for score in sized]) / 4e-4 < 1.6
+    assert np.mean([score.play_low <= 4e-4 <= score.play_high for score in sized]) >= 0.95

@@ -64,7 +64,7 @@ def test_mended_draws_straight_lines() -> None:
 
 
 def test_what_is_gentle_is_set_by_the_settings() -> None:
-    """A window of 20 rad/s² is gentle where calibration found that 25 are needed, and its score says so."""
+    """A window of 20 rad/s² is gentle where calibration found that 25 are needed, and its score is marked so."""
     assert describe(window(RING, 20.0), gentle=25.0) == "gentle"
     assert score_window(window(RING, 20.0), DetectorSettings(f_res_hz=58.0, gentle=25.0)).quality == "gentle"
     assert score_window(window(RING, 20.0), DetectorSettings(f_res_hz=58.0)).quality == "ok"

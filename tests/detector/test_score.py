@@ -76,7 +76,7 @@ def test_batch_scores_each_window_alone() -> None:
 
 @pytest.mark.parametrize("value", [0.0, 9.81, -1e6])
 def test_silence_scores_nan_not_infinity(value: float) -> None:
-    """A sensor that says one value for ever has no norm: the score is NaN, quality flat, and no impact."""
+    """A sensor with a constant reading has no norm: the score is NaN, quality flat, and no impact."""
     result = score_window(window(np.full(250, value)), SETTINGS)
     assert math.isnan(result.score)
     assert (result.impact, result.quality) == (False, "flat")
@@ -166,6 +166,6 @@ def test_default_settings_are_valid(rate: float) -> None:
     ],
 )
 def test_bad_settings_are_named(settings: DetectorSettings, rate: float, words: str) -> None:
-    """The message says which setting was found how."""
+    """The message has the setting and its value."""
     with pytest.raises(DetectorError, match=words):
         validate(settings, rate)

@@ -48,7 +48,7 @@ def test_play_is_told_from_none() -> None:
 
 def test_same_as_the_service() -> None:
     """Commands pushed one by one, each window cut from what is there: exactly the scores of the whole recording, with
-    the noise that all its windows tell."""
+    the noise from all its windows."""
     _, (servo, commands, sensor, accel) = recording(1.5)
     trigger = Trigger(SETTINGS, 100.0, X_SERIES)
     windows: list[Window] = []
@@ -76,7 +76,7 @@ def test_same_as_the_service() -> None:
     ],
 )
 def test_recordings_that_tell_nothing_are_refused(servo: FloatArray, sensor: FloatArray, words: str) -> None:
-    """One row, none at all, times that run backwards, a sensor too slow: said in one line."""
+    """One row, none at all, times that run backwards, a sensor too slow: an error in one line."""
     with pytest.raises(DetectorError, match=words):
         score_series(servo, np.zeros(servo.size), sensor, np.zeros(sensor.size), SETTINGS)
 
@@ -84,7 +84,8 @@ def test_recordings_that_tell_nothing_are_refused(servo: FloatArray, sensor: Flo
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("share", [0.5, 1.0])
 def test_nonsensical_accelerations_give_no_score(share: float) -> None:
-    """Where half of the samples or all are near the largest number there is, windows have no score and say why."""
+    """Where half of the samples or all are near the largest number there is, windows have no score, and the reason in
+    their quality."""
     _, (servo, commands, sensor, accel) = recording(1.5)
     accel = np.where(np.random.default_rng(1).random(accel.size) < share, 1e308, accel)
     scores = score_series(servo, commands, sensor, accel, SETTINGS, resolution=X_SERIES)

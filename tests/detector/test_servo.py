@@ -37,7 +37,7 @@ def damped(delay: float, since: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("order", [0, 1, 2, 3, 4])
 def test_a_step_of_the_goal(order: int) -> None:
-    """Each way reaches the new goal as its step response says, with the delay that it is named by."""
+    """Each candidate reaches the new goal by its step response, with its delay."""
     times = np.arange(-1.0, 1.0, 0.001)
     chosen = np.flatnonzero((order == ORDERS) & np.isclose(DELAYS, 0.04))
     path = followed(times, (times >= 0).astype(float), 0.0, 100, chosen)[0]
@@ -50,9 +50,9 @@ def test_a_step_of_the_goal(order: int) -> None:
 
 def test_laws_forget() -> None:
     """What is unlikely is looked at again once it has been forgotten why; a servo that is known stays known."""
-    told = np.full(DELAYS.size, -20.0)
-    told[5] = 0.0
-    law = UNKNOWN.updated(UNKNOWN.chosen, told)
+    evidence = np.full(DELAYS.size, -20.0)
+    evidence[5] = 0.0
+    law = UNKNOWN.updated(UNKNOWN.chosen, evidence)
     assert law.chosen.tolist() == [5]
     assert law.delay == pytest.approx((0.02, 0.0), abs=1e-4)
     for _ in range(120):
@@ -62,8 +62,8 @@ def test_laws_forget() -> None:
 
 
 def test_contacts_correct_a_delay() -> None:
-    """Contacts that tell 8 ± 2 ms, whatever they were made to believe before, bring a law of 28 ms there within twenty
-    windows; where they do not count, and of a servo that is known, nothing changes."""
+    """Contacts with 8 ± 2 ms, whatever their prior, bring a law of 28 ms there within twenty windows; where they do not
+    count, and of a servo that is known, nothing changes."""
     law = ServoLaw(tuple(np.where((ORDERS == 0) & np.isclose(DELAYS, 0.028), 0.0, -10.0).tolist()))
     prior, spread = np.array([0.03**2, 1e-8]), np.diag([0.002**2, 1e-8])
     for weight in (0.0, 1.0):
@@ -72,8 +72,8 @@ def test_contacts_correct_a_delay() -> None:
             score = information @ [0.008 - law.delay[0], 0.0]
             law = law.corrected(LagInformation(score, information, prior, weight))
         assert law.delay[0] == pytest.approx(0.028 if not weight else 0.008, abs=0.003)
-    told = LagInformation(np.ones(2), np.eye(2), prior, 1.0)
-    assert AT_ONCE.corrected(told) == AT_ONCE
+    lag = LagInformation(np.ones(2), np.eye(2), prior, 1.0)
+    assert AT_ONCE.corrected(lag) == AT_ONCE
 
 
 @pytest.mark.slow
@@ -83,10 +83,10 @@ def test_a_large_play_is_no_lag(seed: int) -> None:
     the size hold them and its median is right to 7 %.  Where that passed for a servo 13 to 17 ms late it was 13 to 19 %
     too small, and 59 % of the intervals of one recording held."""
     scores = recorded(seed, 200e-6, Cell(Gear(restitution=0.0), "sines6"))
-    told = [score for score in scores if math.isfinite(score.play)]
-    assert len(told) > 0.9 * len(scores)
-    assert np.mean([score.play_low <= 0.02 <= score.play_high for score in told]) >= 0.95
-    assert np.median([score.play for score in told]) == pytest.approx(0.02, rel=0.07)
+    sized = [score for score in scores if math.isfinite(score.play)]
+    assert len(sized) > 0.9 * len(scores)
+    assert np.mean([score.play_low <= 0.02 <= score.play_high for score in sized]) >= 0.95
+    assert np.median([score.play for score in sized]) == pytest.approx(0.02, rel=0.07)
 
 
 def behind(seed: int, play_m: float, corner_hz: float) -> list[Score]:
@@ -110,10 +110,10 @@ def test_a_servo_that_lags_is_no_play() -> None:
 
 @pytest.mark.slow
 def test_play_behind_a_servo_that_lags() -> None:
-    """53 ms behind, 8 mrad: 90 % of the severities' intervals hold it, and so do those of
-    the size of the play, which a fifth of the windows tell."""
+    """53 ms behind, 8 mrad: 90 % of the severities' intervals hold it, and so do those of the size of the play, which a
+    fifth of the windows have."""
     scores = behind(32, 80e-6, 6.0)
     assert np.mean([score.severity_low <= 8e-3 <= score.severity_high for score in scores]) >= 0.9
-    told = [score for score in scores if math.isfinite(score.play)]
-    assert len(told) > 0.2 * len(scores)
-    assert np.mean([score.play_low <= 8e-3 <= score.play_high for score in told]) >= 0.9
+    sized = [score for score in scores if math.isfinite(score.play)]
+    assert len(sized) > 0.2 * len(scores)
+    assert np.mean([score.play_low <= 8e-3 <= score.play_high for score in sized]) >= 0.9

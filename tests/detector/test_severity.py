@@ -1,4 +1,4 @@
-"""Severity: equivalent play that grows with the play, and an interval that says what cannot be told."""
+"""Severity: equivalent play that grows with the play, and an interval."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PLAYS = (2e-4, 2e-3, 1e-2, 5e-2)
 POLLS = np.arange(0, 9, 0.01)
 
 
-def told(motion: Motion) -> FloatArray:
+def quantised(motion: Motion) -> FloatArray:
     """The commands as an AX-12A has them, in steps of 0.29°."""
     return np.round(motion.position(POLLS) / STEP) * STEP
 
@@ -38,7 +38,7 @@ def scores(play: float, rate_hz: float = 1000.0, settings: DetectorSettings = SE
     motion = HandWaved(41)
     accel = build_model("play", values={"d": play * RADIUS_M, **BAR}).simulate(motion, times)["accel"]
     accel = accel + np.random.default_rng(1).normal(0, NOISE, times.size)
-    found = score_series(POLLS, told(motion), times, accel, settings, resolution=STEP)
+    found = score_series(POLLS, quantised(motion), times, accel, settings, resolution=STEP)
     return [score for score in found if 1 < score.time < 8.5]
 
 
@@ -49,7 +49,7 @@ def segment(accel: FloatArray, rate_hz: float = 1000.0, start: float = 3.0) -> W
 
 
 def noise(count: int = 450, seed: int = 5) -> FloatArray:
-    """What the sensor tells of a joint that is still."""
+    """The sensor's readings of a joint at rest."""
     return np.random.default_rng(seed).normal(0, NOISE, count)
 
 
@@ -90,7 +90,7 @@ def test_silence_is_an_upper_bound() -> None:
     motion = HandWaved(7, amplitude_rad=0.1)
     times = 3.0 - BEFORE_S + np.arange(450) / 1000
     accel = LENGTH_M * motion.acceleration(times) + noise()
-    found = severity(segment(accel), POLLS, told(motion), 10.0, SETTINGS)
+    found = severity(segment(accel), POLLS, quantised(motion), 10.0, SETTINGS)
     assert found.low == 0.0
     assert found.value < 3e-4
     assert found.high < 2e-3
@@ -100,19 +100,19 @@ def test_a_joint_that_floats_between_the_flanks_is_bad() -> None:
     """The command moves by 40 mrad to either side and the joint stays where it is, without any impact: more play, where
     the servo is known to follow."""
     motion = Sine(6.0, 0.04)
-    found = severity(segment(noise()), POLLS, told(motion), 100.0, SETTINGS, servo=AT_ONCE)
+    found = severity(segment(noise()), POLLS, quantised(motion), 100.0, SETTINGS, servo=AT_ONCE)
     assert found.low > 0.03
     assert found.high > 0.08
 
 
 def test_commands_may_end_before_the_stretch() -> None:
-    """Without the last 0.1 s of commands, as in the service, the rest of the motion still tells that the joint floats;
+    """Without the last 0.1 s of commands, as in the service, the rest of the motion still shows that the joint floats;
     with half of them nothing does."""
     motion, most, half = Sine(6.0, 0.04), POLLS[:315], POLLS[:300]
-    found = severity(segment(noise()), most, told(motion)[: most.size], 100.0, SETTINGS, servo=AT_ONCE)
+    found = severity(segment(noise()), most, quantised(motion)[: most.size], 100.0, SETTINGS, servo=AT_ONCE)
     assert found.low > 0.03
     assert found.high > 0.08
-    unknown = severity(segment(noise()), half, told(motion)[: half.size], 100.0, SETTINGS)
+    unknown = severity(segment(noise()), half, quantised(motion)[: half.size], 100.0, SETTINGS)
     assert unknown.low == 0.0
     assert unknown.value < 0.003
 
@@ -123,14 +123,14 @@ def test_a_servo_that_lags_has_no_play() -> None:
     times = 3.0 - BEFORE_S + np.arange(450) / 1000
     late = times - 0.015
     assert np.ptp(motion.position(times) - motion.position(late)) > 0.02
-    found = severity(segment(LENGTH_M * motion.acceleration(late) + noise()), POLLS, told(motion), 10.0, SETTINGS)
+    found = severity(segment(LENGTH_M * motion.acceleration(late) + noise()), POLLS, quantised(motion), 10.0, SETTINGS)
     assert found.low == 0.0
     assert found.value < 1e-3
 
 
 def test_speed_of_the_impact_by_hand() -> None:
     """One ring of amplitude A is an impulse of v = A / (l omega_res), and without commands the play that this speed
-    tells is within a factor 2 of 3 phi = sqrt(2 v³ / (9 j)) with j = swing / 0.2 s; a louder one tells more."""
+    gives is within a factor 2 of 3 phi = sqrt(2 v³ / (9 j)) with j = swing / 0.2 s; a louder one gives more."""
     time = np.arange(450) / 1000
     after = np.maximum(time - 0.25, 0.0)
     omega = 2 * math.pi * 58
@@ -144,7 +144,7 @@ def test_speed_of_the_impact_by_hand() -> None:
     assert values == sorted(values)
 
 
-def test_the_size_of_the_play_leads_where_it_is_told() -> None:
+def test_the_size_of_the_play_leads_where_it_is_known() -> None:
     """A play of 8 ± 0.5 mrad is the severity; one that contradicts everything else is outvoted."""
     time = np.arange(450) / 1000
     after = np.maximum(time - 0.25, 0.0)
@@ -188,13 +188,13 @@ def test_what_cannot_be_told_is_unknown(accel: FloatArray, swing: float, rate_hz
 def test_teeth_that_change_sides_often_are_no_larger_play() -> None:
     """30 mrad between hard stops under three sums of sines to 10 Hz: the median is right to 25 % and 92 % of 187
     intervals hold; with one spectrum for all motions it was 45 mrad, and 78 % held."""
-    told: list[Score] = []
+    selected: list[Score] = []
     for seed in (8710, 8712, 8713):
         motion, times = Sines(seed, 10.0), np.arange(13000) / 1000
         accel = hard_stops(motion, times, 0.03, Bar()) + np.random.default_rng(seed).normal(0, 0.5, times.size)
         polls = np.arange(0, 13, 0.01)
         goal = np.round(motion.position(polls) / STEP) * STEP
         found = score_series(polls, goal, times, accel, DetectorSettings(f_res_hz=58.0))
-        told += [score for score in found if 1 < score.time < 12.6]
-    assert np.median([score.severity for score in told]) == pytest.approx(0.03, rel=0.25)
-    assert np.mean([score.severity_low <= 0.03 <= score.severity_high for score in told]) > 0.87
+        selected += [score for score in found if 1 < score.time < 12.6]
+    assert np.median([score.severity for score in selected]) == pytest.approx(0.03, rel=0.25)
+    assert np.mean([score.severity_low <= 0.03 <= score.severity_high for score in selected]) > 0.87

@@ -80,6 +80,6 @@ def test_the_largest_numbers_have_a_norm_or_none() -> None:
     ],
 )
 def test_impossible_bands_are_refused_in_words(rate: float, settings: DetectorSettings, words: str) -> None:
-    """A band that the sensor cannot hear is named, with its limits."""
+    """A band that the sensor cannot resolve is named, with its limits."""
     with pytest.raises(DetectorError, match=words):
         bands(round(0.25 * rate), rate, settings)

@@ -110,7 +110,7 @@ def test_different_bars_are_refused() -> None:
         pooled(found)
 
 
-def test_no_tap_is_said() -> None:
+def test_no_tap_is_an_error() -> None:
     """Noise and hum alone hold no tap; three samples are no recording, nor is a tenth of a second."""
     rng = np.random.default_rng(7700)
     time = np.arange(0, 5, 1e-3)

@@ -213,6 +213,6 @@ def test_least_acceleration_of_the_settings() -> None:
 
 
 def test_a_rate_that_is_none_is_refused() -> None:
-    """The message says what the rate is and where it comes from."""
+    """The message has the rate and its source."""
     with pytest.raises(DetectorError, match="is 0 Hz; expected a positive number"):
         Trigger(SETTINGS, 0.0, AX_12)

@@ -92,12 +92,12 @@ def test_worn_windows_are_used_where_there_are_some() -> None:
 
 
 def test_too_few_windows_are_refused() -> None:
-    """49 healthy windows tell too little."""
+    """49 healthy windows are too few."""
     with pytest.raises(DetectorError, match="found 49 healthy windows, expected at least 50"):
         tune(np.zeros((49, 100)), RATE, BAND)
 
 
-def test_least_amplitude_is_what_is_heard() -> None:
+def test_least_amplitude_is_what_is_detected() -> None:
     """Rings of the amplitude found score above the level in 90 % of fresh windows, of half of it in far fewer."""
     rng = np.random.default_rng(8104)
     settings = replace(BAND, statistic="ringdown")
@@ -132,5 +132,5 @@ def test_tuned_noise_scores_like_white_noise() -> None:
     plain = replace(settings, noise_ms2=1.0, noise_colour=())
     assert score(fresh[0], RATE, settings) > 0
     for share in (0.5, 0.99):
-        told = np.quantile(batch(fresh, RATE, settings), share)
-        assert told == pytest.approx(np.quantile(batch(white, RATE, plain), share), rel=0.1)
+        quantile = np.quantile(batch(fresh, RATE, settings), share)
+        assert quantile == pytest.approx(np.quantile(batch(white, RATE, plain), share), rel=0.1)

@@ -29,7 +29,7 @@ def test_coefficients_of_a_known_process() -> None:
 
 @pytest.mark.slow
 def test_white_noise_has_no_colour() -> None:
-    """Nothing is foretold where nothing can be, also when a motion a thousand times as large is in the windows."""
+    """White noise is not predicted, also when a motion a thousand times as large is in the windows."""
     rng = np.random.default_rng(7901)
     found = fit_noise(rng.normal(size=(200, 250)) + 1000 * rng.normal(size=(200, 9)) @ SLOW.T, SLOW)
     assert found.colour == ()
@@ -57,7 +57,7 @@ def test_no_colour_changes_nothing() -> None:
     assert np.array_equal(whiten(values, ()), values)
 
 
-def test_too_little_is_said() -> None:
+def test_too_little_is_an_error() -> None:
     """Windows of fewer than 16 samples, or with holes, are refused."""
     for windows in (np.zeros((5, 12)), np.full((5, 200), np.nan)):
         with pytest.raises(DetectorError, match="at least 16 samples"):
