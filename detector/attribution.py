@@ -269,7 +269,7 @@ def _sources(impulses: FloatArray, deviation: FloatArray, levers: FloatArray) ->
 
 @cache
 def _members(joints: int) -> FloatArray:
-    """Which joints are in each set, shape (M, J); while these are all, joint j is in those whose number has bit j."""
+    """Which joints are in each set, shape (M, J); of up to MOST joints, joint j is in set i if bit j of i is 1."""
     if joints <= MOST:
         return np.array(list(product((0.0, 1.0), repeat=joints)))[:, ::-1]
     few = [(), *combinations(range(joints), 1), *combinations(range(joints), 2)]

@@ -264,8 +264,8 @@ def _expected(windows: FloatArray, rate_hz: float, settings: DetectorSettings, m
 
 
 class _Moments(NamedTuple):
-    """Sums over windows: ln of the likelihood, what is expected of z zᵀ over the noise's variance (N, N), the
-    probability of a ring, and of the rings the energy and how many amplitudes they have."""
+    """Sums over windows: ln of the likelihood, the expected z zᵀ over the noise's variance (N, N), the probability of a
+    ring, and the energy and number of amplitudes of the rings."""
 
     likelihood: float
     products: FloatArray
@@ -287,7 +287,8 @@ class _Moments(NamedTuple):
 def _moments(
     white: FloatArray, model: _Model, motion: FloatArray, bank: ringdown.Bank | None, columns: FloatArray | None
 ) -> _Moments:
-    """Of whitened windows, shape (M, N), without slow motion; bank: of the rings, if any, columns: of their misfit."""
+    """The sums for whitened windows, shape (M, N), without slow motion; bank: of the rings, if any, columns: of their
+    misfit."""
     variance = model.noise.deviation**2
     freedom = white.shape[1] - motion.shape[1] + FREEDOM
     whole = np.sum(white**2, axis=1) + FREEDOM * variance
@@ -324,7 +325,7 @@ class _Rings(NamedTuple):
 
 def _rings(white: FloatArray, whole: FloatArray, freedom: float, bank: ringdown.Bank, model: _Model) -> _Rings:
     energy, sizes = ringdown.explained(white, bank), bank.sizes
-    # Normal amplitudes of variance S² cost ln(1 + S²)/2 each, and what is explained counts for S² / (1 + S²) of it.
+    # Normal amplitudes of variance S² have a penalty of ln(1 + S²)/2 each, and their energy a factor S² / (1 + S²).
     price = ringdown.PENALTY - math.log1p(model.power) / 2
     share = np.minimum(model.power / (1 + model.power) * energy / whole[:, None], 1 - ringdown.DUST)
     evidence = -freedom / 2 * np.log1p(-share) + bank.prior + sizes * price

@@ -126,7 +126,7 @@ def _near(times: FloatArray, commands: FloatArray, segment: Window) -> tuple[Flo
 
 
 def _degree(half: float, count: int) -> int:
-    """Of polynomials that follow motions of FASTEST_HZ over 2 ``half`` seconds."""
+    """Degree of polynomials that follow motions of FASTEST_HZ over 2 ``half`` seconds."""
     return min(math.ceil(4 * FASTEST_HZ * half) + 5, count - 4)
 
 

@@ -41,17 +41,16 @@ joints with 10 to 90 mrad were wrong by 0.35 plays over the gear's speed (root m
 windows above 30 dB give a size (60 joints of seeds 7000 to 7119 that lag or have more than 10 mrad); without it 95.3
 and 85 %."""
 LEAST_SHAPE, LEAST_SPEED = 1e-7, 1e-3
-"""Standard deviation of the second coefficient of the lag of a servo that follows at once [s²], and speed of a gear
-that rests [rad/s]."""
+"""Least standard deviation of the second coefficient of a servo's lag [s²], and least speed of a gear [rad/s]."""
 FIRST_TIMING = 0.3
 """The same before the fit has found which of three steps comes closest to the flank."""
 BETWEEN, BOUND, RESTING = 14, 3.0, 0.85
-"""Every so many steps without a contact D is known to be between the flanks, with a standard deviation of so many
+"""Every BETWEEN steps without a contact, D is constrained to lie between the flanks, with a standard deviation of BOUND
 halves of the play: a joint rests on a flank most of the time, so points are not independent.  It is expected at 0 in
 flight, and at RESTING halves on the flank where the joint may rest: means and standard deviations were -0.08 and 0.74
-of half the play before arrival, 0.84 and 0.23 after it (20 joints of ``bench.outside``, seeds 7000 to 7118).  Expected
-at 0 everywhere they made plays up to 28 % too small.  With BOUND 1.5 of the intervals 90.9 % held, with 2 93.7 %, with
-3 95.7 %, without 94.6 % (52 joints, seeds 3000 to 3059, all expected at 0)."""
+of half the play before arrival, 0.84 and 0.23 after it (20 joints of ``bench.outside``, seeds 7000 to 7118).  With 0
+everywhere plays were up to 28 % too small.  With BOUND 1.5 of the intervals 90.9 % held, with 2 93.7 %, with 3 95.7 %,
+without 94.6 % (52 joints, seeds 3000 to 3059, all expected at 0)."""
 THIN = 3
 """Of rests every third step is used; the others add no information."""
 ROUNDS = 8
@@ -71,7 +70,7 @@ LOST = 2 * math.pi
 """Standard deviation of D from which the motion is unknown [rad]: commands with gaps and jumps reach 10⁴, and the
 weights of contacts, to ``GRAIN``, are then rounding errors."""
 SIDES = (0.0, 1.0, -1.0)
-"""The middle and both flanks, by the index that the sign of a place is."""
+"""The middle and both flanks, indexed by the sign of a place."""
 
 Places = NDArray[np.intp]
 
@@ -79,7 +78,7 @@ Places = NDArray[np.intp]
 @dataclass(frozen=True, slots=True, eq=False)
 class _Touch:
     """Contacts: their places on the grid, the flank (+1 where D is + phi/2) and the impact's impulse [rad/s], 0 in
-    rests.  Of points that are no contact, the flank is what D is expected to be, in halves of the play."""
+    rests.  For points without contact, flank is the expected D in halves of the play."""
 
     at: Places
     flank: FloatArray
@@ -92,8 +91,8 @@ class _Touch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solved:
-    """Contacts that fit together and points between them, the play that scales the flanks' error [rad], and the
-    commanded acceleration on the grid [rad/s²]."""
+    """Consistent contacts and points between them, the play that scales the flanks' error [rad], and the commanded
+    acceleration on the grid [rad/s²]."""
 
     touch: _Touch
     play: float
@@ -195,13 +194,13 @@ def _fit(relative: RelativeMotion, touch: _Touch, play: float, timing: float) ->
     weight = np.asarray(np.linalg.inv(noise), np.float64)
     observed = relative.angle[touch.at]
     values, covariance, left = _least(_design(relative, touch), weight, observed)
-    # A play that is lost in its uncertainty must not make the search for contacts narrow.
+    # A play below its uncertainty must not narrow the search for contacts.
     return _Fit(values, covariance, weight, observed, left,
                 max(float(values[2]), 2 * math.sqrt(covariance[2, 2]), LEAST_PLAY))  # fmt: skip
 
 
 def _lag_variance(relative: RelativeMotion, play: float) -> FloatArray:
-    """Of the errors of the lag's delay [s²] and second coefficient [s^4], (2,), if the play is of that size [rad]."""
+    """Variances of the errors of the lag's delay [s²] and second coefficient [s^4], (2,), for that play [rad]."""
     return np.array([LATE**2 + _crossing(relative, play) ** 2, max(relative.shape, LEAST_SHAPE) ** 2])
 
 

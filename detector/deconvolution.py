@@ -71,7 +71,7 @@ class Edges:
 @dataclass(frozen=True, slots=True, eq=False)
 class _Posterior:
     """Impulses at times (K,) given accelerations (N,) of white noise: covariance, (K + 2, K + 2), with both phases of
-    the ring from before at the end.  The gain is formed for some samples at a time, as it takes megabytes."""
+    the previous ring at the end.  The gain is formed for some samples at a time, as it takes megabytes."""
 
     times: FloatArray
     covariance: FloatArray
@@ -129,7 +129,7 @@ def _bar(settings: DetectorSettings) -> DetectorSettings:
 
 
 def inverse(length: int, rate_hz: float, noise: float, settings: DetectorSettings) -> Inverse:
-    """Bayes' linear inverse of eq. 7 for impulses of usual size IMPULSE, a ring from before, and white noise."""
+    """Bayes' linear inverse of eq. 7 for impulses of usual size IMPULSE, a previous ring, and white noise."""
     return _inverse(length, rate_hz, noise, _bar(settings))
 
 
@@ -150,8 +150,8 @@ def _inverse(length: int, rate_hz: float, noise: float, settings: DetectorSettin
 
 
 def integrated(impulses: FloatArray, step: float) -> FloatArray:
-    """Angles [rad] that impulses [rad/s] on a grid of that step [s] have made by each of its points: along the first
-    axis, the sum over all earlier ones of the time since, times the impulse."""
+    """Angles [rad] at each point of a grid of that step [s] from impulses [rad/s] on it: along the first axis, the sum
+    over all earlier impulses of impulse times the time since."""
     sums = step * np.cumsum(np.cumsum(impulses, axis=0), axis=0)
     return np.concatenate([np.zeros_like(sums[:1]), sums[:-1]])
 
@@ -202,8 +202,8 @@ def _deviation(rows: FloatArray, covariance: FloatArray) -> FloatArray:
 
 
 def _responses(at: FloatArray, times: FloatArray, settings: DetectorSettings) -> FloatArray:
-    """Accelerations at ``at`` (n,) after an impulse at each of the times (K,) and of both phases of a ring that was
-    there before, shape (n, K + 2)."""
+    """Accelerations at ``at`` (n,) after an impulse at each of the times (K,) and of both phases of a previous ring,
+    shape (n, K + 2)."""
     return np.hstack([_response(at[:, None] - times, settings), ring(at, settings)])
 
 

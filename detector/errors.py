@@ -6,4 +6,4 @@ __all__ = ["DetectorError"]
 
 
 class DetectorError(ValueError):
-    """Settings or data that cannot give a meaningful answer; the one-line message is meant for a person."""
+    """Settings or data without a meaningful result; the message is one line for the user."""

@@ -44,7 +44,7 @@ class SizeEstimate:
 
 @dataclass(frozen=True, slots=True)
 class FlankLaw:
-    """Log-likelihood of each value of SOFTNESS after a joint's windows so far, and how uncertain A is [decades]."""
+    """Log-likelihood of each value of SOFTNESS after a joint's windows so far, and the range of A [decades]."""
 
     likelihood: tuple[float, ...] = (0.0,) * len(SOFTNESS)
     decades: tuple[float, float] = DECADES

@@ -24,7 +24,8 @@ __all__ = ["LEAST_SPAN_S", "Lever", "levers"]
 STEP_S = 0.02
 """Grid on which angles and readings are compared [s]."""
 KERNEL_S = 0.24
-"""Length of the Hann kernel that smooths both [s]: it passes what arms do (half at 4 Hz), and no ring of a bar."""
+"""Length of the Hann kernel that smooths both [s]: it passes the motion of arms (half at 4 Hz), and no ring of a
+bar."""
 LAGS_S = (-0.04, -0.03, -0.02, -0.01, 0.0, 0.01, 0.02, 0.03, 0.04)
 """Lags of the angles behind the readings that are tried [s]: servos report late."""
 LEAST_SPAN_S = 1.8
@@ -35,7 +36,7 @@ LEAST_BINS = 0.9
 
 @dataclass(frozen=True, slots=True)
 class Lever:
-    """The lever arm of a joint as the readings show it [m], its standard error [m], and the rms of the joint's smoothed
+    """The lever arm of a joint from the readings [m], its standard error [m], and the rms of the joint's smoothed
     acceleration [rad/s²]."""
 
     value: float

@@ -63,7 +63,7 @@ class LocalFit:
         return max(values) - min(values) if values else 0.0
 
     def moves(self, least: float) -> bool:
-        """Whether ``reach`` is at least so much; most often the first and the last sample already show it."""
+        """Whether ``reach`` is at least so much; usually the first and the last sample suffice."""
         samples = self.samples
         return abs(samples[-1][1] - samples[0][1]) >= least or self.reach() >= least
 

@@ -1,4 +1,4 @@
-"""Medians, as the running service needs them; no other statistics."""
+"""Medians for the running service; no other statistics."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def median(values: FloatArray) -> float:
 
 
 def weighted_quantile(values: FloatArray, weights: FloatArray, share: float) -> float:
-    """The value below which this share of the weights lies; at a step, the middle of the two beside it.
+    """The value below which this share of the weights lies; at a step, the mean of the two adjacent values.
 
     Of all weights those proportional to 1 / (standard deviation) give a weighted median its least variance, for values
     whose distributions differ by a scale: the variance sum w^2 / (2 sum w f(0))^2 is least where w is proportional to

@@ -75,7 +75,7 @@ def split(
 
 
 def _projected(spread: FloatArray, inside: FloatArray, bases: FloatArray, columns: FloatArray) -> FloatArray:
-    """The sum over windows of Y spread Yᵀ, Y = columns - basesᵀ inside, without any Y, (N, R) each."""
+    """The sum over windows of Y spread Yᵀ, Y = columns - basesᵀ inside, without forming any Y, (N, R) each."""
     across = inside @ spread
     rows = bases.reshape(-1, bases.shape[2])
     mixed = columns @ (across.reshape(len(rows), -1).T @ rows)

@@ -33,7 +33,7 @@ class NoiseLevel:
         self.interrupt()
 
     def interrupt(self) -> None:
-        """The next sample does not follow the last one; the level stays."""
+        """Marks a gap before the next sample; the level is kept."""
         self._t0 = self._y0 = self._t1 = self._y1 = math.nan
 
     def add(self, time: float, value: float, step: float) -> None:

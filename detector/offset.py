@@ -24,8 +24,7 @@ __all__ = ["OFFSET_UNKNOWN", "OWN", "OffsetLaw", "averaged"]
 
 OWN, OWN_COUNT = 0.1, 3.0
 """Standard deviation of r that play alone makes [m/s²]: 0.03 to 0.14 in recordings with plays of 5 to 53 mrad (nine
-joints of ``bench.outside``), 0.04 to 0.45 with a plain mean instead of Hann's weight; and as how many windows it
-counts."""
+joints of ``bench.outside``), 0.04 to 0.45 with a plain mean instead of Hann's weight; and its weight in windows."""
 LARGEST = 10.0
 """Standard deviation of o, A and B before the first window [m/s²]."""
 LEAST = 0.02
@@ -36,7 +35,8 @@ MEMORY = 0.97
 
 @dataclass(frozen=True, slots=True)
 class OffsetLaw:
-    """Sums over a joint's windows so far, f = (1, sin theta, cos theta): of f f (9 values), of f r, of r² and of 1."""
+    """Sums over a joint's windows so far, with f = (1, sin theta, cos theta): products f f (9 values), moments f r,
+    squares r², and their number."""
 
     products: tuple[float, ...] = (0.0,) * 9
     moments: tuple[float, ...] = (0.0,) * 3

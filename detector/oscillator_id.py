@@ -91,7 +91,7 @@ def _refine(time: FloatArray, values: FloatArray, exponent: complex, hum_hz: Seq
         columns = np.column_stack([wave.real, -wave.imag, time * wave.real, -time * wave.imag, slow])
         a, b, c, d = np.linalg.lstsq(columns, values, rcond=None)[0][:4]
         exponent += complex(c, d) / complex(a, b)
-    # At the end c and d are nearly 0, and columns and amplitude those of the solution.
+    # At convergence c and d are nearly 0, and columns and amplitude those of the solution.
     inverse = np.linalg.pinv(columns)
     left = values - columns @ (inverse @ values)
     variance = float(left @ left) / max(time.size - columns.shape[1], 1)
@@ -122,5 +122,5 @@ def _ring_down(size: FloatArray, period: float) -> tuple[int, int]:
     noise = float(np.quantile(size, 0.1))
     below = np.flatnonzero(size[top:] < max(3 * noise, 0.02 * size[top]))
     end = top + int(below[0]) if below.size else size.size
-    # The band rounds off the tap itself, and its end of the recording holds some of the beginning.
+    # The band filter smooths the tap, and is periodic: the end of the recording contains some of the beginning.
     return top + round(period), min(end, size.size - round(period))

@@ -1,4 +1,4 @@
-"""The size of the play as a value with its interval, and that of many windows together.  No samples, no commands."""
+"""The size of the play as a value with its interval, and pooled over many windows.  No samples, no commands."""
 
 from __future__ import annotations
 

@@ -257,7 +257,7 @@ def _starts(duration: float, settings: DetectorSettings, most: int = MOST_STARTS
 
 
 def ring(after: FloatArray, settings: DetectorSettings) -> FloatArray:
-    """Both phases of eq. 6's free motion from 0 on, shape (N, 2)."""
+    """Both phases of eq. 6's free motion from time 0 on, shape (N, 2)."""
     omega = 2 * math.pi * settings.f_res_hz
     exponent = complex(-settings.zeta, math.sqrt(1 - settings.zeta**2)) * omega
     wave = np.where(after >= -1e-12, np.exp(exponent * np.maximum(after, 0.0)), 0.0)
@@ -271,7 +271,7 @@ def slow_motion(length: int, rate_hz: float, settings: DetectorSettings) -> Floa
 
 def _degree(length: int, rate_hz: float, settings: DetectorSettings) -> int:
     top_hz = min(SLOW_HZ, SLOW_SHARE * settings.f_res_hz)
-    return max(min(int(2 * top_hz * length / rate_hz + 1e-6), length // 4), 3)  # whatever a rate is rounded to
+    return max(min(int(2 * top_hz * length / rate_hz + 1e-6), length // 4), 3)  # in spite of a rate's rounding
 
 
 def _polynomials(length: int, degree: int) -> FloatArray:

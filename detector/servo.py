@@ -53,8 +53,8 @@ to 3117), sizes of the play were estimated in 77 % of the windows, held in 93.0 
 3 and 4, 78, 95.7 and 8 % with order 3, 80, 95.5 and 5 % with both; of the severities 96.2, 98.7 and 98.6 % held, and
 their correlation with the play was 0.944, 0.962 and 0.964."""
 SECOND = np.array([0.5, 1.0, 0.75, 1 - 1 / (4 * DAMPING**2), 0.0])
-"""The second coefficient of each order's lag, as a share of the delay's square; the last one is that of the two delays
-in a row."""
+"""The second coefficient of each order's lag, as a share of the delay's square; the last one is that of the pure delay
+and the lag in series."""
 SECOND[4] = PURE**2 / 2 + PURE * (1 - PURE) + (1 - PURE) ** 2 * SECOND[3]
 COEFFICIENTS: FloatArray = np.column_stack([DELAYS, SECOND[ORDERS] * DELAYS**2])
 """Delay [s] and second coefficient [s²] of each candidate, shape (G, 2)."""
@@ -194,7 +194,7 @@ def _step_response(since: FloatArray, way: int) -> FloatArray:
         return np.asarray(-np.expm1(-since / delay))
     if order == 4:
         since, delay = np.maximum(since - PURE * delay, 0.0), (1 - PURE) * delay
-    since = np.minimum(since, SETTLED * delay)  # what has been reached at infinity is reached there
+    since = np.minimum(since, SETTLED * delay)  # the response is at its final value there
     if order == 2:
         return np.asarray(1 - (1 + 2 * since / delay) * np.exp(-2 * since / delay))
     decay, root = 2 * DAMPING**2 / delay, math.sqrt(1 / DAMPING**2 - 1)

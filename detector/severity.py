@@ -52,7 +52,7 @@ sines.  With 0.10 and 1.2 for all motions, as before, severities were 1.30 times
 CLEAR = 3.0
 """Coefficients of the command below so many standard deviations are ignored in the number of half-waves."""
 TEMPER = 0.5
-"""The coefficients are not independent: the likelihood counts half, which made the intervals cover 95 %."""
+"""Power of the likelihood: the coefficients are not independent; with a half the intervals cover 95 %."""
 LATE_S, OTHERWISE, GAIN, GRAVITY = 0.003, 0.15, 0.02, 5.0
 """Standard deviations of the other differences between theta_2 and the commands: a delay in addition to that of the
 candidate responses (``servo``) [s], the error of the response as a share of response minus goal, the error of the lever
@@ -65,7 +65,7 @@ meet faster than from rest, and large play does not come to rest."""
 SPREAD, NOISE_SPREAD = 0.65, 0.35
 """Standard deviations of ln v: between windows and gears, and of the largest ring in noise alone."""
 NOISE_RINGS = 2.2
-"""The largest ring that noise shows, in standard deviations of its amplitude."""
+"""The largest ring in noise alone, in standard deviations of its amplitude."""
 UNSEEN = 0.002
 """Probability of no impact within the segment, or a late or a soft one: a missing ring alone excludes no large play."""
 CORNER = 2.0
@@ -106,8 +106,8 @@ class Severity:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Rings:
-    """Ring-downs from each of K moments on, without slow motion and rings from before: orthonormal pairs (2 K, N), and
-    (K, 2, 2) what makes amplitudes [m/s²] of a pair's coordinates."""
+    """Ring-downs from each of K start times on, without slow motion and previous rings: orthonormal pairs (2 K, N), and
+    matrices (K, 2, 2) from a pair's coordinates to amplitudes [m/s²]."""
 
     pairs: FloatArray
     amplitudes: FloatArray
@@ -144,7 +144,7 @@ def severity(
     return learnt_severity(segment, times, commands, swing, settings, play, clipped, servo)[0]
 
 
-@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # readings beyond all numbers: unknown
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # readings that overflow: unknown
 def learnt_severity(
     segment: Window, times: Sequence[float] | FloatArray, commands: Sequence[float] | FloatArray, swing: float,
     settings: DetectorSettings, play: tuple[float, float], clipped: bool, servo: ServoLaw,

@@ -67,7 +67,7 @@ def transform(length: int, bins: NDArray[np.intp]) -> FloatArray:
 def amplitudes(accel: FloatArray, to_bins: FloatArray) -> FloatArray:
     """Amplitude [m/s²] of each bin of a ``transform``, shape (..., bins), of windows of shape (..., N).
 
-    A sine of amplitude A in the middle of a bin shows as A there.
+    A sine of amplitude A in the middle of a bin gives A there.
     """
     return np.abs((accel @ to_bins).view(np.complex128))
 
@@ -106,7 +106,7 @@ def _chosen(length: int, rate_hz: float, settings: _BandOptions) -> Bands:
 
 def normalised_mask(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> FloatArray:
     """norm(fft(s)) of eq. 8 at the bins of the mask: each amplitude over the mean amplitude of the norm band; NaN where
-    that mean is no more than rounding (``DUST``), or beyond all numbers.
+    that mean is rounding (``DUST``), or overflows.
 
     accel: windows [m/s²], shape (..., N); returns shape (..., bins of the mask).  Raises DetectorError as ``bands``
     does.

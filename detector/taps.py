@@ -66,7 +66,7 @@ class TapRecording:
 
     @property
     def f_res_hz(self) -> float:
-        """The median resonance as this rate shows it [Hz]."""
+        """The median of the apparent resonance at this rate [Hz]."""
         return float(np.median([ring.f_res_hz for ring in self.rings]))
 
 
@@ -134,9 +134,8 @@ def pooled(recordings: Sequence[TapRecording]) -> Calibrated:
 
 
 def true_frequency(shown: Sequence[tuple[float, float]]) -> float | None:
-    """The lowest frequency [Hz] that shows as each of (apparent frequency, rate) [Hz]; None when there is none.
-
-    A frequency f sampled at a rate r shows at |f - k r| for the whole k that makes this smallest.
+    """The lowest frequency [Hz] with each of these (apparent frequency, rate) [Hz]; None when there is none.  A
+    frequency f sampled at a rate r appears at the least |f - k r| over integers k.
     """
     first, rate = shown[0]
     for candidate in sorted(abs(k * rate + sign * first) for k in range(ALIASES + 1) for sign in (-1, 1)):
@@ -196,7 +195,7 @@ def _on_grid(times: FloatArray, accel: FloatArray) -> tuple[FloatArray, float]:
 
 
 def _moving_mean(values: FloatArray, there: np.ndarray[tuple[int], np.dtype[np.bool_]], width: int) -> FloatArray:
-    """Mean over ``width`` samples around each, of those that are there."""
+    """Mean over ``width`` samples around each, without the missing ones."""
     box = np.ones(max(width, 1))
     total = np.convolve(np.where(there, values, 0.0), box, mode="same")
     return np.asarray(total / np.maximum(np.convolve(there, box, mode="same"), 1))

@@ -56,8 +56,8 @@ class Slope:
 
 @dataclass(frozen=True, slots=True)
 class Trend:
-    """Mann-Kendall: p_value (two-sided), tau in -1..1, direction "rising", "falling" or "none"; inflation: by how much
-    serial correlation widens the variance of the statistic."""
+    """Mann-Kendall: p_value (two-sided), tau in -1..1, direction "rising", "falling" or "none"; inflation: factor of
+    serial correlation on the variance of the statistic."""
 
     p_value: float
     tau: float

@@ -81,7 +81,7 @@ class Trigger:
         """The reversals that became certain with these samples: times [s] and angles [rad], equally many of both."""
         found = []
         for time, command in zip(_plain(times), _plain(commands), strict=True):
-            # False for a NaN too.
+            # The condition is also false for NaN.
             if not (self._last_time < time < math.inf and abs(command) < math.inf):
                 self.dropped += 1
                 continue
@@ -156,13 +156,14 @@ class _Lobes:
         self._recent: deque[Curvature] = deque(maxlen=4)
 
     def add(self, curvature: Curvature) -> None:
-        """Every acceleration, strong or weak: keeps the last zero crossing."""
+        """Takes every acceleration, strong or weak, and keeps the last zero crossing."""
         if self._recent and (self._recent[-1].value > 0) != (curvature.value > 0):
             self._crossing = _zero(self._recent[-1], curvature)
         self._recent.append(curvature)
 
     def enter(self, curvature: Curvature) -> tuple[float, float] | None:
-        """A strong acceleration, already added: time and swing of the reversal if it is the first of a new lobe."""
+        """Takes a strong acceleration that was added; time and swing of the reversal if it is the first of a new
+        lobe."""
         time, accel = curvature.time, curvature.value
         old, since, extreme = self._direction, self._strong, self._extreme
         self._direction, self._strong = math.copysign(1.0, accel), time

@@ -106,7 +106,7 @@ def _usual(settings: DetectorSettings, rate_hz: float) -> DetectorSettings:
 
 
 def rings(count: int, length: int, rate_hz: float, settings: DetectorSettings, rng: np.random.Generator) -> FloatArray:
-    """Ring-downs of about unit amplitude as impacts leave them in windows, shape (count, length)."""
+    """Ring-downs of about unit amplitude after impacts in windows, shape (count, length)."""
     time = np.arange(length) / rate_hz
     omega = 2 * math.pi * settings.f_res_hz * (1 + WRONG_F * rng.normal(size=(count, 1)))
     zeta = settings.zeta * np.exp(WRONG_ZETA * rng.normal(size=(count, 1)))

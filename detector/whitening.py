@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.fft import rfft  # not when it is needed first: then there may be no memory
+from numpy.fft import rfft  # imported at the start, as later there may be no memory
 from numpy.lib.stride_tricks import sliding_window_view
 
 from lostmotion.detector.errors import DetectorError
@@ -66,7 +66,7 @@ def levinson(covariance: FloatArray, count: float) -> Noise:
     least = 0.0
     for order in range(1, covariance.size):
         reflection = -float(weights @ covariance[order:0:-1]) / error
-        if abs(reflection) >= 1:  # means over few products need not be those of any process
+        if abs(reflection) >= 1:  # means over few products may not be a valid autocovariance
             break
         padded = np.append(weights, 0.0)
         weights = padded + reflection * padded[::-1]
@@ -79,7 +79,8 @@ def levinson(covariance: FloatArray, count: float) -> Noise:
 
 
 def rounded(noise: Noise) -> Noise:
-    """The same in few digits: four significant ones of the deviation and of 1 - |k| of each reflection coefficient k.
+    """The noise rounded to few digits: four significant ones of the deviation and of 1 - |k| of each reflection
+    coefficient k.
 
     A coefficient close to ±1 thus stays inside of them, which a stable process needs, and keeps its peak's height.
     """
@@ -156,7 +157,7 @@ def unwhitener(length: int, reflections: Sequence[float]) -> FloatArray:
 
 @lru_cache(maxsize=16)
 def _filters(reflections: tuple[float, ...]) -> FloatArray:
-    """Prediction-error filters of orders 0 to P, shape (P + 1, P + 1): row k makes the error of sample k from samples 0
+    """Prediction-error filters of orders 0 to P, shape (P + 1, P + 1): row k gives the error of sample k from samples 0
     to k, all scaled to the error of order P."""
     filters = np.eye(len(reflections) + 1)
     for order, reflection in enumerate(reflections):
