@@ -148,8 +148,7 @@ def evidence(
 @dataclass(frozen=True, slots=True, eq=False)
 class _TipImpulses:
     """Impulses of the tip [m/s] at each accelerometer beyond the smooth motion of all joints, their standard deviation
-    and the least that is used, shape (S, K), at times [s] from the first segment's start; width: of an impulse, in
-    steps."""
+    and the least that is used, shape (S, K), at times [s] from the first segment's start; width: of an impulse."""
 
     times: FloatArray
     impulses: FloatArray
@@ -190,8 +189,8 @@ def _tip_impulses(segments: Sequence[Window], settings: Sequence[DetectorSetting
 
 
 def _drives(accel: FloatArray, levers: FloatArray) -> list[FloatArray]:
-    """Accelerations that may act on each joint's teeth [rad/s²], shape (J, K): its own, or also those of joints that
-    carry it."""
+    """Accelerations that may act on each joint's teeth [rad/s²], (J, K): its own, or also those of joints that carry
+    it."""
     reach = levers[np.arange(len(levers)), np.abs(levers).argmax(axis=1)]
     carries = np.where(np.abs(reach) > np.abs(reach)[:, None], np.sign(reach) * np.sign(reach)[:, None], 0.0)
     return [accel, accel + carries @ accel] if carries.any() else [accel]

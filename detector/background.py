@@ -24,8 +24,7 @@ __all__ = ["LEAST_WINDOWS", "Background", "applied", "distance", "followed", "le
 
 LEAST_WINDOWS = 20
 ROUNDS = 8
-"""Largest number of rounds of expectation and maximisation: the likelihood rises by less than 0.1 nats a window after
-them."""
+"""Most rounds of expectation and maximisation: the likelihood rises by less than 0.1 nats a window after them."""
 SETTLED = 0.02
 """A round that raises the likelihood by less than so many nats a window is the last."""
 LOUD = 2.0
@@ -48,8 +47,7 @@ RARE = 0.45
 MEMORY = 1000.0
 """Largest weight of the past, in windows."""
 CHANGED = 0.1
-"""Distance [nats a sample] from which the noise has changed: 1.5 times the deviation is 0.06, the onset of mains hum
-1.1."""
+"""Distance [nats a sample] of a changed noise: 1.5 times the deviation is 0.06, the onset of mains hum 1.1."""
 POINTS = 2048
 """Frequencies at which spectra are evaluated."""
 TOGETHER = 25
@@ -231,8 +229,7 @@ def _expected(windows: FloatArray, rate_hz: float, settings: DetectorSettings, m
     """The likelihood under a model, and the model that is best for what is expected under this one.
 
     With whitened samples z, of which slow motion and the rings of a hypothesis with orthonormal basis B are unknown,
-    the noise's expected z zᵀ is that of the residual, weighted by Student's t, plus the noise's variance in the span of
-    B.
+    the noise's expected z zᵀ is that of the residual, weighted by Student's t, plus the noise's variance along B.
     """
     count, length = windows.shape
     noise = model.noise
@@ -287,8 +284,7 @@ class _Moments(NamedTuple):
 def _moments(
     white: FloatArray, model: _Model, motion: FloatArray, bank: ringdown.Bank | None, columns: FloatArray | None
 ) -> _Moments:
-    """The sums for whitened windows, shape (M, N), without slow motion; bank: of the rings, if any, columns: of their
-    misfit."""
+    """The sums for whitened windows (M, N) without slow motion; bank: of rings, if any, columns: of their misfit."""
     variance = model.noise.deviation**2
     freedom = white.shape[1] - motion.shape[1] + FREEDOM
     whole = np.sum(white**2, axis=1) + FREEDOM * variance

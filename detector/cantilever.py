@@ -19,8 +19,7 @@ from dataclasses import dataclass
 __all__ = ["MATERIALS", "Beam", "Material", "dunkerley", "frequencies", "length_for", "rectangle", "rod"]
 
 BARE = (1.8751040687, 4.6940911330)
-"""the first two roots x without a mass; with one they lie below, the second above 3.9266, where the tip does not
-move"""
+"""the first two roots x without a mass; with one they lie below, the second above 3.9266, where the tip is at rest"""
 HELD = 3.9266023120
 STEPS = 60
 """of bisection: a range of 1 m comes down to 1e-18 m"""

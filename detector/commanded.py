@@ -131,7 +131,7 @@ def _degree(half: float, count: int) -> int:
 
 
 def _fitted(basis: FloatArray, angle: FloatArray, half: float) -> tuple[FloatArray, FloatArray, int, float]:
-    """Coefficients and their covariance at the most likely smoothness and noise; the white derivative's order and
+    """Coefficients, their covariance at the most likely smoothness and noise, and the white derivative's order and
     strength."""
     weight, least = _weights(angle)
     centre = float(angle.mean())

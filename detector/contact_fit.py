@@ -253,8 +253,7 @@ def _between(relative: RelativeMotion, touch: _Touch, fit: _Fit) -> _Place:
 
 
 def _chosen(found: Contacts, place: _Place, fit: _Fit, step: float, grown: bool) -> _Touch:
-    """The contacts that agree with the place between the flanks; grown: rests last as long as the command
-    accelerates."""
+    """The contacts that agree with the place between the flanks; grown: rests last while the command accelerates."""
     play, half, pushed = fit.play, max(float(fit.values[2]), 0.0) / 2, -np.sign(found.push)
     side = np.where(np.abs(place.angle) > 2 * place.deviations[0], np.sign(place.angle), pushed)
     off, deviation = np.abs(side * place.angle - half), place.deviation(side)

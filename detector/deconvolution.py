@@ -114,8 +114,7 @@ class _Posterior:
 
 
 def noise_of(accel: FloatArray, settings: DetectorSettings) -> float:
-    """The sensor's noise [m/s²]: calibrated or learnt, or from fourth differences; rounded, so that few inverses are
-    needed."""
+    """The sensor's noise [m/s²]: calibrated or learnt, or from fourth differences; rounded, to need few inverses."""
     if settings.noise_ms2 is not None:
         return float(2.0 ** (round(OCTAVE * math.log2(settings.noise_ms2)) / OCTAVE))
     middle = (accel.size - 4) // 2

@@ -27,8 +27,7 @@ are springs, so that the play is the gap under the loads of the motion itself.  
 model's inertia and 80 um, at that very edge, 88 % of the intervals held (seed 8231); with 1.5 94.1 %, with two 95.9 %
 (seeds 8220 and 8222), but hard stops of 30 um were then estimated 21 % too large instead of less than 20 %."""
 MEMORY = 0.998
-"""Weight of earlier windows in the estimate of 1/n after each window: teeth change as they wear, over some 500
-windows."""
+"""Weight of earlier windows in the estimate of 1/n after each window: worn teeth change, over some 500 windows."""
 PLACES = 7
 """Number of values of A that are averaged over."""
 

@@ -29,7 +29,7 @@ class JumpDetector:
         self._time = self._from = self._to = math.nan
 
     def add(self, time: float, value: float, least: float) -> tuple[float, float] | None:
-        """Time [s] and height of a jump of at least ``least``, once, when the new goal was constant for ``HOLD``
+        """Time [s] and height of a jump of at least ``least``, once, when the goal was constant for ``HOLD``
         samples."""
         if self.pending:
             change = self._to - self._from

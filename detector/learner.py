@@ -1,5 +1,4 @@
-"""Schedule of the estimation of a joint's noise and bar: when, and from which windows.  ``background`` and ``bar``
-estimate."""
+"""When a joint's noise and bar are estimated, and from which windows.  ``background`` and ``bar`` have the methods."""
 
 from __future__ import annotations
 
@@ -28,8 +27,7 @@ MOVED = 1.3
 """The noise is learnt at once if its power has changed by this factor."""
 BAR_CHECK = 2000
 """After so many windows resonance and damping are estimated again; until an estimate confirms the known values, also
-whenever the noise is due except the first time: the estimates of the first ten minutes were 28 % of the main thread's
-work."""
+whenever the noise is due except the first time: those of the first ten minutes were 28 % of the main thread's work."""
 REPORT_HZ, REPORT_ZETA = 0.02, 0.3
 """Relative changes of resonance or damping that are reported."""
 ROUNDS, FIRST_ROUNDS = 1, 3

@@ -24,8 +24,7 @@ __all__ = ["LEAST_SPAN_S", "Lever", "levers"]
 STEP_S = 0.02
 """Grid on which angles and readings are compared [s]."""
 KERNEL_S = 0.24
-"""Length of the Hann kernel that smooths both [s]: it passes the motion of arms (half at 4 Hz), and no ring of a
-bar."""
+"""Length of the Hann kernel that smooths both [s]: it passes motions of arms (half at 4 Hz), not rings of bars."""
 LAGS_S = (-0.04, -0.03, -0.02, -0.01, 0.0, 0.01, 0.02, 0.03, 0.04)
 """Lags of the angles behind the readings that are tried [s]: servos report late."""
 LEAST_SPAN_S = 1.8
@@ -36,8 +35,8 @@ LEAST_BINS = 0.9
 
 @dataclass(frozen=True, slots=True)
 class Lever:
-    """The lever arm of a joint from the readings [m], its standard error [m], and the rms of the joint's smoothed
-    acceleration [rad/s²]."""
+    """The lever arm of a joint from the readings [m], its standard error [m], rms of the joint's smoothed acceleration
+    [rad/s²]."""
 
     value: float
     error: float
@@ -90,8 +89,7 @@ def _fit(
 
 
 def _solve(table: FloatArray, wanted: FloatArray) -> tuple[float, FloatArray, FloatArray] | None:
-    """Residual sum of squares, coefficients, and their errors for a residual of 1: infinite for a joint that does not
-    move."""
+    """Residual sum of squares, coefficients, and their errors for a residual of 1: infinite without motion."""
     size = np.sqrt((table**2).sum(axis=0))
     moves = size > 0
     values, errors = np.zeros(size.size), np.full(size.size, np.inf)

@@ -1,5 +1,4 @@
-"""A slow series corrected for its dependence on motion and temperature, so that only wear remains.  ``trend`` has
-slopes."""
+"""Removes the dependence of a slow series on motion and temperature, and keeps its wear.  ``trend`` has slopes."""
 
 from __future__ import annotations
 

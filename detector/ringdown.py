@@ -152,8 +152,8 @@ def explained(white: FloatArray, chosen: Bank) -> FloatArray:
 
 
 def leftover(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -> float:
-    """Residual of slow motion and the best rings in windows, shape (M, N): the median of the mean squares of whitened
-    samples [m²/s⁴]."""
+    """Residual of slow motion and the best rings in windows (M, N): median of the mean squares of whitened samples
+    [m²/s⁴]."""
     chosen = bank(windows.shape[1], rate_hz, settings)
     white = whiten(windows, settings.noise_colour)
     white -= (white @ chosen.slow) @ chosen.slow.T

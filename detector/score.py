@@ -1,5 +1,4 @@
-"""The score of a window, for ringing of the oscillator: eq. 8, or the statistic of ``ringdown``.  ``level`` has
-levels."""
+"""The score of a window for rings of the oscillator: eq. 8, or the statistic of ``ringdown``.  ``level`` has levels."""
 
 from __future__ import annotations
 

@@ -68,8 +68,7 @@ joints of ``bench.outside`` that lag or have more than 10 mrad, seeds 7000 to 71
 SETTLED = 100.0
 """Delays after which a step response is 1 to the last bit."""
 TRIED = 8.0
-"""Candidates that are so much less likely [nats] than the best are not evaluated, until MEMORY has reduced the
-difference."""
+"""Candidates so much less likely [nats] than the best are not evaluated, until MEMORY has reduced the difference."""
 PROBABLE = 0.003
 """Candidates that are less probable are left out of the mean response: 3 to 25 remain after a recording of 15 s."""
 MEMORY = 0.95
@@ -167,8 +166,7 @@ def followed(times: FloatArray, commands: FloatArray, start: float, count: int, 
 
 
 def delayed(goal: FloatArray, chosen: NDArray[np.intp]) -> FloatArray:
-    """Each of the chosen responses to a goal on a grid of GRID_S, (count,), which was constant before, shape (C,
-    count)."""
+    """Each of the chosen responses, shape (C, count), to a goal on a grid of GRID_S, (count,), constant before."""
     taps = responses().shape[1]
     rows = np.lib.stride_tricks.sliding_window_view(np.concatenate([np.full(taps - 1, goal[0]), goal]), taps)
     return np.asarray((rows @ responses()[chosen].T).T)

@@ -13,8 +13,8 @@ the reversal to the window's end give the order of magnitude; they complement ea
   impacts, with late ones and with bounces, from a few times the commands' resolution on.
 
 A likelihood over the play combines them.  The constants are averages over three simulators and four motions; the
-interval includes the differences between these.  docs/decisions/0010-severity.md has the measurements.  No trend and no
-limits here.
+interval includes their differences.  docs/decisions/0010-severity.md has the measurements.  No trend and no limits
+here.
 """
 
 from __future__ import annotations
@@ -318,8 +318,7 @@ def _coefficient_log_likelihood(difference: FloatArray, error_covariance: FloatA
 
 
 def _speed(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> tuple[float, float, float]:
-    """Change of the joint's speed [rad/s] from the most significant new ring; the noise [m/s²]; the speed from noise
-    alone."""
+    """Change of the joint's speed [rad/s] from the clearest new ring; the noise [m/s²]; the speed from noise alone."""
     known = _rings(accel.size, rate_hz, settings)
     found = (known.pairs @ accel).reshape(-1, 2)
     best = int(np.argmax(np.sum(found**2, axis=1)))
@@ -332,7 +331,7 @@ def _speed(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> tup
 
 def _noise(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> float:
     """The sensor's noise [m/s²]: from fourth differences, or, where these contain the ring because it has few samples a
-    period,  the second quietest of some pieces, without slow motion and ring, and most likely without an impact."""
+    period, the second quietest of some pieces, without slow motion and ring, and most likely without an impact."""
     length = max(round(PIECE_S * rate_hz), LEAST_PIECE)
     count = accel.size // length
     pieces = accel[: count * length].reshape(count, length)

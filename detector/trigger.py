@@ -162,8 +162,7 @@ class _Lobes:
         self._recent.append(curvature)
 
     def enter(self, curvature: Curvature) -> tuple[float, float] | None:
-        """Takes a strong acceleration that was added; time and swing of the reversal if it is the first of a new
-        lobe."""
+        """Takes a strong acceleration after ``add``; time and swing of the reversal if it begins a new lobe."""
         time, accel = curvature.time, curvature.value
         old, since, extreme = self._direction, self._strong, self._extreme
         self._direction, self._strong = math.copysign(1.0, accel), time

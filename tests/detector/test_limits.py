@@ -1,4 +1,4 @@
-"""What cannot be told, in sentences: when they are said, and that what they say is so."""
+"""Sentences on what cannot be estimated: when they are given, and that they are right."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from lostmotion.detector.window import DetectorSettings
 from tests.detector.synthetic import HandWaved, ring
 
 
-def test_rate_limit_says_what_to_change() -> None:
+def test_rate_limit_has_what_to_change() -> None:
     """Eight samples a period of the bar are enough; with 3.4 the sentence has the rate and the bar that would do."""
     assert rate_limit(58.0, 464.0, "the size") == ""
     assert rate_limit(58.0, 200.0, "the size") == (
@@ -23,7 +23,7 @@ def test_rate_limit_says_what_to_change() -> None:
 
 
 @pytest.mark.parametrize(
-    ("settings", "said"),
+    ("settings", "words"),
     [
         (DetectorSettings(f_res_hz=58.0), ""),
         (DetectorSettings(f_res_hz=25.0), ""),
@@ -32,14 +32,15 @@ def test_rate_limit_says_what_to_change() -> None:
         (DetectorSettings(f_res_hz=10.0, zeta=0.005, window_s=None), "take a bar whose ring is shorter"),
     ],
 )
-def test_window_limit(settings: DetectorSettings, said: str) -> None:
-    """Half of the ring-down's energy has to fall into the window; where a longer window would help, that is said."""
-    assert re.search(said or "^$", window_limit(settings, 1000.0))
+def test_window_limit(settings: DetectorSettings, words: str) -> None:
+    """Half of the ring-down's energy has to fall into the window; where a longer window would help, the sentence has
+    it."""
+    assert re.search(words or "^$", window_limit(settings, 1000.0))
 
 
 def test_window_limit_counts_the_energy() -> None:
-    """Of a ring-down that begins 50 ms after the reversal, a window of 0.1 s holds the share that is said: a sum over
-    rings of any phase."""
+    """Of a ring-down that begins 50 ms after the reversal, a window of 0.1 s holds the share in the sentence: a sum
+    over rings of any phase."""
     time = np.arange(0.05, 5.0, 1e-4)
     waves = ring(time, np.full(8, 0.05), 58.0, 0.012, np.arange(8)[:, None] * np.pi / 4)
     share = np.sum(waves[:, time < 0.1] ** 2) / np.sum(waves**2)
@@ -52,7 +53,7 @@ def test_poll_limit() -> None:
     assert poll_limit(10.0).startswith("reversals of motions above 1 Hz are missed")
 
 
-def test_reversals_are_missed_above_the_motion_that_is_said() -> None:
+def test_reversals_are_missed_above_the_motion_in_the_sentence() -> None:
     """With 10 commands in a period of the fastest motion at least 95 % of its strong reversals are found, with 5 fewer
     than 80 %."""
     rng = np.random.default_rng(8900)

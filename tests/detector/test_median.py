@@ -1,4 +1,4 @@
-"""The median as NumPy tells it, without what NumPy imports for it."""
+"""The median is NumPy's, without the imports of NumPy's function."""
 
 from __future__ import annotations
 

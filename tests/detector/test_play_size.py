@@ -247,8 +247,8 @@ def shown(play: float, seed: int) -> bool:
 
 
 def test_windows_together_show_a_play() -> None:
-    """No play is shown by at most 3 % of joints, 1.5 standard deviations of a window by 90 % of them, where a window by
-    itself would tell them in 32 %; without windows there is no evidence."""
+    """No play is shown by at most 3 % of joints, 1.5 standard deviations of a window by 90 % of them, where single
+    windows would in 32 %; without windows there is no evidence."""
     assert np.mean([shown(0.0, seed) for seed in range(400)]) <= 0.03
     assert np.mean([shown(1.5, seed) for seed in range(400)]) >= 0.9
     assert not NO_EVIDENCE.is_significant

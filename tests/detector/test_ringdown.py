@@ -45,12 +45,12 @@ def test_score_is_the_amplitude_over_its_deviation() -> None:
         # Student's t of n degrees grows like its logarithm: total ring and noise, of which the ring explains snr².
         n = ringdown.TRUST + 250 - ringdown.bank(250, 1000.0, calm).slow.shape[1]
         log_likelihood = n / 2 * math.log1p(snr**2 / n) - 2 * ringdown.PENALTY - math.log(26)
-        told = math.sqrt(n * math.expm1(2 * log_likelihood / n))
-        assert found == pytest.approx(told, rel=0.08)
+        expected = math.sqrt(n * math.expm1(2 * log_likelihood / n))
+        assert found == pytest.approx(expected, rel=0.08)
 
 
-def test_slow_motion_is_not_heard() -> None:
-    """An arm that moves a thousand times as loudly as the noise, up to 3 Hz, changes no score by more than 0.2."""
+def test_slow_motion_does_not_change_the_score() -> None:
+    """A motion of the arm a thousand times as large as the noise, up to 3 Hz, changes no score by more than 0.2."""
     rng = np.random.default_rng(8002)
     time = np.arange(250) / 1000
     noise = rng.normal(size=(500, 250))
@@ -73,7 +73,7 @@ def test_fewer_misses_than_eq_8(rate: float) -> None:
 
 def test_known_colour_lowers_the_misses_on_a_shaken_bar() -> None:
     """Where the healthy bar is shaken by a rough gear its hum lies in the ring's own band; the noise's colour, learnt
-    from other healthy windows, tells them apart."""
+    from other healthy windows, separates them."""
     rng = np.random.default_rng(8004)
     scene = Scene(impact=6.0, shaken=1.0)
     length = 250
@@ -105,7 +105,7 @@ def test_silence_has_no_score() -> None:
 
 
 def test_settings_that_cannot_work_are_refused() -> None:
-    """A resonance beyond half of the rate, a window of two periods, an unstable noise: each is said."""
+    """A resonance beyond half of the rate, a window of two periods, an unstable noise: each is an error."""
     for settings, words in (
         (replace(SETTINGS, f_res_hz=120.0), "expected less than half of the rate"),
         (replace(SETTINGS, window_s=0.04), "raise window_s"),
