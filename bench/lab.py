@@ -203,12 +203,12 @@ def compare_choices(folder: Path) -> None:
         kind = "strong" if effects else "nothing"
         case = Case(f"{kind}-{number}", kind, effects, "strong", "white", SEED + number)
         write_case(case, folder / case.name)
-        for name, (told, took) in _answers(folder / case.name, rivals).items():
+        for name, (named, took) in _answers(folder / case.name, rivals).items():
             seconds[name] += took / len(hidden)
-            right[name] += told[:1] == list(effects) if effects else 0
-            alarms[name] += bool(told) and told != NO_ANSWER if not effects else 0
+            right[name] += named[:1] == list(effects) if effects else 0
+            alarms[name] += bool(named) and named != NO_ANSWER if not effects else 0
             print(
-                f"{case.name:12}{(*effects, 'nothing')[0]:26}{name:20}{', '.join(told) or 'nothing'}", file=sys.stderr
+                f"{case.name:12}{(*effects, 'nothing')[0]:26}{name:20}{', '.join(named) or 'nothing'}", file=sys.stderr
             )
     print("choice of what is missing, three recordings of 4 s at 800 Hz; rivals choose on the lab's base fit")
     print(f"{'':22}{'right first':>14}{'false alarms':>14}{'time [s]':>10}")
@@ -220,11 +220,11 @@ def compare_choices(folder: Path) -> None:
 def _answers(folder: Path, rivals: Sequence[Rival]) -> dict[str, tuple[list[str], float]]:
     """What each names, and how long it took without the base fit that the rivals are given [s]."""
     asked = ask([str(Path(sys.executable).with_name("lostmotion")), "lab", "explain"], folder, LIMIT_S)
-    told = NO_ANSWER
+    named = NO_ANSWER
     if asked.document:
         verdict = asked.document["verdict"]
-        told = asked.document["missing"] or ([] if verdict == "nothing_missing" else [verdict])
-    answers = {"lab explain": (told, asked.seconds)}
+        named = asked.document["missing"] or ([] if verdict == "nothing_missing" else [verdict])
+    answers = {"lab explain": (named, asked.seconds)}
     columns, residual = _terms(folder)
     for rival in rivals:
         begin = time.perf_counter()

@@ -78,12 +78,12 @@ def main() -> None:
             right += is_right
             error = document.get("error", {"before": 0.0, "after": 0.0, "noise": 0.0, "unit": ""})
             figures = [f"{error[key]:.3g}" for key in ("before", "after", "noise")]
-            told = ", ".join(document.get("missing", [])) or answer.reason
+            named = ", ".join(document.get("missing", [])) or answer.reason
             verdict = document.get("verdict", "none")
             table.add_row(
-                name, "yes" if is_right else "NO", verdict, told, *figures, error["unit"], f"{answer.seconds:.0f}"
+                name, "yes" if is_right else "NO", verdict, named, *figures, error["unit"], f"{answer.seconds:.0f}"
             )
-            print(f"{name}: {'right' if is_right else 'WRONG'}, {told}, {answer.seconds:.0f} s", file=sys.stderr)
+            print(f"{name}: {'right' if is_right else 'WRONG'}, {named}, {answer.seconds:.0f} s", file=sys.stderr)
     Console(width=200).print(table)
     print(f"{right} of {len(chosen)} right")
 

@@ -49,7 +49,7 @@ def simulate(model: str, output: Path, as_json: bool, **options: Any) -> None:
     if as_json:
         click.echo(json.dumps({"recording": str(output), "rows": simulation.samples, **recording.metadata}))
     else:
-        click.echo(_told(recording, output), err=True)
+        click.echo(_message(recording, output), err=True)
 
 
 @click.command()
@@ -77,7 +77,7 @@ def _progress(simulation: Simulation) -> Iterable[Trajectory]:
             yield piece
 
 
-def _told(recording: Recording, output: Path) -> str:
+def _message(recording: Recording, output: Path) -> str:
     effects = ", ".join(recording.metadata["effects"]) or "none"
     columns = ", ".join(recording.columns)
     rows = len(recording.time)

@@ -22,7 +22,7 @@ FALSE_LINE = 1e-3
 SPREAD = 1.6
 """Variance of the logarithms of the variances of blocks of a residual, over that of noise, from which on it is none;
 noise of a few hundred blocks stays within 1.3."""
-TOLD = 0.5
+IDENTIFIED = 0.5
 """A parameter is told when its standard deviation is below this share of its value (its 95 % interval then does not
 hold zero), or of its scale.  By the scale alone, which is the first value, a drift of 0.48 ± 0.10 was told from a first
 value of 0.4 and not from 0.05."""
@@ -88,7 +88,7 @@ BAND_CLEAR = 30.0
 by a factor of five there; the acceleration's error is largest at the end of the band, about a fifth of its signal."""
 BAND_MOTION = 0.9
 """Share of the power of the speed that lies within the band: below, a swing has nothing but noise too."""
-BAND_AS_WELL, INERTIA_TOLD = 3.0, 0.1
+BAND_AS_WELL, INERTIA_IDENTIFIED = 3.0, 0.1
 """Times the smallest relative standard deviation of the inertia, up to which a wider band tells it as well, and the
 largest that tells it at all.  An arm that quivered at 18 Hz, which its torque did not make, told its inertia 60 times
 as well below 10 Hz as below 80 Hz (0.0635 instead of 0.0073 kg m²), a cart 57 times; of ten other sets that tell it at

@@ -66,7 +66,7 @@ class Estimate:
     low: float
     high: float
     unit: str
-    told: bool = True
+    identified: bool = True
     at_bound: bool = False
 
 
@@ -101,7 +101,7 @@ class Fit(Displayed):
             "effects": list(self.model.effects),
             "parameters": {e.name: [_number(v) for v in (e.value, e.low, e.high)] for e in self.estimates},
             "units": {e.name: e.unit for e in self.estimates},
-            "not_told": [e.name for e in self.estimates if not e.told],
+            "not_told": [e.name for e in self.estimates if not e.identified],
             "at_bound": [e.name for e in self.estimates if e.at_bound],
             "correlation": {
                 "names": [e.name for e in self.estimates],

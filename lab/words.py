@@ -79,7 +79,7 @@ def sentence(effect: str, found: Found) -> str:
     words = get_effect(effect).words
     if words:
         values = {parameter: interval.value for parameter, interval in found.items()}
-        return (words.tells if words.when(values) else words.otherwise).format_map(found)
+        return (words.sentence if words.when(values) else words.otherwise).format_map(found)
     listed = "; ".join(f"{parameter} = {value}" for parameter, value in found.items())
     summary = get_effect(effect).summary.strip().rstrip(".") or name(effect)
     return f"{summary[0].upper()}{summary[1:]}{': ' if listed else ''}{listed}."

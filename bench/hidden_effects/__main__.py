@@ -91,15 +91,15 @@ def _written(folder: Path, kinds: Sequence[str], count: int | None, seed: int) -
 
 
 def _scored(options: argparse.Namespace, folders: Sequence[Path]) -> list[Score]:
-    """The scores in the order of the folders; each is told on stderr as it comes."""
+    """The scores in the order of the folders; each is printed on stderr as it comes."""
     scores = {}
     for answer in ask_all(shlex.split(options.command), folders, options.jobs, options.limit_s):
         truth = json.loads((answer.folder / "truth.json").read_text())
         name = answer.folder.name
         scores[name] = judged = score(name, truth, answer.document, answer.seconds, answer.failure)
         mark = "right" if judged.strict else "confusable" if judged.lenient else "WRONG"
-        told = f"{' + '.join(judged.truth)} -> {' + '.join(judged.told) or 'none'}"
-        print(f"{name:18}{mark:11}{told}; {judged.remark}; {judged.seconds:.0f} s", file=sys.stderr, flush=True)
+        line = f"{' + '.join(judged.truth)} -> {' + '.join(judged.told) or 'none'}"
+        print(f"{name:18}{mark:11}{line}; {judged.remark}; {judged.seconds:.0f} s", file=sys.stderr, flush=True)
     return [scores[folder.name] for folder in folders]
 
 

@@ -44,8 +44,8 @@ def ask(command: Sequence[str], folder: Path, limit_s: float) -> Answer:
         return Answer(folder, None, f"no answer within {limit_s:g} s", limit_s)
     seconds = time.perf_counter() - begin
     if done.returncode != 0:
-        told = done.stderr.strip().splitlines() or ["nothing on stderr"]
-        return Answer(folder, None, f"exit status {done.returncode}: {told[-1]}", seconds)
+        lines = done.stderr.strip().splitlines() or ["nothing on stderr"]
+        return Answer(folder, None, f"exit status {done.returncode}: {lines[-1]}", seconds)
     try:
         return Answer(folder, json.loads(done.stdout), "", seconds)
     except json.JSONDecodeError as error:

@@ -34,7 +34,7 @@ NOISE = (0.05, 0.4)
 COUNTS = (16 * 9.80665 / 32768, 0.0118)
 RANGE = 16 * 9.80665
 TOUCH = 1e-8
-"""An angle [rad] that nothing told before could tell."""
+"""A disturbance of the initial angle [rad], for the horizon of predictability."""
 STRETCH, STRETCHES = 0.45, (0.8, 1.8)
 LAGGING = {"actuator_lag.T", "finite_actuator.J1"}
 START, SMALLEST_LARGEST, TRIES = {"strong": 3.0, "moderate": 1.0}, (0.3, 5.0), 4

@@ -1,4 +1,4 @@
-"""The answers as a picture: which effect was hidden, which one was told."""
+"""The answers as a picture: which effect was hidden, which one was named."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def draw_confusion(scores: Sequence[Score], path: Path) -> None:
     counts = np.zeros((len(rows), len(columns)), dtype=int)
     for s in scores:
         for name in s.truth:
-            told = name if name in s.told else (*s.told, "no answer")[0]
-            counts[rows.index(name), columns.index(told)] += 1
+            answer = name if name in s.told else (*s.told, "no answer")[0]
+            counts[rows.index(name), columns.index(answer)] += 1
     figure, axis = plt.subplots(figsize=(2.5 + 0.42 * len(columns), 3.2 + 0.34 * len(rows)))
     share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
     right = np.array([[row == c or (row in OUTSIDE and c == OUTSIDE_CATALOGUE) for c in columns] for row in rows])

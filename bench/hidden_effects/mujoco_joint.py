@@ -45,9 +45,9 @@ def write_joint(effect: str, colour_seed: int, folder: Path) -> None:
     rms = []
     for i in range(1, RECORDINGS + 1):
         torque, angle = _swing(values, rng)
-        told = np.round((angle + rng.normal(0, noise, angle.size)) / count) * count
-        rms.append(float(np.std(told - angle)))
-        rows = zip(np.arange(angle.size) / RATE_HZ, torque, told, strict=True)
+        readings = np.round((angle + rng.normal(0, noise, angle.size)) / count) * count
+        rms.append(float(np.std(readings - angle)))
+        rows = zip(np.arange(angle.size) / RATE_HZ, torque, readings, strict=True)
         lines = [f"{time:.6f},{tau:.10g},{theta:.8g}" for time, tau, theta in rows]
         (folder / f"rec{i}.csv").write_text("\n".join(["time,torque,position", *lines, ""]))
     rough = values["J"] * rng.uniform(0.7, 1.3)

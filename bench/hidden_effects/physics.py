@@ -211,9 +211,9 @@ def simulate(
     v, where = layout(values), command.where
     solve: Any = odeint  # its stubs know no compiled functions
     absolute = rtol * np.array([1e-2, 1, 1e-4, 1e-1, 1e-2, 1, 1e-2, 1, 1e-5, 1e-2, 1, 1e-2])
-    states, told = solve(
+    states, info = solve(
         _rhs, state, times, (v, *where), rtol=rtol, atol=absolute, hmax=LONGEST_STEP, mxstep=1_000_000, full_output=True
     )
-    if told["message"] != "Integration successful.":
-        raise ArithmeticError(f"LSODA: {told['message']}")
+    if info["message"] != "Integration successful.":
+        raise ArithmeticError(f"LSODA: {info['message']}")
     return _felt(states, times, v, *where), states

@@ -99,12 +99,12 @@ def _covering(share: float) -> bool:
 
 def document(scores: Sequence[Score]) -> dict[str, Any]:
     """All of it for a program."""
-    told = [
+    rows = [
         {"what": r.what.strip(), "hits": r.hits, "of": r.of, "share": r.share if r.of else None,
          "interval": r.interval, "goal": r.goal, "reached": r.good(r.share) if r.of else None}
         for r in rates(scores)
     ]  # fmt: skip
-    return {"rates": told, "seconds": dict(zip(("median", "max"), _times(scores), strict=True)),
+    return {"rates": rows, "seconds": dict(zip(("median", "max"), _times(scores), strict=True)),
             "cases": [asdict(s) for s in scores]}  # fmt: skip
 
 

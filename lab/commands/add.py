@@ -29,12 +29,12 @@ def add(model: str, effect: str, output: Path, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps({"model": str(output), **added.document()}, ensure_ascii=False))
     else:
-        click.echo(_told(added, output))
+        click.echo(_message(added, output))
     if added.note:
         click.echo(f"{added.effect.id} runs in plain Python, ten to twenty times as slowly: {added.note}", err=True)
 
 
-def _told(added: Added, output: Path) -> str:
+def _message(added: Added, output: Path) -> str:
     lines = [
         f"{output}: base {added.model.base}, active effects: {', '.join(added.model.effects)}",
         f"added {added.effect.id} on the {added.effect.acts_on}: {added.effect.equation}",

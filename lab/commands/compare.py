@@ -24,7 +24,7 @@ def compare(model: str, recordings: Files, report: Path | None, curves: Path | N
     MODEL is a model file, or the name of a base.  No parameter is fitted; the state in which each recording begins is
     searched for.
     """
-    from lostmotion.lab.commands.told import told
+    from lostmotion.lab.commands.output import write_output
     from lostmotion.lab.comparison.compare import compare as compared
     from lostmotion.lab.data.experiment import experiments
     from lostmotion.lab.errors import ExperimentError
@@ -37,7 +37,7 @@ def compare(model: str, recordings: Files, report: Path | None, curves: Path | N
         found = compared(built, experiments(built, read), recordings=read)
     except ModelError as error:
         raise ExperimentError(f"{model}: the model cannot be run on these recordings: {error}") from error
-    if told(found, "comparison", report, curves, as_json=as_json):
+    if write_output(found, "comparison", report, curves, as_json=as_json):
         return
     from lostmotion.lab.commands.compare_terminal import show
 

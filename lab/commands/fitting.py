@@ -41,13 +41,13 @@ def fit(
     curves: Path | None, progress: str, as_json: bool,
 ) -> None:  # fmt: skip
     """Estimate MODEL's free parameters from all recordings together, with confidence intervals, into MODEL2."""
-    from lostmotion.lab.commands.told import told
+    from lostmotion.lab.commands.output import write_output
     from lostmotion.lab.estimate import fit as fitted
 
-    with _prepared(model, recordings, executor, progress) as (built, experiments, pool, tell):
-        found = fitted(built, experiments, pool, tell)
+    with _prepared(model, recordings, executor, progress) as (built, experiments, pool, callback):
+        found = fitted(built, experiments, pool, callback)
     _save(found.model, output)
-    if told(found, "fit", report, curves, as_json=as_json):
+    if write_output(found, "fit", report, curves, as_json=as_json):
         return
     from lostmotion.lab.commands.fitting_terminal import show_fit
 
@@ -69,14 +69,14 @@ def explain(
     budget_s: float, effects: tuple[str, ...], progress: str, as_json: bool,
 ) -> None:  # fmt: skip
     """Say which physical effect MODEL lacks, judged on the last recording, which the fit does not see."""
-    from lostmotion.lab.commands.told import told
+    from lostmotion.lab.commands.output import write_output
     from lostmotion.lab.explain import explain as explained
 
     until = monotonic() + budget_s
     with _beside(effects):  # their words are asked for to the end
-        with _prepared(model, recordings, executor, progress) as (built, experiments, pool, tell):
-            found = explained(built, experiments, pool, tell, budget_s=until - monotonic())
-        if told(found, "explanation", report, curves, as_json=as_json):
+        with _prepared(model, recordings, executor, progress) as (built, experiments, pool, callback):
+            found = explained(built, experiments, pool, callback, budget_s=until - monotonic())
+        if write_output(found, "explanation", report, curves, as_json=as_json):
             return
         from lostmotion.lab.commands.fitting_terminal import show_explanation
 
@@ -99,16 +99,16 @@ def improve(
     curves: Path | None, budget_s: float, effects: tuple[str, ...], progress: str, as_json: bool,
 ) -> None:  # fmt: skip
     """Explain, add and fit until nothing significant is missing; print how the error falls; write MODEL2."""
-    from lostmotion.lab.commands.told import told
+    from lostmotion.lab.commands.output import write_output
     from lostmotion.lab.comparison.ladder import ladder_of
     from lostmotion.lab.explain import explain as explained
 
     until = monotonic() + budget_s
     with _beside(effects):
-        with _prepared(model, recordings, executor, progress) as (built, experiments, pool, tell):
-            found = ladder_of(explained(built, experiments, pool, tell, budget_s=until - monotonic()))
+        with _prepared(model, recordings, executor, progress) as (built, experiments, pool, callback):
+            found = ladder_of(explained(built, experiments, pool, callback, budget_s=until - monotonic()))
         _save(found.last.best.model, output)
-        if told(found, "ladder", report, curves, as_json=as_json):
+        if write_output(found, "ladder", report, curves, as_json=as_json):
             return
         from lostmotion.lab.commands.fitting_terminal import show_ladder
 
@@ -145,8 +145,8 @@ def _prepared(
     built = modelfile.load(model).build()
     held = experiments(built, recordings.read())
     try:
-        with open_executor(executor) as pool, shown(progress) as tell:
-            yield built, held, pool, tell
+        with open_executor(executor) as pool, shown(progress) as callback:
+            yield built, held, pool, callback
     except ModelError as error:
         raise ExperimentError(f"{model}: the model cannot be run on these recordings: {error}") from error
 

@@ -23,22 +23,22 @@ MOST_RANKED = 8
 def show_fit(fit: Fit, output: Path) -> None:
     """Estimates with intervals, errors by column, what could not be told."""
     console = _console()
-    _say(console, *verdict.of_fit(fit))
+    _print(console, *verdict.of_fit(fit))
     console.print(_estimates(fit))
     for column, rms in fit.rms.items():
-        _say(console, f"{column}: error {rms:.3g}, noise about {fit.noise[column]:.3g}")
+        _print(console, f"{column}: error {rms:.3g}, noise about {fit.noise[column]:.3g}")
     if not fit.complete:
-        _say(console, "stopped early: the best so far")
-    _say(console, f"written to {output}; active effects: {', '.join(fit.model.effects) or 'none'}")
+        _print(console, "stopped early: the best so far")
+    _print(console, f"written to {output}; active effects: {', '.join(fit.model.effects) or 'none'}")
 
 
 def show_explanation(explanation: Explanation) -> None:
     """The verdict in words, the ranking, what to record next."""
     console = _console()
-    _say(console, *verdict.of_explanation(explanation))
+    _print(console, *verdict.of_explanation(explanation))
     console.print(_ranking(explanation))
     if explanation.advice:
-        _say(console, explanation.advice)
+        _print(console, explanation.advice)
 
 
 def show_ladder(ladder: Ladder, output: Path) -> None:
@@ -48,16 +48,16 @@ def show_ladder(ladder: Ladder, output: Path) -> None:
     for rung in ladder.rungs:
         table.add_row(", ".join(rung.effects) or "none", f"{rung.rms:.3g} {rung.unit}", f"{rung.noise:.3g}")
     console.print(table)
-    _say(console, *verdict.of_ladder(ladder))
+    _print(console, *verdict.of_ladder(ladder))
     effects = ", ".join(ladder.last.best.model.effects) or "none"
-    _say(console, f"written to {output}; active effects: {effects}")
+    _print(console, f"written to {output}; active effects: {effects}")
 
 
 def _console() -> Console:
     return Console(width=None if sys.stdout.isatty() else WIDE, highlight=False)
 
 
-def _say(console: Console, *lines: str) -> None:
+def _print(console: Console, *lines: str) -> None:
     for line in lines:
         console.print(Text(line), soft_wrap=True)  # a terminal wraps by itself; a file keeps its lines
 
@@ -72,7 +72,7 @@ def _table(*columns: str) -> Table:
 def _estimates(fit: Fit) -> Table:
     table = _table("parameter", "value", "95 % interval", "unit", "")
     for e in fit.estimates:
-        remark = "at its bound" if e.at_bound else "" if e.told else "these recordings cannot tell it"
+        remark = "at its bound" if e.at_bound else "" if e.identified else "these recordings cannot tell it"
         table.add_row(e.name, f"{e.value:.5g}", f"{e.low:.5g} to {e.high:.5g}", e.unit, remark)
     return table
 

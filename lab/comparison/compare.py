@@ -108,7 +108,7 @@ class Comparison(Displayed):
         """The column that counts most: the first that its base is compared with."""
         return next(iter(self.experiments[0].measured))
 
-    def told(self, column: str) -> tuple[str, str]:
+    def label(self, column: str) -> tuple[str, str]:
         """What the column is, as people call it, and its SI unit."""
         return words.column(column, self.experiments[0].is_linear)
 
@@ -146,7 +146,7 @@ class Comparison(Displayed):
         """The keys of ``lab compare --json``."""
         column = self.column
         error = {"before": self.rms(column), "after": self.rms(column), "noise": self.noise[column].rms,
-                 "unit": self.told(column)[1]}  # fmt: skip
+                 "unit": self.label(column)[1]}  # fmt: skip
         return {
             "base": self.model.base,
             "effects": list(self.model.effects),
@@ -159,7 +159,7 @@ class Comparison(Displayed):
 
     def _column(self, name: str) -> dict[str, Any]:
         return {
-            "unit": self.told(name)[1],
+            "unit": self.label(name)[1],
             "rms": self.rms(name),
             "noise": self.noise[name].rms,
             "fit_percent": self.fit_percent(name),

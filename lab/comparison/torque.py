@@ -24,7 +24,7 @@ from lostmotion.lab.discrepancy.shape import shapes
 from lostmotion.lab.fitting.identifiability import held
 from lostmotion.lab.inverse.problem import Data
 from lostmotion.lab.inverse.regression import regressed
-from lostmotion.lab.inverse.signals import Signals, telling_band
+from lostmotion.lab.inverse.signals import Signals, informative_band
 from lostmotion.lab.inverse.torques import noise_floor
 from lostmotion.model import Model, Trajectory
 from lostmotion.model.motion import FloatArray
@@ -41,7 +41,7 @@ def needed_torques(model: Model, experiments: Sequence[Experiment]) -> tuple[lis
     The time axis is that on which a fit compares them; the measured torque is NaN where it does not: near both ends,
     where the filter knows one side only, and at rest, where dry friction may have any value up to its largest.
     """
-    band = telling_band(experiments)
+    band = informative_band(experiments)
     signals = [Signals.of(one, most_hz=band) for one in experiments]
     data = Data.of(signals, model)
     zeros = regressed(held(model, model.parameters), data).nuisance  # of encoders that count from where they start

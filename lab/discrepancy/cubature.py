@@ -68,7 +68,7 @@ def _points(mean: FloatArray, cov: FloatArray) -> FloatArray:
 def _run(path: Path, points: FloatArray, k0: int, k1: int) -> tuple[FloatArray, FloatArray]:
     """The model's states (2 m, n) and outputs (2 m, columns) at one knot, from these points at another one."""
     n = path.scale.size - 2
-    ends, told = np.empty((len(points), n)), np.empty((len(points), path.records.size))
+    ends, outputs = np.empty((len(points), n)), np.empty((len(points), path.records.size))
     out, states = np.empty((path.records.size, 1)), np.empty((1, n))
     for i in range(len(points)):
         if path.at >= 0:
@@ -76,8 +76,8 @@ def _run(path: Path, points: FloatArray, k0: int, k1: int) -> tuple[FloatArray, 
         integrate(path.plan, path.knots[k0 : k1 + 1], path.coefficients[k0 : k1 + 1], path.substep,
                   points[i, :n] * path.scale[:n], path.knots[k1 : k1 + 1], path.records, out, states,
                   path.origin)  # fmt: skip
-        ends[i], told[i] = states[0] / path.scale[:n], out[:, 0]
-    return ends, told
+        ends[i], outputs[i] = states[0] / path.scale[:n], out[:, 0]
+    return ends, outputs
 
 
 @_part
@@ -114,13 +114,13 @@ def _corrected(
     """Mean and covariance given a value of a column at this knot, and its log-likelihood."""
     m, n = mean.size, mean.size - 2
     points = _points(mean, cov)
-    told = _run(path, points, k, k)[1][:, column].copy()
+    outputs = _run(path, points, k, k)[1][:, column].copy()
     if column == 0:
-        told += points[:, n + 1] * path.scale[n + 1]
+        outputs += points[:, n + 1] * path.scale[n + 1]
         if path.at < 0:
-            told += points[:, n] * path.scale[n]
-    expected = told.mean()
-    off = told - expected
+            outputs += points[:, n] * path.scale[n]
+    expected = outputs.mean()
+    off = outputs - expected
     s = variance + off @ off / (2 * m)
     gain = (points - mean).T @ off / (2 * m)
     error = value - expected

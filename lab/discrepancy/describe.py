@@ -58,7 +58,7 @@ Heights = Mapping[str, tuple[float, float]]
 
 
 @dataclass(frozen=True, eq=False)
-class _Told:
+class _Trial:
     """A function, the model with it, and how much nearer it brings observer runs."""
 
     guess: Guess
@@ -76,13 +76,13 @@ def described(level: Level, task: Task) -> Finding | None:
             fits = list(pool.map(_direct, found, [level] * len(found), [task] * len(found)))
             best = min(range(len(fits)), key=lambda i: fits[i].typical)
             return _finding(found[best], _heights(fits[best], task)) if _clear(fits[best], level) else None
-        told = _nearest(level.model, found, acting, task, pool)
-        if told is None or told.gain < policy.LEAST_GAIN:
+        trial = _nearest(level.model, found, acting, task, pool)
+        if trial is None or trial.gain < policy.LEAST_GAIN:
             return None
-        if told.guess.is_wave:
-            return _wave(told)
-        fit = full_fit(told.model, task, policy.LOST_SHARE)
-        return _finding(told.guess, _heights(fit, task)) if _clear(fit, level) else _finding(told.guess)
+        if trial.guess.is_wave:
+            return _wave(trial)
+        fit = full_fit(trial.model, task, policy.LOST_SHARE)
+        return _finding(trial.guess, _heights(fit, task)) if _clear(fit, level) else _finding(trial.guess)
 
 
 def _clear(fit: Level, level: Level) -> bool:
@@ -96,7 +96,7 @@ def _direct(guess: Guess, level: Level, task: Task) -> Level:
 
 def _nearest(
     model: Model, found: Sequence[Guess], acting: Mapping[int, float], task: Task, pool: Executor
-) -> _Told | None:
+) -> _Trial | None:
     """The function that brings observer runs nearest; a wave, whose phase no two recordings share, in one of them.
     None where the model cannot be run along the measurement."""
     follower = Follower.of(task, model)
@@ -110,12 +110,12 @@ def _nearest(
              for target in (TORQUE, SENSOR)]  # fmt: skip
     with registered(waves):
         tried += _compared(model, tight, waves, alone, pool)
-    return max(tried, key=lambda told: told.gain, default=None)
+    return max(tried, key=lambda trial: trial.gain, default=None)
 
 
 def _compared(
     model: Model, base_tight: Descent, found: Sequence[Guess], follower: Follower, pool: Executor
-) -> list[_Told]:
+) -> list[_Trial]:
     """The functions, brought near with a high gain; the best of them, from there or from the beginning, with a lower
     one.
 
@@ -130,11 +130,11 @@ def _compared(
     many = [follower] * len(best)
     direct = pool.map(Descent.of, [model for *_, model in best], many)
     after = pool.map(Descent.of, [much.model for much, *_ in best], many)
-    told = []
+    trials = []
     for (much, guess, _), *little in zip(best, direct, after, strict=True):
         less = min(little, key=attrgetter("cost"))
-        told.append(_Told(guess, less.model, _gain(base_tight, much) + _gain(base, less)))
-    return told
+        trials.append(_Trial(guess, less.model, _gain(base_tight, much) + _gain(base, less)))
+    return trials
 
 
 def _gain(before: Descent, after: Descent) -> float:
@@ -146,11 +146,11 @@ def _heights(level: Level, task: Task) -> Heights:
     return {e.name: (e.value, (e.high - e.low) / 2) for e in fit_of(level, task).estimates}
 
 
-def _wave(told: _Told) -> Finding:
-    f, a, b = (told.model.parameters[f"{told.guess.effect.id}.{name}"].value for name in ("f", "a", "b"))
-    size, acts_on = math.hypot(a, b), str(told.guess.effect.acts_on)
-    text = f"{WHAT[acts_on]} is missing: a wave of {quantity(size, told.guess.unit, 2)} at {f:.4g} Hz"
-    return Finding(acts_on, told.guess.depends_on, text, None, f"{size:.3g} sin(2π {f:.4g} Hz t)")
+def _wave(trial: _Trial) -> Finding:
+    f, a, b = (trial.model.parameters[f"{trial.guess.effect.id}.{name}"].value for name in ("f", "a", "b"))
+    size, acts_on = math.hypot(a, b), str(trial.guess.effect.acts_on)
+    text = f"{WHAT[acts_on]} is missing: a wave of {quantity(size, trial.guess.unit, 2)} at {f:.4g} Hz"
+    return Finding(acts_on, trial.guess.depends_on, text, None, f"{size:.3g} sin(2π {f:.4g} Hz t)")
 
 
 def _finding(guess: Guess, heights: Heights | None = None) -> Finding:

@@ -46,7 +46,7 @@ from lostmotion.model.signals import (
 )
 from lostmotion.model.solve import Plan, start_signals
 
-__all__ = ["TARGETS", "Track", "Tracker", "Wander"]
+__all__ = ["TARGETS", "InputProcess", "Track", "Tracker"]
 
 TARGETS = {
     "play": {"joint": TORQUE, "oscillator": BAR_FORCE, "command": THETA1},
@@ -76,7 +76,7 @@ def injected(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
 
 
 @dataclass(frozen=True)
-class Wander:
+class InputProcess:
     """How an unknown input behaves: equation, standard deviation (its unit), and time in which it forgets itself [s].
 
     floor: what every state may do by itself from one sample to the next, as a share of its scale.  With too little of
@@ -166,14 +166,14 @@ class Tracker:
         """Where an unknown input may enter."""
         return (*TARGETS[self.base], "sensor")
 
-    def run(self, wander: Wander, *, smooth: bool = False) -> Track:
+    def run(self, process: InputProcess, *, smooth: bool = False) -> Track:
         """Filters, and smooths where that is asked for.  Safe in threads: the solver's tables are copied."""
         plan: Any = self._plan._replace(p=self._plan.p.copy())
         spacing = float(np.median(np.diff(self._times)))
-        keeps = float(np.exp(-spacing / wander.memory_s))
-        at = self._at.get(wander.equation, -1)
-        scale = np.append(self._scale, (wander.deviation, self._coloured))
-        noise = np.full(scale.size, wander.floor**2)
+        keeps = float(np.exp(-spacing / process.memory_s))
+        at = self._at.get(process.equation, -1)
+        scale = np.append(self._scale, (process.deviation, self._coloured))
+        noise = np.full(scale.size, process.floor**2)
         noise[-2:] = 1.0 - keeps**2, 1.0 - self._alike**2
         path = Path(plan, at, self._knots, self._coefficients, self._substep, self._records, self._origin, scale,
                      np.array([keeps, self._alike]), noise)  # fmt: skip

@@ -23,7 +23,7 @@ from lostmotion.lab import policy, words
 from lostmotion.lab.data.autoregression import NoiseModel
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.deadline import is_over
-from lostmotion.lab.discrepancy.input_estimation import Track, Tracker, Wander
+from lostmotion.lab.discrepancy.input_estimation import InputProcess, Track, Tracker
 from lostmotion.lab.discrepancy.shape import Shape, shapes
 from lostmotion.lab.parallel import Threads, cores
 from lostmotion.lab.quantity import quantity
@@ -118,29 +118,29 @@ def localise(
     ]
     with Threads(cores()) as pool:
         climbs = list(pool.map(lambda entry: _climb(trackers, entry[0], entry[1], sizes[entry[0]]), tries))
-        best: dict[str, tuple[float, Wander]] = {}
-        for score, wander in climbs:
-            if wander.equation not in best or score > best[wander.equation][0]:
-                best[wander.equation] = (score, wander)
+        best: dict[str, tuple[float, InputProcess]] = {}
+        for score, process in climbs:
+            if process.equation not in best or score > best[process.equation][0]:
+                best[process.equation] = (score, process)
         culprit = max(best, key=lambda equation: best[equation][0])
-        top, wander = best[culprit]
+        top, process = best[culprit]
         if not np.isfinite(top):
             return None
-        tracks = list(pool.map(lambda tracker: tracker.run(wander, smooth=True), trackers))
+        tracks = list(pool.map(lambda tracker: tracker.run(process, smooth=True), trackers))
     behind = {equation: top - score for equation, (score, _) in best.items()}
-    return _told(culprit, behind, trackers, tracks)
+    return _localisation(culprit, behind, trackers, tracks)
 
 
 def _first(experiment: Experiment, samples: int) -> Experiment:
     return experiment.between(experiment.time[0], experiment.time[min(samples, experiment.time.size - 1)])
 
 
-def _climb(trackers: Sequence[Tracker], equation: str, memory: float, unit: float) -> tuple[float, Wander]:
+def _climb(trackers: Sequence[Tracker], equation: str, memory: float, unit: float) -> tuple[float, InputProcess]:
     """The size at which the likelihood is largest."""
 
-    def tried(step: int) -> tuple[float, Wander]:
-        wander = Wander(equation, FIRST * FACTOR**step * unit, memory, FLOOR)
-        return _likelihood(trackers, wander), wander
+    def tried(step: int) -> tuple[float, InputProcess]:
+        process = InputProcess(equation, FIRST * FACTOR**step * unit, memory, FLOOR)
+        return _likelihood(trackers, process), process
 
     best = tried(0)
     for direction in (1, -1):
@@ -154,11 +154,11 @@ def _climb(trackers: Sequence[Tracker], equation: str, memory: float, unit: floa
     return best
 
 
-def _likelihood(trackers: Sequence[Tracker], wander: Wander) -> float:
+def _likelihood(trackers: Sequence[Tracker], process: InputProcess) -> float:
     total = 0.0
     for tracker in trackers:
         try:
-            score = tracker.run(wander).log_likelihood
+            score = tracker.run(process).log_likelihood
         except np.linalg.LinAlgError:
             return -np.inf
         if not np.isfinite(score):
@@ -196,7 +196,7 @@ def _acceleration(experiment: Experiment) -> float:
     return float(np.sqrt(np.mean(np.gradient(np.gradient(angle, time), time) ** 2)))
 
 
-def _told(
+def _localisation(
     culprit: str, behind: Mapping[str, float], trackers: Sequence[Tracker], tracks: Sequence[Track]
 ) -> Localisation:
     signals = [tracker.signals(track.states) for tracker, track in zip(trackers, tracks, strict=True)]

@@ -125,7 +125,7 @@ def _estimate(item: Unknown, z: float, deviation: float, unit: str, at_bound: bo
     ends = sorted(
         (_unbounded(item, z - policy.HALF_WIDTH * deviation), _unbounded(item, z + policy.HALF_WIDTH * deviation))
     )
-    return Estimate(item.name, item.value(z), ends[0], ends[1], unit, item.is_told(z, deviation), at_bound)
+    return Estimate(item.name, item.value(z), ends[0], ends[1], unit, item.is_identified(z, deviation), at_bound)
 
 
 def _unbounded(item: Unknown, z: float) -> float:

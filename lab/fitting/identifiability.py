@@ -34,7 +34,7 @@ def with_scale(model: Model, experiments: Sequence[Experiment]) -> tuple[Model, 
     if not name or model.parameters[name].fixed:
         return model, ()
     parameter = model.parameters[name]
-    scale = Estimate(name, parameter.value, parameter.value, parameter.value, parameter.unit, told=False)
+    scale = Estimate(name, parameter.value, parameter.value, parameter.value, parameter.unit, identified=False)
     return held(model, [name]), (scale,)
 
 

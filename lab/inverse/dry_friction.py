@@ -17,12 +17,12 @@ __all__ = ["simulable", "softened"]
 def softened(model: Model, signals: Sequence[Signals]) -> Model:
     """The model with dry friction that changes sign as steeply as the filtered speed tells, or less where the model
     says so: a width in rad/s is wide for a slow joint, and for an axis in m/s, and depends on the unit of time."""
-    told = policy.UNSURE_SPEED * float(np.sqrt(np.mean(np.concatenate([one.velocity for one in signals]) ** 2)))
+    width = policy.UNSURE_SPEED * float(np.sqrt(np.mean(np.concatenate([one.velocity for one in signals]) ** 2)))
     usual = build_model(model.base, model.effects).parameters
     widths = {
-        name: told
+        name: width
         for name, parameter in model.parameters.items()
-        if name.endswith(".omega_0") and parameter.fixed and (parameter.value < told or parameter == usual[name])
+        if name.endswith(".omega_0") and parameter.fixed and (parameter.value < width or parameter == usual[name])
     }
     return model.replace(widths)
 

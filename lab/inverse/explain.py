@@ -32,7 +32,7 @@ from lostmotion.lab.inverse.output_error import OutputError, initial_state
 from lostmotion.lab.inverse.problem import Data
 from lostmotion.lab.inverse.regression import Regression, blocks_of, can_run
 from lostmotion.lab.inverse.selection import Search, Selection, Step, first_fit, selected
-from lostmotion.lab.inverse.signals import COLUMNS, Signals, telling_band
+from lostmotion.lab.inverse.signals import COLUMNS, Signals, informative_band
 from lostmotion.lab.inverse.signs import advice_of_signs
 from lostmotion.lab.inverse.torques import can_invert, noise_floor
 from lostmotion.lab.inverse.validate import Method, amplitudes, error_on, fit_on, is_noise
@@ -77,7 +77,7 @@ def explained(
     model, held = with_scale(model, train)
     rough = from_spectra(model, train)
     is_force = model.base != "servo"
-    band = telling_band(train) if method is Method.TORQUE else math.inf
+    band = informative_band(train) if method is Method.TORQUE else math.inf
     signals = [Signals.of(one, is_force, band) for one in train]
     unseen = Signals.of(last, is_force, band)
     search = Search(method, unseen, len(train) < policy.ENOUGH_RECORDINGS, pool)
@@ -166,7 +166,7 @@ def _floors(noise: dict[str, float], column: str, fit: Regression, *unseen: Sign
 def fitted(model: Model, experiments: Sequence[Experiment], method: Method, noise: dict[str, float]) -> Fit:
     """The model with its free parameters fitted to all of these experiments; noise: floor of each column."""
     model, _ = with_scale(model, experiments)
-    band = telling_band(experiments) if method is Method.TORQUE else math.inf
+    band = informative_band(experiments) if method is Method.TORQUE else math.inf
     signals = [Signals.of(one, model.base != "servo", band) for one in experiments]
     fit = first_fit(from_spectra(model, experiments), signals, Search(method)).judged
     column = "torque" if method is Method.TORQUE else signals[0].column
@@ -245,7 +245,7 @@ def _estimates(fit: Regression) -> list[Estimate]:
             value - factor * slope, value + factor * slope)  # fmt: skip
         unit = fit.model.parameters[item.name].unit
         found.append(Estimate(item.name, value, ends[0], ends[1], words.linear(unit) if is_linear(fit) else unit,
-                              item.is_told(z, sd), bool(z <= a or z >= b)))  # fmt: skip
+                              item.is_identified(z, sd), bool(z <= a or z >= b)))  # fmt: skip
     return found
 
 

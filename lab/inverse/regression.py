@@ -182,11 +182,11 @@ def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, s
     if not z.size:
         return Regression(model, data, unknowns, z, data.residual(model, z), np.empty((sum(data.counts), 0)), z)
     once = _minimised(model, data, unknowns, z, *_prior(unknowns, data.centre), steps)
-    untold = _untold(once) if data.centre is None else np.zeros(count, dtype=bool)
-    if not untold.any():
+    unidentified = _unidentified(once) if data.centre is None else np.zeros(count, dtype=bool)
+    if not unidentified.any():
         return once
-    near = np.where(untold, np.maximum(first, _unnoticed(once, first, untold)), first)
-    weight = np.asarray(untold * once.rms / _usual(data, model))
+    near = np.where(unidentified, np.maximum(first, _unnoticed(once, first, unidentified)), first)
+    weight = np.asarray(unidentified * once.rms / _usual(data, model))
     return _minimised(model, data, unknowns, z, weight, near, steps)
 
 
@@ -273,7 +273,7 @@ def _prior(unknowns: Unknowns, centre: Model | None) -> tuple[FloatArray, FloatA
     return weight, near
 
 
-def _untold(fit: Regression) -> NDArray[np.bool_]:
+def _unidentified(fit: Regression) -> NDArray[np.bool_]:
     """Which positive parameters of the base (P,) may change by a factor e, and the samples do not notice: an inertia
     that hardly accelerates, which a fit takes to zero or anywhere."""
     noticed = np.linalg.norm(fit.jacobian[:, : fit.count], axis=0) > fit.rms
@@ -281,7 +281,7 @@ def _untold(fit: Regression) -> NDArray[np.bool_]:
     return np.asarray(np.array(own, dtype=bool) & ~noticed)
 
 
-def _unnoticed(fit: Regression, z: FloatArray, untold: NDArray[np.bool_]) -> FloatArray:
+def _unnoticed(fit: Regression, z: FloatArray, unidentified: NDArray[np.bool_]) -> FloatArray:
     """The largest values (P,) of these positive parameters of the base that the samples do not notice; see ``_untold``.
 
     The torque is proportional to an inertia, so that its derivative by the logarithm at z is what a doubling adds;
@@ -289,7 +289,7 @@ def _unnoticed(fit: Regression, z: FloatArray, untold: NDArray[np.bool_]) -> Flo
     whose friction is large for its inertia is slow to simulate.
     """
     found = z.copy()
-    for at in np.flatnonzero(untold):
+    for at in np.flatnonzero(unidentified):
         once, twice = (
             fit.data.residual(
                 fit.unknowns.put(fit.model, np.where(np.arange(z.size) == at, value, fit.z)), fit.nuisance

@@ -20,7 +20,7 @@ from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.lines import spectral_lines
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["COLUMNS", "Signals", "telling_band"]
+__all__ = ["COLUMNS", "Signals", "informative_band"]
 
 FASTEST = 0.2
 """Of the rate: the highest end of a band, where the second derivative of the spline is still right to 1 %."""
@@ -76,7 +76,7 @@ class Signals:
     @classmethod
     def of(cls, experiment: Experiment, is_force: bool = True, most_hz: float = math.inf) -> Signals:
         """Of an experiment with one moving part.  is_force: the input is a torque or force; without one the part moves
-        freely and there is none.  most_hz: the highest end of the band (``telling_band``)."""
+        freely and there is none.  most_hz: the highest end of the band (``informative_band``)."""
         column = next(name for name in COLUMNS if name in experiment.measured)
         seen = ~np.isnan(experiment.measured[column])
         measured, at = experiment.measured[column][seen], experiment.time[seen]
@@ -187,7 +187,7 @@ class Signals:
         return float(np.sqrt(self.position_density * (2 * np.pi) ** (2 * order) * end_hz**power / power))
 
 
-def telling_band(experiments: Sequence[Experiment]) -> float:
+def informative_band(experiments: Sequence[Experiment]) -> float:
     """The highest end of the band [Hz] that tells the inertia of a driven joint nearly as well as the best of them.
 
     What moves the part and is not in its torque (a quivering arm, a belt) is far larger in an acceleration than slow
@@ -198,7 +198,7 @@ def telling_band(experiments: Sequence[Experiment]) -> float:
     widest = max(Signals.of(one).band_hz for one in experiments)
     ends = [share * widest for share in SHARES]
     unsure = [_unsure_inertia([Signals.of(one, True, end) for one in experiments]) for end in ends]
-    if not min(unsure) < policy.INERTIA_TOLD:
+    if not min(unsure) < policy.INERTIA_IDENTIFIED:
         return widest
     return next(end for end, sd in zip(ends, unsure, strict=True) if sd <= policy.BAND_AS_WELL * min(unsure))
 

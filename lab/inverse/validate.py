@@ -85,7 +85,7 @@ class Judged:
     fitted: Fitted
     gain: float
     p_value: float
-    is_told: bool = True
+    is_identified: bool = True
 
     @property
     def fit(self) -> Regression:
@@ -95,7 +95,7 @@ class Judged:
     @property
     def is_significant(self) -> bool:
         """Whether it may be named."""
-        return self.p_value < policy.FALSE_NAME and self.gain > policy.LEAST_GAIN and self.is_told
+        return self.p_value < policy.FALSE_NAME and self.gain > policy.LEAST_GAIN and self.is_identified
 
 
 def continued(model: Model, swings: OutputError) -> Regression:
@@ -194,8 +194,8 @@ def judged(name: str, found: Fitted, now: Fitted, tried: float, choosing: Signal
     """A candidate of so many (one over its prior probability), against the present fit; choosing: see ``p_of``."""
     before, after, block = _errors(now.judged, found.judged, choosing)
     p_value = min(tried * shapes_tried(name, found.model) * _chance(before, after, block), 1.0)
-    is_told = is_sized(name, found.judged) and are_apt(found.model, [name])
-    return Judged(name, found, float(1 - after.sum() / before.sum()), p_value, is_told)
+    is_identified = is_sized(name, found.judged) and are_apt(found.model, [name])
+    return Judged(name, found, float(1 - after.sum() / before.sum()), p_value, is_identified)
 
 
 def prior_odds(effects: Sequence[str], own: Sequence[str]) -> dict[str, float]:
@@ -236,7 +236,7 @@ def _is_shaped(effect: str, fit: Regression, block: NDArray[np.intp]) -> bool:
     anywhere is one if it has a frequency: to a mass on a spring that rubbed, one of 0.001 to 1e6 Hz was fitted."""
     own = [at for at, name in enumerate(fit.unknowns.names) if name.startswith(f"{effect}.")]
     deviation = np.sqrt(np.maximum(np.diag(fit.covariance(block)), 0.0))
-    return not own or any(fit.unknowns.items[at].is_told(fit.z[at], deviation[at]) for at in own)
+    return not own or any(fit.unknowns.items[at].is_identified(fit.z[at], deviation[at]) for at in own)
 
 
 def amplitudes(effect: str, fit: Regression) -> list[str]:

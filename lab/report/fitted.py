@@ -38,7 +38,7 @@ def parameters(fit: Fit) -> Section | None:
         return None
     rows = [_row(fit.model, estimate) for estimate in fit.estimates]
     body = table(("parameter", "value>", "95 % interval>"), rows)
-    hidden = [e.name for e in fit.estimates if not e.told]
+    hidden = [e.name for e in fit.estimates if not e.identified]
     text = f"These recordings cannot tell {verdict.joined(hidden)}; take the values as assumed." if hidden else ""
     return Section("parameters", "Parameters", Html(body + (note(text) if text else "")))
 
@@ -61,8 +61,8 @@ def _row(built: Model, estimate: Estimate) -> tuple[Html, ...]:
     meaning = built.parameters[estimate.name].meaning if estimate.name in built.parameters else ""
     interval = Interval(estimate.value, estimate.low, estimate.high, estimate.unit)
     (_, low, high), _ = interval.texts()
-    span = f"{low} … {high}" if estimate.told and interval.known else "–"
-    flags = (("cannot be told", not estimate.told), ("at its bound", estimate.at_bound))
+    span = f"{low} … {high}" if estimate.identified and interval.known else "–"
+    flags = (("cannot be told", not estimate.identified), ("at its bound", estimate.at_bound))
     raised = [Html(f'<span class="flag">{text}</span>') for text, is_set in flags if is_set]
     return (cell(estimate.name, meaning), cell(interval.alone, css="number"), cell(span, *raised, css="number"))
 

@@ -37,7 +37,7 @@ def errors(comparison: Comparison) -> Section:
 def over_time(comparison: Comparison) -> Section:
     """In which phases of the motion the error arises, and when."""
     column = comparison.column
-    what, unit = comparison.told(column)
+    what, unit = comparison.label(column)
     rows = [_phase(one, unit) for one in comparison.phases[column]]
     text = "Bar: the share of the squared error that arises in this phase; dashed: the share of the time that it takes."
     phases = note(text) + table(("phase", f"error in {what}", "share>", "error>"), rows)
@@ -49,7 +49,7 @@ def over_time(comparison: Comparison) -> Section:
 def over_states(comparison: Comparison) -> Section | None:
     """The residual of each column against each variable, those that matter in sight; None where there are no maps."""
     pictures = [
-        (one.significant, _map(comparison.told(column), one))
+        (one.significant, _map(comparison.label(column), one))
         for column, found in comparison.maps.items()
         for one in found
     ]
@@ -80,7 +80,7 @@ def in_frequency(traces: Iterable[Trace], comparison: Comparison | None) -> Sect
 
 def over_lags(comparison: Comparison) -> Section | None:
     """Correlations of the residual with itself and the input; None where there are none."""
-    tests = [(f"{comparison.told(column)[0]}: {name}", one)
+    tests = [(f"{comparison.label(column)[0]}: {name}", one)
              for column, found in comparison.tests.items() for name, one in found.items()]  # fmt: skip
     if not tests:
         return None
@@ -112,8 +112,8 @@ def _history(name: str, blocks: Sequence[Block], what: str, unit: str, compariso
     return figure(history(title, f"error, {what}", unit, middle, rms, comparison.noise[comparison.column].rms), title)
 
 
-def _map(told: tuple[str, str], one: ResidualMap) -> Html:
-    (what, unit), (left, left_unit) = words.variable(one.variable), told
+def _map(label: tuple[str, str], one: ResidualMap) -> Html:
+    (what, unit), (left, left_unit) = words.variable(one.variable), label
     picture = curve(f"Residual of {left} against {what}", one.x, one.mean, -one.half_width, one.half_width,
                     (what, f"residual, {left}"), (unit, left_unit))  # fmt: skip
     share = f"takes {number(100 * one.explained, 0)} % of what is left" if one.significant else "nothing beyond chance"

@@ -25,7 +25,7 @@ def summary(comparison: Comparison) -> list[str]:
 
 
 def _size(comparison: Comparison, name: str) -> str:
-    what, unit = comparison.told(name)
+    what, unit = comparison.label(name)
     (error, noise), unit = quantities(unit, comparison.rms(name), comparison.noise[name].rms)
     return (
         f"{what}: fit {comparison.fit_percent(name):.1f} %, error {error} {unit} where the noise is {noise} {unit}"

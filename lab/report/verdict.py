@@ -89,8 +89,8 @@ def of_finding(finding: Finding) -> tuple[str, ...]:
     place = PLACES.get(finding.acts_on, finding.acts_on)
     depends = joined([words.variable(name)[0] for name in finding.depends_on])
     where = f"It acts on {place}" + (f" and depends on {depends}." if depends else ".")
-    said = finding.description
-    return (where, f"{said[0].upper()}{said[1:].rstrip('.')}.") if said else (where,)
+    text = finding.description
+    return (where, f"{text[0].upper()}{text[1:].rstrip('.')}.") if text else (where,)
 
 
 def of_fit(fit: Fit) -> tuple[str, ...]:
@@ -100,7 +100,7 @@ def of_fit(fit: Fit) -> tuple[str, ...]:
         what, si = words.column(column, any(one.is_linear for one in fit.experiments))
         (error, noise), unit = quantities(si, rms, fit.noise.get(column, math.nan))
         sentences.append(f"The error in {what} is {with_unit(error, unit)}; the noise is {noise}.")
-    hidden = [e.name for e in fit.estimates if not e.told]
+    hidden = [e.name for e in fit.estimates if not e.identified]
     if hidden:
         sentences.append(f"These recordings cannot tell {joined(hidden)}.")
     return tuple(sentences)
@@ -109,16 +109,16 @@ def of_fit(fit: Fit) -> tuple[str, ...]:
 def of_comparison(comparison: Comparison) -> tuple[str, ...]:
     """How far the model is off in the column that counts most, and where the error comes from."""
     column = comparison.column
-    (what, si), overlays = comparison.told(column), comparison.of(column)
+    (what, si), overlays = comparison.label(column), comparison.of(column)
     (error, noise), unit = quantities(si, comparison.rms(column), comparison.noise[column].rms)
     fit = f"{number(comparison.fit_percent(column), 1)} %"
     sentences = [f"The error in {what} is {with_unit(error, unit)}, a fit of {fit}; the noise is {noise}."]
     if comparison.is_noise:
         return (*sentences, "What is left is no more than noise.")
     sentences.append(worst_phase(comparison, column))
-    telling = [one for one in comparison.maps[column] if one.significant]
-    if telling:
-        depends = joined([words.variable(one.variable)[0] for one in telling[:MOST_VARIABLES]])
+    significant = [one for one in comparison.maps[column] if one.significant]
+    if significant:
+        depends = joined([words.variable(one.variable)[0] for one in significant[:MOST_VARIABLES]])
         sentences.append(f"What is left depends on {depends}.")
     horizon = min(one.horizon_s for one in overlays)
     if math.isfinite(horizon):
@@ -128,7 +128,7 @@ def of_comparison(comparison: Comparison) -> tuple[str, ...]:
 
 def worst_phase(comparison: Comparison, column: str) -> str:
     """Where in the motion the error is largest."""
-    phase, unit = comparison.worst_phase(column), comparison.told(column)[1]
+    phase, unit = comparison.worst_phase(column), comparison.label(column)[1]
     size, share = quantity(phase.rms, unit, 2), 100 * phase.error
     return f"It fails most {phase.phase}: {size} there, {share:.0f} % of the squared error."
 

@@ -105,7 +105,7 @@ def _near_step(level: Level, scores: Scores, now: Judged, unseen: Unseen) -> Ste
     step = _ranked(scores, on_unseen(trials, now, unseen), now, unseen)
     if step.accepted:
         return step
-    return _told_by_training(step, level, now, task) or step
+    return _accepted_by_training(step, level, now, task) or step
 
 
 def look_ahead(step: Step, now: Judged, unseen: Unseen) -> Step | None:
@@ -146,7 +146,7 @@ def _ranked(scores: Scores, every: Sequence[Tried], now: Judged, unseen: Unseen)
     return Step(scores, tried, accepted=unseen.is_better(tried[0].judged, now))
 
 
-def _told_by_training(step: Step, level: Level, now: Judged, task: Task) -> Step | None:
+def _accepted_by_training(step: Step, level: Level, now: Judged, task: Task) -> Step | None:
     """The step with an effect put first and accepted that takes a share of the error of the data of the fit, and of
     which the unseen data are free, as of a range that they never reach: none of their segments is worse."""
     trained_on = [trained(fit, task.substep_s) for fit in (level, *(one.level for one in step.tried))]

@@ -80,9 +80,9 @@ class Unknown:
         """d value / d z."""
         return math.exp(min(z, 700.0)) if self.logarithmic else self.scale
 
-    def is_told(self, z: float, deviation: float) -> bool:
+    def is_identified(self, z: float, deviation: float) -> bool:
         """Whether a standard deviation of z is a small share of the value, or of its scale if that is more."""
-        return bool(deviation < policy.TOLD * (1.0 if self.logarithmic else max(abs(z), 1.0)))
+        return bool(deviation < policy.IDENTIFIED * (1.0 if self.logarithmic else max(abs(z), 1.0)))
 
 
 def _near(unknown: Unknown, value: float, factor: float) -> Unknown:

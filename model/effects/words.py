@@ -11,12 +11,12 @@ __all__ = ["Words"]
 
 @dataclass(frozen=True)
 class Words:
-    """tells: the sentence, a template of the parameters' intervals; look: what to look at on the robot; otherwise: the
+    """sentence: a template of the parameters' intervals; look: what to look at on the robot; otherwise: the
     sentence for values that fail ``when``; read_as: parameters without a unit that are better read as an angle or a
     percentage."""
 
     name: str
-    tells: str
+    sentence: str
     look: str
     when: Callable[[Mapping[str, float]], bool] = lambda values: True
     otherwise: str = ""

@@ -103,4 +103,4 @@ def _estimate(model: Model, name: str) -> Estimate:
     parameter = model.parameters[name]
     half = 0.07 * abs(parameter.value) or 0.02
     return Estimate(name, parameter.value, parameter.value - half, parameter.value + half, parameter.unit,
-                    told=name != "alpha", at_bound=name == "b")  # fmt: skip
+                    identified=name != "alpha", at_bound=name == "b")  # fmt: skip

@@ -131,7 +131,7 @@ def test_gears_with_an_encoder_on_either_side() -> None:
     for name, true in (("coulomb_friction.tau_c", 2e-4), ("d", GEARS["d"])):
         assert estimates[name].low < true < estimates[name].high
         assert estimates[name].value == pytest.approx(true, rel=0.05)
-    assert [e.name for e in found.best.estimates if not e.told] == ["l", "b", "k", "bias"]
+    assert [e.name for e in found.best.estimates if not e.identified] == ["l", "b", "k", "bias"]
 
 
 KILOGRAM, METRE = 1e3, 10.0

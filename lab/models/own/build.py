@@ -118,5 +118,5 @@ def _check_returned(name: str, found: Any, states: int) -> None:
 def _reason(error: Exception) -> str:
     """What numba says in many lines, in one."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    telling = [line for line in lines if not line.startswith(("Failed in", "During:", "File "))]
-    return f"numba cannot compile it: {(telling or lines or ['no reason given'])[0]}"
+    informative = [line for line in lines if not line.startswith(("Failed in", "During:", "File "))]
+    return f"numba cannot compile it: {(informative or lines or ['no reason given'])[0]}"

@@ -222,11 +222,11 @@ def test_command_tells_and_writes_json(tmp_path: Path) -> None:
     (tmp_path / "model.toml").write_text(
         'base = "play"\n[parameters]\nd = 8e-5\nalpha = 5000.0\nb = 0.18\nk = 2600.0\n'
     )
-    told = run(tmp_path / "model.toml", tmp_path / "rec.csv").stdout
-    assert "base play, active effects: none" in told
-    assert "rec.csv" in told
-    assert "measured" in told
-    assert "nothing is missing" in told
+    output = run(tmp_path / "model.toml", tmp_path / "rec.csv").stdout
+    assert "base play, active effects: none" in output
+    assert "rec.csv" in output
+    assert "measured" in output
+    assert "nothing is missing" in output
     document = json.loads(run(tmp_path / "model.toml", tmp_path / "rec.csv", "--json").stdout)
     assert document["base"] == "play"
     assert document["error"]["unit"] == "m/s^2"

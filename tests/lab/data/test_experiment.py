@@ -105,21 +105,21 @@ def run(*args: object) -> Result:
     return CliRunner().invoke(cli, [str(arg) for arg in args])
 
 
-@pytest.mark.parametrize(("base", "bad", "told"), BAD.values(), ids=BAD.keys())
-def test_refused_by_the_library(base: str, bad: Recording, told: str) -> None:
+@pytest.mark.parametrize(("base", "bad", "message"), BAD.values(), ids=BAD.keys())
+def test_refused_by_the_library(base: str, bad: Recording, message: str) -> None:
     """The line names the recording, what was found and what was expected."""
     with pytest.raises(ExperimentError) as caught:
         held(base, bad)
     assert str(caught.value).startswith("rec.csv: ")
-    assert told in str(caught.value)
+    assert message in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
 IN_A_FILE = {name: case for name, case in BAD.items() if not name.startswith("infinite")}
 
 
-@pytest.mark.parametrize(("base", "bad", "told"), IN_A_FILE.values(), ids=IN_A_FILE.keys())
-def test_refused_by_the_command_line(base: str, bad: Recording, told: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("base", "bad", "message"), IN_A_FILE.values(), ids=IN_A_FILE.keys())
+def test_refused_by_the_command_line(base: str, bad: Recording, message: str, tmp_path: Path) -> None:
     """The same line from the file, with exit status 2, for each of the three commands; no model is written."""
     file, out = tmp_path / "rec.csv", tmp_path / "out.toml"
     write_recording(bad, file)
@@ -129,7 +129,7 @@ def test_refused_by_the_command_line(base: str, bad: Recording, told: str, tmp_p
         assert result.stdout == ""
         assert result.stderr.count("\n") == 1
         assert f"{file}: " in result.stderr
-        assert told in result.stderr
+        assert message in result.stderr
     assert not out.exists()
 
 
@@ -149,17 +149,17 @@ def test_cell_that_is_no_number(cell: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("model", "file", "told"),
+    ("model", "file", "message"),
     [("gears", "rec.csv", "gears"), ("play", "none.csv", "none.csv: cannot be read: No such file")],
     ids=["model", "recording"],
 )
-def test_files_that_are_not_there(model: str, file: str, told: str, tmp_path: Path) -> None:
+def test_files_that_are_not_there(model: str, file: str, message: str, tmp_path: Path) -> None:
     """A model file or a recording of that name does not exist: one line too."""
     write_recording(recording(command=COMMAND, accel=ACCEL), tmp_path / "rec.csv")
     result = run("lab", "explain", model, tmp_path / file)
     assert result.exit_code == 2
     assert result.stderr.count("\n") == 1
-    assert told in result.stderr
+    assert message in result.stderr
 
 
 def test_signals_of_different_rates() -> None:

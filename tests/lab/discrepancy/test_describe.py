@@ -133,8 +133,8 @@ def test_one_known_height_is_no_curve() -> None:
     """Where the fit tells only the height at rest, the finding says on what it depends, and draws nothing."""
     x = np.linspace(-2.0, 2.0, 5)
     guess = Guess(get_effect("viscous_friction"), "N m", ("omega_2",), x, np.ones(5, dtype=bool))
-    told = _finding(guess, {name: (0.1, 0.01 if i == 2 else 1e3) for i, name in enumerate(guess.heights)})
-    assert (told.depends_on, told.curve, told.formula) == (("omega_2",), None, None)
+    finding = _finding(guess, {name: (0.1, 0.01 if i == 2 else 1e3) for i, name in enumerate(guess.heights)})
+    assert (finding.depends_on, finding.curve, finding.formula) == (("omega_2",), None, None)
     known = _finding(guess, {name: (0.3 * at, 0.01) for name, at in zip(guess.heights, x, strict=True)})
     assert known.curve is not None
     assert known.formula == "0.3 omega_2"

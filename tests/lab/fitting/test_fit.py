@@ -57,9 +57,9 @@ def values(found: Fit) -> dict[str, float]:
 def test_gears(pool: Executor) -> None:
     """Play, lever and stiffness within 1 % from a play 18 % off, the error at the noise, the truth in the intervals."""
     model = build_model("play", values=ROUGH)
-    told: list[tuple[str, float]] = []
+    reported: list[tuple[str, float]] = []
     held = experiments(model, [gears(0), gears(1)])
-    found = fit(model, held, pool, lambda what, part: told.append((what, part)))
+    found = fit(model, held, pool, lambda what, part: reported.append((what, part)))
     assert found.complete
     for name in ("d", "l", "k"):
         assert values(found)[name] == pytest.approx(TRUE[name], rel=0.01)
@@ -72,7 +72,7 @@ def test_gears(pool: Executor) -> None:
         width = estimate.high - estimate.low
         if estimate.name in TRUE:
             assert estimate.low - width < TRUE[estimate.name] < estimate.high + width
-    parts = [part for _, part in told]
+    parts = [part for _, part in reported]
     assert parts[0] == 0.0
     assert parts[-1] == 1.0
     assert parts == sorted(parts)
@@ -156,4 +156,4 @@ def test_what_is_told_does_not_depend_on_the_first_value() -> None:
         task = Task.of(model, held, noise_of(held))
         drift = fit_of(full_fit(model, task), task)["bias_drift.c"]
         assert drift.low < 0.5 < drift.high
-        assert drift.told
+        assert drift.identified

@@ -67,6 +67,6 @@ def test_a_false_name_is_as_rare_as_its_level(number: int, p_value: float, added
     """Of 300 searches in one short recording, with a judged one as a further fold, one named an effect although nothing
     is missing (5 % are allowed): that with p = 0.032.  The next had 0.057 and 0.15: at a level of 10 % two would."""
     found = search([coloured(2 * number), coloured(2 * number + 1)], is_fold=True)
-    apt = [one.p_value for one in found.steps[0].judged if one.gain > 0.05 and one.is_told]
+    apt = [one.p_value for one in found.steps[0].judged if one.gain > 0.05 and one.is_identified]
     assert min(apt) == pytest.approx(p_value, rel=0.15)
     assert found.added == added

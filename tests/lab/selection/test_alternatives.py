@@ -37,9 +37,9 @@ def test_which_one_it_is(hidden: str, met: str) -> None:
         before, first = unseen.judge(full_fit(model, task).model), Tried(met, level, unseen.judge(level.model), 0.5)
         other = Tried("bias_drift", level, first.judged, 0.6)
         step = Step(Scores((), 0.0, {}, NoiseModel.white(1.0)), (first, other), accepted=True)
-        told = distinguished(step, before, unseen)
-    assert [one.effect for one in told.tried] == list(dict.fromkeys([hidden, met, "bias_drift"]))
-    found = told.tried[0].level.model
+        alternatives = distinguished(step, before, unseen)
+    assert [one.effect for one in alternatives.tried] == list(dict.fromkeys([hidden, met, "bias_drift"]))
+    found = alternatives.tried[0].level.model
     assert found.effects == (hidden,)
     assert found.parameters[f"{hidden}.T"].value == pytest.approx(3e-3, rel=0.03 if hidden != met else 0.1)
 

@@ -14,12 +14,12 @@ from lostmotion.lab.comparison.compare import Comparison
 from lostmotion.lab.report import verdict
 from lostmotion.lab.results import Explanation, Fit, Ladder
 
-__all__ = ["told"]
+__all__ = ["write_output"]
 
 Found = Comparison | Fit | Explanation | Ladder
 
 
-def told(found: Found, kind: str, report: Path | None, curves: Path | None, *, as_json: bool) -> bool:
+def write_output(found: Found, kind: str, report: Path | None, curves: Path | None, *, as_json: bool) -> bool:
     """Writes what was asked for; whether that is all, as a program reads it.  kind: what the report calls it."""
     if report is not None:
         from lostmotion.lab.report import write_report
