@@ -1,4 +1,4 @@
-"""The lab: a model against measurements.  What a notebook, or a file with an effect of one's own, needs is here.
+"""The lab compares a model with measurements.  This module holds its API for notebooks and user-defined effects.
 
 >>> model = build_model("servo", ["viscous_friction"])
 >>> with open_executor() as pool:

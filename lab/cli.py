@@ -1,4 +1,4 @@
-"""The lab's commands: arguments and tables only.  daemon/cli.py attaches them when one is called."""
+"""The lab's commands: arguments and tables only.  daemon/cli.py imports this module when one of them is called."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from lostmotion.model import EffectInfo, Trajectory, catalogue
 
 __all__ = ["effects", "simulate"]
 
-WIDE = 200  # columns where nobody has said how many there are: nothing is cut off
+WIDE = 200  # columns where the terminal reports no width: no line is cut off
 POSITIVE = click.FloatRange(min=0, min_open=True, max=1e9)
 as_json = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else there.")
 

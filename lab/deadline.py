@@ -1,7 +1,7 @@
-"""Until when a search may work.  Fits and searches ask here, and end with the best that they have.
+"""The deadline of a search.  Fits and searches query it, and then return the best result so far.
 
-The time belongs to the context (contextvars) of whoever began the search, and goes along into the threads and processes
-of the lab's executors, so that no function between the two has to pass it on.
+The deadline is a context variable (contextvars) of the caller.  The lab's executors copy it into their threads and
+processes, so that no function in between has to pass it on.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ __all__ = ["bounded", "is_over", "remaining_s", "within"]
 P = ParamSpec("P")
 R = TypeVar("R")
 _UNTIL: ContextVar[float] = ContextVar("until", default=math.inf)
-"""Of time.monotonic() [s]."""
+"""The deadline, as a value of time.monotonic() [s]."""
 
 
 @contextmanager
 def within(seconds: float) -> Iterator[None]:
-    """In the block, searches end after so many seconds; a block inside of another one has a time of its own."""
+    """In the block, searches end after so many seconds; a nested block has its own deadline."""
     token = _UNTIL.set(time.monotonic() + seconds)
     try:
         yield
@@ -42,6 +42,6 @@ def is_over() -> bool:
 
 
 def bounded(seconds: float, function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
-    """The function's result, called within so many seconds: what another process is asked for."""
+    """Calls the function with a deadline in so many seconds; process pools submit it to their workers."""
     with within(seconds):
         return function(*args, **kwargs)

@@ -1,11 +1,11 @@
-"""What can be wrong with the lab's input, on top of the tree in drivers/errors.py.
+"""The lab's exceptions, which extend the tree in drivers/errors.py.
 
 LostmotionError
 ├── ModelFileError           a model file that cannot be read or makes no sense
 ├── SimulationError          what is asked of the model cannot be simulated
-├── ExperimentError          a recording that this model cannot be held against
-├── EffectFileError          a file with an effect of the user's own that cannot be used
-└── ExecutorError            where parallel work is to run, and cannot
+├── ExperimentError          a recording that this model cannot be compared with
+├── EffectFileError          a file with a user-defined effect that cannot be used
+└── ExecutorError            an executor that cannot be opened
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ class SimulationError(LostmotionError):
 
 
 class ExperimentError(LostmotionError):
-    """The recording cannot be held against the model; one line says what was found and what the base needs."""
+    """The recording cannot be compared with the model; one line says what was found and what the base needs."""
 
 
 class EffectFileError(LostmotionError):
-    """The user's own effect cannot be used; one line says where and why."""
+    """The user-defined effect cannot be used; one line says where and why."""
 
 
 class ExecutorError(LostmotionError):
-    """Parallel work cannot run where it was asked to; one line says what is missing."""
+    """The executor cannot be opened; one line says what is missing."""

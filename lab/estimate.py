@@ -1,4 +1,4 @@
-"""The free parameters of a model from recordings: by the error that suits what drives it."""
+"""Estimates the free parameters of a model from recordings, by the error that suits its input."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def fit(
 ) -> Fit:
     """The model with its free parameters fitted to all the experiments together.
 
-    progress is told what is done and which part of the whole is behind.  Ctrl-C (KeyboardInterrupt) during the last
-    refinement of gears leaves the best so far, with ``complete`` False.
+    progress: called with what is being done and the part that is done, 0 to 1.  Ctrl-C (KeyboardInterrupt) during the
+    last refinement of gears leaves the best so far, with ``complete`` False.
     """
     method = method_of(model, experiments)
     if method is None:

@@ -1,22 +1,23 @@
-"""Which physical effect is missing: search, judge by what no fit has seen, say how sure.  The heart of the lab.
+"""Which physical effect is missing: the search, its validation on unseen data, and the significance of the result.
 
 1. The last recording is kept for judging (the last third of a single one's motion); no parameter is fitted to it.
-2. What drives the motion says whose error counts (``Method``).  A controller's torque follows every disturbance: the
-   torque that the measured motion needs is compared with the measured one (inverse model).  A command, a force or
-   nothing at all follows none: the whole motion is simulated (output error).  Gears with play are chaotic: they are
-   followed on short segments with initial states of their own (multiple shooting), as long as they can be.
-3. The model is fitted as it is.  Then every effect of the catalogue is a candidate, fitted together with it from
-   initial values of its own.  Of gears a score test, and observers that follow the measurement, say which are worth it.
-4. A candidate is named if it predicts samples better that its fit has not seen, significantly for the whole catalogue
-   (``policy.FALSE_NAME``), takes a share of the error that is worth a name, and has a size that is not zero.  Of those
-   that explain alike the simplest is taken; the others are told as confusable.  Where none is significant alone, two
-   are tried at once.
-5. Again, with that effect in the model, until nothing is significant or the time is up; what later effects have made
-   superfluous is taken out again.
-6. What is left is held against the sensors' noise, and described where it is more.
+2. The input of the motion determines which error is compared (``Method``).  A controller's torque follows every
+   disturbance: the torque that the measured motion needs is compared with the measured one (inverse model).  A command
+   or a force follows none, nor does a free motion: the whole motion is simulated (output error).  Gears with play are
+   chaotic: they are simulated on short segments, each with its initial state (multiple shooting), as long as they can
+   be predicted.
+3. The model is fitted as it is.  Then every effect of the catalogue is a candidate, fitted together with it from the
+   initial values of the effect.  For gears a score test and observers select the candidates to fit.
+4. A candidate is named if it predicts unseen samples better, significantly for the whole catalogue
+   (``policy.FALSE_NAME``), if it takes a large enough share of the error, and if its size differs from zero.  Of
+   candidates that explain the data equally well the simplest is taken; the others are reported as confusable.  Where
+   none is significant alone, pairs are tried.
+5. Step 3 is repeated with that effect in the model until nothing is significant or the time is up; effects that later
+   ones have made superfluous are eliminated.
+6. The remaining error is compared with the sensors' noise, and described where it is larger.
 
-Steps 3 to 6 are ``lab.inverse`` for motions that can be predicted, ``lab.gears`` for those that cannot; the numbers
-that decide are ``lab.policy``'s, the reasons docs/decisions/0009-lab-selection.md's.
+Steps 3 to 6 are ``lab.inverse`` for motions that can be predicted, ``lab.gears`` for those that cannot; the thresholds
+are in ``lab.policy``, the reasons in docs/decisions/0009-lab-selection.md.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ def explain(
     progress: Progress = lambda what, part: None,
     budget_s: float = policy.BUDGET_S,
 ) -> Explanation:
-    """What these experiments say is missing from the model.
+    """Finds the effects that are missing from the model of these experiments.
 
     budget_s: about how long it may take [s].  Raises ModelError where the model cannot be run on the experiments at
     all.
@@ -56,8 +57,8 @@ def explain(
 
 
 def _split(experiments: Sequence[Experiment], is_smooth: bool) -> tuple[list[Experiment], Experiment]:
-    """The experiments to fit and the one that judges.  is_smooth: there is one moving part, so that it can be said when
-    it moves."""
+    """The experiments to fit and the one for validation.  is_smooth: the part moves smoothly, so a single recording is
+    divided by motion instead of time."""
     if len(experiments) > 1:
         return list(experiments[:-1]), experiments[-1]
     (only,) = experiments

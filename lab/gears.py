@@ -1,6 +1,6 @@
-"""What is missing from gears with play: their motion is followed on short segments, each with its own initial state.
+"""What is missing from gears with play: their motion is simulated on short segments, each with its own initial state.
 
-The search itself is ``selection``'s; here it begins, and what it found is told.
+``selection`` does the search; this module starts it and turns its result into an Explanation.
 """
 
 from __future__ import annotations
@@ -39,19 +39,19 @@ from lostmotion.model.effects import get_effect
 __all__ = ["explained_gears"]
 
 FIRST_LEAST = 8
-"""Samples in the first segments, which have four initial values: three told nothing of the noise."""
+"""Samples in the first segments, which have four initial values: with three the noise could not be estimated."""
 STEP_COST = 0.4
-"""An integration step of gears costs as much as this part of a sample that is compared."""
+"""Cost of an integration step of gears, relative to that of a sample that is compared."""
 
 
 def explained_gears(
     model: Model, train: Sequence[Experiment], last: Experiment, noise: dict[str, float], pool: Executor,
     progress: Progress, budget_s: float,
 ) -> Explanation:  # fmt: skip
-    """What is missing, found on ``train`` and on ``last``, to which no parameter is fitted.
+    """Finds what is missing, on ``train`` and on ``last``, to which no parameter is fitted.
 
-    noise: floor of each column; budget_s: how long all of it may take [s]; of long recordings as much is used as a
-    search can use in this time.  Raises ExperimentError where they were sampled too slowly.
+    noise: floor of each column; budget_s: how long all of it may take [s]; of long recordings a part is used that a
+    search can process in this time.  Raises ExperimentError where they were sampled too slowly.
     """
     _check_rate(model, [*train, last])
     model, held = with_scale(model, [*train, last])
@@ -76,8 +76,8 @@ def explained_gears(
 @dataclass(frozen=True, eq=False)
 class _Search:
     """base: the fit of the model as it is; level, short: the last one, on long and on short segments; descent: the
-    errors on unseen data; steps: what was tried; is_unsized: what something explained was taken out again, as its size
-    may as well be zero.
+    errors on unseen data; steps: what was tried; is_unsized: an effect that explained something was eliminated because
+    its size may be zero.
     """
 
     base: Level
@@ -100,7 +100,8 @@ def _pruned(
 
 
 def _check_rate(model: Model, experiments: Sequence[Experiment]) -> None:
-    """Raises ExperimentError where the first segments of gears hold too few samples to tell where they begin."""
+    """Raises ExperimentError where the first segments of gears hold too few samples to determine their initial
+    states."""
     slow = min(experiments, key=lambda one: one.rate_hz)
     length = FIRST_S.get(model.base, math.inf)
     if slow.rate_hz * length < FIRST_LEAST:
@@ -112,7 +113,7 @@ def _check_rate(model: Model, experiments: Sequence[Experiment]) -> None:
 
 
 def _untried(model: Model, steps: Sequence[Step]) -> tuple[str, ...]:
-    """Effects that the last step, which time cut off, has not fitted."""
+    """Effects that the last step did not fit because the time was up."""
     tried = {one.effect for one in steps[-1].tried}
     return tuple(effect for effect in others(model) if effect not in tried)
 
@@ -120,7 +121,7 @@ def _untried(model: Model, steps: Sequence[Step]) -> tuple[str, ...]:
 def _used(
     model: Model, train: Sequence[Experiment], last: Experiment, budget_s: float
 ) -> tuple[list[Experiment], Experiment]:
-    """What a search of so long can use of the experiments to fit, and of the last one."""
+    """The parts of the experiments to fit, and of the last one, that a search can process in this time."""
     step = coarse_substep(rubbing(model, train), train)
     rate = max(max(one.rate_hz for one in (*train, last)), STEP_COST / step)
     most_s = policy.BUDGET_SAMPLES * budget_s / policy.BUDGET_S / rate
@@ -128,7 +129,7 @@ def _used(
 
 
 def _explanation(search: _Search) -> Explanation:
-    """What was found, refined, and what is left of it."""
+    """The result with refined estimates, and the remaining error."""
     unseen, steps, best = search.unseen, search.steps, search.level
     task, before, after = unseen.task, search.descent[0], search.descent[-1]
     first = next(iter(task.noise))
@@ -163,7 +164,7 @@ def _explanation(search: _Search) -> Explanation:
 
 
 def _with_unseen(fit: Fit, judged: Judged) -> Fit:
-    """The fit, which shows the recording that it has not seen first, from the starts that were found there."""
+    """The fit with the unseen recording in front, from the initial states that were found there."""
     unseen = (replace(one.experiment, name=f"{one.experiment.name}, not fitted") for one in judged.segments)
     starts = (one.start for one in judged.segments)
     return replace(fit, experiments=(*unseen, *fit.experiments), starts=(*starts, *fit.starts))
@@ -197,7 +198,7 @@ def _values(tried: Tried) -> dict[str, tuple[float, float, float]]:
 
 
 def _unvalidated(steps: Sequence[Step]) -> list[str]:
-    """The effects that were accepted although the unseen data are free of them."""
+    """The effects that were accepted although the unseen data do not show them."""
     return [step.tried[0].effect for step in steps if step.unvalidated]
 
 
@@ -209,7 +210,7 @@ def _confusable(named: Sequence[str], steps: Sequence[Step]) -> tuple[tuple[str,
 
 
 def _advice(named: Sequence[str], steps: Sequence[Step], unseen: Unseen) -> str:
-    """What to record to tell apart the first effects that these recordings confuse."""
+    """What to record to distinguish the first effects that these recordings confuse."""
     for step in steps:
         effects = next((group for group in _confusable(named, [step])), ())
         if effects:
@@ -219,7 +220,7 @@ def _advice(named: Sequence[str], steps: Sequence[Step], unseen: Unseen) -> str:
 
 
 def _detectable(scores: Scores) -> dict[str, tuple[str, float]]:
-    """The amplitude at which each effect's statistic would have passed the limit with an even chance."""
+    """The amplitude at which each effect's statistic exceeds the limit with probability 1/2."""
     sizes = {}
     for d in scores.directions:
         names = get_effect(d.effect).amplitudes
@@ -233,7 +234,7 @@ def _detectable(scores: Scores) -> dict[str, tuple[str, float]]:
 
 
 def _residual(search: _Search) -> Finding | None:
-    """What is left, described by a function, or by the equation in which it acts; None where the model cannot even be
+    """The remaining error, described by a function or by the equation in which it acts; None where the model cannot be
     run."""
     task, short, best = search.unseen.task, search.short, search.level
     try:
@@ -245,7 +246,7 @@ def _residual(search: _Search) -> Finding | None:
 
 
 def _finding(level: Level, task: Task) -> Finding | None:
-    """What is left, by the equation in which it acts."""
+    """The remaining error, described by the equation in which it acts."""
     good = followed(level, task.substep_s) or level.segments
     r = np.concatenate(residuals(level.model, good, task.substep_s))
     noise = {name: innovation_noise(np.asarray(r * size)) for name, size in task.noise.items()}

@@ -1,7 +1,7 @@
-"""Where the lab's parallel work runs: threads here, processes here, or a Dask cluster, all as one Executor.
+"""Executors for the lab's parallel work: threads, processes, or a Dask cluster.
 
-Threads are the usual choice: the integrator holds no lock, so they scale, and nothing is copied.  Effects in plain
-Python do hold it; for these take processes.
+Threads are the default: the integrator releases the GIL, so they scale, and nothing is copied.  Effects in plain Python
+hold the GIL and need processes.
 """
 
 from __future__ import annotations
@@ -62,24 +62,24 @@ def open_executor(spec: str | None = None) -> Iterator[Executor]:
 
 
 class Threads(ThreadPoolExecutor):
-    """Threads that end with the search that they work for."""
+    """A thread pool whose tasks inherit the deadline of the search."""
 
     def submit(self, fn: Callable[..., R], /, *args: Any, **kwargs: Any) -> Future[R]:
-        """Calls it in the context of whoever asks."""
+        """Runs the function in the caller's context."""
         return super().submit(copy_context().run, fn, *args, **kwargs)
 
 
 class _Processes(ProcessPoolExecutor):
-    """The same with processes."""
+    """A process pool whose tasks inherit the deadline of the search."""
 
     def submit(self, fn: Callable[..., R], /, *args: Any, **kwargs: Any) -> Future[R]:
-        """Calls it with the time that is left."""
+        """Runs the function with the time that is left."""
         return super().submit(bounded, remaining_s(), fn, *args, **kwargs)
 
 
 @contextmanager
 def _pool(kind: str, count: int) -> Iterator[Executor]:
-    """Processes are spawned, not forked: this one may have threads, and compiled code in use."""
+    """A pool of threads or processes; these are spawned, as a process with threads must not fork."""
     pool: Executor
     if kind == "threads":
         pool = Threads(count)
@@ -92,7 +92,7 @@ def _pool(kind: str, count: int) -> Iterator[Executor]:
 
 
 def _leave_ctrl_c() -> None:
-    """A terminal sends Ctrl-C to all processes; the one in front answers it."""
+    """Ignores Ctrl-C, which a terminal sends to all processes: the parent handles it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 

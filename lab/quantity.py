@@ -1,6 +1,6 @@
-"""Numbers as a person reads them: units with prefixes, angles in degrees, as many digits as the interval supports.
+"""Formats numbers for people: units with prefixes, angles in degrees, as many digits as the interval supports.
 
-Files, messages and ``--json`` stay in SI units; only text and pictures for people pass through here.
+Files, messages and ``--json`` stay in SI units; only text and pictures for people use this module.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """A unit that a person reads, and the factor from SI to it."""
+    """A unit for display, and the factor from SI to it."""
 
     unit: str
     factor: float
@@ -115,7 +115,7 @@ class Interval:
 
     @property
     def size(self) -> Interval:
-        """Without its sign."""
+        """The interval of the magnitude."""
         return self if self.value >= 0 else Interval(-self.value, -self.high, -self.low, self.unit)
 
     @property
@@ -131,7 +131,7 @@ class Interval:
 
     @property
     def inverse(self) -> Interval:
-        """One over it; only for positive ratios."""
+        """The reciprocal; only for positive ratios."""
         low, high = (1 / v if v > 0 else math.inf for v in (self.high, self.low))
         return Interval(1 / self.value, low, high, self.unit)
 

@@ -1,6 +1,6 @@
-"""What the lab finds, as values: fits, comparisons, explanations, ladders.  Nothing is computed here.
+"""The results of the lab: fits, explanations, ladders.  Nothing is computed here.
 
-``document()`` of each is what ``--json`` prints; the keys are promises to other programs.
+``document()`` of each is what ``--json`` prints; other programs rely on its keys.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _views: list[Views] = []
 
 
 def display_with(views: Views) -> None:
-    """From now on, results are shown so: the report stands above this module, and says so itself."""
+    """Sets how notebooks show results.  The report calls this, as it is a layer above this module."""
     _views[:] = [views]
 
 
@@ -46,11 +46,11 @@ class Displayed:
     __slots__ = ()
 
     def _repr_html_(self) -> str:
-        """The sentences of a person, and a table."""
+        """The verdict in sentences, and a table."""
         return _views[0].html(self)
 
     def plot(self) -> Any:
-        """Measured and modelled over time, and what is left, as a ``matplotlib.figure.Figure``."""
+        """Measured and modelled over time, and the residual, as a ``matplotlib.figure.Figure``."""
         return _views[0].plot(self)
 
 
@@ -58,7 +58,7 @@ class Displayed:
 class Estimate:
     """A parameter with its 95 % confidence interval, SI units.
 
-    told: whether these recordings can tell it; at_bound: whether the fit pushed it against a bound.
+    identified: whether these recordings determine it; at_bound: whether the fit ended at one of its bounds.
     """
 
     name: str
@@ -115,7 +115,7 @@ class Fit(Displayed):
 
 @dataclass(frozen=True)
 class Ranked:
-    """An effect of the catalogue, tried: errors on data that the fit has not seen, and how likely chance did it."""
+    """An effect that was tried: errors on unseen data without and with it, and its p-value."""
 
     effect: str
     rms_before: float
@@ -133,7 +133,7 @@ class Ranked:
 
 @dataclass(frozen=True)
 class Errors:
-    """Root mean squares on data that the fit has not seen, and of the noise."""
+    """Root mean square errors on unseen data, and of the noise."""
 
     before: float
     after: float
@@ -150,7 +150,7 @@ class Errors:
 class Curve:
     """The shape of what no effect explains: its mean over a variable with a 95 % band, each (K,).
 
-    unit: the variable's; mean_unit: that of the mean, "" where nobody has said it.
+    unit: the variable's; mean_unit: that of the mean, "" where it is not known.
     """
 
     variable: str
@@ -164,7 +164,8 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class Finding:
-    """The structure that is left: the equation it acts on, the variables it depends on, in words and as a curve."""
+    """The structure of the remaining error: the equation it acts on, the variables it depends on, in words and as a
+    curve."""
 
     acts_on: str
     depends_on: tuple[str, ...]
@@ -188,9 +189,9 @@ class Finding:
 class Explanation(Displayed):
     """What is missing from a model.
 
-    missing: strongest first; confusable: groups that these recordings cannot tell apart; ranking: best first;
-    detectable: for each effect the size of its main parameter (name, value) that would have been seen, where nothing
-    is missing; base, best: the fits without and with what is missing.
+    missing: strongest first; confusable: groups that these recordings cannot distinguish; ranking: best first;
+    detectable: for each effect the size of its main parameter (name, value) that would have been detected, where
+    nothing is missing; base, best: the fits without and with what is missing.
     """
 
     verdict: Verdict
@@ -206,19 +207,19 @@ class Explanation(Displayed):
     descent: tuple[float, ...] = ()
     """Errors on unseen data without, and with one, two, … of what is missing."""
     unshown: tuple[str, ...] = ()
-    """Of what is missing, what does not lower the error on unseen data: those of the fit tell it."""
+    """Missing effects that do not lower the error on unseen data: only the data of the fit show them."""
     complete: bool = False
-    """Whether only noise is left with what is missing."""
+    """Whether the residual of ``best`` is noise."""
     columns: Mapping[str, Errors] = field(default_factory=dict)
     """The errors of each measured column in its own unit."""
     held: tuple[Estimate, ...] = ()
-    """Parameters that these recordings cannot tell, at the value at which they were held."""
+    """Parameters that these recordings cannot determine, with the values at which they were held."""
     untried: tuple[str, ...] = ()
     """Effects that were not tried because the time was up."""
     used_s: tuple[float, float] | None = None
-    """Seconds of the recordings that the search used, and of all, where it may not have used all."""
+    """Seconds of the recordings that the search used, and of all; None for searches that use all."""
     left_out: tuple[int, int] = (0, 0)
-    """Segments of unseen data that could not be followed and do not count in the errors, and all of them."""
+    """Numbers of segments of unseen data: those left out of the errors as lost, and all."""
 
     @property
     def share(self) -> dict[str, float]:
@@ -275,5 +276,5 @@ class Ladder(Displayed):
 
 
 def _number(value: float) -> float | None:
-    """JSON knows neither NaN nor infinity."""
+    """None for NaN and infinity, which JSON cannot represent."""
     return float(value) if np.isfinite(value) else None

@@ -1,7 +1,7 @@
 """Effects, columns and variables in the words of a maintenance engineer.
 
-Sentences about one effect only, from its own words; verdict.py joins them.  An effect without any, as a user's own, is
-told by its summary.
+Sentences about one effect, from its ``Words``; verdict.py joins them.  An effect without any, such as a user-defined
+one, is described by its summary.
 """
 
 from __future__ import annotations
@@ -51,28 +51,28 @@ _LINEAR = {"position": ("position", "m"), "torque": ("force", "N")}
 
 
 def variable(name: str) -> tuple[str, str]:
-    """What a residual depends on, as people call it, and its SI unit."""
+    """The name of a variable that a residual depends on, and its SI unit."""
     return _VARIABLES.get(name, (name.replace("_", " "), ""))
 
 
 def column(name: str, is_linear: bool = False) -> tuple[str, str]:
-    """What a compared column of a recording is, and its SI unit; is_linear: of an axis that moves along a line."""
+    """The quantity in a column of a recording, and its SI unit; is_linear: of an axis that moves along a line."""
     return (_LINEAR if is_linear and name in _LINEAR else _COLUMNS).get(name, (name, ""))
 
 
 def linear(unit: str) -> str:
-    """The unit on an axis that moves along a line of what has this unit on a joint: "N s/m" for "N m s/rad"."""
+    """The unit on a linear axis of a quantity that has this unit on a joint: "N s/m" for "N m s/rad"."""
     return unit.replace("kg m^2", "kg").replace("N m", "N").replace("rad", "m")
 
 
 def name(effect: str) -> str:
-    """What people call it: "Coulomb friction"."""
+    """The name of an effect: "Coulomb friction"."""
     words = _words(effect)
     return words.name if words else effect.replace("_", " ")
 
 
 def sentence(effect: str, found: Found) -> str:
-    """What it says of the robot, with its main parameters; found: those by their name within the effect.
+    """What the effect means for the robot, with its main parameters; found: these by their name within the effect.
 
     Raises ModelError for an effect that does not exist.
     """
@@ -86,7 +86,7 @@ def sentence(effect: str, found: Found) -> str:
 
 
 def look(effect: str) -> str:
-    """What to look at on the robot; "" where nobody has written it down."""
+    """What to look at on the robot; "" where it is not documented."""
     words = _words(effect)
     return words.look if words else ""
 
@@ -109,7 +109,7 @@ def size(effect: str, parameter: str, value: float, base: str) -> str:
 
 
 def intervals(fit: Fit, effect: str) -> dict[str, Interval]:
-    """The effect's parameters as fitted, by their name within the effect; those that were not free without interval."""
+    """The effect's parameters as fitted, by their name within the effect; fixed ones have no interval."""
     prefix = f"{effect}."
     found = {full: Interval(p.value, unit=p.unit) for full, p in fit.model.parameters.items()}
     found |= {e.name: Interval(e.value, e.low, e.high, e.unit) for e in fit.estimates}
