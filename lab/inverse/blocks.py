@@ -1,4 +1,4 @@
-"""Blocks of samples that count as one each: neighbouring residuals are alike."""
+"""Blocks of correlated samples, each of which counts as one observation."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ __all__ = ["correlation", "numbered"]
 
 
 def numbered(counts: Sequence[int], length: float) -> NDArray[np.intp]:
-    """The number of each sample's block (M,), where blocks are about so many samples long and end with a recording."""
+    """The number of each sample's block (M,), for blocks of about this length [samples] that do not cross
+    recordings."""
     numbers, first = [], 0
     for count in counts:
         many = max(round(count / max(length, 1.0)), 1)

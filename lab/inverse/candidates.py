@@ -1,4 +1,4 @@
-"""Effects tried in the inverse model, each from the initial values that explain most of what is left."""
+"""Candidate effects of smooth motions, each fitted from the initial values that explain most of the residual."""
 
 from __future__ import annotations
 
@@ -46,23 +46,23 @@ ANGLES = 6
 STARTS = 3
 """Initial values of an effect from which it is fitted."""
 ROUNDING = 1e-6
-"""Of the residual: an effect that changes the motion by less is one of a sensor that was not recorded."""
+"""Share of the residual: an effect that changes the motion by less acts on a sensor that was not recorded."""
 PARTS = (1.0, 0.5, 0.25, 0.1, 0.03)
-"""Of the amplitude that a linear extrapolation says."""
+"""Shares that are tried of the linearly extrapolated amplitude."""
 SHORT = 7
 """Steps of the first fit of an effect to a simulated motion."""
 
 
 def starts(model: Model, signals: Sequence[Signals]) -> list[Model]:
-    """Models from which the base is fitted to a simulated motion: the file's, and what the acceleration says."""
+    """Initial models for a fit to a simulated motion: the file's, and the fit to the acceleration."""
     model = simulable(model, signals)
     found = by_acceleration(model, signals)
     return [model, _with_values(model, found.model)] if found else [model]
 
 
 def by_acceleration(model: Model, signals: Sequence[Signals]) -> Regression | None:
-    """The model fitted to the acceleration instead of the motion; None where that does not follow from the motion at
-    the same instant."""
+    """The model fitted to the acceleration instead of the motion; None where the acceleration is no function of the
+    state."""
     error = EquationError.driven(signals)
     return _tried(softened(model, error.signals), error, error.nuisance, MOST_STEPS) if _follow_motion(model) else None
 
@@ -89,9 +89,9 @@ def sizes_of(model: Model, data: Problem) -> MotionScales:
 
 
 def candidates(model: Model, added: tuple[str, ...], data: Problem) -> Iterator[tuple[str, Model]]:
-    """Effects that the model may have beside its own, with the model that has them: static ones where nothing is
-    simulated, and those of an angle only where the position is one.  Of nested laws the simple one comes first; once it
-    was added, the wide one may take its place."""
+    """Yields the candidate effects, each with the model that includes it: static ones where nothing is simulated, and
+    those of an angle only where the position is an angle.  Of nested laws the simple one is a candidate first; once it
+    was added, the general one may replace it."""
     is_simulated = isinstance(data, OutputError)
     is_moved = any(is_driven(one.experiment) for one in data.signals)
     is_linear = any(one.experiment.is_linear for one in data.signals)
@@ -106,19 +106,19 @@ def candidates(model: Model, added: tuple[str, ...], data: Problem) -> Iterator[
             yield name, nested[name]
         elif (simple := effect.simpler) is None or simple.effect in model.effects:
             wide = model.with_effect(name)
-            if is_simulated:  # of some hertz and centimetres, or of kilohertz and micrometres
+            if is_simulated:  # a mode of some hertz and centimetres, or of kilohertz and micrometres
                 wide = simulable(wide, data.signals)
             yield name, wide if is_moved else with_free_states(wide)
 
 
 def turns_of(data: Problem) -> float:
-    """How many turns the motion of a recording covers, the longest."""
+    """The largest number of turns that the motion of a recording covers."""
     return max(float(np.ptp(one.position)) for one in data.signals) / TURN
 
 
 def fitted_with(name: str, wide: Model, now: Regression, begun: Regression | None) -> Regression | None:
     """The best fit of a model with one more effect, from several initial values; None where nothing can be fitted or
-    the effect would not be what its name says.  begun: the same by the acceleration, for a simulated motion."""
+    the estimates contradict the effect's definition.  begun: the fit to the acceleration, for a simulated motion."""
     if not isinstance(now.data, OutputError):
         found = _fitted_from_guesses(name, softened(wide, now.data.signals), now, STARTS, MOST_STEPS)
         return found if found and can_run(found.model, now.data.signals) else None
@@ -127,8 +127,8 @@ def fitted_with(name: str, wide: Model, now: Regression, begun: Regression | Non
 
 
 def fitted_by_acceleration(name: str, wide: Model, inverse: Regression | None) -> Regression | None:
-    """The fit of a model with one more effect to the acceleration; None where that does not follow from the motion at
-    the same instant.  inverse: that of the present model."""
+    """The fit of a model with one more effect to the acceleration; None where the acceleration is no function of the
+    state.  inverse: the fit of the present model."""
     if not inverse or not _follow_motion(wide):
         return None
     begun = _with_values(softened(wide, inverse.data.signals), inverse.model)
@@ -136,8 +136,8 @@ def fitted_by_acceleration(name: str, wide: Model, inverse: Regression | None) -
 
 
 def fitted_beside(name: str, wide: Model, now: Regression) -> Regression | None:
-    """The fit of a simulated motion with one more effect that begins with the present values; None where that explains
-    nothing, and for effects that take no energy: these show in the acceleration."""
+    """The fit of a simulated motion with one more effect that begins with the present values; None where it explains
+    nothing, and for effects that dissipate no energy, which the acceleration shows."""
     if not _dissipates(name, wide, now):
         return None
     short = _fitted_from_guesses(name, _with_values(wide, now.model), now, 1, SHORT)
@@ -145,7 +145,7 @@ def fitted_beside(name: str, wide: Model, now: Regression) -> Regression | None:
 
 
 def _dissipates(name: str, wide: Model, now: Regression) -> bool:
-    """Whether a torque of an effect goes along with the speed."""
+    """Whether the torque of an effect correlates with the speed."""
     guess = wide.replace(initial_guesses(wide, name, sizes_of(now.model, now.data))[0])
     work, power = 0.0, 0.0
     for one, torque in zip(now.data.signals, torques_of(name, guess, now.data.signals), strict=True):
@@ -155,7 +155,7 @@ def _dissipates(name: str, wide: Model, now: Regression) -> bool:
 
 
 def torques_of(effect: str, model: Model, signals: Sequence[Signals]) -> list[FloatArray]:
-    """What an effect of the model does in each recording (N,) [N m, or N], by the measured motion."""
+    """The torque or force of an effect in each recording (N,) [N m or N], for the measured motion."""
     less = without(model, effect)
 
     def without_load(law: Model, one: Signals) -> FloatArray:
@@ -165,13 +165,13 @@ def torques_of(effect: str, model: Model, signals: Sequence[Signals]) -> list[Fl
 
 
 def are_apt(model: Model, effects: Sequence[str]) -> bool:
-    """Whether each of these effects is what its name says, with the model's values."""
+    """Whether the model's values agree with the definition of each of these effects."""
     own = {name: {part: p.value for part, p in model.own(name).items()} for name in effects}
     return all(get_effect(name).is_apt(values) for name, values in own.items())
 
 
 def _fitted_from_guesses(name: str, wide: Model, now: Regression, most: int, steps: int) -> Regression | None:
-    """From those initial values that explain most of what is left; None where there is no time for that."""
+    """The best fit from the initial values that explain most of the residual; None where the time is up."""
     size = sizes_of(now.model, now.data)
     wide = _within_speeds(wide, name, size)
     begin = [wide.replace(values) for values in initial_guesses(wide, name, size)]
@@ -184,7 +184,7 @@ def _fitted_from_guesses(name: str, wide: Model, now: Regression, most: int, ste
 
 
 def _fitted_from_acceleration(name: str, wide: Model, now: Regression, begun: Regression | None) -> Regression | None:
-    """From what the acceleration says of the whole model with the effect."""
+    """The fit that begins with the estimates from the acceleration, of the whole model with the effect."""
     if not begun or is_over():
         return None
     start = _with_values(wide, begun.model)
@@ -197,14 +197,14 @@ def _follow_motion(model: Model) -> bool:
 
 
 def _with_values(model: Model, other: Model) -> Model:
-    """The model with the free parameters of another one that it has."""
+    """The model with the values of those free parameters that another one shares with it."""
     names = set(free_names(model)) & set(free_names(other))
     return model.replace({name: other.parameters[name].value for name in names})
 
 
 def _within_speeds(model: Model, name: str, size: MotionScales) -> Model:
-    """The model with the speeds at which an effect changes among those of the motion: slower ones are rest.  Below them
-    a Stribeck friction was 35 N m near rest, of a wrist whose motor gave a hundredth of that."""
+    """The model with an effect's characteristic speeds bounded to those of the motion: slower ones are rest.  Without
+    this bound a Stribeck friction of 35 N m was fitted near rest, to a wrist with a hundredth of that torque."""
     low, high = policy.UNSURE_SPEED * size.speed, policy.NEAR_REST * size.speed
     speeds = {
         full: replace(p, value=min(max(p.value, low), high), low=low, high=high)
@@ -215,8 +215,8 @@ def _within_speeds(model: Model, name: str, size: MotionScales) -> Model:
 
 
 def _promise(name: str, start: Model, now: Regression, data: Problem) -> tuple[float, Model, FloatArray] | None:
-    """How much of the residual an effect explains, in the shape of this start and of the size that suits best, the
-    start with that size, and where what is fitted beside the parameters begins."""
+    """The share of the residual that an effect explains with this shape and the best amplitude, the model with that
+    amplitude, and the initial nuisance parameters."""
     if not _covers(name, start, now.data):
         return None
     beside = _zeros(name, start, now, data)
@@ -238,9 +238,9 @@ def _promise(name: str, start: Model, now: Regression, data: Problem) -> tuple[f
 
 
 def _zeros(name: str, start: Model, now: Regression, data: Problem) -> FloatArray:
-    """What is fitted beside the parameters, as the present fit has it, initial values of free states as they take most
-    from the residual; angles of zero (R,) that it does not depend on
-    are those with which the effect follows the residual of each recording best."""
+    """The initial nuisance parameters: those of the present fit; initial values of free states that reduce the residual
+    most; zero angles (R,) that the present fit does not depend on, with which the effect fits the residual of each
+    recording best."""
     if isinstance(data, OutputError):
         return data.begun(start, now.nuisance)
     if not isinstance(data, Data) or not now.nuisance.size or now.jacobian[:, now.count :].any():
@@ -252,7 +252,7 @@ def _zeros(name: str, start: Model, now: Regression, data: Problem) -> FloatArra
 
 
 def _likeness(column: FloatArray, now: Regression) -> list[float]:
-    """How much of each recording's residual a column takes away that the fitted parameters do not explain."""
+    """The share of each recording's residual that a column explains beyond the fitted parameters."""
     parts = zip(
         by_recording(projected_off(now.jacobian, column), now.data), by_recording(now.residual, now.data), strict=True
     )
@@ -260,8 +260,8 @@ def _likeness(column: FloatArray, now: Regression) -> list[float]:
 
 
 def _sized(start: Model, sizes: dict[str, float], now: Regression, data: Problem, beside: FloatArray) -> Model:
-    """The start with amplitudes that a linear extrapolation says, or parts of them: the largest with which the error
-    is below that without the effect, so that a fit goes down from there."""
+    """The start with linearly extrapolated amplitudes, or shares of them: the largest with which the error is below
+    that without the effect, so that the fit can descend."""
     for part in PARTS:
         sized = start.replace({name: _within(start, name, part * value) for name, value in sizes.items()})
         residual = data.residual(sized, beside)
@@ -271,10 +271,10 @@ def _sized(start: Model, sizes: dict[str, float], now: Regression, data: Problem
 
 
 def _covers(name: str, model: Model, data: Problem) -> bool:
-    """Whether the motion covers some periods of an effect that repeats N times a turn, at speeds at which the band lets
-    them through: what is faster shows at the start and the end of a motion only, where it may be any function (of a
-    motor at constant voltage one of 18 a turn took all).  Once a turn it has the shape of a weight, and is told as what
-    cannot be told from one."""
+    """Whether the motion covers some periods of an effect that repeats N times a turn, at speeds at which its frequency
+    is within the band.  Faster ones show only at the start and the end of a motion, where they can imitate any function
+    (for a motor at constant voltage one of 18 a turn took the whole error).  N = 1 has the shape of a weight, and is
+    reported as confusable with it."""
     turns = model.parameters.get(f"{name}.N")
     if turns is None or turns.value == 1:
         return True
@@ -283,7 +283,7 @@ def _covers(name: str, model: Model, data: Problem) -> bool:
 
 
 def _way(signals: Signals, fastest: float) -> float:
-    """The span of a motion [rad], or the way if that is less, while it is no faster than this [rad/s]."""
+    """The range of a motion [rad], or the distance travelled if that is less, at speeds up to this [rad/s]."""
     slow = np.abs(signals.velocity) < fastest
     step = float(signals.time[1] - signals.time[0])
     way = float(np.abs(signals.velocity[slow]).sum() * step)
@@ -291,7 +291,7 @@ def _way(signals: Signals, fastest: float) -> float:
 
 
 def refined(fit: Regression) -> Regression:
-    """A fit that was ended after a few steps, finished."""
+    """Continues a fit that was ended after a few steps."""
     return _tried(fit.model, fit.data, fit.nuisance, MOST_STEPS) or fit
 
 

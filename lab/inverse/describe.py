@@ -1,4 +1,4 @@
-"""What a fit of a predictable motion leaves, told by the state that it follows.  Nothing is fitted here."""
+"""Describes the residual of a predictable motion by the state on which it depends.  Nothing is fitted here."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def is_linear(fit: Regression) -> bool:
 
 
 def described(fit: Regression) -> Finding:
-    """What the torque or motion that is left depends on."""
+    """Describes on what the residual torque or motion depends."""
     data = fit.data
     if not isinstance(data, Data):
         return _finding_of_motion(fit)
@@ -41,7 +41,7 @@ def described(fit: Regression) -> Finding:
 
 
 def _finding_of_motion(fit: Regression) -> Finding:
-    """What the motion that is left depends on."""
+    """Describes on what the residual motion depends."""
     unit = words.column(fit.data.signals[0].column, is_linear(fit))[1]
     residuals = by_recording(fit.residual, fit.data)
     names = ("theta_2", "omega_2", "acceleration") if "J" in fit.model.parameters else ("q", "q'", "q''")
@@ -58,7 +58,7 @@ def _finding_of_motion(fit: Regression) -> Finding:
 
 
 def _followed(acts_on: str, size: str, unit: str, found: Sequence[Shape]) -> Finding:
-    """What is left, told by its size, and by the state that it follows best, if any."""
+    """Describes the residual by its size, and by the state that explains it best, if any."""
     if not found or found[0].explained < policy.FOLLOWS_STATE:
         return Finding(acts_on, (), f"{size}; it follows no single state")
     best = found[0]

@@ -1,5 +1,5 @@
-"""How steeply dry friction changes sign in a model: as the recordings tell, not as a convention in rad/s.  Nothing is
-fitted here."""
+"""The width in which dry friction changes sign in a model: it follows from the recordings, not from a convention in
+rad/s.  Nothing is fitted here."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ __all__ = ["simulable", "softened"]
 
 
 def softened(model: Model, signals: Sequence[Signals]) -> Model:
-    """The model with dry friction that changes sign as steeply as the filtered speed tells, or less where the model
-    says so: a width in rad/s is wide for a slow joint, and for an axis in m/s, and depends on the unit of time."""
+    """The model with dry friction that changes sign within the resolution of the filtered speed, or a larger width of
+    the model: a fixed width in rad/s is wide for a slow joint, and for an axis in m/s, and depends on the unit of
+    time."""
     width = policy.UNSURE_SPEED * float(np.sqrt(np.mean(np.concatenate([one.velocity for one in signals]) ** 2)))
     usual = build_model(model.base, model.effects).parameters
     widths = {
@@ -28,6 +29,7 @@ def softened(model: Model, signals: Sequence[Signals]) -> Model:
 
 
 def simulable(model: Model, signals: Sequence[Signals]) -> Model:
-    """The same for a model that is simulated; a servo's as it is.  It holds its load at rest for much of a recording,
-    and creeps in a wider step: of one that sticks Stribeck friction was named, and nothing of an XL330."""
+    """The same for a model that is simulated; servos are unchanged.  A servo holds its load at rest for much of a
+    recording, and would creep within a wider step: Stribeck friction was named for one that sticks, and nothing for an
+    XL330."""
     return model if model.base == "servo" else softened(model, signals)

@@ -1,11 +1,11 @@
-"""What is missing from the model of a joint whose torque was measured: the inverse model's answer.
+"""Finds what is missing from a model with one moving part, by forward selection of effects.
 
 1. Angle and torque are filtered to the band in which the motion stands out of its noise (signals.py).
 2. The model is fitted to the torque by least squares (regression.py).
-3. Effects are added as long as one predicts samples better that its fit has not seen, significantly for the whole
-   catalogue; those that have become superfluous are taken out again (selection.py).
+3. Effects are added as long as one predicts unseen samples better, significantly for the whole catalogue; those that
+   have become superfluous are eliminated (selection.py).
 4. The last recording is used for the errors that are reported.  No parameter is fitted to it; it decides between
-   effects that explain the others alike, and where there is only one recording beside it, it is one more fold.
+   effects that explain the others equally well, and serves as one more fold where there is only one other recording.
 """
 
 from __future__ import annotations
@@ -44,19 +44,20 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["explained", "fitted", "method_of"]
 
 SIMULATED = ("servo", "oscillator")
-"""Bases whose input does not follow the disturbances."""
+"""Bases with an input that does not follow the disturbances."""
 PIECE_S, PIECES = 1.0, 16
 """Length and number of the pieces that are simulated to show the motion of a fit."""
 SHARPER = 20.0
-"""Times as narrow as in the fit, a fiftieth of the usual speed, dry friction may be where a motion is simulated:
-2 mrad/s are 1e-5 of the speed of a bare motor, and its 0.8 s in steps of a microsecond had no end in a minute."""
+"""Largest factor by which dry friction is narrower in a simulated motion than in the fit, a fiftieth of the usual
+speed: 2 mrad/s are 1e-5 of the speed of a bare motor, and simulating 0.8 s in steps of a microsecond took over a
+minute."""
 
 Progress = Callable[[str, float], None]
 
 
 def method_of(model: Model, experiments: Sequence[Experiment]) -> Method | None:
-    """Whose error is judged: the torque's where the torque of a joint was measured, the motion's where it follows from
-    a command or a force; None for gears with play, whose impacts make the whole motion unpredictable."""
+    """The error that is minimised: of the torque where the torque of a joint was measured, of the motion where it
+    follows from a command or a force; None for gears with play, as impacts make the whole motion unpredictable."""
     driven = {is_driven(one) for one in experiments}
     if len(driven) != 1 or any(len(set(one.measured) & set(COLUMNS)) != 1 for one in experiments):
         return None
@@ -69,9 +70,9 @@ def explained(
     model: Model, train: Sequence[Experiment], last: Experiment, method: Method, noise: dict[str, float],
     pool: Executor, progress: Progress, budget_s: float,
 ) -> Explanation:  # fmt: skip
-    """What is missing, found on ``train`` and reported on ``last``.
+    """Finds what is missing, on ``train``, with errors on ``last``.
 
-    noise: floor of each column; budget_s: how long effects are looked for [s].
+    noise: floor of each column; budget_s: time for the search [s].
     """
     progress("fitting what is there", 0.0)
     model, held = with_scale(model, train)
@@ -97,7 +98,7 @@ def _explanation(
     selection: Selection, model: Model, train: Sequence[Experiment], unseen: Signals, method: Method,
     noise: dict[str, float], pool: Executor,
 ) -> Explanation:  # fmt: skip
-    """What was found, with its errors on the recording that no fit has seen."""
+    """The result, with errors on the unseen recording."""
     fits = [one.judged for one in selection.fits]
     base, best = fits[0], fits[-1]
     missing, descent = _strongest_first([error_on(fit, unseen) for fit in fits], selection, method)
@@ -129,12 +130,11 @@ def _explanation(
 def _strongest_first(
     errors: Sequence[float], selection: Selection, method: Method
 ) -> tuple[tuple[str, ...], tuple[float, ...]]:
-    """The effects that were added, the strongest first; and the error without any of them, with the first of them, with
-    the first two, …
+    """The added effects, strongest first; and the error with none of them, with the first, with the first two, …
 
-    The strongest takes most of the squared error; what several steps of one effect take counts together.  In a free
-    motion the effects share it as they share the torque (its square): a swing with its weight alone is out of phase
-    with the measured one, its error larger than without, and whatever stops it would take more than all.
+    The strongest effect takes most of the squared error; several steps of one effect are added up.  In a free motion
+    the squared error is divided like the squared torque: a swing with gravity alone is out of phase with the measured
+    one and has a larger error than without, so that any damping would take more than all of it.
     """
     takes = dict.fromkeys(selection.added, 0.0)
     for effect, (less, more) in zip(selection.labels, pairwise(errors), strict=True):
@@ -154,7 +154,7 @@ def _rms(parts: Sequence[FloatArray]) -> float:
 
 
 def _floors(noise: dict[str, float], column: str, fit: Regression, *unseen: Signals) -> dict[str, float]:
-    """Of each column; that which is judged as the sensors leave it within the band, the largest of all recordings."""
+    """Noise floor of each column; for the compared one within the band, the largest of all recordings."""
     every = (*unseen, *fit.data.signals)
     if column == "torque":
         return {**noise, column: max(noise_floor(one, fit.model) for one in every)}
@@ -174,8 +174,8 @@ def fitted(model: Model, experiments: Sequence[Experiment], method: Method, nois
 
 
 def _confusable(selection: Selection) -> tuple[tuple[str, ...], ...]:
-    """Effects that were added, each with those that explained as much and were not: of two that are both needed, the
-    recordings tell each."""
+    """Each added effect with those that explained as much and were not added: two effects that are both needed are not
+    confusable."""
     added = selection.added
     tried = [step for step in selection.steps if step.judged]
     groups = [(step.judged[0].effect, *(name for name in step.confusable if name not in added)) for step in tried]
@@ -183,9 +183,9 @@ def _confusable(selection: Selection) -> tuple[tuple[str, ...], ...]:
 
 
 def _ranking(selection: Selection, unseen: Signals, before: float) -> tuple[Ranked, ...]:
-    """The candidates of the first step, best first; those that are in the last fit with its values.  The error with one
-    that predicts nothing better is that without it: its fit may be far off, and take a minute to simulate; when the
-    time is up it is that of the folds."""
+    """The candidates of the first step, best first; those in the last fit with its values.  A candidate that improves
+    no prediction gets the error without it: its fit may be far off, and take a minute to simulate.  When the time is
+    up, the error is that of the folds."""
     final = {e.name: (e.value, e.low, e.high) for e in _estimates(selection.fits[-1].judged)}
 
     def values(effect: str, fit: Regression) -> dict[str, tuple[float, float, float]]:
@@ -205,8 +205,8 @@ def _ranking(selection: Selection, unseen: Signals, before: float) -> tuple[Rank
 
 
 def _advice(selection: Selection, train: Sequence[Experiment], noise: dict[str, float], pool: Executor) -> str:
-    """What to record to tell apart the first effects that these recordings confuse; nothing where their motion cannot
-    be simulated."""
+    """What to record to distinguish the first effects that these recordings confuse; "" where their motion cannot be
+    simulated."""
     for step in selection.steps:
         first = step.judged[0].effect if step.judged else ""
         effects = next((group for group in _confusable(selection) if group[0] == first), ())
@@ -219,7 +219,7 @@ def _advice(selection: Selection, train: Sequence[Experiment], noise: dict[str, 
 
 
 def _detectable(step: Step) -> dict[str, tuple[str, float]]:
-    """The size of each effect that would have been significant with an even chance."""
+    """The size at which each effect is significant with probability 1/2."""
     sizes = {}
     for one in step.judged:
         names = amplitudes(one.effect, one.fit)
@@ -233,7 +233,7 @@ def _detectable(step: Step) -> dict[str, tuple[str, float]]:
 
 
 def _estimates(fit: Regression) -> list[Estimate]:
-    """With intervals that hold whatever the residual's correlation within blocks."""
+    """Estimates with intervals that are robust to correlation of the residual within blocks."""
     block = blocks_of(fit)
     deviation = np.sqrt(np.maximum(np.diag(fit.covariance(block)), 0.0))
     factor = float(-stdtrit(max(int(block.max()), 1), (1 - policy.CONFIDENCE) / 2))
@@ -250,7 +250,7 @@ def _estimates(fit: Regression) -> list[Estimate]:
 
 
 def _fit(fit: Regression, rough: Model, noise: dict[str, float], column: str, *unseen: Signals) -> Fit:
-    """The regression as a result, which shows recordings that it has not seen first."""
+    """The regression as a result, with unseen recordings in front."""
     block = blocks_of(fit)
     covariance = fit.covariance(block)
     deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-100))
@@ -272,8 +272,8 @@ def _fit(fit: Regression, rough: Model, noise: dict[str, float], column: str, *u
 
 
 def _sharp(model: Model, rough: Model) -> Model:
-    """The model with the widths of dry friction that its file or its effects state, not those of the filter, but none
-    that is ``SHARPER`` times as narrow."""
+    """The model with the widths of dry friction that its file or its effects state, not those of the filter, but at
+    most ``SHARPER`` times as narrow."""
     bare = build_model(model.base, model.effects)
     stated = {name: p for name, p in {**bare.parameters, **rough.parameters}.items() if name.endswith(".omega_0")}
     widths = {
@@ -309,7 +309,7 @@ def _pieces(signals: Signals) -> list[tuple[Experiment, FloatArray]]:
 
 
 def _motion_rms(fit: Regression, model: Model, substep: float) -> dict[str, float]:
-    """Where the torque was fitted, the error of the motion, of pieces from the filtered state [rad or m]."""
+    """Error of the motion where the torque was fitted, for segments that start in the filtered state [rad or m]."""
     if not isinstance(fit.data, Data):
         return {}
     column, parts = fit.data.signals[0].column, []

@@ -1,8 +1,8 @@
 """The measured motion of whole recordings, simulated from an initial state of each: the output-error method.
 
-It is right where the input does not follow the disturbances: the command of a servo, whose controller is a part of the
-model, the force on an oscillator, and a joint that swings freely.  What a damping takes from one swing to the next is
-too little to be seen in the acceleration; over all swings it adds up.  No selection here.
+It is unbiased where the input does not follow the disturbances: the command of a servo (the controller is a part of the
+model), the force on an oscillator, and a joint that swings freely.  The effect of a damping on one swing is too small
+to show in the acceleration; over all swings it adds up.  No selection here.
 
 References: L. Ljung, System Identification (1999), section 4.3; J. Schoukens and L. Ljung, "Nonlinear system
 identification: a user-oriented road map", IEEE Control Systems 39 (2019).
@@ -31,17 +31,18 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["OutputError"]
 
 REST = 0.1
-"""Of the largest speed: below, a free recording has ended.  How a joint comes to rest depends on how its friction is
-smoothed; with 0.02 to 0.2 the same effects are found in drops of a servo, in another order."""
+"""Share of the largest speed: below it, a free recording has ended.  How a joint comes to rest depends on how its
+friction is smoothed; with 0.02 to 0.2 the same effects are found in drops of a servo, in another order."""
 SCATTERS = 3.0
-"""Standard deviations of the readings about the filtered signals, of all or of those in the first period of the band,
-within which a motion begins: near its end the filter bends what it smooths."""
+"""Range of the initial state, in standard deviations of the readings about the filtered signals, of all or of those in
+the first period of the band: near its end the filter distorts the signal."""
 FINEST = 1 / 8
-"""Of the step of the present model, which leaves room for dry friction: the shortest step of one with one more effect.
-A guess that needs a shorter one is far off; one of a dropped servo made a search of nine seconds last minutes."""
+"""Share of the step of the present model: the shortest step of a model with one more effect, which leaves room for dry
+friction.  A guess that needs a shorter one is far off; with one for a dropped servo a search of nine seconds took
+minutes."""
 MOST_SAMPLES, PER_PERIOD = 20_000, 20
-"""Samples of all recordings, from which on fewer are compared, but never fewer than so many in a period of the end of
-the band: 113 000 readings of a pendulum that swings for two minutes had no whole answer in a minute."""
+"""Largest number of samples of all recordings, beyond which they are thinned, but not below so many in a period of the
+end of the band: a search of 113 000 readings of a pendulum over two minutes did not finish in a minute."""
 STEPS = 4.0
 """Integration steps of a fit, times the model's own choice."""
 
@@ -50,18 +51,18 @@ STEPS = 4.0
 class OutputError:
     """Recordings whose motion is simulated.
 
-    substep_s: integration step of a fit [s]; centre: the model near which parameters stay that nothing tells.
+    substep_s: integration step of a fit [s]; centre: the model near which unidentified parameters stay.
     """
 
     signals: tuple[Signals, ...]
     substep_s: float
     centre: Model
     free: tuple[str, ...] = ()
-    """States of effects whose initial values are fitted, too: nothing else tells them where no input drives."""
+    """States of effects with fitted initial values, needed where no input drives the motion."""
 
     @classmethod
     def of(cls, signals: Sequence[Signals], model: Model) -> OutputError:
-        """With the step that this model needs; a joint that has come to rest tells no more."""
+        """With the step that this model needs, without the time after a joint has come to rest."""
         parts = [_until_rest(one) for one in signals]
         surplus = sum(part.time.size for part in parts) // MOST_SAMPLES
         moving = tuple(
@@ -88,8 +89,8 @@ class OutputError:
 
     @property
     def freedom(self) -> FloatArray:
-        """How far the initial values may be from these (K R,): what the readings scatter about the filtered signals,
-        which is their noise.  A start that may be anywhere takes the place of effects."""
+        """How far the initial values may be from these (K R,): the noise of the readings about the filtered signals.
+        An unbounded initial state can imitate effects."""
         others = np.full(len(self.free), np.inf)
         return np.concatenate([part for one in self.signals for part in (_freedom(one), others)])
 
@@ -99,14 +100,14 @@ class OutputError:
         return 2 + len(self.free)
 
     def trimmed(self, model: Model, nuisance: FloatArray) -> tuple[OutputError, FloatArray]:
-        """With those free states only that the model has, and the initial values without the others."""
+        """Without the free states that the model lacks, and the initial values without theirs."""
         has = [name in model.state_names for name in self.free]
         rows = nuisance.reshape(len(self.signals), self.nuisances)[:, [True, True, *has]]
         return replace(self, free=tuple(compress(self.free, has))), np.asarray(rows.ravel())
 
     def begun(self, model: Model, nuisance: FloatArray) -> FloatArray:
-        """Initial values (K R,) with which the model's free states take most from the residual; nuisance: (K' R,), of
-        fewer states."""
+        """Initial values (K R,) of the model's free states that reduce the residual most; nuisance: (K' R,), of fewer
+        states."""
         recordings = len(self.signals)
         known = nuisance.reshape(recordings, -1)
         found = np.zeros((recordings, self.nuisances))
@@ -125,8 +126,8 @@ class OutputError:
     def residual(self, model: Model, nuisance: FloatArray) -> FloatArray:
         """Measured less simulated motion, all recordings one after the other (M,) [rad, m or m/s²].
 
-        An accelerometer has an offset, its share of gravity and its own: the one that suits best is fitted, which is
-        the residual's mean (variable projection).
+        An accelerometer has an offset, from gravity and its own: the least-squares one, the residual's mean, is removed
+        (variable projection).
         """
         parts = []
         for one, start in zip(self.signals, np.split(nuisance, len(self.signals)), strict=True):
@@ -147,7 +148,7 @@ class OutputError:
         """With the integration step that these models need, too, within ``FINEST``."""
         experiments, needed = [one.experiment for one in self.signals], math.inf
         for one in models:
-            with suppress(ModelError):  # a guess that runs away is no beginning
+            with suppress(ModelError):  # a guess that diverges is skipped
                 needed = min(needed, coarse_substep(one, experiments, STEPS))
         step = min(self.substep_s, max(needed, FINEST * self.substep_s))
         names = {name: None for one in models for name in free_states(one)}
@@ -155,8 +156,8 @@ class OutputError:
         return replace(self, substep_s=step, free=free)
 
     def no_finer(self, other: OutputError) -> OutputError:
-        """With an integration step within ``FINEST`` of that of other recordings of the same model: of one that is far
-        off, as of a pendulum that a fit made spin, a single simulation took minutes."""
+        """With an integration step within ``FINEST`` of that of other recordings of the same model: with a model that
+        is far off, a pendulum that a fit made spin, a single simulation took minutes."""
         return replace(self, substep_s=max(self.substep_s, FINEST * other.substep_s))
 
     def usual(self, model: Model) -> float:
@@ -172,7 +173,7 @@ class OutputError:
 
 
 def _freedom(one: Signals) -> FloatArray:
-    """Of the initial angle and speed; nothing bounds those of a free motion, of which all is made, nor those that were
+    """Freedom of the initial angle and speed; unbounded for a free motion, which they determine, and for signals
     integrated from an accelerometer."""
     if one.column == "accel" or not is_driven(one.experiment):
         return np.full(2, np.inf)
@@ -183,8 +184,8 @@ def _freedom(one: Signals) -> FloatArray:
 
 
 def initial_state(model: Model, experiment: Experiment, start: FloatArray, free: Sequence[str] = ()) -> FloatArray:
-    """The state that begins with this position and speed, and these values of free states that the model has; other
-    states of effects begin where these put the signals."""
+    """The state with this position and speed, and these values of the model's free states; other states of effects
+    begin in equilibrium with them."""
     names = [*(state.name for state in get_base(model.base).states), *free]
     given = {name: value for name, value in zip(names, start.tolist(), strict=True) if name in model.state_names}
     return model.initial_state(experiment.drive, float(experiment.time[0]), **given)

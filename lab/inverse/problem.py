@@ -1,4 +1,4 @@
-"""What a model is fitted to: the torque that a motion needs, or its acceleration.  Nothing is fitted here."""
+"""The residuals to minimise: of the torque that a motion needs, or of its acceleration.  Nothing is fitted here."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ __all__ = ["TURN", "Data", "EquationError", "Problem", "by_recording"]
 MOST_ROUNDS, LOAD_CONVERGED = 40, 1e-3
 """Rounds in which the transmitted torque is found, and the relative change that ends them."""
 TURN, HELD = 2 * math.pi, 1e-9
-"""Freedom of an angle of zero that is not known, and of one that is [rad]."""
+"""Freedom of a zero angle that is not known, and of one that is [rad]."""
 
 
 class Problem(Protocol):
-    """What a model is fitted to."""
+    """The interface of a residual that is minimised."""
 
     @property
     def signals(self) -> tuple[Signals, ...]: ...
@@ -46,10 +46,10 @@ class Problem(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Data:
-    """Recordings and, for each, the torque [N m] (N,) on which friction that grows with load depends.
+    """Recordings and, for each, the transmitted torque [N m] (N,), on which load-dependent friction depends.
 
-    An encoder that counts from where a recording begins does not tell the angle of the shaft: its zero is fitted beside
-    the parameters, for each recording but the first, or with ``is_anchored`` false for all.
+    An incremental encoder, zero at the start of a recording, does not measure the absolute angle: its zero angle is a
+    nuisance parameter of each recording but the first, or with ``is_anchored`` false of all.
     """
 
     signals: tuple[Signals, ...]
@@ -58,11 +58,10 @@ class Data:
 
     @classmethod
     def of(cls, signals: Sequence[Signals], model: Model, zeros: FloatArray | None = None) -> Data:
-        """With the transmitted torque that a model needs for the motion: the one that comes out where it goes in, of
-        friction that grows with load, too.
+        """With the transmitted torque that a model needs for the motion, a fixed point where friction depends on it.
 
-        The measured torque is no load: it holds the very friction, and noise.  Friction mu |load| makes each round a
-        factor mu more exact.
+        The measured torque is not used: it contains this friction, and noise.  With friction mu |load| each iteration
+        reduces the error by the factor mu.
         """
         data = cls(tuple(signals), tuple(np.zeros(one.time.size) for one in signals))
         for _ in range(MOST_ROUNDS):
@@ -80,19 +79,19 @@ class Data:
         return [needed(one.experiment.model(model), one, torque) for one, torque in pairs]
 
     def shifted(self, zeros: FloatArray) -> tuple[Signals, ...]:
-        """The recordings with angles from these zeros on (R,) [rad]."""
+        """The recordings with angles relative to these zeros (R,) [rad]."""
         if not zeros.any():
             return self.signals
         return tuple(one.shifted(zero) for one, zero in zip(self.signals, zeros.tolist(), strict=True))
 
     @cached_property
     def nuisance(self) -> FloatArray:
-        """Initial values of what is fitted beside the model's parameters: angles of zero (R,) [rad], or nothing."""
+        """Initial values of the nuisance parameters: zero angles (R,) [rad], or none."""
         return np.zeros(len(self.signals) if all(one.counts_from_start for one in self.signals) else 0)
 
     @property
     def freedom(self) -> FloatArray:
-        """How far an angle of zero may be from its initial value, (R,) or (0,) [rad]."""
+        """How far a zero angle may be from its initial value, (R,) or (0,) [rad]."""
         free = np.full(self.nuisance.size, TURN)
         if self.is_anchored:
             free[:1] = HELD
@@ -100,12 +99,12 @@ class Data:
 
     @property
     def nuisances(self) -> int:
-        """Of one recording."""
+        """The number of nuisance parameters of one recording."""
         return int(self.nuisance.size > 0)
 
     @property
     def centre(self) -> None:
-        """The torque tells all parameters of a joint."""
+        """None: the torque identifies all parameters of a joint."""
         return None
 
     def residual(self, model: Model, nuisance: FloatArray) -> FloatArray:
@@ -114,11 +113,11 @@ class Data:
         return np.concatenate([one.filtered(one.torque - torque) for one, torque in pairs])
 
     def suited(self, models: Sequence[Model]) -> Data:
-        """For these models, too: nothing is integrated."""
+        """Unchanged for other models: nothing is integrated."""
         return self
 
     def usual(self, model: Model) -> float:
-        """Root mean square of what moves the joint [N m]: the torque, or inertia where it swings freely."""
+        """Root mean square of the torque [N m], or of the inertia torque where the joint swings freely."""
         inertia = inertia_of(model)
         moving = [np.where(one.torque.any(), one.torque, inertia * one.acceleration) for one in self.signals]
         return float(np.sqrt(np.mean(np.concatenate(moving) ** 2)))
@@ -131,10 +130,10 @@ class Data:
 
 @dataclass(frozen=True, eq=False)
 class EquationError(Data):
-    """Recordings whose acceleration is compared with what the equation of motion says for the measured position and
-    speed; transmitted: the input of each (N,), a command or a force.
+    """Recordings whose acceleration is compared with that of the equation of motion at the measured position and speed;
+    transmitted: the input of each (N,), a command or a force.
 
-    Noise of the position biases it, but it has no valleys: it says where a simulated motion begins.
+    Noise of the position biases it, but it has no local minima: it gives the initial values for a simulated motion.
     """
 
     @classmethod
@@ -144,7 +143,7 @@ class EquationError(Data):
 
     @cached_property
     def nuisance(self) -> FloatArray:
-        """Nothing is fitted beside the parameters."""
+        """Empty: there are no nuisance parameters."""
         return np.empty(0)
 
     def residual(self, model: Model, nuisance: FloatArray) -> FloatArray:
@@ -161,5 +160,5 @@ class EquationError(Data):
 
 
 def by_recording(values: NDArray[Any], data: Problem) -> list[NDArray[Any]]:
-    """Each recording's part of what all samples have (M, …)."""
+    """Splits values of all samples (M, …) by recording."""
     return np.split(values, np.cumsum(data.counts)[:-1])

@@ -1,4 +1,4 @@
-"""Least squares of the torque, its intervals, and how well it predicts samples that it was not fitted to."""
+"""Least squares of the torque or the motion, confidence intervals, and cross-validated residuals."""
 
 from __future__ import annotations
 
@@ -25,17 +25,18 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["MOST_STEPS", "Regression", "blocks_of", "can_run", "regressed"]
 
 PRIOR = 0.1
-"""Weight of a change of the base's parameters by a factor e, in units of one sample that is off by the usual motion.
-They were estimated before; where a motion does not tell them, they stay there: without this the inertia of a servo
-that moves slowly went to its lower bound.  Effects have none: their first sizes are guesses."""
+"""Weight of the prior on the base's parameters: the cost of a factor e, in units of one sample that is off by the usual
+motion.  The prior keeps parameters that a motion does not identify at their earlier estimates: without it the inertia
+of a slow servo went to its lower bound.  Effects have no prior: their first sizes are guesses."""
 STEP = 1e-6
 """Finite difference in numbers of order one: the torque is a smooth function of its parameters."""
 LEAST_SCALE = 0.01
-"""Of the largest torque, or of a radian: the least scale of a parameter that may be zero."""
+"""Share of the largest torque, or of a radian: the least scale of a parameter that may be zero."""
 LARGEST_BIAS = 2.0
-"""Of the largest torque, for a constant one: with a ripple 2000 times as large it followed a flexible arm (0009)."""
+"""Share of the largest torque, the bound of a constant one: with a ripple 2000 times as large it followed a flexible
+arm (0009)."""
 MOST_STEPS = 60
-"""Of a fit."""
+"""Largest number of steps of a fit."""
 REFITS, LEAST_DAMPING, CONVERGED = 8, 1e-6, 1e-7
 """Steps of a fit to some of the samples, which begins at the fit to all, their damping, and the share of the error by
 which the last step of any fit lowers it: with 1e-6 a pendulum's bare swing was off by 17 % more on unseen data, with
@@ -47,7 +48,7 @@ class Regression:
     """A model fitted to the torque or the angle of some recordings.
 
     unknowns, z: its free parameters, (P,); residual: measured less modelled (M,) [N m or rad]; jacobian: its
-    derivatives by z, and by what was fitted beside the parameters (M, P + E).
+    derivatives by z and by the nuisance parameters (M, P + E).
     """
 
     model: Model
@@ -57,11 +58,11 @@ class Regression:
     residual: FloatArray
     jacobian: FloatArray
     nuisance: FloatArray
-    """(E,) what was fitted beside the parameters."""
+    """(E,) the nuisance parameters."""
 
     @property
     def rms(self) -> float:
-        """Of the residual [N m]."""
+        """Root mean square of the residual [N m]."""
         return float(np.sqrt(np.mean(self.residual**2)))
 
     @property
@@ -71,10 +72,10 @@ class Regression:
 
     @cached_property
     def predicted(self) -> FloatArray:
-        """The residual of each sample (M,) by a fit to the samples of other folds."""
+        """The residual of each sample (M,) for a fit to the samples of the other folds."""
         counts = self.data.counts
         length = sum(counts) / policy.LEAST_BLOCKS
-        if self._refits_nuisance:  # all folds have samples that tell it
+        if self._refits_nuisance:  # all folds have samples that identify it
             length = min(length, min(counts) / policy.FOLDS)
         fold = numbered(counts, length) % policy.FOLDS
         found = np.empty_like(self.residual)
@@ -83,9 +84,9 @@ class Regression:
         return found
 
     def _refitted(self, inside: NDArray[np.bool_]) -> FloatArray:
-        """The residual (M,) with parameters that suit these samples, by Levenberg-Marquardt steps with the Jacobian of
+        """The residual (M,) with parameters fitted to these samples, by Levenberg-Marquardt steps with the Jacobian of
         all; each parameter stays within about a factor e, or its scale, of its value, so that one that the samples do
-        not tell stays where it is.  The state in which a motion begins stays, too: the samples that tell it may all be
+        not identify stays unchanged.  Initial states stay unchanged, too: the samples that identify them may all be
         outside."""
         slopes, variance = self.jacobian[inside, : self._here.size], self.rms**2
         curvature = slopes.T @ slopes + variance * np.eye(self._here.size)
@@ -111,12 +112,12 @@ class Regression:
 
     @cached_property
     def _here(self) -> FloatArray:
-        """What a refit changes, (P,) or (P + E,)."""
+        """The values that a refit changes, (P,) or (P + E,)."""
         return np.concatenate([self.z, self.nuisance]) if self._refits_nuisance else self.z
 
     @cached_property
     def _bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Of what a refit changes."""
+        """The bounds of the values that a refit changes."""
         low, high = self.unknowns.bounds
         if not self._refits_nuisance:
             return low, high
@@ -124,7 +125,8 @@ class Regression:
         return np.concatenate([low, least]), np.concatenate([high, most])
 
     def _bounded(self, curvature: FloatArray, slope: FloatArray, change: FloatArray) -> FloatArray:
-        """The changes after a Newton step; those that would leave the bounds stay there, and the others suit them."""
+        """The changes after a Newton step; those that would leave the bounds are clipped, and the others are solved for
+        again."""
         low, high = self._bounds
         held, fixed = np.zeros(change.size, dtype=bool), np.zeros(change.size)
         for _ in range(change.size):
@@ -147,7 +149,7 @@ class Regression:
         return self.data.residual(self.unknowns.put(self.model, values[: self.count]), nuisance)
 
     def covariance(self, block: NDArray[np.intp], given: Sequence[str] = ()) -> FloatArray:
-        """Of z (P, P), whatever the residual's correlation within blocks of samples (cluster-robust; Liang and Zeger
+        """Covariance of z (P, P), robust to the residual's correlation within blocks of samples (cluster-robust; Liang and Zeger
         1986); zero for parameters that are given."""
         known = np.isin(np.arange(self.jacobian.shape[1]), [self.unknowns.names.index(name) for name in given])
         jacobian = np.where(known, 0.0, self.jacobian)
@@ -172,9 +174,9 @@ class _TimeIsUpError(Exception):
 
 
 def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, steps: int = MOST_STEPS) -> Regression:
-    """The model with its free parameters fitted, within their bounds, in so many steps at most, or as far as the
-    time allows.  nuisance: where what is fitted beside them begins.  Raises ModelError where the first values
-    cannot be simulated."""
+    """The model with its free parameters fitted, within their bounds, in so many steps at most, or as far as the time
+    allows.  nuisance: initial values of the nuisance parameters.  Raises ModelError where the first values cannot be
+    simulated."""
     unknowns = _scaled(Unknowns.of(model), model, data)
     count, first = len(unknowns.items), np.clip(unknowns.z(model), *unknowns.bounds)
     beside = np.clip(data.nuisance if nuisance is None else nuisance, *_nuisance_bounds(data))
@@ -193,8 +195,8 @@ def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, s
 def _minimised(
     model: Model, data: Problem, unknowns: Unknowns, z: FloatArray, weight: FloatArray, near: FloatArray, steps: int
 ) -> Regression:
-    """The fit that begins at parameters and nuisance z (P + E,); weight, near: (P,), of how much the parameters are
-    held near which values."""
+    """The fit that begins at parameters and nuisance z (P + E,); weight, near: (P,), weights and centres of the
+    prior."""
     count, size, usual = len(unknowns.items), sum(data.counts), _usual(data, model)
     low, high = (np.concatenate(pair) for pair in zip(unknowns.bounds, _nuisance_bounds(data), strict=True))
 
@@ -204,7 +206,7 @@ def _minimised(
 
     known: list[tuple[FloatArray, FloatArray]] = []
 
-    def jacobian(at: FloatArray) -> FloatArray:  # it is asked for at the first values and after each step
+    def jacobian(at: FloatArray) -> FloatArray:  # it is evaluated at the first values and after each step
         known[:] = [(at.copy(), _jacobian(residual, at, high, data, may_end=bool(known)))]
         return known[0][1]
 
@@ -222,17 +224,17 @@ def _minimised(
 
 
 def _usual(data: Problem, model: Model) -> float:
-    """What an error counts in, above zero."""
+    """The unit of errors, above zero."""
     return max(data.usual(model), 1e-300)
 
 
 def _nuisance_bounds(data: Problem) -> tuple[FloatArray, FloatArray]:
-    """Of what is fitted beside the parameters, (E,) each."""
+    """The bounds of the nuisance parameters, (E,) each."""
     return data.nuisance - data.freedom, data.nuisance + data.freedom
 
 
 def can_run(model: Model, signals: Sequence[Signals]) -> bool:
-    """Whether the motion can be simulated: of an inertia that friction makes superfluous, nothing is left."""
+    """Whether the motion can be simulated; not where friction has reduced the inertia to zero."""
     try:
         coarse_substep(model, [one.experiment for one in signals])
     except ModelError:
@@ -243,8 +245,8 @@ def can_run(model: Model, signals: Sequence[Signals]) -> bool:
 def _jacobian(
     residual: Callable[[FloatArray], FloatArray], z: FloatArray, high: FloatArray, data: Problem, *, may_end: bool
 ) -> FloatArray:
-    """Forward differences (M, P + E), backward at an upper bound; all recordings move their initial values at once,
-    as each has its own.  Raises _TimeIsUpError when the time is up, if it may."""
+    """Forward differences (M, P + E), backward at an upper bound; the initial values of all recordings change at once,
+    as each recording has its own.  Raises _TimeIsUpError when the time is up, if it may."""
     here = residual(z)
     recordings = len(data.signals)
     count, found = z.size - recordings * data.nuisances, np.zeros((here.size, z.size))
@@ -274,15 +276,16 @@ def _prior(unknowns: Unknowns, centre: Model | None) -> tuple[FloatArray, FloatA
 
 
 def _unidentified(fit: Regression) -> NDArray[np.bool_]:
-    """Which positive parameters of the base (P,) may change by a factor e, and the samples do not notice: an inertia
-    that hardly accelerates, which a fit takes to zero or anywhere."""
+    """Which positive parameters of the base (P,) change the residual insignificantly over a factor e, such as an
+    inertia that hardly accelerates; a fit takes them to zero or anywhere."""
     noticed = np.linalg.norm(fit.jacobian[:, : fit.count], axis=0) > fit.rms
     own = [item.logarithmic and "." not in item.name for item in fit.unknowns.items]
     return np.asarray(np.array(own, dtype=bool) & ~noticed)
 
 
 def _unnoticed(fit: Regression, z: FloatArray, unidentified: NDArray[np.bool_]) -> FloatArray:
-    """The largest values (P,) of these positive parameters of the base that the samples do not notice; see ``_untold``.
+    """The largest values (P,) of these positive parameters of the base with an insignificant change of the residual;
+    see ``_unidentified``.
 
     The torque is proportional to an inertia, so that its derivative by the logarithm at z is what a doubling adds;
     where a fit ended at nearly zero, the Jacobian is rounding.  Smaller values explain the samples as well, but a joint
@@ -302,7 +305,7 @@ def _unnoticed(fit: Regression, z: FloatArray, unidentified: NDArray[np.bool_]) 
 
 
 def _scaled(unknowns: Unknowns, model: Model, data: Problem) -> Unknowns:
-    """With scales that no value near zero makes too small for finite differences: a share of the torque that moves the
+    """The unknowns with scales large enough for finite differences even near zero: a share of the torque that moves the
     joint, and of a radian."""
     moving = inertia_of(model) * max(float(np.abs(one.acceleration).max()) for one in data.signals)
     torque = max(moving, *(float(np.abs(one.torque).max()) for one in data.signals))
@@ -318,12 +321,12 @@ def _scaled(unknowns: Unknowns, model: Model, data: Problem) -> Unknowns:
 
 
 def _within(item: Unknown, most: float) -> Unknown:
-    """No larger than this, either way."""
+    """The unknown with its magnitude bounded by ``most``."""
     return replace(item, low=max(item.low, -most), high=min(item.high, most))
 
 
 def blocks_of(regression: Regression) -> NDArray[np.intp]:
-    """A number for each sample (M,): that of its block, in which the residual has about four correlation times."""
+    """The block number of each sample (M,); blocks are about four correlation times of the residual long."""
     counts, parts = regression.data.counts, by_recording(regression.residual, regression.data)
     length = policy.BLOCK_CORRELATIONS * max(correlation(part) for part in parts)
     return numbered(counts, min(max(length, 1.0), sum(counts) / policy.LEAST_BLOCKS))

@@ -1,4 +1,4 @@
-"""Forward selection of effects, each judged by samples that its fit has not seen, and backward elimination."""
+"""Forward selection of effects, each validated on unseen samples, and backward elimination."""
 
 from __future__ import annotations
 
@@ -52,9 +52,9 @@ R = TypeVar("R")
 
 @dataclass(frozen=True)
 class Search:
-    """method: whose error is judged; unseen: a recording that is not fitted, and decides between effects that explain
-    the others alike; is_fold: whether it is also predicted as one more fold, as there are few others; pool: threads,
-    if any."""
+    """method: the error that is minimised; unseen: a recording that is not fitted, and decides between effects that
+    explain the others equally well; is_fold: whether it also serves as one more fold, as there are few others; pool:
+    threads, if any."""
 
     method: Method
     unseen: Signals | None = None
@@ -63,12 +63,12 @@ class Search:
 
     @property
     def choosing(self) -> Signals | None:
-        """The recording that is predicted as one more fold."""
+        """The recording that serves as one more fold."""
         return self.unseen if self.is_fold else None
 
     def each(self, work: Callable[[T], R], items: Sequence[T], first: int = 0) -> list[R]:
-        """What the work gives of each item, in their order; none of those for which there is no time, but always of so
-        many of the first ones."""
+        """The results of ``work`` in the order of the items; items are skipped when the time is up, except the first so
+        many."""
 
         def begun(numbered: tuple[int, T]) -> list[R]:
             number, item = numbered
@@ -81,8 +81,8 @@ class Search:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """What was tried at one step, best first; confusable: the effects that explain as much as the first; untried: those
-    for which there was no time."""
+    """The candidates of one step, best first; confusable: the effects that explain as much as the first; untried: those
+    skipped because the time was up."""
 
     judged: tuple[Judged, ...]
     confusable: tuple[str, ...] = ()
@@ -96,9 +96,9 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """fits: the base's, then one after each step; labels: the effect that each step added, of a wider one that took a
-    simpler one's place both; steps: what was tried at each, the last one without
-    success; untried: effects that were not tried beside those that were added, because time ran out."""
+    """fits: the base's, then one after each step; labels: the effect that each step added, or both where a general one
+    replaced a simpler one; steps: the candidates of each, the last one without success; untried: effects that were not
+    tried beside those that were added, because time ran out."""
 
     fits: tuple[Fitted, ...]
     labels: tuple[str, ...]
@@ -114,7 +114,8 @@ class Selection:
 def selected(
     model: Model, signals: Sequence[Signals], search: Search, progress: Callable[[str, float], None]
 ) -> Selection:
-    """Adds effects as long as one is significant and there is time, then takes out what has become superfluous."""
+    """Adds effects as long as one is significant and there is time, then eliminates those that have become
+    superfluous."""
     with within(policy.STAGE_SHARE * remaining_s()):
         found = _added(model, signals, search, progress)
     return _eliminated(*found, search)
@@ -123,7 +124,7 @@ def selected(
 def _added(
     model: Model, signals: Sequence[Signals], search: Search, progress: Callable[[str, float], None]
 ) -> tuple[list[Fitted], list[str], list[Step], tuple[str, ...]]:
-    """The fields of a selection in which nothing has been taken out."""
+    """The fields of a selection before the elimination."""
     now = first_fit(model, signals, search)
     fits, added, steps = [now], list[str](), list[Step]()
     untried: tuple[str, ...] = ()
@@ -141,10 +142,10 @@ def _added(
             now = _with(best, now, search.method)
             fits.append(now)
             added.append(best.effect)
-            held = now.model.effects  # a wider effect takes a simpler one's place, and what that one explained
+            held = now.model.effects  # a general effect replaces a simpler one, with the share that it explained
             added = [effect if effect in held else best.effect for effect in added]
         untried = found.untried
-        if is_over():  # fits of the last step, which added nothing or not these, ended where they were
+        if is_over():  # the fits of the last step, which added nothing or other effects, are incomplete
             cut_short = steps[-1].judged[1:] if several else steps[-1].judged
             untried = tuple(dict.fromkeys([*(one.effect for one in cut_short), *untried]))
         if not several or is_over():
@@ -153,8 +154,8 @@ def _added(
 
 
 def _better_without(step: Step, now: Fitted, method: Method) -> Fitted | None:
-    """The present model, fitted from the values that it has beside the effect which was found; None where that is no
-    better.  A fit of a motion may have ended in another minimum, out of which any effect would lead."""
+    """The present model, refitted from its values in the fit with the new effect; None where that is no better.  A fit
+    of a motion may have ended in a local minimum, out of which any effect would lead."""
     if method is not Method.MOTION or not step.is_accepted or is_over():
         return None
     best = step.judged[0]
@@ -165,7 +166,7 @@ def _better_without(step: Step, now: Fitted, method: Method) -> Fitted | None:
 
 
 def _is_slight(step: Step, now: Fitted, first: Fitted) -> bool:
-    """Whether what an accepted step takes is nothing beside the error of the model as it was, however sure it is."""
+    """Whether an accepted step reduces the error of the first model only slightly, however significant it is."""
     taken = now.judged.rms**2 - step.judged[0].fit.rms ** 2
     return taken < policy.LEAST_SHARE * first.judged.rms**2
 
@@ -175,12 +176,12 @@ def _rms(fit: Regression) -> float:
 
 
 def _two(step: Step, now: Fitted, added: tuple[str, ...], search: Search) -> list[Step]:
-    """The steps of two effects at once, where neither is significant alone; none where no two are.
+    """The steps of a pair of effects, where neither is significant alone; none where no pair is.
 
-    Of a weight, viscous and Coulomb friction the first that is added leaves the other two mixed (UR10e, joint 4).  The
-    two are tested against neither, among all pairs, and each against the other one alone.  A weight without a damping
-    is out of phase after some swings, and predicts nothing: what explains the acceleration comes first.  Not for
-    simulated motions, whose fits take seconds each.
+    With gravity, viscous and Coulomb friction the first one added leaves the other two confounded (UR10e, joint 4).  A
+    pair is tested against neither effect, corrected for all pairs, and against each effect alone.  Gravity without
+    damping is out of phase after some swings, and predicts nothing: what explains the acceleration comes first.  Pairs
+    are not tried for simulated motions: each fit takes seconds.
     """
     if search.method is Method.MOTION:
         return []
@@ -205,7 +206,7 @@ def _two(step: Step, now: Fitted, added: tuple[str, ...], search: Search) -> lis
 
 
 def _stronger_first(two: Sequence[Step], alone: Mapping[str, Judged]) -> list[Step]:
-    """The two steps so that the effect comes first that alone leaves less."""
+    """The two steps, ordered so that the effect with the smaller error alone comes first."""
     first, both = two[0].judged[0], two[1].judged[0]
     other = alone.get(both.effect)
     if other is None or other.fit.rms >= first.fit.rms:
@@ -216,7 +217,7 @@ def _stronger_first(two: Sequence[Step], alone: Mapping[str, Judged]) -> list[St
 
 
 def first_fit(model: Model, signals: Sequence[Signals], search: Search) -> Fitted:
-    """The fit of the model as it is."""
+    """Fits the model without further effects."""
     if search.method is Method.MOTION:
         is_moved = any(is_driven(one.experiment) for one in signals)
         fit = regressed if is_moved else continued
@@ -227,7 +228,7 @@ def first_fit(model: Model, signals: Sequence[Signals], search: Search) -> Fitte
 
 
 def _with(best: Judged, now: Fitted, method: Method) -> Fitted:
-    """The fit with what was added."""
+    """The fit with the added effect."""
     if method is Method.MOTION:
         return best.fitted
     inverse = _with_load(best.fit.model, now.inverse.data, best.fitted.inverse.nuisance)
@@ -235,12 +236,12 @@ def _with(best: Judged, now: Fitted, method: Method) -> Fitted:
 
 
 def first_step(now: Fitted, search: Search) -> Step:
-    """All candidates beside the model as it is."""
+    """Judges all candidates for the first model."""
     return _step(now, (), search)
 
 
 def _step(now: Fitted, added: tuple[str, ...], search: Search) -> Step:
-    """All candidates, judged against the present fit."""
+    """Judges all candidates against the present fit."""
     wide = list(candidates(now.inverse.model, added, now.inverse.data))
     with within(policy.STAGE_SHARE * remaining_s()):
         fits, hopeless = _fitted_each(wide, now.inverse, search)
@@ -264,8 +265,8 @@ def _step(now: Fitted, added: tuple[str, ...], search: Search) -> Step:
 
 
 def _as_judged(name: str, inverse: Regression, now: Fitted, method: Method) -> Fitted:
-    """The fit that counts.  That of a free motion begins where the acceleration puts it, or where this explains nothing
-    beside the present one: the acceleration does not show what a damping takes from one swing to the next."""
+    """The fit that is judged.  For a free motion it begins with the estimates from the acceleration, or with the
+    present ones where these explain nothing: the acceleration does not show a small damping."""
     found = Fitted.of(inverse, method)
     if method is not Method.FREE or found.judged.rms < math.sqrt(1 - policy.LEAST_GAIN) * now.judged.rms:
         return found
@@ -276,10 +277,10 @@ def _as_judged(name: str, inverse: Regression, now: Fitted, method: Method) -> F
 def _fitted_each(
     wide: Sequence[tuple[str, Model]], now: Regression, search: Search
 ) -> tuple[list[tuple[str, Regression]], list[str]]:
-    """The candidates for which there was time, each with its fit, and those that cannot be fitted.
+    """The candidates with their fits, as far as the time allowed, and those that cannot be fitted.
 
-    Of fits to a simulated motion those come first that explain the acceleration best, which takes no simulation, and
-    the most promising of them are finished.
+    Fits to a simulated motion are ordered by how well they explain the acceleration, which needs no simulation, and the
+    best of them are finished.
     """
     is_simulated = search.method is Method.MOTION
     inverse = by_acceleration(now.model, now.data.signals) if is_simulated else None
@@ -298,13 +299,13 @@ def _fitted_each(
 
 
 def _with_load(model: Model, data: Problem, nuisance: FloatArray | None = None) -> Regression:
-    """The model fitted to the torque, then again with the transmitted torque that it says itself."""
+    """The model fitted to the torque, then again with the transmitted torque of that fit."""
     once = regressed(model, data, nuisance)
     return regressed(once.model, Data.of(data.signals, once.model, once.nuisance), once.nuisance)
 
 
 def _without(effect: str, now: Fitted, method: Method) -> Fitted:
-    """The fit without an effect; a motion begins where it is."""
+    """The fit without an effect; a motion is refitted from the present values."""
     model, nuisance = without(now.model, effect), now.inverse.nuisance
     if method is Method.MOTION:
         data = now.inverse.data
@@ -319,8 +320,8 @@ def _without(effect: str, now: Fitted, method: Method) -> Fitted:
 def _eliminated(
     fits: list[Fitted], added: list[str], steps: list[Step], untried: tuple[str, ...], search: Search
 ) -> Selection:
-    """Without those effects that the later ones have made superfluous, or whose size nothing tells any more, as long as
-    the others remain what their names say."""
+    """Eliminates effects that later ones have made superfluous, or with a size that is no longer identified, as long as
+    the estimates of the others agree with their definitions."""
     for effect in dict.fromkeys(added):
         if len(set(added)) < 2 or is_over():
             break

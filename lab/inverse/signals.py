@@ -1,7 +1,7 @@
 """Motion and torque of a recording within the band in which the angle stands out of its noise.  Nothing is fitted here.
 
-Every signal of the regression goes through one and the same zero-phase low-pass filter (parallel filtering), which
-leaves a linear relation between them as it is, and is then sampled at the rate that the band needs.
+Every signal of the regression passes the same zero-phase low-pass filter (parallel filtering), which preserves linear
+relations between them, and is then sampled at the rate that the band needs.
 """
 
 from __future__ import annotations
@@ -23,37 +23,38 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["COLUMNS", "Signals", "informative_band"]
 
 FASTEST = 0.2
-"""Of the rate: the highest end of a band, where the second derivative of the spline is still right to 1 %."""
+"""Share of the sampling rate: the highest end of a band, where the second derivative of the spline is accurate to 1
+%."""
 WHOLE = 2.0
-"""Times the end of the band, that of the filter which smooths the motion: it leaves 99.6 % of what lies at the end of
-the band.  Dry friction needs the speed itself; with a filter that ends with the band, a fast sine near its end made a
-damper's 50 N of friction 23 N."""
+"""Cutoff of the filter that smooths the motion, times the end of the band: its gain at the end of the band is 99.6 %.
+Dry friction needs the true speed; with a cutoff at the end of the band, a fast sine near it reduced a damper's friction
+from 50 N to 23 N."""
 LEAST_MOVING = 100
 """With fewer samples in motion, those at rest count, too."""
 SHARES = (1.0, 0.5, 0.25, 0.125, 0.0625)
-"""Of the widest band in which an angle stands out of its noise, the ends that are tried, the highest first."""
+"""Ends of the band that are tried, as shares of the widest band in which the angle exceeds its noise, highest first."""
 LEAST_SAMPLES, REGRESSORS = 4, 6
 """For each regressor of the inverse model that compares bands, and their number."""
 BLOCKS = 20
-"""Parts of a recording that count as independent."""
+"""Number of parts of a recording that count as independent."""
 SPLINE = 5
 """Degree of the spline that is differentiated.  Central differences are 3 % too small at a twentieth of the rate."""
 SLOWEST = 4.0
-"""Periods in the recording: the lowest end of a band that others have, and of what an accelerometer tells."""
+"""Periods in the recording: the lowest end of a band taken from others, and of the band of an accelerometer."""
 PER_PERIOD = 2.5
 """Samples that are kept per period of the end of the band."""
 EDGE = 2.0
 """Periods of the end of the band that are left out at both ends of a recording."""
 SLOWEST_OWN = 2 * EDGE + LEAST_SAMPLES * REGRESSORS / PER_PERIOD
-"""Periods in the recording: the lowest end of its own band, which leaves so many samples.  With four periods nine were
-left of a robot's joint that turned slowly for 16 s at 30 Hz, and Coulomb friction was not significant (p = 0.12, now
-0.001)."""
+"""Periods in the recording: the lowest end of its own band, which fixes the least number of samples.  With four periods
+nine samples were left of a robot's joint that turned slowly for 16 s at 30 Hz, and Coulomb friction was not significant
+(p = 0.12, now 0.001)."""
 SEGMENT = 1024
 """Samples of a segment of the power density."""
 COLUMNS = ("position", "displacement", "accel")
 """What may be measured of a moving part, the most direct first."""
 ORDER = 4
-"""Of the Butterworth filter, which runs forwards and backwards."""
+"""Order of the Butterworth filter, which runs forwards and backwards."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +76,8 @@ class Signals:
 
     @classmethod
     def of(cls, experiment: Experiment, is_force: bool = True, most_hz: float = math.inf) -> Signals:
-        """Of an experiment with one moving part.  is_force: the input is a torque or force; without one the part moves
-        freely and there is none.  most_hz: the highest end of the band (``informative_band``)."""
+        """Of an experiment with one moving part.  is_force: the input is a torque or force; without it the part moves
+        freely and there is no torque.  most_hz: the highest end of the band (``informative_band``)."""
         column = next(name for name in COLUMNS if name in experiment.measured)
         seen = ~np.isnan(experiment.measured[column])
         measured, at = experiment.measured[column][seen], experiment.time[seen]
@@ -101,7 +102,7 @@ class Signals:
 
     @cached_property
     def kept(self) -> NDArray[np.intp]:
-        """The samples that count (M,): none near the ends, where the filter knows one side only, and none at rest,
+        """The samples that are compared (M,): none near the ends, where the filter has a transient, and none at rest,
         where dry friction may have any value up to its largest."""
         edge = min(round(EDGE * self._rate / self.band_hz), self.time.size // 4)
         found = np.arange(edge, self.time.size - edge, self._every)
@@ -109,24 +110,24 @@ class Signals:
         return moving if moving.size >= LEAST_MOVING else found
 
     def until_moved(self, share: float) -> float:
-        """The time until which the part has made this share of its motion [s]: of samples at rest none counts.  The
-        last third of a recording of one step was all rest, and judged friction by the noise of its acceleration."""
+        """The time until which the part has made this share of its motion [s]: samples at rest do not count.  The last
+        third of a recording of one step was all at rest, and friction was judged by the noise of its acceleration."""
         moving = np.flatnonzero(np.abs(self.velocity) >= self._rest_speed)
         return float(self.time[moving[int(share * (moving.size - 1))]])
 
     @property
     def grid(self) -> NDArray[np.intp]:
-        """Those that count, and the samples between and beside them, evenly spaced (K,)."""
+        """The samples that are compared, and those between and beside them, evenly spaced (K,)."""
         return np.arange(self.kept[0] % self._every, self.time.size, self._every)
 
     @property
     def _every(self) -> int:
-        """Every so many samples, one counts: the band needs no more."""
+        """The decimation factor that the band allows."""
         return max(round(self._rate / self.band_hz / PER_PERIOD), 1)
 
     @property
     def _rest_speed(self) -> float:
-        """Below it nothing tells the sign of the speed [rad/s]."""
+        """Below it the sign of the speed is unknown [rad/s]."""
         usual = float(np.sqrt(np.mean(self.velocity**2)))
         noise = self._derivative_noise(min(WHOLE * self.band_hz, FASTEST * self._rate), 1)
         return min(max(policy.SURE_SPEED * noise, policy.UNSURE_SPEED * usual), policy.SLOW_SPEED * usual)
@@ -136,11 +137,11 @@ class Signals:
         return float(1 / (self.time[1] - self.time[0]))
 
     def filtered(self, signals: FloatArray) -> FloatArray:
-        """Signals (..., N) through the filter, at the samples that count (..., M)."""
+        """Signals (..., N) through the filter, at the samples that are compared (..., M)."""
         return self.smooth(signals)[..., self.kept]
 
     def smooth(self, signals: FloatArray) -> FloatArray:
-        """Signals (..., N) through the filter that ends with the band."""
+        """Signals (..., N) through the filter with the cutoff at the end of the band."""
         return _lowpass(signals, self.band_hz / self._rate)
 
     @cached_property
@@ -150,7 +151,7 @@ class Signals:
 
     @property
     def driving(self) -> FloatArray:
-        """The input (N,) as it was recorded; zeros where there is none."""
+        """The recorded input (N,); zeros where there is none."""
         drive = self.experiment.drive
         if drive is None:
             return np.zeros_like(self.time)
@@ -158,15 +159,15 @@ class Signals:
 
     @property
     def counts_from_start(self) -> bool:
-        """Whether the angle is exactly zero at the first sample: of a sensor that counts from where it was switched on,
-        or an angle that was integrated from a speed."""
+        """Whether the angle is exactly zero at the first sample: that of an incremental encoder, or an angle that was
+        integrated from a speed."""
         if self.column != "position" or self.experiment.is_linear or self.experiment.drive is None:
             return False
         position = self.experiment.measured["position"]
         return bool(position[~np.isnan(position)][0] == 0.0)
 
     def shifted(self, zero: float) -> Signals:
-        """With angles from another zero on [rad]: what was measured, and the filtered position."""
+        """With another zero angle [rad] of the measured and the filtered position."""
         measured = {**self.experiment.measured, self.column: self.experiment.measured[self.column] + zero}
         return replace(self, experiment=replace(self.experiment, measured=measured), position=self.position + zero)
 
@@ -177,7 +178,7 @@ class Signals:
 
     @property
     def acceleration_noise(self) -> float:
-        """Root mean square of the acceleration's error within the band [rad/s²], by the angle's noise."""
+        """Root mean square of the acceleration's error within the band [rad/s²] due to the angle's noise."""
         return self._derivative_noise(self.band_hz, 2)
 
     def _derivative_noise(self, end_hz: float, order: int) -> float:
@@ -188,12 +189,12 @@ class Signals:
 
 
 def informative_band(experiments: Sequence[Experiment]) -> float:
-    """The highest end of the band [Hz] that tells the inertia of a driven joint nearly as well as the best of them.
+    """The highest end of the band [Hz] that identifies the inertia of a driven joint nearly as well as the best one.
 
-    What moves the part and is not in its torque (a quivering arm, a belt) is far larger in an acceleration than slow
-    motion is; least squares is efficient only where the residual is white (generalised least squares), and here a
-    frequency is worth all or nothing.  Such a motion has frequencies of its own, whatever the band of a recording: a
-    share of each band left a slow recording of a pendulum, beside one that rattled, 7 of 94 samples.
+    Motion that the torque does not cause (a vibrating arm, a belt) has far larger accelerations than slow motion.
+    Least squares is efficient only for a white residual; generalised least squares is approximated by weights of 0 and
+    1 over frequency.  One end in hertz serves all recordings, as such a vibration has a fixed frequency: a share of
+    each band left 7 of 94 samples of a slow pendulum beside a rattling one.
     """
     widest = max(Signals.of(one).band_hz for one in experiments)
     ends = [share * widest for share in SHARES]
@@ -204,8 +205,8 @@ def informative_band(experiments: Sequence[Experiment]) -> float:
 
 
 def _unsure_inertia(signals: Sequence[Signals]) -> float:
-    """The relative standard deviation of J in tau = J theta'' + b theta' + c sign(theta') + d sin + e cos + f, whatever
-    the residual's correlation within blocks (cluster-robust; Liang and Zeger 1986)."""
+    """The relative standard deviation of J in tau = J theta'' + b theta' + c sign(theta') + d sin + e cos + f, robust
+    to correlation of the residual within blocks (cluster-robust; Liang and Zeger 1986)."""
     parts = []
     for one in signals:
         q, v = one.position, one.velocity
@@ -224,8 +225,8 @@ def _unsure_inertia(signals: Sequence[Signals]) -> float:
 
 
 def _integrated_twice(acceleration: FloatArray, step: float) -> FloatArray:
-    """Position without what is slower than ``SLOWEST`` periods in the recording, of which an accelerometer's offset
-    makes more than the motion."""
+    """Position without frequencies below ``SLOWEST`` periods in the recording, where an accelerometer's offset exceeds
+    the motion."""
     frequency = np.fft.rfftfreq(acceleration.size, step)
     spectrum = np.fft.rfft(acceleration - acceleration.mean())
     slow = frequency < SLOWEST / (acceleration.size * step)
@@ -237,7 +238,7 @@ def _integrated_twice(acceleration: FloatArray, step: float) -> FloatArray:
 def _lowpass(values: FloatArray, band: float) -> FloatArray:
     """Zero-phase, along the last axis; band: its end in cycles per sample.
 
-    As ``scipy.signal.sosfiltfilt`` does, which finds the filter's initial state anew each time: that takes as long as
+    As ``scipy.signal.sosfiltfilt`` does, which computes the filter's initial state at every call; this takes as long as
     filtering some thousand samples.
     """
     from scipy.signal import sosfilt  # late, as everywhere in the lab: scipy.signal takes half a second
@@ -256,7 +257,7 @@ def _lowpass(values: FloatArray, band: float) -> FloatArray:
 
 @lru_cache(maxsize=64)
 def _butterworth(band: float) -> tuple[FloatArray, FloatArray]:
-    """Second-order sections, and their state (sections, 2) after a long time at one."""
+    """Second-order sections, and their steady state (sections, 2) for a constant input of one."""
     from scipy.signal import butter, sosfilt_zi
 
     sections = np.asarray(butter(ORDER, 2 * band, output="sos"))
@@ -275,9 +276,10 @@ def _density(values: FloatArray, rate: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _band(position: FloatArray, rate: float) -> tuple[float, float]:
-    """Where the angle falls into its noise [Hz], and the noise's density, that of the upper quarter of frequencies.
+    """The frequency [Hz] at which the angle's density falls to that of its noise, and this density, from the upper
+    quarter of frequencies.
 
-    Only what is clear of the noise counts as motion: at high frequencies the noise of a speed is more than the speed.
+    Only power above the noise counts as motion: at high frequencies the noise of a speed exceeds the speed.
     """
     frequency, power = _density(position, rate)
     noise = float(np.median(power[3 * power.size // 4 :]))
@@ -289,8 +291,8 @@ def _band(position: FloatArray, rate: float) -> tuple[float, float]:
 
 
 def _torque_noise(torque: FloatArray, rate: float, band: float) -> float:
-    """Root mean square of the torque's own noise within the band [N m]: its density where no motion is, above the band,
-    taken as white."""
+    """Root mean square of the torque's own noise within the band [N m]: its density above the band, where there is no
+    motion, taken as white."""
     frequency, power = _density(torque, rate)
     above = power[frequency > 2 * band]
     floor = float(np.median(above)) if above.size >= 3 else float(power.min())

@@ -1,4 +1,4 @@
-"""Whether a torque may be counted against the angle: a file of another program has conventions of its own."""
+"""Detects a torque with the opposite sign convention, as in files of other programs."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ __all__ = ["advice_of_signs"]
 
 
 def advice_of_signs(model: Model, signals: Sequence[Signals], search: Search) -> str:
-    """What to say where nothing explains a torque, but an effect explains it with the other sign: springs that pushed
-    away and friction that drove were outside of the catalogue; "" otherwise."""
+    """The advice where no effect explains a torque, but one does with the other sign, such as a spring that pushes away
+    or friction that drives; "" otherwise."""
     turned = [replace(one, torque=-one.torque) for one in signals]
     unseen = search.unseen and replace(search.unseen, torque=-search.unseen.torque)
     other = replace(search, unseen=unseen)

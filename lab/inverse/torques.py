@@ -1,8 +1,8 @@
-"""The acceleration that a model says for a given motion, and the torque that it needs.
+"""The acceleration of a model for a given motion, and the torque that it needs.
 
-The terms are the model's own kernels, so an effect of the catalogue and one of a user's own are evaluated alike.
-No equation of motion is solved here, so only effects without delays and clocks can be evaluated, and without states
-but for those that follow from the measured motion (``follows_motion``).
+The terms are the model's kernels, so effects of the catalogue and user-defined ones are evaluated in the same way.  No
+equation of motion is solved here, so effects with delays or time dependence cannot be evaluated, nor those with states,
+except states that follow from the measured motion (``follows_motion``).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ __all__ = ["acceleration", "can_invert", "follows_motion", "inertia_of", "needed
 
 STEP, MOST_PARTS = 0.2, 50
 """Share of the shortest distance of a hysteresis that a step may take: the friction is then within 2 % of its law; and
-the most steps between two samples."""
+the largest number of steps between two samples."""
 
 
 def follows_motion(effect: Effect) -> bool:
@@ -48,21 +48,21 @@ def inertia_of(model: Model) -> float:
 
 
 def noise_floor(signals: Signals, model: Model) -> float:
-    """Root mean square of what the sensors of torque and angle leave of the needed torque within the band [N m]."""
+    """Root mean square of the noise of torque and needed torque within the band [N m]."""
     return math.hypot(signals.torque_noise, inertia_of(model) * signals.acceleration_noise)
 
 
 def needed(model: Model, signals: Signals, transmitted: FloatArray) -> FloatArray:
     """The torque that the motion needs of a joint, J theta_2'' less that of bias and effects (N,) [N m].
 
-    transmitted: (N,) the torque [N m] on which friction that grows with load depends.  It is a modelled one: that of
-    the sensor holds the very friction that is asked for.
+    transmitted: (N,) the torque [N m] on which load-dependent friction depends.  It is a modelled one: the measured
+    torque contains this friction.
     """
     return inertia_of(model) * (signals.acceleration - acceleration(model, signals, transmitted)) + transmitted
 
 
 def acceleration(model: Model, signals: Signals, drive: FloatArray) -> FloatArray:
-    """theta_2'' or q'' (N,) [rad/s² or m/s²] that the equation of motion says for the measured position and speed.
+    """theta_2'' or q'' (N,) [rad/s² or m/s²] of the equation of motion at the measured position and speed.
 
     drive: (N,) the input at the signals' times.
     """
@@ -73,7 +73,7 @@ def acceleration(model: Model, signals: Signals, drive: FloatArray) -> FloatArra
 
 
 def _parts(model: Model, signals: Signals) -> int:
-    """Into how many parts the time between two samples is cut for states that follow the motion."""
+    """The number of steps between two samples for states that follow the motion."""
     values = {name: p.value for name, p in model.parameters.items()}
     own = [effect for name in model.effects if (effect := get_effect(name)).distance]
     shortest = min((effect.distance(scope(values, effect)) for effect in own if effect.distance), default=math.inf)

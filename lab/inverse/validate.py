@@ -1,12 +1,13 @@
-"""How well a candidate predicts samples that its fit has not seen, and whether that is significant.  No search here.
+"""Cross-validation of a candidate: how well it predicts unseen samples, and whether that is significant.  No search
+here.
 
 A candidate is judged by the squared error of predictions: each of three folds of blocks is predicted by a fit to the
-other two, and another recording, where there are few, by the fit to all three.  The logarithms of the ratio
-of two models' errors, block by block, are nearly independent, and their mean is that of the log-likelihood ratio when
-each block has noise of its own size: recordings differ in theirs.  Student's t-test asks whether the mean is above
-zero, and the p-value is multiplied by the number of candidates that were tried (Bonferroni), so that it is the chance
-of a false name in the whole step.  A model need not be true for that, only better: the test compares predictions
-(Diebold and Mariano 1995; Hansen, Lunde and Nason 2011, "The model confidence set").
+other two, and another recording, where there are few, by the fit to all three.  The logarithms of the ratio of two
+models' errors, block by block, are nearly independent, and their mean is that of the log-likelihood ratio if every
+block has its own noise variance, as recordings differ in theirs.  Student's t-test asks whether the mean is above zero,
+and the p-value is multiplied by the number of candidates that were tried (Bonferroni), so that it is the probability of
+a false name in the whole step.  The test compares predictions; it does not assume that either model is true (Diebold
+and Mariano 1995; Hansen, Lunde and Nason 2011, "The model confidence set").
 """
 
 from __future__ import annotations
@@ -41,13 +42,13 @@ __all__ = [
 ]  # fmt: skip
 
 HORIZONS = (0.2, 0.5)
-"""Shares of a free swing that are fitted before the whole: a frequency that is 2 % off is out of phase after ten
-swings, and a fit to all of them ends in another minimum."""
+"""Shares of a free swing that are fitted before the whole: a frequency error of 2 % is out of phase after ten swings,
+and a fit to the whole would end in a local minimum."""
 
 
 class Method(Enum):
-    """Whose error is judged: that of the torque, which a controller made; that of a free motion, whose effects are
-    looked for in the acceleration; that of a motion whose input follows no disturbance."""
+    """The error that is minimised: of the torque of a controlled joint; of a free motion, with candidates selected by
+    the acceleration; of a motion with an input that follows no disturbance."""
 
     TORQUE = "torque"
     FREE = "free"
@@ -56,30 +57,29 @@ class Method(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """inverse: the fit in which effects are looked for; judged: the fit whose predictions count, the same one except
-    where a joint swings freely."""
+    """inverse: the fit to select candidates with; judged: the fit for predictions, the same one except where a joint
+    swings freely."""
 
     inverse: Regression
     judged: Regression
 
     @classmethod
     def of(cls, inverse: Regression, method: Method) -> Fitted:
-        """Beginning with the fit in which effects are looked for."""
+        """Beginning with the fit to select candidates with."""
         if method is not Method.FREE:
             return cls(inverse, inverse)
         return cls(inverse, continued(inverse.model, OutputError.of(inverse.data.signals, inverse.model)))
 
     @property
     def model(self) -> Model:
-        """The model of the fit that counts."""
+        """The model of the fit for predictions."""
         return self.judged.model
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A candidate: the fit with it, the share of the squared error of samples outside of the fit that it takes, the
-    p-value, and whether it is told: that the interval of its size does not hold zero, and that it is what its name
-    says."""
+    """A candidate: the fit with it, the share of the squared error of unseen samples that it takes, the p-value, and
+    whether it is identified: the interval of its size excludes zero, and the estimates agree with its definition."""
 
     effect: str
     fitted: Fitted
@@ -89,7 +89,7 @@ class Judged:
 
     @property
     def fit(self) -> Regression:
-        """The fit that counts."""
+        """The fit for predictions."""
         return self.fitted.judged
 
     @property
@@ -99,8 +99,8 @@ class Judged:
 
 
 def continued(model: Model, swings: OutputError) -> Regression:
-    """The fit of a free motion by way of its beginnings (homotopy in the horizon); where that ends further off than no
-    motion at all, as of a pendulum that goes over the top, the fit of the whole motion at once if it is better."""
+    """The fit of a free motion on a growing horizon (homotopy); where that ends with a larger error than no motion, as
+    for a pendulum that goes over the top, the fit of the whole motion at once if it is better."""
     start = model
     for share in HORIZONS:
         model = regressed(model, swings.first(share)).model
@@ -111,14 +111,14 @@ def continued(model: Model, swings: OutputError) -> Regression:
 
 
 def named(alike: Sequence[Judged], now: Regression, unseen: Signals | None) -> Judged:
-    """Of effects that explain alike: those with as many parameters as the one of least BIC, then the one that predicts
-    best a recording that no fit has seen, or the folds where there is none, then the one whose shape suits the motion.
-    Initial values of a mode's own count as parameters.
+    """Chooses one of several effects that explain the data equally well: by the number of parameters of the one with
+    the least BIC, then by the prediction of an unseen recording, or of the folds where there is none, then by
+    ``preferred``. The initial values of a mode count as parameters.
 
-    Alike only says that the blocks are too few to be sure.  The likelihood counts each block as one sample, so that of
-    twelve a parameter is worth a fifth of the squared error: a pendulum's weight, with two, took 71 % where Coulomb
-    friction took 38 %.  Before all that, an effect is not named where one of its kind explains a
-    little less that many more machines have.
+    Equally well means that the blocks are too few for significance.  The likelihood counts each block as one sample, so
+    that with twelve a parameter costs a fifth of the squared error: gravity of a pendulum, with two, took 71 % where
+    Coulomb friction took 38 %.  First of all, an effect gives way to a far more common one of its kind that explains a
+    little less.
     """
     blocks = max(int(blocks_of(one.fit).max()) + 1 for one in alike)
     costs = {one.effect: (1 - one.gain) * blocks ** (_count(one) / blocks) for one in alike}
@@ -133,7 +133,7 @@ def named(alike: Sequence[Judged], now: Regression, unseen: Signals | None) -> J
 
 
 def _count(one: Judged) -> int:
-    """How many numbers were fitted."""
+    """The number of fitted parameters."""
     return one.fit.count + one.fit.nuisance.size
 
 
@@ -145,18 +145,18 @@ def _is_rarer(effect: str, costs: dict[str, float], blocks: int) -> bool:
 
 
 def error_on(fit: Regression, unseen: Signals) -> float:
-    """Root mean square of what a fit lacks in a recording that it has not seen [N m or rad], infinite where its motion
-    has no end there."""
+    """Root mean square error of a fit on an unseen recording [N m or rad], infinite where its motion cannot be
+    simulated there."""
     there = fit_on(fit, unseen)
     return there.rms if there else math.inf
 
 
 @lru_cache(maxsize=64)  # each candidate is compared with several others
 def fit_on(fit: Regression, unseen: Signals) -> Regression | None:
-    """The fit's model on a recording that it has not seen, None where its motion has no end there: only the initial
-    state of a motion, or the zero of an angle, is fitted."""
+    """The fit's model on an unseen recording, None where its motion cannot be simulated there: only the nuisance
+    parameters (initial state, zero angle) are fitted."""
     known = held(fit.model, fit.unknowns.names)
-    with suppress(ModelError), within(math.inf):  # two numbers: an end cut short would be told as the effect's error
+    with suppress(ModelError), within(math.inf):  # two numbers: a fit cut short would be reported as the effect's error
         if isinstance(fit.data, OutputError):
             return regressed(known, OutputError.of([unseen], known).no_finer(fit.data))
         return regressed(known, replace(Data.of([unseen], known), is_anchored=fit.nuisance.size == 0))
@@ -170,28 +170,28 @@ def is_noise(residual: FloatArray, floor: float) -> bool:
 
 def _least_spread(residual: FloatArray) -> float:
     """Lower end of a 95 % interval of the standard deviation, by the median absolute deviation: its relative standard
-    error is 1.17 / sqrt(N) for N independent normal values (asymptotic efficiency 37 %), and transients of the filter
-    at the ends of a recording do not change it."""
+    error is 1.17 / sqrt(N) for N independent normal values (asymptotic efficiency 37 %), and it is robust to transients
+    of the filter at the ends of a recording."""
     spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
     return spread / (1 + 1.645 * 1.17 / math.sqrt(residual.size))
 
 
 def preferred(one: Judged, now: Regression) -> tuple[bool, bool]:
-    """Of two effects of the same shape, that which repeats every turn comes first where a shaft turns; and of two of a
-    kind the likelier one."""
+    """Sort key for effects of the same shape: periodic ones first where a shaft turns, then the more likely one of a
+    kind."""
     is_shaft = turns_of(now.data) >= SHAFT_TURNS
     repeats = f"{one.effect}.N" in one.fit.model.parameters
     return repeats != is_shaft, bool(get_effect(one.effect).likelier)
 
 
 def are_alike(one: Judged, best: Judged, tried: float, choosing: Signals | None) -> bool:
-    """Whether the best of so many predicts no better than another, significantly and by what is worth a name."""
+    """Whether the best of so many does not predict significantly and substantially better than another."""
     left, least = 1 - one.gain, 1 - best.gain
     return left * (1 - policy.LEAST_GAIN) <= least or tried * p_of(one.fit, best.fit, choosing) > policy.FALSE_NAME
 
 
 def judged(name: str, found: Fitted, now: Fitted, tried: float, choosing: Signals | None) -> Judged:
-    """A candidate of so many (one over its prior probability), against the present fit; choosing: see ``p_of``."""
+    """Tests a candidate of so many (one over its prior probability) against the present fit; choosing: see ``p_of``."""
     before, after, block = _errors(now.judged, found.judged, choosing)
     p_value = min(tried * shapes_tried(name, found.model) * _chance(before, after, block), 1.0)
     is_identified = is_sized(name, found.judged) and are_apt(found.model, [name])
@@ -199,29 +199,29 @@ def judged(name: str, found: Fitted, now: Fitted, tried: float, choosing: Signal
 
 
 def prior_odds(effects: Sequence[str], own: Sequence[str]) -> dict[str, float]:
-    """Of candidates: one, or less where a likelier effect of the kind is a candidate, too, or the model's own.  Their
-    shares are the weights with which each pays for the others (weighted Bonferroni): one that hardly any machine has
-    needs more evidence, and costs the others next to none."""
+    """Prior odds of candidates: one, or less where a likelier effect of the kind is a candidate, too, or in the model.
+    They are the weights of the correction for multiple tests (weighted Bonferroni): a rare effect needs more evidence,
+    and costs the others little."""
     known = {*effects, *own}
     found = {name: get_effect(name) for name in effects}
     return {name: 1 / one.odds if one.likelier in known else 1.0 for name, one in found.items()}
 
 
 def shapes_tried(effect: str, model: Model) -> float:
-    """Among how many shapes that of the effect was chosen, for the p-value: a whole number is not fitted to the folds,
-    but chosen by all samples.
+    """The number of shapes among which that of the effect was chosen, for the p-value: a whole number is not fitted to
+    the folds, but chosen with all samples.
 
-    Small numbers are likelier in a machine than large ones, so that N pays for N (N + 1) shapes: the shares
-    1/(N (N + 1)) of all N are together one (weighted Bonferroni: Genovese, Roeder and Wasserman 2006).
+    Small numbers are likelier in a machine than large ones, so that N counts as N (N + 1) shapes: the weights 1/(N (N +
+    1)) of all N add up to one (weighted Bonferroni: Genovese, Roeder and Wasserman 2006).
     """
     whole = [p.value for p in model.own(effect).values() if p.domain.is_whole]
     return math.prod(n * (n + 1) for n in whole)
 
 
 def is_sized(effect: str, fit: Regression) -> bool:
-    """Whether the interval of an amplitude of the effect does not hold zero.  A curve that is nearly a sum of others
-    bends itself to a motion better than they do, and is wild outside of it.  The base's positive parameters are taken
-    as given: all torques of a servo share a scale that its motion does not tell."""
+    """Whether the interval of an amplitude of the effect excludes zero.  A curve that is nearly a sum of others can
+    overfit a motion, and extrapolates badly.  The base's positive parameters are taken as given: all torques of a servo
+    share a scale that its motion does not identify."""
     names, block = amplitudes(effect, fit), blocks_of(fit)
     if not names:
         return _is_shaped(effect, fit, block)
@@ -232,8 +232,8 @@ def is_sized(effect: str, fit: Regression) -> bool:
 
 
 def _is_shaped(effect: str, fit: Regression, block: NDArray[np.intp]) -> bool:
-    """Whether a parameter of an effect whose size is not fitted is told, where it has any.  A mode that rings down from
-    anywhere is one if it has a frequency: to a mass on a spring that rubbed, one of 0.001 to 1e6 Hz was fitted."""
+    """Whether an effect without a fitted size has an identified parameter, or none at all.  A mode with free initial
+    values must have an identified frequency: to a mass on a spring with friction, one of 0.001 to 1e6 Hz was fitted."""
     own = [at for at, name in enumerate(fit.unknowns.names) if name.startswith(f"{effect}.")]
     deviation = np.sqrt(np.maximum(np.diag(fit.covariance(block)), 0.0))
     return not own or any(fit.unknowns.items[at].is_identified(fit.z[at], deviation[at]) for at in own)
@@ -246,10 +246,10 @@ def amplitudes(effect: str, fit: Regression) -> list[str]:
 
 
 def p_of(one: Regression, other: Regression, choosing: Signals | None) -> float:
-    """The chance of predictions of ``other`` this much better than those of ``one``, if both were as good.
+    """The p-value of the predictions of ``other`` being better than those of ``one``.
 
-    choosing: a recording that is not fitted, but predicted as the folds are.  These have the speeds and amplitudes of
-    the fit: an effect that bends itself to these by a difference of large terms is wild a little outside of them.
+    choosing: a recording that is not fitted, but predicted like a fold.  The folds have the speeds and amplitudes of
+    the fit: an effect that overfits these by a difference of large terms extrapolates badly.
     """
     return _chance(*_errors(one, other, choosing))
 
@@ -257,8 +257,8 @@ def p_of(one: Regression, other: Regression, choosing: Signals | None) -> float:
 def _errors(
     one: Regression, other: Regression, choosing: Signals | None
 ) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
-    """Squared errors of both fits at samples that they have not seen (M,) each, and the block of each sample: those of
-    the residual of ``other``, which if it explains nothing is the one before."""
+    """Squared errors of both fits at unseen samples (M,) each, and the block of each sample, from the residual of
+    ``other``."""
     before, after, block = one.predicted**2, other.predicted**2, blocks_of(other)
     if choosing is None:
         return before, after, block
@@ -273,11 +273,11 @@ def _errors(
 
 
 def _chance(before: FloatArray, after: FloatArray, block: NDArray[np.intp]) -> float:
-    """Of a mean of the blocks' logarithms this far above zero, if it is zero.
+    """The p-value of the t-test of the blocks' mean logarithm.
 
-    What is not worth a name of the whole error is none in a block either: a model that is right to a fifth elsewhere is
-    not right to a thousandth there.  Motors at constant voltage and speed are followed exactly by two constants,
-    Coulomb friction and bias, and blocks that hold nothing but noise, 1e-4 of the torque, outvoted all others.
+    Errors below the least share that counts for the whole are equal in a block, too: a model that is accurate to a
+    fifth elsewhere is not accurate to a thousandth there.  Two constants, Coulomb friction and bias, fit a motor at
+    constant voltage and speed exactly, and blocks with nothing but noise, 1e-4 of the torque, outvoted all others.
     """
     floor = (policy.LEAST_GAIN * float(after.mean()) + 1e-300) * np.bincount(block)
     sums = [np.bincount(block, each) + floor for each in (before, after)]
