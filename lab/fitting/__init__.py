@@ -1,1 +1,1 @@
-"""Free parameters from recordings: the strategy, the fit and its intervals, what recordings cannot tell."""
+"""Estimation of free parameters from recordings: strategy, fit with intervals, identifiability."""

@@ -1,9 +1,9 @@
-"""The free parameters from recordings: the search, the last refinement, and how sure the result is.
+"""Estimates free parameters from recordings: the search, the last refinement, and confidence intervals.
 
-The search (strategy.py) works with a coarse step and robust weights near what the file says; the refinement with a fine
-step, all data, free within the bounds of the file.  Confidence intervals take the residual's own correlation into
-account: cov = H^-1 J' Gamma J H^-1 with H = J'J and Gamma the autocovariance of the residual (Huber's sandwich), so
-that coloured noise widens them as it should.
+The search (strategy.py) uses a coarse step, robust weights and values near those of the file; the refinement a fine
+step, all data, and the bounds of the file.  Confidence intervals take the residual's own correlation into account: cov
+= H^-1 J' Gamma J H^-1 with H = J'J and Gamma the autocovariance of the residual (Huber's sandwich), so that coloured
+noise widens them as it should.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ __all__ = ["Progress", "fit_of", "fit_segments", "noise_of", "refined_fit", "rms
 
 REFINED_STEPS = 1.0
 PROMISED = 1e-4
-"""What solver and interpolated input can promise of any parameter, relative: where impacts amplify all, the noise alone
-would give intervals of 1e-7, narrower than the model's own errors."""
+"""Relative accuracy of any parameter, limited by solver and interpolated input: where impacts amplify every change, the
+noise alone would give intervals of 1e-7, narrower than the model's own errors."""
 CORRELATED = 0.05
 """Longest correlation of the residual that counts [s]."""
 Progress = Callable[[str, float], None]
@@ -55,7 +55,7 @@ def fit_segments(
 ) -> Fit:
     """The model with its free parameters fitted to all the experiments together.
 
-    progress is told what is done and which part of the whole is behind.  Ctrl-C (KeyboardInterrupt) during the
+    progress: called with what is being done and the part that is done, 0 to 1.  Ctrl-C (KeyboardInterrupt) during the
     refinement leaves the best so far, with ``complete`` False.
     """
     task = Task.of(model, experiments, noise_of(experiments))
@@ -133,10 +133,10 @@ def _unbounded(item: Unknown, z: float) -> float:
 
 
 def _covariance(level: Level, substep_s: float) -> FloatArray:
-    """Of z (P, P), the start states eliminated; segments that the model misses have no say."""
+    """Covariance of z (P, P), initial states eliminated; without the segments that the model misses."""
     good = followed(level, substep_s)
     H = np.diag(1 / level.unknowns.prior**2)
-    G = H.copy()  # what the data does not tell is as unsure as before
+    G = H.copy()  # unidentified parameters keep their prior variance
     blocks = [segment.linearised(level.model, level.unknowns, level.z, substep_s, FINE_STEP) for segment in good]
     blocks = [block for block in blocks if block.finite]
     if not blocks:

@@ -1,7 +1,8 @@
-"""Parameters that recordings cannot tell, whatever the noise: an exact symmetry of the equations of motion.
+"""Structural identifiability: a parameter that no recording can determine, due to a symmetry of the equations of
+motion.
 
-A joint that swings freely, or a bar that rings down, moves alike when its inertia and all forces are larger by the same
-factor.  The inertia is then held at its value, and forces are told as ratios to it.
+The motion of a joint that swings freely, or of a bar that rings down, is unchanged when its inertia and all forces grow
+by the same factor.  The inertia is then held at its value, and forces are relative to it.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ def is_driven(experiment: Experiment) -> bool:
 
 
 def with_scale(model: Model, experiments: Sequence[Experiment]) -> tuple[Model, tuple[Estimate, ...]]:
-    """The model with the scale of its forces held where no recording has an input, and what is held."""
+    """The model with the scale of its forces held where no recording has an input, and the held parameters."""
     if any(is_driven(one) for one in experiments):
         return model, ()
     model = with_free_states(model)
@@ -51,6 +52,6 @@ def with_free_states(model: Model) -> Model:
 
 
 def free_states(model: Model) -> tuple[str, ...]:
-    """The names of the states of effects that begin anywhere in a motion that no input drives."""
+    """The names of those states of effects with free initial values in a motion that no input drives."""
     effects = {name for name in model.effects if get_effect(name).free_states}
     return tuple(name for name in model.state_names if name.split(".")[0] in effects)

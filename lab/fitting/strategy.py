@@ -1,7 +1,7 @@
-"""The base of a fit: a first rough fit that lies in the right minimum, then the growing horizon.  No verdicts here.
+"""The strategy of a fit: a first rough fit near the global minimum, then the growing horizon.  No selection here.
 
 The oscillator's frequency comes from the spectrum, the play from observer runs, or from a grid of values where no bar
-was measured: with another play every impact comes at another time, and no gradient leads from one to the other.
+was measured: the play shifts every impact, so that the error has many local minima in it.
 """
 
 from __future__ import annotations
@@ -48,10 +48,11 @@ DAMPING_SHARE = (1.0, 0.4)
 FREQUENCY_SHARE = 0.12
 SUBSET = 10
 CONVERGED = 0.3
-"""What half the step may change, in units of the noise."""
+"""Largest change with half the integration step, in units of the noise."""
 DISTURBANCE = 1e-4
 CHAOTIC = 4.0
-"""What this share of the start state's scale may change, in units of the noise, before a segment counts as chaotic."""
+"""Disturbance of the initial state, as a share of its scale, and the change, in units of the noise, above which a
+segment is chaotic."""
 LONGEST_S = 1.01
 DOUBTED_SHARE = 0.3
 SCANNED = 4
@@ -75,7 +76,7 @@ def seeded(model: Model, experiments: Sequence[Experiment]) -> Model:
 
 
 def subset(task: Task) -> list[Experiment]:
-    """A few of the shortest segments that stand for all, spread over the experiments."""
+    """A sample of the shortest segments, spread over the experiments."""
     every = [tile for experiment in task.experiments for tile in tiles(experiment, task.halvings)]
     return [every[i] for i in np.unique(np.linspace(0, len(every) - 1, min(SUBSET, len(every))).astype(int))]
 
@@ -91,7 +92,7 @@ Likely = Mapping[tuple[str, float], FloatArray]
 
 
 def passed(model: Model, pieces: Sequence[Experiment], experiments: Sequence[Experiment], task: Task) -> Likely:
-    """The states in which observer runs along these experiments pass the starts of the pieces; none without a bar."""
+    """The states of observer runs at the starts of the pieces; none without a bar."""
     likely: dict[tuple[str, float], FloatArray] = {}
     for experiment in experiments:
         if can_follow(model, experiment):
@@ -102,7 +103,7 @@ def passed(model: Model, pieces: Sequence[Experiment], experiments: Sequence[Exp
 
 
 def begun(model: Model, pieces: Sequence[Experiment], likely: Likely, task: Task) -> tuple[Segment, ...]:
-    """Segments with their start states: a likely one, where it comes near; else as a scan says."""
+    """Segments with their start states: a likely one, where it fits; else from a scan."""
     segments = [segment_of(model, piece, task.noise) for piece in pieces]
     found = [_near(model, s, likely.get((s.experiment.name, float(s.experiment.time[0]))), task) for s in segments]
     missed = missing(model, found, task.substep_s) if likely else np.zeros(len(found), dtype=bool)
@@ -118,8 +119,8 @@ def _near(model: Model, segment: Segment, likely: FloatArray | None, task: Task)
 
 
 def first_fit(model: Model, task: Task, pool: Executor) -> Level:
-    """The best fit on the shortest segments; on gears from where observer runs come nearest, or from a grid of plays
-    and dampings."""
+    """The best fit on the shortest segments; for gears from the minimum of observer runs, or from a grid of plays and
+    dampings."""
     model = seeded(model, task.experiments)
     if can_follow(model, *task.experiments):
         fits = pool.map(nearest_fit, [model] * SEEDS, [task] * SEEDS, range(SEEDS))
@@ -132,7 +133,7 @@ def first_fit(model: Model, task: Task, pool: Executor) -> Level:
 
 
 def nearest_fit(model: Model, task: Task, seed: int) -> Level:
-    """The fit on all short segments from where observer runs come nearest, beginning with the model's values."""
+    """The fit on all short segments from the minimum of observer runs, beginning with the model's values."""
     return full_fit(nearest(model, task, seed), task)
 
 
@@ -147,7 +148,7 @@ def best_of(levels: Iterable[Level], count: int) -> list[Level]:
 
 
 def full_fit(model: Model, task: Task, hopeless: float = 1.0) -> Level:
-    """A fit on all of the shortest segments, those that were missed begun anew."""
+    """A fit on all of the shortest segments; initial states of missed ones are searched for again."""
     every = [tile for experiment in task.experiments for tile in tiles(experiment, task.halvings)]
     level = started(model, every, task)
     level = fitted(model, level.unknowns, level.segments, task.substep_s)
@@ -157,7 +158,7 @@ def full_fit(model: Model, task: Task, hopeless: float = 1.0) -> Level:
 def repaired_fit(
     model: Model, unknowns: Unknowns, segments: Sequence[Segment], task: Task, hopeless: float = 1.0
 ) -> Level:
-    """The fit from these starts, those of segments that are missed begun anew."""
+    """The fit from these initial states; those of missed segments are searched for again."""
     again = repaired(model, segments, task.substep_s, hopeless)
     return fitted(model, unknowns, again, task.substep_s)
 
@@ -165,8 +166,8 @@ def repaired_fit(
 def grown(level: Level, task: Task) -> Level:
     """The fit on segments twice as long, and so on; the longest of these levels that can be trusted.
 
-    Trusted: hardly a segment is missed, and half the integration step changes nothing.  In a chaotic record neither
-    holds for long segments.
+    Trusted: hardly a segment is missed, and half the integration step changes nothing.  For chaotic motion neither
+    holds on long segments.
     """
     found = [level]
     while (longer := doubled(found[-1], task)) is not None:
@@ -178,8 +179,8 @@ def grown(level: Level, task: Task) -> Level:
 
 
 def doubled(level: Level, task: Task, hopeless: float = 1.0) -> Level | None:
-    """The fit on segments twice as long, from where this one ended; None where there are none, or the motion drifts
-    away."""
+    """The fit on segments twice as long, from where this one ended; None where there are none, or the motion
+    diverges."""
     segments = _doubled(level.segments, task)
     if not segments or level.model.base == "joint":
         return None
@@ -192,7 +193,7 @@ def _doubled(segments: Sequence[Segment], task: Task) -> tuple[Segment, ...]:
 
 
 def predictable(level: Level, task: Task) -> float:
-    """Longest segments, up to a second, over which the motion is not chaotic [s]: there models can be told apart."""
+    """Longest segments, up to a second, over which the motion is not chaotic [s]: these distinguish models best."""
     segments, horizon = level.segments, level.horizon_s
     while level.model.base != "joint" and (segments := _doubled(segments, task)):
         longer = max(segment.experiment.duration for segment in segments)
@@ -216,7 +217,7 @@ def _unpredictable(model: Model, segments: Sequence[Segment], task: Task) -> NDA
     apart = residuals(
         model, [segment.starting(segment.start + DISTURBANCE * segment.scale) for segment in segments], fine
     )
-    with np.errstate(invalid="ignore"):  # a motion that cannot be run is infinitely far off in both
+    with np.errstate(invalid="ignore"):  # a motion that cannot be simulated has infinite errors in both
         moved = [_rms(a - b) > CONVERGED for a, b in zip(here, halved, strict=True)]
         chaotic = [_rms(a - b) > CHAOTIC for a, b in zip(here, apart, strict=True)]
     return np.asarray(np.array(moved) | np.array(chaotic))

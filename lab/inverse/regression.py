@@ -149,7 +149,7 @@ class Regression:
         return self.data.residual(self.unknowns.put(self.model, values[: self.count]), nuisance)
 
     def covariance(self, block: NDArray[np.intp], given: Sequence[str] = ()) -> FloatArray:
-        """Covariance of z (P, P), robust to the residual's correlation within blocks of samples (cluster-robust; Liang and Zeger
+        """Covariance of z (P, P), robust to correlation within blocks of samples (cluster-robust; Liang and Zeger
         1986); zero for parameters that are given."""
         known = np.isin(np.arange(self.jacobian.shape[1]), [self.unknowns.names.index(name) for name in given])
         jacobian = np.where(known, 0.0, self.jacobian)

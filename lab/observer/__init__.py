@@ -1,1 +1,1 @@
-"""Models that are corrected by the measurement at every sample: a constant-gain filter, and searches by its error."""
+"""Observers: a constant-gain Kalman filter, and a global search by its prediction error."""

@@ -1,9 +1,8 @@
-"""Observers of gears, runs that each sample of the measurement corrects: how far off the next sample is, in which
-states it is followed.
+"""Observers of gears: simulations that are corrected by every sample of the measurement; prediction errors and states.
 
-What the bar rings more than the model says, the joint's speed must have jumped: the gain is the constant Kalman gain of
-the bar for jumps of omega_2 at every sample, which act on q' and, by -1/l, on omega_2 itself.  The teeth then struck
-earlier than in the model, where they are still on their way: the joint's angle goes on by that way.  No fitting here.
+An innovation of the bar is attributed to a jump of the joint's speed: the gain is the stationary Kalman gain of the bar
+for jumps of omega_2 at every sample, which act on q' and, by -1/l, on omega_2 itself.  Such a jump means that the teeth
+struck earlier than in the model, and the joint's angle is corrected for the difference in time.  No fitting here.
 """
 
 from __future__ import annotations
@@ -22,26 +21,27 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["SETTLED_S", "STRONG", "TIGHT", "WEAK", "Observer", "can_follow", "sampled", "states_at"]
 
 TIGHT, STRONG, WEAK = 1.0, 0.3, 0.1
-"""Rings that may begin at every sample, in units of the noise."""
+"""Standard deviation of the excitation of the bar at every sample, in units of the noise."""
 JOINT = (("theta_2", "omega_2"), ("shaft_compliance.0", "shaft_compliance.1"))
-"""Angle and speed of the joint, and of its gear where a shaft twists between them: an impact moves both."""
+"""Angle and speed of the joint, and of its gear where a compliant shaft connects them: an impact moves both."""
 EARLIER_S = 1.5e-3
-"""By how much an impact comes earlier that the model does not have yet, or later that it has already: the errors of 39
-right models with the gain ``STRONG`` are smallest at 1 to 2 ms, a tenth below those at 0."""
+"""Time by which impacts are assumed to be early or late in the model: the errors of 39 right models with the gain
+``STRONG`` are smallest at 1 to 2 ms, a tenth below those at 0."""
 SETTLED_S = 0.2
-"""A run has then forgotten that nobody knew where to begin."""
+"""Settling time of an observer from an unknown initial state."""
 
 
 @dataclass(frozen=True, eq=False)
 class Observer:
-    """gain: (2,) on q and q'; expected: what an error is expected to be, in units of the noise."""
+    """gain: (2,) on q and q'; expected: standard deviation of the innovation, in units of the noise."""
 
     gain: FloatArray
     expected: float
 
     @classmethod
     def of(cls, model: Model, spacing_s: float, coupling: float) -> Observer:
-        """From the bar's Riccati equation; each sample q' may jump by coupling/w."""
+        """The observer from the bar's Riccati equation; coupling/w: standard deviation of the jumps of q' at each
+        sample."""
         from scipy.linalg import expm, solve_discrete_are
 
         k, b, m = (model.parameters[name].value for name in "kbm")
@@ -52,9 +52,9 @@ class Observer:
         return cls(np.asarray(P @ C / s), math.sqrt(s))
 
     def run(self, model: Model, experiment: Experiment, substep_s: float) -> tuple[FloatArray, FloatArray]:
-        """Errors (N,) and states (N, n) along an experiment, all of whose samples of accel are there.
+        """Innovations (N,) and states (N, n) along an experiment without gaps in accel.
 
-        model: with what the experiment states of it.  Raises ModelError for a motion that is not finite.
+        model: with the experiment's values.  Raises ModelError for a motion that is not finite.
         """
         value, measured = model.parameters, experiment.measured[ACCEL]
         start = in_motion(model, experiment.drive, float(experiment.time[0]))
@@ -74,14 +74,14 @@ def can_follow(model: Model, *experiments: Experiment) -> bool:
 
 
 def sampled(experiment: Experiment) -> Experiment:
-    """The instants at which the bar was sampled; a servo is read at others."""
+    """The experiment at the samples of the bar; a servo is read at other times."""
     values = experiment.measured[ACCEL]
     rows = ~np.isnan(values)
     return replace(experiment, time=experiment.time[rows], measured={ACCEL: values[rows]})
 
 
 def states_at(model: Model, experiment: Experiment, times: FloatArray, substep_s: float) -> Mapping[float, FloatArray]:
-    """Likely states (2, n) at those of the times [s] at which a run has settled, followed more and less closely."""
+    """Likely states (2, n) at those of the times [s] at which a run has settled, with the high and the low gain."""
     own, bar = experiment.model(model), sampled(experiment)
     try:
         runs = [Observer.of(own, 1 / bar.rate_hz, coupling).run(own, bar, substep_s)[1] for coupling in (STRONG, WEAK)]

@@ -1,8 +1,8 @@
-"""Gears that an observer makes follow the measurement: which parameters, which effects come near it.  No verdicts here.
+"""Global search for parameters and effects of gears by the prediction error of observers.  No selection here.
 
-A free run of gears has a valley for every way in which impacts may be confused; a run that is corrected at every sample
-has hardly any.  How far it is off at the next sample is a smooth function of play, damping and effects, searched by
-differential evolution (Storn and Price 1997), first with a high gain and then with a lower one.
+The error of a free simulation of gears has a local minimum for every confusion of impacts; that of an observer has
+hardly any.  Its prediction error is a smooth function of play, damping and effects, minimised by differential evolution
+(Storn and Price 1997), first with a high gain and then with a lower one.
 """
 
 from __future__ import annotations
@@ -31,25 +31,25 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["Near", "nearest", "shortlist"]
 
 FIRST, EACH, MOST_EACH, POPULATION = 72, 9, 240, 20
-"""So many are tried at first, of effects with many initial guesses so many around each, up to a limit; then the best
-live on."""
+"""Size of the first population; for effects with many initial guesses the number around each, up to a limit; size of
+the later population."""
 BASE_GENERATIONS, EFFECT_GENERATIONS, FINAL_GENERATIONS = 8, 5, 8
 WIDTH = {"d": 0.22, "alpha": 0.3, "k": 0.01, "b": 0.25, "l": 0.03}
 """Standard deviations of a first population, in logarithms."""
 BIAS_WIDTH = 0.05  # m/s²
 EFFECT_WIDTH = 0.4
 SURE = 0.2
-"""The share of these widths around values that a fit has found."""
+"""Share of these widths around fitted values."""
 LARGER = 4.0
 LEAP, CROSSED = 0.6, 0.9
 MUTATED, FARTHEST = 0.5, 3
 NICHES, NICHES_LEFT = 4, 2
-"""Parts of what a whole number may be, that evolve apart; so many go on to the end."""
+"""Number of subpopulations (niches) over the range of a whole number; number of those that are evolved to the end."""
 
 
 @dataclass(frozen=True, eq=False)
 class Near:
-    """A model that comes near the measurement, how near (see ``_cost``), and what it has more than the base."""
+    """A model from the search, its cost (see ``_cost``), and the effect that it adds to the base."""
 
     model: Model
     cost: float
@@ -57,7 +57,7 @@ class Near:
 
 
 def nearest(model: Model, task: Task, seed: int = 0) -> Model:
-    """The model with the free parameters that bring observer runs nearest to the measurement."""
+    """The model with the free parameters that minimise the prediction error of observers."""
     model = _with_bias(model, task)
     follower = Follower.of(task, model)
     found = _Population(follower, [model], seed)
@@ -67,10 +67,11 @@ def nearest(model: Model, task: Task, seed: int = 0) -> Model:
 
 
 def shortlist(base: Level, effects: Sequence[str], task: Task, pool: Executor) -> list[Near]:
-    """The effects that bring observer runs nearest to the measurement, best first; one whose whole number leaves
-    valleys far apart may be there twice.  None where there is no time for it, or the bar was not measured.
+    """The effects with the least prediction error of observers, best first; one with a whole number, and so distant
+    local minima, may occur twice.  None where there is no time for it, or the bar was not measured.
 
-    base: the fit without them; initial guesses of an effect's parameters are tried with its values and with the file's.
+    base: the fit without them; initial guesses of an effect's parameters are combined with its values and with the
+    file's.
     """
     if is_over() or not can_follow(task.rough, *task.experiments):
         return []
@@ -87,8 +88,8 @@ def shortlist(base: Level, effects: Sequence[str], task: Task, pool: Executor) -
 
 
 def _cost(follower: Follower, model: Model) -> float:
-    """How far observer runs are off: the geometric mean of their costs with a high and a low gain.  With the low one
-    the right model too may lose a motion that another one happens to follow."""
+    """The geometric mean of the costs of observers with a high and a low gain.  With the low gain even the right model
+    may diverge where a wrong one happens not to."""
     return math.sqrt(follower.cost(model, STRONG) * follower.cost(model, WEAK))
 
 
@@ -98,7 +99,7 @@ def _follower(model: Model, task: Task) -> Follower:
 
 
 def _with_bias(model: Model, task: Task) -> Model:
-    """The sensor's offset as the mean of what it reads, where it is free."""
+    """The model with the sensor's offset set to the mean reading, where it is free."""
     bias = model.parameters["bias"]
     if bias.fixed:
         return model
@@ -107,9 +108,9 @@ def _with_bias(model: Model, task: Task) -> Model:
 
 
 class _Population:
-    """Models with costs, evolving: each tries to leap towards one of the better ones.
+    """A population of differential evolution (current-to-pbest): models and their costs.
 
-    Who leaps takes whole numbers from whom it leaps to, or others near them.
+    A mutant takes whole numbers from its target, or neighbouring ones.
     """
 
     def __init__(self, follower: Follower, models: Sequence[Model], seed: int, sure: Sequence[bool] = ()) -> None:
@@ -126,18 +127,18 @@ class _Population:
         self._models, self._z, self.costs = [kept[i] for i in order], z[order], costs[order]
 
     def near(self, effect: str) -> Near:
-        """The best of all."""
+        """The best member."""
         best = int(np.argmin(self.costs))
         model = self._unknowns.put(self._models[best], self._z[best])
         return Near(model, _cost(self._follower, model), effect)
 
     def loosen(self) -> None:
-        """Some more generations with the low gain."""
+        """Evolves some more generations with the low gain."""
         self.judge_by(self._follower, WEAK)
         self.evolve(FINAL_GENERATIONS)
 
     def judge_by(self, follower: Follower, coupling: float = STRONG) -> None:
-        """From now on, costs are these."""
+        """Sets the cost function and evaluates the population."""
         self._follower, self._coupling = follower, coupling
         self.costs = np.array([self._cost(model, one) for model, one in zip(self._models, self._z, strict=True)])
 
@@ -158,7 +159,7 @@ class _Population:
                     self._models[i], z[i], self.costs[i] = model, trial, cost
 
     def _mutated(self, model: Model) -> Model:
-        """The model, or one whose whole numbers differ a little."""
+        """The model with its whole numbers mutated by a little."""
         if not self._whole or self._random.random() > MUTATED:
             return model
         values = {name: model.parameters[name] for name in self._whole}
@@ -170,7 +171,7 @@ class _Population:
         return self._follower.cost(self._unknowns.put(model, z), self._coupling)
 
     def _spread(self) -> FloatArray:
-        """Standard deviations in z (P,): what is known of the base, half an effect's size."""
+        """Standard deviations in z (P,): prior ones of the base, half the size of an effect."""
         items = self._unknowns.items
         return np.array([BIAS_WIDTH / i.scale if i.name == "bias" else WIDTH.get(i.name, EFFECT_WIDTH) for i in items])
 
@@ -187,7 +188,7 @@ def _begun(effect: str, base: Model, follower: Follower, size: MotionScales) -> 
 
 
 def _values(model: Model, effect: str, wide: Sequence[MotionScales]) -> list[dict[str, float]]:
-    """Seeds of the effect at these sizes, of either sign."""
+    """Initial guesses of the effect at these scales, of either sign."""
     found: list[dict[str, float]] = []
     for one in wide:
         found += [values for values in initial_guesses(model, effect, one) if values not in found]
@@ -195,7 +196,7 @@ def _values(model: Model, effect: str, wide: Sequence[MotionScales]) -> list[dic
 
 
 def _niches(model: Model, found: list[dict[str, float]]) -> list[list[dict[str, float]]]:
-    """The values in parts that evolve apart: where they hold a whole number, by its size."""
+    """Divides the values into niches by their whole number, if there is one."""
     whole = [name for name in found[0] if model.parameters[name].domain.is_whole]
     if not whole:
         return [found]
@@ -205,13 +206,13 @@ def _niches(model: Model, found: list[dict[str, float]]) -> list[list[dict[str, 
 
 
 def _opposite(model: Model, values: dict[str, float]) -> dict[str, float]:
-    """Those whose sign may be the other one; angles and whole numbers keep theirs."""
+    """The values with the opposite sign, where that is allowed; angles and whole numbers are unchanged."""
     may = {name for name in values if -values[name] >= model.parameters[name].low and values[name] > 0}
     return {name: -values[name] for name in may if "." in name and not name.endswith(".phi")}
 
 
 def _leading(populations: list[tuple[_Population, str]], niches: int) -> list[tuple[_Population, str]]:
-    """Those of the best few effects, so many of each, best first."""
+    """The populations of the best few effects, so many of each, best first."""
     of_effect: dict[str, list[tuple[_Population, str]]] = {}
     for pair in sorted(populations, key=lambda pair: float(pair[0].costs.min())):
         of_effect.setdefault(pair[1], []).append(pair)

@@ -1,4 +1,4 @@
-"""What observer runs follow, and how far off they are.  Searches for the models that come near are elsewhere."""
+"""The objective function of searches with observers: segments of the measurement, and prediction errors on them."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ __all__ = ["OUTSIDE", "Follower", "settled"]
 
 LENGTH_S, EXPERIMENTS = 2.0, 2
 LEAST_HZ, PERIOD_SAMPLES = 800.0, 8.0
-"""More samples a second, or a period of the bar, are not looked at."""
+"""Largest number of samples a second, or in a period of the bar."""
 SHORTEST_STEP_S = 2.5e-4
-"""What a longer step misses, the next sample corrects."""
+"""Factor of the integration step: the next sample corrects its errors."""
 ROUGH = 0.03
-"""The part of its signal's standard deviation that ``roughly`` counts errors in, where the noise is fainter."""
+"""Least unit of errors in ``roughly``, as a share of the signal's standard deviation."""
 OUTSIDE, FAR = 3.0, 1e6
-"""Times what is expected, from which on an error counts by its logarithm; and where even that ends, squared."""
+"""Errors, in units of the expected one, above which the cost is logarithmic; and the square at which it is clipped."""
 
 
 @dataclass(frozen=True, eq=False)
 class Follower:
-    """Segments that runs shall follow; noise [m/s²]; observers: by coupling."""
+    """Segments to predict; noise [m/s²]; observers: by coupling."""
 
     rough: Model
     segments: tuple[Experiment, ...]
@@ -38,7 +38,7 @@ class Follower:
 
     @classmethod
     def of(cls, task: Task, rough: Model) -> Follower:
-        """The liveliest parts of the first experiments."""
+        """The segments of the first experiments in which the signal changes most."""
         value = {name: p.value for name, p in rough.parameters.items()}
         hz = max(LEAST_HZ, PERIOD_SAMPLES * math.sqrt(value["k"] / value["m"]) / (2 * math.pi))
         segments = tuple(_liveliest(e, hz) for e in task.experiments[:EXPERIMENTS])
@@ -52,14 +52,14 @@ class Follower:
         return replace(self, segments=self.segments[:1])
 
     def roughly(self) -> Follower:
-        """The first segment only, errors in units of a part of its signal at least: where the noise is faint, hardly a
-        model is near enough for its error to say which way is better."""
+        """The first segment only, errors at least in units of a share of the signal: with little noise the cost of
+        distant models is too flat to be minimised."""
         usual = float(np.std(self.segments[0].measured[ACCEL]))
         return replace(self.alone(), noise=max(self.noise, ROUGH * usual))
 
     def cost(self, model: Model, coupling: float) -> float:
-        """Mean of log(1 + (e/c)²) over the samples after the first 0.2 s: one that is missed by far counts little more
-        than one that is missed."""
+        """Mean of log(1 + (e/c)²) over the samples after the first 0.2 s: the logarithm limits the weight of
+        outliers."""
         try:
             e = self.errors(model, coupling)
         except ModelError:
@@ -67,8 +67,8 @@ class Follower:
         return float(np.mean(np.log1p(np.minimum((e / OUTSIDE) ** 2, FAR))))
 
     def errors(self, model: Model, coupling: float) -> FloatArray:
-        """What runs did not expect at the samples after the first 0.2 s (N,), over what is expected of a model that is
-        right.  Raises ModelError."""
+        """Innovations at the samples after the first 0.2 s (N,), over their standard deviation for the right model.
+        Raises ModelError."""
         observer = self.observers[coupling]
         errors = [observer.run(s.model(model), s, self.substep_s)[0][settled(s)] for s in self.segments]
         return np.asarray(np.concatenate(errors) / (observer.expected * self.noise))
@@ -86,5 +86,5 @@ def _liveliest(experiment: Experiment, hz: float) -> Experiment:
 
 
 def settled(segment: Experiment) -> slice:
-    """The samples at which a observer run has forgotten its start."""
+    """The samples after the settling time of an observer."""
     return slice(int(np.searchsorted(segment.time, segment.time[0] + SETTLED_S)), None)

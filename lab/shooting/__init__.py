@@ -1,1 +1,1 @@
-"""Multiple shooting: segments with initial states of their own, least squares, continuation in the horizon."""
+"""Multiple shooting: segments with separate initial states, least squares, continuation in the horizon."""

@@ -1,7 +1,8 @@
 """Fitting on a growing horizon: many short segments first, then half as many of twice the length, up to the whole.
 
-A long free run of gears has a minimum for every way in which impacts may be confused; a segment of half a second has
-hardly any.  Each level begins where the one before ended.  The numerics are levenberg's; nothing is searched here.
+The error of a long free simulation of gears has a local minimum for every confusion of impacts; that of half a second
+has hardly any.  Each level begins with the result of the one before.  least_squares.py minimises; there is no search
+here.
 """
 
 from __future__ import annotations
@@ -39,16 +40,16 @@ __all__ = [
 FIRST_S = {"play": 0.25, "joint": 1.0, "servo": 0.75}
 """Length of the first segments [s] where the motion is chaotic, drifts, or may stick at the wrong place."""
 FIRST_SAMPLES = 1024
-"""The same for other motions: short enough that a part can stand for all."""
+"""The same for other motions: short enough that a part of them is representative."""
 OUTSIDE = 2.0  # medians of |r|: further out a residual counts by its magnitude
 LEAST_HUBER = 3.0
 
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """A fit with segments of one length: the model, where they start, how large r is (units of noise).
+    """A fit with segments of one length: the model, the initial states, the size of r (in units of the noise).
 
-    rms: root mean square over all; typical: 1.48 medians of |r|, which a few missed segments do not change.
+    rms: root mean square over all; typical: 1.48 medians of |r|, which is robust to a few missed segments.
     """
 
     model: Model
@@ -78,7 +79,7 @@ def tiles(experiment: Experiment, halvings: int) -> list[Experiment]:
 
 
 def merged(segments: Sequence[Segment], experiments: Sequence[Experiment], halvings: int) -> tuple[Segment, ...]:
-    """Segments of 2^halvings a record, each with the start state of the shorter one that began there."""
+    """Segments of 2^halvings a record, each with the initial state of the shorter one that began there."""
     known = {(s.experiment.name, float(s.experiment.time[0])): s for s in segments}
     longer = []
     for experiment in experiments:
@@ -102,7 +103,7 @@ def residuals(model: Model, segments: Sequence[Segment], substep_s: float) -> li
 
 
 def huber_of(model: Model, segments: Sequence[Segment], substep_s: float) -> float:
-    """The bound beyond which residuals count as outside, from where they stand now."""
+    """The bound of Huber's cost, from the present residuals."""
     r = np.concatenate(residuals(model, segments, substep_s))
     middle = float(np.median(np.abs(r[np.isfinite(r)]))) if np.any(np.isfinite(r)) else LEAST_HUBER
     return max(LEAST_HUBER, OUTSIDE * middle)
@@ -119,7 +120,7 @@ def fitted(
 ) -> Level:
     """One level: minimises from the model's values and the segments' start states.
 
-    Segments of gears that the model misses, because they began wrongly, have no say in the parameters.
+    Segments of gears that the model misses, due to a wrong initial state, have no weight in the parameters.
     """
     z = unknowns.z(model)
     missed = missing(model, segments, substep_s)
@@ -140,7 +141,7 @@ def errors(model: Model, segments: Sequence[Segment], substep_s: float) -> Float
 def missing(model: Model, segments: Sequence[Segment], substep_s: float) -> NDArray[np.bool_]:
     """Which segments of gears are missed: their error is several times that of the better ones, or infinite.
 
-    Other motions forget where they began: what is off there is off because of the model.
+    In other motions the initial state decays, so that errors are those of the model.
     """
     return outliers(errors(model, segments, substep_s)) & (model.base == "play")
 

@@ -1,4 +1,4 @@
-"""Where the search for an effect begins: what the effect itself says, in the scales of a motion.  No fitting here."""
+"""Initial guesses for the parameters of an effect, from the effect and the scales of a motion.  No fitting here."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["faint", "initial_guesses", "natural_frequency", "scales_of"]
 
 FAINT = 0.01
-"""Of an amplitude: so little that the motion hardly changes."""
+"""Share of an amplitude that hardly changes the motion."""
 
 
 def scales_of(model: Model, segments: Sequence[Segment], substep_s: float) -> MotionScales:
-    """From the modelled motion of some segments.  Raises ModelError where none can be run."""
+    """Scales from the modelled motion of some segments.  Raises ModelError where none can be run."""
     runs = motions(model, segments, substep_s)
     value = {name: parameter.value for name, parameter in model.parameters.items()}
     inertia = value.get("J2", value.get("J", 1.0))
@@ -59,7 +59,7 @@ def scales_of(model: Model, segments: Sequence[Segment], substep_s: float) -> Mo
 
 
 def natural_frequency(model: Model) -> float:
-    """Of the bar without damping [Hz]; zero where there is none."""
+    """Natural frequency of the bar without damping [Hz]; zero without a bar."""
     k, m = (model.parameters[name].value if name in model.parameters else 0.0 for name in ("k", "m"))
     return math.sqrt(k / m) / (2 * math.pi) if m > 0 else 0.0
 
@@ -67,14 +67,15 @@ def natural_frequency(model: Model) -> float:
 def initial_guesses(model: Model, effect: str, size: MotionScales) -> list[Values]:
     """Values to begin from, by the names of the model's parameters; the model has the effect already.
 
-    An effect that says none, as a user's own, begins at its defaults, smaller, larger, and with the other sign.
+    An effect without guesses, such as a user-defined one, begins at its defaults, smaller, larger, and with the other
+    sign.
     """
     found = get_effect(effect).guesses(size) or _around_defaults(model.own(effect))
     return [_within(model, {_full(effect, name, model): value for name, value in each.items()}) for each in found]
 
 
 def faint(model: Model, effect: str, size: MotionScales) -> list[Model]:
-    """Models with hardly any of an effect, one for each shape that it may have.
+    """Models with an effect of negligible amplitude, one for each shape that it may have.
 
     An effect without an amplitude (a spring, a filter, a limit) is made so stiff, fast or wide that it hardly acts.
     """

@@ -1,7 +1,9 @@
-"""Where a fit begins: the unknown start state of a segment, the frequency in the spectrum.  No parameters are fitted.
+"""Initial values of a fit: the unknown initial state of a segment, the frequency in the spectrum.  No parameters are
+fitted.
 
-A recording starts in the middle of the motion.  On gears the cost has a valley for every impact that may have come
-before, so the gap's position and speed are scanned; the bar's share is linear and follows from each.
+A recording starts in the middle of the motion.  For gears the cost has a local minimum for every impact that may have
+come before, so the gap's position and speed are scanned; the bar's state is linear in the residual and follows by least
+squares.
 """
 
 from __future__ import annotations
@@ -28,8 +30,8 @@ LAST = 2
 
 @dataclass(frozen=True)
 class Effort:
-    """How thoroughly a start is looked for: the grid of gap (in half plays) and speed (in crossing speeds), how many
-    of its states go on, and the growing horizon after it: length [s], states kept, steps of the fit."""
+    """The effort of a search for an initial state: the grid of gap (in half plays) and speed (in crossing speeds), the
+    number of states kept, and the growing horizon after it: length [s], states kept, steps of the fit."""
 
     gaps: FloatArray
     speeds: FloatArray
@@ -61,7 +63,7 @@ def segment_of(model: Model, experiment: Experiment, noise: dict[str, float]) ->
 def find_start(
     model: Model, segment: Segment, substep_s: float, also: Sequence[FloatArray] = (), effort: Effort | None = None
 ) -> Segment:
-    """The segment with the start state from which the model comes closest to it, the parameters held.
+    """The segment with the initial state that minimises the error, with the parameters held.
 
     also: states to try beside those of the scan.
     """
@@ -78,7 +80,8 @@ def find_start(
 
 
 def polished(model: Model, segment: Segment, states: FloatArray, substep_s: float, iterations: int) -> FloatArray:
-    """Start states (K, n) after some Levenberg-Marquardt steps of each at once, best first; robust as the fit is."""
+    """Start states (K, n) after some Levenberg-Marquardt steps of all at once, best first; with the robust cost of the
+    fit."""
     K, n = states.shape
     states = states.copy()
     steps = STEP * np.diag(segment.scale)
@@ -90,7 +93,7 @@ def polished(model: Model, segment: Segment, states: FloatArray, substep_s: floa
     cost, damping = robust(r, huber), np.full(K, 1e-2)
     for _ in range(iterations):
         moved = (states[:, None] + steps[None]).reshape(K * n, n)
-        with np.errstate(invalid="ignore"):  # what cannot be run is infinite
+        with np.errstate(invalid="ignore"):  # a simulation that fails has infinite errors
             slopes = (segment.residuals(model, moved, substep_s).reshape(K, n, -1) - r[:, None]) / STEP
         slopes[~np.isfinite(slopes)] = 0.0
         w = 1 / np.maximum(1.0, np.abs(np.where(np.isfinite(r), r, 1.0)) / huber)
@@ -108,9 +111,11 @@ def polished(model: Model, segment: Segment, states: FloatArray, substep_s: floa
 
 
 def repaired(model: Model, segments: Sequence[Segment], substep_s: float, hopeless: float = 1.0) -> tuple[Segment, ...]:
-    """The segments, those that the model misses begun anew: where the one before ended, or where a finer scan says.
+    """The segments, with new initial states of those that the model misses: from the end of the segment before, or from
+    a finer scan.
 
-    Gears only; other motions forget their start.  A model that misses more than this share begins hopelessly.
+    Gears only; in other motions the initial state decays.  hopeless: share of missed segments above which none is
+    repaired.
     """
     if model.base != "play":
         return tuple(segments)
@@ -129,7 +134,7 @@ def _begun_anew(model: Model, segment: Segment, before: Sequence[Segment], subst
     if before and before[-1].experiment.name == segment.experiment.name:
         last = before[-1]
         times = np.append(last.experiment.time, segment.experiment.time[0])
-        with suppress(ModelError):  # the one before runs away
+        with suppress(ModelError):  # the segment before diverges
             also.append(own.simulate(last.experiment.drive, times, last.start, substep_s=substep_s).state)
     anew = find_start(model, segment, substep_s, also, FINE)
     error = errors(model, [anew, segment], substep_s)
@@ -142,7 +147,7 @@ def _first(segment: Segment, length: float) -> Segment:
 
 
 def ringing_hz(experiment: Experiment, low: float, high: float) -> float:
-    """The strongest line of accel (else displacement) between two frequencies [Hz], to a tenth of its width.
+    """The strongest line of accel (else displacement) between two frequencies [Hz], accurate to a tenth of its width.
 
     The spectrum is weighted with the fourth power of frequency, as far as it is displacement's; none of it is needed to
     be a ring of one impact.
@@ -180,9 +185,9 @@ def _scan(model: Model, segment: Segment, substep_s: float, effort: Effort) -> l
 
 
 def _by_base_state(model: Model, segment: Segment) -> tuple[FloatArray, FloatArray]:
-    """The state that moves along with the input (n,), and how it changes with each scale of the base's four (4, n).
+    """The state at rest relative to the input (n,), and its derivative by each scale of the base's four states (4, n).
 
-    The effects' own states follow those of the base, which they begin at.
+    The states of effects begin in equilibrium with those of the base.
     """
     drive, begin = segment.experiment.drive, float(segment.experiment.time[0])
     at_rest = in_motion(model, drive, begin)
@@ -201,7 +206,7 @@ def _by_base_state(model: Model, segment: Segment) -> tuple[FloatArray, FloatArr
 
 
 def _measured_state(model: Model, segment: Segment) -> FloatArray:
-    """Position and speed as the first samples show them; a bar at rest."""
+    """Position and speed from the first samples; a bar at rest."""
     experiment = segment.experiment
     column = "displacement" if model.base == "oscillator" else "position"
     begin = float(experiment.time[0])

@@ -1,8 +1,8 @@
-"""Levenberg-Marquardt for segments that share parameters and have start states of their own.
+"""Levenberg-Marquardt for segments with shared parameters and separate initial states.
 
 The start states are eliminated segment by segment (Schur complement), so ten segments cost little more than one.
-Residuals count in units of the noise; those far outside count by their magnitude only (Huber), and their weight is
-what keeps one impact at the wrong time from ruling the fit.
+Residuals count in units of the noise; large ones count by their magnitude only (Huber), so that one impact at the wrong
+time does not dominate the fit.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["Solution", "minimise", "projected_off", "robust"]
 
 START_PRIOR = 20.0
-"""Standard deviation of the prior on a start state, in its scale, around where this minimisation began."""
+"""Standard deviation of the prior on an initial state, in its scale, around its first value."""
 TRIALS = 6
 EDGES = 0.5
-"""Share of the segments from which on a step that makes them worse is too long."""
+"""Share of the segments with an increased cost, above which a step is rejected."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,17 +40,17 @@ class Solution:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """model: what is not in the unknowns; huber: bound, in units of the noise."""
+    """model: the values of fixed parameters; huber: bound of Huber's cost, in units of the noise."""
 
     model: Model
     unknowns: Unknowns
     centre: FloatArray
-    """(P,) where the priors stand."""
+    """(P,) the means of the priors."""
     substep_s: float
     huber: float = math.inf
 
     def prior(self, z: FloatArray) -> float:
-        """What the parameters cost by themselves."""
+        """The cost of the priors on the parameters."""
         return 0.5 * float(np.sum(((z - self.centre) / self.unknowns.prior) ** 2))
 
     def costs(self, z: FloatArray, segments: Sequence[Segment]) -> FloatArray:
@@ -67,10 +67,10 @@ class Problem:
     def moved(
         self, z: FloatArray, segments: Sequence[Segment], ds: Sequence[FloatArray], before: FloatArray
     ) -> tuple[tuple[Segment, ...], FloatArray]:
-        """The segments at other parameters with their starts moved, and their costs (S,).
+        """The segments at other parameters with changed initial states, and their costs (S,).
 
-        A few that this makes worse stay where they began, if that is better: one start at the edge of an impact shall
-        not hold up all others.  Where it makes many worse, the step is too long.  before: (S,) their costs.
+        A few segments with an increased cost keep their initial states, if that is better: one initial state near an
+        impact must not block the others.  With many of them the step is too long.  before: (S,) their costs.
         """
         there = [s.starting(s.start + s.scale * d) for s, d in zip(segments, ds, strict=True)]
         costs = self.costs(z, there)
@@ -93,7 +93,7 @@ def minimise(
 ) -> Solution:
     """Improves z and the start states until the cost falls by less than ``tolerance`` of itself.
 
-    Never returns anything worse than it was given; when the time is up, what it has.
+    Never returns anything worse than it was given; when the time is up, returns the best so far.
     """
     z, segments = z.copy(), tuple(segments)
     low, high = problem.unknowns.bounds
@@ -169,6 +169,6 @@ def robust(r: FloatArray, huber: float) -> FloatArray:
 
 
 def projected_off(columns: FloatArray, values: FloatArray) -> FloatArray:
-    """What is left of values (M,) or (M, K) when all that the columns (M, P) explain is taken out."""
+    """The projection of values (M,) or (M, K) onto the orthogonal complement of the columns (M, P)."""
     q = np.linalg.qr(columns)[0]
     return np.asarray(values - q @ (q.T @ values))

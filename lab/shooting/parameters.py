@@ -1,7 +1,7 @@
-"""What a fit changes: the free parameters as a vector of numbers of order one.  No data, no simulation.
+"""The free parameters of a fit as a vector of numbers of order one.  No data, no simulation.
 
 Positive quantities vary by their logarithm, so that a step is a share of the value; those that may be zero or negative
-vary in units of their scale.  Weak priors (a factor e, or ten scales) keep what the data cannot tell from running away.
+vary in units of their scale.  Weak priors (a factor e, or ten scales) bound parameters that the data do not identify.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ TRUST: Mapping[str, Mapping[str, float]] = {
     "joint": {"J": 1.5},
     "servo": {"J": 3.0, "kt": 3.0},
 }
-"""By base, by what factor each may move in a search, from what the file or the spectra say."""
+"""By base, the factor by which each parameter may differ in a search from the value of the file or the spectra."""
 LINEAR_PRIOR = 10.0
 
 
@@ -36,7 +36,7 @@ def free_names(model: Model) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Unknown:
-    """One free parameter; value = exp(z) when logarithmic, else scale z; a circle: from high it goes on at low."""
+    """One free parameter; value = exp(z) when logarithmic, else scale z; a circular one wraps from high to low."""
 
     name: str
     low: float
@@ -62,7 +62,7 @@ class Unknown:
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Lowest and highest z; a circle has no end."""
+        """Lowest and highest z; unbounded for a circular one."""
         return (-math.inf, math.inf) if self.circle else (self.z(self.low), self.z(self.high))
 
     def z(self, value: float) -> float:
@@ -106,8 +106,8 @@ class Unknowns:
     def of(cls, model: Model, around: Model | None = None) -> Unknowns:
         """The free ones of a model.
 
-        around: a search stays near this model's values.  A model whose impacts come at the wrong time fits best with
-        no amplitude at all (regression dilution); what is roughly known must not give way to that.
+        around: a search stays near this model's values.  With impacts at the wrong time the best fit has zero amplitude
+        (regression dilution); bounds prevent this for roughly known parameters.
         """
         items = tuple(Unknown.of(name, model.parameters[name]) for name in free_names(model))
         if around is not None:
@@ -146,7 +146,7 @@ class Unknowns:
         return np.array([item.slope(float(x)) for item, x in zip(self.items, z, strict=True)])
 
 
-@lru_cache(maxsize=64)  # all segments of a fit ask for the same; a model keeps the solver's tables
+@lru_cache(maxsize=64)  # all segments of a fit need the same models, which cache the solver's tables
 def _around(
     unknowns: Unknowns, model: Model, z: tuple[float, ...], step: float
 ) -> tuple[Model, Sequence[tuple[Model, float]]]:

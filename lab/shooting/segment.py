@@ -1,6 +1,6 @@
-"""A segment of an experiment that is simulated from a start state of its own, and how far the model is off there.
+"""A segment of an experiment that is simulated from its own initial state, and its residual.
 
-Restarting a chaotic or drifting motion every second or so is what makes its parameters findable.  No fitting here.
+Restarting a chaotic or drifting motion every second or so makes its parameters identifiable.  No fitting here.
 """
 
 from __future__ import annotations
@@ -35,11 +35,12 @@ __all__ = [
 STEP = 1e-5
 """Finite difference, in numbers of order one, for searches."""
 FINE_STEP = 3e-8
-"""The same for intervals.  Impacts bend the motion so much that over 1e-5 it is no straight line: what two parameters
-do alike then looked different, and intervals came out up to ten times too narrow.  Steps of 1e-7 to 1e-8 give the same
-to some percent: fixed integration steps leave hardly any rounding."""
+"""The same for intervals.  With impacts the motion is nonlinear even over 1e-5: confounded parameters then looked
+distinct, and intervals came out up to ten times too narrow.  Steps of 1e-7 to 1e-8 give the same to some percent: fixed
+integration steps leave hardly any rounding."""
 LAG_SHARE, OWN_SHARE = 0.003, 0.1
-"""Of such a scale: an effect's own states are known better than the joint's; that of a lag follows from the input."""
+"""Share of such a scale for states of effects, which are known better than the joint's; that of a lag follows from the
+input."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +59,8 @@ class Linearised:
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """experiment: the segment; noise: by column, what a residual counts in; scale: (n,) what a state's change counts
-    in; start: (n,) the state at its first sample."""
+    """experiment: the segment; noise: by column, the unit of residuals; scale: (n,) the units of state changes; start:
+    (n,) the state at its first sample."""
 
     experiment: Experiment
     noise: Mapping[str, float]
@@ -71,7 +72,7 @@ class Segment:
         return replace(self, start=state)
 
     def simulate(self, model: Model, start: FloatArray, substep_s: float | None) -> Trajectory:
-        """The model's motion over the segment.  ``model`` already holds what the recording states."""
+        """The model's motion over the segment.  ``model`` already has the recording's values."""
         return model.simulate(self.experiment.drive, self.experiment.time, start, substep_s=substep_s)
 
     def residual(self, model: Model, start: FloatArray, substep_s: float) -> FloatArray:
@@ -115,9 +116,9 @@ class Segment:
 
 
 def in_motion(model: Model, drive: Motion | None, time: float, **given: float) -> FloatArray:
-    """The state (n,) at a time in the midst of a motion, as far as it is given; else at rest against the input.
+    """The state (n,) at a time within a motion, as far as it is given; else at rest relative to the input.
 
-    An actuator that lags behind its command c has long followed it: x = c - T c' + T² c''.
+    An actuator with lag T behind its command c is in its steady state: x = c - T c' + T² c''.
     """
     state = model.initial_state(drive, time, **given)
     if drive is not None and (name := "actuator_lag.0") in model.state_names and name not in given:
@@ -128,9 +129,9 @@ def in_motion(model: Model, drive: Motion | None, time: float, **given: float) -
 
 
 def start_with(model: Model, segment: Segment, states: Sequence[str]) -> FloatArray:
-    """The segment's start state for a model with other effects, whose own states begin where they belong.
+    """The segment's initial state for a model with other effects, which begin in equilibrium.
 
-    states: the names of what the segment's start holds.
+    states: the names of the states in the segment's start.
     """
     given = {name: x for name, x in zip(states, segment.start.tolist(), strict=True) if name in model.state_names}
     return in_motion(model, segment.experiment.drive, float(segment.experiment.time[0]), **given)
@@ -142,7 +143,7 @@ def motions(model: Model, segments: Sequence[Segment], substep_s: float) -> list
     for segment in segments:
         try:
             found.append(segment.simulate(segment.experiment.model(model), segment.start, substep_s))
-        except ModelError as error:  # its start was not found, and is deep in the teeth
+        except ModelError as error:  # its initial state was not found, and is deep within the teeth
             failed = error
     if not found:
         raise failed
@@ -160,8 +161,8 @@ def scales(experiment: Experiment) -> tuple[float, float]:
 
 
 def state_scales(model: Model, experiment: Experiment) -> FloatArray:
-    """What a change of each state counts in, (n,): half the play and the speed with which it is crossed, the bar's
-    bending at the usual acceleration, the spread of what was measured."""
+    """The units of state changes (n,): half the play and the speed that crosses it, the bar's bending at the usual
+    acceleration, the spread of the measured signals."""
     values = {name: p.value for name, p in experiment.model(model).parameters.items()}
     accel, position = scales(experiment)
     if model.base == "play":

@@ -1,4 +1,4 @@
-"""What is fitted to what, and how finely it is integrated meanwhile.  Nothing is fitted here."""
+"""The task of a fit: model, experiments, noise and integration step.  Nothing is fitted here."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ SEARCH_STEPS = {"play": 8.0, "oscillator": 2.0, "joint": 4.0, "servo": 2.0}  # t
 LONGEST_STEP_S = {"play": 5e-4}
 FRICTION_SHARE = 0.2
 LOOKED_AT_S, LOOKED_AT = 1.0, 100
-"""Seconds, and samples at least, of the motion that says how finely it has to be integrated."""
+"""Seconds, and least number of samples, of the motion from which the integration step follows."""
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What is fitted: the model as its file gave it, experiments with the noise of each column, the solver's step."""
+    """The task of a fit: the model of the file, experiments with the noise of each column, the solver's step."""
 
     rough: Model
     experiments: tuple[Experiment, ...]
@@ -32,7 +32,7 @@ class Task:
     halvings: int
 
     def added(self, model: Model) -> tuple[str, ...]:
-        """The effects that a model has more than the file's, in order."""
+        """The effects of a model that the file's lacks, in order."""
         return tuple(effect for effect in model.effects if effect not in self.rough.effects)
 
     @classmethod
@@ -45,7 +45,7 @@ class Task:
 
 
 def rubbing(model: Model, experiments: Sequence[Experiment]) -> Model:
-    """A joint or servo with friction: what the search will add is stiffer than what is there."""
+    """A joint or servo with friction added: candidates of the search are stiffer than the model."""
     if model.base not in ("joint", "servo") or "coulomb_friction" in model.effects:
         return model
     friction = FRICTION_SHARE * max(usual_torque(model, experiment) for experiment in experiments)
