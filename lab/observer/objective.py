@@ -19,7 +19,7 @@ LENGTH_S, EXPERIMENTS = 2.0, 2
 LEAST_HZ, PERIOD_SAMPLES = 800.0, 8.0
 """Largest number of samples a second, or in a period of the bar."""
 SHORTEST_STEP_S = 2.5e-4
-"""Factor of the integration step: the next sample corrects its errors."""
+"""Shortest integration step [s]: the next sample corrects the errors of a longer one."""
 ROUGH = 0.03
 """Least unit of errors in ``roughly``, as a share of the signal's standard deviation."""
 OUTSIDE, FAR = 3.0, 1e6

@@ -1,8 +1,8 @@
-"""Effects that delay: which one it is.  Nothing else is compared here.
+"""Distinguishes effects that delay.  Nothing else is compared here.
 
-A delay, a lag of the actuator and a lag of the sensor do the same to first order in their time T: what the sensor shows
-comes later by T.  The search takes the one that it meets first; once there is a fit, the other ones are as near as can
-be, and are tried in its place.
+A delay, a lag of the actuator and a lag of the sensor are equal to first order in their time T: the reading of the
+sensor is delayed by T.  The search takes the first one that it tries; the others are then fitted in its place, from
+nearly optimal initial values.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ __all__ = ["distinguished"]
 def distinguished(step: Step, before: Judged, unseen: Unseen) -> Step:
     """The accepted step, with another effect that delays in its first fit where that explains the unseen data better.
 
-    before: the fit without its effect; where that was near the noise, what was told apart then still holds.
+    before: the fit without its effect; where that was near the noise, the distinction made then still holds.
     """
     first, task = step.tried[0], unseen.task
     if not unseen.is_far(before.error) and not get_effect(first.effect).delays_by:
@@ -47,7 +47,7 @@ def distinguished(step: Step, before: Judged, unseen: Unseen) -> Step:
 
 
 def _changed(model: Model, task: Task) -> Iterator[tuple[str, Model]]:
-    """What takes the place of an effect that delays, and the model with it, of the same delay."""
+    """The alternatives to an effect that delays, each with its model of the same delay."""
     possible = [effect for effect in others(model) if get_effect(effect).delays_by]
     for old in task.added(model):
         if own := get_effect(old).delays_by:

@@ -1,9 +1,9 @@
-"""Effects of the catalogue, tried on a model: rough fits with one more, from several beginnings.  No verdicts here.
+"""Candidate effects for gears: rough fits of a model with one more effect, from several initial values.  No selection
+here.
 
-The score test says where an effect would begin and how large it would be.  Far from the noise, an effect that moves the
-gears moves all impacts, and the play that fitted best without it is the wrong one: there observer runs, in which effect
-and play are searched together, say which effects are worth a fit.  They go through successive halving on longer and
-longer segments, on which only the right one stays.
+The score test gives initial values of an effect.  Far from the noise, an effect on the gears shifts all impacts, and
+the play fitted without it is wrong: there a search with observers, over effect and play together, selects the effects
+to fit.  Successive halving on longer and longer segments then eliminates wrong ones.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ __all__ = [
 ]
 
 FEW_STEPS = 6
-"""Steps of a fit that shows how near an effect, or a number of teeth, comes."""
+"""Steps of a fit that compares effects, or numbers of teeth."""
 
 
 class _OfEffect(Protocol):
@@ -71,7 +71,7 @@ def best_of_each(ordered: Iterable[T]) -> list[T]:
 
 
 def others(model: Model) -> list[str]:
-    """The effects of the catalogue that the model may have and has not, nor has as a part of another one."""
+    """The effects of the catalogue that apply to the model and are not in it, alone or as a part of another one."""
     may = (e.id for e in catalogue() if model.base in e.bases and e.id not in model.effects)
     return [effect for effect in may if get_effect(effect).is_searched and not contained(model, effect)]
 
@@ -79,28 +79,29 @@ def others(model: Model) -> list[str]:
 def near_trials(
     level: Level, directions: Sequence[Direction], task: Task, pool: Executor, iterations: int = 15
 ) -> list[Trial]:
-    """Fits on the same segments, each beginning with what the score test asks for; best first."""
+    """Fits on the same segments, each beginning with the direction of the score test; best first."""
     count = len(directions)
     levels = pool.map(_with_direction, directions, [level] * count, [task] * count, [iterations] * count)
     return _ordered([Trial(d.effect, fit) for d, fit in zip(directions, levels, strict=True)])
 
 
 def score_trials(base: Level, directions: Sequence[Direction], task: Task, pool: Executor) -> list[Trial]:
-    """Fits on all short segments with the effects that the score test asks for, in a few steps from the fit without
-    them: of that which comes nearest so, and of that which it asks for most; best first."""
+    """Fits on all short segments with effects proposed by the score test, in a few steps from the fit without them: for
+    the direction with the least error, and that with the largest statistic; best first."""
     near = near_trials(base, directions[: policy.FINISHED], task, pool, FEW_STEPS)
     first = {*near[:1], *(trial for trial in near if trial.effect == directions[0].effect)}
     return full_fits([(trial.effect, trial.level.model) for trial in near if trial in first], task, pool)
 
 
 def observer_trials(base: Level, task: Task, pool: Executor) -> list[Trial]:
-    """Fits on all short segments with the effects that bring observer runs nearest to the measurement; best first."""
+    """Fits on all short segments with the effects of least prediction error of observers; best first."""
     near = shortlist(base, others(base.model), task, pool)[: policy.FINISHED]
     return full_fits([(one.effect, one.model) for one in near], task, pool)
 
 
 def repaired_trial(effect: str, model: Model, level: Level, task: Task) -> Trial:
-    """The fit of a model with other effects from a level's starts; those that are missed begin anew."""
+    """The fit of a model with other effects from a level's initial states; those of missed segments are searched for
+    again."""
     return Trial(
         effect, repaired_fit(model, Unknowns.of(model, task.rough), _segments(model, level), task, policy.LOST_SHARE)
     )
@@ -118,7 +119,7 @@ def full_fits(begin: Sequence[tuple[str, Model]], task: Task, pool: Executor) ->
 
 
 def halving(full: Sequence[Trial], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
-    """The trials on longer and longer segments, up to this length, those that fall behind the best left out."""
+    """The trials on longer and longer segments, up to this length, without those that fall behind the best."""
     trials = best_of_each(_ordered(full))
     trials[:1] = [_recounted(trial, task, pool) for trial in trials[:1]]
     while trials and trials[0].level.horizon_s * LONGER < horizon_s:
@@ -153,7 +154,8 @@ def _recounted(trial: Trial, task: Task, pool: Executor) -> Trial:
 
 
 def _repaired(level: Level, task: Task) -> Level:
-    """A few steps from a level's values, twice: what is missed after the first ones begins anew."""
+    """A few steps from a level's values, twice; in between, initial states of missed segments are searched for
+    again."""
     once = refined(level, task, FEW_STEPS)
     starts = repaired(once.model, once.segments, task.substep_s, policy.LOST_SHARE)
     return refined(replace(once, segments=starts), task, FEW_STEPS)
@@ -164,7 +166,7 @@ def _ordered(trials: Sequence[Trial]) -> list[Trial]:
 
 
 def _with_direction(direction: Direction, level: Level, task: Task, iterations: int) -> Level:
-    """The level's fit with one more effect, of the amplitude that the score test asks for, within what it may be."""
+    """The level's fit with one more effect, with the amplitude of the score test, within its bounds."""
     model, values = direction.model, {}
     for name in get_effect(direction.effect).amplitudes:
         parameter = model.parameters[full := f"{direction.effect}.{name}"]

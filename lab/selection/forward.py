@@ -1,4 +1,4 @@
-"""One effect after the other, as long as there is evidence.  What one step is, is step.py's."""
+"""Forward selection of effects of gears, as long as there is evidence.  step.py does a single step."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["descended"]
 def descended(
     short: Level, level: Level, unseen: Unseen, rng: np.random.Generator, progress: Progress
 ) -> tuple[Level, Level, list[Judged], list[Step]]:
-    """The last fits on short and on grown segments, how the error fell, and what was tried."""
+    """The last fits on short and on grown segments, the descent of the error, and the steps."""
     descent, steps = [unseen.judge(level.model)], list[Step]()
     while len(descent) <= policy.MOST_MISSING and not (steps and is_over()):
         progress("looking for more" if steps else "looking for what is missing", 0.15 + 0.25 * len(steps))
@@ -36,7 +36,7 @@ def descended(
 
 
 def _next(short: Level, level: Level, now: Judged, unseen: Unseen, rng: np.random.Generator) -> list[Step]:
-    """One step; or two, of which the first explains too little alone.  The last may not be accepted."""
+    """One step, or two where the first explains too little alone.  The last need not be accepted."""
     step = searched(level, short, now, unseen, rng)
     if step.accepted or len(unseen.task.added(short.model)) + 2 > policy.MOST_MISSING or is_over():
         return [step]

@@ -1,4 +1,4 @@
-"""The same model with fewer effects, a simpler or a wider one in the place of another.  Nothing is fitted here."""
+"""Nested models: without an effect, or with a simpler or a more general one in its place.  Nothing is fitted here."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["contained", "in_place", "simpler", "wider", "with_effects", "without
 
 
 def with_effects(model: Model, effects: Sequence[str]) -> Model:
-    """The model with these effects, with the values that it has or a simpler effect takes over."""
+    """The model with these effects, with its values, or those that follow from a simpler effect."""
     values = {}
     for name, parameter in model.parameters.items():
         effect, _, own = name.rpartition(".")
@@ -24,12 +24,13 @@ def with_effects(model: Model, effects: Sequence[str]) -> Model:
 
 
 def in_place(model: Model, old: str, new: str) -> Model:
-    """The model with another effect in the place of one of its own, with the values that it has or takes over."""
+    """The model with one of its effects replaced by another, with its values, or those that follow from the replaced
+    one."""
     return with_effects(model, [new if effect == old else effect for effect in model.effects])
 
 
 def contained(model: Model, effect: str) -> list[str]:
-    """The effects of the model of which this one is a part."""
+    """The effects of the model that contain this one."""
     return [whole for whole, part in _wider_than(effect) if whole in model.effects]
 
 

@@ -1,7 +1,7 @@
-"""With less as good: effects that others have made superfluous are taken out again.  Nothing is added here.
+"""Backward elimination of effects of gears that others have made superfluous.  Nothing is added here.
 
-Effects are found one after the other, and the first may have stood in for one that was found later; or for a base that
-had not found its valley, as it has with the effect.
+Effects are found one after the other, and the first may have imitated one that was found later; or it helped the base
+out of a local minimum.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ def simplified(
     unseen: Unseen,
     kept: Collection[str] = (),
 ) -> tuple[Level, list[Judged]]:
-    """The simplest fit that does as well on unseen data, and the descent to it.
+    """The simplest fit with an equal error on unseen data, and the descent to it.
 
-    level: the fit with all that was found; descent: judged without, with one, two, … effects; kept: effects that
-    unseen data know nothing of.
+    level: the fit with all effects; descent: validated with none, one, two, … effects; kept: effects that the unseen
+    data do not show.
     """
     for model in _simpler(level.model, [e for e in unseen.task.added(level.model) if e not in kept]):
         fit = full_fit(model, unseen.task, policy.LOST_SHARE)
@@ -42,8 +42,8 @@ def simplified(
 
 
 def unsized(level: Level, task: Task) -> list[str]:
-    """The effects that were added, none of whose amplitudes is surely not zero.  Only their states explain something
-    where they begin: a second mode that is neither driven nor damped is a hum."""
+    """The added effects without an amplitude that differs significantly from zero.  Only the initial values of their
+    states explain something: a second mode that is neither driven nor damped is a hum."""
     if not (added := task.added(level.model)):
         return []
     estimates = {e.name: e for e in fit_of(level, task).estimates}
@@ -68,7 +68,7 @@ def reduced(
 
 
 def _simpler(model: Model, added: Sequence[str]) -> Iterator[Model]:
-    """The model without each of these effects, then with a simpler one in its place; with the values that it has."""
+    """The model without each of these effects, then with a simpler one in its place; with its values."""
     for effect in added:
         yield without(model, effect)
     for effect in added:
@@ -77,7 +77,7 @@ def _simpler(model: Model, added: Sequence[str]) -> Iterator[Model]:
 
 
 def _way(model: Model, first: Judged, unseen: Unseen) -> Iterator[Judged]:
-    """Judged without, with one, two, … but not all of what was added to the model."""
+    """Validates the model with none, one, two, … but not all of the added effects."""
     task, added = unseen.task, unseen.task.added(model)
     if added:
         yield first

@@ -1,9 +1,9 @@
-"""The score test: would an effect, were it added faintly, explain part of a residual?  No refits, no verdicts.
+"""The score test: does an effect of small amplitude explain part of a residual?  No refits, no selection.
 
-Near the noise the model is linear in what is small: r = A dz + B dx + c a + noise, with the derivatives A by the fitted
+Near the noise the model is linear in small changes: r = A dz + B dx + c a + noise, with the derivatives A by the fitted
 parameters, B by the start states, and c by the amplitude of an effect at zero.  Projected off A and B, what c explains
 is T = (c'r)²/c'Gamma c.  The p-value is that of the largest T of the whole catalogue among residuals that are noise of
-the same colour (a bootstrap of the search, not of one effect), so that looking at twenty effects is paid for.
+the same colour (a bootstrap of the search, not of one effect), which corrects for the number of effects.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ DRAWS = 400
 
 @dataclass(frozen=True, eq=False)
 class Direction:
-    """A way in which an effect may be missing: the model with it faintly, its statistic T (chi-squared with one degree
-    in white noise) and how many times as strong the residual wants it."""
+    """A direction in which an effect is tested: the model with a small amplitude, the statistic T (chi-squared with one
+    degree of freedom in white noise), and the estimated factor of the amplitude."""
 
     effect: str
     model: Model
@@ -40,15 +40,15 @@ class Direction:
 
     @property
     def possible(self) -> bool:
-        """Whether the effect may have the sign that the residual wants; a weight with the opposite phase may."""
+        """Whether the effect may have the estimated sign; gravity may, with the opposite phase."""
         names = (f"{self.effect}.{name}" for name in get_effect(self.effect).amplitudes)
         return self.amplitude > 0 or all(self.model.parameters[name].low < 0 for name in names)
 
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """directions: the best of each effect, largest statistic first; limit: what the largest statistic of a search
-    exceeds in 5 % of cases although nothing is missing; p_values: by effect, of the whole search."""
+    """directions: the best of each effect, largest statistic first; limit: the 95 % quantile of the largest statistic
+    of a search when nothing is missing; p_values: by effect, of the whole search."""
 
     directions: tuple[Direction, ...]
     limit: float
@@ -59,7 +59,7 @@ class Scores:
 def score_test(
     level: Level, effects: Sequence[str], substep_s: float, pool: Executor, rng: np.random.Generator
 ) -> Scores:
-    """Tests effects on a fit, whose segments that are missed are left out."""
+    """Tests effects on a fit, without its missed segments."""
     segments = followed(level, substep_s)
     count = len(segments)
     every = list(pool.map(_linearised, segments, [level] * count, [substep_s] * count))
@@ -102,7 +102,7 @@ def _linearised(segment: Segment, level: Level, substep_s: float) -> Linearised:
 def _columns(
     model: Model, before: Model, segments: Sequence[Segment], residuals: Sequence[FloatArray], substep_s: float
 ) -> list[FloatArray] | None:
-    """How a faint effect changes the residual of each segment; None where it cannot be run."""
+    """The derivative of the residual of each segment by the amplitude; None where the model cannot be run."""
     changes = []
     for segment, r in zip(segments, residuals, strict=True):
         own = segment.experiment.model(model)
@@ -114,7 +114,7 @@ def _columns(
 
 
 class _Projection:
-    """Takes what parameters (shared) and start states (of each segment) explain out of a residual."""
+    """Projects a residual off the shared parameters and the initial states of all segments."""
 
     def __init__(self, blocks: Sequence[Linearised]) -> None:
         self._starts = [np.linalg.qr(block.B)[0] for block in blocks]

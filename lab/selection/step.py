@@ -1,6 +1,6 @@
-"""One step of the search: effects tried on a fit, how they do on unseen data, whether the best of them is missing.
+"""One step of the search: candidates fitted, validated on unseen data, and the decision on the best of them.
 
-What becomes of many steps is forward.py's.
+forward.py repeats the steps.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ __all__ = ["Step", "Tried", "look_ahead", "on_unseen", "searched"]
 
 @dataclass(frozen=True, eq=False)
 class Tried:
-    """A fit with one more effect, on unseen data; misfit: to the data that decided (see heldout.misfits)."""
+    """A fit with one more effect, validated on unseen data; misfit: on the data that decided (see ``misfits``)."""
 
     effect: str
     level: Level
@@ -43,7 +43,7 @@ class Tried:
 
     @property
     def parameters(self) -> int:
-        """How many were fitted, whole numbers that are searched among them."""
+        """The number of fitted parameters, including whole numbers that are searched."""
         return sum(not p.fixed or p.domain.is_whole for p in self.level.model.parameters.values())
 
 
@@ -51,8 +51,8 @@ class Tried:
 class Step:
     """A fit without, and those with, one more effect, best first; scores of the fit without.
 
-    accepted: the first one's effect is missing; provisional: as the first of two, as it explains too little alone;
-    unvalidated: the unseen data are free of it, the training data said so.
+    accepted: the effect of the first one is missing; provisional: accepted as the first of two, as it explains too
+    little alone; unvalidated: accepted by the training data, as the unseen data do not show it.
     """
 
     scores: Scores
@@ -63,7 +63,7 @@ class Step:
 
     @property
     def equals(self) -> list[Tried]:
-        """The effect that was accepted, and what explains the data that decided as well within ALIKE."""
+        """The accepted effect, and those that explain the deciding data equally well, within ALIKE."""
         if not self.accepted or self.provisional:
             return []
         return [one for one in self.tried if one.misfit < self.tried[0].misfit + policy.ALIKE]
@@ -71,7 +71,7 @@ class Step:
 
 def searched(level: Level, short: Level, now: Judged, unseen: Unseen, rng: np.random.Generator) -> Step:
     """One more effect, if there is evidence for one.  Near the noise the score test of the longest segments proposes;
-    far from it that of the short ones, and where it leads to nothing that is accepted, observer runs."""
+    far from it that of the short ones, and where none of its proposals is accepted, the search with observers."""
     task, pool = unseen.task, unseen.pool
     is_far = unseen.is_far(max(now.error, level.typical))
     scores = score_test(short if is_far else level, others(level.model), task.substep_s, pool, rng)
@@ -92,8 +92,8 @@ def _halved(trials: Sequence[Trial], now: Judged, unseen: Unseen) -> list[Tried]
 
 
 def _near_step(level: Level, scores: Scores, now: Judged, unseen: Unseen) -> Step:
-    """The effects that the score test asks for, and the end of the sensor's range where readings stop at it: segments
-    that reach it are missed, and the test does not see them."""
+    """The effects that the score test proposes, and a limit of the sensor's range where readings saturate: such
+    segments are missed, and left out of the test."""
     task = unseen.task
     asked = [d for d in scores.directions[: policy.FINISHED] if d.statistic > scores.limit]
     trials = near_trials(level, asked, task, unseen.pool)
@@ -109,9 +109,9 @@ def _near_step(level: Level, scores: Scores, now: Judged, unseen: Unseen) -> Ste
 
 
 def look_ahead(step: Step, now: Judged, unseen: Unseen) -> Step | None:
-    """The step with the effect provisionally accepted that explains most of the data of the fit, although it explains
-    too little of the unseen data alone: with two effects, each moves the impacts wrongly without the other.  None near
-    the noise, or where nothing could be fitted."""
+    """The step with the effect provisionally accepted that explains most of the training data, although it explains too
+    little of the unseen data alone: with two missing effects, impacts are still wrong with one.  None near the noise,
+    or where nothing could be fitted."""
     if not step.tried or not unseen.is_far(now.error):
         return None
     best = min(step.tried, key=lambda one: one.level.typical)
@@ -119,8 +119,8 @@ def look_ahead(step: Step, now: Judged, unseen: Unseen) -> Step | None:
 
 
 def on_unseen(trials: Sequence[Trial], now: Judged, unseen: Unseen) -> list[Tried]:
-    """The trials judged, each beginning segments that it has lost where another one follows them; the best one, when
-    the time is up."""
+    """Validates the trials; segments that one has lost start in the state of another one that has not.  Only the best
+    trial when the time is up."""
     if is_over():
         trials = sorted(trials, key=lambda trial: trial.level.typical)[:1]
     judged = unseen.judge_each([trial.level.model for trial in trials], now)
@@ -132,8 +132,8 @@ def _first(best: Tried, tried: Sequence[Tried]) -> tuple[Tried, ...]:
 
 
 def _ranked(scores: Scores, every: Sequence[Tried], now: Judged, unseen: Unseen) -> Step:
-    """What was tried in the order of what it explains of the unseen data, those that explain alike by their number of
-    parameters, each effect once; is the first accepted?"""
+    """Ranks the candidates by the error on unseen data, equal ones by their number of parameters, each effect once, and
+    decides whether the first is accepted."""
     if not (finite := [one for one in every if math.isfinite(one.judged.error)]):
         return Step(scores)
     misfit = misfits([one.judged for one in finite]).tolist()
@@ -147,8 +147,8 @@ def _ranked(scores: Scores, every: Sequence[Tried], now: Judged, unseen: Unseen)
 
 
 def _accepted_by_training(step: Step, level: Level, now: Judged, task: Task) -> Step | None:
-    """The step with an effect put first and accepted that takes a share of the error of the data of the fit, and of
-    which the unseen data are free, as of a range that they never reach: none of their segments is worse."""
+    """The step with an effect accepted that the training data show and the unseen data do not, such as a sensor range
+    that they never reach: none of their segments gets worse."""
     trained_on = [trained(fit, task.substep_s) for fit in (level, *(one.level for one in step.tried))]
     before, *misfit = misfits(trained_on).tolist()
     tried = [replace(one, misfit=own) for one, own in zip(step.tried, misfit, strict=True)]

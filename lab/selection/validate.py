@@ -1,4 +1,4 @@
-"""How well a fit predicts an experiment that it has not seen.  Only start states are found there, no parameters."""
+"""Validation of a fit on unseen data.  Only initial states are estimated there, no parameters."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["LONGER", "Judged", "Unseen", "better", "is_left", "misfits", "trained"]
 
 LONGER = 1.2
-"""Times the length that is asked for, up to which a segment may be."""
+"""Longest segment, times the requested length."""
 POLISHED = 6
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
     """error: root mean square of r on unseen data, in units of the noise as it was estimated, without lost segments;
-    errors, counts: (S,) of each segment, all of them, and its samples; residual: r of those not lost, best first;
-    segments: with the starts that were found; states: the names of what these hold; columns: root mean square of the
-    error of each measured column in its own unit, without lost segments.
+    errors, counts: (S,) of every segment, its error and its samples; residual: r of those not lost, best first;
+    segments: with the estimated initial states; states: the names of these; columns: root mean square of the error of
+    each measured column in its own unit, without lost segments.
     """
 
     error: float
@@ -50,19 +50,19 @@ class Judged:
 
 
 def misfits(judged: Sequence[Judged]) -> FloatArray:
-    """The mean logarithm of each one's errors (J,): differences times the count are those of log-likelihoods, every
-    segment with white noise of its own size.
+    """The mean logarithm of each one's errors (J,): differences times the count are those of log-likelihoods with a
+    separate noise variance for each segment.
 
-    Lost segments count too, as one that few models follow tells most; but an error ends at some times the usual error
-    of the best, as chaos makes any number.
+    Lost segments count too, as segments that few models predict discriminate best; but errors are clipped at a multiple
+    of the usual error of the best, as chaotic ones are arbitrary.
     """
     end = policy.MISSED * min(_usual(one.errors) for one in judged)
     return np.array([np.average(np.log(np.clip(one.errors, 1e-9, end)), weights=one.counts) for one in judged])
 
 
 def better(judged: Judged, now: Judged, is_far: bool = False) -> bool:
-    """Whether what was added explains enough: near the noise more than counts as equal, on gears far from it a good
-    part, as almost any effect moves impacts to where some fit better."""
+    """Whether the added effect explains enough: near the noise more than counts as equal, far from it a large share, as
+    almost any effect shifts impacts and improves some."""
     if is_far:
         return judged.error < policy.FAR_GAIN * now.error
     before, after = misfits([now, judged])
@@ -70,7 +70,7 @@ def better(judged: Judged, now: Judged, is_far: bool = False) -> bool:
 
 
 def is_left(judged: Judged) -> bool:
-    """Whether the segments that are followed best hold more than noise."""
+    """Whether the residual of the segments with the smallest errors is more than noise."""
     best = judged.residual[: math.ceil(policy.SURE_SHARE * len(judged.residual))]
     return judged.error > policy.UNLIKE_NOISE or is_structured(best)
 
@@ -81,8 +81,8 @@ def _usual(errors: FloatArray) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Unseen:
-    """An experiment that no fit has seen, and how long its segments shall be; floor: what the shortest segments of the
-    fit leave, in units of the noise, at least one."""
+    """An unseen experiment and the length of its segments; floor: the error of the fit on the shortest segments, in
+    units of the noise, at least one."""
 
     experiment: Experiment
     task: Task
@@ -91,28 +91,27 @@ class Unseen:
     floor: float = 1.0
 
     def with_floor_of(self, short: Level) -> Unseen:
-        """The same, for a search that begins with this fit; its shortest segments begin where they may."""
+        """The same, with the floor from this first fit."""
         return replace(self, floor=max(started(short.model, subset(self.task), self.task).typical, 1.0))
 
     def is_far(self, error: float) -> bool:
-        """Whether an error, in units of the noise, is more than what is added to the readings."""
+        """Whether an error, in units of the noise, exceeds that of additive disturbances of the readings."""
         return error >= policy.FAR * self.floor
 
     def is_better(self, judged: Judged, now: Judged) -> bool:
-        """Whether what was added explains enough of it; see ``better``."""
+        """Whether the added effect explains enough; see ``better``."""
         return better(judged, now, self.task.rough.base == "play" and self.is_far(judged.error))
 
     def judge(self, model: Model, *others: Judged) -> Judged:
-        """The model on it, in segments of about this length with start states of their own; others: where else these
-        may begin.
+        """Validates the model in segments of about this length, with estimated initial states; others: further initial
+        guesses of these.
 
-        Up to two fifths of the segments are left out, those that stand out as lost: chaos, or a start that was not
-        found.
+        Up to two fifths of the segments are left out as lost: chaotic, or without a good initial state.
         """
         return self.again(model, _judged_on(self.experiment, model, self.task, self.horizon_s), *others)
 
     def judge_each(self, models: Sequence[Model], *others: Judged) -> list[Judged]:
-        """The same of each model, at the same time; each also begins where another one of them follows the data."""
+        """Validates several models in parallel, with the initial states of each as guesses for the others."""
         count = len(models)
         alone = self.pool.map(
             _judged_on, [self.experiment] * count, models, [self.task] * count, [self.horizon_s] * count
@@ -121,8 +120,8 @@ class Unseen:
         return [self.again(model, own, *first) for model, own in zip(models, first, strict=True)]
 
     def again(self, model: Model, judged: Judged, *others: Judged) -> Judged:
-        """The same, but segments that another model follows and this one has lost begun where that one begins: what
-        the bar and the joint do there is the same."""
+        """Validates again: segments that this model has lost and another one has not start in the state of the other
+        one, as the motion of bar and joint is the same."""
         segments, step = list(judged.segments), self.task.substep_s
         best = [min(others, key=lambda other: float(other.errors[i]), default=judged) for i in range(len(segments))]
         lost = [i for i, other in enumerate(best) if judged.errors[i] > policy.LOST * other.errors[i]]
@@ -148,7 +147,7 @@ def _judged_on(whole: Experiment, model: Model, task: Task, horizon_s: float) ->
 
 
 def trained(level: Level, substep_s: float) -> Judged:
-    """A fit on the segments that it was made on."""
+    """The fit on its training segments."""
     return _judged(residuals(level.model, level.segments, substep_s))
 
 
