@@ -1,1 +1,1 @@
-"""What no effect explains: in which equation a misfit acts, and the unknown function that describes it."""
+"""Model discrepancy that no effect explains: the equation in which it acts, and a function that describes it."""

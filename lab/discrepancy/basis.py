@@ -1,8 +1,8 @@
-"""Unknown functions of the motion as effects: what no effect of the catalogue is, as a curve.  No fitting here.
+"""Unknown functions of the motion as effects: curves for what no effect of the catalogue describes.  No fitting here.
 
-A torque, a force or an error of the sensor may be any function of one state, a friction whose size follows the angle,
-or a wave in time.  A curve is straight between knots, which lie the closer, the nearer to the middle of what occurs:
-there friction changes its sign.
+A torque, a force or an error of the sensor may be any function of one state, a friction with an amplitude that depends
+on the angle, or a sine in time.  A curve is linear between knots, which are closest near the middle of the range: there
+friction changes its sign.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ __all__ = ["KNOTS", "Guess", "guesses", "registered", "wave_guess"]
 
 KNOTS = 13
 WIDEST = 0.995
-"""The quantile of what occurs at which a curve ends."""
+"""The quantile of the variable at which a curve ends."""
 BEND = 0.3
 """Up to this share of the reach the knots are evenly spaced."""
 MOST = 10.0
-"""Times what acts in an equation anyway, that a curve may come to."""
+"""Bound of a curve, times what already acts in the equation."""
 SMOOTH = 5e-3  # rad/s, as dry friction changes its sign
 UNITS = {TORQUE: "N m", BAR_FORCE: "N", SENSOR: "m/s^2", GAP: "m"}
 ACTS_ON = {TORQUE: ActsOn.JOINT, BAR_FORCE: ActsOn.OSCILLATOR, SENSOR: ActsOn.SENSOR, GAP: ActsOn.JOINT}
 VARIABLES = {THETA2: "theta_2", OMEGA2: "omega_2", FORCE: "load", Q: "q", Q_RATE: "q'", TIP: "accel", THETA1: "command"}
 SHOWN = {"theta_2": "position", "omega_2": "velocity", "load": "force", "accel": "accel", "command": "command"}
-"""Under what name a trajectory holds a variable; q and q' are states."""
+"""The name of a variable in a trajectory; q and q' are states."""
 PAIRS: Mapping[str, Sequence[tuple[int, int]]] = {
     "play": ((TORQUE, THETA2), (TORQUE, OMEGA2), (TORQUE, FORCE), (BAR_FORCE, Q), (BAR_FORCE, Q_RATE), (SENSOR, TIP),
              (SENSOR, THETA2), (SENSOR, OMEGA2), (GAP, THETA1)),
@@ -47,7 +47,7 @@ PAIRS: Mapping[str, Sequence[tuple[int, int]]] = {
     "joint": ((TORQUE, THETA2), (TORQUE, OMEGA2)),
     "servo": ((TORQUE, THETA2), (TORQUE, OMEGA2)),
 }  # fmt: skip
-"""What may act on an equation as a function of what, by base."""
+"""By base, the equations and the variables of the functions that may act on them."""
 _numbers = count()
 
 
@@ -68,7 +68,7 @@ def curve(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
 
 @kernel
 def rubbing(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
-    """Dry friction whose size is a function of one signal."""
+    """Dry friction with an amplitude that is a function of one signal."""
     return _height(s, p) * math.tanh(s[OMEGA2] / SMOOTH)
 
 
@@ -81,9 +81,9 @@ def wave(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Guess:
-    """An unknown function: its effect, what it acts on as a function of which variables, and of which the curve is.
+    """An unknown function: its effect, the equation it acts on, its variables, and the variable of its curve.
 
-    x: (KNOTS,) where its knots are; seen: (KNOTS,) whether the motion comes there; empty for a wave.
+    x: (KNOTS,) its knots; seen: (KNOTS,) whether the motion reaches them; empty for a sine.
     """
 
     effect: Effect
@@ -94,18 +94,18 @@ class Guess:
 
     @property
     def is_wave(self) -> bool:
-        """Whether it has no curve, but f, a and b."""
+        """Whether it is a sine with f, a and b instead of a curve."""
         return not len(self.x)
 
     @property
     def heights(self) -> list[str]:
-        """Names of the model's parameters that are the curve."""
+        """Names of the model's parameters that define the curve."""
         return [f"{self.effect.id}.c{i}" for i in range(len(self.x))]
 
 
 @contextmanager
 def registered(found: Sequence[Guess]) -> Iterator[None]:
-    """The effects are known by their ids for the time of a block."""
+    """Registers the effects by their ids within a block."""
     for guess in found:
         register(guess.effect)
     try:
@@ -116,9 +116,9 @@ def registered(found: Sequence[Guess]) -> Iterator[None]:
 
 
 def guesses(model: Model, segments: Sequence[Segment], size: Mapping[int, float], substep_s: float) -> list[Guess]:
-    """All that may be tried on a model, with knots where the motion of these segments is.
+    """All functions to try on a model, with knots over the range of the motion in these segments.
 
-    size: of what acts in an equation already, by the signal.
+    size: by signal, the magnitude of what already acts there.
     """
     motion = _motion(model, segments, substep_s)
     found = [_curve(model.base, target, source, motion, size[target]) for target, source in PAIRS[model.base]]
@@ -128,7 +128,7 @@ def guesses(model: Model, segments: Sequence[Segment], size: Mapping[int, float]
 
 
 def wave_guess(base: str, target: int, hz: float, size: float) -> Guess:
-    """A wave of about this frequency [Hz]."""
+    """A sine of about this frequency [Hz]."""
     parameters = {
         "f": Parameter(hz, "Hz", 0.9 * hz, 1.1 * hz, False, "searched", "frequency", Domain.POSITIVE),
         "a": _free(UNITS[target], size),
@@ -173,7 +173,7 @@ def _free(unit: str, size: float) -> Parameter:
 
 
 def _motion(model: Model, segments: Sequence[Segment], substep_s: float) -> dict[str, FloatArray]:
-    """What every variable comes to in these segments, by name."""
+    """The values of every variable in these segments, by name."""
     runs = motions(model, segments, substep_s)
     found = {
         name: np.concatenate([run[signal] for run in runs])

@@ -1,7 +1,7 @@
 """A cubature Kalman filter and smoother along a recording, with one unknown input and one coloured noise; compiled.
 
-Arasaratnam and Haykin 2009: "Cubature Kalman filters".  Which input, and what the numbers mean, is
-input_estimation.py's.
+Arasaratnam and Haykin 2009: "Cubature Kalman filters".  input_estimation.py defines the input and the meaning of the
+numbers.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ __all__ = ["Path", "run_filter"]
 
 F = TypeVar("F", bound=Callable[..., Any])
 LEAP, WIDEST = 6.0, 0.5
-"""What a state may at most change by in one sample, and how uncertain it may become, as shares of its scale."""
+"""Largest change of a state in one sample, and its largest standard deviation, as shares of its scale."""
 UNSURE = 0.3
 """Standard deviation of the start state, as a share of its scale."""
 FAR = 5.0
-"""Standard deviations beyond which a sample is believed less."""
+"""Standard deviations beyond which a sample gets a smaller weight."""
 
 
 def _part(function: F) -> F:
@@ -33,11 +33,11 @@ def _part(function: F) -> F:
 
 
 class Path(NamedTuple):
-    """What the filter runs along: the solver's tables and input from the first sample on (see ``solve.integrate``).
+    """The arguments of the filter: the solver's tables and input from the first sample on (see ``solve.integrate``).
 
-    at: the place of u among the parameters, negative where it acts on the sensor; scale: (m,) what each of m numbers
-    counts in, n states, u, and e, the coloured noise of the first column; keeps: (2,) what u and e keep from one sample
-    to the next; noise: (m,) variance of what is new of each there.
+    at: the index of u among the parameters, negative where it acts on the sensor; scale: (m,) units of the augmented
+    state: n states, u, and e, the coloured noise of the first column; keeps: (2,) autoregressive coefficients of u and
+    e; noise: (m,) variance of the process noise.
     """
 
     plan: Any
@@ -90,7 +90,7 @@ def _predicted(
     moved[:, :n] = _run(path, points, k0, k1)[0]
     moved[:, n], moved[:, n + 1] = path.keeps[0] * points[:, n], path.keeps[1] * points[:, n + 1]
     for i in range(2 * m):
-        for j in range(n):  # deep in the contact's wall a point flies off, and would take all with it
+        for j in range(n):  # deep in the contact a point diverges, and would spoil the mean
             if not abs(moved[i, j] - mean[j]) < LEAP:
                 moved[i, j] = mean[j] + (LEAP if moved[i, j] > mean[j] else -LEAP)
     new = np.ones(2 * m) @ moved / (2 * m)

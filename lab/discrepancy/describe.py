@@ -1,8 +1,9 @@
-"""What is left when no effect of the catalogue explains it: the unknown function that does, with its shape and formula.
+"""Describes a residual that no effect of the catalogue explains, by an unknown function with a shape and a formula.
 
-Every function of basis.py is fitted together with the model; on gears to observer runs, which need no right play to
-begin with, first with a high gain, then a lower one.  The one that brings them nearest is told; its curve is that of a
-fit of free segments where such a fit succeeds.  Where no function explains much, localise.py has the word.
+Every function of basis.py is fitted together with the model; for gears to observer runs, which do not need the true
+play to start with, first with a high gain, then a lower one.  The one with the least error is reported; its curve is
+that of a fit of free segments where such a fit succeeds.  Where no function explains much, localise.py describes the
+residual.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ __all__ = ["described"]
 FORMULA = 0.9
 """Share of a curve's weighted variance from which on a formula fits it."""
 LEAST_POINTS = 3
-"""Fewer heights that are known make no curve."""
+"""Least number of identified heights for a curve."""
 FORMS: Mapping[str, Callable[[FloatArray], FloatArray]] = {
     "{a}": np.ones_like,
     "{a} {x}": lambda x: x,
@@ -49,7 +50,7 @@ FORMS: Mapping[str, Callable[[FloatArray], FloatArray]] = {
 }
 IMITATED = {("sensor", "accel"): 1, ("oscillator", "q"): 1, ("oscillator", "q'"): 1, ("sensor", "theta_2"): 0,
             ("sensor", "omega_2"): 0}  # fmt: skip
-"""The degree of a polynomial that bias, stiffness, damping or length imitate: it is not part of a curve."""
+"""The degree of the polynomial that bias, stiffness, damping or length can imitate; it is removed from a curve."""
 WHAT = {"joint": "a torque on the joint", "oscillator": "a force on the oscillator", "sensor": "an error of the sensor"}
 
 
@@ -59,7 +60,7 @@ Heights = Mapping[str, tuple[float, float]]
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """A function, the model with it, and how much nearer it brings observer runs."""
+    """A function, the model with it, and its reduction of the cost of observer runs."""
 
     guess: Guess
     model: Model
@@ -67,7 +68,7 @@ class _Trial:
 
 
 def described(level: Level, task: Task) -> Finding | None:
-    """The function that explains most of what a fit on short segments leaves; None where no one explains much."""
+    """The function that explains most of the residual of a fit on short segments; None where none explains much."""
     size = scales_of(level.model, level.segments, task.substep_s)
     acting = {TORQUE: size.torque, BAR_FORCE: size.k * size.bend, SENSOR: size.reading, GAP: size.d}
     found = guesses(level.model, level.segments, acting, task.substep_s)
@@ -97,8 +98,8 @@ def _direct(guess: Guess, level: Level, task: Task) -> Level:
 def _nearest(
     model: Model, found: Sequence[Guess], acting: Mapping[int, float], task: Task, pool: Executor
 ) -> _Trial | None:
-    """The function that brings observer runs nearest; a wave, whose phase no two recordings share, in one of them.
-    None where the model cannot be run along the measurement."""
+    """The function with the least cost of observer runs; for a sine, with a different phase in every recording, in one
+    of them. None where the observers diverge."""
     follower = Follower.of(task, model)
     both = Descent.of(model, follower, TIGHT)
     if not math.isfinite(both.cost):
@@ -116,8 +117,8 @@ def _nearest(
 def _compared(
     model: Model, base_tight: Descent, found: Sequence[Guess], follower: Follower, pool: Executor
 ) -> list[_Trial]:
-    """The functions, brought near with a high gain; the best of them, from there or from the beginning, with a lower
-    one.
+    """The functions, fitted with a high gain; the best of them again with a lower one, from that fit or from the first
+    values.
 
     base_tight: the model without them, with the high gain.
     """
@@ -138,7 +139,7 @@ def _compared(
 
 
 def _gain(before: Descent, after: Descent) -> float:
-    """How much nearer, as a logarithm; minus infinity where it cannot be run."""
+    """The reduction of the cost, as a logarithm; minus infinity where the observers diverge."""
     return math.log(before.cost / after.cost) if math.isfinite(after.cost) else -math.inf
 
 
@@ -154,7 +155,7 @@ def _wave(trial: _Trial) -> Finding:
 
 
 def _finding(guess: Guess, heights: Heights | None = None) -> Finding:
-    """In words; with curve and formula where the heights are those of free segments."""
+    """The description; with curve and formula where the heights are those of free segments."""
     acts_on, rubs = str(guess.effect.acts_on), len(guess.depends_on) > 1
     variable = words.variable(guess.depends_on[0])[0]
     what = "dry friction" if rubs else WHAT[acts_on]
@@ -171,7 +172,7 @@ def _finding(guess: Guess, heights: Heights | None = None) -> Finding:
 
 
 def _curve(guess: Guess, heights: Heights, degree: int) -> Curve:
-    """The heights where the motion comes, without the polynomial that the base's own parameters imitate."""
+    """The heights within the range of the motion, without the polynomial that the base's parameters can imitate."""
     x = guess.x[guess.seen]
     mean, half_width = np.array([heights[n] for n, s in zip(guess.heights, guess.seen, strict=True) if s]).T
     variable = guess.depends_on[0]
@@ -190,7 +191,7 @@ def _beyond(values: FloatArray, x: FloatArray, deviation: FloatArray, degree: in
 
 
 def _formula(curve: Curve, degree: int) -> str | None:
-    """One term that fits the curve, if there is one."""
+    """A one-term formula that fits the curve, if there is one."""
     deviation = (curve.high - curve.low) / 2
     best, text = 1 - FORMULA, None
     total = float(np.sum((curve.mean / deviation) ** 2))

@@ -1,7 +1,7 @@
-"""Observer runs brought nearer by Gauss and Newton's steps: for many small unknowns at once.  No choice of models here.
+"""Local minimisation of the prediction error of observers, for many small unknowns at once.  No model selection here.
 
-With a high observer gain the error at the next sample is nearly linear in what is missing, so a curve of a dozen
-heights is found from nothing, together with the play; evolution (global_search.py) is for few unknowns and far starts.
+With a high observer gain the prediction error is nearly linear in the unknowns, so a curve of a dozen heights can be
+fitted from zero, together with the play; global_search.py is for few unknowns and distant initial values.
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ __all__ = ["Descent", "best_wave"]
 STEP = 1e-4
 FAINT = 1e-6
 SLOWEST_HZ, FASTEST_HZ, FASTEST = 1.0, 30.0, 0.45
-"""Of waves: slowest, fastest of the torque, fastest of the sensor as a share of its rate."""
+"""Frequencies of sines: lowest, highest of the torque, highest of the sensor as a share of its rate."""
 STEPS, TRIALS = 15, 6
 ENOUGH = 3e-4
 
 
 @dataclass(frozen=True, eq=False)
 class Descent:
-    """A model brought as near as it goes: cost, the mean of log(1 + (e/3)²) of what is left over what is expected of a
-    model that is right."""
+    """A minimum: the model and its cost, the mean of log(1 + (e/3)²) over innovations e in units of their expected
+    deviation."""
 
     model: Model
     cost: float
 
     @classmethod
     def of(cls, model: Model, follower: Follower, coupling: float = STRONG) -> Descent:
-        """From the model's own values, all free parameters at once, by Levenberg and Marquardt."""
+        """Minimises over all free parameters from the model's values, by Levenberg-Marquardt."""
         unknowns = Unknowns.of(model, follower.rough)
         z, (low, high) = unknowns.z(model), unknowns.bounds
         e, damping = _errors(model, follower, coupling), 1e-2
@@ -68,9 +68,10 @@ class Descent:
 
 
 def best_wave(model: Model, follower: Follower, target: int) -> float:
-    """The frequency [Hz] of the wave on that signal that strongly observer runs miss most, nothing else changed.
+    """The frequency [Hz] of the sine on that signal that explains most of the error of observers with a high gain,
+    other parameters unchanged.
 
-    One of the sensor is taken to be in the errors as it is, which it is but for its phase.
+    A sine of the sensor is assumed to pass into the errors unchanged, which holds except for its phase.
     """
     fastest = FASTEST_HZ if target == TORQUE else FASTEST * follower.segments[0].rate_hz
     e = _errors(model, follower, TIGHT)
@@ -89,7 +90,7 @@ def best_wave(model: Model, follower: Follower, target: int) -> float:
 
 
 def _torque_wave(model: Model, follower: Follower, hz: float, e: FloatArray) -> FloatArray:
-    """What a faint wave of torque changes in the errors (N, 2)."""
+    """The derivative of the errors (N, 2) by the amplitudes of a sine of torque."""
     guess = wave_guess(model.base, TORQUE, hz, 1.0)
     with registered([guess]):
         own = model.with_effect(guess.effect.id)

@@ -1,9 +1,9 @@
-"""A model that follows its measurement: a cubature Kalman filter and smoother with one unknown input.
+"""Estimation of one unknown input of a model by a cubature Kalman filter and smoother.
 
-The model may be wrong in one equation; an unknown input u enters there as a torque, a force, an angle or an error of
-the sensor, and may change by so much in so much time (Ornstein and Uhlenbeck's process).  The likelihood says how well
-that explains the measurement; the smoother says what u must have been.  localise.py says which equations are tried.
-After Kristensen, Madsen, Jorgensen 2004: "A method for systematic improvement of stochastic grey-box models".
+The model may be wrong in one equation; there an unknown input u enters as a torque, a force, an angle or an error of
+the sensor, modelled as an Ornstein-Uhlenbeck process.  The likelihood shows how well it explains the measurement; the
+smoother estimates u.  localise.py chooses the equations.  After Kristensen, Madsen, Jorgensen 2004: "A method for
+systematic improvement of stochastic grey-box models".
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ TARGETS = {
     "joint": {"joint": TORQUE},
     "servo": {"joint": TORQUE, "command": THETA1},
 }
-"""The signal on which an unknown input of each equation acts; the sensor's is added to what it tells."""
+"""The signal on which an unknown input of each equation acts; the sensor's is added to its reading."""
 SHOWN = {
     "play": {"theta_2": THETA2, "omega_2": OMEGA2, "acceleration": ALPHA2, "load": FORCE, "q": Q, "q'": Q_RATE,
              "command": COMMAND, "command_rate": COMMAND_RATE},
@@ -62,10 +62,10 @@ SHOWN = {
     "joint": {"theta_2": THETA2, "omega_2": OMEGA2, "torque": FORCE},
     "servo": {"theta_2": THETA2, "omega_2": OMEGA2, "torque": FORCE, "command": COMMAND, "command_rate": COMMAND_RATE},
 }  # fmt: skip
-"""Signals that what is found may depend on."""
+"""Signals that the input may depend on."""
 ANY = Parameter(0.0, "", source="filled in by the filter")
 WHITE_SHARE = 0.02
-"""Of the variance of coloured noise that is taken to be white all the same: counts, rounding."""
+"""Share of the variance of coloured noise that is modelled as white: counts, rounding."""
 SETTLED_S = 0.1
 
 
@@ -77,10 +77,11 @@ def injected(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
 
 @dataclass(frozen=True)
 class InputProcess:
-    """How an unknown input behaves: equation, standard deviation (its unit), and time in which it forgets itself [s].
+    """The Ornstein-Uhlenbeck process of an unknown input: equation, standard deviation (its unit), correlation time
+    [s].
 
-    floor: what every state may do by itself from one sample to the next, as a share of its scale.  With too little of
-    it the filter is too sure to find an impact again that it has missed, with too much it learns nothing.
+    floor: process noise of every state from one sample to the next, as a share of its scale.  With too little the
+    filter cannot recover from a missed impact, with too much it does not filter.
     """
 
     equation: str
@@ -91,7 +92,7 @@ class InputProcess:
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """What the filter found.
+    """The result of the filter.
 
     log_likelihood: of the innovations after the first 0.1 s; and with smoothing: states (N, n), u (N,) and its standard
     deviation (N,).
@@ -104,7 +105,7 @@ class Track:
 
 
 class Tracker:
-    """An experiment prepared for tracking with different unknown inputs.
+    """An experiment prepared for filtering with different unknown inputs.
 
     noise: of each measured column, that of the first may be coloured; scale, start: (n,) of the states.
     """
@@ -148,11 +149,11 @@ class Tracker:
 
     @property
     def unit(self) -> str:
-        """Of the first column, which is the one an error of the sensor is added to."""
+        """Unit of the first column, to which an error of the sensor is added."""
         return words.column(self.columns[0])[1]
 
     def signals(self, states: FloatArray) -> dict[str, FloatArray]:
-        """What the model says at these states (N, n), each (N,): the states, and forces and speeds that follow."""
+        """Signals of the model at these states (N, n), each (N,): the states, and forces and speeds that follow."""
         at = np.searchsorted(self._knots, self._times - 1e-9)
         plan = self._plan
         rows = np.array([
@@ -163,11 +164,11 @@ class Tracker:
 
     @property
     def equations(self) -> tuple[str, ...]:
-        """Where an unknown input may enter."""
+        """The equations that an unknown input may enter."""
         return (*TARGETS[self.base], "sensor")
 
     def run(self, process: InputProcess, *, smooth: bool = False) -> Track:
-        """Filters, and smooths where that is asked for.  Safe in threads: the solver's tables are copied."""
+        """Runs the filter, and optionally the smoother.  Safe in threads: the solver's tables are copied."""
         plan: Any = self._plan._replace(p=self._plan.p.copy())
         spacing = float(np.median(np.diff(self._times)))
         keeps = float(np.exp(-spacing / process.memory_s))
@@ -184,7 +185,7 @@ class Tracker:
 
 
 def _plan(model: Model, is_driven: bool) -> tuple[Plan, dict[str, int]]:
-    """The solver's tables with an injection on every equation, and where each stands among the parameters."""
+    """The solver's tables with an injection on every equation, and the index of each among the parameters."""
     base = get_base(model.base)
     targets = TARGETS[model.base]
     effects = in_order([get_effect(name) for name in model.effects])

@@ -1,4 +1,5 @@
-"""How an input that was found depends on a state: its mean over the state, how much of unseen segments that tells."""
+"""Dependence of an estimated input on a state: its mean over the state, and the share that this explains of unseen
+segments."""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ BLOCK = 0.2
 class Shape:
     """A series as a function of a variable: mean (K,) at x (K,) with the half width of a 95 % band.
 
-    explained: the share of its variance on segments that were left out, below 0 where it says nothing.
+    explained: the share of its variance on segments that were left out, below 0 where it explains nothing.
     """
 
     variable: str
@@ -37,8 +38,8 @@ def shapes(
 ) -> tuple[Shape, ...]:
     """The shapes of u over each variable, the best first.
 
-    u, deviations: for each recording (N,), the series and the standard deviation of what is known of it; variables: for
-    each recording, by name, (N,).
+    u, deviations: for each recording (N,), the series and its standard deviation; variables: for each recording, by
+    name, (N,).
     """
     y = np.concatenate(u)
     known = np.concatenate(deviations)
@@ -70,7 +71,7 @@ def _shape(name: str, x: FloatArray, y: FloatArray, weights: FloatArray, blocks:
     before = float(np.sum(weights * (y - usual[block]) ** 2))
     all_weight = np.maximum(weight.sum(axis=0), 1e-300)
     mean = total.sum(axis=0) / all_weight
-    scatter = total - weight * mean  # each block's own error counts as one: samples that follow each other are alike
+    scatter = total - weight * mean  # one error for each block: its samples are correlated
     half_width = policy.HALF_WIDTH * np.sqrt(np.sum(scatter**2, axis=0)) / all_weight
     centres = np.bincount(bins, x, shape[1]) / np.maximum(np.bincount(bins, minlength=shape[1]), 1)
     return Shape(name, words.variable(name)[1], centres, mean, half_width, 1 - error / max(before, 1e-300))

@@ -35,7 +35,7 @@ def contained(model: Model, effect: str) -> list[str]:
 
 
 def without(model: Model, effect: str) -> Model:
-    """The model without one of its effects; another one of which it is a part goes on with what it did."""
+    """The model without one of its effects; a more general one that contains it takes over its contribution."""
     left = with_effects(model, [other for other in model.effects if other != effect])
     for whole, part in _wider_than(effect):
         if whole not in left.effects:
