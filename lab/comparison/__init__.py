@@ -1,1 +1,1 @@
-"""A model held against measurements: prediction, residual analysis, the falling error."""
+"""Comparison of a model with measurements: prediction, residual analysis, ladder of errors."""

@@ -1,4 +1,4 @@
-"""Where in frequency a residual stands out of the noise.  Spectra by Welch's method, in plain numpy."""
+"""Frequency bands in which a residual exceeds the noise.  Spectra by Welch's method, in plain numpy."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ BANDS_PER_OCTAVE = 2
 
 @dataclass(frozen=True)
 class Band:
-    """A band [Hz] with the root mean squares in it of residual, noise and signal; stands_out: more than the noise can
-    be, by chance."""
+    """A band [Hz] with the root mean squares in it of residual, noise and signal; stands_out: whether the residual
+    exceeds the noise significantly."""
 
     low_hz: float
     high_hz: float
@@ -59,14 +59,14 @@ def spectra(
 
 
 def _welch(series: Sequence[FloatArray], segment: int, rate_hz: float) -> tuple[FloatArray, float]:
-    """Density (F,), and how many independent segments it is the mean of."""
+    """Density (F,), and the number of independent segments that it is the mean of."""
     taper = np.hanning(segment)
     pieces = [sliding_window_view(x[run], segment)[:: segment // 2] for x in series for run in runs(x)
               if run.stop - run.start >= segment]  # fmt: skip
     windows = np.concatenate(pieces)
     power = np.abs(np.fft.rfft((windows - windows.mean(axis=1, keepdims=True)) * taper)) ** 2
     density = 2 * power.mean(axis=0) / (rate_hz * float(taper @ taper))
-    return density, max(0.53 * len(windows) + 0.5, 1.0)  # half overlapping Hann windows are partly the same data
+    return density, max(0.53 * len(windows) + 0.5, 1.0)  # half overlapping Hann windows share data
 
 
 def _bands(

@@ -1,9 +1,10 @@
-"""The model held against measurements: how far it is off, where, and in which equation.  Nothing is fitted or printed.
+"""Compares a model with measurements: the size of the error, where it occurs, and in which equation.  Nothing is fitted
+or printed.
 
-The model runs freely from a start state to the end of each recording.  A joint whose controller's torque was measured
-would run away; its torque is compared with the one that the model needs for the measured motion (torque.py).  What is
-left is held against the noise, in time, over phases of the motion, in frequency and over every state
-(residual_maps.py); localise.py says on which equation it acts.
+The model runs freely from an initial state to the end of each recording.  A simulation of a joint with a measured
+torque would diverge; its torque is compared with the one that the model needs for the measured motion (torque.py).  The
+residual is compared with the noise, in time, over phases of the motion, in frequency and over every state
+(residual_maps.py); localise.py finds the equation on which it acts.
 """
 
 from __future__ import annotations
@@ -40,17 +41,17 @@ LOCALISED = 900
 START_S = 0.5
 """Of gears, which forget where they began; other motions show their start to the end."""
 CLOSE, NEAR, LOST = 1.2, 3.0, 12.0
-"""Times the noise: up to which a start need not be searched for more finely, the next segment may be much longer; from
-which on the start is good enough for a model that is wrong."""
+"""Times the noise: below the first, the search for an initial state ends; below the second, the next segment may be
+much longer; above the third, the initial state is good enough for a wrong model."""
 LONGER = (2.0, 1.25)
 POLISHING = 4
 MENTIONED = 0.05
-"""Shares of the error below this are not worth a word."""
+"""Shares of the error below this are not reported."""
 
 
 @dataclass(frozen=True, eq=False)
 class Overlay:
-    """One column of one recording: measured, modelled and what is left, (N,) each, NaN where not sampled."""
+    """One column of one recording: measured, modelled and residual, (N,) each, NaN where not sampled."""
 
     recording: str
     column: str
@@ -63,7 +64,7 @@ class Overlay:
 
     @property
     def what(self) -> str:
-        """What the column is: "acceleration"."""
+        """The quantity in the column: "acceleration"."""
         return words.column(self.column, self.unit != words.column(self.column)[1])[0]
 
     @property
@@ -73,7 +74,7 @@ class Overlay:
 
     @property
     def rms(self) -> float:
-        """Of the residual."""
+        """Root mean square of the residual."""
         return root_mean_square(self.residual)
 
     @property
@@ -84,11 +85,11 @@ class Overlay:
 
 @dataclass(frozen=True, eq=False)
 class Comparison(Displayed):
-    """What the comparison found; of phases, blocks, spectra, maps and tests there is one for each column compared.
+    """The result of a comparison, with phases, blocks, spectra, maps and tests by compared column.
 
     noise: by column; tests: by name, of the residuals; starts: (n,) for each experiment that was simulated;
-    localisation: the equation in which the first column's misfit arises, None where all is noise or no equation
-    explains it.
+    localisation: the equation in which the first column's misfit arises, None where the residual is noise or no
+    equation explains it.
     """
 
     model: Model
@@ -105,23 +106,23 @@ class Comparison(Displayed):
 
     @property
     def column(self) -> str:
-        """The column that counts most: the first that its base is compared with."""
+        """The main column: the first that its base is compared with."""
         return next(iter(self.experiments[0].measured))
 
     def label(self, column: str) -> tuple[str, str]:
-        """What the column is, as people call it, and its SI unit."""
+        """The name of the quantity in the column, and its SI unit."""
         return words.column(column, self.experiments[0].is_linear)
 
     def of(self, column: str) -> tuple[Overlay, ...]:
-        """That column in all recordings."""
+        """The overlays of that column in all recordings."""
         return tuple(one for one in self.overlays if one.column == column)
 
     def rms(self, column: str) -> float:
-        """Of all residuals of that column."""
+        """Root mean square of all residuals of that column."""
         return root_mean_square(np.concatenate([one.residual for one in self.of(column)]))
 
     def fit_percent(self, column: str) -> float:
-        """Of that column over all recordings [%]."""
+        """Fit of that column over all recordings [%]."""
         pairs = [(one.measured - np.nanmean(one.measured), one.residual) for one in self.of(column)]
         spread, error = (root_mean_square(np.concatenate(part)) for part in zip(*pairs, strict=True))
         return 100 * (1 - error / max(spread, 1e-300))
@@ -132,11 +133,11 @@ class Comparison(Displayed):
 
     @property
     def is_noise(self) -> bool:
-        """Whether all that is left can be noise: as large, and no map or band that stands out."""
+        """Whether the residual is noise: no larger, and without a significant map or band."""
         return self.is_small(self.column) and not any(one.significant for one in self.maps[self.column])
 
     def is_small(self, column: str) -> bool:
-        """Whether what is left of that column is no larger than its noise."""
+        """Whether the residual of that column is no larger than its noise."""
         noise = self.noise[column].rms
         if column == TORQUE:  # its floor is an extrapolation
             return is_noise(np.concatenate([one.residual[~np.isnan(one.residual)] for one in self.of(column)]), noise)
@@ -180,11 +181,11 @@ def compare(
     recordings: Sequence[Recording] = (),
     samples: int = LOCALISED,
 ) -> Comparison:
-    """Simulates every experiment and looks at what is left.
+    """Simulates every experiment and analyses the residual.
 
     starts: the state (n,) at each experiment's first sample, searched for when left out; recordings: those that the
-    experiments came from, for the temperature; samples: of all experiments together on which the equations are tried, 0
-    for none.  Raises ModelError where the model cannot be run.
+    experiments came from, for the temperature; samples: number of samples, of all experiments together, for the
+    localisation, 0 for none.  Raises ModelError where the model cannot be run.
     """
     if starts is None and method_of(model, experiments) is Method.TORQUE:
         predictions, floor_nm = needed_torques(model, experiments)
@@ -210,7 +211,7 @@ def _compared(
     model: Model, predictions: Sequence[Prediction], horizons: Sequence[float], floor: Mapping[str, NoiseModel],
     recordings: Sequence[Recording],
 ) -> Comparison:  # fmt: skip
-    """What is left of these predictions; no equation is looked for."""
+    """Analyses the residual of these predictions, without localisation."""
     experiments = [one.experiment for one in predictions]
     noise = {name: _noise(name, predictions, floor[name]) for name in _columns(experiments)}
     temperatures = [_temperature(one, recordings) for one in experiments]
@@ -236,20 +237,20 @@ def _overlays(
 
 
 def _floor(name: str, experiments: Sequence[Experiment]) -> NoiseModel:
-    """The middle one of what the recordings show."""
+    """The median noise floor of the recordings."""
     found = [quiet_noise(one.measured[name], one.rate_hz) for one in experiments if name in one.measured]
     return sorted(found, key=lambda noise: noise.rms)[(len(found) - 1) // 2]
 
 
 def _noise(name: str, predictions: Sequence[Prediction], floor: NoiseModel) -> NoiseModel:
-    """The floor, or the residual itself where that is smaller still."""
+    """The floor, or the noise model of the residual where that is smaller."""
     left = innovation_noise(*(one.residual(name) for one in predictions if name in one.experiment.measured))
     return left if left.rms < floor.rms else floor
 
 
 def _start(model: Model, experiment: Experiment, floor: Mapping[str, NoiseModel]) -> FloatArray:
-    """The start state: searched for in the first half second, then polished on longer and longer segments, as long as
-    the model keeps up."""
+    """The start state: searched for in the first half second, then refined on longer and longer segments, as long as
+    the error stays small."""
     own, noise = experiment.model(model), {name: one.rms for name, one in floor.items()}
     begin, length = float(experiment.time[0]), START_S if model.base == "play" else math.inf
     first = segment_of(model, experiment.between(begin, begin + length), noise)
@@ -257,7 +258,7 @@ def _start(model: Model, experiment: Experiment, floor: Mapping[str, NoiseModel]
     found = find_start(model, first, step)
     if model.base == "play" and _off(found, model, step) > CLOSE:
         fine = find_start(model, first, step, [found.start], FINE)
-        found = fine if _off(fine, model, step) < NEAR else found  # a model that is wrong bends the start
+        found = fine if _off(fine, model, step) < NEAR else found  # a wrong model biases the initial state
     while _off(found, model, step) < LOST:
         found = found.starting(polished(own, found, found.start[None], step, POLISHING)[0])
         if begin + length > experiment.time[-1]:
@@ -269,7 +270,7 @@ def _start(model: Model, experiment: Experiment, floor: Mapping[str, NoiseModel]
 
 
 def _off(segment: Segment, model: Model, step: float) -> float:
-    """How far the model is off, in units of the noise."""
+    """The error of the model, in units of the noise."""
     return root_mean_square(segment.residual(segment.experiment.model(model), segment.start, step))
 
 

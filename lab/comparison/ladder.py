@@ -1,4 +1,4 @@
-"""The error falling: what explain found as a ladder of effects, on data that the fit has not seen."""
+"""The ladder of errors on unseen data, effect by effect, from the result of explain."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ __all__ = ["ladder_of"]
 
 
 def ladder_of(explanation: Explanation) -> Ladder:
-    """A rung for the model as it was, and one for each effect that was added."""
+    """A rung for the initial model, and one for each added effect."""
     own, error = explanation.base.model.effects, explanation.error
     rungs = [
         Rung((*own, *explanation.missing[:count]), rms, error.noise, error.unit)

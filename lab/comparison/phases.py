@@ -1,4 +1,4 @@
-"""The phases of a motion, as the model moves: before an impact, at it, after it; at rest; around a reversal."""
+"""The phases of a modelled motion: before an impact, at it, after it; at rest; around a reversal."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["phases"]
 
 CLOSED = 0.02
-"""Share of the largest contact force from which the teeth count as touching."""
+"""Share of the largest contact force above which the teeth count as in contact."""
 REST = 0.03
 """Share of the usual speed below which the joint rests."""
 IMPACT_S, BEFORE_S, AFTER_S = 0.008, 0.015, 0.06
@@ -63,7 +63,7 @@ def phases(base: str, trajectory: Trajectory) -> Mapping[str, Mask]:
 
 
 def _events(time: FloatArray, edges: Mask) -> FloatArray:
-    """Times after the edges, those that come at once after another left out."""
+    """Times after the edges, without those that follow another one immediately."""
     found = time[1:][edges]
     apart = np.concatenate(([True], np.diff(found) > APART_S))[: found.size]
     return np.asarray(found[apart])
@@ -75,7 +75,7 @@ def _near(time: FloatArray, events: FloatArray, first: float, last: float) -> Ma
 
 
 def _in_turn(masks: Mapping[str, Mask]) -> dict[str, Mask]:
-    """Each sample only in the first phase that claims it; phases without samples are left out."""
+    """Assigns each sample to its first phase; phases without samples are left out."""
     taken = np.zeros(len(next(iter(masks.values()))), dtype=bool)
     found = {}
     for name, mask in masks.items():

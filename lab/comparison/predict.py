@@ -16,7 +16,7 @@ __all__ = ["Prediction", "predict"]
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """An experiment and what the model makes of it: the trajectory at ``experiment.time``."""
+    """An experiment and the model's trajectory at ``experiment.time``."""
 
     experiment: Experiment
     trajectory: Trajectory
@@ -29,6 +29,6 @@ class Prediction:
 def predict(
     model: Model, experiment: Experiment, start: ArrayLike | None = None, *, substep_s: float | None = None
 ) -> Prediction:
-    """The model's motion from the state ``start`` (n,), or moving along with the input.  Raises ModelError."""
+    """The model's motion from the state ``start`` (n,), or from rest relative to the input.  Raises ModelError."""
     trajectory = experiment.model(model).simulate(experiment.drive, experiment.time, start, substep_s=substep_s)
     return Prediction(experiment, trajectory)

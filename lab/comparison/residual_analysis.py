@@ -1,6 +1,6 @@
-"""What a model leaves of one column of measurements: in time, by phase of the motion, in frequency, over every state.
+"""Residual analysis of one column of measurements: in time, by phase of the motion, in frequency, over every state.
 
-How the model is run, and what is said of all columns together, is compare.py's.
+compare.py runs the model and combines the columns.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ __all__ = ["Block", "ColumnResidual", "PhaseError", "root_mean_square"]
 BLOCKS = 20
 MOTION = {"position": "theta_2", "velocity": "omega_2", "acceleration": "acceleration", "torque": "torque",
           "displacement": "q", "gap": "gap", "command": "command"}  # fmt: skip
-"""Signals of the model that the residual is held against, and what they are called there; force has two meanings."""
+"""Signals of the model that the residual is related to, and their names there; force has two meanings."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Block:
 
 
 class ColumnResidual:
-    """What is left of one column in all recordings that have it; temperatures: (N,) each, where known."""
+    """The residual of one column in all recordings that have it; temperatures: (N,) each, where known."""
 
     def __init__(
         self,
@@ -66,7 +66,7 @@ class ColumnResidual:
         self.own = innovation_noise(*self.residuals)
 
     def tests(self) -> dict[str, Correlation]:
-        """Of the longest recording: the residual with itself, with the input and with the input's rate."""
+        """Correlations in the longest recording: of the residual with itself, the input and the input's rate."""
         longest = int(np.argmax([r.size for r in self.residuals]))
         residual, experiment = self.residuals[longest], self.predictions[longest].experiment
         tests = {"residual with itself": autocorrelation(residual)}
@@ -89,7 +89,7 @@ class ColumnResidual:
         return tuple(sorted((one for one in found if one.samples > 0), key=lambda one: -one.error))
 
     def blocks(self) -> tuple[Block, ...]:
-        """Twenty for each recording."""
+        """Twenty blocks for each recording."""
         found = []
         for prediction, residual in zip(self.predictions, self.residuals, strict=True):
             time = prediction.experiment.time
@@ -101,19 +101,19 @@ class ColumnResidual:
         return tuple(found)
 
     def spectra(self) -> Spectra:
-        """Over all recordings, against the noise."""
+        """Spectra over all recordings, compared with the noise."""
         measured = [one.experiment.measured[self.name] for one in self.predictions]
         return spectra(measured, self.residuals, self.predictions[0].experiment.rate_hz, self.noise)
 
     def maps(self) -> tuple[ResidualMap, ...]:
-        """Over every state of the motion."""
+        """Residual maps over every state of the motion."""
         given = [_variables(one, t) for one, t in zip(self.predictions, self.temperatures, strict=True)]
         common = [name for name in given[0] if all(name in other for other in given)]
         return residual_maps(self.residuals, {name: [one[name] for one in given] for name in common})
 
 
 def _variables(prediction: Prediction, temperature: FloatArray | None) -> dict[str, FloatArray]:
-    """What the residual may depend on, (N,) each."""
+    """The variables that the residual may depend on, (N,) each."""
     trajectory = prediction.trajectory
     found = {MOTION[name]: values for name, values in trajectory.signals.items() if name in MOTION}
     if "force" in trajectory.signals:
@@ -135,5 +135,5 @@ def _phase(name: str, squares: FloatArray, all_of_it: FloatArray) -> PhaseError:
 
 
 def root_mean_square(values: FloatArray) -> float:
-    """Of those values (N,) that are numbers."""
+    """Root mean square of the values (N,) that are not NaN."""
     return float(np.sqrt(np.nanmean(values**2)))

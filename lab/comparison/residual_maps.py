@@ -1,7 +1,7 @@
 """Residual maps: the mean of a residual over a state, with a band and a significance that hold for coloured noise.
 
-A residual that is noise has no mean over anything.  Under that hypothesis the bins' means have a covariance that
-follows from the residual's own autocorrelation; Wald's test on them, and Benjamini and Hochberg over all maps.
+Under the null hypothesis that the residual is noise its means are zero, with a covariance that follows from its
+autocorrelation; Wald's test on the means, and Benjamini-Hochberg over all maps.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ LEAST_IN_BIN = 10
 class ResidualMap:
     """The mean of a residual (K,) over bins of a variable with centres x (K,), and the half width of its 95 % band.
 
-    explained: the share of the residual's mean square that the map takes, less what noise would; samples: independent
-    ones that the residual is worth; significant: among all maps, with 5 % false discoveries.
+    explained: the share of the residual's mean square that the map explains, less the expected share for noise;
+    samples: effective number of independent samples; significant: among all maps, with 5 % false discoveries.
     """
 
     variable: str
@@ -46,7 +46,7 @@ def residual_maps(
     """A map for each variable, the one that explains most first.
 
     residuals: one (N_r,) for each recording, NaN where not sampled; variables: by name, one (N_r,) for each recording,
-    NaN allowed.  Their noise is what the map with the largest share leaves of them.
+    NaN allowed.  The noise is estimated from the residual of the map with the largest share.
     """
     binned = [one for name, x in variables.items() if (one := _binned(name, residuals, x)) is not None]
     if not binned:
@@ -59,8 +59,8 @@ def residual_maps(
 class _Binned:
     """A residual's mean (K,) over the bins of a variable with centres x (K,).
 
-    inside: which samples of each recording are in which bin, (K, N_r) of 0 and 1; power: the sum of squares; share:
-    what the means take of it.
+    inside: which samples of each recording are in which bin, (K, N_r) of 0 and 1; power: the sum of squares; share: the
+    part of it that the means explain.
     """
 
     variable: str
@@ -75,7 +75,7 @@ class _Binned:
         return float(self.counts @ self.mean**2) / max(self.power, 1e-300)
 
     def left(self, residuals: Sequence[FloatArray]) -> list[FloatArray]:
-        """The residuals without the map; NaN where they do not count."""
+        """The residuals without the map; NaN outside of the bins."""
         pairs = zip(residuals, self.inside, strict=True)
         return [np.where(inside.any(axis=0), r - self.mean @ inside, np.nan) for r, inside in pairs]
 
@@ -108,7 +108,7 @@ def _map(binned: _Binned, noise: NoiseModel) -> ResidualMap:
     spread = sum((_spread(of, gamma, length) for of in binned.inside), start=np.zeros((binned.x.size, binned.x.size)))
     counts, mean, count = binned.counts, binned.mean, binned.x.size
     samples = float(gamma[0]) * float(counts.sum()) ** 2 / max(float(spread.sum()), 1e-300)
-    # a map takes its share of the noise with it, so that what is left looks smaller than the noise is
+    # the map also fits a share of the noise, so that its residual underestimates the noise
     covariance = spread / np.outer(counts, counts) * (1 + count / max(samples - count, count))
     statistic = float(mean @ np.linalg.lstsq(covariance, mean, rcond=1e-9)[0])
     explained = binned.share - float(counts @ np.diag(covariance)) / max(binned.power, 1e-300)

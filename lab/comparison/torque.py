@@ -1,9 +1,9 @@
 """The torque that a model needs for the measured motion, beside the measured one.  No parameter is fitted.
 
-A controller moves the joint: its torque answers whatever disturbs the motion, so that a simulation with this torque as
-its input runs away (an integrated error of 1 % of a torque is thousands of degrees after a minute).  The inverse model
-integrates nothing: tau = J theta_2'' less the torques of the effects, within the band in which the motion stands out of
-its noise.  It is the error that a fit and a search judge such a joint by, too.
+The torque of a controlled joint reacts to every disturbance, so that a simulation with this torque as its input
+diverges (an integrated error of 1 % of a torque is thousands of degrees after a minute).  The inverse model integrates
+nothing: tau = J theta_2'' less the torques of the effects, within the band in which the motion exceeds its noise.  Fit
+and search minimise the same error for such a joint.
 
 Reference: W. Khalil and E. Dombre, Modeling, Identification and Control of Robots (2002), chapter 12.
 """
@@ -39,7 +39,7 @@ def needed_torques(model: Model, experiments: Sequence[Experiment]) -> tuple[lis
     """For each experiment, the measured torque and the one that the model needs, and the sensors' noise [N m].
 
     The time axis is that on which a fit compares them; the measured torque is NaN where it does not: near both ends,
-    where the filter knows one side only, and at rest, where dry friction may have any value up to its largest.
+    where the filter has transients, and at rest, where dry friction may have any value up to its largest.
     """
     band = informative_band(experiments)
     signals = [Signals.of(one, most_hz=band) for one in experiments]
@@ -67,7 +67,7 @@ def _prediction(signals: Signals, torque: FloatArray) -> Prediction:
 
 
 def torque_missing(predictions: Sequence[Prediction]) -> Localisation:
-    """What is left of the torques, and the state of the motion that it follows."""
+    """Describes the residual torque by the state of the motion on which it depends."""
     found, variables = [], []
     for one in predictions:
         residual = one.residual(TORQUE)

@@ -1,1 +1,1 @@
-"""What was measured: experiments, the noise in them, where the sensor clips."""
+"""Measured data: experiments, their noise, clipping of the sensor."""

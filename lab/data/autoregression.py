@@ -1,4 +1,4 @@
-"""Autoregressive noise: fitted, whitened, simulated.  Nothing is known here of models or of what is noise.
+"""Autoregressive noise models: fitting, whitening, simulation.
 
 x_t = a_1 x_(t-1) + … + a_p x_(t-p) + e_t with independent e_t of one standard deviation; p = 0 is white noise.
 """
@@ -17,13 +17,13 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["NoiseModel", "fit_autoregression", "runs"]
 
 GRID = 1 << 14
-"""Frequencies at which a spectrum is taken to be known everywhere."""
+"""Number of frequencies at which a spectrum is evaluated."""
 LARGEST_ROOT = 0.998
 HUBER = 2.5
 REWEIGHTINGS = 4
 EDGE = 4.0
 OUTLIER, FEW = 8.0, 0.03
-"""Deviations beyond which samples are left out, if they are no more than this share."""
+"""Outliers: samples beyond so many deviations are left out, if they are at most this share."""
 MAD = 1.4826
 
 
@@ -36,7 +36,7 @@ class NoiseModel:
 
     @classmethod
     def white(cls, rms: float) -> NoiseModel:
-        """Independent samples."""
+        """White noise."""
         return cls(np.zeros(0), float(rms))
 
     @property
@@ -60,7 +60,7 @@ class NoiseModel:
         return np.asarray(2 * self.innovation**2 / rate_hz / np.abs(response) ** 2)
 
     def whiten(self, x: FloatArray) -> FloatArray:
-        """Independent samples of variance 1 where x (N,) is this noise; NaN where x is, each run beginning afresh.
+        """Whitens x (N,) of this noise to independent samples of variance 1; NaN where x is, each run separately.
 
         The first p samples of a run are predicted by the predictors of lower order, so that the sum of squares is
         that of the exact likelihood.
@@ -139,13 +139,13 @@ def fit_autoregression(series: Sequence[FloatArray], most: int = 8) -> NoiseMode
 
 
 def _without_outliers(x: FloatArray) -> FloatArray:
-    """x with the samples that are far out, if they are few, as gaps: each would spoil all windows that it stands in."""
+    """x with outliers, if they are few, replaced by NaN: each would spoil all windows that contain it."""
     far = np.abs(x) > OUTLIER * MAD * np.nanmedian(np.abs(x))
     return np.where(far, np.nan, x) if 0 < np.count_nonzero(far) < FEW * x.size else x
 
 
 def _weighted(windows: FloatArray) -> tuple[FloatArray, float]:
-    """Products (p + 1, p + 1) of the columns now, one before, …, with Huber's weights, and the sum of the weights."""
+    """Gram matrix (p + 1, p + 1) of the columns at lags 0 … p, with Huber's weights, and the sum of the weights."""
     weights = np.ones(len(windows))
     for _ in range(REWEIGHTINGS):
         gram = np.asarray((windows * weights[:, None]).T @ windows)
@@ -164,13 +164,13 @@ def _solved(gram: FloatArray, order: int) -> tuple[FloatArray, float]:
 
 
 def _scale(errors: FloatArray) -> float:
-    """Root mean square; errors far out count as if they stood at the edge of what is usual."""
+    """Root mean square with clipped outliers."""
     usual = MAD * float(np.median(np.abs(errors)))
     return float(np.sqrt(np.mean(np.minimum(errors**2, (EDGE * usual) ** 2)))) if usual else float(np.std(errors))
 
 
 def _stable(coefficients: FloatArray) -> FloatArray:
-    """The same with roots no nearer to the unit circle than noise that can be simulated allows."""
+    """The coefficients with roots moved away from the unit circle, as far as a simulation needs."""
     if not coefficients.size:
         return coefficients
     largest = float(np.max(np.abs(np.roots(np.concatenate(([1.0], -coefficients))))))

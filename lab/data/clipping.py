@@ -1,4 +1,4 @@
-"""The end of the accelerometer's range, as the readings themselves show it.  No fitting here."""
+"""The limit of the accelerometer's range, from saturated readings.  No fitting here."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ _END = f"{RANGE}.a_max"
 
 
 def rail_of(experiments: Sequence[Experiment]) -> float | None:
-    """The end of the accelerometer's range [m/s²], where readings stop at it; None where none do."""
+    """The limit of the accelerometer's range [m/s²], where readings saturate; None where none do."""
     ends = [size.max() for size in _sizes(experiments) if np.sum(size >= size.max() * (1 - 1e-9)) >= policy.RAILED]
     return float(max(ends)) if ends else None
 
 
 def at_its_rail(model: Model, experiments: Sequence[Experiment]) -> Model | None:
-    """The model with a sensor whose range ends where the readings stop; None where they do not."""
+    """The model with the limited range of a sensor that saturates; None where it does not."""
     rail = rail_of(experiments)
     return None if rail is None else model.with_effect(RANGE).replace({_END: rail})
 
 
 def with_range(model: Model, experiments: Sequence[Experiment]) -> Model:
-    """The model, a sensor's range ending nowhere below what it has read: noise comes before the range's end, so clipped
-    readings would draw it inwards."""
+    """The model with a sensor range at least as large as its readings: noise is added before saturation, so a fit to
+    saturated readings would underestimate the range."""
     if _END not in model.parameters or model.parameters[_END].fixed:
         return model
     largest = float(max((size.max() for size in _sizes(experiments)), default=0.0))
@@ -43,6 +43,6 @@ def with_range(model: Model, experiments: Sequence[Experiment]) -> Model:
 
 
 def _sizes(experiments: Sequence[Experiment]) -> list[FloatArray]:
-    """Magnitudes of each one's readings [m/s²], of those that have any."""
+    """Magnitudes of the readings [m/s²] of each experiment that has any."""
     read = [e.measured[ACCEL] for e in experiments if ACCEL in e.measured]
     return [np.abs(values[~np.isnan(values)]) for values in read if not np.isnan(values).all()]

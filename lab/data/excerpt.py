@@ -1,4 +1,5 @@
-"""Which parts of long recordings a search uses: the windows in which the motion changes most.  Nothing is simulated."""
+"""Selects the parts of long recordings that a search uses: the windows in which the motion changes most.  Nothing is
+simulated."""
 
 from __future__ import annotations
 
@@ -12,13 +13,13 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["excerpts"]
 
 WINDOW_SHARE = 0.25
-"""Of what may be used, the shortest window: rather fewer recordings than windows too short to follow a motion."""
+"""Shortest window, as a share of the usable time: fewer recordings are better than windows that are too short."""
 
 
 def excerpts(experiments: Sequence[Experiment], most_s: float) -> list[Experiment]:
     """The experiments, or windows of them of at most so many seconds in all.
 
-    Recordings are taken evenly over the list.  Of each that is longer than its share, the window is taken in which the
+    Recordings are taken evenly over the list.  A recording longer than its share is cut to the window in which the
     measured signals change most.
     """
     if sum(one.duration for one in experiments) <= most_s:
@@ -35,7 +36,7 @@ def excerpts(experiments: Sequence[Experiment], most_s: float) -> list[Experimen
 
 
 def _spread(count: int) -> list[int]:
-    """All numbers below count, so that the first few of them are spread evenly: in the order of their bits reversed."""
+    """All numbers below count in bit-reversed order, so that any first few of them are spread evenly."""
     bits = max(count - 1, 1).bit_length()
     every = (int(f"{at:0{bits}b}"[::-1], 2) for at in range(2**bits))
     return [at for at in every if at < count]
@@ -54,7 +55,7 @@ def _liveliest(experiment: Experiment, length_s: float) -> Experiment:
 
 
 def _changes(values: FloatArray) -> FloatArray:
-    """Squared differences of neighbouring samples (N,), in units of the signal's own."""
+    """Squared differences of neighbouring samples (N,), in units of their standard deviation."""
     seen = np.flatnonzero(~np.isnan(values))
     found = np.zeros(values.size)
     found[seen[1:]] = np.diff(values[seen]) ** 2

@@ -1,7 +1,8 @@
-"""A recording as the lab sees it: the input as a motion, the measured outputs on one time axis.  Nothing is simulated.
+"""A recording prepared for the lab: the input as a motion, the measured outputs on one time axis.  Nothing is
+simulated.
 
-Which columns are input and which are compared depends on the base; all that a fit cannot use is refused here, with one
-line that says what was found and what the base needs.
+Which columns are input and which are compared depends on the base; recordings that a fit cannot use are rejected here,
+with one line on what was found and what the base needs.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ OUTPUTS = {
 """The columns that are compared, whichever were recorded."""
 log = logging.getLogger(__name__)
 LEAST_SAMPLES = 50
-LONGEST_GAP = 20.0  # times the usual spacing of the input: further apart, the motion in between is anybody's guess
+LONGEST_GAP = 20.0  # times the usual spacing of the input: over longer gaps the motion is unknown
 FLAT_SHARE = 1e-9
 RAILS_SHARE = 0.5
 LENGTHS = ("m", "mm", "µm", "um", "in")
@@ -55,9 +56,9 @@ class Experiment:
     measured: Mapping[str, FloatArray]
     given: Mapping[str, float] = field(default_factory=dict)
     clock_zero: float = 0.0
-    """When the clocks of sensor and host showed the same time [s]: the first row of the recording."""
+    """The time at which the clocks of sensor and host agree [s]: the first row of the recording."""
     is_linear: bool = False
-    """Whether the position is a length, as the metadata of a linear axis state, and no angle."""
+    """Whether the position is a length (metadata of a linear axis), not an angle."""
 
     @property
     def duration(self) -> float:
@@ -77,7 +78,7 @@ class Experiment:
         return replace(self, time=self.time[first:last], measured=measured)
 
     def model(self, model: Model) -> Model:
-        """The model with what this recording states of it."""
+        """The model with the values in the metadata of this recording."""
         return model.replace(self.given) if self.given else model
 
 
@@ -96,7 +97,7 @@ def _experiment(model: Model, recording: Recording) -> Experiment:
     drive = _drive(model.base, recording)
     rows = np.any([~np.isnan(recording.columns[name]) for name in outputs], axis=0)
     rows[1:] &= np.diff(recording.time) > 0  # a merged row may repeat a time
-    if isinstance(drive, Sampled):  # outside of the input nothing is known of it
+    if isinstance(drive, Sampled):  # the input is unknown outside of its samples
         rows &= (recording.time >= drive.time[0]) & (recording.time <= drive.time[-1])
     measured = {name: recording.columns[name][rows] for name in outputs}
     for name, values in measured.items():
@@ -144,7 +145,7 @@ def _drive(base: str, recording: Recording) -> Motion | None:
 
 
 def _without_gap(name: str, column: str, time: FloatArray) -> slice:
-    """The longest part of the input without a gap; what is left out is told as a warning."""
+    """The longest part of the input without a gap; a warning reports the rest."""
     spacing = np.diff(time)
     gaps = np.flatnonzero(spacing > LONGEST_GAP * np.median(spacing))
     ends = np.concatenate([[0], gaps + 1, [time.size]])
@@ -183,8 +184,8 @@ def _check_output(name: str, column: str, values: FloatArray) -> None:
 
 
 def _given(model: Model, recording: Recording) -> dict[str, float]:
-    """Metadata that name a fixed parameter of the model, and what the voltage of a servo says: each recording its own
-    gain, mass, supply."""
+    """Values of fixed parameters of the model from the metadata, and from the voltage of a servo; these may differ
+    between recordings (gain, mass, supply)."""
     found = {name: recording.metadata[name] for name, p in model.parameters.items()
              if p.fixed and name in recording.metadata}  # fmt: skip
     for name, value in found.items():

@@ -1,8 +1,8 @@
 """Rough inertia, damping and stiffness from the spectra of input and output, before anything is simulated.
 
-Recordings come in volts, newtons or newton metres: what a model's file says may be off by many orders of magnitude,
-and no fit finds its way from there.  Every equation of motion is linear in these parameters, and what friction adds is
-in phase with speed, so that least squares in the frequency domain gives them well enough to begin with.
+Recordings come in volts, newtons or newton metres: the values of a model's file may be wrong by many orders of
+magnitude, too far for a fit to converge.  Every equation of motion is linear in these parameters, and friction is in
+phase with speed, so that least squares in the frequency domain gives good initial values.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ ORDER: Mapping[str, Mapping[str, int]] = {
 """By base, the parameters that a model may have and which derivative of the output each multiplies."""
 OUTPUT = {"oscillator": "displacement", "joint": "position"}
 BESIDE: Mapping[str, Sequence[Callable[[FloatArray], FloatArray]]] = {"joint": (np.sin, np.cos)}
-"""By base, forces that the output may set beside these: a weight, even where the model has none, is no inertia."""
+"""By base, further regressors of the output: gravity must not be taken for inertia, even where the model has none."""
 CLEAR = 300.0
-"""Times the power at the highest frequencies, which is noise: bins with more of it count."""
+"""Times the power at the highest frequencies, which is noise: bins above it are used."""
 LEAST_BINS = 6
 
 
 def from_spectra(model: Model, experiments: Sequence[Experiment]) -> Model:
     """The model with its free linear parameters estimated: m q'' + b q' + k q = F, J theta_2'' + a weight = tau.
 
-    As it is where input or output was not recorded, or where nothing physical comes out.
+    Unchanged where input or output was not recorded, or where the estimates are not physical.
     """
     orders = {name: order for name, order in ORDER.get(model.base, {}).items() if name in model.parameters}
     usable = [e for e in experiments if e.drive is not None and OUTPUT.get(model.base, "") in e.measured]
@@ -60,10 +60,10 @@ def from_spectra(model: Model, experiments: Sequence[Experiment]) -> Model:
 def _spectra(
     experiment: Experiment, column: str, functions: Sequence[Callable[[FloatArray], FloatArray]]
 ) -> list[Spectrum]:
-    """Of the force, the motion, its first and second derivative, and functions of it, where the motion stands out from
+    """Spectra of the force, the motion, its first and second derivative, and functions of it, where the motion exceeds
     its noise.
 
-    All under the same taper w, which like its slope is zero at both ends, so that partial integration is exact:
+    All use the same taper w, which is zero at both ends together with its slope, so that integration by parts is exact:
     int w e^-st x'' dt = int (w'' - 2 s w' + s^2 w) e^-st x dt.
     """
     assert experiment.drive is not None
@@ -81,7 +81,7 @@ def _spectra(
     tapered, sloped, bent = (np.fft.rfft(weight * x) for weight in (w, slope, bend))
     power = np.abs(tapered) ** 2
     clear = power > CLEAR * float(np.median(power[3 * power.size // 4 :]))
-    clear[:2] = False  # the taper's own, where a constant force shows
+    clear[:2] = False  # the main lobe of the taper, where a constant force shows
     spectra = [
         np.fft.rfft(w * force), tapered, s * tapered - sloped, s**2 * tapered - 2 * s * sloped + bent,
         *others,

@@ -1,4 +1,4 @@
-"""The lines in the spectrum of a signal: what rings or hums.  Nothing is fitted here."""
+"""Lines in the spectrum of a signal, from ringing or hum.  Nothing is fitted here."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["spectral_lines"]
 
 MOST = 6
 APART = 0.1
-"""Of its frequency: what is nearer to a line belongs to it."""
+"""Width of a line, as a share of its frequency."""
 CLEAR = 100.0
 """Times the noise, the median over all frequencies: the largest of 10 000 bins of white noise is ten times its mean."""
 

@@ -1,7 +1,7 @@
-"""How noisy a signal is: before any model fits, and from the residual of one that does.
+"""Estimates the noise of a signal: before any model fits, and from the residual of one that does.
 
-Before: windows of a few dozen samples, of which what a smooth motion and a ringing bar can do is taken out; those
-without an impact or other surprise show the noise (``quiet_noise``).  After: the residual's own innovation.
+Before: windows of a few dozen samples are projected off smooth motion and a ringing bar; those without an impact or
+other disturbance show the noise (``quiet_noise``).  After: the innovations of the residual.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["NoiseModel", "innovation_noise", "noise_floor", "quiet_noise", "resolution"]
 
 WINDOWS = (48, 24, 12)
-"""Lengths [samples], the longest of which the signal holds enough."""
+"""Lengths of windows [samples]; the longest with enough windows in the signal is used."""
 LEAST_WINDOWS = 8
 TREND_ORDER = 7
 QUIETEST = 0.25
-"""Share of the windows that are taken to hold nothing but noise."""
+"""Share of the windows that are assumed to contain only noise."""
 SURE = 1.0
 """Standard deviations of a window's variance above which it is not noise alone."""
 CORRELATIONS = np.arange(-4, 10) / 10
 LINES = 4
-"""Steady frequencies that are taken out of the longest windows: the bar's and a fan's, each beside what the motion has.
-Of white noise of 0.2 m/s² beside a hum of 0.3 to 1.5 m/s² at 30 to 200 Hz (twelve simulated gears), two leave 0.96 to
-8 times its size, three 0.92 to 8, four 0.90 to 1.01."""
+"""Number of lines that are projected out of the longest windows: of the bar and of a fan, beside those of the motion.
+Of white noise of 0.2 m/s² beside a hum of 0.3 to 1.5 m/s² at 30 to 200 Hz (twelve simulated gears), two leave 0.96 to 8
+times its size, three 0.92 to 8, four 0.90 to 1.01."""
 PREDICTED_FROM, POOR = 20, 0.7
 PREFERS_WHITE = 10.0
-"""What the log-likelihood must gain before noise counts as coloured."""
+"""Least gain of the log-likelihood for noise to count as coloured."""
 
 
 def noise_floor(values: FloatArray, rate_hz: float) -> float:
@@ -37,8 +37,8 @@ def noise_floor(values: FloatArray, rate_hz: float) -> float:
 
     On simulated accelerations of the base play (hand-waved, f_res 45-75 Hz, 800 Hz, 4 s) with noise of 1-20 % of the
     signal the result over the truth was 0.95-1.05 for white noise, 0.85-1.4 for AR(1) noise of 0.5 (up to 2.5 at 1 %),
-    0.35-1.1 for 0.9, and 0.55-1.5 for pink noise: what is slower than a window cannot be told from motion, and is
-    extrapolated.  The innovation of a good fit's residual is better, within 2 % for all of these.
+    0.35-1.1 for 0.9, and 0.55-1.5 for pink noise: noise slower than a window cannot be separated from motion, and is
+    extrapolated.  The innovations of a good fit's residual are better, within 2 % for all of these.
     """
     return quiet_noise(values, rate_hz).rms
 
@@ -47,8 +47,8 @@ def quiet_noise(values: FloatArray, rate_hz: float) -> NoiseModel:
     """The noise as a first-order autoregression x_t = a x_(t-1) + e_t, at least that of the signal's resolution.
 
     Windows are projected off polynomials and slowly changing lines at the strongest frequencies; the quietest quarter,
-    and all that are as quiet, give variance and correlation by restricted maximum likelihood.  A signal that is driven
-    at many frequencies defies such windows; what its own 20 samples before do not predict is then the better bound.
+    and all that are as quiet, give variance and correlation by restricted maximum likelihood.  For a signal that is
+    driven at many frequencies the error of prediction from the last 20 samples is the better bound.
     """
     least = NoiseModel.white(resolution(values) / np.sqrt(12))
     windows = _windows(values)
@@ -72,7 +72,7 @@ def quiet_noise(values: FloatArray, rate_hz: float) -> NoiseModel:
 
 
 def innovation_noise(*residuals: FloatArray) -> NoiseModel:
-    """The noise that residuals (N,) of a good fit are made of: an autoregression of order 0 to 8 by BIC.
+    """The noise model of residuals (N,) of a good fit: an autoregression of order 0 to 8 by BIC.
 
     NaN are gaps; a few outliers do not matter.  Raises ValueError where less than 4 samples follow each other.
     """
@@ -98,8 +98,7 @@ def _windows(values: FloatArray) -> FloatArray | None:
 
 
 def _lines(values: FloatArray, length: int) -> list[float]:
-    """The frequencies [cycles per sample] at which the signal has most beyond what a polynomial follows, strongest
-    first."""
+    """The frequencies [cycles per sample] of the strongest lines after removal of a polynomial, strongest first."""
     longest = max((values[run] for run in runs(values)), key=len)
     size = min(longest.size, 8 * length)
     pieces = sliding_window_view(longest, size)[:: max(size // 2, 1)]
@@ -116,7 +115,7 @@ def _lines(values: FloatArray, length: int) -> list[float]:
 
 
 def _complement(length: int, lines: list[float]) -> FloatArray:
-    """An orthonormal basis (L, L - p) of all that is neither a polynomial nor a line that grows or decays."""
+    """An orthonormal basis (L, L - p) of the complement of polynomials and growing or decaying lines."""
     t = np.linspace(-1, 1, length)
     columns = [t**order for order in range(TREND_ORDER + 1)]
     for line in lines[: 1 if length < WINDOWS[0] else LINES]:
@@ -127,7 +126,7 @@ def _complement(length: int, lines: list[float]) -> FloatArray:
 
 
 def _is_quiet(rest: FloatArray, free: FloatArray, correlation: float) -> np.ndarray:
-    """The windows as quiet as the quietest quarter is, if that is noise of this correlation."""
+    """Which windows are as quiet as the quietest quarter, if that is noise of this correlation."""
     power = np.mean(rest**2, axis=1)
     spread = np.linalg.eigvalsh(_covariance(free, correlation))
     relative = float(np.sqrt(2 * np.sum(spread**2)) / np.sum(spread))  # deviation of a window's variance over its mean

@@ -1,8 +1,8 @@
-"""Whether a residual can be noise, whatever the noise's size and colour: noise is stationary, and has no sharp line.
+"""Tests whether a residual is stationary noise without spectral lines, of any size and colour.
 
-What a model lacks shows where the motion is: after impacts, at high speed, at one angle.  So the variance of the
-residual's innovations, block by block, spreads more than that of noise; or a hum stands out of their
-spectrum.  Neither needs to know how large the noise should be, which before a model fits is known to some 30 % at best.
+Errors of a model depend on the motion: after impacts, at high speed, at one angle.  So the variance of the residual's
+innovations varies more between blocks than that of noise; or their spectrum has a line.  Neither test needs the level
+of the noise, which before a model fits is known to some 30 % at best.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["is_structured", "spread"]
 
 BLOCK = 40
-"""Samples, of which one variance is taken: 50 ms at 800 Hz, a part of the ring after an impact."""
+"""Samples in a block: 50 ms at 800 Hz, a part of the ring after an impact."""
 
 
 def is_structured(residuals: Sequence[FloatArray]) -> bool:
@@ -28,7 +28,7 @@ def is_structured(residuals: Sequence[FloatArray]) -> bool:
 
 
 def spread(noise: NoiseModel, residuals: Sequence[FloatArray]) -> float:
-    """How far the blocks' variances differ, over what chance makes of stationary Gaussian noise: 1 for noise."""
+    """The variance of the blocks' log-variances, relative to that of stationary Gaussian noise: 1 for noise."""
     logs = []
     for r in residuals:
         white = noise.whiten(r)
@@ -41,12 +41,12 @@ def spread(noise: NoiseModel, residuals: Sequence[FloatArray]) -> float:
 
 
 def _has_line(noise: NoiseModel, residuals: Sequence[FloatArray]) -> bool:
-    """Whether a frequency stands out of the innovations' spectrum, averaged over the segments of one length.
+    """Whether there is a line in the innovations' spectrum, averaged over the segments of one length.
 
     The average of K periodograms of white noise is chi-squared with 2 K degrees over 2 K; of all its bins the largest
     exceeds LINE times in the chance p.
     """
-    from scipy.stats import chi2  # late: only a verdict needs it
+    from scipy.stats import chi2  # imported late: only this test needs it
 
     length = int(np.median([r.size for r in residuals]))
     alike = [noise.whiten(r[:length]) for r in residuals if r.size >= length]

@@ -1,7 +1,8 @@
-"""What a servo's recorded voltage says: the gain of its controller and the end of its duty, or its supply.
+"""Parameters from a servo's recorded voltage: the gain of its controller and the limit of its duty, or its supply.
 
-A servo reports either what it puts on its motor, which follows the position error, or what it is fed with, which does
-not.  The law of the base is U duty = U sat(kp error_gain (theta_1 - theta_2)), so the first is a line through zero.
+A servo reports either the voltage of its motor, which depends on the position error, or its supply voltage, which does
+not.  The control law of the base is U duty = U sat(kp error_gain (theta_1 - theta_2)), so the first is a line through
+zero.
 """
 
 from __future__ import annotations
@@ -15,16 +16,16 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["of_voltage"]
 
 FOLLOWS = 0.85
-"""Share of the squared voltage that a line through zero takes, from which on it is the motor's.  Of 12 recordings of a
+"""Share of the squared voltage that a line through zero takes, above which it is the motor's.  Of 12 recordings of a
 servo the least is 0.989; a supply hardly follows the error, and none of 80 fell below 0.9 of its largest value."""
 INSIDE = 0.9
-"""Of the largest voltage: readings below are not at the end of the duty."""
+"""Share of the largest voltage: readings below are not at the limit of the duty."""
 AT_END = 1.15
-"""Times the largest voltage that the line would reach, from which on the duty has an end."""
+"""Times the largest voltage: the duty has a limit where the line would exceed this."""
 
 
 def of_voltage(model: Model, recording: Recording) -> dict[str, float]:
-    """kp, cap and U, those of them that are fixed parameters of the model and that the voltage tells."""
+    """kp, cap and U, those that are fixed parameters of the model and follow from the voltage."""
     columns = recording.columns
     if model.base != "servo" or any(name not in columns for name in ("voltage", "command", "position")):
         return {}
@@ -50,7 +51,7 @@ def _of_motor(model: Model, voltage: FloatArray, error: FloatArray) -> dict[str,
 
 
 def _line(voltage: FloatArray, error: FloatArray) -> tuple[float, float]:
-    """Slope of a line through zero [V/rad], and the share of the squared voltage that it takes."""
+    """Slope of a line through zero [V/rad], and the share of the squared voltage that it explains."""
     power = float(error @ error)
     if power == 0.0 or not voltage.any():
         return 0.0, 0.0

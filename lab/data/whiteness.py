@@ -1,4 +1,5 @@
-"""Is a residual noise, and independent of the input?  Tests with bounds that hold for coloured series.  No plots."""
+"""Tests whether a residual is white, and independent of the input, with bounds that hold for coloured series.  No
+plots."""
 
 from __future__ import annotations
 
@@ -14,9 +15,9 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["Correlation", "autocorrelation", "cross_correlation", "fit_percent"]
 
 LAGS = 25
-"""Lags that are tested, or a quarter of the samples where these are fewer."""
+"""Number of lags that are tested, at most a quarter of the samples."""
 KEPT = 1e-3
-"""Directions of the lagged input with less of its power than this share tell nothing of their own."""
+"""Principal components of the lagged input with less of its power than this share are left out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +45,7 @@ def fit_percent(measured: FloatArray, modelled: FloatArray) -> float:
 
 
 def autocorrelation(residual: FloatArray) -> Correlation:
-    """Of a residual (N,), NaN being gaps, at lags 1 … LAGS.
+    """Autocorrelation of a residual (N,), NaN being gaps, at lags 1 … LAGS.
 
     p_value: Ljung and Box's Q = N (N + 2) sum r_k²/(N - k), chi-squared with one degree of freedom for each lag.
     """
@@ -61,12 +62,12 @@ def autocorrelation(residual: FloatArray) -> Correlation:
 
 
 def cross_correlation(residual: FloatArray, source: FloatArray, noise: NoiseModel | None = None) -> Correlation:
-    """Of a residual (N,) with an input, both made white by the residual's own noise model, at lags 0 … LAGS.
+    """Correlation of a residual (N,) with an input, both whitened by the residual's noise model, at lags 0 … LAGS.
 
-    The residual follows the input.  Haugh's idea: with a white residual each correlation has the variance 1/N whatever
-    the input's spectrum, while of raw series it is (1 + 2 sum rho_e rho_u)/N (Bartlett), often ten times as much.  The
-    lags of a smooth input say nearly the same; p_value takes that into account (a score test of a finite impulse
-    response from input to residual).  NaN are gaps.
+    Positive lags: the residual follows the input.  After Haugh, with a white residual each correlation has the variance
+    1/N whatever the input's spectrum, while of raw series it is (1 + 2 sum rho_e rho_u)/N (Bartlett), often ten times
+    as much.  The lags of a smooth input are nearly collinear; p_value takes that into account (a score test of a finite
+    impulse response from input to residual).  NaN are gaps.
     """
     noise = noise or fit_autoregression([residual])
     e = noise.whiten(residual - np.nanmean(residual))

@@ -1,8 +1,8 @@
 """What to record next: the motion in which competing models differ most, simulated from them.  Nothing is fitted.
 
-The first model's motion is taken as measured.  What the others predict differently, from the same states every while
-(impacts would amplify anything), counts as far as neither start states nor the first model's free parameters could
-imitate it: parameters that are fitted anew to the new recording will.
+The first model's motion is taken as measured.  The others predict it in short segments from the same states, as impacts
+amplify every difference.  Differences count as far as neither initial states nor the first model's free parameters
+could imitate them: those will be refitted to the new recording.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ INPUT_UNITS = {"oscillator": "N", "joint": "N m"}
 
 @dataclass(frozen=True)
 class _Proposal:
-    """A motion, and what to tell a person to do."""
+    """A motion and its instructions for a person."""
 
     text: str
     motion: Motion
 
 
 def what_to_record(models: Sequence[Model], task: Task, pool: Executor) -> str:
-    """Which motion to record so that models which explain the recordings equally well can be told apart.
+    """Which motion to record to distinguish models that explain the recordings equally well.
 
-    models: fits of one base, best first.  "" where there is nothing to tell apart or the recordings have no input.
+    models: fits of one base, best first.  "" where there is nothing to distinguish or the recordings have no input.
     """
     if len(models) < 2 or task.experiments[0].drive is None:
         return ""
@@ -109,8 +109,8 @@ def _steps(size: float, rise_s: float) -> Sampled:
 
 
 def _separation(motion: Motion, models: Sequence[Model], task: Task) -> float:
-    """By how much the nearest of the others differs from the first model, root mean square, in units of the noise;
-    0 where one of them cannot be run."""
+    """Root mean square difference between the first model and the nearest of the others, in units of the noise; 0 where
+    one of them cannot be run."""
     first = models[0]
     try:
         segments = _segments(motion, first, task)
@@ -123,7 +123,7 @@ def _separation(motion: Motion, models: Sequence[Model], task: Task) -> float:
 
 
 def _segments(motion: Motion, model: Model, task: Task) -> list[Segment]:
-    """The model's motion as if it had been measured, each short segment beginning in the state that it has there."""
+    """The model's motion as short segments of measurement, each with the state at its start."""
     like = task.experiments[0]
     own = like.model(model)
     start = float(motion.time[0]) if isinstance(motion, Sampled) else 0.0
@@ -140,7 +140,7 @@ def _segments(motion: Motion, model: Model, task: Task) -> list[Segment]:
 def _apart(
     model: Model, before: Model, segments: Sequence[Segment], blocks: Sequence[Linearised], substep_s: float
 ) -> float:
-    """Root mean square of what this model predicts otherwise and the linearised one cannot imitate; 0 if it fails."""
+    """Root mean square of the difference that the linearised model cannot imitate; 0 if the simulation fails."""
     differences, slopes = [], []
     for segment, block in zip(segments, blocks, strict=True):
         own = segment.experiment.model(model)
