@@ -1,4 +1,4 @@
-"""The commands of ``lostmotion lab``: one group, a file a command; arguments and text only."""
+"""The commands of ``lostmotion lab``: one group, one module per command; arguments and text only."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ SHOWN_S = 0.5
 
 
 def show(comparison: Comparison) -> None:
-    """Prints it."""
+    """Prints the comparison."""
     effects = ", ".join(comparison.model.effects) or "none"
     click.echo(f"base {comparison.model.base}, active effects: {effects}")
     _print_table(comparison)
@@ -51,7 +51,7 @@ def _print_table(comparison: Comparison) -> None:
 
 
 def _plot(overlay: Overlay) -> str:
-    """Where the error is of the usual size, coloured only for a terminal that wants colours."""
+    """Plots a window with a typical error; coloured only in a terminal that supports colours."""
     import plotext
 
     width = min(shutil.get_terminal_size((100, HEIGHT)).columns, 120)
@@ -72,7 +72,7 @@ def _plot(overlay: Overlay) -> str:
 
 
 def _segment(overlay: Overlay) -> FloatArray:
-    """Samples of a window of half a second, the one whose error is the middle one of all windows."""
+    """Samples of the window of half a second with the median error of all windows."""
     seen = np.flatnonzero(np.isfinite(overlay.residual))
     time = overlay.time[seen]
     length = max(SHOWN_S, 60 * float(np.median(np.diff(time))))

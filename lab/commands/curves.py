@@ -1,4 +1,4 @@
-"""``--curves``: what the report draws over time, as JSON for programs that draw it themselves."""
+"""``--curves``: the time series of the report as JSON, for other programs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["write_curves"]
 
 DIGITS = 6
-"""of each number: beyond what any plot shows"""
+"""of each number: more than a plot can show"""
 
 
 def write_curves(path: Path, found: Comparison | Fit | Explanation | Ladder) -> None:
@@ -45,5 +45,5 @@ def _document(trace: Trace) -> dict[str, Any]:
 
 
 def _numbers(values: FloatArray) -> list[float | None]:
-    """A model that is wrong may run away: JSON knows neither NaN nor infinity."""
+    """The values, None for NaN and infinity, which JSON cannot represent: a wrong model may diverge."""
     return [float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None for value in values]

@@ -73,7 +73,7 @@ def explain(
     from lostmotion.lab.explain import explain as explained
 
     until = monotonic() + budget_s
-    with _beside(effects):  # their words are asked for to the end
+    with _beside(effects):  # the output uses their names and words, too
         with _prepared(model, recordings, executor, progress) as (built, experiments, pool, callback):
             found = explained(built, experiments, pool, callback, budget_s=until - monotonic())
         if write_output(found, "explanation", report, curves, as_json=as_json):
@@ -117,7 +117,7 @@ def improve(
 
 @contextmanager
 def _beside(references: tuple[str, ...]) -> Iterator[None]:
-    """Effects of the user's own among the candidates."""
+    """Adds user-defined effects to the candidates."""
     from lostmotion.lab.models.own.file import load_effect
     from lostmotion.model.effects import register, unregister
 
@@ -135,7 +135,7 @@ def _beside(references: tuple[str, ...]) -> Iterator[None]:
 def _prepared(
     model: str, recordings: Files, executor: str | None, progress: str
 ) -> Iterator[tuple[Any, Any, Any, Progress]]:
-    """The model, the experiments, an executor and what progress is told to; input that cannot be used is refused."""
+    """The model, the experiments, an executor and the callback of progress; rejects input that cannot be used."""
     from lostmotion.lab.data.experiment import experiments
     from lostmotion.lab.errors import ExperimentError
     from lostmotion.lab.models import modelfile

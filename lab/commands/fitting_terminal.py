@@ -1,4 +1,4 @@
-"""Fits, explanations and ladders as a person reads them in a terminal.  Nothing is computed here."""
+"""Prints fits, explanations and ladders in a terminal.  Nothing is computed here."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MOST_RANKED = 8
 
 
 def show_fit(fit: Fit, output: Path) -> None:
-    """Estimates with intervals, errors by column, what could not be told."""
+    """Prints estimates with intervals, errors by column, and parameters that are not identified."""
     console = _console()
     _print(console, *verdict.of_fit(fit))
     console.print(_estimates(fit))
@@ -33,7 +33,7 @@ def show_fit(fit: Fit, output: Path) -> None:
 
 
 def show_explanation(explanation: Explanation) -> None:
-    """The verdict in words, the ranking, what to record next."""
+    """Prints the verdict in words, the ranking, and what to record next."""
     console = _console()
     _print(console, *verdict.of_explanation(explanation))
     console.print(_ranking(explanation))
@@ -42,7 +42,7 @@ def show_explanation(explanation: Explanation) -> None:
 
 
 def show_ladder(ladder: Ladder, output: Path) -> None:
-    """The error falling, rung by rung."""
+    """Prints the error after each added effect."""
     console = _console()
     table = _table("effects", "error on unseen data", "noise")
     for rung in ladder.rungs:
@@ -59,7 +59,7 @@ def _console() -> Console:
 
 def _print(console: Console, *lines: str) -> None:
     for line in lines:
-        console.print(Text(line), soft_wrap=True)  # a terminal wraps by itself; a file keeps its lines
+        console.print(Text(line), soft_wrap=True)  # soft wrap: the terminal wraps, a file keeps its lines
 
 
 def _table(*columns: str) -> Table:
@@ -87,5 +87,5 @@ def _ranking(explanation: Explanation) -> Table:
 
 
 def _error(rms: float) -> str:
-    """An error; infinite where the simulated motion runs away from an unseen recording."""
+    """An error; infinite where the simulated motion of an unseen recording diverges."""
     return f"{rms:.3g}" if math.isfinite(rms) else "diverges"

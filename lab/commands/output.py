@@ -1,4 +1,4 @@
-"""What every command of the lab leaves for programs: the report, the curves, the JSON document with plain words."""
+"""Writes the outputs of every command of the lab: the report, the curves, the JSON document with sentences."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ Found = Comparison | Fit | Explanation | Ladder
 
 
 def write_output(found: Found, kind: str, report: Path | None, curves: Path | None, *, as_json: bool) -> bool:
-    """Writes what was asked for; whether that is all, as a program reads it.  kind: what the report calls it."""
+    """Writes the requested outputs; returns True when JSON was printed, so that the command prints no text.  kind: the
+    argument of ``write_report``."""
     if report is not None:
         from lostmotion.lab.report import write_report
 
@@ -35,7 +36,7 @@ def write_output(found: Found, kind: str, report: Path | None, curves: Path | No
 
 
 def _in_words(found: Found) -> dict[str, Any]:
-    """The sentences of a person; of effects also what they are called, and what to look at on the robot."""
+    """The sentences for people; of effects also names, and what to look at on the robot."""
     if isinstance(found, Comparison):
         left = (one.variable for maps in found.maps.values() for one in maps)
         return {"words": verdict.of_comparison(found), "variables": _variables(left)}

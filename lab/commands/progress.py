@@ -1,4 +1,4 @@
-"""How far a command of the lab is, on stderr: a bar for a person, lines of JSON for a program."""
+"""Progress of a command of the lab on stderr: a bar for people, lines of JSON for programs."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from contextlib import contextmanager
 __all__ = ["Progress", "shown"]
 
 Progress = Callable[[str, float], None]
-"""takes what begins, and which part is done, 0 to 1"""
+"""called with what begins, and the part that is done, 0 to 1"""
 
 
 @contextmanager
 def shown(how: str) -> Iterator[Progress]:
-    """What progress is told to; how: "bar", which shows nothing where stderr is no terminal, or "json"."""
+    """Yields the callback of progress; how: "bar", which shows nothing where stderr is no terminal, or "json"."""
     if how == "json":
         yield _line
     elif not sys.stderr.isatty():

@@ -1,4 +1,4 @@
-"""Recordings as the lab's commands take them: arguments and files only."""
+"""The recordings argument of the lab's commands: arguments and files only."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ __all__ = ["Files", "recordings_argument"]
 
 @dataclass(frozen=True)
 class Files:
-    """Recordings on the disk.  joint, terms: of those whose own address says nothing else (``FILE#joint=NAME``)."""
+    """Recording files.  joint, terms: defaults for those without an address of their own (``FILE#joint=NAME``)."""
 
     paths: tuple[Path, ...]
     joint: str = ""
     terms: tuple[str, ...] = ()
 
     def read(self) -> list[Recording]:
-        """All of them.  Raises RecordingError."""
+        """Reads all of them.  Raises RecordingError."""
         from lostmotion.drivers.recording import read_recording
 
         return [read_recording(path, self.joint, self.terms) for path in self.paths]

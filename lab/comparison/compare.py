@@ -39,10 +39,11 @@ __all__ = ["Comparison", "Overlay", "compare"]
 
 LOCALISED = 900
 START_S = 0.5
-"""Of gears, which forget where they began; other motions show their start to the end."""
+"""Length of the first segment of gears [s]; other motions, where the initial state shows to the end, are used as a
+whole."""
 CLOSE, NEAR, LOST = 1.2, 3.0, 12.0
-"""Times the noise: below the first, the search for an initial state ends; below the second, the next segment may be
-much longer; above the third, the initial state is good enough for a wrong model."""
+"""Times the noise: up to the first, an initial state needs no finer search; below the second, the next segment may be
+much longer; from the third on, the model is wrong and the initial state is not refined further."""
 LONGER = (2.0, 1.25)
 POLISHING = 4
 MENTIONED = 0.05

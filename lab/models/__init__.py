@@ -1,4 +1,4 @@
-"""Model files, effects added to them, effects of one's own, recordings simulated from them."""
+"""Model files, effects added to them, user-defined effects, recordings simulated from them."""
 
 from lostmotion.lab.models.modelfile import load, save
 

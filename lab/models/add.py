@@ -1,4 +1,5 @@
-"""One more effect on a model: from the catalogue by its id, or the user's own from a file.  Nothing is fitted here."""
+"""Adds an effect to a model: from the catalogue by its id, or a user-defined one from a file.  Nothing is fitted
+here."""
 
 from __future__ import annotations
 
@@ -18,7 +19,7 @@ __all__ = ["Added", "add"]
 
 @dataclass(frozen=True)
 class Added:
-    """A model file with one more effect, and what came with it: parameters by their names in the model."""
+    """A model file with one more effect, and its parameters by their names in the model."""
 
     model: ModelFile
     effect: Effect
@@ -51,7 +52,7 @@ def add(model: str | Path, effect: str, output: str | Path) -> Added:
     """Writes ``output``: the model file (or base) with the effect and its parameters at their defaults.
 
     effect: an id, or ``file.py:function`` relative to the current folder.  Raises ModelFileError for an effect that is
-    unknown, there already, or not for this base; EffectFileError for one of the user's own that cannot be used.
+    unknown, there already, or not for this base; EffectFileError for a user-defined one that cannot be used.
     """
     before = load(model)
     found = load_effect(effect) if is_reference(effect) else _known(effect, before.base)

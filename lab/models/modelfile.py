@@ -7,8 +7,8 @@
     R1 = { value = 0.01, unit = "m", fixed = true }
     coulomb_friction.tau_c = { value = 1e-4, unit = "N m" }
 
-What a file does not say takes the documented default, also whether a parameter is fixed.  An effect of the user's own
-is listed as "file.py:function", the file being relative to the model file's folder; reading the model runs that file.
+Missing entries take the documented default, also whether a parameter is fixed.  A user-defined effect is listed as
+"file.py:function", the file being relative to the model file's folder; reading the model runs that file.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ __all__ = ["ModelFile", "dumps", "load", "loads", "save"]
 
 @dataclass(frozen=True, slots=True)
 class ModelFile:
-    """What a model file says: parameters by name (those of effects as "effect.name"), only the ones it mentions."""
+    """The content of a model file: parameters by name (those of effects as "effect.name"), only the given ones."""
 
     base: str
     effects: tuple[str, ...] = ()
@@ -72,7 +72,7 @@ def load(path: str | Path) -> ModelFile:
 
 
 def loads(text: str, where: str, folder: Path = Path()) -> ModelFile:
-    """Reads a model given as text; ``where`` names it in messages, ``folder`` is where the user's own effects are.
+    """Reads a model given as text; ``where`` names it in messages, ``folder`` contains the user-defined effects.
 
     Raises ModelFileError.
     """

@@ -1,4 +1,5 @@
-"""A recording from a model: what its sensors would have told, and from which parameters.  No files are touched here."""
+"""Simulates a recording from a model: the readings of its sensors, with the parameters as metadata.  No files are
+touched here."""
 
 from __future__ import annotations
 
@@ -22,13 +23,13 @@ FREE = "free"
 PIECE_S = 10.0  # simulated between two reports of progress
 MOST_SAMPLES = 50_000_000
 CHECK_STEP_S = 1e-3
-LONGEST_CHECK_S = 10.0  # of motion; looking for chaos simulates it twice more
+LONGEST_CHECK_S = 10.0  # of motion; the test for chaos simulates it twice more
 
 
 @dataclass(frozen=True, slots=True)
 class _Sensors:
-    """What is recorded of a base: the column with the noise, the others, those of them that the servo tells at its own
-    rate, the motion where none is asked for, and where a free motion starts."""
+    """The sensors of a base: the column with noise, the others, those that the servo reports at its own rate, the
+    default motion, and the initial state of a free motion."""
 
     noisy: str
     exact: tuple[str, ...]
@@ -47,11 +48,11 @@ _SENSORS = {
 
 @dataclass(frozen=True, slots=True)
 class Simulation:
-    """What is to be simulated.
+    """The specification of a simulated recording.
 
-    motion: as ``model.motion.by_name`` takes it, or "free": no input, from a deflection of 1 mm or 0.5 rad; None: what
-    suits the base.  duration [s]; rate_hz: of the recording; servo_rate_hz: of command and position, rounded to a whole
-    part of rate_hz; noise: standard deviation, in the unit of the column that is measured (play: accel [m/s²];
+    motion: as ``model.motion.by_name`` takes it, or "free": no input, from a deflection of 1 mm or 0.5 rad; None: the
+    default of the base.  duration [s]; rate_hz: of the recording; servo_rate_hz: of command and position, rounded to a
+    whole part of rate_hz; noise: standard deviation, in the unit of the column that is measured (play: accel [m/s²];
     oscillator: displacement [m]; joint, servo: position [rad]); seed: of the noise.
     """
 
@@ -65,11 +66,11 @@ class Simulation:
 
     @property
     def samples(self) -> int:
-        """How many rows there will be."""
+        """The number of rows."""
         return max(round(self.duration * self.rate_hz), 1)
 
     def pieces(self) -> Iterator[Trajectory]:
-        """The motion, some seconds at a time, each going on where the one before ended.  Raises SimulationError."""
+        """The motion, some seconds at a time, each starting where the one before ended.  Raises SimulationError."""
         if self.samples > MOST_SAMPLES:
             raise SimulationError(
                 f"found {self.samples} samples (duration x rate), expected at most {MOST_SAMPLES}; simulate in parts"
@@ -82,7 +83,7 @@ class Simulation:
             raise SimulationError(str(error)) from error
 
     def horizon(self) -> float:
-        """When the motion stops being predictable [s]; inf when it does not, or is too long to find out cheaply.
+        """The horizon of predictability [s]; inf when the motion stays predictable, or is too long to test.
 
         Raises SimulationError.
         """
@@ -97,7 +98,7 @@ class Simulation:
             raise SimulationError(str(error)) from error
 
     def recording(self, pieces: list[Trajectory]) -> Recording:
-        """What the sensors tell of the motion, with what it was made from in the metadata."""
+        """The readings of the sensors, with model and parameters as metadata."""
         sensors = _SENSORS[self.model.base]
         columns = {name: np.concatenate([piece[name] for piece in pieces]) for name in (*sensors.exact, sensors.noisy)}
         rng = np.random.default_rng(self.seed)
@@ -128,7 +129,7 @@ class Simulation:
         return model.initial_state(drive, **start)
 
     def _metadata(self) -> dict[str, Any]:
-        """What the recording was made from, and the oscillator as the detector wants to know it."""
+        """Model and parameters of the recording, and the oscillator in the terms of the detector."""
         values = {name: parameter.value for name, parameter in self.model.build().parameters.items()}
         metadata = {
             "model": self.model.base,

@@ -1,4 +1,4 @@
-"""Sections that a search for missing effects fills: ladder, ranking, what would have been seen, what is left."""
+"""Sections for a search for missing effects: ladder, ranking, detectable sizes, residual structure."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def remedies(effects: tuple[str, ...]) -> Html:
 
 
 def ladder(climbed: Ladder) -> Section:
-    """How the error fell, effect by effect, to the noise floor."""
+    """The error after each added effect, down to the noise floor."""
     largest = max(rung.rms for rung in climbed.rungs)
     befores: list[tuple[str, ...] | None] = [None, *(rung.effects for rung in climbed.rungs[:-1])]
     errors, unit = quantities(climbed.rungs[0].unit, *(rung.rms for rung in climbed.rungs))
@@ -59,7 +59,7 @@ def ranking(explanation: Explanation) -> Section | None:
 
 
 def detectable(explanation: Explanation) -> Section | None:
-    """The size of each effect that would have been seen; None where that was not asked."""
+    """The size at which each effect would have been detected; None where it was not computed."""
     if not explanation.detectable:
         return None
     base = explanation.base.model.base
@@ -73,7 +73,7 @@ def detectable(explanation: Explanation) -> Section | None:
 
 
 def left(finding: Finding, unit: str) -> Section:
-    """The structure that no effect explains: words, shape, formula; unit: of an error of the sensor."""
+    """The structure that no effect explains: description, shape, formula; unit: of an error of the sensor."""
     body = paragraphs(verdict.of_finding(finding))
     if finding.formula:
         body = Html(body + paragraphs([f"A short formula that fits: {finding.formula}"]))
@@ -83,7 +83,7 @@ def left(finding: Finding, unit: str) -> Section:
 
 
 def advice(explanation: Explanation) -> Section | None:
-    """What to record next; None where nothing is to be said."""
+    """What to record next; None without advice."""
     if not explanation.advice:
         return None
     return Section("advice", "What to record next", paragraphs([explanation.advice]))

@@ -1,4 +1,4 @@
-"""Sections that a fit fills: the model and its equations, the parameters with intervals, their correlations."""
+"""Sections for a fit: the model and its equations, the parameters with intervals, their correlations."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from lostmotion.model.effects import get_effect
 __all__ = ["correlations", "model", "parameters"]
 
 STRONG = 0.95
-"""Correlations from here on are named: these recordings hardly tell the two parameters from each other."""
+"""Correlations above this are reported: these recordings hardly separate the two parameters."""
 
 
 def model(built: Model) -> Section:
@@ -44,7 +44,7 @@ def parameters(fit: Fit) -> Section | None:
 
 
 def correlations(fit: Fit) -> Section | None:
-    """How the estimates depend on each other; None for less than two."""
+    """The correlation of the estimates; None for less than two."""
     names = [e.name for e in fit.estimates]
     matrix = np.atleast_2d(fit.correlation)
     if len(names) < 2 or matrix.shape != (len(names), len(names)):

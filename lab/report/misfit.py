@@ -1,4 +1,4 @@
-"""Sections that a comparison fills: errors of each recording; when, in which states, at which frequencies."""
+"""Sections for a comparison: errors of each recording, over time, over states, over frequency."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def over_time(comparison: Comparison) -> Section:
 
 
 def over_states(comparison: Comparison) -> Section | None:
-    """The residual of each column against each variable, those that matter in sight; None where there are no maps."""
+    """The residual of each column against each variable, significant ones unfolded; None where there are no maps."""
     pictures = [
         (one.significant, _map(comparison.label(column), one))
         for column, found in comparison.maps.items()

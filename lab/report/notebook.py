@@ -1,4 +1,4 @@
-"""What a notebook shows of a comparison, a fit, an explanation or a ladder: plain words and tables, and a plot."""
+"""Displays a comparison, a fit, an explanation or a ladder in a notebook: sentences, tables, a plot."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 __all__ = ["html", "plot"]
 
 WIDTH, HEIGHT = 8.0, 3.6
-"""Of the two plots of one column of one recording [inch]."""
+"""Size of the two plots of one column of one recording [inch]."""
 
 
 def html(found: Displayed) -> str:
-    """The sentences of a person, and a table, without style sheets: a notebook has its own."""
+    """The verdict in sentences, and a table, without style sheets: a notebook has its own."""
     if isinstance(found, Ladder):
         return paragraphs(verdict.of_ladder(found)) + _rungs(found.rungs)
     if isinstance(found, Explanation):
@@ -34,8 +34,8 @@ def html(found: Displayed) -> str:
 
 
 def plot(found: Displayed) -> Figure:
-    """Measured and modelled over time, and what is left with and without what was found; a row for each column of each
-    recording, first of the one that was not fitted.  Raises ImportError without matplotlib."""
+    """Measured and modelled over time, and the residual with and without the missing effects; a row for each column of
+    each recording, the unseen one first.  Raises ImportError without matplotlib."""
     from matplotlib.figure import Figure
 
     drawn = traces_of(found)

@@ -1,4 +1,4 @@
-"""The page: which sections there are, in which order, and the one file that holds them."""
+"""The page: its sections, their order, and the file."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def write_report(
     ladder: Ladder | None = None,
     tap: Oscillator | None = None,
 ) -> None:
-    """Writes the report of whatever is given; a file of that name is replaced, at once and only when all is written.
+    """Writes the report of the given results; replaces an existing file atomically.
 
     Raises RecordingError when it cannot be written.
     """

@@ -89,7 +89,7 @@ def heat_map(names: Sequence[str], matrix: FloatArray) -> str:
 
 
 def _own_cell(x: float, y: float) -> str:
-    """A parameter with itself says nothing: only the place."""
+    """The diagonal cell of a parameter with itself, without a number."""
     return f'<rect class="own" x="{x:g}" y="{y:g}" width="{CELL - 1}" height="{CELL - 1}"/>'
 
 

@@ -1,4 +1,4 @@
-"""The zoomable pictures: what assets/report.js draws, packed so that nothing is lost and the file stays small."""
+"""The data of the zoomable plots that assets/report.js draws, packed compactly without loss."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["packed", "signals"]
 
 EVEN = 1e-6
-"""Times are sent as start and spacing where none is further from that grid than this share of the spacing."""
+"""Times are stored as start and spacing where all are within this share of the spacing from that grid."""
 TOOLS = (
     ("in", "+", "zoom in"),
     ("out", "−", "zoom out"),

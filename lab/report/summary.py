@@ -1,4 +1,4 @@
-"""A comparison in a few plain lines: how far off, where, and what to make of it.  Numbers are computed elsewhere."""
+"""A comparison in a few lines: the error, where it occurs, and its cause.  Numbers are computed elsewhere."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Small plots as inline SVG: axes with ticks, lines, bands.
 
-Colours are the page's classes, sizes are viewBox units; what is drawn where is plots.py's.
+Colours are the page's classes, sizes are viewBox units; plots.py composes the plots.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Axis:
         return cls(label, low - room, high + room)
 
     def share(self, values: ArrayLike) -> FloatArray:
-        """Where values lie between low (0) and high (1)."""
+        """The position of values between low (0) and high (1)."""
         array = np.asarray(values, dtype=float)
         if self.log:
             array = np.log(np.maximum(array, self.low / 1e3) / self.low)
@@ -86,7 +86,7 @@ class Frame:
         return self.width - LEFT - RIGHT, self.height - TOP - BOTTOM
 
     def points(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
-        """Coordinates (N, 2) of what is finite in both."""
+        """Coordinates (N, 2) of the points that are finite in both."""
         both = np.column_stack([self.x.share(x), self.y.share(y)])
         both = both[np.all(np.isfinite(both), axis=1)]
         both[:, 1] = np.clip(both[:, 1], -0.02, 1.02)

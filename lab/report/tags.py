@@ -1,4 +1,4 @@
-"""Pieces of HTML: sections, tables, keys.  All text that comes in is escaped here, unless it is ``Html`` already."""
+"""Pieces of HTML: sections, tables, keys.  All text is escaped here, unless it is ``Html`` already."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Section:
 
 
 def cell(*parts: str, css: str = "") -> Html:
-    """A table's cell; what comes after the first part stands small below it."""
+    """A table's cell; further parts are set small below the first."""
     first, *rest = (part if isinstance(part, Html) else Html(escape(part)) for part in parts)
     small = "".join(f"<small>{part}</small>" for part in rest if part)
     opening = f'<td class="{css}">' if css else "<td>"
@@ -43,7 +43,7 @@ def cell(*parts: str, css: str = "") -> Html:
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[Html]], chosen: Iterable[bool] = ()) -> Html:
-    """A table that scrolls sideways where it is too wide; a head that ends in ">" stands to the right, over numbers."""
+    """A table that scrolls sideways where it is too wide; a head that ends in ">" is right-aligned, for numbers."""
     cells = "".join(f'<th class="number">{escape(h[:-1])}</th>' if h.endswith(">") else f"<th>{escape(h)}</th>"
                     for h in head)  # fmt: skip
     marks = iter(chosen)
@@ -83,7 +83,7 @@ def note(text: str) -> Html:
 
 
 def more(summary: str, body: str) -> Html:
-    """A part that is opened by a tap."""
+    """A part that a tap unfolds."""
     return Html(f"<details><summary>{escape(summary)}</summary>{body}</details>")
 
 

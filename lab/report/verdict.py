@@ -1,4 +1,4 @@
-"""What the lab has found, in a few plain sentences.  Nothing is computed here; one effect's words are words.py's."""
+"""The results of the lab in a few sentences.  Nothing is computed here; words.py describes single effects."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def of_explanation(explanation: Explanation) -> tuple[str, ...]:
 
 
 def _named(effect: str, explanation: Explanation) -> str:
-    """An effect and its size, and what it may be as well."""
+    """An effect and its size, and the effects that are confusable with it."""
     sentence = words.sentence(effect, words.intervals(explanation.best, effect))
     alike = [words.name(name) for group in explanation.confusable if group[0] == effect for name in group[1:]]
     if not alike:
@@ -65,7 +65,7 @@ def _named(effect: str, explanation: Explanation) -> str:
 
 
 def _unused(explanation: Explanation) -> list[str]:
-    """What the search did not try or use."""
+    """What the search left out: effects and data."""
     sentences = []
     if explanation.untried:
         effects = joined([words.name(effect) for effect in explanation.untried])
@@ -85,7 +85,7 @@ def _unused(explanation: Explanation) -> list[str]:
 
 
 def of_finding(finding: Finding) -> tuple[str, ...]:
-    """Where the structure that is left acts, on what it depends, how it looks."""
+    """Where the residual structure acts, on what it depends, and its shape."""
     place = PLACES.get(finding.acts_on, finding.acts_on)
     depends = joined([words.variable(name)[0] for name in finding.depends_on])
     where = f"It acts on {place}" + (f" and depends on {depends}." if depends else ".")
@@ -94,7 +94,7 @@ def of_finding(finding: Finding) -> tuple[str, ...]:
 
 
 def of_fit(fit: Fit) -> tuple[str, ...]:
-    """How far the model explains what was measured, column by column, and what stands in the way of a better fit."""
+    """The error of the model, column by column, and what limits the fit."""
     sentences = [] if fit.complete else ["The fit was stopped early: these are the best figures until then."]
     for column, rms in fit.rms.items():
         what, si = words.column(column, any(one.is_linear for one in fit.experiments))
@@ -107,7 +107,7 @@ def of_fit(fit: Fit) -> tuple[str, ...]:
 
 
 def of_comparison(comparison: Comparison) -> tuple[str, ...]:
-    """How far the model is off in the column that counts most, and where the error comes from."""
+    """The error of the model in the main column, and where it comes from."""
     column = comparison.column
     (what, si), overlays = comparison.label(column), comparison.of(column)
     (error, noise), unit = quantities(si, comparison.rms(column), comparison.noise[column].rms)
@@ -134,13 +134,13 @@ def worst_phase(comparison: Comparison, column: str) -> str:
 
 
 def of_ladder(ladder: Ladder) -> tuple[str, ...]:
-    """What was added and how far the error fell with it, and whether anything more is missing."""
+    """The added effects and the fall of the error, and whether anything more is missing."""
     last = ladder.last
     return (*of_explanation(last), *(("Nothing more is missing.",) if last.missing and last.complete else ()))
 
 
 def detectable(explanation: Explanation) -> tuple[str, ...]:
-    """For each effect that is not there the size from which on it would have been seen."""
+    """For each absent effect the size above which it would have been detected."""
     base = explanation.base.model.base
     return tuple(
         f"{words.name(effect)}: from {words.size(effect, parameter, value, base)} on ({parameter})"

@@ -1,6 +1,6 @@
-"""What the report draws over time and frequency: one recorded column against the model, and its spectra.
+"""Data for plots over time and frequency: one recorded column against the model, and its spectra.
 
-A trace comes from a comparison or, where there is none, from running a fit; both look the same from here on.
+A trace comes from a comparison or, where there is none, from simulating a fit.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Trace:
 
     @property
     def what(self) -> str:
-        """What the column is: "acceleration"."""
+        """The quantity in the column: "acceleration"."""
         return words.column(self.column, self.is_linear)[0]
 
     @property
@@ -102,7 +102,7 @@ def traces(fit: Fit | None, comparison: Comparison | None = None, before: Fit | 
 
 
 def traces_of(found: Displayed) -> tuple[Trace, ...]:
-    """Of whatever the lab has found."""
+    """The traces of any result of the lab."""
     if isinstance(found, Comparison):
         return tuple(traces(None, found))
     if isinstance(found, Fit):
@@ -113,7 +113,7 @@ def traces_of(found: Displayed) -> tuple[Trace, ...]:
 
 
 def before(fit: Fit | None, explanation: Explanation | None) -> Fit | None:
-    """The model without what was found, where something was."""
+    """The fit without the missing effects, where there are any."""
     if fit is None or explanation is None or explanation.base.model.effects == fit.model.effects:
         return None
     return explanation.base
@@ -143,7 +143,7 @@ def amplitudes(trace: Trace, comparison: Comparison | None = None) -> Amplitudes
 
 
 def _run(fit: Fit) -> list[Prediction]:
-    """What was fitted: the motion that begins with the fitted states, or the torque."""
+    """The fitted quantity: the motion from the fitted initial states, or the torque."""
     if not fit.starts:
         return needed_torques(fit.model, fit.experiments)[0]
     pairs = zip(fit.experiments, fit.starts, strict=True)

@@ -1,4 +1,4 @@
-"""What a function of the user's asks for: which argument is what, and whether it may have it.  Nothing is run here."""
+"""Classifies the arguments of a user-defined function, and checks that it may use them.  Nothing is run here."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ WANTED = "Parameter(start, unit, low, high)"
 
 @dataclass(frozen=True, eq=False)
 class Declared:
-    """A function and what its decorator says of it; bases: None for all that are possible."""
+    """A function and the arguments of its decorator; bases: None for all that are possible."""
 
     function: Callable[..., Any]
     acts_on: str
@@ -31,18 +31,18 @@ class Declared:
 
     @property
     def name(self) -> str:
-        """The function's, which is the effect's id."""
+        """The function's name, which is the effect's id."""
         return self.function.__name__
 
     @property
     def entry(self) -> Entry:
-        """Where it acts.  Raises EffectFileError."""
+        """The signal that it acts on.  Raises EffectFileError."""
         if self.acts_on not in set(ActsOn):
             raise EffectFileError(f"{self.name}: acts_on is {self.acts_on!r}, expected one of {', '.join(ActsOn)}")
         return ENTRIES[ActsOn(self.acts_on)]
 
     def arguments(self) -> Arguments:
-        """What each argument is.  Raises EffectFileError for a parameter or an argument that cannot be."""
+        """The role of each argument.  Raises EffectFileError for an invalid parameter or argument."""
         self._check_parameters()
         signature = inspect.signature(self.function).parameters
         for argument in signature.values():
@@ -114,7 +114,7 @@ class Declared:
 
 @dataclass(frozen=True, slots=True)
 class Arguments:
-    """A function's arguments in their order; which are its own parameters, with their units, and its own states."""
+    """A function's arguments in order; its parameters, with their units, and its states."""
 
     names: tuple[str, ...]
     own: tuple[str, ...]
@@ -123,15 +123,15 @@ class Arguments:
 
     @property
     def signals(self) -> tuple[str, ...]:
-        """Those that are signals."""
+        """The arguments that are signals."""
         return tuple(key for key in self.names if key in READABLE and key not in self.states)
 
     @property
     def of_base(self) -> tuple[str, ...]:
-        """Those that are parameters of the base."""
+        """The arguments that are parameters of the base."""
         return tuple(key for key in self.names if key not in {*self.own, *self.states, *READABLE})
 
     @property
     def values(self) -> tuple[str, ...]:
-        """Those that do not change during a motion: what a kernel gets as p."""
+        """The arguments that are constant during a motion: a kernel gets them as p."""
         return (*self.own, *self.of_base)

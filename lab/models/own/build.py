@@ -1,6 +1,6 @@
-"""From a function of the user's to kernels that the solver can call: compiled where numba can, else in plain Python.
+"""Builds kernels for the solver from a user-defined function: compiled where numba can, else in plain Python.
 
-A kernel gets tables of numbers; the code generated here hands the function its arguments out of them.
+A kernel gets tables of numbers; the code generated here passes them to the function as arguments.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SHIFT_S = 1e-5
 
 @dataclass(frozen=True)
 class Built:
-    """The function as it is called, by target the kernels around it, and why they are in plain Python, if they are."""
+    """The callable function, by target its kernels, and the reason where they are in plain Python."""
 
     function: Callable[..., Any]
     kernels: tuple[tuple[int, Kernel], ...]
@@ -58,7 +58,7 @@ def _in_python(function: Callable[..., Any], bodies: Mapping[int, Lines], note: 
 
 
 def _kernel(lines: Lines, function: Callable[..., Any]) -> Callable[..., float]:
-    """The generated function; all that goes into its text are names that were checked and numbers of slots."""
+    """The generated function; its text contains only checked names and slot numbers."""
     namespace: dict[str, Any] = {"function": function, "nan": math.nan}
     exec("\n    ".join(("def kernel(s, x, dx, p):", *lines)), namespace)
     made: Callable[..., float] = namespace["kernel"]
@@ -83,7 +83,7 @@ def _rate_lines(arguments: Arguments) -> Lines:
 
 
 def _guarded(lines: Lines) -> Lines:
-    """What compiled code raises would be lost in the solver; NaN is not."""
+    """Turns exceptions into NaN: the solver would lose those of compiled code."""
     return ("try:", *(f"    {line}" for line in lines), "except Exception:", "    return nan")
 
 
@@ -116,7 +116,7 @@ def _check_returned(name: str, found: Any, states: int) -> None:
 
 
 def _reason(error: Exception) -> str:
-    """What numba says in many lines, in one."""
+    """The first relevant line of numba's message."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     informative = [line for line in lines if not line.startswith(("Failed in", "During:", "File "))]
     return f"numba cannot compile it: {(informative or lines or ['no reason given'])[0]}"

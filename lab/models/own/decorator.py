@@ -1,11 +1,11 @@
-"""An effect of the user's own: one decorated Python function becomes a term of the model.
+"""User-defined effects: a decorated Python function becomes a term of the model.
 
     @effect(acts_on="joint", parameters={"tau_t": Parameter(1e-4, "N m", 0, 1e-2)})
     def stiff_grease(omega, tau_t):
         "-tau_t tanh(omega/0.1)"
         return -tau_t * math.tanh(omega / 0.1)
 
-The names of the arguments say what the function gets: its parameters, its own states, signals (readable.py), or
+The names of the arguments select what the function gets: its parameters, its states, signals (readable.py), or
 parameters of the base.
 """
 
@@ -36,7 +36,7 @@ ORIGIN = "__lostmotion_origin__"
 
 @dataclass(frozen=True)
 class Origin:
-    """The file that an effect comes from, and its text, which goes along where the file does not: to a worker."""
+    """The file that an effect comes from, and its text, which is sent to workers that do not have the file."""
 
     path: Path
     text: str
@@ -44,7 +44,7 @@ class Origin:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OwnEffect(Effect):
-    """An effect from a function of the user's.
+    """An effect from a user-defined function.
 
     origin: None for one that was made in a notebook; note: why it runs in plain Python, or None when it is compiled.
     """
@@ -54,7 +54,7 @@ class OwnEffect(Effect):
     note: str | None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """To another process goes the text, or else the function: compiled code means nothing there."""
+        """Pickles the text, or else the function, as compiled code is not valid in another process."""
         if self.origin is None:
             return own_effect, (self.declared,)
         from lostmotion.lab.models.own.file import restored
@@ -69,13 +69,13 @@ def effect(
     bases: Iterable[str] | None = None,
     states: Iterable[str] = (),
 ) -> Callable[[F], F]:
-    """Decorator: the function is an effect from now on, under its own name.  It stays callable as it was.
+    """Decorator: registers the function as an effect under its name.  It stays callable.
 
     acts_on: "joint": returns a torque [N m]; "oscillator": a force [N]; "sensor": an acceleration on top of the reading
     [m/s²]; "command": an angle on top of theta_1 [rad]; "contact": a length on top of the gap [m].  parameters: by
-    name, each ``Parameter(start, unit, low, high)``.  bases: all that have what the function needs, when left out.
-    states: names of own states, which begin at 0; the function then returns the contribution and each state's
-    derivative, as a tuple.  The first line of its docstring is the equation.  Raises EffectFileError.
+    name, each ``Parameter(start, unit, low, high)``.  bases: by default all that have what the function needs.  states:
+    names of its states, which begin at 0; the function then returns the contribution and each state's derivative, as a
+    tuple.  The first line of its docstring is the equation.  Raises EffectFileError.
     """
 
     def decorate(function: F) -> F:
@@ -89,7 +89,7 @@ def effect(
 
 
 def own_effect(declared: Declared) -> OwnEffect:
-    """The effect that was declared, registered in the place of an earlier one of its name.  Raises EffectFileError."""
+    """Registers the declared effect, in place of an earlier one of its name.  Raises EffectFileError."""
     name = declared.name
     earlier = find(name)
     if earlier is not None and not isinstance(earlier, OwnEffect):

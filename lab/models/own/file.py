@@ -1,7 +1,7 @@
-"""Files with effects of the user's own: ``file.py:function`` → an effect.
+"""Files with user-defined effects: ``file.py:function`` → an effect.
 
-Loading one runs it, as any Python program of the user's.  A file stands alone: it may import what is installed, not
-other files beside it, because its text alone goes to the workers of a cluster.
+Loading a file runs it, like any Python program.  A file must be self-contained: it may import installed packages, not
+other files beside it, because only its text is sent to the workers of a cluster.
 """
 
 from __future__ import annotations
@@ -42,14 +42,14 @@ def load_effect(text: str, folder: Path = Path()) -> OwnEffect:
 
 
 def reference(effect: OwnEffect, folder: Path) -> str:
-    """How a model file in that folder names the effect: the other way round."""
+    """The reference to the effect in a model file in that folder; the inverse of ``load_effect``."""
     if effect.origin is None:
         return effect.id
     return f"{os.path.relpath(effect.origin.path, folder.resolve())}:{effect.id}"
 
 
 def restored(origin: Origin, name: str) -> OwnEffect:
-    """The effect from the text of its file; what is registered already is not run again.  Raises EffectFileError."""
+    """The effect from the text of its file; a registered one is not run again.  Raises EffectFileError."""
     known = find(name)
     if isinstance(known, OwnEffect) and known.origin == origin:
         return known
@@ -69,7 +69,7 @@ def _text(path: Path) -> str:
 
 
 def _effect(functions: dict[str, Any], name: str) -> OwnEffect | None:
-    """The effect that a file's function has become, if it has."""
+    """The effect of that name among a file's functions, if any."""
     effect = find(name)
     return effect if isinstance(effect, OwnEffect) and functions.get(name) is effect.declared.function else None
 
@@ -94,7 +94,7 @@ def _run(origin: Origin) -> dict[str, Any]:
         raise EffectFileError(f"{_place(origin, _line(path, error))}: {error}") from error
     except KeyboardInterrupt:
         raise
-    except BaseException as error:  # the user's file may raise anything
+    except BaseException as error:  # the user's file may raise any exception
         hint = "; an effect file stands alone, expected only imports of what is installed"
         hint = hint if isinstance(error, ImportError) else ""
         raise EffectFileError(f"{_place(origin, _line(path, error))}: {type(error).__name__}: {error}{hint}") from error

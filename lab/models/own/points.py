@@ -1,4 +1,4 @@
-"""Where a function of the user's is called to learn of it: at rest and at usual magnitudes, always the same."""
+"""Sample points at which a user-defined function is evaluated: at rest and at usual magnitudes, always the same."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ def points(
 ) -> Iterator[dict[str, float]]:
     """Arguments by name, at rest first.
 
-    Every other point has no speed, where friction is steepest; every third stands where a parameter of the same unit
-    is (the middle of a tight spot).  values: of the parameters; load: its largest magnitude, where one knows it.
+    Every other point has zero speed, where friction is steepest; every third is at the value of a parameter of the same
+    unit (the middle of a tight spot).  values: of the parameters; load: its largest magnitude, where it is known.
     """
     rng = np.random.default_rng(0)
     for i in range(count):

@@ -1,7 +1,7 @@
-"""The signals under the names by which an effect of the user's own reads them, and what each effect may read.
+"""The names of the signals in user-defined effects, and the signals that an effect may read.
 
-An effect adds to one signal and may read those that stand before it in the causal order (model/signals.py): a torque
-may depend on the speed, but not on the acceleration that follows from it.
+An effect adds to one signal and may read those that precede it in the causal order (model/signals.py): a torque may
+depend on the speed, but not on the acceleration that follows from it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Readable:
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """Where an effect enters: the signal it adds to, the one that must get its rate as well, unit and meaning."""
+    """The target of an effect: the signal it adds to, the one that gets its rate as well, unit and meaning."""
 
     target: int
     unit: str
@@ -72,7 +72,7 @@ ENTRIES: Mapping[ActsOn, Entry] = {
 
 
 def before(target: int) -> tuple[str, ...]:
-    """The names of the signals that what adds to the target may read."""
+    """The names of the signals that an effect on the target may read."""
     return tuple(name for name, signal in READABLE.items() if signal.number < target or _is_state(signal.number))
 
 

@@ -1,4 +1,4 @@
-"""How steep a function of the user's is, from which the integration step follows.  No model is run."""
+"""The slopes of a user-defined function, from which the integration step follows.  No model is run."""
 
 from __future__ import annotations
 
@@ -36,15 +36,15 @@ def fastest_rate(
 ) -> float:
     """The fastest rate [1/s] that the effect brings into the motion, from its slopes at many points.
 
-    The slope against a speed over the inertia is a rate; that against an angle over it is the square of half of one;
-    that of a state's derivative against the state is a rate too.  values: of base and effect, by short name.
+    The slope against a speed over the inertia is a rate; that against an angle over the inertia is the square of half a
+    rate; that of a state's derivative against the state is a rate too.  values: of base and effect, by short name.
     """
     own = tuple(values[key] for key in arguments.values)
     inertia = operating.inertia if acts_on is ActsOn.JOINT else values.get("m", 1.0)
     return _fastest(function, acts_on, arguments, own, float(inertia), _rounded(operating.watched or 0.0))
 
 
-@lru_cache(maxsize=1024)  # a fit comes back to the same values, and every simulation asks twice
+@lru_cache(maxsize=1024)  # a fit repeats the same values, and every simulation calls twice
 def _fastest(
     function: Callable[..., Any],
     acts_on: ActsOn,

@@ -1,4 +1,4 @@
-"""A function of the user's is called at many points: does it give numbers?  No model is run."""
+"""Calls a user-defined function at many points to check that it returns numbers.  No model is run."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TRIED = 25
 
 
 def try_out(name: str, function: Callable[..., Any], arguments: Arguments, parameters: Mapping[str, Parameter]) -> None:
-    """Raises EffectFileError where the function raises or gives no usable number: at rest, or wherever it was tried."""
+    """Raises EffectFileError where the function raises or returns no finite number, at rest or at another point."""
     values = {key: parameter.value for key, parameter in parameters.items()}
     rest, *moving = points(arguments, values, TRIED)
     _try(name, function, arguments, rest)
@@ -40,7 +40,7 @@ def _try(name: str, function: Callable[..., Any], arguments: Arguments, point: M
             found = function(**point)
     except KeyboardInterrupt:
         raise
-    except BaseException as error:  # the user's function may raise anything
+    except BaseException as error:  # the user's function may raise any exception
         raise EffectFileError(f"{name}: raised {type(error).__name__}: {error}, at {at}") from error
     count = 1 + len(arguments.states)
     parts = found if arguments.states and isinstance(found, tuple) else (found,)
