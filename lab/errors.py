@@ -2,7 +2,7 @@
 
 LostmotionError
 ├── ModelFileError           a model file that cannot be read or makes no sense
-├── SimulationError          what is asked of the model cannot be simulated
+├── SimulationError          the requested simulation is impossible
 ├── ExperimentError          a recording that this model cannot be compared with
 ├── EffectFileError          a file with a user-defined effect that cannot be used
 └── ExecutorError            an executor that cannot be opened
@@ -20,7 +20,7 @@ class ModelFileError(LostmotionError):
 
 
 class SimulationError(LostmotionError):
-    """What is asked of the model cannot be simulated; one line says why."""
+    """The requested simulation is impossible; one line says why."""
 
 
 class ExperimentError(LostmotionError):

@@ -32,7 +32,7 @@ from lostmotion.lab.selection.score_test import Scores
 from lostmotion.lab.selection.step import Step, Tried
 from lostmotion.lab.selection.validate import Judged, Unseen, is_left
 from lostmotion.lab.shooting.continuation import FIRST_S, Level, followed, residuals
-from lostmotion.lab.shooting.task import Task, coarse_substep, rubbing
+from lostmotion.lab.shooting.task import Task, coarse_substep, with_friction
 from lostmotion.model import Model, ModelError
 from lostmotion.model.effects import get_effect
 
@@ -122,7 +122,7 @@ def _used(
     model: Model, train: Sequence[Experiment], last: Experiment, budget_s: float
 ) -> tuple[list[Experiment], Experiment]:
     """The parts of the experiments to fit, and of the last one, that a search can process in this time."""
-    step = coarse_substep(rubbing(model, train), train)
+    step = coarse_substep(with_friction(model, train), train)
     rate = max(max(one.rate_hz for one in (*train, last)), STEP_COST / step)
     most_s = policy.BUDGET_SAMPLES * budget_s / policy.BUDGET_S / rate
     return excerpts(train, most_s), excerpts([last], most_s / 2)[0]
@@ -134,7 +134,7 @@ def _explanation(search: _Search) -> Explanation:
     task, before, after = unseen.task, search.descent[0], search.descent[-1]
     first = next(iter(task.noise))
     named = task.added(best.model)
-    refined = unseen.pool.submit(refined_fit, best, task)  # it works on one core while what is left is described
+    refined = unseen.pool.submit(refined_fit, best, task)  # runs on one core while the residual is described
     left = search.is_unsized or is_left(search.descent[-1])
     verdict: Verdict = "missing" if named else "outside_catalogue" if left else "nothing_missing"
     columns = {

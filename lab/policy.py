@@ -87,8 +87,8 @@ LEAST_PERIODS = 2.0
 # The band in which a motion is compared
 
 BAND_CLEAR = 30.0
-"""The band ends where the angle's power density falls to this many times its noise.  Amplitudes stand out of the noise
-by a factor of five there; the acceleration's error is largest at the end of the band, about a fifth of its signal."""
+"""The band ends where the angle's power density falls to this many times its noise.  Amplitudes exceed the noise by a
+factor of five there; the acceleration's error is largest at the end of the band, about a fifth of its signal."""
 BAND_MOTION = 0.9
 """Least share of the power of the speed that lies within the band: below it a swing contains nothing but noise."""
 BAND_AS_WELL, INERTIA_IDENTIFIED = 3.0, 0.1

@@ -142,7 +142,7 @@ class Interval:
         return with_unit(value, unit)
 
     def texts(self) -> tuple[tuple[str, str, str], str]:
-        """value, low, high as numbers in one unit, and that unit; what is not known is a dash."""
+        """value, low, high as numbers in one unit, and that unit; an unknown end is a dash."""
         chosen = scale(self.unit, self.value, self.low, self.high)
         value, low, high = (v * chosen.factor for v in (self.value, self.low, self.high))
         decimals = _decimals(value, 3)

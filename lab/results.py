@@ -191,7 +191,7 @@ class Explanation(Displayed):
 
     missing: strongest first; confusable: groups that these recordings cannot distinguish; ranking: best first;
     detectable: for each effect the size of its main parameter (name, value) that would have been detected, where
-    nothing is missing; base, best: the fits without and with what is missing.
+    nothing is missing; base, best: the fits without and with the missing effects.
     """
 
     verdict: Verdict
@@ -205,7 +205,7 @@ class Explanation(Displayed):
     base: Fit
     best: Fit
     descent: tuple[float, ...] = ()
-    """Errors on unseen data without, and with one, two, … of what is missing."""
+    """Errors on unseen data with none, one, two, … of the missing effects."""
     unshown: tuple[str, ...] = ()
     """Missing effects that do not lower the error on unseen data: only the data of the fit show them."""
     complete: bool = False

@@ -30,7 +30,7 @@ def excerpts(experiments: Sequence[Experiment], most_s: float) -> list[Experimen
     for at in _spread(len(experiments)):
         if left < window / 2:
             break
-        chosen[at] = _liveliest(experiments[at], min(window, left))
+        chosen[at] = _most_varying(experiments[at], min(window, left))
         left -= chosen[at].duration
     return [chosen[at] for at in sorted(chosen)]
 
@@ -42,7 +42,7 @@ def _spread(count: int) -> list[int]:
     return [at for at in every if at < count]
 
 
-def _liveliest(experiment: Experiment, length_s: float) -> Experiment:
+def _most_varying(experiment: Experiment, length_s: float) -> Experiment:
     """The window of this length [s] in which the measured signals change most."""
     if experiment.duration <= length_s:
         return experiment

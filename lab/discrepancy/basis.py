@@ -67,7 +67,7 @@ def curve(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
 
 
 @kernel
-def rubbing(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+def dry_friction(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
     """Dry friction with an amplitude that is a function of one signal."""
     return _height(s, p) * math.tanh(s[OMEGA2] / SMOOTH)
 
@@ -153,7 +153,7 @@ def _curve(
         name: Parameter(value, "", -math.inf, math.inf, True, "of the motion") for name, value in fixed.items()
     }
     parameters |= {f"c{i}": _free(UNITS[target], size) for i in range(KNOTS)}
-    effect = _effect(base, target, rubbing if rubs else curve, parameters)
+    effect = _effect(base, target, dry_friction if rubs else curve, parameters)
     x = centre + scale * np.sinh(reach * np.linspace(-1, 1, KNOTS))
     near = np.abs(values[:, None] - x).argmin(axis=1)
     seen = np.bincount(near, minlength=KNOTS) > len(values) / 1000

@@ -19,7 +19,7 @@ from lostmotion.model.solve import integrate
 __all__ = ["Path", "run_filter"]
 
 F = TypeVar("F", bound=Callable[..., Any])
-LEAP, WIDEST = 6.0, 0.5
+MOST_CHANGE, WIDEST = 6.0, 0.5
 """Largest change of a state in one sample, and its largest standard deviation, as shares of its scale."""
 UNSURE = 0.3
 """Standard deviation of the start state, as a share of its scale."""
@@ -91,8 +91,8 @@ def _predicted(
     moved[:, n], moved[:, n + 1] = path.keeps[0] * points[:, n], path.keeps[1] * points[:, n + 1]
     for i in range(2 * m):
         for j in range(n):  # deep in the contact a point diverges, and would spoil the mean
-            if not abs(moved[i, j] - mean[j]) < LEAP:
-                moved[i, j] = mean[j] + (LEAP if moved[i, j] > mean[j] else -LEAP)
+            if not abs(moved[i, j] - mean[j]) < MOST_CHANGE:
+                moved[i, j] = mean[j] + (MOST_CHANGE if moved[i, j] > mean[j] else -MOST_CHANGE)
     new = np.ones(2 * m) @ moved / (2 * m)
     cross = (points - mean).T @ (moved - new) / (2 * m)
     spread = (moved - new).T @ (moved - new) / (2 * m)

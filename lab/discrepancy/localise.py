@@ -9,7 +9,7 @@ input is then related to every state.
 How often it is right, thorough and with the base's parameters known, on recordings of the hidden-effect bench that were
 not used before (seed 77, strong, 3 of 1 s, noise estimated, half of it coloured): 14 of 20 of the catalogue (contact
 counted as joint or command), 5 of 7 outside of it.  Near misses: joint and command for what moves impacts, oscillator
-and sensor for what is seen in the ring only.  Wrong parameters cause a misfit of their own: fit them first.
+and sensor for effects that show in the ring only.  Wrong parameters cause a misfit of their own: fit them first.
 """
 
 from __future__ import annotations

@@ -145,7 +145,7 @@ def _covariance(level: Level, substep_s: float) -> FloatArray:
     for block in blocks:
         J = projected_off(block.B, block.A)
         H += J.T @ J
-        G += J.T @ _smeared(J, correlated)
+        G += J.T @ _toeplitz_product(J, correlated)
     inverse = np.linalg.pinv(H, hermitian=True)
     covariance = inverse @ G @ inverse
     return np.asarray((covariance + covariance.T) / 2 + PROMISED**2 * np.eye(level.z.size))
@@ -164,7 +164,7 @@ def _autocovariance(residuals: Sequence[FloatArray], lags: int) -> FloatArray:
     return np.array(raw) * (1 - np.arange(lags + 1) / (lags + 1))
 
 
-def _smeared(J: FloatArray, correlated: FloatArray) -> FloatArray:
+def _toeplitz_product(J: FloatArray, correlated: FloatArray) -> FloatArray:
     """Gamma J, Gamma being the Toeplitz matrix of the autocovariance."""
     result = correlated[0] * J
     for lag in range(1, min(correlated.size, len(J))):

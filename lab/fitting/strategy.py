@@ -147,19 +147,19 @@ def best_of(levels: Iterable[Level], count: int) -> list[Level]:
     return sorted(levels, key=lambda level: level.typical)[:count]
 
 
-def full_fit(model: Model, task: Task, hopeless: float = 1.0) -> Level:
+def full_fit(model: Model, task: Task, max_missed: float = 1.0) -> Level:
     """A fit on all of the shortest segments; initial states of missed ones are searched for again."""
     every = [tile for experiment in task.experiments for tile in tiles(experiment, task.halvings)]
     level = started(model, every, task)
     level = fitted(model, level.unknowns, level.segments, task.substep_s)
-    return repaired_fit(level.model, level.unknowns, level.segments, task, hopeless)
+    return repaired_fit(level.model, level.unknowns, level.segments, task, max_missed)
 
 
 def repaired_fit(
-    model: Model, unknowns: Unknowns, segments: Sequence[Segment], task: Task, hopeless: float = 1.0
+    model: Model, unknowns: Unknowns, segments: Sequence[Segment], task: Task, max_missed: float = 1.0
 ) -> Level:
     """The fit from these initial states; those of missed segments are searched for again."""
-    again = repaired(model, segments, task.substep_s, hopeless)
+    again = repaired(model, segments, task.substep_s, max_missed)
     return fitted(model, unknowns, again, task.substep_s)
 
 
@@ -178,13 +178,13 @@ def grown(level: Level, task: Task) -> Level:
     return min(zip(doubts, found, strict=True), key=lambda pair: (pair[0], -pair[1].horizon_s))[1]
 
 
-def doubled(level: Level, task: Task, hopeless: float = 1.0) -> Level | None:
+def doubled(level: Level, task: Task, max_missed: float = 1.0) -> Level | None:
     """The fit on segments twice as long, from where this one ended; None where there are none, or the motion
     diverges."""
     segments = _doubled(level.segments, task)
     if not segments or level.model.base == "joint":
         return None
-    return repaired_fit(level.model, level.unknowns, segments, task, hopeless)
+    return repaired_fit(level.model, level.unknowns, segments, task, max_missed)
 
 
 def _doubled(segments: Sequence[Segment], task: Task) -> tuple[Segment, ...]:

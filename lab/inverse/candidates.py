@@ -28,7 +28,7 @@ from lostmotion.model.effects.guesses import MotionScales
 from lostmotion.model.motion import FloatArray
 
 __all__ = [
-    "are_apt",
+    "are_consistent",
     "by_acceleration",
     "candidates",
     "fitted_beside",
@@ -164,7 +164,7 @@ def torques_of(effect: str, model: Model, signals: Sequence[Signals]) -> list[Fl
     return [without_load(model, one) - without_load(less, one) for one in signals]
 
 
-def are_apt(model: Model, effects: Sequence[str]) -> bool:
+def are_consistent(model: Model, effects: Sequence[str]) -> bool:
     """Whether the model's values agree with the definition of each of these effects."""
     own = {name: {part: p.value for part, p in model.own(name).items()} for name in effects}
     return all(get_effect(name).is_apt(values) for name, values in own.items())
@@ -176,10 +176,10 @@ def _fitted_from_guesses(name: str, wide: Model, now: Regression, most: int, ste
     wide = _within_speeds(wide, name, size)
     begin = [wide.replace(values) for values in initial_guesses(wide, name, size)]
     data = now.data.suited(begin)
-    promising = (entry for start in begin if not is_over() and (entry := _promise(name, start, now, data)))
+    promising = (entry for start in begin if not is_over() and (entry := _evaluated(name, start, now, data)))
     ranked = sorted(promising, key=lambda one: -one[0])
     fits = [fit for _, start, beside in ranked[:most] if not is_over() and (fit := _tried(start, data, beside, steps))]
-    possible = [one for one in fits if are_apt(one.model, [name])]
+    possible = [one for one in fits if are_consistent(one.model, [name])]
     return min(possible, key=lambda one: one.rms, default=None)
 
 
@@ -189,7 +189,7 @@ def _fitted_from_acceleration(name: str, wide: Model, now: Regression, begun: Re
         return None
     start = _with_values(wide, begun.model)
     fit = _tried(start, now.data.suited([start]), now.data.nuisance, SHORT)
-    return fit if fit and are_apt(fit.model, [name]) else None
+    return fit if fit and are_consistent(fit.model, [name]) else None
 
 
 def _follow_motion(model: Model) -> bool:
@@ -214,7 +214,7 @@ def _within_speeds(model: Model, name: str, size: MotionScales) -> Model:
     return model.replace(speeds)
 
 
-def _promise(name: str, start: Model, now: Regression, data: Problem) -> tuple[float, Model, FloatArray] | None:
+def _evaluated(name: str, start: Model, now: Regression, data: Problem) -> tuple[float, Model, FloatArray] | None:
     """The share of the residual that an effect explains with this shape and the best amplitude, the model with that
     amplitude, and the initial nuisance parameters."""
     if not _covers(name, start, now.data):
@@ -246,12 +246,12 @@ def _zeros(name: str, start: Model, now: Regression, data: Problem) -> FloatArra
     if not isinstance(data, Data) or not now.nuisance.size or now.jacobian[:, now.count :].any():
         return now.nuisance
     grid = np.arange(ANGLES) / ANGLES * TURN / getattr(start.parameters.get(f"{name}.N"), "value", 1.0)
-    alike = [_likeness(data.residual(start, zero + now.nuisance) - now.residual, now) for zero in grid]
+    alike = [_explained_shares(data.residual(start, zero + now.nuisance) - now.residual, now) for zero in grid]
     found = grid[np.argmax(alike, axis=0)]
     return np.asarray(np.where(data.freedom < TURN, now.nuisance, found))
 
 
-def _likeness(column: FloatArray, now: Regression) -> list[float]:
+def _explained_shares(column: FloatArray, now: Regression) -> list[float]:
     """The share of each recording's residual that a column explains beyond the fitted parameters."""
     parts = zip(
         by_recording(projected_off(now.jacobian, column), now.data), by_recording(now.residual, now.data), strict=True
@@ -279,10 +279,10 @@ def _covers(name: str, model: Model, data: Problem) -> bool:
     if turns is None or turns.value == 1:
         return True
     period = TURN / turns.value
-    return max(_way(one, period * one.band_hz) for one in data.signals) > policy.LEAST_PERIODS * period
+    return max(_travel(one, period * one.band_hz) for one in data.signals) > policy.LEAST_PERIODS * period
 
 
-def _way(signals: Signals, fastest: float) -> float:
+def _travel(signals: Signals, fastest: float) -> float:
     """The range of a motion [rad], or the distance travelled if that is less, at speeds up to this [rad/s]."""
     slow = np.abs(signals.velocity) < fastest
     step = float(signals.time[1] - signals.time[0])

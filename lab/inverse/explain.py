@@ -1,6 +1,6 @@
 """Finds what is missing from a model with one moving part, by forward selection of effects.
 
-1. Angle and torque are filtered to the band in which the motion stands out of its noise (signals.py).
+1. Angle and torque are filtered to the band in which the motion exceeds its noise (signals.py).
 2. The model is fitted to the torque by least squares (regression.py).
 3. Effects are added as long as one predicts unseen samples better, significantly for the whole catalogue; those that
    have become superfluous are eliminated (selection.py).

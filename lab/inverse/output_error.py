@@ -23,7 +23,7 @@ from lostmotion.lab.fitting.identifiability import free_states, is_driven
 from lostmotion.lab.inverse.dry_friction import simulable
 from lostmotion.lab.inverse.problem import by_recording
 from lostmotion.lab.inverse.signals import Signals
-from lostmotion.lab.shooting.task import coarse_substep, rubbing
+from lostmotion.lab.shooting.task import coarse_substep, with_friction
 from lostmotion.model import Model, ModelError
 from lostmotion.model.bases import get_base
 from lostmotion.model.motion import FloatArray
@@ -49,7 +49,7 @@ STEPS = 4.0
 
 @dataclass(frozen=True, eq=False)
 class OutputError:
-    """Recordings whose motion is simulated.
+    """Recordings with a simulated motion.
 
     substep_s: integration step of a fit [s]; centre: the model near which unidentified parameters stay.
     """
@@ -70,7 +70,7 @@ class OutputError:
             for one, part in zip(signals, parts, strict=True)
         )
         experiments = [one.experiment for one in moving]
-        step = coarse_substep(simulable(rubbing(model, experiments), signals), experiments, STEPS)
+        step = coarse_substep(simulable(with_friction(model, experiments), signals), experiments, STEPS)
         return cls(moving, step, model, () if any(map(is_driven, experiments)) else free_states(model))
 
     def first(self, share: float) -> OutputError:

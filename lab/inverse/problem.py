@@ -130,8 +130,8 @@ class Data:
 
 @dataclass(frozen=True, eq=False)
 class EquationError(Data):
-    """Recordings whose acceleration is compared with that of the equation of motion at the measured position and speed;
-    transmitted: the input of each (N,), a command or a force.
+    """Recordings with a measured acceleration that is compared with that of the equation of motion at the measured
+    position and speed; transmitted: the input of each (N,), a command or a force.
 
     Noise of the position biases it, but it has no local minima: it gives the initial values for a simulated motion.
     """

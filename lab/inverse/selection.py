@@ -13,7 +13,7 @@ from lostmotion.lab import policy
 from lostmotion.lab.deadline import is_over, remaining_s, within
 from lostmotion.lab.fitting.identifiability import is_driven
 from lostmotion.lab.inverse.candidates import (
-    are_apt,
+    are_consistent,
     by_acceleration,
     candidates,
     fitted_beside,
@@ -244,7 +244,7 @@ def _step(now: Fitted, added: tuple[str, ...], search: Search) -> Step:
     """Judges all candidates against the present fit."""
     wide = list(candidates(now.inverse.model, added, now.inverse.data))
     with within(policy.STAGE_SHARE * remaining_s()):
-        fits, hopeless = _fitted_each(wide, now.inverse, search)
+        fits, failed = _fitted_each(wide, now.inverse, search)
     prior = prior_odds([name for name, _ in wide], now.inverse.model.effects)
     tried = sum(prior.values())
 
@@ -254,7 +254,7 @@ def _step(now: Fitted, added: tuple[str, ...], search: Search) -> Step:
 
     found = search.each(work, fits, first=1)
     found.sort(key=lambda one: -one.gain)
-    untried = tuple(name for name, _ in wide if name not in {*(one.effect for one in found), *hopeless})
+    untried = tuple(name for name, _ in wide if name not in {*(one.effect for one in found), *failed})
     good = [one for one in found if one.is_significant]
     if not good:
         return Step(tuple(sorted(found, key=lambda one: one.p_value)), untried=untried)
@@ -288,14 +288,14 @@ def _fitted_each(
     wide = sorted(wide, key=lambda one: fit.rms if (fit := begun.get(one[0])) else math.inf)
     tried = search.each(lambda one: (one[0], fitted_with(*one, now, begun.get(one[0]))), wide)
     found = [(name, fit) for name, fit in tried if fit]
-    hopeless = [] if is_over() else [name for name, fit in tried if fit is None]
+    failed = [] if is_over() else [name for name, fit in tried if fit is None]
     if not is_simulated:
-        return found, hopeless
+        return found, failed
     found.sort(key=lambda one: one[1].rms)
     least = math.sqrt(1 - policy.LEAST_PROMISE) * now.rms
     many = min(sum(fit.rms < least for _, fit in found), policy.FINISHED)
     finished = search.each(lambda one: (one[0], refined(one[1])), found[:many])
-    return [*finished, *found[len(finished) :]], hopeless
+    return [*finished, *found[len(finished) :]], failed
 
 
 def _with_load(model: Model, data: Problem, nuisance: FloatArray | None = None) -> Regression:
@@ -329,7 +329,7 @@ def _eliminated(
         less = _without(effect, now, search.method)
         others = [name for name in added if name != effect]
         is_needed = p_of(less.judged, now.judged, search.choosing) < policy.FALSE_NAME and is_sized(effect, now.judged)
-        if not is_needed and are_apt(less.model, others):
+        if not is_needed and are_consistent(less.model, others):
             kept = [name != effect for name in added]
             fits = [fits[0], *compress(fits[1:], kept)]
             added = list(compress(added, kept))

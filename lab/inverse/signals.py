@@ -1,4 +1,4 @@
-"""Motion and torque of a recording within the band in which the angle stands out of its noise.  Nothing is fitted here.
+"""Motion and torque of a recording within the band in which the angle exceeds its noise.  Nothing is fitted here.
 
 Every signal of the regression passes the same zero-phase low-pass filter (parallel filtering), which preserves linear
 relations between them, and is then sampled at the rate that the band needs.

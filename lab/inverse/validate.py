@@ -26,7 +26,7 @@ from scipy.special import stdtr, stdtrit
 from lostmotion.lab import policy
 from lostmotion.lab.deadline import within
 from lostmotion.lab.fitting.identifiability import held
-from lostmotion.lab.inverse.candidates import are_apt, turns_of
+from lostmotion.lab.inverse.candidates import are_consistent, turns_of
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import Data
 from lostmotion.lab.inverse.regression import Regression, blocks_of, regressed
@@ -194,7 +194,7 @@ def judged(name: str, found: Fitted, now: Fitted, tried: float, choosing: Signal
     """Tests a candidate of so many (one over its prior probability) against the present fit; choosing: see ``p_of``."""
     before, after, block = _errors(now.judged, found.judged, choosing)
     p_value = min(tried * shapes_tried(name, found.model) * _chance(before, after, block), 1.0)
-    is_identified = is_sized(name, found.judged) and are_apt(found.model, [name])
+    is_identified = is_sized(name, found.judged) and are_consistent(found.model, [name])
     return Judged(name, found, float(1 - after.sum() / before.sum()), p_value, is_identified)
 
 

@@ -28,7 +28,7 @@ from lostmotion.model import Model
 from lostmotion.model.effects.guesses import MotionScales
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Near", "nearest", "shortlist"]
+__all__ = ["Optimum", "nearest", "shortlist"]
 
 FIRST, EACH, MOST_EACH, POPULATION = 72, 9, 240, 20
 """Size of the first population; for effects with many initial guesses the number around each, up to a limit; size of
@@ -41,14 +41,14 @@ EFFECT_WIDTH = 0.4
 SURE = 0.2
 """Share of these widths around fitted values."""
 LARGER = 4.0
-LEAP, CROSSED = 0.6, 0.9
+DIFFERENTIAL_WEIGHT, CROSSOVER = 0.6, 0.9
 MUTATED, FARTHEST = 0.5, 3
 NICHES, NICHES_LEFT = 4, 2
 """Number of subpopulations (niches) over the range of a whole number; number of those that are evolved to the end."""
 
 
 @dataclass(frozen=True, eq=False)
-class Near:
+class Optimum:
     """A model from the search, its cost (see ``_cost``), and the effect that it adds to the base."""
 
     model: Model
@@ -62,11 +62,11 @@ def nearest(model: Model, task: Task, seed: int = 0) -> Model:
     follower = Follower.of(task, model)
     found = _Population(follower, [model], seed)
     found.evolve(BASE_GENERATIONS)
-    found.loosen()
-    return found.near("").model
+    found.evolve_low_gain()
+    return found.best("").model
 
 
-def shortlist(base: Level, effects: Sequence[str], task: Task, pool: Executor) -> list[Near]:
+def shortlist(base: Level, effects: Sequence[str], task: Task, pool: Executor) -> list[Optimum]:
     """The effects with the least prediction error of observers, best first; one with a whole number, and so distant
     local minima, may occur twice.  None where there is no time for it, or the bar was not measured.
 
@@ -84,7 +84,7 @@ def shortlist(base: Level, effects: Sequence[str], task: Task, pool: Executor) -
     further = pool.map(_further, (population for population, _ in best), [follower] * len(best))
     best = list(zip(further, [effect for _, effect in best], strict=True))
     best = _leading(best, NICHES_LEFT)
-    return sorted(pool.map(_finished, *zip(*best, strict=True)), key=lambda near: near.cost)
+    return sorted(pool.map(_finished, *zip(*best, strict=True)), key=lambda one: one.cost)
 
 
 def _cost(follower: Follower, model: Model) -> float:
@@ -126,13 +126,13 @@ class _Population:
         order = np.argsort(costs)[:POPULATION]
         self._models, self._z, self.costs = [kept[i] for i in order], z[order], costs[order]
 
-    def near(self, effect: str) -> Near:
+    def best(self, effect: str) -> Optimum:
         """The best member."""
         best = int(np.argmin(self.costs))
         model = self._unknowns.put(self._models[best], self._z[best])
-        return Near(model, _cost(self._follower, model), effect)
+        return Optimum(model, _cost(self._follower, model), effect)
 
-    def loosen(self) -> None:
+    def evolve_low_gain(self) -> None:
         """Evolves some more generations with the low gain."""
         self.judge_by(self._follower, WEAK)
         self.evolve(FINAL_GENERATIONS)
@@ -151,8 +151,9 @@ class _Population:
             top = np.argsort(self.costs)[: max(3, size // 5)]
             for i in range(size):
                 (a, b), lead = random.choice(size, 2, replace=False), int(random.choice(top))
-                leap = LEAP * (z[lead] - z[i]) + random.uniform(0.3, 0.9) * (z[a] - z[b])
-                trial = np.clip(z[i] + np.where(random.random(leap.size) < CROSSED, leap, 0.0), *self._unknowns.bounds)
+                step = DIFFERENTIAL_WEIGHT * (z[lead] - z[i]) + random.uniform(0.3, 0.9) * (z[a] - z[b])
+                crossed = np.where(random.random(step.size) < CROSSOVER, step, 0.0)
+                trial = np.clip(z[i] + crossed, *self._unknowns.bounds)
                 model = self._mutated(self._models[lead])
                 cost = self._cost(model, trial)
                 if cost < self.costs[i]:
@@ -225,6 +226,6 @@ def _further(population: _Population, follower: Follower) -> _Population:
     return population
 
 
-def _finished(population: _Population, effect: str) -> Near:
-    population.loosen()
-    return population.near(effect)
+def _finished(population: _Population, effect: str) -> Optimum:
+    population.evolve_low_gain()
+    return population.best(effect)

@@ -41,7 +41,7 @@ class Follower:
         """The segments of the first experiments in which the signal changes most."""
         value = {name: p.value for name, p in rough.parameters.items()}
         hz = max(LEAST_HZ, PERIOD_SAMPLES * math.sqrt(value["k"] / value["m"]) / (2 * math.pi))
-        segments = tuple(_liveliest(e, hz) for e in task.experiments[:EXPERIMENTS])
+        segments = tuple(_most_varying(e, hz) for e in task.experiments[:EXPERIMENTS])
         observers = {
             coupling: Observer.of(rough, 1 / segments[0].rate_hz, coupling) for coupling in (TIGHT, STRONG, WEAK)
         }
@@ -74,7 +74,7 @@ class Follower:
         return np.asarray(np.concatenate(errors) / (observer.expected * self.noise))
 
 
-def _liveliest(experiment: Experiment, hz: float) -> Experiment:
+def _most_varying(experiment: Experiment, hz: float) -> Experiment:
     """The two seconds in which the sensor moves most, at no more than about ``hz`` samples a second."""
     bar = sampled(experiment)
     step = max(1, int(bar.rate_hz / hz))

@@ -37,7 +37,7 @@ def simplified(
         fit = grown(fit, unseen.task)
         judged = unseen.judge(fit.model, descent[-1])
         if not unseen.is_better(unseen.again(level.model, descent[-1], judged), judged):
-            return simplified(fit, [*_way(fit.model, descent[0], unseen), judged], unseen, kept)
+            return simplified(fit, [*_path(fit.model, descent[0], unseen), judged], unseen, kept)
     return level, list(descent)
 
 
@@ -64,7 +64,7 @@ def reduced(
     for effect in effects:
         model = without(model, effect)
     fit = grown(full_fit(model, unseen.task, policy.LOST_SHARE), unseen.task)
-    return fit, [*_way(fit.model, descent[0], unseen), unseen.judge(fit.model, descent[-1])]
+    return fit, [*_path(fit.model, descent[0], unseen), unseen.judge(fit.model, descent[-1])]
 
 
 def _simpler(model: Model, added: Sequence[str]) -> Iterator[Model]:
@@ -76,7 +76,7 @@ def _simpler(model: Model, added: Sequence[str]) -> Iterator[Model]:
             yield found[1]
 
 
-def _way(model: Model, first: Judged, unseen: Unseen) -> Iterator[Judged]:
+def _path(model: Model, first: Judged, unseen: Unseen) -> Iterator[Judged]:
     """Validates the model with none, one, two, … but not all of the added effects."""
     task, added = unseen.task, unseen.task.added(model)
     if added:

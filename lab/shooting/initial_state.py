@@ -110,17 +110,19 @@ def polished(model: Model, segment: Segment, states: FloatArray, substep_s: floa
     return np.asarray(states[np.argsort(cost)])
 
 
-def repaired(model: Model, segments: Sequence[Segment], substep_s: float, hopeless: float = 1.0) -> tuple[Segment, ...]:
+def repaired(
+    model: Model, segments: Sequence[Segment], substep_s: float, max_missed: float = 1.0
+) -> tuple[Segment, ...]:
     """The segments, with new initial states of those that the model misses: from the end of the segment before, or from
     a finer scan.
 
-    Gears only; in other motions the initial state decays.  hopeless: share of missed segments above which none is
+    Gears only; in other motions the initial state decays.  max_missed: share of missed segments above which none is
     repaired.
     """
     if model.base != "play":
         return tuple(segments)
     missed = missing(model, segments, substep_s)
-    if np.mean(missed) > hopeless:
+    if np.mean(missed) > max_missed:
         return tuple(segments)
     done: list[Segment] = []
     for segment, out in zip(segments, missed, strict=True):

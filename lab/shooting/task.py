@@ -12,7 +12,7 @@ from lostmotion.lab.shooting.continuation import first_level
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Task", "coarse_substep", "rubbing"]
+__all__ = ["Task", "coarse_substep", "with_friction"]
 
 SEARCH_STEPS = {"play": 8.0, "oscillator": 2.0, "joint": 4.0, "servo": 2.0}  # times the model's own choice of step
 LONGEST_STEP_S = {"play": 5e-4}
@@ -40,11 +40,11 @@ class Task:
         """For these experiments, with the step of a search."""
         halvings = max(first_level(model.base, experiment) for experiment in experiments)
         rough = from_spectra(model, experiments)
-        step = coarse_substep(rubbing(rough, experiments), experiments)
+        step = coarse_substep(with_friction(rough, experiments), experiments)
         return cls(rough, tuple(experiments), noise, step, halvings)
 
 
-def rubbing(model: Model, experiments: Sequence[Experiment]) -> Model:
+def with_friction(model: Model, experiments: Sequence[Experiment]) -> Model:
     """A joint or servo with friction added: candidates of the search are stiffer than the model."""
     if model.base not in ("joint", "servo") or "coulomb_friction" in model.effects:
         return model

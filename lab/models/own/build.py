@@ -75,7 +75,8 @@ def _value_lines(arguments: Arguments) -> Lines:
 
 
 def _rate_lines(arguments: Arguments) -> Lines:
-    """The contribution's rate: the difference over a short time in which angles, lengths and time go on as they do."""
+    """The contribution's rate: the difference over a short time in which angles, lengths and time advance at their
+    rates."""
     later, earlier = (
         f"function({', '.join(_moved(key, arguments, sign) for key in arguments.names)})" for sign in "+-"
     )
