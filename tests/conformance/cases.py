@@ -199,7 +199,7 @@ CASES = (
     Case(
         "ros2-accelerometer",
         "ros2",
-        # A slower one than the others: its emulator serialises each message, which a busy machine does 350 times a second.
+        # Slower than the others: its emulator serialises each message, which a busy machine does 350 times a second.
         accelerometer={"rate_hz": 200.0, "topic": "/imu", "range_ms2": 160.0, **OSCILLATOR},
         network=lambda: Ros2Robot(MOTION, imu_hz=200.0),
     ),

@@ -321,10 +321,13 @@ def in_units(recording: Recording, inertia: float, length: float, time: float) -
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("time", [0.01, 60.0])
-@pytest.mark.parametrize("case", ["driven", "swinging", "struck"])
+@pytest.mark.parametrize(
+    ("case", "time"),
+    [("driven", 0.01), ("driven", 60.0), ("swinging", 0.01), ("swinging", 7.0), ("struck", 0.01), ("struck", 7.0)],
+)
 def test_units_change_nothing(case: str, time: float, request: pytest.FixtureRequest, tmp_path: Path) -> None:
-    """In other units of inertia, length and time the names, the shares and the errors over the noise are the same."""
+    """In other units of inertia, length and time the names, the shares and the errors over the noise are the same.
+    Simulated motions 60 times as slow pass, too, but take ten times as long."""
     asked: Asked = request.getfixturevalue(case)
     other = explained(tmp_path, asked.model, [in_units(one, 1e4, 1e3, time) for one in asked.recordings])
     first = asked.answer
