@@ -21,8 +21,9 @@ from tests.conftest import ROOT
 from tests.daemon.test_service import hardware
 
 LEFT_OUT = ("numba", "llvmlite", "scipy", "matplotlib", "mpl_toolkits", "PIL", "fontTools", "kiwisolver", "contourpy")
-MOST_RESIDENT = 60e6
-"""of the service alone [byte]"""
+MOST_RESIDENT = 70e6
+"""of the service alone [byte]: 50 MB at its first scores, 60 after 4 s, 66 after half a minute, when it has learnt; a
+busy machine is asked later than an idle one"""
 
 
 def listed() -> set[str]:
@@ -114,7 +115,7 @@ def test_a_sink_without_its_package_is_refused(light: dict[str, str], tmp_path: 
 
 @pytest.mark.slow
 def test_the_service_scores_hardware_and_stays_small(light: dict[str, str], tmp_path: Path) -> None:
-    """An emulated servo and accelerometer are scored without the packages that are left out, within 60 MB."""
+    """An emulated servo and accelerometer are scored without the packages that are left out, within 70 MB."""
     motion = Motion(play=1.0)
     with Emulator(ServoLine.of("AX-12A", [1, 2], motion), CsvStream(motion)) as emulator:
         config = hardware(tmp_path, *emulator.paths)
