@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 import sys
@@ -30,6 +31,14 @@ def pytest_configure(config: pytest.Config) -> None:
         from tests.compiled import compile_models
 
         compile_models()
+
+
+@pytest.fixture(autouse=True)
+def _no_handler_is_left() -> Iterator[None]:
+    """A service that ran in this process wrote its log to a standard error that is closed after its test."""
+    yield
+    kept = [one for one in logging.root.handlers if not type(one).__module__.startswith("lostmotion.")]
+    logging.root.handlers[:] = kept
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
