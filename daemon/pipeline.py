@@ -60,12 +60,14 @@ class JointPlan:
 @dataclass(frozen=True, slots=True)
 class Scored:
     """A window and its score; origin: which joint the play comes from, for joints that share accelerometers;
-    commands: times [s] and angles [rad] from ``COMMANDED_S`` before the window to its end, shape (2, M)."""
+    commands: times [s] and angles [rad] from ``COMMANDED_S`` before the window to its end, shape (2, M);
+    failure: the error that ended the estimate of the play and its severity, which the score then lacks."""
 
     window: Window
     score: Score
     origin: Origin | None = None
     commands: FloatArray = field(default_factory=lambda: np.empty((2, 0)))
+    failure: Exception | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -326,7 +328,12 @@ class Pipeline:
             joint.counts.lost[score.quality] += 1
         else:
             joint.counts.scored += 1
-        scored = Scored(window, self._sized(joint, score, ring), commands=joint.commanded(pending))
+        failure: Exception | None = None
+        try:
+            score = self._sized(joint, score, ring)
+        except Exception as error:  # noqa: BLE001 - whether there was an impact is known all the same
+            failure, score = error, replace(score, play_reason="internal error")
+        scored = Scored(window, score, commands=joint.commanded(pending), failure=failure)
         if joint.learner is not None:
             self._to_learn.append((joint, window))
         return scored

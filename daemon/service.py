@@ -1,6 +1,6 @@
 """The service: startup, main loop, shutdown.  It calls the stages in order.
 
-The only place with broad catches: whatever goes wrong in one window, sink or poller is logged and the rest goes on.
+What goes wrong in one stage, sink or poller stays there (``fault_barrier``).
 """
 
 from __future__ import annotations
@@ -8,12 +8,11 @@ from __future__ import annotations
 import logging
 import math
 import os
-import sqlite3
 import threading
 import time
 from collections.abc import Callable, Sequence
 from datetime import datetime
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
@@ -21,12 +20,12 @@ from lostmotion.daemon import counters, database, logs
 from lostmotion.daemon.alarm import Change
 from lostmotion.daemon.alarm_manager import AlarmManager, is_over
 from lostmotion.daemon.config import Config
+from lostmotion.daemon.fault_barrier import FaultBarrier, run_poller
 from lostmotion.daemon.no_memory import NO_MEMORY, is_no_memory
 from lostmotion.daemon.noises import Noises
 from lostmotion.daemon.notify import Notifier
-from lostmotion.daemon.poller import Poller
 from lostmotion.daemon.records import Answer, JointRow, ScoreRow, WindowRow
-from lostmotion.daemon.repeats import Condition, Repeats, place
+from lostmotion.daemon.repeats import Condition
 from lostmotion.daemon.robot import Robot
 from lostmotion.daemon.signals import Flags
 from lostmotion.daemon.sinks import Sink
@@ -45,8 +44,6 @@ __all__ = ["run"]
 
 log = logging.getLogger(__name__)
 
-T = TypeVar("T")
-
 LOOP_S = 0.2
 """the main thread wakes at least so often, and whenever servo samples have come or a window is complete [s]"""
 SOON_S = 0.005
@@ -64,7 +61,6 @@ NOTICE_S = 60.0
 """how long the alarm about a database that was replaced is active; then it waits to be acknowledged [s]"""
 FINISH_S = 3.0
 """how long a stopping service waits for open windows [s]"""
-CRASH_PAUSE_S = 5.0
 
 
 def run(config: Config, *, duration_s: float | None = None, reload: Callable[[], Config] | None = None) -> int:
@@ -108,7 +104,7 @@ class Service:
         self._store = _store(config)
         self._due = {period_s: time.monotonic() + period_s for period_s in (CLOCK_S, LOOK_S, COUNTS_S, SUMMARY_S)}
         self._fed = (time.monotonic(), 0)
-        self._errors = Repeats()
+        self._barrier = FaultBarrier(config.database)
         self._notice, self._notice_ends = "", 0.0
         self._taken_up: set[tuple[int, datetime]] = set()
         self._time: Timekeeper | None = None  # a virtual robot's clock needs none
@@ -143,7 +139,7 @@ class Service:
     def shutdown(self) -> int:
         """Finishes what is open, in the order of the data's way; how many rows were lost."""
         self._notifier.stopping()
-        self._call_stage(self._finish)  # what waits is written all the same
+        self._barrier.call(self._finish)  # what waits is written all the same
         counters.log_summary(self._robot, self._store)
         lost = self._store.close()
         self._notifier.close()
@@ -175,7 +171,7 @@ class Service:
         self._alarm_manager = self._open_alarm_manager(known)
         self._tasks = self._open_tasks()
         self._threads = [
-            threading.Thread(target=self._poll, args=(poller, self._robot.stop), name=poller.name, daemon=True)
+            threading.Thread(target=run_poller, args=(poller, self._robot.stop), name=poller.name, daemon=True)
             for poller in self._robot.pollers
         ]
         for thread in self._threads:
@@ -189,7 +185,7 @@ class Service:
         while self._robot.pipeline.open_windows and time.monotonic() < end:
             self._step()
             time.sleep(0.01)
-        while self._call_stage(self._robot.pipeline.learn):
+        while self._barrier.call(self._robot.pipeline.learn):
             pass
         self._robot.stop.set()
         for thread in self._threads:
@@ -203,9 +199,9 @@ class Service:
 
     def _close_sinks(self) -> None:
         if self._exporter is not None:
-            self._call_stage(self._exporter.close)
+            self._barrier.call(self._exporter.close)
         for sink in self._sinks:
-            self._call_stage(sink.close)
+            self._barrier.call(sink.close)
 
     def _take_new_configuration(self) -> str:
         """Replaces the running configuration; a bad one changes nothing.  Why it was not taken, "" when it was."""
@@ -250,6 +246,7 @@ class Service:
     def _live(self, config: Config, robot: Robot, store: Store, known: Sequence[Change | ScoreRow]) -> None:
         store.configure(config.robot.name, config.store.keep_windows_mb, config.store.keep_scores_days)
         self._config, self._robot, self._store = config, robot, store
+        self._barrier = FaultBarrier(config.database)
         self._begin(known)
 
     def _leave_damaged_store(self, damage: Exception) -> None:
@@ -257,7 +254,7 @@ class Service:
         self._finish()
         known = self._alarm_manager.newest
         self._renew_store(damage, known)
-        self._robot, self._errors = Robot(self._config), Repeats()
+        self._robot, self._barrier = Robot(self._config), FaultBarrier(self._config.database)
         self._begin(known)
 
     def _renew_store(self, damage: Exception, known: Sequence[Change | ScoreRow]) -> None:
@@ -310,29 +307,31 @@ class Service:
         """Samples to windows, windows to scores, scores to store, alarm state and sinks."""
         if self._time is not None and self._is_due(CLOCK_S):
             self._look_at_clock(self._time)
-        for scored in self._call_stage(self._robot.step) or ():
+        for scored in self._barrier.call(self._robot.step) or ():
+            if scored.failure is not None:
+                self._barrier.report("the size of the play", scored.failure)
             utc = self._stamp(scored.score.time)
             row = ScoreRow.of(scored.score, utc)
             for sink in self._sinks:
-                self._call_stage(sink.score, row)
+                self._barrier.call(sink.score, row)
             self._store.add(_marked(row) if self._time is not None and self._time.is_doubtful else row)
             if self._config.store.keep_windows_mb:
                 self._store.add(WindowRow.of(scored.window, row.impact, utc, scored.commands))
-            self._call_stage(self._alarm_manager.scored, row, scored.origin)
+            self._barrier.call(self._alarm_manager.scored, row, scored.origin)
         if self._store.is_settling:
             self._alarm_manager.publish_settled()
         if not self._store.is_settling:
-            self._call_stage(self._robot.pipeline.learn)
+            self._barrier.call(self._robot.pipeline.learn)
         while self._robot.pipeline.is_behind:
-            self._call_stage(self._robot.pipeline.learn)
+            self._barrier.call(self._robot.pipeline.learn)
         self._store.add(*self._noises.rows())
 
     def _publish(self, change: Change, again: bool = False) -> None:
         for sink in self._sinks:
             if isinstance(change, JointRow):
-                self._call_stage(sink.health, change)
+                self._barrier.call(sink.health, change)
             else:
-                self._call_stage(sink.alarm, change, again)
+                self._barrier.call(sink.alarm, change, again)
 
     def _look_around(self) -> None:
         """What need not be done for every window: dead devices, alarms' delays, requests, trends, systemd, counts."""
@@ -347,9 +346,9 @@ class Service:
             for joint in self._config.joints:
                 fault = self._robot.fault(joint)
                 self._alarm_manager.look(joint.name, fault or notice or fault, utc, self._robot.doubt(joint))
-            self._call_stage(self._alarm_manager.take_requests, utc)
-            self._store.add(*(self._call_stage(self._tasks.take) or ()))
-            self._call_stage(self._alarm_manager.ask_trend, utc)
+            self._barrier.call(self._alarm_manager.take_requests, utc)
+            self._store.add(*(self._barrier.call(self._tasks.take) or ()))
+            self._barrier.call(self._alarm_manager.ask_trend, utc)
             self._alarm_manager.publish_settled()
             self._notifier.status(counters.status_line(self._robot, self._store, self._alarm_manager.healths))
         if self._is_due(COUNTS_S):
@@ -378,44 +377,6 @@ class Service:
             log.error("%s: no sign of life for %g s; the watchdog is not fed", ", ".join(hung), period_s)
         elif samples != before:
             self._notifier.watchdog()
-
-    # --- guards -----------------------------------------------------------------------------------------------------
-
-    def _poll(self, poller: Poller, stop: threading.Event) -> None:
-        """A poller's thread: a poller that breaks down is started again."""
-        errors = Repeats()
-        while not stop.is_set():
-            try:
-                poller.run()
-                return
-            except Exception as error:
-                if is_no_memory(error):
-                    if errors.is_news(NO_MEMORY, time.monotonic()):
-                        log.error("%s: %s; it is tried again", poller.name, NO_MEMORY)
-                    poller.fail(NO_MEMORY)
-                else:
-                    if errors.is_news(place(error), time.monotonic()):
-                        log.exception("%s: broke down and is started again", poller.name)
-                    poller.fail(f"internal error: {error!r}")
-                poller.rest(CRASH_PAUSE_S)
-
-    def _call_stage(self, function: Callable[..., T], *arguments: object) -> T | None:
-        """Calls a stage; an error in it is logged, not every time, and the service goes on."""
-        stage = getattr(function, "__qualname__", function)
-        try:
-            return function(*arguments)
-        except sqlite3.Error as error:  # met in reading; the store handles and logs those of the writer
-            text = database.explain(self._store.path, error)
-            if self._errors.is_news(text, time.monotonic()):
-                after = "; it stays in use until writing meets the damage, too" if database.is_damage(error) else ""
-                log.error("cannot be read: %s%s", text, after)
-        except Exception as error:
-            if is_no_memory(error):
-                if self._errors.is_news(NO_MEMORY, time.monotonic()):
-                    log.error("%s; windows are lost as long as that lasts, the service goes on", NO_MEMORY)
-            elif self._errors.is_news(f"{stage}: {place(error)}", time.monotonic()):
-                log.exception("internal error in %s", stage)
-        return None
 
 
 def _log_kept_configuration(error: BaseException) -> str:

@@ -15,7 +15,7 @@ from typing import Any
 import can
 import pytest
 
-from lostmotion.daemon import config, metrics_http, no_memory, service, store
+from lostmotion.daemon import config, fault_barrier, metrics_http, no_memory, service, store
 from lostmotion.daemon.database import ReplacedError
 from lostmotion.daemon.no_memory import NO_MEMORY, is_no_memory
 from lostmotion.daemon.options import ZenohOptions
@@ -87,7 +87,7 @@ def test_no_memory_is_told_once(
         raise error
 
     monkeypatch.setattr(*stage, starved)
-    monkeypatch.setattr(service, "CRASH_PAUSE_S", 0.05)
+    monkeypatch.setattr(fault_barrier, "CRASH_PAUSE_S", 0.05)
     loaded = config.loads(fake_config(tmp_path), "fake")
     assert service.run(loaded, duration_s=1.0) == 0
     wait_until(lambda: calls >= 3)

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from lostmotion.daemon import pipeline
 from lostmotion.daemon.pipeline import GIVE_UP_S, JointPlan, Pipeline, Scored, _together
 from lostmotion.daemon.ring import Ring
 from lostmotion.daemon.waker import Waker
@@ -98,6 +99,25 @@ def test_an_impact_scores_higher_than_none() -> None:
     assert len(loud) == 1
     assert loud[0].impact
     assert loud[0].score > 3 * max(quiet)
+
+
+def test_a_score_survives_an_error_in_the_size_of_the_play(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the estimate of the play breaks down, every window is scored all the same, and carries the error."""
+    broken = ZeroDivisionError("deep in the estimate")
+
+    def breaks(*_: object) -> None:
+        raise broken
+
+    monkeypatch.setattr(pipeline, "learnt_play", breaks)
+    world = World()
+    world.feel(0.0, 10.0, rings_at=5.05)
+    world.move(0.0, 9.0)
+    done = world.pipeline.step(10.0)
+    assert 15 <= len(done) <= 17
+    assert world.pipeline.counts["elbow"].scored == len(done)
+    assert any(scored.score.impact for scored in done if 4.9 < scored.window.start < 5.1)
+    assert {scored.failure for scored in done} == {broken}
+    assert {scored.score.play_reason for scored in done} == {"internal error"}
 
 
 def test_a_window_waits_for_its_end_and_no_longer() -> None:
