@@ -3,6 +3,9 @@ same time, for a minute.  The machine code is kept on disk."""
 
 from __future__ import annotations
 
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+
 import numpy as np
 
 from lostmotion.model import ModelError, build_model, catalogue
@@ -14,6 +17,13 @@ TIMES = np.arange(20) / 1000
 
 
 def compile_models() -> None:
+    """All of it, in two processes: the filter takes as long as the rest."""
+    with ProcessPoolExecutor(2, get_context("spawn")) as pool:
+        for job in [pool.submit(compile_filter), pool.submit(compile_kernels)]:
+            job.result()
+
+
+def compile_kernels() -> None:
     """Solver, observer, and every base and effect."""
     drive = Sine(0.1, 1.0)
     outputs = {"play": "accel", "oscillator": "displacement", "joint": "position", "servo": "position"}
@@ -29,6 +39,14 @@ def compile_models() -> None:
                 build_model(base, [effect.id]).simulate(drive, TIMES)
             except ModelError:  # an effect of another base
                 continue
+
+
+def compile_filter() -> None:
+    """The cubature filter of the lab."""
+    from lostmotion.lab.discrepancy.input_estimation import InputProcess
+    from tests.lab.discrepancy.test_cubature import tracker
+
+    tracker(np.zeros(TIMES.size)).run(InputProcess("oscillator", 1.0, 0.1, 1e-3))
 
 
 if __name__ == "__main__":

@@ -28,7 +28,10 @@ FAR = 5.0
 
 
 def _part(function: F) -> F:
-    """Decorator: a function that the filter calls; inlined by force, it would take twice as long to compile."""
+    """Decorator: a function that the filter calls; inlined by force, it would take twice as long to compile.
+
+    Sums are loops: with numpy's expressions and linear algebra it would take several times as long.
+    """
     return cast(F, njit(error_model="numpy")(function))
 
 
@@ -53,15 +56,50 @@ class Path(NamedTuple):
 
 
 @_part
+def _cholesky(cov: FloatArray) -> FloatArray:
+    """The lower factor (m, m) of a covariance; NaN where it is not positive definite."""
+    m = len(cov)
+    factor = np.zeros((m, m))
+    for i in range(m):
+        for j in range(i + 1):
+            rest = cov[i, j]
+            for k in range(j):
+                rest -= factor[i, k] * factor[j, k]
+            factor[i, j] = np.sqrt(rest) if i == j else rest / factor[j, j]
+    return factor
+
+
+@_part
 def _points(mean: FloatArray, cov: FloatArray) -> FloatArray:
     """The cubature points (2 m, m) of a normal distribution."""
     m = mean.size
-    factor = np.sqrt(m) * np.linalg.cholesky(cov)
-    points = np.empty((2 * m, m))
+    factor, points = _cholesky(cov), np.empty((2 * m, m))
     for i in range(m):
-        points[i] = mean + factor[:, i]
-        points[m + i] = mean - factor[:, i]
+        for j in range(m):
+            points[i, j] = mean[j] + np.sqrt(m) * factor[j, i]
+            points[m + i, j] = mean[j] - np.sqrt(m) * factor[j, i]
     return points
+
+
+@_part
+def _mean(points: FloatArray) -> FloatArray:
+    """The mean (m,) of points (p, m)."""
+    mean = np.zeros(points.shape[1])
+    for i in range(len(points)):
+        for j in range(mean.size):
+            mean[j] += points[i, j] / len(points)
+    return mean
+
+
+@_part
+def _covariance(a: FloatArray, mean_a: FloatArray, b: FloatArray, mean_b: FloatArray) -> FloatArray:
+    """The covariance (m, m) of points (p, m) with as many others."""
+    cov = np.zeros((mean_a.size, mean_b.size))
+    for i in range(len(a)):
+        for j in range(mean_a.size):
+            for k in range(mean_b.size):
+                cov[j, k] += (a[i, j] - mean_a[j]) * (b[i, k] - mean_b[k]) / len(a)
+    return cov
 
 
 @_part
@@ -69,14 +107,18 @@ def _run(path: Path, points: FloatArray, k0: int, k1: int) -> tuple[FloatArray, 
     """The model's states (2 m, n) and outputs (2 m, columns) at one knot, from these points at another one."""
     n = path.scale.size - 2
     ends, outputs = np.empty((len(points), n)), np.empty((len(points), path.records.size))
-    out, states = np.empty((path.records.size, 1)), np.empty((1, n))
+    out, states, start = np.empty((path.records.size, 1)), np.empty((1, n)), np.empty(n)
     for i in range(len(points)):
         if path.at >= 0:
             path.plan.p[path.at] = points[i, n] * path.scale[n]
-        integrate(path.plan, path.knots[k0 : k1 + 1], path.coefficients[k0 : k1 + 1], path.substep,
-                  points[i, :n] * path.scale[:n], path.knots[k1 : k1 + 1], path.records, out, states,
-                  path.origin)  # fmt: skip
-        ends[i], outputs[i] = states[0] / path.scale[:n], out[:, 0]
+        for j in range(n):
+            start[j] = points[i, j] * path.scale[j]
+        integrate(path.plan, path.knots[k0 : k1 + 1], path.coefficients[k0 : k1 + 1], path.substep, start,
+                  path.knots[k1 : k1 + 1], path.records, out, states, path.origin)  # fmt: skip
+        for j in range(n):
+            ends[i, j] = states[0, j] / path.scale[j]
+        for j in range(path.records.size):
+            outputs[i, j] = out[j, 0]
     return ends, outputs
 
 
@@ -87,23 +129,24 @@ def _predicted(
     """Mean (m,) and covariance (m, m) one sample later, and the covariance of then and now."""
     m, n = mean.size, mean.size - 2
     points, moved = _points(mean, cov), np.empty((2 * mean.size, mean.size))
-    moved[:, :n] = _run(path, points, k0, k1)[0]
-    moved[:, n], moved[:, n + 1] = path.keeps[0] * points[:, n], path.keeps[1] * points[:, n + 1]
+    ends, _ = _run(path, points, k0, k1)
     for i in range(2 * m):
         for j in range(n):  # deep in the contact a point diverges, and would spoil the mean
-            if not abs(moved[i, j] - mean[j]) < MOST_CHANGE:
-                moved[i, j] = mean[j] + (MOST_CHANGE if moved[i, j] > mean[j] else -MOST_CHANGE)
-    new = np.ones(2 * m) @ moved / (2 * m)
-    cross = (points - mean).T @ (moved - new) / (2 * m)
-    spread = (moved - new).T @ (moved - new) / (2 * m)
+            change = ends[i, j] - mean[j]
+            moved[i, j] = ends[i, j] if abs(change) < MOST_CHANGE else mean[j] + (1 if change > 0 else -1) * MOST_CHANGE
+        for j in range(2):
+            moved[i, n + j] = path.keeps[j] * points[i, n + j]
+    new = _mean(moved)
+    cross, spread = _covariance(points, mean, moved, new), _covariance(moved, new, moved, new)
     for i in range(m):
         spread[i, i] += path.noise[i]
     for i in range(n):
         if spread[i, i] > WIDEST**2:
             share = WIDEST / np.sqrt(spread[i, i])
-            spread[i] *= share
-            spread[:, i] *= share
-            cross[:, i] *= share
+            for j in range(m):
+                spread[i, j] *= share
+                spread[j, i] *= share
+                cross[j, i] *= share
     return new, spread, cross
 
 
@@ -114,33 +157,38 @@ def _corrected(
     """Mean and covariance given a value of a column at this knot, and its log-likelihood."""
     m, n = mean.size, mean.size - 2
     points = _points(mean, cov)
-    outputs = _run(path, points, k, k)[1][:, column].copy()
-    if column == 0:
-        outputs += points[:, n + 1] * path.scale[n + 1]
-        if path.at < 0:
-            outputs += points[:, n] * path.scale[n]
-    expected = outputs.mean()
-    off = outputs - expected
-    s = variance + off @ off / (2 * m)
-    gain = (points - mean).T @ off / (2 * m)
-    error = value - expected
+    _, outputs = _run(path, points, k, k)
+    off = np.empty((2 * m, 1))
+    for i in range(2 * m):
+        off[i, 0] = outputs[i, column]
+        if column == 0:
+            off[i, 0] += points[i, n + 1] * path.scale[n + 1]
+            if path.at < 0:
+                off[i, 0] += points[i, n] * path.scale[n]
+    expected = _mean(off)
+    s = variance + _covariance(off, expected, off, expected)[0, 0]
+    gain = _covariance(points, mean, off, expected)
+    error = value - expected[0]
     square = error * error / s
     score = -0.5 * (np.log(s) + square)
     if square > FAR * FAR:  # Huber's cost, and his weight
         score = -0.5 * (np.log(s) + FAR * (2 * np.sqrt(square) - FAR))
         s *= np.sqrt(square) / FAR
-    cov = cov - np.outer(gain, gain) / s
-    return mean + gain * (error / s), 0.5 * (cov + cov.T), score
+    new, left = np.empty(m), np.empty((m, m))
+    for i in range(m):
+        new[i] = mean[i] + gain[i, 0] * error / s
+        for j in range(m):
+            left[i, j] = 0.5 * (cov[i, j] + cov[j, i]) - gain[i, 0] * gain[j, 0] / s
+    return new, left, score
 
 
 def _run_filter(
-    path: Path, times: FloatArray, y: FloatArray, variance: FloatArray, start: FloatArray, smooth: bool
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Log-likelihoods (N,), means (N, m), deviations of u (N,); y: (N, columns), NaN where not sampled; variance:
-    (columns,) of their white noise; start: (m,).  Works in units of ``path.scale``.
-    """
+    path: Path, times: FloatArray, y: FloatArray, variance: FloatArray, start: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Log-likelihoods (N,), means (N, m) and covariances (N, m, m) of the filter, the predicted ones, and the
+    covariances (N, m, m) of each sample's state with the one before; start: in units of ``path.scale``."""
     m, n, samples = path.scale.size, path.scale.size - 2, times.size
-    mean, cov = start / path.scale, np.eye(m)
+    mean, cov = start.copy(), np.eye(m)
     for i in range(n):
         cov[i, i] = UNSURE**2
     scores, means, covs = np.zeros(samples), np.empty((samples, m)), np.empty((samples, m, m))
@@ -159,11 +207,25 @@ def _run_filter(
                 scores[sample] += score
         means[sample], covs[sample] = mean, cov
         k0 = k1
-    for sample in range(samples - 2, -1 if smooth else samples, -1):  # Rauch, Tung and Striebel's smoother
-        back = np.linalg.solve(spreads[sample + 1], crosses[sample + 1].T).T
-        means[sample] += back @ (means[sample + 1] - before[sample + 1])
-        covs[sample] += back @ (covs[sample + 1] - spreads[sample + 1]) @ back.T
-    return scores, means * path.scale, np.sqrt(np.maximum(covs[:, n, n], 0.0)) * path.scale[n]
+    return scores, means, covs, before, spreads, crosses
 
 
-run_filter = compiled(lambda **options: njit(nogil=True, error_model="numpy", **options)(_run_filter))
+_compiled_filter = compiled(lambda **options: njit(nogil=True, error_model="numpy", **options)(_run_filter))
+
+
+def run_filter(
+    path: Path, times: FloatArray, y: FloatArray, variance: FloatArray, start: FloatArray, smooth: bool
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Log-likelihoods (N,), means (N, m), deviations of u (N,); NaN from the sample on where the filter diverges.
+
+    y: (N, columns), NaN where not sampled; variance: (columns,) of their white noise; start: (m,).  Works in units of
+    ``path.scale``.
+    """
+    scores, means, covs, before, spreads, crosses = _compiled_filter(path, times, y, variance, start / path.scale)
+    if smooth:  # Rauch, Tung and Striebel's smoother
+        gains = np.linalg.solve(spreads[1:], crosses[1:].transpose(0, 2, 1)).transpose(0, 2, 1)
+        for k in range(times.size - 2, -1, -1):
+            means[k] += gains[k] @ (means[k + 1] - before[k + 1])
+            covs[k] += gains[k] @ (covs[k + 1] - spreads[k + 1]) @ gains[k].T
+    u = path.scale.size - 2
+    return scores, means * path.scale, np.sqrt(np.maximum(covs[:, u, u], 0.0)) * path.scale[u]

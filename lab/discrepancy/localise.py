@@ -158,10 +158,7 @@ def _climb(trackers: Sequence[Tracker], equation: str, memory: float, unit: floa
 def _likelihood(trackers: Sequence[Tracker], process: InputProcess) -> float:
     total = 0.0
     for tracker in trackers:
-        try:
-            score = tracker.run(process).log_likelihood
-        except np.linalg.LinAlgError:
-            return -np.inf
+        score = tracker.run(process).log_likelihood
         if not np.isfinite(score):
             return -np.inf
         total += score
