@@ -153,7 +153,7 @@ def status(config: Path | None, database: Path | None, fail: bool, as_json: bool
 @database
 @since
 @until
-@click.option("--limit", type=click.IntRange(1, 2**63 - 1), metavar="N", help="The newest N of them.")
+@click.option("--limit", type=click.IntRange(1, 10**9), metavar="N", help="The newest N of them.")
 @click.option("--csv", "as_csv", is_flag=True, help="CSV on stdout.")
 @click.option("--parquet", type=FILE, metavar="FILE", help="Write an Apache Parquet file (needs lostmotion[parquet]).")
 @as_json

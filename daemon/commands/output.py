@@ -10,11 +10,14 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 from lostmotion.drivers.errors import LostmotionError
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 __all__ = [
     "OutputError",
@@ -102,12 +105,30 @@ def print_table(columns: Sequence[str], rows: Sequence[Row], right: Sequence[str
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for name in columns:
-        table.add_column(name, justify="right" if name in right else "left", overflow="fold")
+    widths, gap = _column_widths(columns, rows, _console().width)
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False, padding=(0, gap // 2))
+    for name, width in zip(columns, widths, strict=True):
+        table.add_column(name, justify="right" if name in right else "left", overflow="fold", width=width)
     for row in rows:
         table.add_row(*row)
     _print(table)
+
+
+def _column_widths(columns: Sequence[str], rows: Sequence[Row], available: int) -> tuple[list[int], int]:
+    """Widths of the columns, and of the gap between them: 3, or 1 on a terminal that is too narrow for that.
+    The widest column that can be wrapped between words is narrowed first; a word is broken only when no such column is
+    left."""
+    from rich.cells import cell_len
+    from rich.text import Text
+
+    cells = [[Text.from_markup(cell).plain for cell in column] for column in zip(columns, *rows, strict=True)]
+    widths = [max(map(cell_len, column)) for column in cells]
+    words = [max(cell_len(word) for cell in column for word in [*cell.split(), ""]) for column in cells]
+    gap = 3 if available >= min(WIDE, sum(widths) + 3 * (len(columns) - 1)) else 1
+    while sum(widths) + gap * (len(columns) - 1) > available and max(widths) > 1:
+        widest = max(range(len(columns)), key=lambda i: (widths[i] > words[i], widths[i]))
+        widths[widest] -= 1
+    return widths, gap
 
 
 def print_long_table(columns: Sequence[str], batches: Iterator[Sequence[Row]], right: Sequence[str] = ()) -> bool:
@@ -147,9 +168,14 @@ def _aligned(row: Row, columns: Sequence[str], right: Sequence[str], widths: Seq
 
 
 def _print(*items: object) -> None:
+    _console().print(*items, sep="\n")
+
+
+def _console() -> Console:
+    """As wide as the terminal, or WIDE where stdout is none."""
     from rich.console import Console
 
-    Console(width=None if sys.stdout.isatty() else WIDE, highlight=False).print(*items, sep="\n")
+    return Console(width=None if sys.stdout.isatty() else WIDE, highlight=False)
 
 
 def number(value: float) -> str:

@@ -114,3 +114,11 @@ def test_a_short_table_of_one_batch_is_that_of_a_few_rows(capsys: pytest.Capture
     assert output.print_long_table(("a",), iter([[["1"]]]))
     assert capsys.readouterr().out == whole
     assert not output.print_long_table(("a",), iter([]))
+
+
+def test_a_narrow_terminal_wraps_between_words() -> None:
+    """In 160 columns nothing is wrapped; in 30 the gaps close and the time wraps at its blank; in 12 words break."""
+    columns, row = ("joint", "raised", "reason"), ["elbow", "2026-11-25 19:32:54", "half of the windows above"]
+    assert output._column_widths(columns, [row], 160) == ([5, 19, 25], 3)
+    assert output._column_widths(columns, [row], 30) == ([5, 11, 12], 1)
+    assert output._column_widths(columns, [row], 12) == ([3, 3, 4], 1)
