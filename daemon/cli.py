@@ -60,7 +60,9 @@ trend_level = click.option(
     help="The limit, instead of alarm.severity_error [rad], the newest score's level, or alarm.play_error [rad].",
 )
 statistic = click.option(
-    "--statistic", type=click.Choice(("band", "ringdown")), help="Eq. 8, or what knows the whole ring-down."
+    "--statistic",
+    type=click.Choice(("band", "ringdown")),
+    help="band (eq. 8), or ringdown, which uses the whole ring-down.",
 )
 
 

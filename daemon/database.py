@@ -240,7 +240,7 @@ def move_aside(path: Path, error: Exception) -> None:
     except OSError as refused:
         raise StoreError(f"{explain(path, error)}; it cannot be moved aside: {refused.strerror}") from refused
     log.error(
-        "%s; the history begins anew, the old file is %s: sqlite3's .recover may save most of it",
+        "%s; a new history begins, the old file is %s: sqlite3's .recover may save most of it",
         *(explain(path, error), aside.name),
     )
 

@@ -49,7 +49,7 @@ class FaultBarrier:
                 log.error("cannot be read: %s%s", text, after)
         elif is_no_memory(error):
             if self._is_news(NO_MEMORY):
-                log.error("%s; windows are lost as long as that lasts, the service goes on", NO_MEMORY)
+                log.error("%s; windows are lost until it is over; the service continues", NO_MEMORY)
         elif self._is_news(f"{stage}: {place(error)}"):
             log.error("internal error in %s", stage, exc_info=error)
 

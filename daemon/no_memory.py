@@ -34,7 +34,7 @@ def retry_without_memory(run: Callable[[], None], who: str) -> None:
                 raise
             with suppress(MemoryError):
                 if not is_logged:
-                    log.error("%s: %s; it goes on when there is some", who, NO_MEMORY)
+                    log.error("%s: %s; it continues when memory is available", who, NO_MEMORY)
                     is_logged = True
             time.sleep(AGAIN_S)
         else:

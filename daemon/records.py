@@ -266,7 +266,7 @@ class Origin:
         names = list(self.probabilities)
         if max(self.probabilities.values()) <= 1 - SURE:
             return f"most probably of none of {', '.join(names)}"
-        return f"of {', '.join(names[:-1])} or {names[-1]}: cannot be told apart yet"
+        return f"of {', '.join(names[:-1])} or {names[-1]}: not identified yet"
 
 
 @dataclass(frozen=True, slots=True)

@@ -259,7 +259,7 @@ class Service:
 
     def _renew_store(self, damage: Exception, known: Sequence[Change | ScoreRow]) -> None:
         """A new database, with the active alarms and what was not written yet; raises an alarm about it."""
-        self._notice = f"the history begins anew: {database.explain(self._store.path, damage)}"
+        self._notice = f"a new history begins: {database.explain(self._store.path, damage)}"
         self._notice_ends = time.monotonic() + NOTICE_S
         self._store.begin_anew([row for row in known if not is_over(row)])
         self._store.settled(FINISH_S)

@@ -207,7 +207,9 @@ class Store:
             self._look_at_size(wal)
         else:
             what = "replaced by another file" if self._link.exists() else "deleted"
-            self.damage = ReplacedError(f"{self._link}: was {what} while it was open; the service goes on in a new one")
+            self.damage = ReplacedError(
+                f"{self._link}: was {what} while it was open; the service continues in a new one"
+            )
 
     def _look_at_size(self, wal: Path) -> None:
         """Logs when the write-ahead log cannot be written back, because a reader keeps a transaction open."""
@@ -348,7 +350,7 @@ class Store:
         may take scores and refuse windows."""
         if self._condition.is_news(problem, time.monotonic()):
             if problem:
-                log.error("%s; scoring goes on, rows wait in memory", problem)
+                log.error("%s; scoring continues, rows wait in memory", problem)
             else:
                 log.warning("%s: written again; %d rows were given up meanwhile", self.path, self.dropped)
         self.problem = problem

@@ -26,8 +26,9 @@ def rate_limit(f_res_hz: float, rate_hz: float, what: str) -> str:
     if rate_hz >= LEAST_RATE * f_res_hz:
         return ""
     return (
-        f"{what} cannot be told: found {rate_hz / f_res_hz:.1f} samples a period of the bar ({rate_hz:g} Hz, bar of "
-        f"{f_res_hz:g} Hz), expected at least {LEAST_RATE:g}: take a sensor of {LEAST_RATE * f_res_hz:g} Hz or faster, "
+        f"{what} cannot be estimated: found {rate_hz / f_res_hz:.1f} samples a period of the bar ({rate_hz:g} Hz, "
+        f"bar of {f_res_hz:g} Hz), expected at least {LEAST_RATE:g}: "
+        f"take a sensor of {LEAST_RATE * f_res_hz:g} Hz or faster, "
         f"or a bar of {rate_hz / LEAST_RATE:g} Hz or slower"
     )
 
@@ -54,5 +55,5 @@ def poll_limit(poll_hz: float) -> str:
         return ""
     return (
         f"reversals of motions above {poll_hz / POLLS_A_PERIOD:.2g} Hz are missed, and the size of the play cannot be "
-        f"told: found {poll_hz:g} commands a second, expected {needed:g} or more"
+        f"estimated: found {poll_hz:g} commands a second, expected {needed:g} or more"
     )

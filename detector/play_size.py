@@ -137,7 +137,7 @@ def _estimate(
         return unknown("how the servo follows is not known yet"), known, servo
     command = smoothed(times, commands, segment)
     if command is None:
-        return unknown("too few commands during the stretch"), known, servo
+        return unknown("too few commands in the interval"), known, servo
     relative, touched, offset = relative_motion(segment, command, settings, servo, known.offset)
     known, solution = replace(known, offset=offset), solve(relative, touched)
     if not isinstance(solution, Solved):

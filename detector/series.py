@@ -100,6 +100,6 @@ def rate_of(times: FloatArray, what: str) -> float:
     if not period > 0:
         raise DetectorError(
             f"the times of the {what} do not ascend (median step {period:g} s, from {times[0]:g} s on); "
-            "is the file sorted, or are the times too large to tell them apart?"
+            "is the file sorted, or are the times too large to be distinct?"
         )
     return 1 / period

@@ -204,7 +204,8 @@ class CanopenBus:
             )
         if not problem and not drive.complete:
             others = ", ".join(str(node) for node in nodes if node) or "none"
-            problem = f"not heard (nodes heard: {others}); likely cause: another node, mapping or bitrate, or it is off"
+            cause = "another node, mapping or bitrate, or it is off"
+            problem = f"no frames received (nodes seen: {others}); likely cause: {cause}"
         if problem:
             return Identity(drive.joint, f"node {drive.node}: {problem}", expected, False)
         facts = drive.facts

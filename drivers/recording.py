@@ -163,7 +163,7 @@ def _check_scale(recording: Recording) -> None:
     if abs(latest) > LATEST_S:
         raise RecordingError(
             f"{recording.name}: found the time {latest:g} s, expected at most {LATEST_S:g} s; if the times are in "
-            'nanoseconds, say # time_unit = "ns" at the top'
+            'nanoseconds, write # time_unit = "ns" at the top'
         )
     steps = np.diff(recording.time)
     if steps.any() and (step := np.median(steps[steps > 0])) < SHORTEST_S:

@@ -321,7 +321,7 @@ def _make_sensor(options: AccelerometerOptions, robot: RobotOptions, clock: Cloc
 
 DRIVER = Driver(
     name="ros2",
-    summary="topics of ROS 2 over rmw_zenoh: joint or controller states, Imu; only listens",
+    summary="topics of ROS 2 over rmw_zenoh: joint or controller states, Imu; publishes nothing",
     servo=_make_bus,
     accelerometer=_make_sensor,
     joint_options=Ros2JointOptions,

@@ -143,7 +143,7 @@ def _fault(wanted: Wanted, total: _Sum, shown: Sequence[Endpoint]) -> str:
         nodes = ", ".join(sorted({one.node for one in shown if one.topic == wanted.topic and one.node}))
         return (
             f"{len(senders)} publishers of {f'joint {wanted.joint!r}' if wanted.joint else 'one Imu'} on {wanted.topic}"
-            f" ({nodes}); expected one, as nobody can tell their values apart; likely cause: a node was started twice"
+            f" ({nodes}); expected one, as their values cannot be separated; likely cause: a node was started twice"
         )
     if wanted.is_controlled and not total.has_reference:
         return f"no reference of joint {wanted.joint!r} on {wanted.topic}; likely cause: not the state of a controller"

@@ -150,7 +150,11 @@ class TapBus:
         if not servo.positions:
             found = self._fault(servo)
             return Identity(options.name, found, expected, False, found.replace(repr(self._first), "bytes"))
-        goals = "goals heard" if servo.registers.has_command else "no goal heard: commanded is the position until then"
+        goals = (
+            "goals received"
+            if servo.registers.has_command
+            else "no goal received: until then the command is the position"
+        )
         rate = f"about {servo.positions / LISTEN_S:.2g} a second"
         return Identity(options.name, f"{expected}, {rate}, {goals}", expected, True, expected)
 
@@ -168,16 +172,16 @@ class TapBus:
             asked = ", ".join(str(address) for address in sorted(servo.asked))
             return (
                 f"{name}: answers without the position, its master reads from address {asked}; likely cause: another"
-                " model, or indirect addresses, which a listener cannot know"
+                " model, or indirect addresses, which a tap cannot decode"
             )
         if servo.counts[AccessKind.ASKED]:
             return (
-                f"{name}: asked, and no answer heard; likely cause: it has no power, or only the master's own wire is"
-                " listened to"
+                f"{name}: asked, and no answer received; likely cause: it has no power, or only the master's own wire"
+                " is connected"
             )
         if servo.counts[AccessKind.WRITTEN]:
             return f"{name}: goals, and no position; likely cause: its master never reads it"
-        return f"{name}: nobody speaks to it, though others are spoken to; likely cause: another id"
+        return f"{name}: no packets for it, but for other ids; likely cause: another id"
 
 
 def _make(joints: Sequence[JointOptions], robot: RobotOptions, clock: Clock) -> ServoBus:

@@ -22,7 +22,7 @@ def read_text(path: Path) -> str:
     """The text, without the mark with which editors on Windows begin a file.  Raises TextFileError."""
     try:
         if path.is_fifo() and not path.is_relative_to("/dev"):  # a shell's <(…) is in /dev
-            raise TextFileError(f"{path}: found a pipe, expected a file: nobody may ever write into it")
+            raise TextFileError(f"{path}: found a pipe, expected a file: reading a pipe may block forever")
         with path.open(encoding="utf-8-sig") as file:
             text = file.read(MOST_CHARACTERS + 1)
     except (OSError, UnicodeDecodeError) as error:

@@ -70,7 +70,7 @@ BASE = Base(
         "kt": Parameter(1.2, "N m/A", 1e-2, 1e2, False, "guess: STS3215 stalls at 2.9 N m and 2.7 A",
                         "torque constant at the output", Domain.POSITIVE),
         "R": Parameter(4.4, "Ohm", 1e-2, 1e3, True, "guess: STS3215 stalls at 2.7 A",
-                       "winding; angles alone cannot tell it from J and kt", Domain.POSITIVE),
+                       "winding; not identifiable from angles alone beside J and kt", Domain.POSITIVE),
     },
     states=(State("theta_2", THETA2, OMEGA2), State("omega_2", OMEGA2, ALPHA2)),
     terms=(

@@ -104,7 +104,7 @@ def _card(joint: str, health: str, reason: str, last: ScoreRow | None, radius_m:
     return Card(
         joint,
         health,
-        reason or ("nothing is heard" if not last.impact else "the last reversal struck"),
+        reason or ("no impact detected" if not last.impact else "impact at the last reversal"),
         output.number(last.score) if math.isfinite(last.score) else "–",
         f"{last.level:.4g}",
         min(max(ratio, 0.0), FULL_SCALE) / FULL_SCALE,

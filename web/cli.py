@@ -51,7 +51,9 @@ class Address:
 @click.option("--hash-password", is_flag=True, help="Ask for a password and print its line for the configuration.")
 @click.option("--connect", multiple=True, metavar="ENDPOINT", help="Show the fleet that is found there, too: a router"
               " or robot, such as tcp/10.0.0.1:7447; again for more.")  # fmt: skip
-@click.option("--robots", metavar="A,B", help="Robots of the fleet that must answer, besides those that are alive.")
+@click.option(
+    "--robots", metavar="A,B", help="Robots of the fleet that must answer, in addition to those that are alive."
+)
 @click.option("--zenoh", type=FILE, metavar="FILE", help="Zenoh's own configuration (JSON5) for the fleet: TLS.")
 def web(
     config: Path | None,

@@ -111,7 +111,7 @@ class World:
 
     def left(self) -> int:
         """How often a service has left a file; that it will is said up to a second before."""
-        return self.said.count("while it was open; the service goes on in a new one\n")
+        return self.said.count("while it was open; the service continues in a new one\n")
 
     def put(self, database: Path | None) -> None:
         """Puts another file in the place of the database, or none."""

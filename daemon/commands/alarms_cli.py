@@ -48,7 +48,7 @@ def alarms() -> None:
 cause = click.option("--cause", type=click.Choice(["play", "device"]), help="Only this alarm of the joint.")
 
 
-@alarms.command("list", short_help="Alarms that are active, or that nobody has noticed.")
+@alarms.command("list", short_help="Alarms that are active or not acknowledged.")
 @config_file
 @database
 @click.option("--all", "everything", is_flag=True, help="Also those that are over.")

@@ -25,7 +25,7 @@ MOST_LOST = 0.01
 """Share of samples or polls."""
 LEAST_SAMPLES = 3
 """Fewer have no rate and no noise."""
-UNLIKE = "another device, model, rate or id than the configuration says, or it has no power"
+UNLIKE = "another device, model, rate or id than configured, or it has no power"
 NOISE_MS2 = (1e-4, 2.0)
 """Below: a sensor that is stuck.  Above: it hides a ring-down, whose first swing is a few m/s²."""
 NOISE_BLOCK, QUIET = 128, 0.1
@@ -103,7 +103,7 @@ def _servo(config: Config, joint: str, times: FloatArray) -> Iterator[Check]:
 def _sensor(config: Config, name: str, times: FloatArray, data: DeviceData) -> Iterator[Check]:
     options, rate = config.accelerometer(name), _rate(times)
     low, high = (1 - RATE_TOLERANCE) * options.rate_hz, (1 + RATE_TOLERANCE) * options.rate_hz
-    yield within(name, "sample rate", rate, "Hz", low, high, "the sensor is set to another rate than rate_hz says")
+    yield within(name, "sample rate", rate, "Hz", low, high, "the sensor is set to another rate than rate_hz")
     settings = [config.settings(joint.name) for joint in config.joints if joint.accelerometer == name]
     top = max((s.f_res_hz + s.f_width_hz / 2 for s in settings), default=options.oscillator.f_res_hz)
     cause = "the oscillator is too fast for this sensor: lengthen the bar or load its end, or take a faster sensor"

@@ -141,7 +141,7 @@ def check_history(config: Config) -> Iterator[Check]:
             there = _columns(Database(connection))
     except sqlite3.Error:
         return  # reported by the check of the disk
-    cause = "" if pages == "ok" else f"{pages}; `lostmotion run` goes on with it until it cannot: copy it while you can"
+    cause = "" if pages == "ok" else f"{pages}; `lostmotion run` continues as long as possible: copy the database now"
     yield Check(subject, "pages", "sound" if pages == "ok" else "damaged", "", "sound", pages == "ok", cause)
     if not 0 < version <= CURRENT:
         return

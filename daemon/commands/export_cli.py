@@ -19,7 +19,7 @@ class ExportError(LostmotionError):
 @click.argument("recording", type=click.Path(path_type=Path), metavar="REC")
 @click.option("-o", "--output", type=click.Path(path_type=Path), required=True, metavar="FILE",
               help="File to write: .mcap, or .rrd for Rerun.")  # fmt: skip
-@click.option("--joint", metavar="NAME", help="What the joint is called there.  [default: as REC says, else joint]")
+@click.option("--joint", metavar="NAME", help="Name of the joint there.  [default: that in REC, else joint]")
 @click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else there.")
 def export(recording: Path, output: Path, joint: str | None, as_json: bool) -> None:
     """Write REC for other programs: MCAP with messages of ROS 2 (Foxglove, PlotJuggler, ros2 bag), or Rerun.

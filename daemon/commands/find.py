@@ -33,7 +33,9 @@ def find(named: Sequence[str], target: Path | None, as_json: bool) -> int:
     """Prints what was found, and writes the configuration to a new file; 1 when nothing was.  Raises OutputError."""
     if target is not None:
         output.refuse_existing(target)
-    sys.stderr.write("listening, then asking silent ports: half a minute a port; nothing is ever written to a device\n")
+    sys.stderr.write(
+        "listening, then asking silent ports (up to half a minute each); no setting of a device is changed\n"
+    )
     chosen = [place(port) for port in named] or places()
     ports = _looks(chosen, asked=bool(named))
     cans, chips = ([], []) if named else (can_interfaces(), iio_accelerometers())
@@ -57,7 +59,7 @@ def _looks(chosen: Sequence[SerialPlace], asked: bool) -> list[FoundPort]:
             if port.users:
                 return FoundPort(port, None, f"in use by {', '.join(port.users)}: left alone")
             if not port.usb and not asked:
-                return FoundPort(port, None, f"a port of the board: left alone; --port {port.path} looks into it")
+                return FoundPort(port, None, f"a port of the board: not probed; --port {port.path} probes it")
             return FoundPort(port, look(port.path, bar(port.path)))
 
         return list(pool.map(one, chosen))
@@ -160,7 +162,7 @@ def _can_words(can: CanFound) -> str:
         return f"{rate}; {can.error}"
     nodes = f"nodes {', '.join(map(str, can.nodes))}" if can.nodes else "no heartbeat"
     sync = f", SYNC at {can.sync_hz:g} Hz" if can.sync_hz else ""
-    return f"up, {rate}: {can.frames} frames heard, {nodes}{sync}"
+    return f"up, {rate}: {can.frames} frames received, {nodes}{sync}"
 
 
 def _closing(text: str, written: str | None) -> str:
@@ -168,4 +170,4 @@ def _closing(text: str, written: str | None) -> str:
         return f"{written}: written; look at the lines that say FILL IN, then: lostmotion config check {written}"
     if text:
         return "-o robot.toml writes a configuration to start from"
-    return "neither a servo nor a sensor was found: is the power on, and the port free?"
+    return "no servo or sensor was found: is the power on, and the port free?"

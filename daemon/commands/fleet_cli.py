@@ -47,7 +47,7 @@ def whom(command: Callable[..., Any], timeout_s: float = 2.0) -> Callable[..., A
             metavar="S",
             help="Seconds to wait for answers.",
         ),
-        click.option("--robots", metavar="A,B", help="Robots that must answer, besides those that are alive."),
+        click.option("--robots", metavar="A,B", help="Robots that must answer, in addition to those that are alive."),
         config_file,
         click.option("--zenoh", type=FILE, metavar="FILE", help="Zenoh's own configuration (JSON5): TLS and the like."),
         click.option(

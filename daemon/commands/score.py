@@ -65,7 +65,7 @@ def _scores(recording: Recording, column: str, settings: DetectorSettings, joint
         )
     except DetectorError as error:
         step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-        cause = f'; the times are {step:g} apart: if they are milliseconds, say # time_unit = "ms" at the top'
+        cause = f'; the times are {step:g} apart: if they are milliseconds, write # time_unit = "ms" at the top'
         raise ScoreError(f"{recording.name}: {error}{cause if step > MILLISECONDS else ''}") from error
 
 

@@ -11,7 +11,7 @@ from lostmotion.daemon.commands import service as commands
 
 __all__ = ["service"]
 
-dry_run = click.option("--dry-run", is_flag=True, help="Say what would be done, and do nothing.")
+dry_run = click.option("--dry-run", is_flag=True, help="Print what would be done, and do nothing.")
 
 
 @click.group()

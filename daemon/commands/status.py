@@ -46,7 +46,7 @@ def status(config: Path | None, database: Path | None, fail: bool, as_json: bool
         _print(robot, joints, devices, origins, datetime.now(UTC))
         output.print_lines([line for row in noises for line in _learnt(row)])
         output.print_lines([f"{row.joint}: {row}" for row in flanks])
-        output.print_lines([] if is_watched else ["no service runs: this is how the last one left it"])
+        output.print_lines([] if is_watched else ["no service is running: this is the state that the last one left"])
     return int(fail and any(joint.active for joint in joints))
 
 

@@ -192,7 +192,7 @@ class CanSink:
             return
         name = f"CAN {self._options.interface} {self._options.channel}"
         if problem:
-            log.warning("%s: %s; trying again, alarms that stand are told then", name, problem)
+            log.warning("%s: %s; trying again, active alarms are sent then", name, problem)
         else:
             log.info("%s: open, node 0x%02X", name, self._options.node_id)
 

@@ -83,4 +83,4 @@ class LinkMonitor:
         if is_linked:
             log.info("zenoh: %s answers", self._where)
         else:
-            log.warning("zenoh: nobody answers at %s; it is tried on, alarms wait until then", self._where)
+            log.warning("zenoh: nobody answers at %s; connecting is tried again, alarms are sent then", self._where)

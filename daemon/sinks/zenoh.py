@@ -204,8 +204,8 @@ class ZenohSink:
     def _leave(self, linked_at: float) -> None:
         """Closes a session without a link, so that another one is opened, with what was published
         since a link was last seen [s, monotonic]: it may have reached nobody."""
-        log.warning("zenoh: the session has lost its connection and does not know it, as after lack of memory; "
-                    "another one is opened")  # fmt: skip
+        log.warning("zenoh: the session has lost its connection without noticing, as after lack of memory; "
+                    "a new one is opened")  # fmt: skip
         with self._lock:
             self._give_up(self._session)  # where there is no memory for that either, it is tried again
             self._session = None

@@ -48,7 +48,7 @@ SENSOR_NODE = 32
     metavar="M,M…",
     help="Lever arms of the servos at the accelerometers, in their order; one: of the last servo only.",
 )
-@click.option("--taps", type=float, metavar="S", help="Nothing moves; somebody flicks the bar every so many seconds.")
+@click.option("--taps", type=float, metavar="S", help="Nothing moves; the bar is flicked every so many seconds.")
 @click.option("--baudrate", type=int, metavar="N", help="Be understood at this baud rate only, as on a real line.")
 @click.option("--mastered", is_flag=True, help="The servos have a master; the port is that of a second adapter.")
 @click.option("--link", type=click.Path(path_type=Path), help="Also make symbolic links LINK.0, LINK.1, …")

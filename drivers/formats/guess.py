@@ -59,14 +59,14 @@ def guessed(series: Sequence[Series], choice: Choice, name: str) -> Guess:
     for column in COLUMN_UNITS:
         found = _of_joint(candidates.get(column, []), column, joint)
         if len(found) > 1 and column == "accel":
-            notes.append(f"accel: not taken, found {listed(found)}; say which axis with accel=SERIES")
+            notes.append(f"accel: not taken, found {listed(found)}; choose the axis with --map accel=SERIES")
         elif found:
             chosen[column] = _chosen(column, found[0], Term(found[0].name), "by its name")
             notes += [f"{column}: also found {listed(found[1:])}"] if found[1:] else []
     if not chosen:
         raise RecordingError(
             f"{name}: found {listed(series)}, and none that is clearly a column; "
-            "say which is what, as in --map position=SERIES:deg (or FILE#position=SERIES:deg), or position=SERIES:rpm "
+            "assign them, as in --map position=SERIES:deg (or FILE#position=SERIES:deg), or position=SERIES:rpm "
             "for the integral of a speed"
         )
     return Guess([chosen[column] for column in COLUMN_UNITS if column in chosen], joint, notes)

@@ -184,7 +184,7 @@ def _notes(largest: Mapping[str, float]) -> list[str]:
     if most > MOST_TURNS:
         assumed = (
             f"LeRobot has no unit: numbers up to {most:.4g} are taken as degrees; recorded without use_degrees they "
-            "are -100 to 100 of a joint's range: then say position=SERIES*FACTOR, a hundredth of half the range [rad]"
+            "are -100 to 100 of a joint's range: then use position=SERIES*FACTOR, a hundredth of half the range [rad]"
         )
         return [assumed]
     return [f"LeRobot has no unit: numbers up to {most:.4g} are taken as rad"] if largest else []

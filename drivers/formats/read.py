@@ -71,7 +71,9 @@ def imported(path: Path, choice: Choice) -> Imported:
             "was the recording stopped at once?"
         )
     if not {one.column for one in kept} & DRIVES:
-        notes.append("no command was found, which score and the models of a drive need; say command=SERIES")
+        notes.append(
+            "no command was found, which score and the models of a drive need; choose one with --map command=SERIES"
+        )
     time, columns = _merged(kept, parts)
     metadata = _metadata(source.kind, guess.joint, kept, samples)
     return Imported(Recording(time, columns, metadata, name=str(path)), source.kind, samples.clock, kept, notes)
@@ -99,7 +101,7 @@ def _doubts(one: Chosen, values: FloatArray) -> list[str]:
     option = f"{one.column}={shown(one.series)}"
     counts = f", if counts of 4096 a turn, {option}*{pi / 2048:.8f}" if (values == np.round(values)).all() else ""
     return [
-        f"{one.column}: no unit is given, and {span} were taken as rad; if they are degrees, say {option}:deg{counts}"
+        f"{one.column}: no unit is given, and {span} were taken as rad; if they are degrees, use {option}:deg{counts}"
     ]
 
 

@@ -71,7 +71,7 @@ class Table:
         found = [one for one in self.series if is_time(one.name)]
         if not found:
             raise RecordingError(
-                f"{self.name}: found {listed(self.series)}, and no times; say which series they are, as in "
+                f"{self.name}: found {listed(self.series)}, and no times; choose their series, as in "
                 "--map time=SERIES:ms, or the rows a second with --rate-hz R"
             )
         best = min(found, key=lambda one: TIMES.index(one.name.lower()) if one.name.lower() in TIMES else len(TIMES))

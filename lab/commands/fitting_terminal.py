@@ -72,7 +72,7 @@ def _table(*columns: str) -> Table:
 def _estimates(fit: Fit) -> Table:
     table = _table("parameter", "value", "95 % interval", "unit", "")
     for e in fit.estimates:
-        remark = "at its bound" if e.at_bound else "" if e.identified else "these recordings cannot tell it"
+        remark = "at its bound" if e.at_bound else "" if e.identified else "not identifiable from these recordings"
         table.add_row(e.name, f"{e.value:.5g}", f"{e.low:.5g} to {e.high:.5g}", e.unit, remark)
     return table
 

@@ -36,13 +36,17 @@ curves_option = click.option(
 )  # fmt: skip
 budget_option = click.option(
     "--budget", "budget_s", type=DURATION, default="60s", show_default=True, metavar="TIME",
-    help="After so long no further effect is looked for; the answer says what was not tried.",
+    help="Time limit of the search; the answer lists what was not tried.",
 )  # fmt: skip
 effect_option = click.option(
-    "--effect", "effects", multiple=True, metavar="FILE.py:FUNCTION", help="Your own effect, beside the catalogue."
+    "--effect",
+    "effects",
+    multiple=True,
+    metavar="FILE.py:FUNCTION",
+    help="Your own effect, in addition to the catalogue.",
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else there.")
 progress_option = click.option(
     "--progress", type=click.Choice(["bar", "json"]), default="bar", show_default=True,
-    help="On stderr: a bar on a terminal, or for programs a line of JSON whenever something begins.",
+    help="On stderr: a bar on a terminal, or for programs a line of JSON at the beginning of each stage.",
 )  # fmt: skip

@@ -125,7 +125,7 @@ def fit_autoregression(series: Sequence[FloatArray], most: int = 8) -> NoiseMode
     segments = [x[run] for x in map(_without_outliers, series) for run in runs(x)]
     longest = max((x.size for x in segments), default=0)
     if longest < 4:
-        raise ValueError("no four samples in a row: nothing can be told of the noise")
+        raise ValueError("no four samples in a row: the noise cannot be estimated")
     most = min(most, longest // 4)
     windows = np.concatenate([sliding_window_view(x, most + 1)[:, ::-1] for x in segments if x.size > most])
     if not np.any(windows):

@@ -55,7 +55,7 @@ def what_to_record(models: Sequence[Model], task: Task, pool: Executor) -> str:
     samples = LENGTH_S * task.experiments[0].rate_hz
     if apart[best] * math.sqrt(samples) < policy.SEEN or apart[best] < policy.WORTH_RECORDING * here:
         known = f"{here:.2g} times the noise"
-        return f"No motion that was tried tells {names} further apart than these recordings do: {known}."
+        return f"No motion that was tried separates {names} better than these recordings do: {known}."
     return (
         f"Record {proposals[best].text}: there {names} differ by {apart[best]:.2g} times the noise, "
         f"in these recordings by {here:.2g}."

@@ -25,6 +25,6 @@ def advice_of_signs(model: Model, signals: Sequence[Signals], search: Search) ->
     found = step.judged[0]
     return (
         f"With the torque counted the other way round, {words.name(found.effect)} would explain "
-        f"{100 * found.gain:.0f} % of the squared error: if it is measured against the angle, say "
+        f"{100 * found.gain:.0f} % of the squared error: if it is measured against the angle, use "
         "--map torque=SERIES*-1."
     )

@@ -39,7 +39,11 @@ def parameters(fit: Fit) -> Section | None:
     rows = [_row(fit.model, estimate) for estimate in fit.estimates]
     body = table(("parameter", "value>", "95 % interval>"), rows)
     hidden = [e.name for e in fit.estimates if not e.identified]
-    text = f"These recordings cannot tell {verdict.joined(hidden)}; take the values as assumed." if hidden else ""
+    text = (
+        f"Not identifiable from these recordings: {verdict.joined(hidden)}; take the values as assumed."
+        if hidden
+        else ""
+    )
     return Section("parameters", "Parameters", Html(body + (note(text) if text else "")))
 
 
@@ -51,9 +55,12 @@ def correlations(fit: Fit) -> Section | None:
         return None
     pairs = [f"{names[i]} with {names[j]} ({number(float(matrix[i, j]), 2)})"
              for i in range(len(names)) for j in range(i) if abs(matrix[i, j]) >= STRONG]  # fmt: skip
-    text = "Two parameters of a strong colour are told only together: an error in one is made up for by the other."
+    text = (
+        "Two parameters of a strong colour are identified only together: a change of one compensates a change of the "
+        "other."
+    )
     if pairs:
-        text += f" Hardly to be told apart: {verdict.joined(pairs)}."
+        text += f" Strongly correlated: {verdict.joined(pairs)}."
     return Section("correlations", "Correlations of the parameters", Html(note(text) + heat_map(names, matrix)))
 
 
@@ -62,7 +69,7 @@ def _row(built: Model, estimate: Estimate) -> tuple[Html, ...]:
     interval = Interval(estimate.value, estimate.low, estimate.high, estimate.unit)
     (_, low, high), _ = interval.texts()
     span = f"{low} … {high}" if estimate.identified and interval.known else "–"
-    flags = (("cannot be told", not estimate.identified), ("at its bound", estimate.at_bound))
+    flags = (("not identifiable", not estimate.identified), ("at its bound", estimate.at_bound))
     raised = [Html(f'<span class="flag">{text}</span>') for text, is_set in flags if is_set]
     return (cell(estimate.name, meaning), cell(interval.alone, css="number"), cell(span, *raised, css="number"))
 

@@ -59,7 +59,7 @@ def over_states(comparison: Comparison) -> Section | None:
     quiet = [picture for matters, picture in pictures if not matters]
     text = (
         "What is left, averaged over each state of the motion, with the band in which 95 % of mere noise would lie. "
-        "A curve that leaves the band tells on what the missing effect depends."
+        "A curve that leaves the band shows what the missing effect depends on."
     )
     body = note(text) + (_grid(seen) if seen else note("Nothing stands out here."))
     if quiet:

@@ -31,7 +31,7 @@ TOOLS = (
 def signals(traces: Sequence[Trace]) -> Section:
     """The places where the script draws, one for each column of each recording."""
     text = (
-        "Drag across a stretch to zoom, double-click for the whole; on a phone one finger moves, two zoom. Keys: "
+        "Drag across an interval to zoom, double-click for the whole; on a phone one finger moves, two zoom. Keys: "
         "arrows, +, −, 0. The grey band holds 95 % of the sensor's noise."
     )
     if any(trace.before is not None for trace in traces):

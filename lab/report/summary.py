@@ -18,7 +18,9 @@ def summary(comparison: Comparison) -> list[str]:
     lines = [_size(comparison, name) for name in comparison.maps]
     horizon = min(one.horizon_s for one in comparison.overlays)
     if math.isfinite(horizon):
-        lines.append(f"The modelled motion can be predicted for {horizon:.1f} s only; later samples say little.")
+        lines.append(
+            f"The modelled motion can be predicted for {horizon:.1f} s only; later samples carry little information."
+        )
     if comparison.is_noise:
         return [*lines, "What is left is as large as the noise, and depends on nothing: nothing is missing here."]
     return [*lines, *_where(comparison, column), *_why(comparison)]

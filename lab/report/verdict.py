@@ -51,7 +51,7 @@ def of_explanation(explanation: Explanation) -> tuple[str, ...]:
     sentences += _unused(explanation)
     if explanation.unshown:
         effects = joined([words.name(effect) for effect in explanation.unshown])
-        sentences.append(f"The recording kept for judging does not show {effects}: only the others tell it.")
+        sentences.append(f"The recording kept for judging does not show {effects}: only the other recordings do.")
     return tuple(sentences)
 
 
@@ -61,7 +61,7 @@ def _named(effect: str, explanation: Explanation) -> str:
     alike = [words.name(name) for group in explanation.confusable if group[0] == effect for name in group[1:]]
     if not alike:
         return sentence
-    return f"{sentence} If it is that: these recordings cannot tell it from {joined(alike)}."
+    return f"{sentence} These recordings do not distinguish it from {joined(alike)}."
 
 
 def _unused(explanation: Explanation) -> list[str]:
@@ -69,7 +69,7 @@ def _unused(explanation: Explanation) -> list[str]:
     sentences = []
     if explanation.untried:
         effects = joined([words.name(effect) for effect in explanation.untried])
-        sentences.append(f"Not tried for want of time (--budget): {effects}.")
+        sentences.append(f"Not tried within the time budget (--budget): {effects}.")
     used, whole = explanation.used_s or (0.0, 0.0)
     if used < whole:
         sentences.append(
@@ -102,7 +102,7 @@ def of_fit(fit: Fit) -> tuple[str, ...]:
         sentences.append(f"The error in {what} is {with_unit(error, unit)}; the noise is {noise}.")
     hidden = [e.name for e in fit.estimates if not e.identified]
     if hidden:
-        sentences.append(f"These recordings cannot tell {joined(hidden)}.")
+        sentences.append(f"Not identifiable from these recordings: {joined(hidden)}.")
     return tuple(sentences)
 
 
@@ -164,8 +164,8 @@ def _falls(error: Errors, count: int) -> str:
 
 def _held(one: Estimate) -> str:
     return (
-        f"Only ratios to {one.name} can be told: {one.name} stays at {quantity(one.value, one.unit)}; "
-        "name it in the model file, or record the input."
+        f"Only ratios to {one.name} are identifiable: {one.name} stays at {quantity(one.value, one.unit)}; "
+        "give it in the model file, or record the input."
     )
 
 

@@ -112,7 +112,8 @@ TORQUE_RIPPLE = Effect(
     words=Words(
         "a torque that ripples",
         "The torque ripples {N} times a turn, by {tau_r.size}.",
-        "Look for a damaged tooth, a bearing with a flat ball, or a motor that cogs; the count a turn tells which.",
+        "Look for a damaged tooth, a bearing with a flat ball, or a motor that cogs; the number of periods per turn "
+        "shows which.",
         lambda values: values["N"] != 1,
         "The torque ripples once a turn, by {tau_r.size}.",
     ),

@@ -48,6 +48,7 @@ GRAVITY_TORQUE = Effect(
     words=Words(
         "the weight of the arm",
         "The arm is out of balance: its weight turns the joint with up to {tau_g}.",
-        "Usually no fault: a tool or load that the model does not know; else a spring or counterweight has lost force.",
+        "Usually no fault: a tool or load that the model does not contain; else a spring or "
+        "counterweight has lost force.",
     ),
 )

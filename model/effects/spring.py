@@ -48,7 +48,7 @@ SPRING_TORQUE = Effect(
     words=Words(
         "a spring",
         "A spring pulls the joint back: its stiffness is {k_s}.",
-        "Usually no fault: a gas spring, a cable, a wire that twists, or a controller that was not told of; else look "
+        "Usually no fault: a gas spring, a cable, a wire that twists, or an unknown controller; else look "
         "for what the joint pushes against.",
     ),
 )

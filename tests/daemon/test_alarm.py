@@ -334,7 +334,7 @@ def test_play_of_another_joint_is_no_alarm() -> None:
     assert joint.row.health is Health.OK
     unclear = Origin({"elbow": 0.6, "wrist": 0.5}, 30)
     assert (RAISED, Severity.WARNING) in events(joint.scored(score(3, 10), unclear))
-    assert joint.row.reason.endswith("of elbow or wrist: cannot be told apart yet")
+    assert joint.row.reason.endswith("of elbow or wrist: not identified yet")
     assert events(joint.scored(score(3, 11), others)) == [(CLEARED, Severity.WARNING)]
 
 

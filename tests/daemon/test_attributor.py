@@ -119,7 +119,7 @@ def test_in_words() -> None:
     """One named, several open, none."""
     assert str(Origin({"left": 0.9991, "right": 0.01}, 9)) == "most probably of left (over 99%)"
     assert str(Origin({"left": 0.96, "right": 0.97}, 9)) == "most probably of left (96%) and right (97%)"
-    assert str(Origin({"left": 0.6, "right": 0.5}, 9)) == "of left or right: cannot be told apart yet"
+    assert str(Origin({"left": 0.6, "right": 0.5}, 9)) == "of left or right: not identified yet"
     assert str(Origin({"left": 0.01, "right": 0.02}, 9)) == "most probably of none of left, right"
 
 

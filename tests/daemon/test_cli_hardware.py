@@ -103,7 +103,7 @@ def test_doctor_on_healthy_hardware(arm: Arm) -> None:
 @pytest.mark.slow
 def test_doctor_says_what_cannot_be_told(arm: Arm) -> None:
     """200 samples a second of a bar of 58 Hz tell no size: a note in the table's wake and in JSON, nothing bad."""
-    note = "the size of the play cannot be told: found 3.4 samples a period of the bar (200 Hz, bar of 58 Hz)"
+    note = "the size of the play cannot be estimated: found 3.4 samples a period of the bar (200 Hz, bar of 58 Hz)"
     found = json.loads(call("doctor", "--config", arm.config, "--json").stdout)
     assert any(note in told for told in found["notes"])
     assert f"note: accelerometer 'tip': {note}" in call("doctor", "--config", arm.config).stdout

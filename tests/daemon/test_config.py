@@ -77,7 +77,7 @@ def test_notes_say_what_cannot_be_told() -> None:
     slow = slow.replace("window_s = 0.25", 'window_s = 0.1\nstatistic = "ringdown"')
     told = config.loads(slow, "").notes
     for part in (
-        "accelerometer 'tip': the size of the play and which joint has it cannot be told: found 3.4 samples a period",
+        "accelerometer 'tip': the size of the play and which joint has it cannot be estimated",
         "accelerometer 'tip': which of the joints elbow, wrist has play, and its size, may be wrong: found no lev",
         "accelerometer 'tip': weak impacts are missed: a window of 0.1 s holds 35%",
         "joint 'elbow': reversals of motions above 1 Hz are missed",
@@ -96,7 +96,7 @@ def test_a_sensor_of_200_hz_on_a_bar_of_58_is_valid_with_its_notes() -> None:
     one, _, rest = joint.partition('[[joint]]\nname = "wrist"')
     told = config.loads(one + rest[rest.index("[detector]") :], "").notes
     assert [note.split(":")[0] for note in told] == ["accelerometer 'tip'", "joint 'elbow'"]
-    assert "the size of the play cannot be told: found 3.4 samples" in told[0]
+    assert "the size of the play cannot be estimated: found 3.4 samples" in told[0]
     assert "which joint" not in told[0]
     assert "the norm's band reaches beyond 100 Hz" in told[1]
 

@@ -70,7 +70,7 @@ def test_a_deleted_database(tmp_path: Path, start: Start, with_folder: bool) -> 
     log = service.wait_for("alarm joint=elbow cause=device severity=error event=raised")
     assert f"{database}: was deleted while it was open" in log
     told = json.loads(call("status", "--database", database, "--json").stdout)["joints"][0]
-    assert "the history begins anew" in told["alarms"][0]["reason"]
+    assert "a new history begins" in told["alarms"][0]["reason"]
     assert service.stop(signal.SIGTERM) == 0
     with open_readonly(database) as reader:
         times = np.array([row.time.timestamp() for row in reader.scores("elbow")])

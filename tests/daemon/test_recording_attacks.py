@@ -28,7 +28,7 @@ REFUSED = {
     "accel 1e308": (rows(accel="1e308"), "line 2: found '1e308' in the column 'accel', expected a finite number up to"),
     "command 1e308": (rows(command="-1e308"), "found '-1e308' in the column 'command', expected a finite number up to"),
     "time 1e308": (rows(time="{i}e305"), "in the column 'time', expected a finite number up to 1e+30"),
-    "nanoseconds": (rows(time="17{i:03d}00000000000000"), 'if the times are in nanoseconds, say # time_unit = "ns"'),
+    "nanoseconds": (rows(time="17{i:03d}00000000000000"), 'if the times are in nanoseconds, write # time_unit = "ns"'),
     "times of 1e-300 s": (rows(time="{i}e-300"), "found times that are 1e-300 s apart, expected at least 1e-09 s"),
     "5000 digits": (f"# x = {DIGITS}\n{HEADER}{ROWS}", "line 1: found 'x = 999"),
     "hexadecimal": (f"# x = 0x{DIGITS}\n{HEADER}{ROWS}", "whole numbers of at most 64 bits"),

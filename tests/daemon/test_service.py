@@ -179,7 +179,7 @@ def test_a_full_disk_stops_nothing(configuration: Path, start: Start) -> None:
     wait_until(lambda: count(database) >= 2)
     pid, before = service.process.pid, resource.prlimit(service.process.pid, resource.RLIMIT_FSIZE)
     resource.prlimit(pid, resource.RLIMIT_FSIZE, (10_000, before[1]))
-    service.wait_for("scoring goes on, rows wait in memory")
+    service.wait_for("scoring continues, rows wait in memory")
     stood = count(database)
     time.sleep(1.0)
     assert count(database) == stood
@@ -203,7 +203,7 @@ def test_a_disk_that_is_full_at_the_start(tmp_path: Path, start: Start) -> None:
     stood = count(tmp_path / "history.db")
     with files_up_to(10_000):
         service = start(path, INVOCATION_ID="1")
-    log = service.wait_for("scoring goes on, rows wait in memory")
+    log = service.wait_for("scoring continues, rows wait in memory")
     assert re.search("^<3>.*the disk refuses", log, re.MULTILINE)
     service.wait_for("started")
     time.sleep(1.5)
@@ -226,7 +226,7 @@ def test_a_disk_that_has_no_room_for_the_state_folder(small_disk: SmallDisk, sta
     path.write_text(fake_config(database.parent))
     small_disk.hold(2)
     service = start(path, HOME=str(small_disk.path))
-    service.wait_for("the disk is full; free some space (No space left on device); scoring goes on, rows wait")
+    service.wait_for("the disk is full; free some space (No space left on device); scoring continues, rows wait")
     service.wait_for("started")
     time.sleep(1.5)
     small_disk.hold(1000)
@@ -243,7 +243,7 @@ def test_rows_that_a_full_disk_refused_to_the_end_are_told(configuration: Path, 
     service = start(configuration)
     wait_until(lambda: count(configuration.parent / "history.db") >= 2)
     resource.prlimit(service.process.pid, resource.RLIMIT_FSIZE, (10_000, resource.RLIM_INFINITY))
-    service.wait_for("scoring goes on, rows wait in memory")
+    service.wait_for("scoring continues, rows wait in memory")
     assert service.stop(signal.SIGTERM) == 1
     assert re.search(r"[1-9]\d* rows were lost: .*disk", service.wait_for("stopped"))
 
@@ -367,7 +367,7 @@ def test_alarms_outlive_a_database_that_is_damaged_in_use(tmp_path: Path, start:
         with file.open("r+b") as pages:
             pages.seek(4096)
             pages.write(b"\xff" * (file.stat().st_size - 4096))
-    service.wait_for("the history begins anew")
+    service.wait_for("a new history begins")
     wait_until(lambda: count(database) >= 2)
     service.wait_for(
         "alarm joint=elbow cause=device severity=error event=raised state=active reason='the history begins"

@@ -379,7 +379,7 @@ def test_a_damaged_database_is_moved_aside(
     (aside,) = path.parent.glob("history.db.damaged-*")
     assert aside.read_bytes() == bytes(data)
     (said,) = (record for record in caplog.records if record.levelno == logging.ERROR)
-    assert f"the history begins anew, the old file is {aside.name}" in said.getMessage()
+    assert f"a new history begins, the old file is {aside.name}" in said.getMessage()
 
 
 def test_a_disk_that_takes_scores_and_no_windows_is_told_once(

@@ -50,7 +50,7 @@ def test_every_command_of_the_page_runs(arm: Path) -> None:
         assert done.returncode <= busy, f"{arguments}\n{done.stdout}{done.stderr}"
         assert "Traceback" not in done.stderr
         if arguments[0] == "doctor":
-            assert done.stdout.count("goals heard") == 6, done.stdout
+            assert done.stdout.count("goals received") == 6, done.stdout
     found = config.load(arm / "tap.toml")
     with open_readonly(arm / "history.db") as reader:
         counts = {joint.name: sum(1 for _ in reader.scores(joint.name)) for joint in found.joints}

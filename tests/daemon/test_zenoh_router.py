@@ -105,7 +105,7 @@ def test_a_router_that_dies_and_comes_back_is_told_once(
         router.start()
         wait_until(lambda: len(told()) >= 2, 20)
     assert told() == [
-        f"zenoh: nobody answers at {endpoint}; it is tried on, alarms wait until then",
+        f"zenoh: nobody answers at {endpoint}; connecting is tried again, alarms are sent then",
         f"zenoh: {endpoint} answers",
     ]
 
@@ -140,7 +140,7 @@ def test_a_session_that_has_lost_its_connection_for_ever_is_opened_again(
         assert watcher.ids == [transition.id for transition in told]
         with session("client", connect=[endpoint]) as other:
             assert list(other.get("lostmotion/arm1/alarms")), "nobody answers, not even that there is no database"
-    assert sum("another one is opened" in record.message for record in caplog.records) == 1
+    assert sum("a new one is opened" in record.message for record in caplog.records) == 1
     assert sum("session open as" in record.message for record in caplog.records) == 2
 
 

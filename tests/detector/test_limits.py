@@ -17,8 +17,8 @@ def test_rate_limit_has_what_to_change() -> None:
     """Eight samples a period of the bar are enough; with 3.4 the sentence has the rate and the bar that would do."""
     assert rate_limit(58.0, 464.0, "the size") == ""
     assert rate_limit(58.0, 200.0, "the size") == (
-        "the size cannot be told: found 3.4 samples a period of the bar (200 Hz, bar of 58 Hz), expected at least 8: "
-        "take a sensor of 464 Hz or faster, or a bar of 25 Hz or slower"
+        "the size cannot be estimated: found 3.4 samples a period of the bar (200 Hz, bar of 58 Hz), "
+        "expected at least 8: take a sensor of 464 Hz or faster, or a bar of 25 Hz or slower"
     )
 
 

@@ -184,7 +184,7 @@ def test_a_missing_node_is_told_with_those_that_are_there(channel: str) -> None:
         robot.start()
         who = driver.identify()
         assert [one.ok for one in who] == [True, True, False]
-        assert "node 3: not heard (nodes heard: 1, 2" in who[2].found
+        assert "node 3: no frames received (nodes seen: 1, 2" in who[2].found
         reading = driver.read()
         assert reading.silent == ("j3",)
         assert {sample.joint for sample in reading.samples} == {"j1", "j2"}

@@ -149,7 +149,7 @@ def test_other_layouts_of_text(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read(path, "time=column1", "position=column2").recording.time, T)
     assert read(path, "position=column2", rate_hz=50).recording.time[-1] == pytest.approx(199 / 50)
     path.write_text("pos,load\n1,2\n3,4\n")
-    assert "and no times; say which series they are" in refused(path)
+    assert "and no times; choose their series" in refused(path)
 
 
 def test_names_and_units_that_stand_behind_comment_signs(tmp_path: Path) -> None:
@@ -257,7 +257,7 @@ def test_axes_and_degrees_are_not_guessed(tmp_path: Path) -> None:
     found = read(path)
     assert list(found.recording.columns) == ["position"]
     assert any(note.startswith("accel: not taken, found /imu/linear_acceleration/x") for note in found.notes)
-    assert any("if they are degrees, say position=angle:deg" in note for note in found.notes)
+    assert any("if they are degrees, use position=angle:deg" in note for note in found.notes)
     assert read(path, "accel=acceleration/y:g").recording.columns["accel"][-1] == pytest.approx(9.80665 * ANGLE[-1])
 
 
@@ -267,7 +267,7 @@ def test_axes_and_degrees_are_not_guessed(tmp_path: Path) -> None:
         (b"", "found an empty file"),
         (b"\n\n", "the file is empty"),
         (b"t,q\n", "found no time in 't'"),
-        (b"t;q\n0;1\n1;2\n2026-01-01T00:00:00Z;3\n", "found q, and no times; say which series"),
+        (b"t;q\n0;1\n1;2\n2026-01-01T00:00:00Z;3\n", "found q, and no times; choose their series"),
         (b"t,q\n0,nan\n1,\n", "found no numbers in q"),
         (b"t,q\n0,inf\n1,2\n", "found inf in 'q', expected finite numbers"),
         (b"t,q\n0,1\n2,2\n1,3\n", "found the time 1 s after 2 s in row 3, expected rows in time order"),

@@ -91,7 +91,7 @@ def test_what_a_polling_master_hears_is_heard(model: str) -> None:
         samples, end = list[ServoSample](), time.monotonic() + 120.0
         while min(sum(one.joint == name for one in samples) for name in ("1", "2")) <= 50 and time.monotonic() < end:
             samples += [sample for reading in readings(bus, 1.0) for sample in reading.samples]
-    assert all(one.ok and "goals heard" in one.found for one in found)
+    assert all(one.ok and "goals received" in one.found for one in found)
     assert tap.received == b""
     step = (MODELS | feetech.MODELS)[model].step
     for name in ("1", "2"):
@@ -221,9 +221,9 @@ def test_a_master_that_reads_other_registers_of_a_feetech_servo() -> None:
     ("traffic", "words"),
     [
         (lambda line: Tap(), "nothing on the line; likely cause: its master does not run"),
-        (lambda line: MasteredLine(ServoLine.of("AX-12A", [7], MOTION)), "nobody speaks to it, though others are"),
+        (lambda line: MasteredLine(ServoLine.of("AX-12A", [7], MOTION)), "no packets for it, but for other ids"),
         (lambda line: MasteredLine(ServoLine.of("XL330-M288", [1], MOTION)), "servos of another protocol"),
-        (lambda line: MasteredLine(_dead()), "asked, and no answer heard; likely cause: it has no power"),
+        (lambda line: MasteredLine(_dead()), "asked, and no answer received; likely cause: it has no power"),
     ],
 )  # fmt: skip
 def test_why_nothing_is_heard(traffic: Any, words: str) -> None:

@@ -135,4 +135,4 @@ def test_a_bus_that_was_down_hears_what_stands(seen: Any) -> None:
     """After the interface went down and came up the same process tells the alarm again."""
     assert any(cob_id == EMCY and data[:4] != "0000" for cob_id, data in seen["again"])
     assert seen["pids"][0] == seen["pids"][1] != "0"
-    assert "alarms that stand are told then" in seen["log"]
+    assert "active alarms are sent then" in seen["log"]

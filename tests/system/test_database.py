@@ -49,7 +49,7 @@ def test_a_database_damaged_at_rest_is_moved_aside(machine: Machine) -> None:
     machine.run("systemctl", "stop", "lostmotion")
     damage(machine)
     machine.run("systemctl", "start", "lostmotion")
-    (line,) = machine.said("the history begins anew", "-p", "err")
+    (line,) = machine.said("a new history begins", "-p", "err")
     assert "lostmotion/history.db: is damaged" in line
     assert "history.db.damaged-" in machine.run("ls", FOLDER)
     wait_for_scores(machine)
@@ -62,7 +62,7 @@ def test_a_database_damaged_in_use_is_moved_aside(machine: Machine) -> None:
     before = show(machine, "MainPID")
     damage(machine)
     plug_in(machine)
-    machine.wait_until(lambda: machine.said("the history begins anew", "-p", "err"))
+    machine.wait_until(lambda: machine.said("a new history begins", "-p", "err"))
     wait_for_scores(machine)
     assert show(machine, "MainPID") == before
 

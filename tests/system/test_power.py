@@ -46,7 +46,7 @@ def test_a_full_disk_is_survived(boot: Boot) -> None:
     assert show(machine, "MainPID") == before
     fill(machine)
     machine.run("systemctl", "restart", "lostmotion")
-    machine.wait_until(lambda: len(machine.said("scoring goes on, rows wait in memory")) > 1)
+    machine.wait_until(lambda: len(machine.said("scoring continues, rows wait in memory")) > 1)
     machine.wait_until(lambda: len(machine.said("tip: reading")) > 2)  # the summary says it too
     assert show(machine, "ActiveState") == "active"
     machine.run("rm", f"{FOLDER}/filler")

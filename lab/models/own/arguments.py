@@ -77,7 +77,7 @@ class Declared:
     def _check_parameters(self) -> None:
         if not self.parameters:
             raise EffectFileError(
-                f"{self.name}: found no parameters, expected at least one {WANTED}, by which a fit tells its size"
+                f"{self.name}: found no parameters, expected at least one {WANTED}, which gives a fit its scale"
             )
         for key, parameter in self.parameters.items():
             if not isinstance(parameter, Parameter):

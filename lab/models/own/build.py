@@ -41,7 +41,7 @@ def build(name: str, function: Callable[..., Any], arguments: Arguments, entry: 
     if entry.rate is not None:
         bodies[entry.rate] = _rate_lines(arguments)
     if any(step.opname == "RAISE_VARARGS" for step in dis.get_instructions(function)):
-        return _in_python(function, bodies, "it may raise an error, which compiled code cannot tell")
+        return _in_python(function, bodies, "it may raise an error, which compiled code cannot report")
     try:
         compiled = njit(**OPTIONS)(function)
         compiled.compile((types.float64,) * len(arguments.names))

@@ -77,7 +77,7 @@ def _effect(functions: dict[str, Any], name: str) -> OwnEffect | None:
 def _effects(functions: dict[str, Any]) -> str:
     """The names of the effects that a file defines."""
     names = [name for name in functions if _effect(functions, name)]
-    return ", ".join(names) or "none: nothing in this file stands under @effect(…)"
+    return ", ".join(names) or "none: no function in this file is decorated with @effect(…)"
 
 
 def _run(origin: Origin) -> dict[str, Any]:
@@ -95,7 +95,7 @@ def _run(origin: Origin) -> dict[str, Any]:
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # the user's file may raise any exception
-        hint = "; an effect file stands alone, expected only imports of what is installed"
+        hint = "; expected only imports of installed packages, as an effect file is self-contained"
         hint = hint if isinstance(error, ImportError) else ""
         raise EffectFileError(f"{_place(origin, _line(path, error))}: {type(error).__name__}: {error}{hint}") from error
     return vars(module)

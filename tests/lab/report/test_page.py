@@ -170,7 +170,7 @@ def test_headline_and_tables_tell_the_results(found: Path) -> None:
         "p\u00a0<\u00a010⁻¹²",
         "-tau_c sign(omega)",
         "74 … 86",
-        "These recordings cannot tell alpha; take the values as assumed.",
+        "Not identifiable from these recordings: alpha; take the values as assumed.",
         "alpha with d (−0.97)",
         "Resonance 58.02 Hz, damping ratio 0.0123, from 23 cycles",
     ):

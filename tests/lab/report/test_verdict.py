@@ -8,8 +8,8 @@ from lostmotion.lab.report import verdict
 from tests.lab import report_example
 
 RUBS = (
-    "Something rubs: Coulomb friction of 0.120 mN m, between 0.112 and 0.128 (95 %). If it is that: these recordings "
-    "cannot tell it from Stribeck friction."
+    "Something rubs: Coulomb friction of 0.120 mN m, between 0.112 and 0.128 (95 %). These recordings "
+    "do not distinguish it from Stribeck friction."
 )
 
 
@@ -25,7 +25,7 @@ def test_what_the_judged_recording_is_free_of_is_said() -> None:
     """An effect that only the recordings of the fit hold: why the error stays where it was."""
     only = replace(report_example.explanation(), unshown=("coulomb_friction",))
     said = verdict.of_explanation(only)[-1]
-    assert said == "The recording kept for judging does not show Coulomb friction: only the others tell it."
+    assert said == "The recording kept for judging does not show Coulomb friction: only the other recordings do."
 
 
 def test_verdict_of_nothing_missing() -> None:
@@ -64,7 +64,7 @@ def test_verdict_of_a_fit() -> None:
     fitted = report_example.fit()
     assert verdict.of_fit(fitted) == (
         "The error in acceleration is 0.41 m/s²; the noise is 0.40.",
-        "These recordings cannot tell alpha.",
+        "Not identifiable from these recordings: alpha.",
     )
     assert "stopped early" in verdict.of_fit(replace(fitted, complete=False))[0]
 
