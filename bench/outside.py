@@ -241,7 +241,7 @@ def main() -> None:
     asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         all_of_them = [scored(drawn(seed), Path(folder)) for seed in range(asked.seed, asked.seed + asked.count)]
-    print("| joints | windows | found | told above 30 dB | intervals of the play that hold | median error "
+    print("| joints | windows | found | estimated above 30 dB | intervals of the play that hold | median error "
           "| of the severity that hold | Spearman |\n|" + "---|" * 8)  # fmt: skip
     for name, belongs in GROUPS.items():
         print(row(name, [one for one in all_of_them if belongs(one.joint)]), flush=True)

@@ -54,7 +54,7 @@ def show(outcomes: Sequence[Outcome], seconds: float) -> None:
             often[name] += 1
             bad[name] += bool(outcome.failures)
             times[name] += [told] if told is not None else []
-    print(f"{'fault':<42}{'times':>6}{'told after s, median':>22}{'most':>7}{'in failed ones':>16}")
+    print(f"{'fault':<42}{'times':>6}{'seen after s, median':>22}{'most':>7}{'in failed ones':>16}")
     for attack in ATTACKS:
         found = times[attack.name]
         middle = f"{statistics.median(found):.1f}" if found else "-"
