@@ -115,7 +115,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="a representative part")
     quick = parser.parse_args().quick
-    print("| gear | motion | noise [m/s²] | play [µm] | windows | told | median error | pooled | its interval "
+    print("| gear | motion | noise [m/s²] | play [µm] | windows | estimated | median error | pooled | its interval "
           "| covered | pooled, gear known | covered |\n|" + "---|" * 12)  # fmt: skip
     for cell in [CELLS[i] for i in QUICK] if quick else CELLS:
         for play in QUICK_PLAYS if quick else PLAYS:
