@@ -84,7 +84,7 @@ def main() -> None:
 @config_file
 @click.option("--duration", type=float, callback=positive, metavar="S", help="Stop after so many seconds.")
 def run(config: Path | None, duration: float | None) -> int:
-    """Watch the robot, in the foreground (the service).
+    """Monitor the robot, in the foreground (the service).
 
     Without --config a simulated robot runs, and its database is in the user's state folder.
     """
@@ -95,7 +95,7 @@ def run(config: Path | None, duration: float | None) -> int:
 
 @cli.group("config")
 def config_group() -> None:
-    """Look at a configuration."""
+    """Check a configuration."""
 
 
 @config_group.command("check")
@@ -210,7 +210,7 @@ def trend(
 @click.option("--config", type=FILE, metavar="FILE", required=True, help="Configuration (TOML).")
 @click.option("--duration", type=float, callback=positive, metavar="S", required=True, help="Seconds to record.")
 @click.option("-o", "--output", type=FILE, metavar="REC", required=True, help="Recording to write (CSV).")
-@click.option("--joint", metavar="NAME", help="Which joint; needed when there are several.", shell_complete=joints)
+@click.option("--joint", metavar="NAME", help="Which joint; required when there are several.", shell_complete=joints)
 @click.option(
     "--accelerometer", metavar="NAME", help="This one alone, as for calibrate tap.", shell_complete=accelerometers
 )
@@ -218,7 +218,7 @@ def trend(
 def record(
     config: Path, duration: float, output: Path, joint: str | None, accelerometer: str | None, as_json: bool
 ) -> None:
-    """Measure a joint, or an accelerometer alone, into a recording.  Ctrl-C ends it early; what was measured stays."""
+    """Record a joint, or an accelerometer alone.  Ctrl-C ends it early and keeps the recording."""
     from lostmotion.daemon.commands.record import record
 
     if joint is not None and accelerometer is not None:
@@ -230,14 +230,14 @@ def record(
 @click.argument("recording", type=FILE)
 @config_file
 @click.option("--joint", metavar="NAME", help="Its settings count; its name is shown.", shell_complete=joints)
-@click.option("--column", default="accel", help="The column that rings: accel (default), force, displacement …")
+@click.option("--column", default="accel", help="The column of the ring-down: accel (default), force, displacement …")
 @click.option("--f-res-hz", type=float, callback=positive, metavar="X", help="Resonance of the oscillator [Hz].")
 @click.option("--zeta", type=float, callback=positive, metavar="X", help="Damping ratio of the oscillator [-].")
 @click.option("--level", type=float, callback=positive, metavar="X", help="Level of eq. 9 [-].")
 @statistic
 @as_json
 def score(recording: Path, config: Path | None, joint: str | None, as_json: bool, **given: Any) -> None:
-    """The detector over a recording, window by window.
+    """Score a recording, window by window.
 
     Settings: the options here, else --config, else the recording's head, else the defaults.
     """
@@ -253,22 +253,26 @@ cli.add_command(
 cli.add_command(
     LateCommand("service", "lostmotion.daemon.commands.service_cli:service", "The systemd service: install, uninstall.")
 )
+cli.add_command(LateCommand("fleet", "lostmotion.daemon.commands.fleet_cli:fleet", "Query all robots on a network."))
 cli.add_command(
-    LateCommand("fleet", "lostmotion.daemon.commands.fleet_cli:fleet", "Ask every robot on a network at once.")
-)
-cli.add_command(
-    LateCommand("calibrate", "lostmotion.daemon.commands.calibrate_cli:calibrate", "Find the settings from recordings.")
+    LateCommand(
+        "calibrate",
+        "lostmotion.daemon.commands.calibrate_cli:calibrate",
+        "Find the detector's settings from recordings.",
+    )
 )
 cli.add_command(
     LateCommand(
-        "import", "lostmotion.daemon.commands.import_cli:import_recording", "A recording out of another program's file."
+        "import",
+        "lostmotion.daemon.commands.import_cli:import_recording",
+        "Convert another program's file to a recording.",
     )
 )
 cli.add_command(
     LateCommand(
         "export",
         "lostmotion.daemon.commands.export_cli:export",
-        "A recording for Foxglove, PlotJuggler, ROS 2 or Rerun.",
+        "Convert a recording for Foxglove, PlotJuggler, ROS 2 or Rerun.",
     )
 )
 cli.add_command(
@@ -276,4 +280,4 @@ cli.add_command(
 )
 cli.add_command(LateCommand("simulate", "lostmotion.lab.cli:simulate", "Make a recording from a model."))
 cli.add_command(LateCommand("effects", "lostmotion.lab.cli:effects", "The catalogue of effects, with their equations."))
-cli.add_command(LateCommand("lab", "lostmotion.lab.commands:lab", "Hold a model against measurements."))
+cli.add_command(LateCommand("lab", "lostmotion.lab.commands:lab", "Compare a model with measurements."))

@@ -54,7 +54,7 @@ cause = click.option("--cause", type=click.Choice(["play", "device"]), help="Onl
 @click.option("--all", "everything", is_flag=True, help="Also those that are over.")
 @as_json
 def alarms_list(config: Path | None, database: Path | None, everything: bool, as_json: bool) -> None:
-    """Alarms that are active, acknowledged, shelved, or gone without anybody's notice."""
+    """Alarms that are active, acknowledged, shelved, or cleared but not acknowledged."""
     show(config, database, everything, as_json)
 
 
@@ -64,7 +64,7 @@ def alarms_list(config: Path | None, database: Path | None, everything: bool, as
 @click.option("--duration", type=float, callback=positive, metavar="S", help="Stop after so many seconds.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON document a line.")
 def alarms_watch(config: Path | None, database: Path | None, duration: float | None, as_json: bool) -> None:
-    """What happens to alarms, as it happens."""
+    """Print each transition of an alarm as it happens."""
     watch(config, database, duration, as_json)
 
 
@@ -75,7 +75,7 @@ def alarms_watch(config: Path | None, database: Path | None, duration: float | N
 @database
 @as_json
 def alarms_ack(joint: str, cause: str | None, config: Path | None, database: Path | None, as_json: bool) -> int:
-    """Acknowledge: you know of the joint's alarms.  Exit status 1 if there is none."""
+    """Acknowledge the joint's alarms.  Exit status 1 if there is none."""
     return _change(joint, Verb.ACK, cause, 0.0, config, database, as_json)
 
 
@@ -91,7 +91,7 @@ def alarms_ack(joint: str, cause: str | None, config: Path | None, database: Pat
 def alarms_shelve(
     joint: str, length: float, cause: str | None, config: Path | None, database: Path | None, as_json: bool
 ) -> int:
-    """Silence the joint's alarms for a time, while you work on it.  Exit status 1 if there is none."""
+    """Suppress the joint's alarms for a time, for example during work on it.  Exit status 1 if there is none."""
     return _change(joint, Verb.SHELVE, cause, length, config, database, as_json)
 
 

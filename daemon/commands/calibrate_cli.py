@@ -73,11 +73,11 @@ def calibrate_bar(
 
 @calibrate.command("tap", short_help="Resonance and damping of the bar, from taps.")
 @recordings
-@click.option("--column", default="accel", help="The column that rings: accel (default), force, displacement …")
+@click.option("--column", default="accel", help="The column of the ring-down: accel (default), force, displacement …")
 @toml_out
 @as_json
 def calibrate_tap(recordings: tuple[Path, ...], column: str, output: Path | None, as_json: bool) -> None:
-    """The oscillator's resonance and damping from recordings in which somebody taps the bar, some seconds apart."""
+    """The oscillator's resonance and damping from recordings of taps on the bar, some seconds apart."""
     tap(recordings, column, output, as_json)
 
 
@@ -115,9 +115,9 @@ def calibrate_healthy(
     as_json: bool,
     **given: Any,
 ) -> None:
-    """Window, bands and noise from recordings of a healthy joint in motion; and which motion is brisk enough.
+    """Window, bands and noise from recordings of a healthy joint in motion; and the acceleration that is needed.
 
-    Without --worn, rings of the bar are put into the healthy windows to see what is found.
+    Without --worn, simulated rings of the bar are added to the healthy windows.
     """
     healthy(recordings, worn, config, Asked(**given), output, as_json)
 

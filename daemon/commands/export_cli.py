@@ -15,7 +15,7 @@ class ExportError(LostmotionError):
     """The target is of no known format."""
 
 
-@click.command(short_help="A recording for Foxglove, PlotJuggler, ROS 2 or Rerun.")
+@click.command(short_help="Convert a recording for Foxglove, PlotJuggler, ROS 2 or Rerun.")
 @click.argument("recording", type=click.Path(path_type=Path), metavar="REC")
 @click.option("-o", "--output", type=click.Path(path_type=Path), required=True, metavar="FILE",
               help="File to write: .mcap, or .rrd for Rerun.")  # fmt: skip

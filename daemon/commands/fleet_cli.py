@@ -27,9 +27,9 @@ TREND_S = 20.0
 
 @click.group()
 def fleet() -> None:
-    """Ask every robot on a Zenoh network at once.
+    """Query all robots on a Zenoh network.
 
-    They are sought at --connect or --zenoh, else where --config or the service's configuration connects or
+    Robots are searched at --connect or --zenoh, else where --config or the service's configuration connects or
     listens, else at tcp/127.0.0.1:7447.  Exit status 1 when an endpoint does not answer, or a robot that is known; 2
     when no endpoint does.
     """
@@ -54,7 +54,7 @@ def whom(command: Callable[..., Any], timeout_s: float = 2.0) -> Callable[..., A
             "--connect",
             multiple=True,
             metavar="ENDPOINT",
-            help="A router or robot, such as tcp/10.0.0.1:7447; each of several is asked.",
+            help="A router or robot, such as tcp/10.0.0.1:7447; may be given more than once.",
         ),
     ):
         command = option(command)

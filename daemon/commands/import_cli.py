@@ -19,7 +19,7 @@ SHOWN = 60
 """series that are listed"""
 
 
-@click.command("import", short_help="A recording out of another program's file.")
+@click.command("import", short_help="Convert another program's file to a recording.")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), metavar="REC", help="Recording to write (CSV).")
 @click.option("--map", "terms", multiple=True, metavar="COLUMN=SERIES[:UNIT]",
@@ -35,8 +35,8 @@ def import_recording(
 ) -> None:  # fmt: skip
     """Make a recording out of FILE: MCAP, rosbag2, a LeRobot dataset, PlotJuggler's or another CSV, MAT, Parquet.
 
-    Which series is which column is guessed from names and units, and printed on stderr; --map sets it.  Without -o
-    nothing is written: the series of FILE are listed, and what would be taken.
+    Columns are assigned to series by names and units, and the assignment is printed on stderr; --map sets it.  Without
+    -o nothing is written: the series of FILE and the assignment are listed.
     """
     from lostmotion.drivers.formats.choice import parse_map
     from lostmotion.drivers.formats.source import Choice

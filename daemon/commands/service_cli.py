@@ -20,14 +20,14 @@ def service() -> None:
 
 
 @service.command("install", short_help="Write, enable and start the service.")
-@click.option("--web", "page", is_flag=True, help="The page as well (docs/web.md), as a service of its own.")
+@click.option("--web", "page", is_flag=True, help="Install the web page (docs/web.md) as a second service.")
 @click.option("--print", "print_it", is_flag=True, help="Only print the unit.")
 @dry_run
 @click.option("--root", type=FILE, metavar="DIR", help="Write below DIR and start nothing: for the image of a robot.")
 def install(page: bool, print_it: bool, dry_run: bool, root: Path | None) -> None:
     """Write the unit, udev rules and a first configuration; enable and start the service.
 
-    Once more after an upgrade: a configuration that is there stays.
+    Run it again after an upgrade; an existing configuration is kept.
     """
     if print_it:
         commands.print_unit()

@@ -13,7 +13,7 @@ __all__ = ["lab"]
 
 @click.group()
 def lab() -> None:
-    """Hold a model against measurements: see where it fails, learn which effect is missing, add it."""
+    """Compare a model with measurements, find the missing effect, and add it."""
 
 
 for command in (compare, fit, explain, add, improve):

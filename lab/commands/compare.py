@@ -12,17 +12,17 @@ from lostmotion.lab.commands.reading import Files, recordings_argument
 __all__ = ["compare"]
 
 
-@click.command(short_help="How far a model is off, and where.")
+@click.command(short_help="The error of a model, and where it arises.")
 @model_argument
 @recordings_argument
 @report_option
 @curves_option
 @json_option
 def compare(model: str, recordings: Files, report: Path | None, curves: Path | None, as_json: bool) -> None:
-    """Hold MODEL against recordings: how far it is off, where it fails, and in which equation.
+    """Compare MODEL with recordings: its error, where it fails, and in which equation.
 
-    MODEL is a model file, or the name of a base.  No parameter is fitted; the state in which each recording begins is
-    searched for.
+    MODEL is a model file, or the name of a base.  No parameter is fitted; the initial state of each recording is
+    estimated.
     """
     from lostmotion.lab.commands.output import write_output
     from lostmotion.lab.comparison.compare import compare as compared

@@ -68,7 +68,7 @@ def explain(
     model: str, recordings: Files, executor: str | None, report: Path | None, curves: Path | None,
     budget_s: float, effects: tuple[str, ...], progress: str, as_json: bool,
 ) -> None:  # fmt: skip
-    """Say which physical effect MODEL lacks, judged on the last recording, which the fit does not see."""
+    """Find the physical effect that MODEL lacks, validated on the last recording, which is not fitted."""
     from lostmotion.lab.commands.output import write_output
     from lostmotion.lab.explain import explain as explained
 
