@@ -10,14 +10,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 
 from lostmotion.drivers.errors import LostmotionError
-
-if TYPE_CHECKING:
-    from rich.console import Console
 
 __all__ = [
     "OutputError",
@@ -37,8 +34,8 @@ __all__ = [
 
 MOST_IN_COLOUR = 500
 """Rows of a table that a person looks at; more are for paging and searching."""
-WIDE = 160
-"""Columns of a table that goes to a file or a pipe: wide enough that nothing is cut off."""
+NARROW = 120
+"""Columns of a terminal below which a table that does not fit has narrower gaps."""
 Row = Sequence[str]
 
 
@@ -98,14 +95,16 @@ def print_markup(*lines: str) -> None:
 
 
 def print_table(columns: Sequence[str], rows: Sequence[Row], right: Sequence[str] = ()) -> None:
-    """A table in the one style of all commands; ``right`` names the columns of numbers.  Cells may hold rich markup."""
-    if len(rows) > MOST_IN_COLOUR:
+    """A table in the one style of all commands; ``right`` names the columns of numbers.  Cells may hold rich markup.
+    A terminal wraps long cells; in a file or a pipe a row is one line."""
+    if len(rows) > MOST_IN_COLOUR or not sys.stdout.isatty():
         _print_plain(columns, [rows], right)
         return
     from rich.box import SIMPLE_HEAD
+    from rich.console import Console
     from rich.table import Table
 
-    widths, gap = _column_widths(columns, rows, _console().width)
+    widths, gap = _column_widths(columns, rows, Console().width)
     table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False, padding=(0, gap // 2))
     for name, width in zip(columns, widths, strict=True):
         table.add_column(name, justify="right" if name in right else "left", overflow="fold", width=width)
@@ -124,7 +123,7 @@ def _column_widths(columns: Sequence[str], rows: Sequence[Row], available: int) 
     cells = [[Text.from_markup(cell).plain for cell in column] for column in zip(columns, *rows, strict=True)]
     widths = [max(map(cell_len, column)) for column in cells]
     words = [max(cell_len(word) for cell in column for word in [*cell.split(), ""]) for column in cells]
-    gap = 3 if available >= min(WIDE, sum(widths) + 3 * (len(columns) - 1)) else 1
+    gap = 3 if available >= min(NARROW, sum(widths) + 3 * (len(columns) - 1)) else 1
     while sum(widths) + gap * (len(columns) - 1) > available and max(widths) > 1:
         widest = max(range(len(columns)), key=lambda i: (widths[i] > words[i], widths[i]))
         widths[widest] -= 1
@@ -168,14 +167,9 @@ def _aligned(row: Row, columns: Sequence[str], right: Sequence[str], widths: Seq
 
 
 def _print(*items: object) -> None:
-    _console().print(*items, sep="\n")
-
-
-def _console() -> Console:
-    """As wide as the terminal, or WIDE where stdout is none."""
     from rich.console import Console
 
-    return Console(width=None if sys.stdout.isatty() else WIDE, highlight=False)
+    Console(highlight=False).print(*items, sep="\n", soft_wrap=True)
 
 
 def number(value: float) -> str:

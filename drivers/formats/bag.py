@@ -188,7 +188,9 @@ def _clock(topics: dict[str, _Topic], clock: str) -> tuple[str, list[str], dict[
     shift = round(float(np.median(list(ahead.values()))))
     bare = [name for name in topics if name not in stamps]
     notes = (
-        [f"{shown(', '.join(bare))} without stamps: when received, {shift * 1e-6:+.3g} ms as others"] if bare else []
+        [f"{shown(', '.join(bare))} without stamps: times of receipt, {shift * 1e-6:+.3g} ms as the other topics"]
+        if bare
+        else []
     )
     lost = sum(int(np.count_nonzero(each == 0)) for each in stamps.values())
     notes += [f"{lost} messages without a stamp among those that have one were left out"] if lost else []

@@ -114,6 +114,6 @@ def _tried(explanation: Explanation, entry: Ranked) -> Html:
 
 def _shape(shape: Curve, unit: str) -> Html:
     what, _ = words.variable(shape.variable)
-    title = f"What is left, against {what}."
+    title = f"Residual over {what}."
     picture = curve(title, shape.x, shape.mean, shape.low, shape.high, (what, "what is left"), (shape.unit, unit))
     return figure(picture, title, "Mean with its 95 % band.")

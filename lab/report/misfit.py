@@ -58,7 +58,7 @@ def over_states(comparison: Comparison) -> Section | None:
     seen = [picture for matters, picture in pictures if matters]
     quiet = [picture for matters, picture in pictures if not matters]
     text = (
-        "What is left, averaged over each state of the motion, with the band in which 95 % of mere noise would lie. "
+        "The residual, averaged over each state of the motion, with the band that contains 95 % of pure noise. "
         "A curve that leaves the band shows what the missing effect depends on."
     )
     body = note(text) + (_grid(seen) if seen else note("Nothing stands out here."))

@@ -22,7 +22,7 @@ def summary(comparison: Comparison) -> list[str]:
             f"The modelled motion can be predicted for {horizon:.1f} s only; later samples carry little information."
         )
     if comparison.is_noise:
-        return [*lines, "What is left is as large as the noise, and depends on nothing: nothing is missing here."]
+        return [*lines, "The residual is as large as the noise and depends on no variable: nothing is missing here."]
     return [*lines, *_where(comparison, column), *_why(comparison)]
 
 
@@ -40,7 +40,7 @@ def _where(comparison: Comparison, column: str) -> list[str]:
     bands = [band for band in comparison.spectra[column].bands if band.stands_out]
     if bands:
         band = max(bands, key=lambda one: one.residual)
-        lines.append(f"In frequency most of it lies between {band.low_hz:.2g} and {band.high_hz:.2g} Hz.")
+        lines.append(f"Most of the error is between {band.low_hz:.2g} and {band.high_hz:.2g} Hz.")
     maps = [one for one in comparison.maps[column] if one.significant and one.explained > MENTIONED]
     if maps:
         named = [f"{words.variable(one.variable)[0]} ({100 * one.explained:.0f} % of it)" for one in maps[:3]]
@@ -53,6 +53,6 @@ def _why(comparison: Comparison) -> list[str]:
     if localisation is None:
         return ["No single equation explains it: first fit the parameters (lostmotion lab fit)."]
     return [
-        f"As the parameters stand it looks as if {localisation.description}.",
-        "Parameters that are off look the same: lostmotion lab fit first, then lostmotion lab explain.",
+        f"With these parameters it looks as if {localisation.description}.",
+        "Wrong parameters have the same effect: run lostmotion lab fit first, then lostmotion lab explain.",
     ]

@@ -114,15 +114,17 @@ def of_comparison(comparison: Comparison) -> tuple[str, ...]:
     fit = f"{number(comparison.fit_percent(column), 1)} %"
     sentences = [f"The error in {what} is {with_unit(error, unit)}, a fit of {fit}; the noise is {noise}."]
     if comparison.is_noise:
-        return (*sentences, "What is left is no more than noise.")
+        return (*sentences, "The residual is noise only.")
     sentences.append(worst_phase(comparison, column))
     significant = [one for one in comparison.maps[column] if one.significant]
     if significant:
         depends = joined([words.variable(one.variable)[0] for one in significant[:MOST_VARIABLES]])
-        sentences.append(f"What is left depends on {depends}.")
+        sentences.append(f"The residual depends on {depends}.")
     horizon = min(one.horizon_s for one in overlays)
     if math.isfinite(horizon):
-        sentences.append(f"The motion can be predicted for {horizon:.1f} s only; later, samples hold as statistics.")
+        sentences.append(
+            f"The motion can be predicted for {horizon:.1f} s only; later samples can be compared only statistically."
+        )
     return tuple(sentences)
 
 
@@ -130,7 +132,7 @@ def worst_phase(comparison: Comparison, column: str) -> str:
     """Where in the motion the error is largest."""
     phase, unit = comparison.worst_phase(column), comparison.label(column)[1]
     size, share = quantity(phase.rms, unit, 2), 100 * phase.error
-    return f"It fails most {phase.phase}: {size} there, {share:.0f} % of the squared error."
+    return f"The error is largest {phase.phase}: {size} there, {share:.0f} % of the squared error."
 
 
 def of_ladder(ladder: Ladder) -> tuple[str, ...]:

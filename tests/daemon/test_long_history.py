@@ -116,6 +116,14 @@ def test_a_short_table_of_one_batch_is_that_of_a_few_rows(capsys: pytest.Capture
     assert not output.print_long_table(("a",), iter([]))
 
 
+def test_a_row_is_one_line_in_a_pipe(capsys: pytest.CaptureFixture[str]) -> None:
+    """A cell of 300 characters is neither wrapped nor cut, and no line ends in blanks."""
+    output.print_table(("joint", "why"), [["elbow", "word " * 60], ["[red]wrist[/red]", "-"]])
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[2:] == ["elbow   " + ("word " * 60).rstrip(), "wrist   -"]
+    assert lines[0] == "joint   why"
+
+
 def test_a_narrow_terminal_wraps_between_words() -> None:
     """In 160 columns nothing is wrapped; in 30 the gaps close and the time wraps at its blank; in 12 words break."""
     columns, row = ("joint", "raised", "reason"), ["elbow", "2026-11-25 19:32:54", "half of the windows above"]

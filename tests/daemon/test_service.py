@@ -370,7 +370,7 @@ def test_alarms_outlive_a_database_that_is_damaged_in_use(tmp_path: Path, start:
     service.wait_for("a new history begins")
     wait_until(lambda: count(database) >= 2)
     service.wait_for(
-        "alarm joint=elbow cause=device severity=error event=raised state=active reason='the history begins"
+        "alarm joint=elbow cause=device severity=error event=raised state=active reason='a new history begins"
     )
     assert service.stop(signal.SIGTERM) == 0
     assert [alarm for alarm in known(database)[0] if alarm.joint == "impostor"] == before

@@ -83,7 +83,7 @@ def test_a_joint_is_taken_from_its_topics(bag: Path) -> None:
     np.testing.assert_allclose(recording.signal("torque")[1], 2 * position)
     assert recording.signal("accel")[0].size == bags.COUNT * 5
     np.testing.assert_allclose(recording.signal("voltage")[0], times, atol=1e-9)
-    assert "/voltage without stamps: when received, -3 ms as others" in found.notes
+    assert "/voltage without stamps: times of receipt, -3 ms as the other topics" in found.notes
     start = datetime.fromtimestamp(bags.START_NS // 10**9, UTC) + timedelta(microseconds=123457)
     assert recording.metadata["start"] == start
     assert found.clock == "stamps of the headers"

@@ -68,4 +68,4 @@ def test_terminal_and_report_name_the_same_phase() -> None:
     comparison = report_example.comparison()
     worst = comparison.worst_phase("accel").phase
     for lines in (summary(comparison), of_comparison(comparison)):
-        assert any(line.startswith(f"It fails most {worst}: ") for line in lines)
+        assert any(line.startswith(f"The error is largest {worst}: ") for line in lines)

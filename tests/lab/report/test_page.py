@@ -128,7 +128,7 @@ def test_a_comparison_tells_where_the_model_fails(compared: Path, tmp_path: Path
     assert f"{len(comparison.maps['accel']) - telling} that show nothing beyond chance" in page.text
     assert f"the noise is {comparison.noise['accel'].rms:.2f}." in page.text
     worst = comparison.worst_phase("accel")
-    assert f"It fails most {worst.phase}: " in page.text
+    assert f"The error is largest {worst.phase}: " in page.text
     assert page.count["svg"] == 2 * (3 + len(comparison.maps["accel"]) + 3 + 3)  # each with an inner one
     residual = np.frombuffer(base64.b64decode(page.signals[0]["modelled"]), "<f4")
     assert np.array_equal(residual, comparison.overlays[0].modelled.astype("f4"))
