@@ -1,5 +1,5 @@
 #!/bin/sh
-# The main job on the simulated robot: a year of wear in 40 seconds, then the questions one asks of it.
+# The main job on the simulated robot: a year of wear in 40 seconds, then the commands that evaluate it.
 # The shoulder has no play; the elbow's grows.  DEMO_WEB=1: the page is served meanwhile, and afterwards until Ctrl-C.
 # Everything lies in a folder of its own, which is removed at the end.
 set -eu
@@ -44,8 +44,8 @@ play_m = 2e-6                      # gap between the teeth when new
 wear_per_year = 4.0                # it grows as exp(4 t): to 110 um in a year
 
 [detector]
-statistic = "band"                 # eq. 8; the default would hear the first micrometre, in the first minute
-level = 60                         # no gap is heard as 3, a gap of 10 um (3 arc-minutes) as 60
+statistic = "band"                 # eq. 8; the default would detect the first micrometre at once
+level = 60                         # scores: 3 without a gap, 60 at a gap of 10 um (3 arc-minutes)
 
 [alarm]
 remind = "once"                    # a day is a tenth of a second here

@@ -1,4 +1,4 @@
-"""The lab in a script; editors and notebooks run its cells (# %%) one by one.  What it does is told in docs/lab.md."""
+"""The lab in a script; editors and notebooks run its cells (# %%) one by one.  docs/lab.md explains it."""
 
 # %% Three recordings of a servo whose bearing rubs; yours come from read_recording("rec1.csv")
 import numpy as np

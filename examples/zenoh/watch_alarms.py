@@ -4,7 +4,7 @@
     python watch_alarms.py --zenoh operator.json5
 
 An advanced subscriber asks publishers for what it has missed while a router was away; a robot that is started again
-tells its newest transitions again, and their id says so.
+sends its newest transitions again, with the same ids.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ WAIT_S = 0.25
 LOOK_S = 1.0
 """how long identify listens"""
 SILENT_S = 0.5
-"""a joint that was not heard for so long is silent"""
+"""a joint without data for this time is silent"""
 NOTHING = np.empty(0)
 
 
