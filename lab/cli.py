@@ -44,7 +44,8 @@ def simulate(model: str, output: Path, as_json: bool, **options: Any) -> None:
     horizon = simulation.horizon()
     if horizon < simulation.duration:
         click.echo(
-            f"{output}: the motion is chaotic: from {horizon:.1f} s on, samples hold only as statistics", err=True
+            f"{output}: the motion is chaotic: from {horizon:.1f} s on, samples can be compared only statistically",
+            err=True,
         )
     if as_json:
         click.echo(json.dumps({"recording": str(output), "rows": simulation.samples, **recording.metadata}))

@@ -91,7 +91,7 @@ def alarms_ack(joint: str, cause: str | None, config: Path | None, database: Pat
 def alarms_shelve(
     joint: str, length: float, cause: str | None, config: Path | None, database: Path | None, as_json: bool
 ) -> int:
-    """Suppress the joint's alarms for a time, for example during work on it.  Exit status 1 if there is none."""
+    """Suppress the joint's alarms for a time, such as during work.  Exit status 1 if there is none."""
     return _change(joint, Verb.SHELVE, cause, length, config, database, as_json)
 
 
@@ -102,7 +102,7 @@ def alarms_shelve(
 @database
 @as_json
 def alarms_unshelve(joint: str, cause: str | None, config: Path | None, database: Path | None, as_json: bool) -> int:
-    """End the silence early.  Exit status 1 if nothing is shelved."""
+    """End shelving early.  Exit status 1 if nothing is shelved."""
     return _change(joint, Verb.UNSHELVE, cause, 0.0, config, database, as_json)
 
 

@@ -28,7 +28,7 @@ def errors(comparison: Comparison) -> Section:
             for one in comparison.overlays]  # fmt: skip
     text = (
         "Fit: 100 % is perfect, 0 % no better than the mean. Predictable: until then motions that begin alike stay "
-        "alike; later, samples hold only as statistics."
+        "alike; later, samples can be compared only statistically."
     )
     head = ("recording", "fit>", "error>", "noise>", "predictable>")
     return Section("errors", "Errors, recording by recording", Html(note(text) + table(head, rows)))

@@ -71,9 +71,9 @@ def test_status_fail(database: Path, tmp_path: Path) -> None:
 
 def test_status_says_when_nobody_watches(database: Path) -> None:
     """A line when no service holds the database, none while one does; that look keeps no service out."""
-    assert "no service runs" in call("status", "--database", database).stdout
+    assert "no service is running" in call("status", "--database", database).stdout
     with closing(Store(database, "arm1")):
-        assert "no service runs" not in call("status", "--database", database).stdout
+        assert "no service is running" not in call("status", "--database", database).stdout
 
 
 def test_history_json(database: Path) -> None:

@@ -110,7 +110,7 @@ def test_chaotic_motion_is_told(tmp_path: Path, alpha: float, duration: float, w
     (tmp_path / "m.toml").write_text(f'base = "play"\n[parameters]\nalpha = {alpha}\n')
     result = run(tmp_path / "m.toml", "-o", tmp_path / "r.csv", "--duration", duration)
     assert [line for line in result.stderr.splitlines() if "chaotic: from 1.7 s on" in line] == (
-        [f"{tmp_path / 'r.csv'}: the motion is chaotic: from 1.7 s on, samples hold only as statistics"]
+        [f"{tmp_path / 'r.csv'}: the motion is chaotic: from 1.7 s on, samples can be compared only statistically"]
         if warned
         else []
     )
