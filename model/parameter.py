@@ -48,7 +48,7 @@ class Domain(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One number of a model, in SI units.
+    """One number of a model, in SI units; the unit "1" is none.
 
     low and high bound a fit; fixed: a fit leaves it alone; source: where the value comes from ("guess: …" where it is
     one); meaning: what it is; domain: what physics allows.  Raises ModelError for a value that is not finite or lies
@@ -66,6 +66,7 @@ class Parameter:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "value", _number(self.value))
+        object.__setattr__(self, "unit", "" if self.unit == "1" else self.unit)
         given = f"{self.value:g} {self.unit}".rstrip()
         if not math.isfinite(self.value):
             raise ModelError(f"{given} is not possible; it must be a finite number")
@@ -79,8 +80,8 @@ class Parameter:
             )
 
     def check_unit(self, unit: str) -> None:
-        """Raises ModelError unless it is the unit of this parameter, or "" for none given."""
-        if unit and unit != self.unit:
+        """Raises ModelError unless it is the unit of this parameter ("1" where it has none), or "" for none given."""
+        if unit and unit != (self.unit or "1"):
             raise ModelError(
                 f"the unit is {unit!r}, expected {repr(self.unit) if self.unit else 'none'}; values are in SI units"
             )

@@ -35,6 +35,16 @@ def test_the_format_as_documented() -> None:
     assert model.parameters["J2"] == build_model("play").parameters["J2"]
 
 
+def test_the_unit_1_is_none() -> None:
+    """A parameter without a unit may say so, one in metres may not; it was refused of both."""
+    file = 'base = "play"\neffects = ["gear_eccentricity"]\n[parameters]\n{} = {{ value = 9, unit = "1" }}'
+    for name in ("n", "gear_eccentricity.N"):
+        parameter = loads(file.format(name), "x.toml").build().parameters[name]
+        assert (parameter.value, parameter.unit) == (9.0, "")
+    with pytest.raises(ModelFileError, match="d: the unit is '1', expected 'm'"):
+        loads(file.format("d"), "x.toml")
+
+
 def test_a_name_of_a_page_is_not_told_in_full() -> None:
     """The refusal of an effect of 5000 characters had all of them."""
     with pytest.raises(ModelFileError, match=r"^x\.toml: no effect is called 'aaa") as refused:
