@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.fitting.fit import Progress, fit_segments, noise_of
+from lostmotion.lab.fitting.identifiability import with_scale
 from lostmotion.lab.inverse.explain import fitted, method_of
 from lostmotion.lab.results import Fit
 from lostmotion.model import Model
@@ -28,4 +30,4 @@ def fit(
     progress("fitting", 0.0)
     found = fitted(model, experiments, method, noise_of(experiments))
     progress("done", 1.0)
-    return found
+    return replace(found, held=with_scale(model, experiments)[1])

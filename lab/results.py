@@ -6,12 +6,14 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 
+from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
@@ -69,6 +71,10 @@ class Estimate:
     identified: bool = True
     at_bound: bool = False
 
+    def held_document(self) -> dict[str, Any]:
+        """One entry of ``scale``."""
+        return {"parameter": self.name, "value": _number(self.value), "unit": self.unit}
+
 
 @dataclass(frozen=True, eq=False)
 class Fit(Displayed):
@@ -88,11 +94,21 @@ class Fit(Displayed):
     rms: Mapping[str, float]
     substep_s: float
     complete: bool = True
+    limit: float = policy.GOOD
+    """Times the noise, up to which an error counts as noise."""
+    held: tuple[Estimate, ...] = ()
+    """Parameters that these recordings cannot determine, with the values at which they were held."""
 
     def __getitem__(self, name: str) -> Estimate:
         """The estimate of that parameter.  Raises KeyError for one that was not free."""
         found = {estimate.name: estimate for estimate in self.estimates}
         return found[name]
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether the error of the first column, which was fitted, is no larger than its noise."""
+        column, rms = next(iter(self.rms.items()))
+        return rms <= self.limit * self.noise.get(column, math.nan)
 
     def document(self) -> dict[str, Any]:
         """The keys of ``lab fit --json``."""
@@ -109,7 +125,9 @@ class Fit(Displayed):
             },
             "rms": dict(self.rms),
             "noise": dict(self.noise),
-            "complete": self.complete,
+            "complete": self.is_noise,
+            "stopped_early": not self.complete,
+            "scale": [estimate.held_document() for estimate in self.held],
         }
 
 
@@ -240,7 +258,7 @@ class Explanation(Displayed):
             "complete": self.complete,
             "share": {effect: _number(share) for effect, share in self.share.items()},
             "columns": {name: errors.document() for name, errors in self.columns.items()},
-            "scale": [{"parameter": e.name, "value": _number(e.value), "unit": e.unit} for e in self.held],
+            "scale": [estimate.held_document() for estimate in self.held],
             "untried": list(self.untried),
             "used": {"seconds": self.used_s[0], "of": self.used_s[1]} if self.used_s else None,
             "left_out": {"segments": self.left_out[0], "of": self.left_out[1]},

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import click
 from lostmotion.lab import words
 from lostmotion.lab.comparison.compare import Comparison
 from lostmotion.lab.report import verdict
-from lostmotion.lab.results import Explanation, Fit, Ladder
+from lostmotion.lab.results import Errors, Explanation, Fit, Ladder
 
 __all__ = ["write_output"]
 
@@ -41,10 +42,20 @@ def _in_words(found: Found) -> dict[str, Any]:
         left = (one.variable for maps in found.maps.values() for one in maps)
         return {"words": verdict.of_comparison(found), "variables": _variables(left)}
     if isinstance(found, Fit):
-        return {"words": verdict.of_fit(found)}
+        return {**_errors(found), "words": verdict.of_fit(found)}
     if isinstance(found, Ladder):
         return {"words": verdict.of_ladder(found), **_effects(found.last)}
     return {"words": verdict.of_explanation(found), **_effects(found)}
+
+
+def _errors(fit: Fit) -> dict[str, Any]:
+    """The keys ``error`` (of the first column) and ``columns`` of a fit; nothing is added, so both errors are one."""
+    linear = any(one.is_linear for one in fit.experiments)
+    columns = {
+        name: Errors(rms, rms, fit.noise.get(name, math.nan), words.column(name, linear)[1]).document()
+        for name, rms in fit.rms.items()
+    }
+    return {"error": next(iter(columns.values())), "columns": columns}
 
 
 def _effects(explanation: Explanation) -> dict[str, Any]:

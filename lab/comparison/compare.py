@@ -153,6 +153,7 @@ class Comparison(Displayed):
             "base": self.model.base,
             "effects": list(self.model.effects),
             "error": error,
+            "complete": self.is_noise,
             "is_noise": self.is_noise,
             "columns": {name: self._column(name) for name in self.maps},
             "residual": self.localisation.document() if self.localisation else None,

@@ -268,6 +268,7 @@ def _fit(fit: Regression, rough: Model, noise: dict[str, float], column: str, *u
         noise=noise,
         rms={column: fit.rms, **_motion_rms(fit, model, substep)},
         substep_s=substep,
+        limit=policy.STRUCTURED,
     )
 
 

@@ -139,7 +139,31 @@ def test_fit_writes_a_model(tmp_path: Path) -> None:
     assert low < value < high
     assert document["complete"] is True
     assert document["rms"]["accel"] == pytest.approx(0.3, rel=0.1)
+    assert document["error"] == document["columns"]["accel"]
     result = CliRunner().invoke(cli, ["lab", "compare", str(out), str(folder / "rec2.csv"), "--json"])
     assert result.exit_code == 0, result.stderr
     compared = json.loads(result.stdout)
     assert compared["columns"]["accel"]["rms"] == pytest.approx(0.3, rel=0.1)
+
+
+def test_fit_and_compare_say_whether_only_noise_is_left(tmp_path: Path) -> None:
+    """``complete``, ``error``, ``columns`` and ``scale`` mean what they mean in explain; a fit of a pendulum without
+    its weight had ``complete`` true at 80 times the noise, and did not say that its inertia had been held."""
+    time = np.arange(0, 4, 0.01)
+    swing = 0.1 * np.cos(6 * time) + np.random.default_rng(5).normal(0, 1e-3, time.size)
+    write_recording(Recording(time, {"position": swing}), tmp_path / "rec.csv")
+    for effects, complete in (('"gravity_torque"', True), ("", False)):
+        (tmp_path / "m.toml").write_text(
+            f'base = "joint"\neffects = [{effects}]\n[parameters]\nJ.value = 2e-4\nJ.fixed = false\n'
+        )
+        arguments = [str(tmp_path / "m.toml"), str(tmp_path / "rec.csv"), "--json"]
+        fit = CliRunner().invoke(cli, ["lab", "fit", *arguments, "-o", str(tmp_path / "out.toml")])
+        document = json.loads(fit.stdout)
+        assert (document["complete"], document["stopped_early"]) == (complete, False)
+        assert document["scale"] == [{"parameter": "J", "value": 2e-4, "unit": "kg m^2"}]
+        assert document["columns"] == {"position": document["error"]}
+        assert document["error"]["unit"] == "rad"
+        assert (document["error"]["after"] < 1.1e-3) is complete
+        arguments[0] = str(tmp_path / "out.toml")
+        compared = json.loads(CliRunner().invoke(cli, ["lab", "compare", *arguments]).stdout)
+        assert (compared["error"]["after"] < 1.1e-3, compared["complete"]) == (complete, complete)

@@ -103,7 +103,7 @@ def test_ctrl_c_leaves_the_best_so_far(at: str, pool: Executor) -> None:
     model = build_model("play", values={**TRUE, "d": 7.6e-5})
     found = fit(model, experiments(model, [gears(0, 1.0)]), pool, interrupt)
     assert not found.complete
-    assert found.document()["complete"] is False
+    assert found.document()["stopped_early"] is True
     assert values(found)["d"] == pytest.approx(TRUE["d"], rel=0.1)
     assert found.rms["accel"] < 3 * NOISE
 
