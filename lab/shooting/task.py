@@ -6,10 +6,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.frequency_response import from_spectra, usual_torque
 from lostmotion.lab.shooting.continuation import first_level
-from lostmotion.model import Model
+from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["Task", "coarse_substep", "with_friction"]
@@ -19,11 +21,15 @@ LONGEST_STEP_S = {"play": 5e-4}
 FRICTION_SHARE = 0.2
 LOOKED_AT_S, LOOKED_AT = 1.0, 100
 """Seconds, and least number of samples, of the motion from which the integration step follows."""
+LEAST = 8
+"""Samples of the shortest segment in which the error of a step is measured."""
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """The task of a fit: the model of the file, experiments with the noise of each column, the solver's step."""
+    """The task of a fit: the model of the file, experiments, the solver's step, and the noise of each column together
+    with the error of that step.
+    """
 
     rough: Model
     experiments: tuple[Experiment, ...]
@@ -41,6 +47,8 @@ class Task:
         halvings = max(first_level(model.base, experiment) for experiment in experiments)
         rough = from_spectra(model, experiments)
         step = coarse_substep(with_friction(rough, experiments), experiments)
+        error = _step_error(rough, experiments[0], step, halvings)
+        noise = {name: math.hypot(deviation, error.get(name, 0.0)) for name, deviation in noise.items()}
         return cls(rough, tuple(experiments), noise, step, halvings)
 
 
@@ -61,6 +69,27 @@ def coarse_substep(model: Model, experiments: Sequence[Experiment], factor: floa
     if factor:
         return min(own) * factor
     return min(min(own) * SEARCH_STEPS.get(model.base, 1.0), LONGEST_STEP_S.get(model.base, math.inf))
+
+
+def _step_error(model: Model, experiment: Experiment, substep_s: float, halvings: int) -> dict[str, float]:
+    """Root mean square error that this step of the integration makes in each measured column, of the median segment.
+
+    Readings without noise, as those of a simulation, are finer than it: the force of gears at 1 kHz was simulated to
+    2e-4 of its size, 16 times the noise that was found in it, and the model that made the recording was refused.
+    """
+    own, times = experiment.model(model), _beginning(experiment)
+    exact = own.simulate(experiment.drive, times)
+    count = max(experiment.time.size >> halvings, LEAST)
+    errors: dict[str, list[float]] = {name: [] for name in experiment.measured}
+    for k in range(0, max(times.size - count, 1), count):
+        part = slice(k, k + count)
+        try:
+            coarse = own.simulate(experiment.drive, times[part], exact.states[k], substep_s=substep_s)
+        except ModelError:  # it diverges
+            continue
+        for name, found in errors.items():
+            found.append(float(np.sqrt(np.mean((coarse[name] - exact[name][part]) ** 2))))
+    return {name: float(np.median(found)) for name, found in errors.items() if found}
 
 
 def _beginning(experiment: Experiment) -> FloatArray:
