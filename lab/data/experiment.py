@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lostmotion.drivers.recording import Recording
+from lostmotion.lab.data.lost_readings import without_lost_readings
 from lostmotion.lab.data.supply import of_voltage
 from lostmotion.lab.errors import ExperimentError
 from lostmotion.model import Model, Motion, Sampled
@@ -94,6 +95,8 @@ def _experiment(model: Model, recording: Recording) -> Experiment:
             f"{recording.name}: found {_there(recording)}, expected at least one of {', '.join(OUTPUTS[model.base])}; "
             f"the base {model.base!r} is compared with these"
         )
+    if "position" in outputs and model.base != "play":  # there a contact may be as short as a lost reading
+        recording = without_lost_readings(recording)
     drive = _drive(model.base, recording)
     rows = np.any([~np.isnan(recording.columns[name]) for name in outputs], axis=0)
     rows[1:] &= np.diff(recording.time) > 0  # a merged row may repeat a time

@@ -16,6 +16,7 @@ import numpy as np
 
 from lostmotion.lab import policy, words
 from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.deadline import is_over
 from lostmotion.lab.quantity import quantity
 from lostmotion.lab.shooting.continuation import first_level, tiles
 from lostmotion.lab.shooting.least_squares import projected_off
@@ -42,7 +43,8 @@ class _Proposal:
 def what_to_record(models: Sequence[Model], task: Task, pool: Executor) -> str:
     """Which motion to record to distinguish models that explain the recordings equally well.
 
-    models: fits of one base, best first.  "" where there is nothing to distinguish or the recordings have no input.
+    models: fits of one base, best first.  "" where there is nothing to distinguish, the recordings have no input, or
+    the time of the search is up.
     """
     if len(models) < 2 or task.experiments[0].drive is None:
         return ""
@@ -50,6 +52,8 @@ def what_to_record(models: Sequence[Model], task: Task, pool: Executor) -> str:
     proposals = _proposals(models[0].base, task.experiments)
     count = len(proposals)
     apart = list(pool.map(_separation, [p.motion for p in proposals], [models] * count, [task] * count))
+    if is_over():  # some were not simulated to the end
+        return ""
     best = int(np.argmax(apart))
     names = " and ".join(words.name(_own(model, models)) for model in models)
     samples = LENGTH_S * task.experiments[0].rate_hz
@@ -110,13 +114,17 @@ def _steps(size: float, rise_s: float) -> Sampled:
 
 def _separation(motion: Motion, models: Sequence[Model], task: Task) -> float:
     """Root mean square difference between the first model and the nearest of the others, in units of the noise; 0 where
-    one of them cannot be run."""
+    one of them cannot be run, or not in time."""
     first = models[0]
     try:
         segments = _segments(motion, first, task)
         unknowns = Unknowns.of(first, task.rough)
         z = unknowns.z(first)
-        blocks = [segment.linearised(first, unknowns, z, task.substep_s) for segment in segments]
+        blocks = []
+        for segment in segments:  # a stiff friction may take a minute for the length of a recording
+            if is_over():
+                return 0.0
+            blocks.append(segment.linearised(first, unknowns, z, task.substep_s))
         return min(_apart(model, first, segments, blocks, task.substep_s) for model in models[1:])
     except ModelError:
         return 0.0

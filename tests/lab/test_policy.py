@@ -24,6 +24,7 @@ NUMERICS = {
     "data/experiment.py": (4, "what is no recording"),
     "data/frequency_response.py": (3, "an estimator of first values"),
     "data/lines.py": (3, "a peak finder for first values"),
+    "data/lost_readings.py": (3, "what is a reading that was lost"),
     "data/noise.py": (10, "an estimator of the noise, each number with its measured error"),
     "data/stationarity.py": (1, "length of a block"),
     "data/supply.py": (3, "which of two things a voltage is; the margins are measured"),
@@ -65,7 +66,7 @@ NUMERICS = {
     "shooting/task.py": (5, "integration steps"),
 }
 """How many numbers each other module of the lab has, and what they are for."""
-MOST = 49
+MOST = 50
 
 
 def is_number(value: ast.expr) -> bool:
@@ -98,7 +99,7 @@ def numbers(path: Path) -> list[str]:
 
 
 def test_a_policy_of_few_constants() -> None:
-    """There are no more than 49, and each is one of them once."""
+    """There are no more than 50, and each is one of them once."""
     names = numbers(LAB / "policy.py")
     assert len(set(names)) == len(names) <= MOST
 
