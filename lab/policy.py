@@ -40,9 +40,9 @@ RAILED = 6
 """So many readings of exactly the same largest magnitude, in one recording, mark the end of a range: noise rarely
 repeats a value so often."""
 LOST_JUMP = 10.0
-"""Times the largest usual step of an angle between two samples (its 95 % quantile), above which a jump away and back is a
-reading that was lost.  Those of a robot arm jump by 40 to 3000 times.  Of 540 other recordings of real machines none has
-such a jump that comes back within five samples; pneumatic cylinders jump by up to 200 times, and stay."""
+"""Times the largest usual step of an angle between two samples (its 95 % quantile), above which a jump away and back is
+a reading that was lost.  Those of a robot arm jump by 40 times and more.  Of 540 other recordings of real machines none
+has such a jump that comes back within five samples; pneumatic cylinders jump by up to 200 times, and stay."""
 
 # Motions that are simulated whole, and inverse models
 

@@ -1,8 +1,8 @@
 """Readings of an angle that were lost: a bus that got no answer puts a zero, or the end of the range, in their place.
 
-All of the lab's likelihoods suppose errors of the readings of about one size.  A joint cannot jump and come back within a
-few samples: 11 of 9321 readings of a robot arm made Stribeck friction of Coulomb friction, and hid its weight.  Nothing
-is fitted here.
+All of the lab's likelihoods suppose errors of the readings of about one size.  A joint cannot jump and come back
+within a few samples: 11 of 9321 lost readings of a robot arm hid the viscous friction of its waist, and left a third of
+the torque of other joints.  Nothing is fitted here.
 """
 
 from __future__ import annotations
