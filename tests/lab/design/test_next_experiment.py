@@ -11,6 +11,7 @@ import pytest
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.experiment import experiments
+from lostmotion.lab.deadline import within
 from lostmotion.lab.design.next_experiment import what_to_record
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model, build_model, by_name
@@ -61,3 +62,9 @@ def test_models_that_act_alike_are_not_distinguished() -> None:
 def test_nothing_to_tell_apart() -> None:
     """One model needs no advice."""
     assert advised(rubbing("coulomb_friction", tau_c=0.15)) == ""
+
+
+def test_no_advice_when_the_time_is_up() -> None:
+    """A motion with stiff friction takes a minute to be compared: a search whose time is up ends without it."""
+    with within(0.0):
+        assert advised(rubbing("coulomb_friction", tau_c=0.15), rubbing("viscous_friction", b_v=0.1)) == ""
