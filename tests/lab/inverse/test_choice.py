@@ -99,11 +99,12 @@ def test_an_offset_of_the_accelerometer_is_no_effect(offset: float, tmp_path: Pa
     assert answer["error"]["after"] == pytest.approx(0.02, rel=0.15)
 
 
-def test_a_speed_at_which_friction_changes_is_one_of_the_motion() -> None:
+@pytest.mark.parametrize(("blurred", "low"), [(0.0, 0.006), (0.04, 0.04), (9.0, 0.075)])
+def test_a_speed_at_which_friction_changes_is_one_of_the_motion(blurred: float, low: float) -> None:
     """Below a fiftieth of the usual speed a joint rests: there a Stribeck friction may be anything, and was 35 N m of a
-    wrist whose motor gave 0.4."""
+    wrist whose motor gave 0.4.  Nor is it below the speed that the filter blurs, if that is slow."""
     model = build_model("joint", ["stribeck_friction"])
-    size = SimpleNamespace(speed=0.3)
-    speed = candidates._within_speeds(model, "stribeck_friction", size).parameters["stribeck_friction.omega_s"]  # type: ignore[arg-type]
-    assert (speed.low, speed.high) == pytest.approx((0.006, 0.15))
+    size: Any = SimpleNamespace(speed=0.3)
+    speed = candidates._within_speeds(model, "stribeck_friction", size, blurred).parameters["stribeck_friction.omega_s"]
+    assert (speed.low, speed.high) == pytest.approx((low, 0.15))
     assert speed.low <= speed.value <= speed.high
