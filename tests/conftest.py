@@ -9,11 +9,16 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import hypothesis
 import pytest
 
 ROOT = Path(__file__).parent.parent
 # Devices, services and browsers that run beside a test in real time: a busy machine makes them late.
 REAL_TIME = tuple(ROOT / "tests" / name for name in ("conformance", "daemon", "drivers", "system", "web"))
+
+# A busy machine takes a second for what it does in a millisecond at other times.
+hypothesis.settings.register_profile("untimed", deadline=None)
+hypothesis.settings.load_profile("untimed")
 
 # As the program does: a worker whose BLAS has threads takes up to ten times the processor time beside other workers.
 for library in ("OPENBLAS", "MKL"):
