@@ -32,7 +32,7 @@ from lostmotion.lab.selection.score_test import Scores
 from lostmotion.lab.selection.step import Step, Tried
 from lostmotion.lab.selection.validate import Judged, Unseen, is_left
 from lostmotion.lab.shooting.continuation import FIRST_S, Level, followed, residuals
-from lostmotion.lab.shooting.task import Task, coarse_substep, with_friction
+from lostmotion.lab.shooting.task import Task, coarse_substep, dithered, with_friction
 from lostmotion.model import Model, ModelError
 from lostmotion.model.effects import get_effect
 
@@ -57,6 +57,7 @@ def explained_gears(
     model, held = with_scale(model, [*train, last])
     whole_s = sum(one.duration for one in (*train, last))
     train, last = _used(model, train, last, budget_s)
+    (*train, last), noise = dithered(model, [*train, last], noise)
     task = Task.of(model, train, noise)
     progress("fitting what is there", 0.0)
     with within(policy.SEARCH_SHARE * budget_s):
@@ -135,7 +136,7 @@ def _explanation(search: _Search) -> Explanation:
     first = next(iter(task.noise))
     named = task.added(best.model)
     refined = unseen.pool.submit(refined_fit, best, task)  # runs on one core while the residual is described
-    left = search.is_unsized or is_left(search.descent[-1])
+    left = is_left(search.descent[-1])
     verdict: Verdict = "missing" if named else "outside_catalogue" if left else "nothing_missing"
     columns = {
         name: Errors(before.of(name), after.of(name), noise, words.column(name)[1])

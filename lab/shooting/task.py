@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from lostmotion.lab.shooting.continuation import first_level
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Task", "coarse_substep", "with_friction"]
+__all__ = ["Task", "coarse_substep", "dithered", "with_friction"]
 
 SEARCH_STEPS = {"play": 8.0, "oscillator": 2.0, "joint": 4.0, "servo": 2.0}  # times the model's own choice of step
 LONGEST_STEP_S = {"play": 5e-4}
@@ -23,13 +23,13 @@ LOOKED_AT_S, LOOKED_AT = 1.0, 100
 """Seconds, and least number of samples, of the motion from which the integration step follows."""
 LEAST = 8
 """Samples of the shortest segment in which the error of a step is measured."""
+DITHER = 5.0
+"""Least noise, in errors of the step: these are then 4 % of its variance."""
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """The task of a fit: the model of the file, experiments, the solver's step, and the noise of each column together
-    with the error of that step.
-    """
+    """The task of a fit: the model of the file, experiments with the noise of each column, the solver's step."""
 
     rough: Model
     experiments: tuple[Experiment, ...]
@@ -47,8 +47,6 @@ class Task:
         halvings = max(first_level(model.base, experiment) for experiment in experiments)
         rough = from_spectra(model, experiments)
         step = coarse_substep(with_friction(rough, experiments), experiments)
-        error = _step_error(rough, experiments[0], step, halvings)
-        noise = {name: math.hypot(deviation, error.get(name, 0.0)) for name, deviation in noise.items()}
         return cls(rough, tuple(experiments), noise, step, halvings)
 
 
@@ -71,12 +69,30 @@ def coarse_substep(model: Model, experiments: Sequence[Experiment], factor: floa
     return min(min(own) * SEARCH_STEPS.get(model.base, 1.0), LONGEST_STEP_S.get(model.base, math.inf))
 
 
-def _step_error(model: Model, experiment: Experiment, substep_s: float, halvings: int) -> dict[str, float]:
-    """Root mean square error that this step of the integration makes in each measured column, of the median segment.
+def dithered(
+    model: Model, experiments: Sequence[Experiment], noise: Mapping[str, float]
+) -> tuple[list[Experiment], dict[str, float]]:
+    """The experiments and the noise of their columns, with white noise added to those that are finer than the error of
+    a search's integration step.
 
-    Readings without noise, as those of a simulation, are finer than it: the force of gears at 1 kHz was simulated to
-    2e-4 of its size, 16 times the noise that was found in it, and the model that made the recording was refused.
+    That error depends on the motion, as what an effect leaves does.  Of gears simulated at 1 kHz the force was
+    integrated to 2e-4 of its size, 16 times the noise found in it, and the very model that had made it was refused.
     """
+    halvings = max(first_level(model.base, experiment) for experiment in experiments)
+    error = _step_error(model, experiments[0], coarse_substep(model, experiments), halvings)
+    least = {name: max(deviation, DITHER * error.get(name, 0.0)) for name, deviation in noise.items()}
+    rng, changed = np.random.default_rng(0), []
+    for experiment in experiments:
+        measured = {
+            name: values + math.sqrt(least[name] ** 2 - noise[name] ** 2) * rng.standard_normal(values.size)
+            for name, values in experiment.measured.items()
+        }
+        changed.append(replace(experiment, measured=measured))
+    return changed, least
+
+
+def _step_error(model: Model, experiment: Experiment, substep_s: float, halvings: int) -> dict[str, float]:
+    """Root mean square error that this step of the integration makes in each measured column, of the median segment."""
     own, times = experiment.model(model), _beginning(experiment)
     exact = own.simulate(experiment.drive, times)
     count = max(experiment.time.size >> halvings, LEAST)
