@@ -22,14 +22,14 @@ from lostmotion.lab.comparison.bands import Spectra
 from lostmotion.lab.comparison.predict import Prediction, predict
 from lostmotion.lab.comparison.residual_analysis import Block, ColumnResidual, PhaseError, root_mean_square
 from lostmotion.lab.comparison.residual_maps import ResidualMap
-from lostmotion.lab.comparison.torque import TORQUE, needed_torques, torque_missing
+from lostmotion.lab.comparison.torque import TORQUE, needed_torques
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.noise import NoiseModel, innovation_noise, quiet_noise
 from lostmotion.lab.data.whiteness import Correlation, fit_percent
-from lostmotion.lab.discrepancy.localise import Localisation, localise
+from lostmotion.lab.discrepancy.localise import localise
 from lostmotion.lab.inverse.explain import method_of
 from lostmotion.lab.inverse.validate import Method, is_noise
-from lostmotion.lab.results import Displayed
+from lostmotion.lab.results import Displayed, Finding
 from lostmotion.lab.shooting.initial_state import FINE, find_start, polished, segment_of
 from lostmotion.lab.shooting.segment import Segment
 from lostmotion.model import Model, predictability_horizon
@@ -103,7 +103,7 @@ class Comparison(Displayed):
     blocks: Mapping[str, tuple[Block, ...]]
     spectra: Mapping[str, Spectra]
     maps: Mapping[str, tuple[ResidualMap, ...]]
-    localisation: Localisation | None
+    localisation: Finding | None
 
     @property
     def column(self) -> str:
@@ -190,10 +190,10 @@ def compare(
     localisation, 0 for none.  Raises ModelError where the model cannot be run.
     """
     if starts is None and method_of(model, experiments) is Method.TORQUE:
-        predictions, floor_nm = needed_torques(model, experiments)
+        predictions, floor_nm, left = needed_torques(model, experiments)
         endless = [math.inf] * len(predictions)
         found = _compared(model, predictions, endless, {TORQUE: NoiseModel.white(floor_nm)}, recordings)
-        return found if found.is_noise else replace(found, localisation=torque_missing(predictions))
+        return found if found.is_noise else replace(found, localisation=left)
     floor = {name: _floor(name, experiments) for name in _columns(experiments)}
     if starts is None:
         starts = [_start(model, one, floor) for one in experiments]
@@ -202,7 +202,8 @@ def compare(
     found = replace(_compared(model, predictions, horizons, floor, recordings), starts=tuple(starts))
     if found.is_noise or not samples:
         return found
-    return replace(found, localisation=localise(model, experiments, starts, floor, samples))
+    localised = localise(model, experiments, starts, floor, samples)
+    return replace(found, localisation=localised.finding() if localised else None)
 
 
 def _columns(experiments: Sequence[Experiment]) -> list[str]:

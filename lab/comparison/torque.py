@@ -16,27 +16,26 @@ from dataclasses import replace
 
 import numpy as np
 
-from lostmotion.lab import words
 from lostmotion.lab.comparison.predict import Prediction
 from lostmotion.lab.data.experiment import Experiment
-from lostmotion.lab.discrepancy.localise import Localisation
-from lostmotion.lab.discrepancy.shape import shapes
 from lostmotion.lab.fitting.identifiability import held
+from lostmotion.lab.inverse.describe import described
 from lostmotion.lab.inverse.problem import Data
 from lostmotion.lab.inverse.regression import regressed
 from lostmotion.lab.inverse.signals import Signals, informative_band
 from lostmotion.lab.inverse.torques import noise_floor
+from lostmotion.lab.results import Finding
 from lostmotion.model import Model, Trajectory
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["TORQUE", "needed_torques", "torque_missing"]
+__all__ = ["TORQUE", "needed_torques"]
 
 TORQUE = "torque"
-VARIABLES = {"position": "theta_2", "velocity": "omega_2", "acceleration": "acceleration"}
 
 
-def needed_torques(model: Model, experiments: Sequence[Experiment]) -> tuple[list[Prediction], float]:
-    """For each experiment, the measured torque and the one that the model needs, and the sensors' noise [N m].
+def needed_torques(model: Model, experiments: Sequence[Experiment]) -> tuple[list[Prediction], float, Finding]:
+    """For each experiment, the measured torque and the one that the model needs; the sensors' noise [N m]; and on what
+    the residual torque depends.
 
     The time axis is that on which a fit compares them; the measured torque is NaN where it does not: near both ends,
     where the filter has transients, and at rest, where dry friction may have any value up to its largest.
@@ -44,10 +43,10 @@ def needed_torques(model: Model, experiments: Sequence[Experiment]) -> tuple[lis
     band = informative_band(experiments)
     signals = [Signals.of(one, most_hz=band) for one in experiments]
     data = Data.of(signals, model)
-    zeros = regressed(held(model, model.parameters), data).nuisance  # of encoders that count from where they start
-    pairs = zip(data.shifted(zeros), data.needed(model, zeros), strict=True)
+    fit = regressed(held(model, model.parameters), data)  # of the zeros of encoders that count from where they start
+    pairs = zip(data.shifted(fit.nuisance), data.needed(model, fit.nuisance), strict=True)
     predictions = [_prediction(one, torque) for one, torque in pairs]
-    return predictions, max(noise_floor(one, model) for one in signals)
+    return predictions, max(noise_floor(one, model) for one in signals), described(fit)
 
 
 def _prediction(signals: Signals, torque: FloatArray) -> Prediction:
@@ -64,18 +63,3 @@ def _prediction(signals: Signals, torque: FloatArray) -> Prediction:
     states = np.stack([modelled["position"], modelled["velocity"]], axis=1)
     experiment = replace(signals.experiment, time=time, measured={TORQUE: measured})
     return Prediction(experiment, Trajectory(time, modelled, states, states[-1], float(time[1] - time[0])))
-
-
-def torque_missing(predictions: Sequence[Prediction]) -> Localisation:
-    """Describes the residual torque by the state of the motion on which it depends."""
-    found, variables = [], []
-    for one in predictions:
-        residual = one.residual(TORQUE)
-        there = ~np.isnan(residual)
-        found.append(residual[there])
-        motion = {words: one.trajectory[name][there] for name, words in VARIABLES.items()}
-        variables.append({**motion, "time": one.trajectory.time[there]})
-    size = float(np.sqrt(np.mean(np.concatenate(found) ** 2)))
-    unit = words.column(TORQUE, any(one.experiment.is_linear for one in predictions))[1]
-    followed = shapes(found, [np.full(one.size, size) for one in found], variables)
-    return Localisation("joint", {"joint": 0.0}, size, unit, followed)

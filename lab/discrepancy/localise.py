@@ -19,15 +19,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lostmotion.lab import policy, words
 from lostmotion.lab.data.autoregression import NoiseModel
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.discrepancy.input_estimation import InputProcess, Track, Tracker
-from lostmotion.lab.discrepancy.shape import Shape, shapes
+from lostmotion.lab.discrepancy.shape import Shape, finding, shapes
 from lostmotion.lab.parallel import Threads, cores
 from lostmotion.lab.quantity import quantity
-from lostmotion.lab.results import Curve, Finding
+from lostmotion.lab.results import Finding
 from lostmotion.lab.shooting.segment import state_scales
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
@@ -57,39 +56,12 @@ class Localisation:
     unit: str
     shapes: tuple[Shape, ...]
 
-    @property
-    def depends_on(self) -> tuple[str, ...]:
-        """The variable that explains most of it, and those that do nearly as well; none where none does."""
-        if not self.shapes or self.shapes[0].explained < policy.FOLLOWS_STATE:
-            return ()
-        best = self.shapes[0].explained
-        return tuple(
-            s.variable for s in self.shapes if s.explained > max(policy.FOLLOWS_STATE, policy.FOLLOWS_ALSO * best)
-        )
-
-    def document(self) -> dict[str, object]:
-        """The key ``residual`` with what supports it."""
-        found = self.finding().document()
-        return {**found, "behind": {name: round(value, 1) for name, value in self.behind.items()}}
-
     def finding(self) -> Finding:
         """The result in the form common to all commands."""
-        curve = None
-        if self.depends_on:
-            s = self.shapes[0]
-            curve = Curve(s.variable, s.unit, s.x, s.mean, s.mean - s.half_width, s.mean + s.half_width, self.unit)
-        return Finding(self.acts_on, self.depends_on, self.description, curve)
-
-    @property
-    def description(self) -> str:
-        """The result as a sentence."""
         what = {"joint": "a torque on the joint", "oscillator": "a force on the oscillator",
                 "command": "an offset of the driving gear", "sensor": "an error of the sensor"}  # fmt: skip
         text = f"{what[self.acts_on]} of about {quantity(self.size, self.unit, 2)} is missing"
-        if not self.depends_on:
-            return f"{text}; it follows no single state"
-        share = 100 * self.shapes[0].explained
-        return f"{text}; {share:.0f} % of it follows {words.variable(self.depends_on[0])[0]}"
+        return finding(self.acts_on, text, self.unit, self.shapes)
 
 
 def localise(

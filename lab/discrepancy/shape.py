@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from lostmotion.lab import policy, words
+from lostmotion.lab.results import Curve, Finding
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Shape", "shapes"]
+__all__ = ["Shape", "finding", "shapes"]
 
 BINS = 16
 BLOCK = 0.2
@@ -51,6 +52,24 @@ def shapes(
         if np.ptp(x) > 0:
             found.append(_shape(name, x, y, weights, blocks))
     return tuple(sorted(found, key=lambda shape: -shape.explained))
+
+
+def finding(acts_on: str, size: str, unit: str, found: Sequence[Shape]) -> Finding:
+    """Describes a residual by its size, in words, and by the state that explains most of it and those that explain
+    nearly as much, if any.
+
+    acts_on: the equation; unit: of the residual; found: the best first.
+    """
+    if not found or found[0].explained < policy.FOLLOWS_STATE:
+        return Finding(acts_on, (), f"{size}; it follows no single state")
+    best = found[0]
+    least = max(policy.FOLLOWS_STATE, policy.FOLLOWS_ALSO * best.explained)
+    depends_on = tuple(one.variable for one in found if one is best or one.explained > least)
+    text = f"{size}; {100 * best.explained:.0f} % of it follows {words.variable(best.variable)[0]}"
+    curve = Curve(
+        best.variable, best.unit, best.x, best.mean, best.mean - best.half_width, best.mean + best.half_width, unit
+    )
+    return Finding(acts_on, depends_on, text, curve)
 
 
 def _shape(name: str, x: FloatArray, y: FloatArray, weights: FloatArray, blocks: FloatArray) -> Shape:

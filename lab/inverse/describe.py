@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from lostmotion.lab import policy, words
-from lostmotion.lab.discrepancy.shape import Shape, shapes
+from lostmotion.lab import words
+from lostmotion.lab.discrepancy.shape import finding, shapes
 from lostmotion.lab.fitting.identifiability import is_driven
 from lostmotion.lab.inverse.problem import Data, by_recording
 from lostmotion.lab.inverse.regression import Regression
-from lostmotion.lab.results import Curve, Finding
+from lostmotion.lab.results import Finding
 
 __all__ = ["described", "is_linear"]
 
@@ -37,7 +35,7 @@ def described(fit: Regression) -> Finding:
     ]  # fmt: skip
     found = shapes(residuals, [np.full(r.size, fit.rms) for r in residuals], variables)
     what, unit = words.column("torque", is_linear(fit))
-    return _followed("joint", f"a {what} on the joint of about {fit.rms:.2g} {unit} is missing", unit, found)
+    return finding("joint", f"a {what} on the joint of about {fit.rms:.2g} {unit} is missing", unit, found)
 
 
 def _finding_of_motion(fit: Regression) -> Finding:
@@ -54,16 +52,4 @@ def _finding_of_motion(fit: Regression) -> Finding:
         variables.append({**columns, "time": at})
     found = shapes(residuals, [np.full(r.size, fit.rms) for r in residuals], variables)
     acts_on = "joint" if "J" in fit.model.parameters else "oscillator"
-    return _followed(acts_on, f"an error of the motion of about {fit.rms:.2g} {unit} is left", unit, found)
-
-
-def _followed(acts_on: str, size: str, unit: str, found: Sequence[Shape]) -> Finding:
-    """Describes the residual by its size, and by the state that explains it best, if any."""
-    if not found or found[0].explained < policy.FOLLOWS_STATE:
-        return Finding(acts_on, (), f"{size}; it follows no single state")
-    best = found[0]
-    curve = Curve(
-        best.variable, best.unit, best.x, best.mean, best.mean - best.half_width, best.mean + best.half_width, unit
-    )
-    text = f"{size}; {100 * best.explained:.0f} % of it follows {words.variable(best.variable)[0]}"
-    return Finding(acts_on, (best.variable,), text, curve)
+    return finding(acts_on, f"an error of the motion of about {fit.rms:.2g} {unit} is left", unit, found)

@@ -108,10 +108,11 @@ def test_localise(seed: int, hidden: dict[str, float], acts_on: str, variable: s
     found = located(seed, hidden)
     assert found.acts_on == acts_on
     assert min(behind for name, behind in found.behind.items() if name != acts_on) > 100
-    assert variable in found.depends_on
-    document = found.document()
+    finding = found.finding()
+    assert variable in finding.depends_on
+    document = finding.document()
     assert document["acts_on"] == acts_on
-    assert document["curve"]["variable"] in found.depends_on
+    assert document["curve"]["variable"] in finding.depends_on
 
 
 @pytest.mark.slow
