@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,11 +23,9 @@ from lostmotion.lab.discrepancy.localise import localise
 from lostmotion.lab.errors import ExperimentError
 from lostmotion.lab.fitting.fit import Progress, fit_of, refined_fit
 from lostmotion.lab.fitting.identifiability import with_scale
-from lostmotion.lab.fitting.strategy import first_fit, full_fit, grown, predictable
+from lostmotion.lab.fitting.strategy import first_fit, full_fit, predictable
 from lostmotion.lab.results import Errors, Explanation, Finding, Fit, Ranked, Verdict
-from lostmotion.lab.selection.candidates import others
-from lostmotion.lab.selection.forward import descended
-from lostmotion.lab.selection.prune import reduced, simplified, unsized
+from lostmotion.lab.selection.forward import Selection, selected
 from lostmotion.lab.selection.score_test import Scores
 from lostmotion.lab.selection.step import Step, Tried
 from lostmotion.lab.selection.validate import Judged, Unseen, is_left
@@ -62,42 +60,14 @@ def explained_gears(
     progress("fitting what is there", 0.0)
     with within(policy.SEARCH_SHARE * budget_s):
         short = first_fit(model, task, pool)
-        base = grown(short, task)
         unseen = Unseen(last, task, predictable(short, task), pool).with_floor_of(short)
-        search = _pruned(base, *descended(short, base, unseen, np.random.default_rng(0), progress), unseen)
-        untried = _untried(search.level.model, search.steps) if is_over() else ()
+        selection = selected(short, unseen, progress)
     progress("refining", 0.9)
     with within((1 - policy.SEARCH_SHARE) * budget_s):
-        found = _explanation(search)
+        found = _explanation(selection, task, pool)
     progress("done", 1.0)
     used_s = sum(one.duration for one in (*train, last)), whole_s
-    return replace(found, held=held, untried=untried, used_s=used_s)
-
-
-@dataclass(frozen=True, eq=False)
-class _Search:
-    """base: the fit of the model as it is; level, short: the last one, on long and on short segments; descent: the
-    errors on unseen data; steps: what was tried; is_unsized: an effect that explained something was eliminated because
-    its size may be zero.
-    """
-
-    base: Level
-    level: Level
-    short: Level
-    descent: Sequence[Judged]
-    steps: Sequence[Step]
-    unseen: Unseen
-    is_unsized: bool = False
-
-
-def _pruned(
-    base: Level, short: Level, level: Level, descent: Sequence[Judged], steps: Sequence[Step], unseen: Unseen
-) -> _Search:
-    """The search without the effects that became superfluous, or whose size may be zero."""
-    level, descent = simplified(level, descent, unseen, _unvalidated(steps))
-    if void := unsized(level, unseen.task):
-        level, descent = reduced(level, void, descent, unseen)
-    return _Search(base, level, short, descent, steps, unseen, bool(void))
+    return replace(found, held=held, used_s=used_s)
 
 
 def _check_rate(model: Model, experiments: Sequence[Experiment]) -> None:
@@ -113,12 +83,6 @@ def _check_rate(model: Model, experiments: Sequence[Experiment]) -> None:
         )
 
 
-def _untried(model: Model, steps: Sequence[Step]) -> tuple[str, ...]:
-    """Effects that the last step did not fit because the time was up."""
-    tried = {one.effect for one in steps[-1].tried}
-    return tuple(effect for effect in others(model) if effect not in tried)
-
-
 def _used(
     model: Model, train: Sequence[Experiment], last: Experiment, budget_s: float
 ) -> tuple[list[Experiment], Experiment]:
@@ -129,38 +93,39 @@ def _used(
     return excerpts(train, most_s), excerpts([last], most_s / 2)[0]
 
 
-def _explanation(search: _Search) -> Explanation:
+def _explanation(selection: Selection, task: Task, pool: Executor) -> Explanation:
     """The result with refined estimates, and the remaining error."""
-    unseen, steps, best = search.unseen, search.steps, search.level
-    task, before, after = unseen.task, search.descent[0], search.descent[-1]
-    first = next(iter(task.noise))
+    steps, best, descent = selection.steps, selection.best, selection.descent
+    before, after, first = descent[0], descent[-1], next(iter(task.noise))
     named = task.added(best.model)
-    refined = unseen.pool.submit(refined_fit, best, task)  # runs on one core while the residual is described
-    left = is_left(search.descent[-1])
+    refined = pool.submit(refined_fit, best, task)  # runs on one core while the residual is described
+    left = is_left(after)
     verdict: Verdict = "missing" if named else "outside_catalogue" if left else "nothing_missing"
     columns = {
         name: Errors(before.of(name), after.of(name), noise, words.column(name)[1])
         for name, noise in task.noise.items()
         if name in before.columns
     }
-    residual = _residual(search) if left else None
+    residual = _residual(selection, task) if left else None
     best_fit = refined.result()
+    groups = _confusable(named, steps)
     return Explanation(
         verdict=verdict,
         missing=named,
-        confusable=_confusable(named, steps),
+        confusable=groups,
         ranking=_with_intervals(_ranking(steps, before, first), best_fit),
         error=columns[first],
         residual=residual,
         complete=not left,
-        advice=_advice(named, steps, unseen),
+        advice=_advice(groups[0], steps, task, pool) if groups else "",
         detectable=_detectable(steps[-1].scores) if verdict == "nothing_missing" else {},
-        base=_with_unseen(fit_of(search.base, task), before),
+        base=_with_unseen(fit_of(selection.base, task), before),
         best=_with_unseen(best_fit, after),
         columns=columns,
-        descent=tuple(judged.of(first) for judged in search.descent),
+        descent=tuple(judged.of(first) for judged in descent),
         left_out=(after.errors.size - len(after.residual), after.errors.size),
-        unshown=tuple(effect for effect in _unvalidated(steps) if effect in named),
+        unshown=tuple(effect for effect in selection.unvalidated if effect in named),
+        untried=selection.untried,
     )
 
 
@@ -198,11 +163,6 @@ def _values(tried: Tried) -> dict[str, tuple[float, float, float]]:
     return {name: (p.value, p.value, p.value) for name, p in tried.level.model.own(tried.effect).items()}
 
 
-def _unvalidated(steps: Sequence[Step]) -> list[str]:
-    """The effects that were accepted although the unseen data do not show them."""
-    return [step.tried[0].effect for step in steps if step.unvalidated]
-
-
 def _confusable(named: Sequence[str], steps: Sequence[Step]) -> tuple[tuple[str, ...], ...]:
     groups = [
         tuple(one.effect for at, one in enumerate(step.equals) if at == 0 or one.effect not in named) for step in steps
@@ -210,14 +170,10 @@ def _confusable(named: Sequence[str], steps: Sequence[Step]) -> tuple[tuple[str,
     return tuple(group for group in groups if len(group) > 1 and group[0] in named)
 
 
-def _advice(named: Sequence[str], steps: Sequence[Step], unseen: Unseen) -> str:
+def _advice(effects: Sequence[str], steps: Sequence[Step], task: Task, pool: Executor) -> str:
     """What to record to distinguish the first effects that these recordings confuse."""
-    for step in steps:
-        effects = next((group for group in _confusable(named, [step])), ())
-        if effects:
-            models = [one.level.model for one in step.equals if one.effect in effects]
-            return what_to_record(models, unseen.task, unseen.pool)
-    return ""
+    step = next(step for step in steps if step.equals and step.tried[0].effect == effects[0])
+    return what_to_record([one.level.model for one in step.equals if one.effect in effects], task, pool)
 
 
 def _detectable(scores: Scores) -> dict[str, tuple[str, float]]:
@@ -234,10 +190,10 @@ def _detectable(scores: Scores) -> dict[str, tuple[str, float]]:
     return sizes
 
 
-def _residual(search: _Search) -> Finding | None:
+def _residual(selection: Selection, task: Task) -> Finding | None:
     """The remaining error, described by a function or by the equation in which it acts; None where the model cannot be
     run."""
-    task, short, best = search.unseen.task, search.short, search.level
+    short, best = selection.short, selection.best
     try:
         if short.model.effects != best.model.effects:
             short = full_fit(best.model, task)

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from lostmotion.lab import policy
-from lostmotion.lab.selection.candidates import halving_fits, others
+from lostmotion.lab.selection.candidates import full_fits, halving, others
 from lostmotion.lab.selection.nesting import in_place
 from lostmotion.lab.selection.step import Step, on_unseen
 from lostmotion.lab.selection.validate import Judged, Unseen, misfits
@@ -34,8 +34,8 @@ def distinguished(step: Step, before: Judged, unseen: Unseen) -> Step:
     changed = list(_changed(first.level.model, task))
     if not changed:
         return step
-    begin = [("", first.level.model), *changed]
-    tried = on_unseen(halving_fits(begin, task, unseen.horizon_s, unseen.pool), first.judged, unseen)
+    short = full_fits([("", first.level.model), *changed], task, unseen.pool)
+    tried = on_unseen(halving(short, task, unseen.horizon_s, unseen.pool), first.judged, unseen)
     misfit = dict(zip((one.effect for one in tried), misfits([one.judged for one in tried]).tolist(), strict=True))
     best = min(tried, key=lambda one: misfit[one.effect], default=first)
     gain = misfit.get("", math.inf) - misfit.get(best.effect, math.inf)

@@ -30,16 +30,16 @@ from lostmotion.model import Model, catalogue
 from lostmotion.model.effects import get_effect
 
 __all__ = [
+    "FEW_STEPS",
     "Trial",
     "best_of_each",
     "full_fits",
+    "full_trials",
     "halving",
-    "halving_fits",
     "near_trials",
     "observer_trials",
     "others",
     "repaired_trial",
-    "score_trials",
 ]
 
 FEW_STEPS = 6
@@ -79,17 +79,16 @@ def others(model: Model) -> list[str]:
 def near_trials(
     level: Level, directions: Sequence[Direction], task: Task, pool: Executor, iterations: int = 15
 ) -> list[Trial]:
-    """Fits on the same segments, each beginning with the direction of the score test; best first."""
+    """Fits on the same segments, each beginning at the amplitude of the score test; best first."""
     count = len(directions)
     levels = pool.map(_with_direction, directions, [level] * count, [task] * count, [iterations] * count)
     return _ordered([Trial(d.effect, fit) for d, fit in zip(directions, levels, strict=True)])
 
 
-def score_trials(base: Level, directions: Sequence[Direction], task: Task, pool: Executor) -> list[Trial]:
-    """Fits on all short segments with effects proposed by the score test, in a few steps from the fit without them: for
-    the direction with the least error, and that with the largest statistic; best first."""
-    near = near_trials(base, directions[: policy.FINISHED], task, pool, FEW_STEPS)
-    first = {*near[:1], *(trial for trial in near if trial.effect == directions[0].effect)}
+def full_trials(near: Sequence[Trial], effect: str, task: Task, pool: Executor) -> list[Trial]:
+    """Fits on all short segments that begin at those of ``near_trials``: at the one with the least error, and at that
+    with this effect, which has the largest statistic; best first."""
+    first = {*near[:1], *(trial for trial in near if trial.effect == effect)}
     return full_fits([(trial.effect, trial.level.model) for trial in near if trial in first], task, pool)
 
 
@@ -105,11 +104,6 @@ def repaired_trial(effect: str, model: Model, level: Level, task: Task) -> Trial
     return Trial(
         effect, repaired_fit(model, Unknowns.of(model, task.rough), _segments(model, level), task, policy.LOST_SHARE)
     )
-
-
-def halving_fits(begin: Sequence[tuple[str, Model]], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
-    """The models with their effects fitted on all short segments, then survivors up to this length; best first."""
-    return halving(full_fits(begin, task, pool), task, horizon_s, pool)
 
 
 def full_fits(begin: Sequence[tuple[str, Model]], task: Task, pool: Executor) -> list[Trial]:

@@ -11,21 +11,30 @@ from collections.abc import Collection, Iterator, Sequence
 from lostmotion.lab import policy
 from lostmotion.lab.fitting.fit import fit_of
 from lostmotion.lab.fitting.strategy import full_fit, grown
-from lostmotion.lab.selection.nesting import simpler, with_effects, without
+from lostmotion.lab.selection.nesting import simpler, without
 from lostmotion.lab.selection.validate import Judged, Unseen
 from lostmotion.lab.shooting.continuation import Level
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model
 from lostmotion.model.effects import get_effect
 
-__all__ = ["reduced", "simplified", "unsized"]
+__all__ = ["eliminated", "simplified", "unsized"]
+
+
+def eliminated(
+    level: Level, descent: Sequence[Judged], unseen: Unseen, kept: Collection[str]
+) -> tuple[Level, list[Judged], bool]:
+    """The fit without superfluous effects and without those whose size may be zero, the descent to it, and whether
+    there were any of the latter; arguments as in ``simplified``."""
+    level, descent = simplified(level, descent, unseen, kept)
+    void = unsized(level, unseen.task)
+    for effect in void:
+        level, descent = _refitted(without(level.model, effect), level.model, descent, unseen)
+    return level, descent, bool(void)
 
 
 def simplified(
-    level: Level,
-    descent: Sequence[Judged],
-    unseen: Unseen,
-    kept: Collection[str] = (),
+    level: Level, descent: Sequence[Judged], unseen: Unseen, kept: Collection[str] = ()
 ) -> tuple[Level, list[Judged]]:
     """The simplest fit with an equal error on unseen data, and the descent to it.
 
@@ -33,11 +42,9 @@ def simplified(
     data do not show.
     """
     for model in _simpler(level.model, [e for e in unseen.task.added(level.model) if e not in kept]):
-        fit = full_fit(model, unseen.task, policy.LOST_SHARE)
-        fit = grown(fit, unseen.task)
-        judged = unseen.judge(fit.model, descent[-1])
-        if not unseen.is_better(unseen.again(level.model, descent[-1], judged), judged):
-            return simplified(fit, [*_path(fit.model, descent[0], unseen), judged], unseen, kept)
+        fit, path = _refitted(model, level.model, descent, unseen)
+        if not unseen.is_better(unseen.again(level.model, descent[-1], path[-1]), path[-1]):
+            return simplified(fit, path, unseen, kept)
     return level, list(descent)
 
 
@@ -56,15 +63,13 @@ def unsized(level: Level, task: Task) -> list[str]:
     return found
 
 
-def reduced(
-    level: Level, effects: Sequence[str], descent: Sequence[Judged], unseen: Unseen
-) -> tuple[Level, list[Judged]]:
-    """The fit without these effects, and the descent to it; arguments as in ``simplified``."""
-    model = level.model
-    for effect in effects:
-        model = without(model, effect)
-    fit = grown(full_fit(model, unseen.task, policy.LOST_SHARE), unseen.task)
-    return fit, [*_path(fit.model, descent[0], unseen), unseen.judge(fit.model, descent[-1])]
+def _refitted(model: Model, before: Model, descent: Sequence[Judged], unseen: Unseen) -> tuple[Level, list[Judged]]:
+    """The fit of a simpler model than before, and the descent to it, without the step of an effect that it lacks."""
+    task = unseen.task
+    fit = grown(full_fit(model, task, policy.LOST_SHARE), task)
+    steps = [one for effect, one in zip(task.added(before), descent[1:], strict=True) if effect in model.effects]
+    path = [descent[0], *steps][: len(task.added(model))]
+    return fit, [*path, unseen.judge(fit.model, descent[-1])]
 
 
 def _simpler(model: Model, added: Sequence[str]) -> Iterator[Model]:
@@ -74,13 +79,3 @@ def _simpler(model: Model, added: Sequence[str]) -> Iterator[Model]:
     for effect in added:
         if found := simpler(model, effect):
             yield found[1]
-
-
-def _path(model: Model, first: Judged, unseen: Unseen) -> Iterator[Judged]:
-    """Validates the model with none, one, two, … but not all of the added effects."""
-    task, added = unseen.task, unseen.task.added(model)
-    if added:
-        yield first
-    for count in range(1, len(added)):
-        fit = full_fit(with_effects(model, [*task.rough.effects, *added[:count]]), task, policy.LOST_SHARE)
-        yield unseen.judge(fit.model)

@@ -15,21 +15,22 @@ from lostmotion.lab import policy
 from lostmotion.lab.data.clipping import RANGE, at_its_rail
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.selection.candidates import (
+    FEW_STEPS,
     Trial,
     best_of_each,
+    full_trials,
     halving,
     near_trials,
     observer_trials,
     others,
     repaired_trial,
-    score_trials,
 )
 from lostmotion.lab.selection.score_test import Scores, score_test
 from lostmotion.lab.selection.validate import Judged, Unseen, misfits, trained
 from lostmotion.lab.shooting.continuation import Level
 from lostmotion.lab.shooting.task import Task
 
-__all__ = ["Step", "Tried", "look_ahead", "on_unseen", "searched"]
+__all__ = ["Step", "Tried", "look_ahead", "on_unseen", "provisional", "searched"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +77,10 @@ def searched(level: Level, short: Level, now: Judged, unseen: Unseen, rng: np.ra
     is_far = unseen.is_far(max(now.error, level.typical))
     scores = score_test(short if is_far else level, others(level.model), task.substep_s, pool, rng)
     if not is_far or not scores.directions:
-        return _near_step(level, scores, now, unseen)
-    trials, tried = score_trials(short, scores.directions, task, pool), list[Tried]()
+        asked = [d for d in scores.directions[: policy.FINISHED] if d.statistic > scores.limit]
+        return _near_step(near_trials(level, asked, task, pool), scores, level, now, unseen)
+    near = near_trials(short, scores.directions[: policy.FINISHED], task, pool, FEW_STEPS)
+    trials, tried = full_trials(near, scores.directions[0].effect, task, pool), list[Tried]()
     if trials and trials[0].level.typical < policy.FAR:
         tried, trials = _halved(trials, now, unseen), []
         step = _ranked(scores, tried, now, unseen)
@@ -91,15 +94,12 @@ def _halved(trials: Sequence[Trial], now: Judged, unseen: Unseen) -> list[Tried]
     return on_unseen(halving(trials, unseen.task, unseen.horizon_s, unseen.pool), now, unseen)
 
 
-def _near_step(level: Level, scores: Scores, now: Judged, unseen: Unseen) -> Step:
-    """The effects that the score test proposes, and a limit of the sensor's range where readings saturate: such
+def _near_step(trials: Sequence[Trial], scores: Scores, level: Level, now: Judged, unseen: Unseen) -> Step:
+    """Judges the effects that the score test proposes, and a limit of the sensor's range where readings saturate: such
     segments are missed, and left out of the test."""
     task = unseen.task
-    asked = [d for d in scores.directions[: policy.FINISHED] if d.statistic > scores.limit]
-    trials = near_trials(level, asked, task, unseen.pool)
-    railed = at_its_rail(level.model, task.experiments) if RANGE in others(level.model) else None
-    if railed:
-        trials.append(repaired_trial(RANGE, railed, level, task))
+    if RANGE in others(level.model) and (railed := at_its_rail(level.model, task.experiments)):
+        trials = [*trials, repaired_trial(RANGE, railed, level, task)]
     if not trials:
         return Step(scores)
     step = _ranked(scores, on_unseen(trials, now, unseen), now, unseen)
@@ -108,7 +108,18 @@ def _near_step(level: Level, scores: Scores, now: Judged, unseen: Unseen) -> Ste
     return _accepted_by_training(step, level, now, task) or step
 
 
-def look_ahead(step: Step, now: Judged, unseen: Unseen) -> Step | None:
+def look_ahead(step: Step, now: Judged, unseen: Unseen, rng: np.random.Generator) -> list[Step]:
+    """The two steps of a pair of effects, of which the first explains too little alone; none where no second one is
+    accepted."""
+    first = provisional(step, now, unseen)
+    if first is None:
+        return []
+    best = first.tried[0]
+    second = searched(best.level, best.level, best.judged, unseen.with_floor_of(best.level), rng)
+    return [first, second] if second.accepted and unseen.is_better(second.tried[0].judged, now) else []
+
+
+def provisional(step: Step, now: Judged, unseen: Unseen) -> Step | None:
     """The step with the effect provisionally accepted that explains most of the training data, although it explains too
     little of the unseen data alone: with two missing effects, impacts are still wrong with one.  None near the noise,
     or where nothing could be fitted."""

@@ -11,7 +11,7 @@ from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.fitting.fit import noise_of
 from lostmotion.lab.fitting.strategy import full_fit
-from lostmotion.lab.selection.candidates import full_fits, halving, others, score_trials
+from lostmotion.lab.selection.candidates import FEW_STEPS, full_fits, full_trials, halving, near_trials, others
 from lostmotion.lab.selection.score_test import score_test
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import build_model
@@ -51,7 +51,8 @@ def test_observer_runs_are_asked_where_more_than_noise_is_left(
     base = full_fit(model, task)
     with ThreadPoolExecutor(2) as pool:
         scores = score_test(base, others(model), task.substep_s, pool, np.random.default_rng(0))
-        trials = score_trials(base, scores.directions, task, pool)
+        near = near_trials(base, scores.directions[: policy.FINISHED], task, pool, FEW_STEPS)
+        trials = full_trials(near, scores.directions[0].effect, task, pool)
     assert base.typical > 2
     if asked:
         assert not trials or trials[0].level.typical > policy.FAR

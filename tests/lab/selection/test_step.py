@@ -9,7 +9,7 @@ import numpy as np
 from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.data.noise import NoiseModel
 from lostmotion.lab.selection.score_test import Scores
-from lostmotion.lab.selection.step import Step, Tried, look_ahead
+from lostmotion.lab.selection.step import Step, Tried, provisional
 from lostmotion.lab.selection.validate import Judged, Unseen
 from lostmotion.lab.shooting.continuation import Level
 from lostmotion.lab.shooting.parameters import Unknowns
@@ -37,9 +37,9 @@ def test_far_from_the_noise_the_first_of_two_is_accepted_provisionally() -> None
     )
     with ThreadPoolExecutor(1) as pool:
         unseen = Unseen(held[0], Task.of(model, held, {"accel": 0.2}), 0.25, pool)
-        first = look_ahead(step, judged(10.0), unseen)
-        assert look_ahead(step, judged(1.5), unseen) is None
-        assert look_ahead(Step(step.scores), judged(10.0), unseen) is None
+        first = provisional(step, judged(10.0), unseen)
+        assert provisional(step, judged(1.5), unseen) is None
+        assert provisional(Step(step.scores), judged(10.0), unseen) is None
     assert first is not None
     assert [one.effect for one in first.tried] == ["coulomb_friction", "viscous_friction"]
     assert (first.accepted, first.provisional) == (True, True)
