@@ -21,12 +21,12 @@ from lostmotion.lab import policy, words
 from lostmotion.lab.comparison.bands import Spectra
 from lostmotion.lab.comparison.predict import Prediction, predict
 from lostmotion.lab.comparison.residual_analysis import Block, ColumnResidual, PhaseError, root_mean_square
-from lostmotion.lab.comparison.residual_maps import ResidualMap
 from lostmotion.lab.comparison.torque import TORQUE, needed_torques
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.noise import NoiseModel, innovation_noise, quiet_noise
 from lostmotion.lab.data.whiteness import Correlation, fit_percent
 from lostmotion.lab.discrepancy.localise import localise
+from lostmotion.lab.discrepancy.residual_maps import ResidualMap
 from lostmotion.lab.inverse.explain import method_of
 from lostmotion.lab.inverse.validate import Method, is_noise
 from lostmotion.lab.results import Displayed, Finding

@@ -14,9 +14,9 @@ import numpy as np
 from lostmotion.lab.comparison.bands import Spectra, spectra
 from lostmotion.lab.comparison.phases import phases
 from lostmotion.lab.comparison.predict import Prediction
-from lostmotion.lab.comparison.residual_maps import ResidualMap, residual_maps
 from lostmotion.lab.data.noise import NoiseModel, innovation_noise
 from lostmotion.lab.data.whiteness import Correlation, autocorrelation, cross_correlation
+from lostmotion.lab.discrepancy.residual_maps import ResidualMap, residual_maps
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["Block", "ColumnResidual", "PhaseError", "root_mean_square"]

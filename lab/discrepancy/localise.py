@@ -23,7 +23,7 @@ from lostmotion.lab.data.autoregression import NoiseModel
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.discrepancy.input_estimation import InputProcess, Track, Tracker
-from lostmotion.lab.discrepancy.shape import Shape, finding, shapes
+from lostmotion.lab.discrepancy.residual_maps import ResidualMap, finding, residual_maps
 from lostmotion.lab.parallel import Threads, cores
 from lostmotion.lab.quantity import quantity
 from lostmotion.lab.results import Finding
@@ -47,21 +47,21 @@ class Localisation:
     """The equation in which the model misses something.
 
     acts_on: the equation; behind: by equation, the difference of its log-likelihood from the best; size, unit: root
-    mean square of the estimated input; shapes: its dependence on each variable, best first.
+    mean square of the estimated input; maps: its dependence on each variable, best first.
     """
 
     acts_on: str
     behind: Mapping[str, float]
     size: float
     unit: str
-    shapes: tuple[Shape, ...]
+    maps: tuple[ResidualMap, ...]
 
     def finding(self) -> Finding:
         """The result in the form common to all commands."""
         what = {"joint": "a torque on the joint", "oscillator": "a force on the oscillator",
                 "command": "an offset of the driving gear", "sensor": "an error of the sensor"}  # fmt: skip
         text = f"{what[self.acts_on]} of about {quantity(self.size, self.unit, 2)} is missing"
-        return finding(self.acts_on, text, self.unit, self.shapes)
+        return finding(self.acts_on, text, self.unit, self.maps)
 
 
 def localise(
@@ -171,7 +171,7 @@ def _localisation(
 ) -> Localisation:
     signals = [tracker.signals(track.states) for tracker, track in zip(trackers, tracks, strict=True)]
     u = tuple(track.u for track in tracks)
-    found = shapes(u, [track.deviation for track in tracks], signals)
+    found = residual_maps(u, {name: [one[name] for one in signals] for name in signals[0]})
     unit = UNITS.get(culprit, trackers[0].unit)
     size = float(np.sqrt(np.mean(np.concatenate(u) ** 2)))
     return Localisation(culprit, behind, size, unit, found)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lostmotion.lab import words
-from lostmotion.lab.discrepancy.shape import finding, shapes
+from lostmotion.lab.discrepancy.residual_maps import finding, residual_maps
 from lostmotion.lab.fitting.identifiability import is_driven
 from lostmotion.lab.inverse.problem import Data, by_recording
 from lostmotion.lab.inverse.regression import Regression
@@ -33,7 +33,7 @@ def described(fit: Regression) -> Finding:
         }
         for one, load in zip(data.shifted(fit.nuisance), data.transmitted, strict=True)
     ]  # fmt: skip
-    found = shapes(residuals, [np.full(r.size, fit.rms) for r in residuals], variables)
+    found = residual_maps(residuals, {name: [one[name] for one in variables] for name in variables[0]})
     what, unit = words.column("torque", is_linear(fit))
     return finding("joint", f"a {what} on the joint of about {fit.rms:.2g} {unit} is missing", unit, found)
 
@@ -50,6 +50,6 @@ def _finding_of_motion(fit: Regression) -> Finding:
         states = (one.position, one.velocity, one.acceleration)
         columns = {name: np.interp(at, one.time, values) for name, values in zip(names, states, strict=True)}
         variables.append({**columns, "time": at})
-    found = shapes(residuals, [np.full(r.size, fit.rms) for r in residuals], variables)
+    found = residual_maps(residuals, {name: [one[name] for one in variables] for name in variables[0]})
     acts_on = "joint" if "J" in fit.model.parameters else "oscillator"
     return finding(acts_on, f"an error of the motion of about {fit.rms:.2g} {unit} is left", unit, found)

@@ -12,8 +12,8 @@ import numpy as np
 from lostmotion.lab import words
 from lostmotion.lab.comparison.compare import Comparison, Overlay
 from lostmotion.lab.comparison.residual_analysis import Block, PhaseError
-from lostmotion.lab.comparison.residual_maps import ResidualMap
 from lostmotion.lab.data.whiteness import Correlation
+from lostmotion.lab.discrepancy.residual_maps import ResidualMap
 from lostmotion.lab.quantity import number, quantities, with_unit
 from lostmotion.lab.report.plots import curve, history, spectrum, stems
 from lostmotion.lab.report.tags import Html, Section, bar, cell, figure, key, more, note, p_value, table

@@ -129,7 +129,7 @@ def test_size_of_the_missing_torque() -> None:
     found = located(5, FRICTION)
     assert found.unit == "N m"
     assert found.size == pytest.approx(3e-4, rel=0.2)
-    shape = next(one for one in found.shapes if one.variable == "omega_2")
+    shape = next(one for one in found.maps if one.variable == "omega_2")
     assert shape.explained > 0.8
     fast = np.abs(shape.x) > 0.3
     np.testing.assert_allclose(shape.mean[fast], -3e-4 * np.sign(shape.x[fast]), rtol=0.35)

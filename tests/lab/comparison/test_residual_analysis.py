@@ -7,10 +7,9 @@ import pytest
 from numpy.typing import NDArray
 
 from lostmotion.lab.comparison.bands import spectra
-from lostmotion.lab.comparison.residual_maps import residual_maps
 from lostmotion.lab.data.noise import NoiseModel, innovation_noise
 from lostmotion.lab.data.whiteness import autocorrelation, cross_correlation, fit_percent
-from lostmotion.lab.discrepancy.shape import shapes
+from lostmotion.lab.discrepancy.residual_maps import residual_maps
 
 FloatArray = NDArray[np.float64]
 RATE_HZ = 800.0
@@ -112,7 +111,7 @@ def test_shape_on_segments_that_were_left_out() -> None:
     law = np.tanh(3 * INPUT)
     u = law + rng.normal(0, law.std(), TIME.size)
     other = np.sin(2 * np.pi * 3.1 * TIME)
-    first, second = shapes([u], [np.ones(TIME.size)], [{"other": other, "command": INPUT}])
+    first, second = residual_maps([u], {"other": [other], "command": [INPUT]})
     assert (first.variable, second.variable) == ("command", "other")
     assert first.explained == pytest.approx(0.5, abs=0.08)
     assert second.explained < 0.05

@@ -12,11 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtrc
 
-from lostmotion.lab import policy
+from lostmotion.lab import policy, words
 from lostmotion.lab.data.autoregression import NoiseModel, fit_autoregression
+from lostmotion.lab.results import Curve, Finding
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["ResidualMap", "residual_maps"]
+__all__ = ["ResidualMap", "finding", "residual_maps"]
 
 BINS = 12
 LEAST_IN_BIN = 10
@@ -53,6 +54,23 @@ def residual_maps(
         return ()
     noise = fit_autoregression(max(binned, key=lambda one: one.share).left(residuals))
     return _discovered([_map(one, noise) for one in binned])
+
+
+def finding(acts_on: str, size: str, unit: str, maps: Sequence[ResidualMap]) -> Finding:
+    """Describes a residual by its size, in words, and by the state that explains most of it and those that explain
+    nearly as much, if any.
+
+    acts_on: the equation; unit: of the residual; maps: the best first.
+    """
+    if not maps or maps[0].explained < policy.FOLLOWS_STATE:
+        return Finding(acts_on, (), f"{size}; it follows no single state")
+    best = maps[0]
+    least = max(policy.FOLLOWS_STATE, policy.FOLLOWS_ALSO * best.explained)
+    depends_on = tuple(one.variable for one in maps if one is best or one.explained > least)
+    variable, its_unit = words.variable(best.variable)
+    low, high = best.mean - best.half_width, best.mean + best.half_width
+    curve = Curve(best.variable, its_unit, best.x, best.mean, low, high, unit)
+    return Finding(acts_on, depends_on, f"{size}; {100 * best.explained:.0f} % of it follows {variable}", curve)
 
 
 @dataclass(frozen=True, eq=False)
