@@ -70,8 +70,9 @@ def better(judged: Judged, now: Judged, is_far: bool = False) -> bool:
 
 
 def is_left(judged: Judged) -> bool:
-    """Whether the residual of the segments with the smallest errors is more than noise."""
-    best = judged.residual[: math.ceil(policy.SURE_SHARE * len(judged.residual))]
+    """Whether the residual of the segments that are surely followed, those with the smallest errors, is more than
+    noise."""
+    best = judged.residual[: math.ceil((1 - policy.LOST_SHARE) * judged.errors.size)]
     return judged.error > policy.UNLIKE_NOISE or is_structured(best)
 
 

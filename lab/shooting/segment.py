@@ -110,7 +110,9 @@ class Segment:
         at, around = unknowns.around(model, z, by)
         moved = self.start + np.vstack([np.zeros(self.start.size), np.diag(by * self.scale)])
         r, *by_state = self.residuals(own(at), moved, substep_s)
-        by_parameter = [(self.residual(own(there), self.start, substep_s) - r) / step for there, step in around]
+        by_parameter = [
+            (self.residuals(own(there), self.start[None], substep_s)[0] - r) / step for there, step in around
+        ]
         A = np.array(by_parameter).T if by_parameter else np.empty((r.size, 0))
         return Linearised(r, A, (np.array(by_state) - r).T / by)
 

@@ -65,7 +65,7 @@ NUMERICS = {
     "shooting/task.py": (5, "integration steps"),
 }
 """How many numbers each other module of the lab has, and what they are for."""
-MOST = 50
+MOST = 49
 
 
 def is_number(value: ast.expr) -> bool:
@@ -98,7 +98,7 @@ def numbers(path: Path) -> list[str]:
 
 
 def test_a_policy_of_few_constants() -> None:
-    """There are no more than 50, and each is one of them once."""
+    """There are no more than 49, and each is one of them once."""
     names = numbers(LAB / "policy.py")
     assert len(set(names)) == len(names) <= MOST
 

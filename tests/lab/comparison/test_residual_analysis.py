@@ -105,8 +105,8 @@ def test_bands_of_noise_do_not_stand_out() -> None:
     assert np.mean([any(band.stands_out for band in one.bands) for one in found]) <= 0.06
 
 
-def test_shape_on_segments_that_were_left_out() -> None:
-    """A law with noise of its own size explains half of unseen segments; a variable without a law explains nothing."""
+def test_what_explains_half_of_a_residual_comes_first() -> None:
+    """A law with noise of its own size explains half; a variable without a law explains nothing."""
     rng = np.random.default_rng(3)
     law = np.tanh(3 * INPUT)
     u = law + rng.normal(0, law.std(), TIME.size)
