@@ -25,8 +25,8 @@ __all__ = ["Selection", "selected"]
 @dataclass(frozen=True, eq=False)
 class Selection:
     """base: the fit of the model as it is; best, short: the last fit, on long and on short segments; descent: validated
-    with none, one, two, … of the effects; steps: what was tried; is_unsized: an effect that explained something was
-    eliminated because its size may be zero; untried: effects that were not fitted because the time was up.
+    with none, one, two, … of the effects; steps: what was tried; untried: effects that were not fitted because the time
+    was up.
     """
 
     base: Level
@@ -34,7 +34,6 @@ class Selection:
     short: Level
     descent: Sequence[Judged]
     steps: Sequence[Step]
-    is_unsized: bool
     untried: tuple[str, ...]
 
     @property
@@ -62,10 +61,10 @@ def selected(short: Level, unseen: Unseen, progress: Progress) -> Selection:
         short = steps[-1].tried[0].level
         beside = unseen.with_floor_of(short)
         level = grown(short, unseen.task)
-    best, path, is_unsized = eliminated(level, descent, unseen, _unvalidated(steps))
+    best, path = eliminated(level, descent, unseen, _unvalidated(steps))
     tried = {one.effect for one in steps[-1].tried}
     untried = tuple(effect for effect in others(best.model) if effect not in tried) if is_over() else ()
-    return Selection(base, best, short, path, steps, is_unsized, untried)
+    return Selection(base, best, short, path, steps, untried)
 
 
 def _unvalidated(steps: Sequence[Step]) -> list[str]:

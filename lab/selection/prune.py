@@ -23,14 +23,13 @@ __all__ = ["eliminated", "simplified", "unsized"]
 
 def eliminated(
     level: Level, descent: Sequence[Judged], unseen: Unseen, kept: Collection[str]
-) -> tuple[Level, list[Judged], bool]:
-    """The fit without superfluous effects and without those whose size may be zero, the descent to it, and whether
-    there were any of the latter; arguments as in ``simplified``."""
+) -> tuple[Level, list[Judged]]:
+    """The fit without superfluous effects and without those whose size may be zero, and the descent to it; arguments as
+    in ``simplified``."""
     level, descent = simplified(level, descent, unseen, kept)
-    void = unsized(level, unseen.task)
-    for effect in void:
+    for effect in unsized(level, unseen.task):
         level, descent = _refitted(without(level.model, effect), level.model, descent, unseen)
-    return level, descent, bool(void)
+    return level, descent
 
 
 def simplified(
