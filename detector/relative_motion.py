@@ -35,6 +35,9 @@ second order damped by 0.6 to 1.2."""
 class RelativeMotion:
     """The joint's angle relative to the gear except for a + b t, where it is known, and its covariance, at times (K,).
 
+    fast (K, K): covariance of the commanded motion that is too fast for its polynomial, if its prior holds there, too;
+    it is part of the covariance.
+
     lag (K, 2): change of the angle by a delay that is 1 s too long, and by a second coefficient that is 1 s² too small;
     shape: standard deviation of that coefficient [s²].  Neither is in the covariance; nor is the error that a play
     causes in the estimated lag of a servo.
@@ -43,6 +46,7 @@ class RelativeMotion:
     time: FloatArray
     angle: FloatArray
     covariance: FloatArray
+    fast: FloatArray
     known: NDArray[np.bool_]
     lag: FloatArray
     shape: float
@@ -110,8 +114,9 @@ def _relative_motion(
         astray,
     ])  # fmt: skip
     covariance = inverted.angle_covariance + basis @ command.covariance @ basis.T + columns @ columns.T
-    covariance += command.rest(time.size, step) * servo.power_gain(command.fastest)
+    fast = command.rest(time.size, step) * servo.power_gain(command.fastest)
+    covariance += fast
     motion = integrated(impulses, step) - basis @ command.coefficients
     lag = np.column_stack([2 * USUAL * servo.delay[0] * accel - speed, accel])
     shape = SHAPE * servo.delay[0] ** 2
-    return RelativeMotion(time, motion, covariance, time <= command.end, lag, shape, servo.is_learnt)
+    return RelativeMotion(time, motion, covariance, fast, time <= command.end, lag, shape, servo.is_learnt)
