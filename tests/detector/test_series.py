@@ -71,7 +71,7 @@ def test_same_as_the_service() -> None:
         (np.array([0.0]), np.arange(100) / 200, "found 1 commands, expected at least 3"),
         (np.arange(100) / 100, np.empty(0), "0 accelerations"),
         (np.arange(100)[::-1] / 100, np.arange(100) / 200, "do not ascend"),
-        (1e15 + np.arange(100) / 100, np.arange(100) / 200, "from 1e.15 s on.*too large to tell them apart"),
+        (1e15 + np.arange(100) / 100, np.arange(100) / 200, "from 1e.15 s on.*too large to be distinct"),
         (np.arange(100) / 100, np.arange(100) / 50, "expected less than half of the rate"),
     ],
 )
