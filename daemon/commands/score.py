@@ -72,7 +72,8 @@ def _scores(recording: Recording, column: str, settings: DetectorSettings, joint
 def _print(name: str, settings: DetectorSettings, scores: list[Score]) -> None:
     impacts = sum(window.impact for window in scores)
     used = f"(f_res {settings.f_res_hz:g} Hz, level {settings.level:g})"
-    output.print_lines([f"joint {name}: {len(scores)} windows, {impacts} with impact {used}"])
+    joint = "joint" if name == "joint" else f"joint {name}"  # the default of a recording without a name
+    output.print_lines([f"{joint}: {len(scores)} windows, {impacts} with impact {used}"])
     if scores:
         columns = ("time [s]", "duration [s]", "score", "impact", "play", "severity", "quality")
         output.print_table(columns, [_row(window) for window in scores], right=columns[:3])

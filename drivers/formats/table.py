@@ -72,7 +72,7 @@ class Table:
         if not found:
             raise RecordingError(
                 f"{self.name}: found {listed(self.series)}, and no times; choose their series, as in "
-                "--map time=SERIES:ms, or the rows a second with --rate-hz R"
+                "--map time=SERIES:ms, or give the rows a second: FILE#rate_hz=R"
             )
         best = min(found, key=lambda one: TIMES.index(one.name.lower()) if one.name.lower() in TIMES else len(TIMES))
         return best, Term(best.name)
