@@ -67,6 +67,10 @@ class VirtualClock:
         self._now = 0.0
         self._lock = threading.Lock()
 
+    def begin(self, start: datetime) -> None:
+        """Sets the UTC of robot time 0, before the robot moves."""
+        self._start = start.astimezone(UTC)
+
     def advance(self, robot_time: float) -> None:
         """Moves the clock to ``robot_time`` [s]; a time in the past leaves it where it is."""
         with self._lock:

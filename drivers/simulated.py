@@ -71,14 +71,15 @@ class SimulatedRobot(VirtualClock):
     def __init__(self, robot: RobotOptions, pace: Pace | None = None) -> None:
         assert isinstance(robot, SimulatedOptions)
         speed = math.inf if robot.speed == "max" else robot.speed
-        now = datetime.now(UTC)
         # Time that runs fast would soon be ahead of the calendar, were it to start today.
-        super().__init__(as_utc(robot.start or now - timedelta(seconds=YEAR_S if speed > 1 else 0)))
+        self._before = timedelta(seconds=YEAR_S if speed > 1 else 0)
+        super().__init__(as_utc(robot.start or datetime.now(UTC) - self._before))
         self._options = robot
         self._speed = speed
         self._pace = pace or Pace(speed)
         self._length = STEP_S if skips(speed) else Pace(speed).step
         self._number = 0
+        self._begun = False
         self._joints: list[Gear] = []
         self._sensors: dict[str, Bar] = {}
         self._made = threading.RLock()
@@ -124,6 +125,9 @@ class SimulatedRobot(VirtualClock):
 
     def _step(self) -> None:
         """Makes the next step of all joints and sensors, once its time has come."""
+        if not self._begun and self._options.start is None:  # the model may have been compiled for half a minute
+            self.begin(datetime.now(UTC) - self._before)
+        self._begun = True
         step = schedule_step(self._number, self._length, self._speed)
         if not self._pace.wait(step.end):
             return

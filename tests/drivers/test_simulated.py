@@ -218,6 +218,23 @@ def test_start_in_utc() -> None:
     assert Robot([0.0], start=datetime(2026, 1, 1)).clock.utc(60) == datetime(2026, 1, 1, 0, 1, tzinfo=UTC)
 
 
+def test_time_begins_with_the_motion() -> None:
+    """However long the model is compiled, the stamps of the first samples are those of now."""
+    options = SimulatedAccelerometerOptions(
+        name="tip", driver="simulated", rate_hz=200.0, oscillator=OscillatorOptions(f_res_hz=58.0)
+    )
+    for start in (None, datetime(2026, 1, 1, tzinfo=UTC)):
+        settings = SimulatedOptions(speed=1.0, start=start)
+        clock = SimulatedRobot(settings)
+        sensor = SimulatedAccelerometer(options, settings, clock)
+        sensor.open()
+        made = clock.utc(0)
+        time.sleep(0.3)
+        sensor.read()
+        later = clock.utc(0) - made
+        assert later == timedelta(0) if start else later > timedelta(seconds=0.29)
+
+
 def test_two_joints_may_share_an_accelerometer() -> None:
     """A bar that two joints move feels the sum of both."""
     quiet = {"noise_ms2": 0.0, "resolution_ms2": 0.0}
