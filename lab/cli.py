@@ -11,13 +11,13 @@ from typing import Any
 import click
 
 from lostmotion.drivers.recording import Recording, write_recording
+from lostmotion.lab.commands.table import print_table
 from lostmotion.lab.models import modelfile
 from lostmotion.lab.models.simulate import Simulation
 from lostmotion.model import EffectInfo, Trajectory, catalogue
 
 __all__ = ["effects", "simulate"]
 
-WIDE = 200  # columns where the terminal reports no width: no line is cut off
 POSITIVE = click.FloatRange(min=0, min_open=True, max=1e9)
 as_json = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else there.")
 
@@ -101,16 +101,8 @@ def _effect(effect: EffectInfo) -> dict[str, Any]:
 
 
 def _print_table(effects: Iterable[EffectInfo]) -> None:
-    from rich.box import SIMPLE_HEAD
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for column in ("id", "acts on", "equation", "parameters", "bases"):
-        table.add_column(column, overflow="fold")
+    rows = []
     for effect in effects:
         units = (f"{name} [{parameter.unit or '-'}]" for name, parameter in effect.parameters.items())
-        cells = (effect.id, effect.acts_on.value, effect.equation, ", ".join(units), ", ".join(effect.bases))
-        table.add_row(*map(Text, cells))
-    Console(width=None if sys.stdout.isatty() else WIDE).print(table)
+        rows.append((effect.id, effect.acts_on.value, effect.equation, ", ".join(units), ", ".join(effect.bases)))
+    print_table(("id", "acts on", "equation", "parameters", "bases"), rows)

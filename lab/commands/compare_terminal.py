@@ -11,6 +11,7 @@ from pathlib import PurePath
 import click
 import numpy as np
 
+from lostmotion.lab.commands.table import print_table
 from lostmotion.lab.comparison.compare import Comparison, Overlay
 from lostmotion.lab.quantity import quantities, scale
 from lostmotion.lab.report.summary import summary
@@ -19,7 +20,6 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["show"]
 
 HEIGHT = 16
-WIDE = 160
 SHOWN_S = 0.5
 """Length of the segment that the plot shows: a few impacts with their ringing."""
 
@@ -34,20 +34,13 @@ def show(comparison: Comparison) -> None:
 
 
 def _print_table(comparison: Comparison) -> None:
-    from rich.box import SIMPLE_HEAD
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for name in ("recording", "column", "fit %", "error", "noise", "unit", "predictable"):
-        table.add_column(name, justify="left" if name in ("recording", "column", "unit") else "right", overflow="fold")
+    rows = []
     for one in comparison.overlays:
         (error, noise), unit = quantities(one.unit, one.rms, one.noise)
         horizon = f"{one.horizon_s:.1f} s" if math.isfinite(one.horizon_s) else "to the end"
-        cells = (PurePath(one.recording).name, one.column, f"{one.fit_percent:.1f}", error, noise, unit, horizon)
-        table.add_row(*map(Text, cells))
-    Console(width=None if sys.stdout.isatty() else WIDE).print(table)
+        rows.append((PurePath(one.recording).name, one.column, f"{one.fit_percent:.1f}", error, noise, unit, horizon))
+    columns = ("recording", "column", "fit %", "error", "noise", "unit", "predictable")
+    print_table(columns, rows, right=("fit %", "error", "noise", "predictable"))
 
 
 def _plot(overlay: Overlay) -> str:

@@ -1,0 +1,28 @@
+"""The table of the lab's commands in a terminal, a file or a pipe."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Sequence
+
+__all__ = ["print_table"]
+
+WIDE = 1000
+"""Columns of a line that does not go to a terminal: a row is one line there."""
+
+
+def print_table(columns: Sequence[str], rows: Iterable[Sequence[str]], right: Sequence[str] = ()) -> None:
+    """Prints rows below the names of their columns; ``right`` names those of numbers.  A narrow terminal wraps all
+    columns but the first, which names the row."""
+    from rich.box import SIMPLE_HEAD  # imported late, with the two below: help and errors do without
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for name in columns:
+        justify = "right" if name in right else "left"
+        table.add_column(name, justify=justify, overflow="fold", no_wrap=name == columns[0])  # type: ignore[arg-type]
+    for row in rows:
+        table.add_row(*map(Text, row))
+    Console(width=None if sys.stdout.isatty() else WIDE).print(table)
