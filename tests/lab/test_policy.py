@@ -9,11 +9,11 @@ from lostmotion.lab import policy
 
 LAB = Path(policy.__file__).parent
 NUMERICS = {
-    "cli.py": (1, "width of a table"),
-    "commands/compare_terminal.py": (3, "size of a plot"),
+    "commands/compare_terminal.py": (2, "size of a plot"),
     "commands/curves.py": (1, "digits of a file"),
     "commands/duration.py": (1, "units of time"),
-    "commands/fitting_terminal.py": (2, "size of a table"),
+    "commands/fitting_terminal.py": (1, "rows of a table"),
+    "commands/table.py": (1, "width of a table"),
     "comparison/bands.py": (3, "resolution of a spectrum that is shown"),
     "comparison/compare.py": (8, "how a start state is searched for, what is worth a word in a sentence"),
     "comparison/phases.py": (9, "what the phases of a motion are called"),
