@@ -17,7 +17,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -31,6 +31,8 @@ from lostmotion.model import BASES, Model, ModelError, Parameter, build_model
 from lostmotion.model.effects.registry import find
 
 __all__ = ["ModelFile", "dumps", "load", "loads", "save"]
+
+T = TypeVar("T", bound=msgspec.Struct)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +79,7 @@ def loads(text: str, where: str, folder: Path = Path()) -> ModelFile:
     Raises ModelFileError.
     """
     try:
-        file = msgspec.convert(toml_text.loads(text), _File)
+        file = _converted(toml_text.loads(text), _File)
         effects = tuple(load_effect(name, folder).id if is_reference(name) else name for name in file.effects)
         defaults = build_model(file.base, effects=effects).parameters
         given = {name: _parameter(name, value, defaults) for name, value in _flat(file.parameters)}
@@ -122,6 +124,14 @@ def _flat(parameters: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
             yield name, value
 
 
+def _converted(table: object, kind: type[T]) -> T:
+    """Raises ModelError for a key that is not known, else msgspec.ValidationError."""
+    known = msgspec.structs.fields(kind)
+    if isinstance(table, dict) and (unknown := [key for key in table if key not in {field.name for field in known}]):
+        raise ModelError(f"unknown key {unknown[0]!r}, expected some of {', '.join(field.name for field in known)}")
+    return msgspec.convert(table, kind)
+
+
 def _parameter(name: str, given: object, defaults: Mapping[str, Parameter]) -> Parameter:
     """Raises ModelError or msgspec.ValidationError."""
     if name not in defaults:
@@ -129,7 +139,7 @@ def _parameter(name: str, given: object, defaults: Mapping[str, Parameter]) -> P
     default = defaults[name]
     table = {"value": given} if isinstance(given, int | float) else given
     try:
-        read = msgspec.convert(table, _Parameter)
+        read = _converted(table, _Parameter)
         fixed = default.fixed if read.fixed is None else read.fixed
         unit = default.unit if read.unit is None else read.unit
         default.check_unit(unit)  # first: in the wrong unit the value is likely out of bounds as well

@@ -128,7 +128,7 @@ def test_written_file_is_readable(tmp_path: Path) -> None:
         ("", "missing required field `base`"),
         ("base = ", "no valid TOML"),
         ('base = "gear"', "no base is called 'gear'; there are play, oscillator, joint, servo"),
-        ('base = "play"\neffect = []', "unknown field `effect`"),
+        ('base = "play"\neffect = []', "unknown key 'effect', expected some of base, effects, parameters"),
         ('base = "play"\neffects = ["rust"]', "'rust'"),
         ('base = "joint"\neffects = ["gear_eccentricity"]', "gear_eccentricity does not act on the base 'joint'"),
         ('base = "play"\neffects = ["coulomb_friction", "coulomb_friction"]', "listed twice"),
@@ -136,7 +136,10 @@ def test_written_file_is_readable(tmp_path: Path) -> None:
         ('base = "play"\n[parameters]\ncoulomb_friction.tau_c = 1', "no parameter is called 'coulomb_friction.tau_c'"),
         ('base = "play"\n[parameters]\nd = { unit = "m" }', "d: Object missing required field `value`"),
         ('base = "play"\n[parameters]\nd = {}', "d: Object missing required field `value`"),
-        ('base = "play"\n[parameters]\nd = { value = 1e-4, max = 2 }', "d: Object contains unknown field `max`"),
+        (
+            'base = "play"\n[parameters]\nd = { value = 1e-4, max = 2 }',
+            "d: unknown key 'max', expected some of value, unit",
+        ),
         ('base = "play"\n[parameters]\nd = { value = 0.1, unit = "mm" }', "d: the unit is 'mm', expected 'm'"),
         (
             'base = "play"\n[parameters]\nd = { value = 0.06, unit = "mm", low = 1e-6, high = 1e-3 }',
