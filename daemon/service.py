@@ -104,7 +104,6 @@ class Service:
         self._store = _store(config)
         self._due = {period_s: time.monotonic() + period_s for period_s in (CLOCK_S, LOOK_S, COUNTS_S, SUMMARY_S)}
         self._fed = (time.monotonic(), 0)
-        self._barrier = FaultBarrier(config.database)
         self._notice, self._notice_ends = "", 0.0
         self._taken_up: set[tuple[int, datetime]] = set()
         self._time: Timekeeper | None = None  # a virtual robot's clock needs none
@@ -155,6 +154,7 @@ class Service:
         deleted since the last look at it would be read as one without alarms, and one on a full disk without the last.
         """
         config = self._config
+        self._barrier = FaultBarrier(config.database)
         for note in config.notes:
             log.warning("%s", note)
         with self._store.reader() as reader:
@@ -246,7 +246,6 @@ class Service:
     def _live(self, config: Config, robot: Robot, store: Store, known: Sequence[Change | ScoreRow]) -> None:
         store.configure(config.robot.name, config.store.keep_windows_mb, config.store.keep_scores_days)
         self._config, self._robot, self._store = config, robot, store
-        self._barrier = FaultBarrier(config.database)
         self._begin(known)
 
     def _leave_damaged_store(self, damage: Exception) -> None:
@@ -254,7 +253,7 @@ class Service:
         self._finish()
         known = self._alarm_manager.newest
         self._renew_store(damage, known)
-        self._robot, self._barrier = Robot(self._config), FaultBarrier(self._config.database)
+        self._robot = Robot(self._config)
         self._begin(known)
 
     def _renew_store(self, damage: Exception, known: Sequence[Change | ScoreRow]) -> None:

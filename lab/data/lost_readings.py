@@ -22,7 +22,7 @@ __all__ = ["lost_readings", "without_lost_readings"]
 USUAL = 0.95
 """Quantile of the steps between two samples that stands for the motion: as many as 2 % of readings may be lost."""
 MOST_LOST = 5
-"""Consecutive readings."""
+"""Consecutive readings; ``policy.LOST_JUMP`` has the measurement."""
 TURN = 0.01
 """A jump this close to whole turns, in turns, is that of an angle that wraps."""
 log = logging.getLogger(__name__)
