@@ -108,8 +108,9 @@ def finding(windows: FloatArray, rate_hz: float, given: DetectorSettings) -> Gen
     # The noise is not used: it may have been estimated with a wrong resonance.  Hum is excluded below.
     bare = replace(given, noise_ms2=None, noise_colour=())
     tried = given.f_res_hz * (1 + np.arange(-REACH, REACH + COARSE / 2, COARSE))
-    averaged = _averaged(windows, rate_hz, given.f_res_hz)
-    coarse = yield from _likelihood_grid(*averaged, [replace(bare, f_res_hz=float(f_res)) for f_res in tried], STARTS)
+    coarse = yield from _likelihood_grid(
+        *_averaged(windows, rate_hz, given.f_res_hz), [replace(bare, f_res_hz=float(f_res)) for f_res in tried], STARTS
+    )
     clear = np.max(coarse, axis=0) > CLEAR
     if clear.sum() < LEAST_WINDOWS:
         return None
@@ -170,11 +171,15 @@ def _maximum(log_likelihoods: FloatArray, at: NDArray[np.floating[Any]]) -> tupl
 def _likelihood_grid(
     windows: FloatArray, rate_hz: float, tried: Sequence[DetectorSettings], most_starts: int = ringdown.MOST_STARTS
 ) -> Generator[None, None, FloatArray]:
-    """ln(1 + Lambda) of each window with each of the settings, shape (P, M); a round for each."""
-    found = []
+    """ln(1 + Lambda) of each window with each of the settings, shape (P, M); a round for each.
+
+    No name holds a bank between two rounds: the looks of six joints at once would keep six, 0.2 MB each.
+    """
+    length, found = windows.shape[1], []
     for settings in tried:
-        bank = ringdown.build(windows.shape[1], rate_hz, settings, most_starts)
-        found.append(_log_likelihoods(windows, rate_hz, settings, bank))
+        found.append(
+            _log_likelihoods(windows, rate_hz, settings, ringdown.build(length, rate_hz, settings, most_starts))
+        )
         yield
     return np.array(found)
 
