@@ -19,8 +19,8 @@ YEARS = (2, 9998)
 """of a date and time: a day less or more in another time zone is still in the calendar"""
 WHOLE = 2**63
 """TOML's whole numbers have 64 bits, with their sign"""
-PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
-LONG_KEY = re.compile(rf"""(?<![\w"'-])(?:{PART}[ \t]*+\.[ \t]*+){{{MOST_LEVELS},}}+""")
+PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
+LONG_KEY = re.compile(rf"""(?<![\w"'\\-])(?:{PART}[ \t]*+\.[ \t]*+){{{MOST_LEVELS},}}+""")
 
 
 class TomlError(ValueError):

@@ -78,6 +78,7 @@ ATTACKS = {
     "3000 tables": ("seed = 1", f"seed = {'{a=' * 3000}1{'}' * 3000}", "nested too deeply, expected at most 64"),
     "100 lists": ("seed = 1", f"seed = {'[' * 100}{']' * 100}", "nested too deeply, expected at most 64 levels"),
     "50000 parts": ("seed = 1", f"{'a.' * 50_000}b = 1", "found a key of more than 64 parts"),
+    "50000 parts in quotes": ("seed = 1", '"=\\"".' * 50_000 + "b = 1", "found a key of more than 64 parts"),
     "year 1": ("2026-01-01T00:00:00Z", "0001-01-01T00:00:00+14:00", "found a time in the year 1"),
     "year 9000": ("2026-", "9000-", "simulated.start: found 9000-01-01 00:00:00+00:00, expected a time between"),
     "no motion": ('"hand-waved"', '"zzz"', "simulated.motion: no motion is called 'zzz'; there are sine"),
