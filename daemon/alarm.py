@@ -43,7 +43,7 @@ DONE: dict[Verb | Task, str] = {Verb.ACK: "acknowledged", Verb.SHELVE: "shelved"
 
 class JointMonitor:
     """Follows one joint.  ``row`` is its health; every method returns what changed, to be stored and published;
-    ``doubt``, which may be set, is why sound windows are not enough to be OK.
+    ``doubt``, which may be set, is why sound windows are no evidence at present.
 
     row, recent (scores, oldest first), alarms (those that are not normal) and origin carry on where an earlier run
     stopped.
@@ -74,9 +74,9 @@ class JointMonitor:
         return tuple(self._windows)
 
     def scored(self, score: ScoreRow, origin: Origin | None = None) -> list[Change]:
-        """Takes one scored window; what its quality puts in doubt does not count.  Where joints share accelerometers,
-        play that is another one's is no alarm of this one."""
-        if score.quality != "ok":
+        """Takes one scored window; what its quality, or the sensor, puts in doubt does not count.  Where joints share
+        accelerometers, play that is another one's is no alarm of this one."""
+        if score.quality != "ok" or self.doubt:
             return []
         self._windows.append(score)
         self._origin = origin
@@ -171,12 +171,14 @@ class JointMonitor:
 
     def _unjudged(self, time: datetime) -> str:
         """Why the windows do not determine the health at present, "" when they do."""
+        if self.doubt:
+            return f"not judged yet: {self.doubt}"
         if not self._is_enough:
             return "not judged yet: too few sound windows"
         last, hours = self._windows[-1].time, self._options.judged_within_h
         if hours and time - last > timedelta(hours=hours):
             return f"not judged for more than {hours:g} h: no sound window since {iso(last)[:16]}Z"
-        return self.doubt and f"not judged yet: {self.doubt}"
+        return ""
 
     def _follow(self, cause: Cause, time: datetime) -> Transition | None:
         """The alarm of a cause follows it, once the cause has been worse, or better, for long enough."""

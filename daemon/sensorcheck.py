@@ -30,7 +30,7 @@ SPAN_S = 4.0
 FIRST_PACE_S, PACE_S = 5.0, 30.0
 """how often it is compared: until the verdicts are in, and then [s]"""
 VERDICTS = 5
-"""so many comparisons in a row have to find no motion"""
+"""so many comparisons in a row have to find no motion, or the opposite one"""
 FELT = 0.25
 """a sensor shows less than this share of the lever: it does not measure the joint's motion.  A bar mounted askew by 45
 degrees shows 0.7, a lever that nobody has configured more than 1"""
@@ -40,6 +40,8 @@ BRISK = 3.0
 """rms of the joint's acceleration that is compared [rad/s²]: an angle that flickers by 5 mrad at rest shows 0.3"""
 LARGEST_STEP = 0.5
 """angles that jump by more between two samples are those of a counter that has wrapped [rad]"""
+UNFELT = "does not feel the motion of {}: wrong axis, loose, or on another link"
+TURNED = "feels the motion of {} with the opposite sign: mounted the other way round; change the sign of axis or scale"
 KINDS = ("flat", IMPLAUSIBLE, "clipped", "gappy", "short")
 OF_LOSSES = ("gappy", "short")
 CAUSES = {
@@ -62,7 +64,7 @@ class SensorCheck:
         self._due = -math.inf
         self._windows: dict[str, deque[str]] = {joint: deque(maxlen=LAST) for joint in levers_m}
         self._unsound: dict[str, tuple[str, str]] = {}
-        self._felt: dict[str, deque[bool]] = {joint: deque(maxlen=VERDICTS) for joint in levers_m}
+        self._felt: dict[str, deque[int]] = {joint: deque(maxlen=VERDICTS) for joint in levers_m}
 
     def moved(self, samples: Iterable[ServoSample]) -> None:
         """Takes measured angles of the joints, each in time order; others' samples are passed over."""
@@ -101,7 +103,8 @@ class SensorCheck:
         for joint, lever in zip(self._moved, found, strict=True) if found else ():
             limit = FELT * abs(self._levers[joint])
             if lever.motion >= BRISK and abs(abs(lever.value) - limit) > SURE * lever.error:
-                self._felt[joint].append(abs(lever.value) > limit)
+                is_turned = lever.value * self._levers[joint] < 0
+                self._felt[joint].append(0 if abs(lever.value) < limit else -1 if is_turned else 1)
 
     def fault(self, joint: str, is_lossy: bool = False) -> str:
         """What keeps the sensor from measuring this joint, "" for nothing known; is_lossy: what follows from lost
@@ -110,15 +113,15 @@ class SensorCheck:
         if reported and not (is_lossy and kind in OF_LOSSES):
             return reported
         felt = self._felt[joint]
-        if len(felt) == VERDICTS and not any(felt):
-            return f"{self._sensor} does not feel the motion of {joint}: wrong axis, loose, or on another link"
+        if len(felt) == VERDICTS and max(felt) < 1:
+            return f"{self._sensor} {UNFELT if felt.count(0) > felt.count(-1) else TURNED}".format(joint)
         return ""
 
     def doubt(self, joint: str) -> str:
-        """Why the sensor may not measure this joint, "" for no reason: it was compared, and has never felt the motion.
-        One comparison may err, so this is no fault; it only keeps a joint from being called healthy."""
+        """Why the sensor may not measure this joint, "" for no reason: it was compared, and has never felt the motion,
+        or only the opposite one.  One comparison may err, so this is no fault; it only makes windows no evidence."""
         felt = self._felt[joint]
-        return f"{self._sensor} has not felt the motion of {joint} yet" if felt and not any(felt) else ""
+        return f"{self._sensor} has not felt the motion of {joint} yet" if felt and max(felt) < 1 else ""
 
     def _stretch(self) -> Sequence[tuple[FloatArray, FloatArray]]:
         """The last angles of every joint; none where one of them is not measured, or has jumped."""

@@ -239,6 +239,15 @@ def test_a_motion_that_was_never_felt_is_a_doubt_before_it_is_a_fault() -> None:
         assert ("does not feel the motion of wrist" in sensor.fault("wrist")) is at_fault
 
 
+@pytest.mark.parametrize(("lever", "told"), [(0.1, True), (-0.1, False)])
+def test_a_sensor_that_is_turned_round_is_a_fault(lever: float, told: bool) -> None:
+    """A healthy joint was an ERROR of more than a degree of play by a sensor with the opposite sign: after five
+    comparisons it is told, unless the sign of the lever says the same."""
+    sensor = check({"elbow": lever}, {"elbow": -0.1}, seconds=25.0)
+    assert ("tip feels the motion of elbow with the opposite sign" in sensor.fault("elbow")) is told
+    assert bool(sensor.doubt("elbow")) is told
+
+
 def test_a_doubt_keeps_a_joint_from_being_ok() -> None:
     """Twenty sound windows are not enough while there is one; it is told as the reason, and is no alarm."""
     noon = datetime(2026, 1, 31, 12, tzinfo=UTC)
@@ -253,6 +262,21 @@ def test_a_doubt_keeps_a_joint_from_being_ok() -> None:
     monitor.doubt = ""
     assert monitor.tick(noon) == [monitor.row]
     assert monitor.row.health is Health.OK
+
+
+def test_a_sensor_in_doubt_raises_no_alarm_of_play() -> None:
+    """Windows of large scores count neither for play nor for OK while the sensor has not felt the motion, and do as
+    soon as it has."""
+    noon = datetime(2026, 1, 31, 12, tzinfo=UTC)
+    loud = [ScoreRow("elbow", noon + timedelta(seconds=k), 0.25, 99.0, 8.0, True) for k in range(10)]
+    monitor = JointMonitor(JointRow("elbow"), AlarmOptions())
+    monitor.doubt = "tip has not felt the motion of elbow yet"
+    assert [change for score in loud for change in monitor.scored(score)] == []
+    monitor.tick(noon)
+    assert monitor.row.reason == "not judged yet: tip has not felt the motion of elbow yet"
+    monitor.doubt = ""
+    assert [change for score in loud for change in monitor.scored(score)] != []
+    assert monitor.row.health is Health.WARNING
 
 
 def test_a_joint_at_rest_accuses_no_sensor() -> None:
