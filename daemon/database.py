@@ -99,6 +99,8 @@ def lock(path: Path) -> IO[bytes]:
     """Holds ``path``.lock, in a folder that is made if need be, as long as the file is open.  Raises StoreError."""
     if path.is_dir():
         raise StoreError(f"{path}: found a folder, expected a file; add its name to store.path")
+    if path.exists() and not path.is_file():
+        raise StoreError(f"{path}: found a device or a pipe, expected a file; choose another store.path")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:

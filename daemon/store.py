@@ -231,16 +231,16 @@ class Store:
         self._writer, self._file, self.damage = None, None, None
         database.leave(self.path, damage, self._wal)
         self._unlock_inode()
-        self.path = Path(os.path.realpath(self._link))
-        if self._lock is not None and not database.is_lock_of(self._lock, self.path):
-            self._unlock()
         while self.waiting() and self._flush(self._rows) and self._flush(self._windows):
             pass
 
     def _open(self) -> Writer:
-        """Holds the locks and has the file open; raises StoreError."""
-        self._lock = self._lock or database.lock(self.path)
+        """Holds the locks and has the file open, the one to which a link leads at present; raises StoreError."""
         if self._writer is None:
+            self.path = Path(os.path.realpath(self._link))
+            if self._lock is not None and not database.is_lock_of(self._lock, self.path):
+                self._unlock()
+            self._lock = self._lock or database.lock(self.path)
             self._lock_inode()
             writer = Writer(self.path, self._policy)
             try:

@@ -260,6 +260,28 @@ def test_a_link_that_leads_elsewhere(tmp_path: Path) -> None:
             assert reader.scores("elbow")[-3:] == expected[-3:]
 
 
+@pytest.mark.parametrize("wrong", ["pipe", "folder"])
+def test_a_link_that_is_set_right_again(tmp_path: Path, wrong: str) -> None:
+    """A link that is set to a pipe or a folder while the service runs: nothing is made beside that, and the rows that
+    wait go to the file to which the link leads next."""
+    link, other = tmp_path / "history.db", tmp_path / "other.db"
+    (tmp_path / "folder").mkdir()
+    os.mkfifo(tmp_path / "pipe")
+    with closing(Store(link, "fake")) as store:
+        store.add(*rows(3))
+        wait_until(lambda: count(link) == 3)
+        link.unlink()
+        link.symlink_to(tmp_path / wrong)
+        store.look()
+        store.add(*rows(3, first=3))
+        store.begin_anew([])
+        wait_until(lambda: "expected a file" in store.problem)
+        link.unlink()
+        link.symlink_to(other)
+        wait_until(lambda: count(other) == 3)
+    assert not (tmp_path / f"{wrong}.lock").exists()
+
+
 def test_nobody_gets_in_while_the_file_changes(tmp_path: Path) -> None:
     """The lock is held from the deleted file to the new one, what is known comes first, and rows are taken on."""
     path = tmp_path / "history.db"
