@@ -37,7 +37,10 @@ WINDOW_S = (0.02, 5.0)
 MOST_CAN_JOINTS = 255
 PIECE = 65536
 """bytes of a file that are looked at in one go"""
-ENDPOINT = re.compile(r"(tcp|udp|tls|quic|ws)/\S+:\d+([?#]\S*)?|(serial|unixsock-stream|unixpipe|vsock)/\S+")
+ENDPOINT = re.compile(
+    r"(tcp|udp|tls|quic|ws)/\S+:(?P<port>\d{1,5})([?#]\S*)?|(serial|unixsock-stream|unixpipe|vsock)/\S+", re.ASCII
+)
+LAST_PORT = 65535
 LISTEN = re.compile(r"([\d.]+|\[[0-9a-fA-F:.]+\]):(\d{1,5})", re.ASCII)
 SAFE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
 
@@ -208,7 +211,7 @@ def _is_listenable(address: str) -> bool:
         ip_address(parts[1].strip("[]") if parts else "")
     except ValueError:
         return False
-    return parts is not None and 0 < int(parts[2]) < 65536
+    return parts is not None and 0 < int(parts[2]) <= LAST_PORT
 
 
 def _database(config: Config) -> None:
@@ -250,7 +253,8 @@ def _is_text(path: Path) -> bool:
 def check_endpoints(name: str, endpoints: Iterable[str]) -> None:
     """Raises CrossCheckError for what Zenoh takes for no address; name: of the option that holds them."""
     for endpoint in endpoints:
-        if not ENDPOINT.fullmatch(endpoint):
+        found = ENDPOINT.fullmatch(endpoint)
+        if found is None or int(found["port"] or 0) > LAST_PORT:
             raise CrossCheckError(
                 f"{name}: found {endpoint!r}, expected protocol/address:port such as tcp/127.0.0.1:7447 "
                 "(tcp, udp, tls, quic, ws; or serial, unixsock-stream, unixpipe, vsock with their own addresses)"

@@ -159,7 +159,7 @@ class RosbagLog:
             with self._rosbag2.Reader(self._path) as reader:
                 chosen = [each for each in reader.connections if each.topic in topics]
                 for connection, received, data in reader.messages(connections=chosen) if chosen else ():
-                    yield connection.topic, received, bytes(data)
+                    yield connection.topic, int(received), bytes(data)  # SQLite's columns may hold any type
         except RecordingError:
             raise
         except Exception as error:

@@ -179,6 +179,7 @@ def test_lever_arms() -> None:
         ('driver = "witmotion"', 'driver = "dynamixel"', "found 'dynamixel', which is no accelerometer"),
         ("connect = []", 'connect = ["localhost"]', "alarm.zenoh.connect: found 'localhost', expected protocol/addr"),
         ('"tcp/127.0.0.1:7447"', '"tcp/127.0.0.1"', "alarm.zenoh.listen: found 'tcp/127.0.0.1', expected protocol/"),
+        ("7447", "99999", "alarm.zenoh.listen: found 'tcp/127.0.0.1:99999', expected protocol/address:port"),
         ('path = "history.db"', 'path = "/"', "store.path: found a directory, /; expected a file"),
         (
             "[alarm.zenoh]",

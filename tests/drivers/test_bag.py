@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sqlite3
+from contextlib import closing
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -141,6 +143,16 @@ def test_bags_that_are_none(tmp_path: Path) -> None:
     assert "cannot be read as rosbag2" in refused(database)
     (tmp_path / "x" / "metadata.yaml").write_text("a: [")
     assert "cannot be read as rosbag2" in refused(tmp_path / "x")
+
+
+def test_a_time_that_is_no_number(tmp_path: Path) -> None:
+    """A column of SQLite may hold bytes or nothing in place of the time of receipt."""
+    bags.write_rosbag(tmp_path / "x", StoragePlugin.SQLITE3)
+    database = next((tmp_path / "x").glob("*.db3"))
+    for value in ("x'ff'", "'late'", "''"):
+        with closing(sqlite3.connect(database)) as db, db:
+            db.execute(f"UPDATE messages SET timestamp = {value} WHERE id % 7 = 0")
+        assert "cannot be read as rosbag2" in refused(database, joint="elbow")
 
 
 def test_stamps_of_two_clocks_are_not_mixed(tmp_path: Path) -> None:
