@@ -21,17 +21,21 @@ from msgspec import inspect
 from lostmotion.daemon import bounds, config_notes, crosscheck
 from lostmotion.daemon.options import (
     AlarmOptions,
+    CanOptions,
     DetectorOptions,
     MetricsOptions,
     RobotTable,
+    SinkOptions,
     StoreOptions,
     WebOptions,
     ZenohOptions,
 )
+from lostmotion.daemon.sinks import SinkType
+from lostmotion.daemon.sinks import registry as sink_registry
 from lostmotion.detector.window import DetectorSettings
 from lostmotion.drivers import registry, toml_text
 from lostmotion.drivers.base import AccelerometerOptions, Driver, JointOptions, RobotOptions
-from lostmotion.drivers.errors import DriverError, LostmotionError, UnknownDriverError
+from lostmotion.drivers.errors import LostmotionError, UnknownDriverError
 from lostmotion.drivers.textfile import TextFileError, read_text, shortened
 
 __all__ = ["Config", "ConfigError", "default", "load", "loads"]
@@ -53,7 +57,8 @@ class Config:
     """A checked configuration.
 
     overrides: ``[joint.detector]`` by joint; robots: the drivers' own tables by driver; drivers: their rows of the
-    table; notes: what is allowed and yet worth saying, one line each.
+    table; sinks: ``[alarm.NAME]`` by their rows of the table; notes: what is allowed and yet worth saying, one line
+    each.
     """
 
     robot: RobotTable
@@ -65,6 +70,7 @@ class Config:
     alarm: AlarmOptions
     robots: Mapping[str, RobotOptions]
     drivers: Mapping[str, Driver]
+    sinks: Mapping[SinkType, SinkOptions] = field(default_factory=dict)
     metrics: MetricsOptions | None = None
     web: WebOptions = field(default_factory=WebOptions)
     notes: tuple[str, ...] = ()
@@ -72,7 +78,12 @@ class Config:
     @property
     def zenoh(self) -> ZenohOptions | None:
         """The options of the Zenoh sink, None without ``[alarm.zenoh]``."""
-        return self.alarm.zenoh
+        return next((found for found in self.sinks.values() if isinstance(found, ZenohOptions)), None)
+
+    @property
+    def can(self) -> CanOptions | None:
+        """The options of the CAN sink, None without ``[alarm.can]``."""
+        return next((found for found in self.sinks.values() if isinstance(found, CanOptions)), None)
 
     @property
     def database(self) -> Path:
@@ -147,7 +158,7 @@ def loads(text: str, where: str, *, joints: bool = True) -> Config:
         config = _decode(tables, joints)
         crosscheck.check(config)
         return replace(config, notes=config_notes.notes(config))
-    except (toml_text.TomlError, bounds.BoundsError, ConfigError, crosscheck.CrossCheckError, DriverError) as error:
+    except (toml_text.TomlError, LostmotionError) as error:
         raise ConfigError(f"{where}: {shortened(error)}") from error
 
 
@@ -173,6 +184,7 @@ def _decode(tables: Table, needs_joints: bool) -> Config:
     items: list[JointOptions | AccelerometerOptions] = [*decoded_joints, *sensors]
     drivers = {item.driver: registry.get_driver(item.driver) for item in items}
     _refuse_unknown_tables(tables, drivers)
+    alarm, sinks = _sinks(tables.get("alarm", {}))
     return Config(
         robot=_convert(_required(tables, "robot"), RobotTable, "robot"),
         store=_convert(tables.get("store", {}), StoreOptions, "store"),
@@ -180,12 +192,28 @@ def _decode(tables: Table, needs_joints: bool) -> Config:
         joints=tuple(decoded_joints),
         detector=_convert(tables.get("detector", {}), DetectorOptions, "detector"),
         overrides=overrides,
-        alarm=_convert(tables.get("alarm", {}), AlarmOptions, "alarm"),
+        alarm=_convert(alarm, AlarmOptions, "alarm"),
+        sinks=sinks,
         metrics=_convert(tables["metrics"], MetricsOptions, "metrics") if "metrics" in tables else None,
         web=_convert(tables.get("web", {}), WebOptions, "web"),
         robots={name: _convert(tables.get(name, {}), driver.robot_options, name) for name, driver in drivers.items()},
         drivers=drivers,
     )
+
+
+def _sinks(table: object) -> tuple[object, dict[SinkType, SinkOptions]]:
+    """``[alarm]`` without the tables of the sinks, and these."""
+    if not isinstance(table, dict):
+        return table, {}
+    own = AlarmOptions.__struct_fields__
+    sinks = {}
+    for name, value in table.items():
+        if name not in own:
+            row = sink_registry.get_sink(name)
+            if row is None:
+                raise ConfigError(f"alarm.{name}: unknown key{_near(name, [*own, *sink_registry.names()])}")
+            sinks[row] = _convert(value, row.options, f"alarm.{name}")
+    return {name: value for name, value in table.items() if name in own}, sinks
 
 
 def _required(tables: Table, name: str) -> object:

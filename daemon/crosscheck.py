@@ -66,12 +66,9 @@ def check(config: Config) -> None:
 
 def _packages(config: Config) -> None:
     """What the sinks that are asked for need is installed."""
-    for key, table, package in (
-        ("alarm.zenoh", config.zenoh, "zenoh"),
-        ("alarm.can", config.alarm.can, "can"),
-    ):
-        if table and not is_there(package):
-            raise CrossCheckError(f"{key}: {missing(package, f'[{key}]')}")
+    for row in config.sinks:
+        if row.package and not is_there(row.package):
+            raise CrossCheckError(f"alarm.{row.name}: {missing(row.package, f'[alarm.{row.name}]')}")
 
 
 def _names(config: Config) -> None:
@@ -276,13 +273,13 @@ def _zenoh_files(options: ZenohOptions) -> None:
 
 def _can(config: Config) -> None:
     """python-can knows the interface; 255 joints have an index."""
-    if config.alarm.can is None:
+    if config.can is None:
         return
     from can.interfaces import VALID_INTERFACES  # many do without CAN, and without a third of a second
 
-    if config.alarm.can.interface not in VALID_INTERFACES:
+    if config.can.interface not in VALID_INTERFACES:
         raise CrossCheckError(
-            f"alarm.can.interface: found {config.alarm.can.interface!r}, expected one that python-can knows: "
+            f"alarm.can.interface: found {config.can.interface!r}, expected one that python-can knows: "
             f"{', '.join(sorted(VALID_INTERFACES))}"
         )
     if len(config.joints) > MOST_CAN_JOINTS:

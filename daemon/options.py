@@ -18,6 +18,7 @@ __all__ = [
     "DetectorOptions",
     "MetricsOptions",
     "RobotTable",
+    "SinkOptions",
     "StoreOptions",
     "WebOptions",
     "ZenohOptions",
@@ -70,7 +71,11 @@ class DetectorOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
         }
 
 
-class ZenohOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class SinkOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """``[alarm.NAME]``: each sink has its own keys."""
+
+
+class ZenohOptions(SinkOptions, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """``[alarm.zenoh]``: how the session is opened; multicast scouting is off unless asked for.
 
     config: a file of Zenoh's own (JSON5), for TLS, access control and whatever else it knows; what is given here counts
@@ -87,7 +92,7 @@ class ZenohOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     ros2_domain: Annotated[int, Meta(ge=0, le=232)] = 0
 
 
-class CanOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class CanOptions(SinkOptions, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """``[alarm.can]``: the bus, by python-can's names, and the CANopen node; options: what else it takes."""
 
     interface: str
@@ -149,5 +154,3 @@ class AlarmOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     off_delay_s: Annotated[float, Meta(ge=0, le=86400)] = 10.0
     remind: Literal["once", "daily", "rarer"] = "daily"
     judged_within_h: Annotated[float, Meta(ge=0)] = 24.0
-    zenoh: ZenohOptions | None = None
-    can: CanOptions | None = None

@@ -40,7 +40,7 @@ class Robot:
         self.rings = {sensor.name: self._ring(sensor) for sensor in config.accelerometers}
         self.pollers: list[Poller] = [*self._buses(), *self._sensors()]
         plans = [_plan(config, joint) for joint in config.joints]
-        is_published = config.zenoh or config.alarm.can
+        is_published = bool(config.sinks)
         together_s = TOGETHER_S if is_published else TOGETHER_STORE_ONLY_S
         self.pipeline = Pipeline(plans, self.rings, self._virtual, map(Attributor, _shared(config)), together_s)
         self._by_member = {member: poller for poller in self.pollers for member in poller.members}

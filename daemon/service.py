@@ -28,7 +28,7 @@ from lostmotion.daemon.records import Answer, JointRow, ScoreRow, WindowRow
 from lostmotion.daemon.repeats import Condition
 from lostmotion.daemon.robot import Robot
 from lostmotion.daemon.signals import Flags
-from lostmotion.daemon.sinks import Sink
+from lostmotion.daemon.sinks import Sink, SinkContext, registry
 from lostmotion.daemon.sinks.log import LogSink
 from lostmotion.daemon.store import Store
 from lostmotion.daemon.tasks import Tasks
@@ -423,13 +423,5 @@ def _exporter(config: Config, store: Store, robot: Robot) -> Exporter | None:
 
 
 def _sinks(config: Config) -> list[Sink]:
-    sinks: list[Sink] = [LogSink()]
-    if config.zenoh is not None:
-        from lostmotion.daemon.sinks.zenoh import ZenohSink  # 3 MB that many do not need
-
-        sinks.append(ZenohSink(config.robot.name, config.zenoh, config.database))
-    if config.alarm.can is not None:
-        from lostmotion.daemon.sinks.can import CanSink
-
-        sinks.append(CanSink([joint.name for joint in config.joints], config.alarm.can))
-    return sinks
+    context = SinkContext(config.robot.name, tuple(joint.name for joint in config.joints), config.database)
+    return [LogSink(), *registry.opened(config.sinks, context)]

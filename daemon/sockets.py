@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from lostmotion.daemon.sinks.registry import BUILT_IN
 from lostmotion.drivers.ros2_session import Ros2Network
 
 if TYPE_CHECKING:
@@ -23,14 +24,15 @@ SCOUTING = "udp/224.0.0.224:7446"
 LOCAL = re.compile(r"(\w+/)?(127\.[\d.]+|\[::1\]|localhost):\d+.*|(unixsock-stream|unixpipe|serial|vsock)/.*")
 ENCRYPTED = re.compile(r"(tls|quic)/.*")
 THIS_COMPUTER = "this computer"
+UNKNOWN = "unknown (the sink does not state it)"
 
 
 @dataclass(frozen=True, slots=True)
 class Socket:
-    """of: the part of the service that opens it; reach: who can connect to it, "" where nobody can; plain: whether all
-    who can do so without a certificate, and read what passes by."""
+    """of: the part of the service, or the sink, that opens it; reach: who can connect to it, "" where nobody can;
+    plain: whether all who can do so without a certificate, and read what passes by."""
 
-    of: Literal["zenoh", "metrics", "can", "ros2"]
+    of: str
     does: Literal["listens", "connects", "sends"]
     address: str
     reach: str = ""
@@ -42,8 +44,12 @@ def sockets(config: Config) -> tuple[Socket, ...]:
     found = [*(_of_zenoh(config.zenoh) if config.zenoh else ())]
     if config.metrics:
         found.append(_listening("metrics", config.metrics.listen))
-    if config.alarm.can:
-        found.append(_of_can(config.alarm.can))
+    if config.can:
+        found.append(_of_can(config.can))
+    for row, options in config.sinks.items():
+        if row.name not in BUILT_IN:
+            addresses = row.addresses(options) if row.addresses else (UNKNOWN,)
+            found += [Socket(row.name, "connects", address) for address in addresses]
     for robot in config.robots.values():
         if isinstance(robot, Ros2Network):
             found += [Socket("ros2", "connects", endpoint) for endpoint in robot.connect]

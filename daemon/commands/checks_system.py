@@ -192,7 +192,7 @@ def check_adapters(config: Config, root: Path = USB_SERIAL) -> Iterator[Check]:
 
 def check_can(config: Config) -> Iterator[Check]:
     """The CAN adapter, opened as the service would; nothing is sent."""
-    options = config.alarm.can
+    options = config.can
     if options is None:
         return
     from lostmotion.daemon.sinks.can import FAULTS, open_bus

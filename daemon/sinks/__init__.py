@@ -1,12 +1,19 @@
-"""Sinks: where scores, alarms and health go besides the database.  A sink raises no error of its far end."""
+"""Sinks: where scores, alarms and health go besides the database.  A sink raises no error of its far end.
+
+``registry.py`` has the table of sinks; other packages add rows to it (docs/adding-a-sink.md).
+"""
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
 
+from lostmotion.daemon.options import SinkOptions
 from lostmotion.daemon.records import JointRow, ScoreRow, Transition
 
-__all__ = ["Sink"]
+__all__ = ["Sink", "SinkContext", "SinkFactory", "SinkOptions", "SinkType"]
 
 
 class Sink(Protocol):
@@ -27,3 +34,33 @@ class Sink(Protocol):
     def close(self) -> None:
         """The service ends."""
         ...
+
+
+@dataclass(frozen=True, slots=True)
+class SinkContext:
+    """What a sink is told of the robot: its name, the names of all joints in the order of the configuration, and the
+    path of the database."""
+
+    robot: str
+    joints: tuple[str, ...]
+    database: Path
+
+
+SinkFactory = Callable[[Any, SinkContext], Sink]
+"""from the sink's own options"""
+
+
+@dataclass(frozen=True, slots=True)
+class SinkType:
+    """One row of the table of sinks.
+
+    name: of its table ``[alarm.NAME]``, whose keys are ``options``; open: makes the sink, without waiting for its far
+    end; package: what must be installed for it; addresses: what it connects to, for ``config check``.
+    """
+
+    name: str
+    summary: str
+    open: SinkFactory
+    options: type[SinkOptions] = SinkOptions
+    package: str = ""
+    addresses: Callable[[Any], tuple[str, ...]] | None = None
