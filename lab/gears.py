@@ -10,16 +10,12 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 
-import numpy as np
-
 from lostmotion.lab import policy, words
 from lostmotion.lab.data.excerpt import excerpts
 from lostmotion.lab.data.experiment import Experiment
-from lostmotion.lab.data.noise import innovation_noise
-from lostmotion.lab.deadline import is_over, within
+from lostmotion.lab.deadline import within
 from lostmotion.lab.design.next_experiment import what_to_record
 from lostmotion.lab.discrepancy.describe import described
-from lostmotion.lab.discrepancy.localise import localise
 from lostmotion.lab.errors import ExperimentError
 from lostmotion.lab.fitting.fit import Progress, fit_of, refined_fit
 from lostmotion.lab.fitting.identifiability import with_scale
@@ -28,8 +24,8 @@ from lostmotion.lab.results import Errors, Explanation, Finding, Fit, Ranked, Ve
 from lostmotion.lab.selection.forward import Selection, selected
 from lostmotion.lab.selection.score_test import Scores
 from lostmotion.lab.selection.step import Step, Tried
-from lostmotion.lab.selection.validate import Judged, Unseen, is_left
-from lostmotion.lab.shooting.continuation import FIRST_S, Level, followed, residuals
+from lostmotion.lab.selection.validate import Judged, Unseen, is_left, p_of_gain
+from lostmotion.lab.shooting.continuation import FIRST_S
 from lostmotion.lab.shooting.task import Task, coarse_substep, dithered, with_friction
 from lostmotion.model import Model, ModelError
 from lostmotion.model.effects import get_effect
@@ -104,7 +100,7 @@ def _explanation(selection: Selection, task: Task, pool: Executor) -> Explanatio
     columns = {
         name: Errors(before.of(name), after.of(name), noise, words.column(name)[1])
         for name, noise in task.noise.items()
-        if name in before.columns
+        if math.isfinite(before.of(name))
     }
     residual = _residual(selection, task) if left else None
     best_fit = refined.result()
@@ -123,7 +119,7 @@ def _explanation(selection: Selection, task: Task, pool: Executor) -> Explanatio
         best=_with_unseen(best_fit, after),
         columns=columns,
         descent=tuple(judged.of(first) for judged in descent),
-        left_out=(after.errors.size - len(after.residual), after.errors.size),
+        left_out=(after.errors.size - len(after.kept), after.errors.size),
         unshown=tuple(effect for effect in selection.unvalidated if effect in named),
         untried=selection.untried,
     )
@@ -137,17 +133,18 @@ def _with_unseen(fit: Fit, judged: Judged) -> Fit:
 
 
 def _ranking(steps: Sequence[Step], before: Judged, column: str) -> tuple[Ranked, ...]:
-    """The effects of the first search, best first; those that were not fitted by their score."""
+    """The effects of the first search, best first; those that were not fitted by their score, without any gain."""
     if not steps:
         return ()
     step, error = steps[0], before.of(column)
+    count = len(step.tried)
     ranked = [
-        Ranked(one.effect, error, one.judged.of(column), step.scores.p_values.get(one.effect, 1.0), _values(one))
+        Ranked(one.effect, error, one.judged.of(column), p_of_gain(one.judged, before, count), _values(one))
         for one in step.tried
     ]
     tried = {entry.effect for entry in ranked}
-    rest = [d for d in step.scores.directions if d.effect not in tried]
-    return (*ranked, *(Ranked(d.effect, error, error, step.scores.p_values[d.effect]) for d in rest))
+    rest = (d.effect for d in step.scores.directions if d.effect not in tried)
+    return (*ranked, *(Ranked(effect, error, error, 1.0) for effect in rest))
 
 
 def _with_intervals(ranking: Sequence[Ranked], fit: Fit) -> tuple[Ranked, ...]:
@@ -191,21 +188,11 @@ def _detectable(scores: Scores) -> dict[str, tuple[str, float]]:
 
 
 def _residual(selection: Selection, task: Task) -> Finding | None:
-    """The remaining error, described by a function or by the equation in which it acts; None where the model cannot be
-    run."""
+    """The remaining error, described by a function; None where the model cannot be run."""
     short, best = selection.short, selection.best
     try:
         if short.model.effects != best.model.effects:
             short = full_fit(best.model, task)
-        return described(short, task) or _finding(best, task)
+        return described(short, task)
     except ModelError:
         return None
-
-
-def _finding(level: Level, task: Task) -> Finding | None:
-    """The remaining error, described by the equation in which it acts."""
-    good = followed(level, task.substep_s) or level.segments
-    r = np.concatenate(residuals(level.model, good, task.substep_s))
-    noise = {name: innovation_noise(np.asarray(r * size)) for name, size in task.noise.items()}
-    found = localise(level.model, [s.experiment for s in good], [s.start for s in good], noise, thorough=not is_over())
-    return found.finding() if found else None

@@ -192,9 +192,8 @@ class Finding:
     formula: str | None = None
 
     def document(self) -> dict[str, Any]:
-        """The key ``residual``; an offset of the driving gear acts on the joint, through the contact."""
-        acts_on = "joint" if self.acts_on == "command" else self.acts_on
-        found: dict[str, Any] = {"acts_on": acts_on, "depends_on": list(self.depends_on),
+        """The key ``residual``."""
+        found: dict[str, Any] = {"acts_on": self.acts_on, "depends_on": list(self.depends_on),
                                  "description": self.description, "formula": self.formula}  # fmt: skip
         if self.curve is not None:
             arrays = {name: getattr(self.curve, name).tolist() for name in ("x", "mean", "low", "high")}

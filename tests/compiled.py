@@ -1,10 +1,7 @@
 """What numba compiles, compiled once before the workers of the tests start: each of them would do it for itself, at the
-same time, for a minute.  The machine code is kept on disk."""
+same time.  The machine code is kept on disk."""
 
 from __future__ import annotations
-
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 
 import numpy as np
 
@@ -17,13 +14,6 @@ TIMES = np.arange(20) / 1000
 
 
 def compile_models() -> None:
-    """All of it, in two processes: the filter takes as long as the rest."""
-    with ProcessPoolExecutor(2, get_context("spawn")) as pool:
-        for job in [pool.submit(compile_filter), pool.submit(compile_kernels)]:
-            job.result()
-
-
-def compile_kernels() -> None:
     """Solver, observer, and every base and effect."""
     drive = Sine(0.1, 1.0)
     outputs = {"play": "accel", "oscillator": "displacement", "joint": "position", "servo": "position"}
@@ -39,15 +29,3 @@ def compile_kernels() -> None:
                 build_model(base, [effect.id]).simulate(drive, TIMES)
             except ModelError:  # an effect of another base
                 continue
-
-
-def compile_filter() -> None:
-    """The cubature filter of the lab."""
-    from lostmotion.lab.discrepancy.input_estimation import InputProcess
-    from tests.lab.discrepancy.test_cubature import tracker
-
-    tracker(np.zeros(TIMES.size)).run(InputProcess("oscillator", 1.0, 0.1, 1e-3))
-
-
-if __name__ == "__main__":
-    compile_models()

@@ -4,7 +4,7 @@ or printed.
 The model runs freely from an initial state to the end of each recording.  A simulation of a joint with a measured
 torque would diverge; its torque is compared with the one that the model needs for the measured motion (torque.py).  The
 residual is compared with the noise, in time, over phases of the motion, in frequency and over every state
-(residual_maps.py); localise.py finds the equation on which it acts.
+(residual_maps.py); the unknown function that explains most of it shows the equation on which it acts.
 """
 
 from __future__ import annotations
@@ -22,22 +22,28 @@ from lostmotion.lab.comparison.bands import Spectra
 from lostmotion.lab.comparison.predict import Prediction, predict
 from lostmotion.lab.comparison.residual_analysis import Block, ColumnResidual, PhaseError, root_mean_square
 from lostmotion.lab.comparison.torque import TORQUE, needed_torques
+from lostmotion.lab.data.excerpt import excerpts
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.noise import NoiseModel, innovation_noise, quiet_noise
 from lostmotion.lab.data.whiteness import Correlation, fit_percent
-from lostmotion.lab.discrepancy.localise import localise
+from lostmotion.lab.discrepancy.describe import described
 from lostmotion.lab.discrepancy.residual_maps import ResidualMap
+from lostmotion.lab.fitting.identifiability import held
+from lostmotion.lab.fitting.strategy import started
 from lostmotion.lab.inverse.explain import method_of
 from lostmotion.lab.inverse.validate import Method, is_noise
 from lostmotion.lab.results import Displayed, Finding
 from lostmotion.lab.shooting.initial_state import FINE, find_start, polished, segment_of
+from lostmotion.lab.shooting.parameters import free_names
 from lostmotion.lab.shooting.segment import Segment
+from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model, predictability_horizon
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["Comparison", "Overlay", "compare"]
 
-LOCALISED = 900
+DESCRIBED_S = 2.0
+"""Seconds of motion from which the residual is described."""
 START_S = 0.5
 """Length of the first segment of gears [s]; other motions, where the initial state shows to the end, are used as a
 whole."""
@@ -181,13 +187,13 @@ def compare(
     starts: Sequence[FloatArray] | None = None,
     *,
     recordings: Sequence[Recording] = (),
-    samples: int = LOCALISED,
+    is_described: bool = True,
 ) -> Comparison:
     """Simulates every experiment and analyses the residual.
 
     starts: the state (n,) at each experiment's first sample, searched for when left out; recordings: those that the
-    experiments came from, for the temperature; samples: number of samples, of all experiments together, for the
-    localisation, 0 for none.  Raises ModelError where the model cannot be run.
+    experiments came from, for the temperature; is_described: whether to look for the equation on which the residual
+    acts.  Raises ModelError where the model cannot be run.
     """
     if starts is None and method_of(model, experiments) is Method.TORQUE:
         predictions, floor_nm, left = needed_torques(model, experiments)
@@ -200,10 +206,16 @@ def compare(
     predictions = [predict(model, one, start) for one, start in zip(experiments, starts, strict=True)]
     horizons = [_horizon(model, one, start) for one, start in zip(predictions, starts, strict=True)]
     found = replace(_compared(model, predictions, horizons, floor, recordings), starts=tuple(starts))
-    if found.is_noise or not samples:
+    if found.is_noise or not is_described:
         return found
-    localised = localise(model, experiments, starts, floor, samples)
-    return replace(found, localisation=localised.finding() if localised else None)
+    return replace(found, localisation=_described(model, experiments, {name: one.rms for name, one in floor.items()}))
+
+
+def _described(model: Model, experiments: Sequence[Experiment], noise: dict[str, float]) -> Finding | None:
+    """The residual with the parameters as they are, where the motion changes most."""
+    fixed = held(model, free_names(model))
+    task = Task.of(fixed, excerpts(experiments, DESCRIBED_S), noise)
+    return described(started(fixed, task.tiles, task), task)
 
 
 def _columns(experiments: Sequence[Experiment]) -> list[str]:

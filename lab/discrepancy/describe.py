@@ -2,8 +2,7 @@
 
 Every function of basis.py is fitted together with the model; for gears to observer runs, which do not need the true
 play to start with, first with a high gain, then a lower one.  The one with the least error is reported; its curve is
-that of a fit of free segments where such a fit succeeds.  Where no function explains much, localise.py describes the
-residual.
+that of a fit of free segments where such a fit succeeds.  Where it explains little, the equation alone is reported.
 """
 
 from __future__ import annotations
@@ -68,18 +67,21 @@ class _Trial:
 
 
 def described(level: Level, task: Task) -> Finding | None:
-    """The function that explains most of the residual of a fit on short segments; None where none explains much."""
+    """The function that explains most of the residual of a fit on short segments; None where the motion cannot be
+    followed."""
     size = scales_of(level.model, level.segments, task.substep_s)
     acting = {TORQUE: size.torque, BAR_FORCE: size.k * size.bend, SENSOR: size.reading, GAP: size.d}
     found = guesses(level.model, level.segments, acting, task.substep_s)
     with registered(found), Threads(cores()) as pool:
         if not can_follow(level.model, *task.experiments):
             fits = list(pool.map(_direct, found, [level] * len(found), [task] * len(found)))
-            best = min(range(len(fits)), key=lambda i: fits[i].typical)
-            return _finding(found[best], _heights(fits[best], task)) if _clear(fits[best], level) else None
+            fit, guess = min(zip(fits, found, strict=True), key=lambda pair: pair[0].typical)
+            return _finding(guess, _heights(fit, task)) if _clear(fit, level) else _unclear(guess)
         trial = _nearest(level.model, found, acting, task, pool)
-        if trial is None or trial.gain < policy.LEAST_GAIN:
+        if trial is None:
             return None
+        if trial.gain < policy.LEAST_GAIN:
+            return _unclear(trial.guess)
         if trial.guess.is_wave:
             return _wave(trial)
         fit = full_fit(trial.model, task, policy.LOST_SHARE)
@@ -154,6 +156,12 @@ def _wave(trial: _Trial) -> Finding:
     return Finding(acts_on, trial.guess.depends_on, text, None, f"{size:.3g} sin(2π {f:.4g} Hz t)")
 
 
+def _unclear(guess: Guess) -> Finding:
+    """The description where the best function explains little."""
+    acts_on = str(guess.effect.acts_on)
+    return Finding(acts_on, (), f"{WHAT[acts_on]} is missing; it follows no single state")
+
+
 def _finding(guess: Guess, heights: Heights | None = None) -> Finding:
     """The description; with curve and formula where the heights are those of free segments."""
     acts_on, rubs = str(guess.effect.acts_on), len(guess.depends_on) > 1
@@ -167,8 +175,13 @@ def _finding(guess: Guess, heights: Heights | None = None) -> Finding:
     if len(curve.x) < LEAST_POINTS:
         return _finding(guess)
     size = quantity(float(np.max(np.abs(curve.mean))), guess.unit, 2)
-    formula = None if rubs else _formula(curve, degree)
-    return Finding(acts_on, guess.depends_on, f"{what} of up to {size} is missing; {follows}", curve, formula)
+    formula = _formula(curve, degree)
+    if rubs and formula and curve.variable not in formula:  # the same at every angle
+        return Finding(
+            acts_on, guess.depends_on[1:], f"{what} of about {size} is missing", None, f"{formula} sign(omega_2)"
+        )
+    text = f"{what} of up to {size} is missing; {follows}"
+    return Finding(acts_on, guess.depends_on, text, curve, None if rubs else formula)
 
 
 def _curve(guess: Guess, heights: Heights, degree: int) -> Curve:

@@ -18,7 +18,7 @@ from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.frequency_response import from_spectra
 from lostmotion.lab.observer.filter import can_follow, states_at
 from lostmotion.lab.observer.global_search import nearest
-from lostmotion.lab.shooting.continuation import Level, fitted, merged, missing, residuals, tiles
+from lostmotion.lab.shooting.continuation import Level, fitted, merged, missing, residuals
 from lostmotion.lab.shooting.initial_state import find_start, polished, repaired, ringing_hz, segment_of
 from lostmotion.lab.shooting.parameters import Unknowns, free_names
 from lostmotion.lab.shooting.segment import Segment
@@ -77,7 +77,7 @@ def seeded(model: Model, experiments: Sequence[Experiment]) -> Model:
 
 def subset(task: Task) -> list[Experiment]:
     """A sample of the shortest segments, spread over the experiments."""
-    every = [tile for experiment in task.experiments for tile in tiles(experiment, task.halvings)]
+    every = task.tiles
     return [every[i] for i in np.unique(np.linspace(0, len(every) - 1, min(SUBSET, len(every))).astype(int))]
 
 
@@ -149,8 +149,7 @@ def best_of(levels: Iterable[Level], count: int) -> list[Level]:
 
 def full_fit(model: Model, task: Task, max_missed: float = 1.0) -> Level:
     """A fit on all of the shortest segments; initial states of missed ones are searched for again."""
-    every = [tile for experiment in task.experiments for tile in tiles(experiment, task.halvings)]
-    level = started(model, every, task)
+    level = started(model, task.tiles, task)
     level = fitted(model, level.unknowns, level.segments, task.substep_s)
     return repaired_fit(level.model, level.unknowns, level.segments, task, max_missed)
 

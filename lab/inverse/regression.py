@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from lostmotion.lab import policy
+from lostmotion.lab.data.blocks import correlation, numbered
 from lostmotion.lab.deadline import is_over
-from lostmotion.lab.inverse.blocks import correlation, numbered
 from lostmotion.lab.inverse.problem import Data, Problem, by_recording
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import inertia_of

@@ -21,9 +21,10 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtr, stdtrit
+from scipy.special import stdtrit
 
 from lostmotion.lab import policy
+from lostmotion.lab.data.blocks import chance
 from lostmotion.lab.deadline import within
 from lostmotion.lab.fitting.identifiability import held
 from lostmotion.lab.inverse.candidates import are_consistent, turns_of
@@ -193,7 +194,7 @@ def are_alike(one: Judged, best: Judged, tried: float, choosing: Signals | None)
 def judged(name: str, found: Fitted, now: Fitted, tried: float, choosing: Signals | None) -> Judged:
     """Tests a candidate of so many (one over its prior probability) against the present fit; choosing: see ``p_of``."""
     before, after, block = _errors(now.judged, found.judged, choosing)
-    p_value = min(tried * shapes_tried(name, found.model) * _chance(before, after, block), 1.0)
+    p_value = min(tried * shapes_tried(name, found.model) * chance(before, after, block), 1.0)
     is_identified = is_sized(name, found.judged) and are_consistent(found.model, [name])
     return Judged(name, found, float(1 - after.sum() / before.sum()), p_value, is_identified)
 
@@ -251,7 +252,7 @@ def p_of(one: Regression, other: Regression, choosing: Signals | None) -> float:
     choosing: a recording that is not fitted, but predicted like a fold.  The folds have the speeds and amplitudes of
     the fit: an effect that overfits these by a difference of large terms extrapolates badly.
     """
-    return _chance(*_errors(one, other, choosing))
+    return chance(*_errors(one, other, choosing))
 
 
 def _errors(
@@ -270,17 +271,3 @@ def _errors(
         np.concatenate([after, there.residual**2]),
         np.concatenate([block, block.max() + 1 + blocks_of(there)]),
     )
-
-
-def _chance(before: FloatArray, after: FloatArray, block: NDArray[np.intp]) -> float:
-    """The p-value of the t-test of the blocks' mean logarithm.
-
-    Errors below the least share that counts for the whole are equal in a block, too: a model that is accurate to a
-    fifth elsewhere is not accurate to a thousandth there.  Two constants, Coulomb friction and bias, fit a motor at
-    constant voltage and speed exactly, and blocks with nothing but noise, 1e-4 of the torque, outvoted all others.
-    """
-    floor = (policy.LEAST_GAIN * float(after.mean()) + 1e-300) * np.bincount(block)
-    sums = [np.bincount(block, each) + floor for each in (before, after)]
-    ratio = 0.5 * np.log(sums[0] / sums[1])
-    spread = float(ratio.std(ddof=1)) / np.sqrt(ratio.size)
-    return float(stdtr(ratio.size - 1, -ratio.mean() / max(spread, 1e-12)))

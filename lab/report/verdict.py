@@ -22,8 +22,7 @@ __all__ = [
 ]
 
 MOST_VARIABLES = 3
-PLACES = {"joint": "the joint", "oscillator": "the bar", "sensor": "the sensor", "command": "the command",
-          "contact": "the teeth"}  # fmt: skip
+PLACES = {"joint": "the joint", "oscillator": "the bar", "sensor": "the sensor"}
 
 
 def of_explanation(explanation: Explanation) -> tuple[str, ...]:

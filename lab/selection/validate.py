@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from lostmotion.lab import policy
+from lostmotion.lab.data.blocks import chance, correlation, numbered
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.stationarity import is_structured
 from lostmotion.lab.fitting.fit import rms_by_column
@@ -21,7 +23,7 @@ from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["LONGER", "Judged", "Unseen", "better", "is_left", "misfits", "trained"]
+__all__ = ["LONGER", "Judged", "Unseen", "better", "is_left", "misfits", "p_of_gain", "trained"]
 
 LONGER = 1.2
 """Longest segment, times the requested length."""
@@ -30,23 +32,36 @@ POLISHED = 6
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """error: root mean square of r on unseen data, in units of the noise as it was estimated, without lost segments;
-    errors, counts: (S,) of every segment, its error and its samples; residual: r of those not lost, best first;
-    segments: with the estimated initial states; states: the names of these; columns: root mean square of the error of
-    each measured column in its own unit, without lost segments.
-    """
+    """A fit on unseen data: parts: r of every segment in units of the noise (S arrays), infinite where it cannot be
+    simulated; segments: with the estimated initial states; states: the names of these."""
 
-    error: float
-    errors: FloatArray
-    counts: FloatArray
-    residual: tuple[FloatArray, ...]
+    parts: tuple[FloatArray, ...]
     segments: tuple[Segment, ...] = ()
     states: tuple[str, ...] = ()
-    columns: Mapping[str, float] = field(default_factory=dict)
+
+    @cached_property
+    def errors(self) -> FloatArray:
+        """Root mean square of r of every segment (S,)."""
+        return np.array([np.sqrt(np.mean(part**2)) for part in self.parts])
+
+    @cached_property
+    def counts(self) -> FloatArray:
+        """Samples of every segment (S,)."""
+        return np.array([float(part.size) for part in self.parts])
+
+    @cached_property
+    def kept(self) -> list[int]:
+        """The segments that are not lost, best first."""
+        return [int(i) for i in np.argsort(self.errors) if self.errors[i] <= policy.LOST * _usual(self.errors)]
+
+    @cached_property
+    def error(self) -> float:
+        """Root mean square of r without lost segments."""
+        return float(np.sqrt(np.mean(np.concatenate([self.parts[i] for i in self.kept]) ** 2)))
 
     def of(self, column: str) -> float:
-        """Error of a column in its unit; infinite where the model could not be run."""
-        return self.columns.get(column, math.inf)
+        """Error of a column in its unit, without lost segments; infinite where the model could not be run."""
+        return rms_by_column([(self.segments[i], self.parts[i]) for i in self.kept]).get(column, math.inf)
 
 
 def misfits(judged: Sequence[Judged]) -> FloatArray:
@@ -72,8 +87,19 @@ def better(judged: Judged, now: Judged, is_far: bool = False) -> bool:
 def is_left(judged: Judged) -> bool:
     """Whether the residual of the segments that are surely followed, those with the smallest errors, is more than
     noise."""
-    best = judged.residual[: math.ceil((1 - policy.LOST_SHARE) * judged.errors.size)]
-    return judged.error > policy.UNLIKE_NOISE or is_structured(best)
+    best = judged.kept[: math.ceil((1 - policy.LOST_SHARE) * judged.errors.size)]
+    return judged.error > policy.UNLIKE_NOISE or is_structured([judged.parts[i] for i in best])
+
+
+def p_of_gain(judged: Judged, now: Judged, tried: int) -> float:
+    """The p-value of the gain of the best of so many effects on unseen data: a t-test of the errors of both models,
+    block by block, of segments that neither has lost; one where there is none."""
+    both = sorted({*judged.kept} & {*now.kept})
+    if not both:
+        return 1.0
+    before, after = (np.concatenate([one.parts[i] for i in both]) for one in (now, judged))
+    block = numbered([judged.parts[i].size for i in both], policy.BLOCK_CORRELATIONS * correlation(after))
+    return min(tried * chance(before**2, after**2, block), 1.0)
 
 
 def _usual(errors: FloatArray) -> float:
@@ -131,7 +157,7 @@ class Unseen:
         for i in lost:
             own, there = segments[i].experiment.model(model), best[i].segments[i]
             segments[i] = _polished(model, segments[i], start_with(own, there, best[i].states)[None], step)
-        return _judged(residuals(model, segments, step), segments, model.state_names)
+        return Judged(tuple(residuals(model, segments, step)), tuple(segments), model.state_names)
 
 
 def _judged_on(whole: Experiment, model: Model, task: Task, horizon_s: float) -> Judged:
@@ -144,22 +170,12 @@ def _judged_on(whole: Experiment, model: Model, task: Task, horizon_s: float) ->
         segments = repaired(model, merged(segments, [whole], halvings), step)
         also = [likely.get((whole.name, float(segment.experiment.time[0]))) for segment in segments]
         segments = tuple(_polished(model, segment, state, step) for segment, state in zip(segments, also, strict=True))
-    return _judged(residuals(model, segments, step), segments, model.state_names)
+    return Judged(tuple(residuals(model, segments, step)), tuple(segments), model.state_names)
 
 
 def trained(level: Level, substep_s: float) -> Judged:
     """The fit on its training segments."""
-    return _judged(residuals(level.model, level.segments, substep_s))
-
-
-def _judged(parts: Sequence[FloatArray], segments: Sequence[Segment] = (), states: Sequence[str] = ()) -> Judged:
-    errors = np.array([np.sqrt(np.mean(part**2)) for part in parts])
-    kept = [int(i) for i in np.argsort(errors) if errors[i] <= policy.LOST * _usual(errors)]
-    r = [parts[i] for i in kept]
-    counts = np.array([float(part.size) for part in parts])
-    error = float(np.sqrt(np.mean(np.concatenate(r) ** 2)))
-    columns = rms_by_column([(segments[i], parts[i]) for i in kept]) if segments else {}
-    return Judged(error, errors, counts, tuple(r), tuple(segments), tuple(states), columns)
+    return Judged(tuple(residuals(level.model, level.segments, substep_s)))
 
 
 def _polished(model: Model, segment: Segment, also: FloatArray | None, substep_s: float) -> Segment:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.frequency_response import from_spectra, usual_torque
-from lostmotion.lab.shooting.continuation import first_level
+from lostmotion.lab.shooting.continuation import first_level, tiles
 from lostmotion.model import Model, ModelError
-from lostmotion.model.motion import FloatArray
 
 __all__ = ["Task", "coarse_substep", "dithered", "with_friction"]
 
@@ -21,8 +21,6 @@ LONGEST_STEP_S = {"play": 5e-4}
 FRICTION_SHARE = 0.2
 LOOKED_AT_S, LOOKED_AT = 1.0, 100
 """Seconds, and least number of samples, of the motion from which the integration step follows."""
-LEAST = 8
-"""Samples of the shortest segment in which the error of a step is measured."""
 DITHER = 5.0
 """Least noise, in errors of the step: these are then 4 % of its variance."""
 
@@ -36,6 +34,11 @@ class Task:
     noise: dict[str, float]
     substep_s: float
     halvings: int
+
+    @property
+    def tiles(self) -> list[Experiment]:
+        """The experiments in segments of the shortest length."""
+        return [tile for experiment in self.experiments for tile in tiles(experiment, self.halvings)]
 
     def added(self, model: Model) -> tuple[str, ...]:
         """The effects of a model that the file's lacks, in order."""
@@ -63,7 +66,7 @@ def coarse_substep(model: Model, experiments: Sequence[Experiment], factor: floa
 
     Without a factor, one that is good enough for a search.
     """
-    own = [e.model(model).simulate(e.drive, _beginning(e)).substep_s for e in experiments]
+    own = [e.model(model).simulate(e.drive, _beginning(e).time).substep_s for e in experiments]
     if factor:
         return min(own) * factor
     return min(min(own) * SEARCH_STEPS.get(model.base, 1.0), LONGEST_STEP_S.get(model.base, math.inf))
@@ -78,8 +81,7 @@ def dithered(
     That error depends on the motion, as what an effect leaves does.  Of gears simulated at 1 kHz the force was
     integrated to 2e-4 of its size, 16 times the noise found in it, and the very model that had made it was refused.
     """
-    halvings = max(first_level(model.base, experiment) for experiment in experiments)
-    error = _step_error(model, experiments[0], coarse_substep(model, experiments), halvings)
+    error = _step_error(model, experiments[0], coarse_substep(model, experiments))
     least = {name: max(deviation, DITHER * error.get(name, 0.0)) for name, deviation in noise.items()}
     rng, changed = np.random.default_rng(0), []
     for experiment in experiments:
@@ -91,24 +93,22 @@ def dithered(
     return changed, least
 
 
-def _step_error(model: Model, experiment: Experiment, substep_s: float, halvings: int) -> dict[str, float]:
-    """Root mean square error that this step of the integration makes in each measured column, of the median segment."""
-    own, times = experiment.model(model), _beginning(experiment)
-    exact = own.simulate(experiment.drive, times)
-    count = max(experiment.time.size >> halvings, LEAST)
-    errors: dict[str, list[float]] = {name: [] for name in experiment.measured}
-    for k in range(0, max(times.size - count, 1), count):
-        part = slice(k, k + count)
-        try:
-            coarse = own.simulate(experiment.drive, times[part], exact.states[k], substep_s=substep_s)
-        except ModelError:  # it diverges
-            continue
-        for name, found in errors.items():
-            found.append(float(np.sqrt(np.mean((coarse[name] - exact[name][part]) ** 2))))
+def _step_error(model: Model, experiment: Experiment, substep_s: float) -> dict[str, float]:
+    """Root mean square error that this step of the integration makes in each measured column, of the median of the
+    shortest segments."""
+    own, first = experiment.model(model), _beginning(experiment)
+    exact = own.simulate(first.drive, first.time)
+    errors: dict[str, list[float]] = {name: [] for name in first.measured}
+    for tile in tiles(first, first_level(model.base, first)):
+        part = slice(at := int(np.searchsorted(first.time, tile.time[0])), at + tile.time.size)
+        with suppress(ModelError):  # it diverges
+            coarse = own.simulate(first.drive, tile.time, exact.states[at], substep_s=substep_s)
+            for name, found in errors.items():
+                found.append(float(np.sqrt(np.mean((coarse[name] - exact[name][part]) ** 2))))
     return {name: float(np.median(found)) for name, found in errors.items() if found}
 
 
-def _beginning(experiment: Experiment) -> FloatArray:
-    """The times of the first second, or of the first samples of a slow recording."""
+def _beginning(experiment: Experiment) -> Experiment:
+    """The first second, or the first samples of a slow recording."""
     length = max(LOOKED_AT_S, LOOKED_AT / experiment.rate_hz)
-    return experiment.between(experiment.time[0], experiment.time[0] + length).time
+    return experiment.between(experiment.time[0], experiment.time[0] + length)

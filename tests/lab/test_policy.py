@@ -32,9 +32,6 @@ NUMERICS = {
     "discrepancy/basis.py": (5, "grid of an unknown function"),
     "discrepancy/describe.py": (3, "what a curve is drawn with"),
     "discrepancy/fit.py": (8, "steps of a minimiser"),
-    "discrepancy/cubature.py": (4, "a filter's start and its outliers"),
-    "discrepancy/input_estimation.py": (2, "white part of a noise, time that a filter settles in"),
-    "discrepancy/localise.py": (6, "grid on which a likelihood is maximised"),
     "discrepancy/residual_maps.py": (2, "resolution of what is shown"),
     "fitting/fit.py": (3, "steps of a refinement, floor and lags of a covariance"),
     "fitting/strategy.py": (13, "grids of first values, convergence and length of segments"),
@@ -62,7 +59,7 @@ NUMERICS = {
     "shooting/least_squares.py": (3, "a minimiser"),
     "shooting/parameters.py": (3, "weak priors"),
     "shooting/segment.py": (4, "finite differences"),
-    "shooting/task.py": (7, "integration steps, and the noise that hides their errors"),
+    "shooting/task.py": (6, "integration steps, and the noise that hides their errors"),
 }
 """How many numbers each other module of the lab has, and what they are for."""
 MOST = 49

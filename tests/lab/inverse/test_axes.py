@@ -10,6 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from lostmotion.drivers.recording import Recording
+from lostmotion.lab.data.blocks import chance
 from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.inverse import validate
 from lostmotion.lab.inverse.problem import Data
@@ -98,8 +99,7 @@ def test_blocks_of_noise_alone_do_not_outvote_the_others() -> None:
     ten times as large: the quiet ones do not decide."""
     quiet, loud = np.full(90, 1e-6), np.full(30, 100.0)
     one, other = np.concatenate([quiet, loud]), np.concatenate([1e-3 * quiet, 10 * loud])
-    chance = validate._chance(one, other, np.repeat(np.arange(12), 10))
-    assert chance > 0.5
+    assert chance(one, other, np.repeat(np.arange(12), 10)) > 0.5
 
 
 @pytest.mark.slow

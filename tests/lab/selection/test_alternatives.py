@@ -17,7 +17,7 @@ from lostmotion.lab.selection.alternatives import distinguished
 from lostmotion.lab.selection.score_test import Scores
 from lostmotion.lab.selection.step import Step, Tried
 from lostmotion.lab.selection.validate import Unseen, is_left
-from lostmotion.lab.shooting.continuation import errors
+from lostmotion.lab.shooting.continuation import residuals
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import build_model
 from tests.lab.gears import GEARS, gears
@@ -54,7 +54,7 @@ def test_what_is_left_is_told_by_the_segments_that_are_followed_best() -> None:
         unseen = Unseen(last, task, 0.5, pool)
         level = full_fit(model.with_effect("coulomb_friction").replace({"coulomb_friction.tau_c": 5e-4}), task)
         judged = unseen.judge(level.model)
-    assert is_structured(judged.residual)
+    assert is_structured([judged.parts[i] for i in judged.kept])
     assert not is_left(judged)
 
 
@@ -69,7 +69,7 @@ def test_a_lost_segment_begins_where_another_model_follows_it() -> None:
         segments = list(good.segments)
         off = segments[1].start + np.array([0.004, 3.0, 0.0, 0.0])
         segments[1] = segments[1].starting(off)
-        poor = replace(good, segments=tuple(segments), errors=errors(model, segments, task.substep_s))
+        poor = replace(good, segments=tuple(segments), parts=tuple(residuals(model, segments, task.substep_s)))
         again = unseen.again(model, poor, good)
     assert poor.errors[1] > 3 * good.errors[1]
     np.testing.assert_allclose(again.errors, good.errors, rtol=1e-3)

@@ -17,14 +17,12 @@ from lostmotion.lab.selection.prune import simplified
 from lostmotion.lab.selection.validate import Judged, Unseen, better, misfits
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import build_model
-from lostmotion.model.motion import FloatArray
 from tests.lab.gears import GEARS, gears
 
 
 def judged(*errors: float) -> Judged:
     """On segments of 100 samples."""
-    e: FloatArray = np.array(errors)
-    return Judged(float(np.sqrt(np.mean(e**2))), e, np.full(e.size, 100.0), ())
+    return Judged(tuple(np.full(100, error) for error in errors))
 
 
 def test_a_lost_segment_counts_but_not_without_end() -> None:

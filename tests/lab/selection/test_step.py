@@ -29,7 +29,7 @@ def test_far_from_the_noise_the_first_of_two_is_accepted_provisionally() -> None
         return Tried(effect, level, judged(unseen_error))
 
     def judged(error: float) -> Judged:
-        return Judged(error, np.array([error]), np.array([100.0]), ())
+        return Judged((np.full(100, error),))
 
     step = Step(
         Scores((), 0.0, {}, NoiseModel.white(1.0)),

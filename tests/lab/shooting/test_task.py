@@ -27,7 +27,7 @@ def test_readings_finer_than_the_integration_are_dithered() -> None:
     given = Experiment("made", drive, times, {"accel": accel, "force": np.array(exact["force"])})
     (changed,), least = dithered(model, [given], noise)
     step, errors = coarse_substep(model, [given]), []
-    for k in (0, 250, 500):
+    for k in (0, 250, 500, 750):
         coarse = model.simulate(drive, times[k : k + 250], exact.states[k], substep_s=step)["force"]
         errors.append(np.sqrt(np.mean((coarse - exact["force"][k : k + 250]) ** 2)))
     assert least["force"] == pytest.approx(DITHER * np.median(errors), rel=0.3)
