@@ -10,12 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from lostmotion.lab import policy
-from lostmotion.lab.data.noise import NoiseModel, innovation_noise
+from lostmotion.lab.data.noise import innovation_noise
 from lostmotion.lab.shooting.continuation import Level, followed
 from lostmotion.lab.shooting.initial_guess import faint, scales_of
 from lostmotion.lab.shooting.segment import Linearised, Segment, start_with
@@ -47,13 +47,16 @@ class Direction:
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """directions: the best of each effect, largest statistic first; limit: the 95 % quantile of the largest statistic
-    of a search when nothing is missing; p_values: by effect, of the whole search."""
+    """directions: the best of each effect, largest statistic first; null: (DRAWS,) the largest statistic of each search
+    where nothing is missing."""
 
-    directions: tuple[Direction, ...]
-    limit: float
-    p_values: dict[str, float]
-    noise: NoiseModel
+    directions: tuple[Direction, ...] = ()
+    null: FloatArray = field(default_factory=lambda: np.zeros(1))
+
+    @property
+    def limit(self) -> float:
+        """The 95 % quantile of the largest statistic where nothing is missing."""
+        return float(np.quantile(self.null, 1 - policy.FALSE_NAME))
 
 
 def score_test(
@@ -66,7 +69,7 @@ def score_test(
     segments = [segment for segment, block in zip(segments, every, strict=True) if block.finite]
     blocks = [block for block in every if block.finite]
     if not blocks:
-        return Scores((), 0.0, {}, NoiseModel.white(1.0))
+        return Scores()
     project = _Projection(blocks)
     noise = innovation_noise(*(block.r for block in blocks))
     r = project([block.r for block in blocks])
@@ -78,12 +81,11 @@ def score_test(
     usable = [(e, m, project(c)) for (e, m), c in zip(models, columns, strict=True) if c is not None]
     usable = [entry for entry in usable if entry[2] @ entry[2] > 1e-12]
     if not usable:
-        return Scores((), 0.0, {}, noise)
+        return Scores()
     C = np.array([column / np.linalg.norm(column) for *_, column in usable])
     draws = np.array([project([noise.simulate(rng, b.r.size) for b in blocks]) for _ in range(DRAWS)])
     null = draws @ C.T
     spread = np.maximum(null.std(axis=0), 1e-9)
-    largest = np.sort(np.max((null / spread) ** 2, axis=1))
     statistic = (C @ r / spread) ** 2
     found: dict[str, Direction] = {}
     for (effect, model, column), T in zip(usable, statistic, strict=True):
@@ -91,8 +93,7 @@ def score_test(
         direction = Direction(effect, model, float(T), amplitude)
         found[effect] = max(found.get(effect, direction), direction, key=lambda d: (d.possible, d.statistic))
     ordered = tuple(sorted(found.values(), key=lambda direction: -direction.statistic))
-    p = {d.effect: float((1 + np.sum(largest >= d.statistic)) / (1 + DRAWS)) for d in ordered}
-    return Scores(ordered, float(np.quantile(largest, 1 - policy.FALSE_NAME)), p, noise)
+    return Scores(ordered, np.max((null / spread) ** 2, axis=1))
 
 
 def _linearised(segment: Segment, level: Level, substep_s: float) -> Linearised:

@@ -97,7 +97,8 @@ def p_of_gain(judged: Judged, now: Judged, tried: int) -> float:
     both = sorted({*judged.kept} & {*now.kept})
     if not both:
         return 1.0
-    before, after = (np.concatenate([one.parts[i] for i in both]) for one in (now, judged))
+    # a motion that cannot be simulated has infinite errors
+    before, after = (np.clip(np.concatenate([one.parts[i] for i in both]), -1e6, 1e6) for one in (now, judged))
     block = numbered([judged.parts[i].size for i in both], policy.BLOCK_CORRELATIONS * correlation(after))
     return min(tried * chance(before**2, after**2, block), 1.0)
 

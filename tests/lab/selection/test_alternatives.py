@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from lostmotion.lab.data.experiment import experiments
-from lostmotion.lab.data.noise import NoiseModel
 from lostmotion.lab.data.stationarity import is_structured
 from lostmotion.lab.fitting.fit import noise_of
 from lostmotion.lab.fitting.strategy import full_fit
@@ -36,7 +35,7 @@ def test_which_one_it_is(hidden: str, met: str) -> None:
         level = full_fit(model.with_effect(met).replace({f"{met}.T": 2.5e-3}), task)
         before, first = unseen.judge(full_fit(model, task).model), Tried(met, level, unseen.judge(level.model), 0.5)
         other = Tried("bias_drift", level, first.judged, 0.6)
-        step = Step(Scores((), 0.0, {}, NoiseModel.white(1.0)), (first, other), accepted=True)
+        step = Step(Scores(), (first, other), accepted=True)
         alternatives = distinguished(step, before, unseen)
     assert [one.effect for one in alternatives.tried] == list(dict.fromkeys([hidden, met, "bias_drift"]))
     found = alternatives.tried[0].level.model

@@ -7,7 +7,6 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from lostmotion.lab.data.experiment import experiments
-from lostmotion.lab.data.noise import NoiseModel
 from lostmotion.lab.selection.score_test import Scores
 from lostmotion.lab.selection.step import Step, Tried, provisional
 from lostmotion.lab.selection.validate import Judged, Unseen
@@ -32,7 +31,7 @@ def test_far_from_the_noise_the_first_of_two_is_accepted_provisionally() -> None
         return Judged((np.full(100, error),))
 
     step = Step(
-        Scores((), 0.0, {}, NoiseModel.white(1.0)),
+        Scores(),
         (tried("viscous_friction", 7.0, 5.0), tried("coulomb_friction", 8.0, 3.0)),
     )
     with ThreadPoolExecutor(1) as pool:
