@@ -2,8 +2,8 @@
 
 The search (strategy.py) uses a coarse step, robust weights and values near those of the file; the refinement a fine
 step, all data, and the bounds of the file.  Confidence intervals take the residual's own correlation into account: cov
-= H^-1 J' Gamma J H^-1 with H = J'J and Gamma the autocovariance of the residual (Huber's sandwich), so that coloured
-noise widens them as it should.
+= H^-1 J' Gamma J H^-1 with H = J'J and Gamma the autocovariance of the residual as an autoregression (Huber's
+sandwich), so that coloured noise widens them as it should.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ from concurrent.futures import Executor
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import matmul_toeplitz
 
 from lostmotion.lab import policy
 from lostmotion.lab.data.clipping import with_range
 from lostmotion.lab.data.experiment import Experiment
-from lostmotion.lab.data.noise import noise_floor
+from lostmotion.lab.data.noise import innovation_noise, noise_floor
 from lostmotion.lab.fitting.strategy import first_fit, grown
 from lostmotion.lab.results import Estimate, Fit
 from lostmotion.lab.shooting.continuation import Level, fitted, followed
@@ -35,8 +36,8 @@ REFINED_STEPS = 1.0
 PROMISED = 1e-4
 """Relative accuracy of any parameter, limited by solver and interpolated input: where impacts amplify every change, the
 noise alone would give intervals of 1e-7, narrower than the model's own errors."""
-CORRELATED = 0.05
-"""Longest correlation of the residual that counts [s]."""
+MOST_LAGS = 4096
+"""Largest lag of the residual's autocovariance [samples]."""
 Progress = Callable[[str, float], None]
 
 
@@ -141,33 +142,12 @@ def _covariance(level: Level, substep_s: float) -> FloatArray:
     blocks = [block for block in blocks if block.finite]
     if not blocks:
         return np.diag(level.unknowns.prior**2)
-    correlated = _autocovariance([block.r for block in blocks], _lags(good[0]))
+    noise = innovation_noise(*(block.r for block in blocks))
+    gamma = noise.autocovariance(MOST_LAGS)
     for block in blocks:
         J = projected_off(block.B, block.A)
         H += J.T @ J
-        G += J.T @ _toeplitz_product(J, correlated)
+        G += J.T @ matmul_toeplitz(np.pad(gamma, (0, len(J)))[: len(J)], J)
     inverse = np.linalg.pinv(H, hermitian=True)
     covariance = inverse @ G @ inverse
     return np.asarray((covariance + covariance.T) / 2 + PROMISED**2 * np.eye(level.z.size))
-
-
-def _lags(segment: Segment) -> int:
-    return max(1, round(CORRELATED * segment.experiment.rate_hz))
-
-
-def _autocovariance(residuals: Sequence[FloatArray], lags: int) -> FloatArray:
-    """At lags 0 … lags, over all residuals, tapered to zero so that it stays positive (Bartlett)."""
-    total = sum(r.size for r in residuals)
-    raw = [
-        sum(float(r[lag:] @ r[: r.size - lag]) for r in residuals if r.size > lag) / total for lag in range(lags + 1)
-    ]
-    return np.array(raw) * (1 - np.arange(lags + 1) / (lags + 1))
-
-
-def _toeplitz_product(J: FloatArray, correlated: FloatArray) -> FloatArray:
-    """Gamma J, Gamma being the Toeplitz matrix of the autocovariance."""
-    result = correlated[0] * J
-    for lag in range(1, min(correlated.size, len(J))):
-        result[lag:] += correlated[lag] * J[:-lag]
-        result[:-lag] += correlated[lag] * J[lag:]
-    return np.asarray(result)

@@ -7,19 +7,21 @@ from concurrent.futures import Executor
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.experiment import Experiment, experiments
 from lostmotion.lab.estimate import fit
-from lostmotion.lab.fitting.fit import fit_of, noise_of
+from lostmotion.lab.fitting.fit import fit_of, noise_of, refined_fit
 from lostmotion.lab.fitting.strategy import doubled, full_fit
 from lostmotion.lab.parallel import open_executor
+from lostmotion.lab.policy import HALF_WIDTH
 from lostmotion.lab.results import Fit
 from lostmotion.lab.shooting.segment import FINE_STEP, STEP
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model, Parameter, build_model
 from lostmotion.model.motion import FloatArray
-from tests.lab.gears import GEARS, NOISE, gears
+from tests.lab.gears import GEARS, NOISE, gears, moved
 
 TRUE = {**GEARS, "l": 0.1}
 ROUGH = {"d": 6.6e-5, "alpha": 3300.0, "b": 0.23, "k": 2500.0, "l": 0.098}
@@ -157,3 +159,22 @@ def test_what_is_told_does_not_depend_on_the_first_value() -> None:
         drift = fit_of(full_fit(model, task), task)["bias_drift.c"]
         assert drift.low < 0.5 < drift.high
         assert drift.identified
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("keeps", [0.0, 0.7], ids=["white", "coloured"])
+def test_intervals_of_gears_are_as_wide_as_they_must_be(keeps: float) -> None:
+    """Of twenty recordings the errors of damping, contact damping and lever are those of the intervals: their root mean
+    square is one standard deviation within a quarter (0.6 times the width would make it 1.7)."""
+    model, found = build_model("play", values=TRUE), []
+    for seed in range(500, 520):
+        run = moved(seed, 1.0)
+        noise = lfilter([np.sqrt(1 - keeps**2)], [1, -keeps], np.random.default_rng(seed).normal(0, NOISE, 1000))
+        held = experiments(model, [run.recording(run.accel + noise[200:], "rec.csv")])
+        task = Task.of(model, held, noise_of(held))
+        estimates = {e.name: e for e in refined_fit(full_fit(model, task), task).estimates}
+        for name in ("alpha", "b", "l"):
+            low, high = estimates[name].low, estimates[name].high
+            found.append(np.log(TRUE[name] / np.sqrt(low * high)) / (np.log(high / low) / 2) * HALF_WIDTH)
+    assert np.sqrt(np.mean(np.square(found))) == pytest.approx(1.0, rel=0.25)
+    assert np.mean(np.abs(found) < HALF_WIDTH) >= 0.9
