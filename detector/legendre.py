@@ -9,7 +9,7 @@ import numpy as np
 
 from lostmotion.detector.window import FloatArray
 
-__all__ = ["derivative", "values"]
+__all__ = ["derivative", "scaled_values", "values"]
 
 
 def values(place: FloatArray, degree: int) -> FloatArray:
@@ -21,6 +21,11 @@ def values(place: FloatArray, degree: int) -> FloatArray:
     for k in range(2, degree + 1):
         rows[k] = ((2 * k - 1) * rows[1] * rows[k - 1] - (k - 1) * rows[k - 2]) / k
     return rows.T
+
+
+def scaled_values(place: FloatArray, degree: int) -> FloatArray:
+    """The same with a mean square of 1, shape (N, degree + 1)."""
+    return np.asarray(values(place, degree) * np.sqrt(2 * np.arange(degree + 1) + 1))
 
 
 @lru_cache(maxsize=32)

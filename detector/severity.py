@@ -28,9 +28,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.detector import legendre
-from lostmotion.detector.median import median
 from lostmotion.detector.quality import IMPLAUSIBLE, mended
-from lostmotion.detector.ringdown import ring
+from lostmotion.detector.ring_speed import speed_of_impact
 from lostmotion.detector.servo import GRID_S, UNKNOWN, ServoLaw, followed
 from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
 
@@ -64,8 +63,6 @@ EXCESS, KNEE_S, SLOWER = 3.0, 0.012, 0.6
 meet faster than from rest, and large play does not come to rest."""
 SPREAD, NOISE_SPREAD = 0.65, 0.35
 """Standard deviations of ln v: between windows and gears, and of the largest ring in noise alone."""
-NOISE_RINGS = 2.2
-"""The largest ring in noise alone, in standard deviations of its amplitude."""
 UNSEEN = 0.002
 """Probability of no impact within the segment, or a late or a soft one: a missing ring alone excludes no large play."""
 CORNER = 2.0
@@ -76,18 +73,9 @@ WRONG = 0.1
 intervals do not hold, half of them at 1 mrad and less, where mostly windows with errors upwards have a size.  With 0.1,
 0.02 and 0.003 of the severities' 95 % intervals 93.1, 90.7 and 88.7 % hold on eq. 1's gears, 95.7, 94.6 and 93.3 % on
 MuJoCo's stops, 97.0, 96.3 and 94.0 % on hard stops; Spearman's correlation is the same within 0.001."""
-STARTS, FIRST_START, LAST_START = 40, 1.5, 1.0
-"""Number of start times at which a ring is searched for; the first and last, in periods after the segment's begin and
-before its end."""
-SLOW_HZ, SLOW_SHARE = 16.0, 0.3
-"""Below both, the latter a share of f_res, is motion (as in ``ringdown``)."""
 COVERED, BEYOND, PARTS = 0.6, 0.03, 20
 """The share of the segment that commands have to cover, from its begin on; the part later than BEYOND after the last
 one is left out, in so many steps of length, for each of which the matrices are cached."""
-PIECE_S, LEAST_PIECE, LEAST_NOISE = 0.03, 15, 1e-3
-"""Pieces of the segment, from the quietest of which the noise is estimated [s, samples, m/s²]."""
-DIFFERENCES = 0.6745 * math.sqrt(70)
-"""Median size of white noise's fourth differences, in its standard deviations."""
 PRESENT = 0.95
 """Share of a segment's samples that have to be there: an acceleration drawn over a gap integrates to a false motion."""
 UNLIKELY = 2.0
@@ -102,15 +90,6 @@ class Severity:
     value: float = math.nan
     low: float = math.nan
     high: float = math.nan
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Rings:
-    """Ring-downs from each of K start times on, without slow motion and previous rings: orthonormal pairs (2 K, N), and
-    matrices (K, 2, 2) from a pair's coordinates to amplitudes [m/s²]."""
-
-    pairs: FloatArray
-    amplitudes: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,7 +135,7 @@ def learnt_severity(
     accel = mended(segment.accel)
     if np.ptp(accel) == 0:
         return Severity(), servo
-    speed, noise, least = _speed(accel, segment.rate_hz, settings)
+    speed, noise, least = speed_of_impact(accel, segment.rate_hz, settings)
     if not math.isfinite(speed):
         return Severity(), servo
     likelihood, impact = np.zeros(STEPS), _impact_log_likelihood(speed, least, swing, clipped)
@@ -267,7 +246,7 @@ def _motion_log_likelihood(
 
 def _fitted(place: FloatArray, angle: FloatArray, degree: int) -> tuple[FloatArray, FloatArray]:
     """Coefficients of Legendre (degree + 1,) of angles at places between -1 and 1, and their covariance."""
-    basis = _legendre(place, degree)
+    basis = legendre.scaled_values(place, degree)
     inverse = np.linalg.inv(basis.T @ basis + 1e-9 * place.size * np.eye(degree + 1))
     coefficients = inverse @ (basis.T @ angle)
     left = angle - basis @ coefficients
@@ -295,7 +274,7 @@ def _known_part(place: FloatArray) -> float:
 @lru_cache(maxsize=32)
 def _projected(count: int, degree: int) -> FloatArray:
     """Legendre's coefficients from ``count`` values on an even grid, shape (degree + 1, count)."""
-    return np.asarray(np.linalg.pinv(_legendre(np.linspace(-1, 1, count), degree)), np.float64)
+    return np.asarray(np.linalg.pinv(legendre.scaled_values(np.linspace(-1, 1, count), degree)), np.float64)
 
 
 def _coefficient_log_likelihood(difference: FloatArray, error_covariance: FloatArray, half_waves: float) -> FloatArray:
@@ -317,66 +296,13 @@ def _coefficient_log_likelihood(difference: FloatArray, error_covariance: FloatA
     return np.asarray(-TEMPER / 2 * (deviance + scale[:, None]))
 
 
-def _speed(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> tuple[float, float, float]:
-    """Change of the joint's speed [rad/s] from the clearest new ring; the noise [m/s²]; the speed from noise alone."""
-    known = _rings(accel.size, rate_hz, settings)
-    found = (known.pairs @ accel).reshape(-1, 2)
-    best = int(np.argmax(np.sum(found**2, axis=1)))
-    noise = settings.noise_ms2 or _noise(accel, rate_hz, settings)
-    lever = abs(settings.length_m) * 2 * math.pi * settings.f_res_hz
-    amplitude = float(np.linalg.norm(known.amplitudes[best] @ found[best]))
-    deviation = noise * float(np.linalg.norm(known.amplitudes[best])) / math.sqrt(2)
-    return amplitude / lever, noise, NOISE_RINGS * deviation / lever
-
-
-def _noise(accel: FloatArray, rate_hz: float, settings: DetectorSettings) -> float:
-    """The sensor's noise [m/s²]: from fourth differences, or, where these contain the ring because it has few samples a
-    period, the second quietest of some pieces, without slow motion and ring, and most likely without an impact."""
-    length = max(round(PIECE_S * rate_hz), LEAST_PIECE)
-    count = accel.size // length
-    pieces = accel[: count * length].reshape(count, length)
-    held = _held(length, rate_hz, settings)
-    left = pieces - (pieces @ held) @ held.T
-    power = np.sort(np.sum(left**2, axis=1))[min(1, count - 1)]
-    found = math.sqrt(float(power) / (length - held.shape[1]))
-    rough = median(np.abs(np.diff(accel, 4))) / DIFFERENCES
-    return max(min(found, rough), LEAST_NOISE)
-
-
-@lru_cache(maxsize=16)
-def _held(length: int, rate_hz: float, settings: DetectorSettings) -> FloatArray:
-    """A cubic and a ring, orthonormal columns."""
-    columns = np.hstack([_legendre(np.linspace(-1, 1, length), 3), ring(np.arange(length) / rate_hz, settings)])
-    return np.asarray(np.linalg.qr(columns)[0])
-
-
-@lru_cache(maxsize=16)
-def _rings(length: int, rate_hz: float, settings: DetectorSettings) -> _Rings:
-    """The rings of segments of ``length`` samples."""
-    time = np.arange(length) / rate_hz
-    degree = max(int(2 * min(SLOW_HZ, SLOW_SHARE * settings.f_res_hz) * time[-1]), 3)
-    before = np.linalg.qr(np.hstack([_legendre(np.linspace(-1, 1, length), degree), ring(time, settings)]))[0]
-    pairs, amplitudes = [], []
-    for start in np.linspace(FIRST_START / settings.f_res_hz, time[-1] - LAST_START / settings.f_res_hz, STARTS):
-        pair = ring(time - start, settings)
-        direction, size = np.linalg.qr(pair - before @ (before.T @ pair))
-        pairs.append(direction.T)
-        amplitudes.append(np.linalg.inv(size))
-    return _Rings(np.vstack(pairs), np.array(amplitudes))
-
-
 @lru_cache(maxsize=16)
 def _paths(length: int, rate_hz: float, settings: DetectorSettings) -> _Paths:
     """The matrices to the coefficients of D for segments of ``length`` samples."""
-    basis = _legendre(np.linspace(-1, 1, length), LAST_DEGREE)
+    basis = legendre.scaled_values(np.linspace(-1, 1, length), LAST_DEGREE)
     project: FloatArray = np.asarray(np.linalg.pinv(basis)[FIRST_DEGREE:], np.float64)
     # theta[n] = sum over k < n of (n - k) a[k] / rate²; sums over all later samples are the transpose of an integral.
     later = project[:, ::-1].cumsum(axis=1).cumsum(axis=1)[:, ::-1]
     twice = np.column_stack([later[:, 1:], np.zeros(len(later))]) / rate_hz**2 / settings.length_m
     gain = twice + project / (2 * math.pi * settings.f_res_hz) ** 2 / settings.length_m
     return _Paths(basis, project, twice, gain, gain @ gain.T)
-
-
-def _legendre(place: FloatArray, degree: int) -> FloatArray:
-    """Legendre's polynomials of mean square 1 at places -1..1, shape (N, degree + 1)."""
-    return np.asarray(legendre.values(place, degree) * np.sqrt(2 * np.arange(degree + 1) + 1))
