@@ -19,10 +19,11 @@ import numpy as np
 from lostmotion.lab.comparison.predict import Prediction
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.fitting.identifiability import held
+from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.describe import described
 from lostmotion.lab.inverse.problem import Data
 from lostmotion.lab.inverse.regression import regressed
-from lostmotion.lab.inverse.signals import Signals, informative_band
+from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import noise_floor
 from lostmotion.lab.results import Finding
 from lostmotion.model import Model, Trajectory
@@ -40,8 +41,8 @@ def needed_torques(model: Model, experiments: Sequence[Experiment]) -> tuple[lis
     The time axis is that on which a fit compares them; the measured torque is NaN where it does not: near both ends,
     where the filter has transients, and at rest, where dry friction may have any value up to its largest.
     """
-    band = informative_band(experiments)
-    signals = [Signals.of(one, most_hz=band) for one in experiments]
+    channel = Channel.of(experiments)
+    signals = [channel.signals(one) for one in experiments]
     data = Data.of(signals, model)
     fit = regressed(held(model, model.parameters), data)  # of the zeros of encoders that count from where they start
     pairs = zip(data.shifted(fit.nuisance), data.needed(model, fit.nuisance), strict=True)

@@ -78,6 +78,12 @@ class Experiment:
         measured = {name: values[first:last] for name, values in self.measured.items()}
         return replace(self, time=self.time[first:last], measured=measured)
 
+    def delayed(self, by_s: float) -> Experiment:
+        """With an input that acts so much later [s] than it was recorded."""
+        if not isinstance(self.drive, Sampled) or not by_s:
+            return self
+        return replace(self, drive=Sampled(self.drive.time + by_s, self.drive.values))
+
     def model(self, model: Model) -> Model:
         """The model with the values in the metadata of this recording."""
         return model.replace(self.given) if self.given else model

@@ -1,6 +1,7 @@
 """Finds what is missing from a model with one moving part, by forward selection of effects.
 
-1. Angle and torque are filtered to the band in which the motion exceeds its noise (signals.py).
+1. Angle and torque are filtered to the band in which the motion exceeds its noise, without the delay between them
+   (channel.py).
 2. The model is fitted to the torque by least squares (regression.py).
 3. Effects are added as long as one predicts unseen samples better, significantly for the whole catalogue; those that
    have become superfluous are eliminated (selection.py).
@@ -27,12 +28,13 @@ from lostmotion.lab.deadline import is_over, within
 from lostmotion.lab.design.next_experiment import what_to_record
 from lostmotion.lab.fitting.identifiability import is_driven, with_scale
 from lostmotion.lab.inverse.candidates import torques_of
+from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.describe import described, is_linear
 from lostmotion.lab.inverse.output_error import OutputError, initial_state
 from lostmotion.lab.inverse.problem import Data
 from lostmotion.lab.inverse.regression import Regression, blocks_of, can_run
 from lostmotion.lab.inverse.selection import Search, Selection, Step, first_fit, selected
-from lostmotion.lab.inverse.signals import COLUMNS, Signals, informative_band
+from lostmotion.lab.inverse.signals import COLUMNS, Signals
 from lostmotion.lab.inverse.signs import advice_of_signs
 from lostmotion.lab.inverse.torques import can_invert, noise_floor
 from lostmotion.lab.inverse.validate import Method, amplitudes, error_on, fit_on, is_noise
@@ -78,9 +80,9 @@ def explained(
     model, held = with_scale(model, train)
     rough = from_spectra(model, train)
     is_force = model.base != "servo"
-    band = informative_band(train) if method is Method.TORQUE else math.inf
-    signals = [Signals.of(one, is_force, band) for one in train]
-    unseen = Signals.of(last, is_force, band)
+    channel = Channel.of(train) if method is Method.TORQUE else Channel()
+    signals = [channel.signals(one, is_force) for one in train]
+    unseen = channel.signals(last, is_force)
     search = Search(method, unseen, len(train) < policy.ENOUGH_RECORDINGS, pool)
     with within(budget_s):
         with within(policy.STAGE_SHARE * budget_s):
@@ -166,8 +168,8 @@ def _floors(noise: dict[str, float], column: str, fit: Regression, *unseen: Sign
 def fitted(model: Model, experiments: Sequence[Experiment], method: Method, noise: dict[str, float]) -> Fit:
     """The model with its free parameters fitted to all of these experiments; noise: floor of each column."""
     model, _ = with_scale(model, experiments)
-    band = informative_band(experiments) if method is Method.TORQUE else math.inf
-    signals = [Signals.of(one, model.base != "servo", band) for one in experiments]
+    channel = Channel.of(experiments) if method is Method.TORQUE else Channel()
+    signals = [channel.signals(one, model.base != "servo") for one in experiments]
     fit = first_fit(from_spectra(model, experiments), signals, Search(method)).judged
     column = "torque" if method is Method.TORQUE else signals[0].column
     return _fit(fit, model, _floors(noise, column, fit), column)

@@ -7,7 +7,6 @@ relations between them, and is then sampled at the rate that the band needs.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
@@ -20,7 +19,7 @@ from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.lines import spectral_lines
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["COLUMNS", "Signals", "informative_band"]
+__all__ = ["COLUMNS", "LEAST_SAMPLES", "Signals"]
 
 FASTEST = 0.2
 """Share of the sampling rate: the highest end of a band, where the second derivative of the spline is accurate to 1
@@ -31,12 +30,8 @@ Dry friction needs the true speed; with a cutoff at the end of the band, a fast 
 from 50 N to 23 N."""
 LEAST_MOVING = 100
 """With fewer samples in motion, those at rest count, too."""
-SHARES = (1.0, 0.5, 0.25, 0.125, 0.0625)
-"""Ends of the band that are tried, as shares of the widest band in which the angle exceeds its noise, highest first."""
 LEAST_SAMPLES, REGRESSORS = 4, 6
-"""For each regressor of the inverse model that compares bands, and their number."""
-BLOCKS = 20
-"""Number of parts of a recording that count as independent."""
+"""For each regressor of the usual joint (channel.py), and their number."""
 SPLINE = 5
 """Degree of the spline that is differentiated.  Central differences are 3 % too small at a twentieth of the rate."""
 SLOWEST = 4.0
@@ -77,7 +72,7 @@ class Signals:
     @classmethod
     def of(cls, experiment: Experiment, is_force: bool = True, most_hz: float = math.inf) -> Signals:
         """Of an experiment with one moving part.  is_force: the input is a torque or force; without it the part moves
-        freely and there is no torque.  most_hz: the highest end of the band (``informative_band``)."""
+        freely and there is no torque.  most_hz: the highest end of the band (channel.py)."""
         column = next(name for name in COLUMNS if name in experiment.measured)
         seen = ~np.isnan(experiment.measured[column])
         measured, at = experiment.measured[column][seen], experiment.time[seen]
@@ -114,6 +109,11 @@ class Signals:
         third of a recording of one step was all at rest, and friction was judged by the noise of its acceleration."""
         moving = np.flatnonzero(np.abs(self.velocity) >= self._rest_speed)
         return float(self.time[moving[int(share * (moving.size - 1))]])
+
+    def delayed(self, by_s: float) -> Signals:
+        """With a torque that acts so much later [s]."""
+        at = np.clip(self.time - by_s, *self.time[[0, -1]])
+        return replace(self, torque=np.asarray(make_interp_spline(self.time, self.torque, k=3)(at)))
 
     @property
     def grid(self) -> NDArray[np.intp]:
@@ -186,42 +186,6 @@ class Signals:
         of (2 pi f)^(2 order) times the noise's density."""
         power = 2 * order + 1
         return float(np.sqrt(self.position_density * (2 * np.pi) ** (2 * order) * end_hz**power / power))
-
-
-def informative_band(experiments: Sequence[Experiment]) -> float:
-    """The highest end of the band [Hz] that identifies the inertia of a driven joint nearly as well as the best one.
-
-    Motion that the torque does not cause (a vibrating arm, a belt) has far larger accelerations than slow motion.
-    Least squares is efficient only for a white residual; generalised least squares is approximated by weights of 0 and
-    1 over frequency.  One end in hertz serves all recordings, as such a vibration has a fixed frequency: a share of
-    each band left 7 of 94 samples of a slow pendulum beside a rattling one.
-    """
-    widest = max(Signals.of(one).band_hz for one in experiments)
-    ends = [share * widest for share in SHARES]
-    unsure = [_unsure_inertia([Signals.of(one, True, end) for one in experiments]) for end in ends]
-    if not min(unsure) < policy.INERTIA_IDENTIFIED:
-        return widest
-    return next(end for end, sd in zip(ends, unsure, strict=True) if sd <= policy.BAND_AS_WELL * min(unsure))
-
-
-def _unsure_inertia(signals: Sequence[Signals]) -> float:
-    """The relative standard deviation of J in tau = J theta'' + b theta' + c sign(theta') + d sin + e cos + f, robust
-    to correlation of the residual within blocks (cluster-robust; Liang and Zeger 1986)."""
-    parts = []
-    for one in signals:
-        q, v = one.position, one.velocity
-        inputs = np.stack([one.torque, one.acceleration, v, np.sign(v), np.sin(q), np.cos(q), np.ones_like(q)])
-        parts.append(one.filtered(inputs))
-    stacked = np.concatenate(parts, axis=1)
-    y, A = stacked[0], stacked[1:].T
-    if y.size < LEAST_SAMPLES * A.shape[1]:
-        return math.inf
-    A = A / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
-    inverse = np.linalg.pinv(A.T @ A, rcond=1e-9, hermitian=True)
-    found = inverse @ (A.T @ y)
-    scores = np.add.reduceat(A * (y - A @ found)[:, None], np.arange(BLOCKS) * y.size // BLOCKS)
-    deviation = float(np.linalg.norm(scores @ inverse[0]))
-    return deviation / max(abs(float(found[0])), 1e-300)
 
 
 def _integrated_twice(acceleration: FloatArray, step: float) -> FloatArray:

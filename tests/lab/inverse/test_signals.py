@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.explain import fitted
-from lostmotion.lab.inverse.signals import Signals, informative_band
+from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.validate import Method
 from lostmotion.model import Sampled, build_model
 
@@ -66,7 +67,7 @@ def test_motion_that_the_torque_does_not_make_narrows_the_band(amplitude: float)
     values = {one.name: one.value for one in found.estimates}
     assert values["J"] == pytest.approx(0.06, rel=0.02)
     assert values["viscous_friction.b_v"] == pytest.approx(0.4, rel=0.02)
-    band, widest = informative_band(recorded), max(Signals.of(one).band_hz for one in recorded)
+    band, widest = Channel.of(recorded).band_hz, max(Signals.of(one).band_hz for one in recorded)
     assert band == widest if amplitude == 0.0 else band < min(widest, 15.0)
 
 

@@ -1,0 +1,142 @@
+"""What the recordings of a torque and an angle have in common: the band in which they are compared, and the delay
+between the two.
+
+Both are chosen with what a joint usually has, tau = J theta'' + b theta' + c sign(theta') + d sin + e cos + f, before
+any effect is looked for.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import stdtr
+
+from lostmotion.lab import policy
+from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.inverse.signals import LEAST_SAMPLES, Signals
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["Channel"]
+
+SHARES = (1.0, 0.5, 0.25, 0.125, 0.0625)
+"""Ends of the band that are tried, as shares of the widest band in which the angle exceeds its noise, highest first."""
+BLOCKS = 20
+"""Number of parts of the recordings that count as independent."""
+LONGEST, DELAYS = 0.25, 41
+"""Periods of the end of the band, the longest delay that is tried: beyond it a torque leads instead of following; and
+the number of delays that are tried."""
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Channel:
+    """band_hz: the highest end of the band; delay_s: how much later than recorded the torque acts."""
+
+    band_hz: float = math.inf
+    delay_s: float = 0.0
+
+    @classmethod
+    def of(cls, experiments: Sequence[Experiment]) -> Channel:
+        """Of recordings with a measured torque; a delay is reported in a warning."""
+        band_hz = _informative_band(experiments)
+        delay_s = _delay([Signals.of(one, True, band_hz) for one in experiments])
+        if delay_s:
+            log.warning(
+                "%s: the torque acts %.2g ms %s than it was recorded; this delay is removed",
+                experiments[0].name, 1e3 * abs(delay_s), "later" if delay_s > 0 else "earlier",
+            )  # fmt: skip
+        return cls(band_hz, delay_s)
+
+    def signals(self, experiment: Experiment, is_force: bool = True) -> Signals:
+        """Those of a recording; is_force: see ``Signals.of``."""
+        return Signals.of(experiment.delayed(self.delay_s), is_force, self.band_hz)
+
+
+@dataclass(frozen=True, eq=False)
+class _Usual:
+    """Least squares of the usual joint: its inertia [kg m²], the standard deviation of it, robust to correlation of the
+    residual within blocks (cluster-robust; Liang and Zeger 1986), and the residual (M,) [N m]."""
+
+    inertia: float
+    deviation: float
+    residual: FloatArray
+
+    @classmethod
+    def of(cls, signals: Sequence[Signals]) -> _Usual | None:
+        """None where there are too few samples."""
+        parts = []
+        for one in signals:
+            q, v = one.position, one.velocity
+            inputs = np.stack([one.torque, one.acceleration, v, np.sign(v), np.sin(q), np.cos(q), np.ones_like(q)])
+            parts.append(one.filtered(inputs))
+        stacked = np.concatenate(parts, axis=1)
+        y, A = stacked[0], stacked[1:].T
+        if y.size < LEAST_SAMPLES * A.shape[1]:
+            return None
+        size = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+        A = A / size
+        inverse = np.linalg.pinv(A.T @ A, rcond=1e-9, hermitian=True)
+        found = inverse @ (A.T @ y)
+        residual = y - A @ found
+        scores = np.add.reduceat(A * residual[:, None], np.arange(BLOCKS) * y.size // BLOCKS)
+        return cls(float(found[0] / size[0]), float(np.linalg.norm(scores @ inverse[0]) / size[0]), residual)
+
+    @property
+    def unsure(self) -> float:
+        """The relative standard deviation of the inertia."""
+        return self.deviation / max(abs(self.inertia), 1e-300)
+
+    @property
+    def powers(self) -> FloatArray:
+        """The squared error of each block (BLOCKS,)."""
+        return np.add.reduceat(self.residual**2, np.arange(BLOCKS) * self.residual.size // BLOCKS) + 1e-300
+
+
+def _informative_band(experiments: Sequence[Experiment]) -> float:
+    """The highest end of the band [Hz] that identifies the inertia of a driven joint nearly as well as the best one.
+
+    Motion that the torque does not cause (a vibrating arm, a belt) has far larger accelerations than slow motion.
+    Least squares is efficient only for a white residual; generalised least squares is approximated by weights of 0 and
+    1 over frequency.  One end in hertz serves all recordings, as such a vibration has a fixed frequency: a share of
+    each band left 7 of 94 samples of a slow pendulum beside a rattling one.
+    """
+    widest = max(Signals.of(one).band_hz for one in experiments)
+    ends = [share * widest for share in SHARES]
+    fits = [_Usual.of([Signals.of(one, True, end) for one in experiments]) for end in ends]
+    unsure = [fit.unsure if fit else math.inf for fit in fits]
+    if not min(unsure) < policy.INERTIA_IDENTIFIED:
+        return widest
+    return next(end for end, sd in zip(ends, unsure, strict=True) if sd <= policy.BAND_AS_WELL * min(unsure))
+
+
+def _delay(signals: Sequence[Signals]) -> float:
+    """How much later than recorded the torque acts [s], negative where it was recorded late; 0 where the recordings do
+    not identify it.
+
+    Bus, controller and filters delay one of the two signals.  An inertia's torque is then out of phase by 2 pi f d, and
+    its quadrature part, -J (2 pi f)² d per unit of speed, hides friction or imitates it.  A delay is a property of the
+    recording and no effect of the machine: an input delay (Ljung 1999, section 10.3), estimated once by profile least
+    squares.  It counts like an effect: significant by the blocks' errors, worth a name, within the range that was
+    tried.  Only an inertia identifies it: of a sine in phase with the speed alone it is friction.
+    """
+    now = _Usual.of(signals)
+    if now is None:
+        return 0.0
+    most = LONGEST / max(one.band_hz for one in signals)
+    delays = np.linspace(-most, most, DELAYS)
+    fits = [_Usual.of([one.delayed(float(delay)) for one in signals]) or now for delay in delays]
+    errors = np.array([fit.powers.sum() for fit in fits])
+    at = int(np.argmin(errors))
+    best = fits[at]
+    ratio = 0.5 * np.log(now.powers / best.powers)
+    t = float(ratio.mean() / max(ratio.std(ddof=1) / math.sqrt(BLOCKS), 1e-12))
+    is_worth = errors[at] < (1 - policy.LEAST_GAIN) * now.powers.sum()
+    is_inertia = best.inertia > 0 and now.inertia > 0 and max(best.unsure, now.unsure) < policy.INERTIA_IDENTIFIED
+    if at in (0, DELAYS - 1) or not is_worth or not is_inertia or stdtr(BLOCKS - 1, -t) > policy.FALSE_NAME:
+        return 0.0
+    left, here, right = errors[at - 1 : at + 2]  # the parabola's minimum
+    return float(delays[at] + (delays[1] - delays[0]) * 0.5 * (left - right) / (left - 2 * here + right))

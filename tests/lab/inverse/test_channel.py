@@ -1,0 +1,69 @@
+"""The delay between torque and motion, on joints whose motion another simulator made (SciPy's Radau)."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.inverse import channel
+from lostmotion.lab.inverse.channel import Channel
+from lostmotion.lab.inverse.explain import fitted
+from lostmotion.lab.inverse.validate import Method
+from lostmotion.model import Sampled, build_model
+
+J, B = 0.02, 0.15
+"""kg m², N m s/rad"""
+
+
+def chirp(seed: int, late_s: float, rate_hz: float = 200.0) -> Experiment:
+    """A joint with viscous friction that a chirp of 0.3 to 6 Hz moves for 15 s; its torque is recorded ``late_s`` after
+    it acts."""
+    times = np.arange(0.0, 15.0, 1 / rate_hz)
+    sweep = (6.0 - 0.3) / (2 * times[-1])
+    torque = lambda t: 0.8 * np.sin(2 * np.pi * (0.3 + sweep * t) * t + seed)  # noqa: E731
+    law = lambda t, y: (y[1], (torque(t) - B * y[1]) / J)  # noqa: E731
+    angle = solve_ivp(law, (0, times[-1]), (0.0, 0.0), "Radau", times, rtol=1e-8, atol=1e-10).y[0]
+    rng = np.random.default_rng(seed)
+    read = torque(np.maximum(times - late_s, 0.0)) + 5e-3 * rng.standard_normal(times.size)
+    position = angle + 2e-5 * rng.standard_normal(times.size)
+    return Experiment(f"chirp{seed}.csv", Sampled(times, read), times, {"position": position})
+
+
+def found(late_s: float) -> dict[str, float]:
+    """Inertia and friction as they are fitted to three such recordings."""
+    recorded = [chirp(seed, late_s) for seed in range(3)]
+    model = build_model("joint", ["viscous_friction"])
+    estimates = fitted(model, recorded, Method.TORQUE, {"torque": 5e-3, "position": 2e-5}).estimates
+    return {one.name: one.value for one in estimates}
+
+
+@pytest.mark.parametrize("late_s", [-0.006, 0.004, 0.01])
+def test_a_delay_is_found_and_removed(late_s: float, caplog: pytest.LogCaptureFixture) -> None:
+    """The delay is right within 0.5 ms and reported once, and inertia and friction are right within 2 %."""
+    with caplog.at_level(logging.WARNING):
+        delay_s = Channel.of([chirp(seed, late_s) for seed in range(3)]).delay_s
+    assert delay_s == pytest.approx(-late_s, abs=5e-4)
+    assert f"acts {1e3 * abs(delay_s):.2g} ms {'later' if delay_s > 0 else 'earlier'} than" in caplog.text
+    values = found(late_s)
+    assert values["J"] == pytest.approx(J, rel=0.02)
+    assert values["viscous_friction.b_v"] == pytest.approx(B, rel=0.02)
+
+
+def test_without_it_friction_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The quadrature part of the inertia's torque, J (2 pi f)² times 10 ms, is taken for a tenth of the friction."""
+    monkeypatch.setattr(channel, "_delay", lambda _: 0.0)
+    assert abs(found(0.01)["viscous_friction.b_v"] / B - 1) > 0.08
+
+
+def test_no_delay_where_there_is_none() -> None:
+    """Recordings of one clock have none, and those of a steady sine do not identify any."""
+    assert Channel.of([chirp(seed, 0.0) for seed in range(3)]).delay_s == 0.0
+    times = np.arange(0.0, 10.0, 5e-3)
+    rng = np.random.default_rng(5)
+    sine = Sampled(times, B * np.cos(2 * np.pi * (times - 0.01)) + 1e-3 * rng.standard_normal(times.size))
+    position = np.sin(2 * np.pi * times) / (2 * np.pi) + 1e-5 * rng.standard_normal(times.size)
+    assert Channel.of([Experiment("sine.csv", sine, times, {"position": position})]).delay_s == 0.0
