@@ -178,7 +178,7 @@ def _finding(guess: Guess, heights: Heights | None = None) -> Finding:
     formula = _formula(curve, degree)
     if rubs and formula and curve.variable not in formula:  # the same at every angle
         return Finding(
-            acts_on, guess.depends_on[1:], f"{what} of about {size} is missing", None, f"{formula} sign(omega_2)"
+            acts_on, guess.depends_on[1:], f"{what} of about {size} is missing", curve, f"{formula} sign(omega_2)"
         )
     text = f"{what} of up to {size} is missing; {follows}"
     return Finding(acts_on, guess.depends_on, text, curve, None if rubs else formula)
