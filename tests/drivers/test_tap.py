@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from dynamixel_sdk import GroupBulkWrite, GroupSyncRead, GroupSyncWrite, PacketHandler, PortHandler
+from dynamixel_sdk import COMM_SUCCESS, GroupBulkWrite, GroupSyncRead, GroupSyncWrite, PacketHandler, PortHandler
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -128,8 +128,8 @@ def test_all_ways_of_the_makers_sdk_to_write_and_read() -> None:
         port, packets = sdk_port(path), PacketHandler(2.0)
 
         def goals() -> dict[str, int]:
-            for id in (1, 2):
-                packets.read4ByteTxRx(port, id, 132)
+            for id in (1, 2):  # an emulated servo may answer too late for the SDK on a busy machine: it is asked again
+                assert any(packets.read4ByteTxRx(port, id, 132)[1] == COMM_SUCCESS for _ in range(20))
             time.sleep(0.02)
             samples = [sample for _ in range(3) for sample in bus.read().samples]
             step = MODELS["XL330-M288"].step
