@@ -169,7 +169,7 @@ class Regression:
         return np.asarray(np.abs(self.unknowns.slopes(self.z)) * np.sqrt(variance))
 
 
-class _TimeIsUpError(Exception):
+class _FitEndsError(Exception):
     """A fit ends where its derivatives are known."""
 
 
@@ -207,8 +207,13 @@ def _minimised(
     known: list[tuple[FloatArray, FloatArray]] = []
 
     def jacobian(at: FloatArray) -> FloatArray:  # it is evaluated at the first values and after each step
-        known[:] = [(at.copy(), _jacobian(residual, at, high, data, may_end=bool(known)))]
-        return known[0][1]
+        slopes = _jacobian(residual, at, high, data, may_end=bool(known))
+        if not np.isfinite(slopes).all():  # beside these values the motion cannot be simulated
+            if known:
+                raise _FitEndsError
+            raise ModelError("the motion cannot be simulated near the first values of the parameters")
+        known[:] = [(at.copy(), slopes)]
+        return slopes
 
     if not np.isfinite(residual(z)).all():
         raise ModelError("the motion cannot be simulated with the first values of the parameters")
@@ -216,7 +221,7 @@ def _minimised(
         with np.errstate(over="ignore"):  # a trial step may be far off: its error is compared, no more
             found = least_squares(residual, z, jacobian, (low, high), x_scale="jac", max_nfev=steps, ftol=CONVERGED)
         x, error, slopes = found.x, found.fun, np.asarray(found.jac)
-    except _TimeIsUpError:
+    except _FitEndsError:
         x, slopes = known[0]
         error = residual(x)
     values = unknowns.put(model, x[:count])
@@ -246,14 +251,14 @@ def _jacobian(
     residual: Callable[[FloatArray], FloatArray], z: FloatArray, high: FloatArray, data: Problem, *, may_end: bool
 ) -> FloatArray:
     """Forward differences (M, P + E), backward at an upper bound; the initial values of all recordings change at once,
-    as each recording has its own.  Raises _TimeIsUpError when the time is up, if it may."""
+    as each recording has its own.  Raises _FitEndsError when the time is up, if it may."""
     here = residual(z)
     recordings = len(data.signals)
     count, found = z.size - recordings * data.nuisances, np.zeros((here.size, z.size))
     parts = by_recording(np.arange(here.size), data)
     for at in range(count):
         if may_end and is_over():
-            raise _TimeIsUpError
+            raise _FitEndsError
         step = STEP * max(1.0, abs(z[at]))
         step = -step if z[at] + step > high[at] else step
         found[:, at] = (residual(z + step * (np.arange(z.size) == at)) - here) / step

@@ -241,8 +241,8 @@ def test_nmt_states_and_lost_heartbeats(channel: str) -> None:
 
 
 def test_gaps_of_the_sync_counter_are_lost_polls(channel: str) -> None:
-    """Three SYNCs with all that follows them are missing: three polls are lost, and none where it begins anew.  A pause of
-    a busy machine is no lost poll of a drive that is polled once a second."""
+    """Three SYNCs with all that follows them are missing: three polls are lost, and none where it begins anew.  A pause
+    of a busy machine is no lost poll of a drive that is polled once a second."""
     with library_robot(channel, (1,)) as robot:
         driver = bus(channel, (1,), poll_hz=1.0)
         driver.open()

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import numpy as np
 import pytest
 
 from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.inverse import regression
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.explain import fitted
+from lostmotion.lab.inverse.problem import Data
+from lostmotion.lab.inverse.regression import regressed
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.validate import Method
-from lostmotion.model import Sampled, build_model
+from lostmotion.model import ModelError, Sampled, build_model
+from lostmotion.model.motion import FloatArray
 
 
 def joint(rate_hz: float, step_rad: float, rest_s: float = 0.0) -> Experiment:
@@ -69,6 +76,26 @@ def test_motion_that_the_torque_does_not_make_narrows_the_band(amplitude: float)
     assert values["viscous_friction.b_v"] == pytest.approx(0.4, rel=0.02)
     band, widest = Channel.of(recorded).band_hz, max(Signals.of(one).band_hz for one in recorded)
     assert band == widest if amplitude == 0.0 else band < min(widest, 15.0)
+
+
+@pytest.mark.parametrize("until", [0, 1])
+def test_a_fit_ends_where_the_motion_can_still_be_simulated(until: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Derivatives that overflow after a step end the fit at the values before it; at the first values it is refused."""
+    model, slopes, asked = build_model("joint", ["viscous_friction"]), regression._jacobian, list[FloatArray]()
+
+    def overflowing(residual: Any, z: FloatArray, *others: Any, **more: Any) -> FloatArray:
+        asked.append(z.copy())
+        found = slopes(residual, z, *others, **more)
+        return np.full_like(found, math.inf) if len(asked) == until + 1 else found
+
+    monkeypatch.setattr(regression, "_jacobian", overflowing)
+    data = Data.of([Signals.of(quivering(0.0, 0))], model)
+    if until == 0:
+        with pytest.raises(ModelError, match="near the first values"):
+            regressed(model, data)
+    else:
+        assert np.isfinite(regressed(model, data).z).all()
+        assert len(asked) > 1
 
 
 def test_a_slow_motion_keeps_some_samples_for_each_regressor() -> None:
