@@ -38,8 +38,8 @@ class Sink(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class SinkContext:
-    """What a sink is told of the robot: its name, the names of all joints in the order of the configuration, and the
-    path of the database."""
+    """The name of the robot, the names of all joints in the order of the configuration, and the path of the
+    database."""
 
     robot: str
     joints: tuple[str, ...]
