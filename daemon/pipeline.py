@@ -39,7 +39,7 @@ longer one without network sinks, when windows only have to be on the disk a qua
 MOST_TO_LEARN = 12
 """two windows of each of six joints, which often end at the same time"""
 COMMANDS_S = 4.0
-"""commands are kept for so long, for the size of the play [s]"""
+"""commands are kept for so long before the newest one, or before a window that waits: for the size of the play [s]"""
 COMMANDED_S = 0.5
 """so much of the commanded motion before a window is kept with it: the reversal and what led to it [s]"""
 SERVO_SILENT_S = 5.0
@@ -137,8 +137,6 @@ class _Joint:
         if math.isfinite(last.temperature):
             self.temperature = last.temperature
         times, angles = [sample.time for sample in samples], [sample.command for sample in samples]
-        gone = bisect_left(self._times, self.newest - COMMANDS_S)
-        del self._times[:gone], self._angles[:gone]
         self._times.extend(times)
         self._angles.extend(angles)
         for reversal in self.trigger.push(times, angles):
@@ -147,6 +145,9 @@ class _Joint:
             self.counts.triggered += 1
             window = _Pending(reversal.time + self.length, reversal.time, abs(reversal.swing), self.temperature)
             heapq.heappush(self.pending, window)
+        waiting = self.pending[0].start if self.pending else math.inf
+        gone = bisect_left(self._times, min(self.newest, waiting) - COMMANDS_S)
+        del self._times[:gone], self._angles[:gone]
 
     @property
     def commands(self) -> FloatArray:
@@ -302,8 +303,9 @@ class Pipeline:
         ring = self._rings[joint.plan.accelerometer]
         while joint.pending:
             end = joint.pending[0].end
+            newest = min(ring.newest, joint.newest) if self._virtual and not self._closed else ring.newest
             late = not self._virtual and now > end + GIVE_UP_S
-            if not (ring.newest >= end or late):
+            if not (newest >= end or late):
                 return
             scored = self._score(joint, heapq.heappop(joint.pending), ring)
             if scored:

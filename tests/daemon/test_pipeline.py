@@ -164,6 +164,25 @@ def test_a_virtual_sensor_is_waited_for() -> None:
     assert world.pipeline.counts["elbow"].lost.total() == 0
 
 
+def test_who_is_read_first_changes_no_virtual_score() -> None:
+    """Commands from before a jump of time are kept for the windows that wait, and waited for: scores are the same
+    whether a virtual robot's servos or its sensor are read first, on a busy computer too."""
+    late, scores = 864_000.0, []
+    for order in ("move move feel feel", "feel move feel move"):
+        world, begins = World(virtual=True), {"move": iter((0.0, late)), "feel": iter((0.0, late))}
+        done = []
+        for what in order.split():
+            begin = next(begins[what])
+            if what == "move":
+                world.move(begin, begin + 4.0)
+            else:
+                world.feel(begin, begin + 4.5, rings_at=begin + 2.3)
+            done += world.pipeline.step(1e9)
+        scores.append([(one.score.time, one.score.score, one.score.play, one.score.severity) for one in done])
+    assert len(scores[0]) > 10
+    assert np.array(scores[0]) == pytest.approx(np.array(scores[1]), nan_ok=True)
+
+
 def test_reversals_before_the_sensor_speaks_open_no_window() -> None:
     """While the accelerometer is still being opened nothing can be lost."""
     world = World()
