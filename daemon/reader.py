@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 
 from lostmotion.daemon.database import UNREADABLE, is_damage, newer
+from lostmotion.daemon.extremes import extremes_of
 from lostmotion.daemon.migrations import ADDED, AS_ALARM, CURRENT, MIGRATIONS
 from lostmotion.daemon.records import (
     AlarmEvent,
@@ -42,7 +43,7 @@ from lostmotion.daemon.rollup import SERIES, Series, hourly
 from lostmotion.daemon.timekeeper import ClockRow
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["EXTREMES", "NOISE", "Bounds", "Reader", "ReaderError", "empty_reader", "open_readonly"]
+__all__ = ["NOISE", "Bounds", "Reader", "ReaderError", "empty_reader", "open_readonly"]
 
 
 SCORE = (
@@ -57,12 +58,6 @@ NUMBERS = (
     " ifnull(temperature, 9e999), ifnull(severity, 9e999)"
 )
 """the columns of a series, in the order of its fields"""
-EXTREMES = ("time_us", "count", "impacts", "score_low", "score_high", "level", "severity_low", "severity_high",
-            "play_low", "play_high")  # fmt: skip
-EXTREMES_OF = (
-    "SELECT min(time_us), count(*), sum(impact), min(score), max(score), max(level), min(severity), max(severity),"
-    " min(play), max(play) {of}"
-)
 WINDOW_OF = " WHERE joint_id = (SELECT id FROM joint WHERE name = ?)"
 BATCH = 5000
 CACHE_KB = 400
@@ -323,16 +318,9 @@ class Reader:
 
     def extremes(self, joint: str, since: datetime, until: datetime, pieces: int) -> list[tuple[Any, ...]]:
         """What a plot of any number of scores needs: the time is divided into ``pieces``, and each that holds scores
-        gives one row in time order with the columns of EXTREMES.  NULL for a piece without such a value."""
-        span = _bounds(joint, since, until, None)
-        width = max(-(-(span["until"] - span["since"]) // pieces), 1)
-        # A question for each piece takes half the time of GROUP BY, which sorts a million rows that are in order.
-        query, rows = EXTREMES_OF.format(of=self.OF), []
-        for start in range(span["since"], span["until"], width):
-            piece = span | {"since": start, "until": min(start + width, span["until"])}
-            row = self._db.execute(query, piece).fetchone()
-            rows += [row] if row[0] is not None else []
-        return rows
+        gives one row in time order with the columns of EXTREMES, the medians being those of its first windows.  NULL
+        for a piece without such a value."""
+        return extremes_of(self._db, self.OF, _bounds(joint, since, until, None), pieces)
 
     def extent(self, joint: str) -> tuple[datetime, datetime] | None:
         """The times of a joint's first and last scores; None without any."""

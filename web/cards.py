@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from lostmotion.daemon.commands import output, times
+from lostmotion.daemon.commands.reasons import present_reason
 from lostmotion.daemon.config import ConfigError
 from lostmotion.daemon.database import is_held
 from lostmotion.daemon.reader import Reader
@@ -78,11 +79,16 @@ def cards(site: Site, reader: Reader) -> Cards:
     """The cards from the database now.  Raises ReaderError, or what a damaged database raises."""
     now = datetime.now(UTC)
     radii = _radii(site)
+    living = reader.alarms(living=True)
+    windows = site.alarm.windows
     joints = tuple(
-        _card(row.name, row.health.value, row.reason, reader.last_window(row.name), radii.get(row.name, math.nan), now)
+        _card(
+            row.name, row.health.value, present_reason(reader, row, _of(row.name, living), windows),
+            reader.last_window(row.name), radii.get(row.name, math.nan), now,
+        )
         for row in reader.joints()
-    )
-    alarms = tuple(_alarm(alarm, now) for alarm in reader.alarms(living=True))
+    )  # fmt: skip
+    alarms = tuple(_alarm(alarm, now) for alarm in living)
     places = _places(site)
     troubles = tuple(found for device in reader.devices() if (found := _trouble(device, places)))
     is_watched = is_held(site.database) is not False
@@ -95,6 +101,10 @@ def micrometres(angle: float, radius_m: float) -> str:
         return "–"
     length = f" ({angle * radius_m * 1e6:.3g} µm)" if math.isfinite(radius_m) else ""
     return output.arcmin(angle) + length
+
+
+def _of(joint: str, alarms: list[AlarmRow]) -> list[AlarmRow]:
+    return [alarm for alarm in alarms if alarm.joint == joint]
 
 
 def _card(joint: str, health: str, reason: str, last: ScoreRow | None, radius_m: float, now: datetime) -> Card:

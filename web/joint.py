@@ -14,7 +14,8 @@ from lostmotion.daemon import documents
 from lostmotion.daemon.commands import times
 from lostmotion.daemon.commands.trend import RADIANS, document, history_of
 from lostmotion.daemon.config import ConfigError
-from lostmotion.daemon.reader import EXTREMES, Reader
+from lostmotion.daemon.extremes import EXTREMES
+from lostmotion.daemon.reader import Reader
 from lostmotion.daemon.records import AlarmEvent, ScoreRow
 from lostmotion.detector.trend import MOST
 from lostmotion.detector.window import DetectorSettings
@@ -44,8 +45,8 @@ def show(request: Request) -> Response:
 
 
 def series(request: Request) -> Response:
-    """The history between two times, the least and the largest value in each of many pieces; where raw windows are kept
-    and what has happened to alarms."""
+    """The history between two times, the least, median and largest values in each of many pieces; where raw windows are
+    kept and what has happened to alarms."""
     site, name = site_of(request), request.path_params["joint"]
     pieces = _whole(request, "pieces", PIECES, MOST_PIECES)
     with _open(site, name) as reader:

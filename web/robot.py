@@ -46,7 +46,8 @@ def show(request: Request) -> Response:
 
 
 def _sparks(site: Site, reader: Reader, found: Cards) -> dict[str, Spark]:
-    return {card.joint: spark(reader, card.joint, site.spark_span) for card in found.joints}
+    limit = site.alarm.severity_warning
+    return {card.joint: spark(reader, card.joint, site.spark_span, limit) for card in found.joints}
 
 
 def status(request: Request) -> Response:

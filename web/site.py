@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lostmotion.daemon.commands.where import ETC
-from lostmotion.daemon.config import Config, default, load
+from lostmotion.daemon.config import Config, ConfigError, default, load
+from lostmotion.daemon.options import AlarmOptions
 from lostmotion.daemon.reader import Reader, open_readonly
 
 if TYPE_CHECKING:
@@ -67,6 +68,14 @@ class Site:
         config = self.config()
         sensors = {sensor.name: getattr(sensor, "port", "") for sensor in config.accelerometers}
         return sensors | {f"{joint.driver} {joint.port}": joint.port for joint in config.joints if joint.port}
+
+    @property
+    def alarm(self) -> AlarmOptions:
+        """The limits of alarms; their defaults where the configuration cannot be read."""
+        try:
+            return self.config().alarm
+        except ConfigError:
+            return AlarmOptions()
 
     @property
     def spark_span(self) -> timedelta:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from datetime import timedelta
 
 import numpy as np
 
-from lostmotion.daemon.reader import EXTREMES, Reader
+from lostmotion.daemon.extremes import EXTREMES
+from lostmotion.daemon.reader import Reader
 from lostmotion.detector.window import FloatArray
 
 __all__ = ["HEIGHT", "WIDTH", "Spark", "spark"]
@@ -26,31 +26,32 @@ class Spark:
     words: str
 
 
-def spark(reader: Reader, joint: str, span: timedelta) -> Spark:
-    """The largest severities of a joint in equal pieces of the time until its newest window, on a logarithmic scale;
-    of the scores where no window has a severity."""
+def spark(reader: Reader, joint: str, span: timedelta, limit: float) -> Spark:
+    """The median severities of a joint in equal pieces of the time until its newest window; of its scores where no
+    window has a severity.
+
+    limit: severity [rad] of a warning, up to which the scale reaches at least, so that noise does not look like wear.
+    """
     extent = reader.extent(joint)
     if extent is None:
         return Spark("", "no history yet")
     since = max(extent[0], extent[1] - span)
     rows = reader.extremes(joint, since, extent[1] + timedelta(microseconds=1), PIECES)
     columns = dict(zip(EXTREMES, np.array(rows, dtype=float).T, strict=True))
-    of = SEVERITY if np.isfinite(columns["severity_high"]).any() else SCORE
-    time, value = columns["time_us"], columns[f"{of}_high"]
-    known = np.isfinite(value) & (value > 0)
+    of = SEVERITY if np.isfinite(columns["severity_median"]).any() else SCORE
+    time, value = columns["time_us"], columns[f"{of}_median"]
+    known = np.isfinite(value)
     if np.count_nonzero(known) < 2:
         return Spark("", "too little history for a curve")
     words = f"{of} over the last {_days(extent[1] - since)}"
-    return Spark(_path(time[known], np.log(value[known])), words)
+    top = limit if of == SEVERITY else float(np.max(columns["level"]))
+    return Spark(_path(time[known], value[known], top), words)
 
 
-def _path(time: FloatArray, value: FloatArray) -> str:
-    low, high = float(value.min()), float(value.max())
-    if high - low < math.log(2):  # noise is not drawn as if it were wear
-        middle = (low + high) / 2
-        low, high = middle - math.log(2) / 2, middle + math.log(2) / 2
+def _path(time: FloatArray, value: FloatArray, top: float) -> str:
+    highest = max(float(value.max()), top)
     x = (time - time[0]) / max(time[-1] - time[0], 1) * WIDTH
-    y = (high - value) / (high - low) * (HEIGHT - 2) + 1
+    y = (1 - value / highest) * (HEIGHT - 2) + 1
     return "M" + " L".join(f"{a:.1f} {b:.1f}" for a, b in zip(x, y, strict=True))
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from lostmotion.daemon import documents
 from lostmotion.daemon.commands import output, times
+from lostmotion.daemon.commands.reasons import present_reason
 from lostmotion.daemon.commands.where import find_database, open_reader
 from lostmotion.daemon.database import is_held
 from lostmotion.daemon.reader import Reader
@@ -20,11 +21,12 @@ COLOURS = {Health.OK: "green", Health.DEGRADED: "yellow", Health.WARNING: "dark_
 
 @dataclass(frozen=True, slots=True)
 class JointStatus:
-    """One joint as the database has it; alarms: all that are not normal."""
+    """One joint as the database has it; alarms: all that are not normal; why: the present reason for its health."""
 
     joint: JointRow
     last: ScoreRow | None
     alarms: list[AlarmRow]
+    why: str
 
     @property
     def active(self) -> list[AlarmRow]:
@@ -51,10 +53,12 @@ def status(config: Path | None, database: Path | None, fail: bool, as_json: bool
 
 
 def _joints(reader: Reader) -> list[JointStatus]:
-    return [
-        JointStatus(joint, reader.last_window(joint.name), reader.alarms(joint.name, living=True))
-        for joint in reader.joints()
-    ]
+    return [_joint(reader, joint) for joint in reader.joints()]
+
+
+def _joint(reader: Reader, joint: JointRow) -> JointStatus:
+    alarms = reader.alarms(joint.name, living=True)
+    return JointStatus(joint, reader.last_window(joint.name), alarms, present_reason(reader, joint, alarms))
 
 
 def _print(
@@ -97,7 +101,7 @@ def _row(status: JointStatus, now: datetime) -> list[str]:
             output.arcmin(last.severity),
             when,
         ]
-    return [escape(joint.name), f"[{colour}]{joint.health.value}[/{colour}]", *numbers, escape(joint.reason)]
+    return [escape(joint.name), f"[{colour}]{joint.health.value}[/{colour}]", *numbers, escape(status.why)]
 
 
 def _learnt(row: NoiseRow) -> list[str]:

@@ -53,8 +53,10 @@ def test_status_json(database: Path) -> None:
 
 
 def test_status_for_people(database: Path) -> None:
-    """The table shows health and play in arc-minutes; without a terminal it has no colours."""
+    """The table shows health and play in arc-minutes, and the newest windows as the reason, where the alarm keeps that
+    for which it was raised; without a terminal it has no colours."""
     text = call("status", "--database", database).stdout
+    assert re.search(r"elbow +WARNING .*play: 100% of the last 20 windows above the level, median 1.7 x level", text)
     assert "WARNING" in text
     assert "3.4'" in text
     assert "nan" not in text

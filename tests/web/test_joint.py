@@ -81,13 +81,16 @@ def test_drag_zooms_click_shows_keys_move(filled: tuple[Site, datetime], look: O
 
 @pytest.mark.slow
 def test_series_keep_the_extremes(filled: tuple[Site, datetime]) -> None:
-    """However few the pieces, the least and the largest score of all are among them, and no window is counted twice."""
+    """However few the pieces, the least and the largest score of all are among them, the median lies between them, and
+    no window is counted twice."""
     site, _ = filled
     for pieces in (1, 7, 800):
         columns = documents(site, f"/api/joints/elbow/series?pieces={pieces}")["columns"]
         assert isinstance(columns, dict)
         assert min(columns["score_low"]) == 1.0
         assert max(columns["score_high"]) == pytest.approx(1 + 6 * 399 / 400)
+        known = zip(columns["score_low"], columns["score_median"], columns["score_high"], strict=True)
+        assert all(low <= median <= high for low, median, high in known)
         assert sum(columns["count"]) >= 399
         assert len(columns["count"]) <= pieces + 1
 

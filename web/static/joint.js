@@ -6,9 +6,9 @@ const root = document.getElementById("joint"), name = root.dataset.joint;
 const api = `/api/joints/${encodeURIComponent(name)}`;
 const arcMinutes = 60 * 180 / Math.PI;
 const QUANTITIES = {
-  severity: { label: "equivalent play (arc-minutes)", low: "severity_low", high: "severity_high", scale: arcMinutes },
-  score: { label: "score", low: "score_low", high: "score_high", scale: 1 },
-  play: { label: "play (arc-minutes)", low: "play_low", high: "play_high", scale: arcMinutes },
+  severity: { label: "equivalent play (arc-minutes)", key: "severity", scale: arcMinutes },
+  score: { label: "score", key: "score", scale: 1 },
+  play: { label: "play (arc-minutes)", key: "play", scale: arcMinutes },
 };
 const history = document.getElementById("history");
 const state = { of: "severity", span: null, found: null, trend: null, last: "", shown: null, held: null, serial: 0 };
@@ -41,18 +41,20 @@ function choose(of) {
 function drawHistory() {
   const { found, of } = state, quantity = QUANTITIES[of], columns = found.columns;
   if (!found.first) { history.textContent = "No window has been scored yet."; return; }
-  const scaled = (key) => columns[key].map((v) => v == null ? null : v * quantity.scale);
-  const time = columns.time_us.map((t) => t / 1e6), low = scaled(quantity.low), high = scaled(quantity.high);
+  const [low, median, high] = ["low", "median", "high"].map((what) => columns[`${quantity.key}_${what}`].map((v) => v == null ? null : v * quantity.scale));
+  const time = columns.time_us.map((t) => t / 1e6);
   const limit = of === "score" ? columns.level : time.map(() => state.trend?.of === of ? state.trend.level * quantity.scale : null);
   const span = state.span ?? [found.first, found.last === found.first ? found.first + 1 : found.last];
+  // A few windows that are far off do not decide on the scale.
+  const most = (values) => values.reduce((a, b) => Math.max(a, b ?? 0), 0), top = Math.max(2 * most(median), most(limit));
   const plot = chart(history, {
-    scales: { x: { time: true, range: () => span }, y: { range: (_, a, b) => [Math.min(a ?? 0, 0), (b ?? 1) * 1.08 || 1] } },
+    scales: { x: { time: true, range: () => span }, y: { range: (_, a, b) => [Math.min(a ?? 0, 0), Math.min(b ?? 1, top || 1) * 1.08 || 1] } },
     axes: [timeAxis(), axis(quantity.label)],
-    series: [{}, line("least", "measured", { width: 1 }), line("largest", "measured"), line("limit", "bad", { dash: [7, 5] })],
+    series: [{}, line("least", "measured", { width: 0, spanGaps: true }), line("largest", "measured", { width: 0, spanGaps: true }), line("median", "measured", { width: 2, spanGaps: true }), line("limit", "bad", { dash: [7, 5] })],
     bands: [{ series: [2, 1], fill: colour("band") }],
     cursor: { drag: { x: true, y: false, setScale: false } },
     hooks: { draw: [marks], setSelect: [zoom], ready: [clicks] },
-  }, [time, low, high, limit], 320);
+  }, [time, low, high, median, limit], 320);
   history.dataset.points = time.length;
   const count = columns.count.reduce((a, b) => a + b, 0), impacts = columns.impacts.reduce((a, b) => a + b, 0);
   document.getElementById("history-words").textContent = `${count} windows here, ${impacts} with an impact.`;
@@ -130,11 +132,11 @@ async function loadTrend() {
     const trend = state.trend = await ask(`${api}/trend`);
     const scale = QUANTITIES[trend.of].scale, unit = trend.of === "score" ? "" : " arc-minutes";
     const { direction, p_value } = trend.mann_kendall, slope = trend.slope;
-    const parts = [direction === "none" ? "No trend is found." : `The ${trend.of === "score" ? "score" : "equivalent play"} is ${direction} (p = ${number(p_value)}): ${number(slope.per_month * scale)}${unit} a month (95 %: ${number(slope.low * scale)} to ${number(slope.high * scale)}).`];
+    const parts = [direction === "none" ? "No trend is found." : `The ${trend.of === "score" ? "score" : "equivalent play"} is ${direction} (p = ${Number(p_value.toPrecision(2))}): ${number(slope.per_month * scale)}${unit} a month (95 %: ${number(slope.low * scale)} to ${number(slope.high * scale)}).`];
     parts.push(`Now ${number(trend.current * scale)}${unit}, limit ${number(trend.level * scale)}${unit}.`);
     if (trend.change_points.length) parts.push(`It changed on ${trend.change_points.map((t) => new Date(t).toLocaleDateString()).join(", ")}.`);
     const left = trend.forecast ?? trend.time_to_limit;
-    if (left) parts.push(left.likely_s > 0 ? `The limit is reached in ${span(left.likely_s)} (95 %: ${span(left.earliest_s)} to ${span(left.latest_s)}).` : "The limit is reached.");
+    if (left) parts.push(left.likely_s > 0 ? `The limit is reached in ${span(left.likely_s)} (${trend.forecast ? 80 : 95} %: ${span(left.earliest_s)} to ${span(left.latest_s)}).` : "The limit is reached.");
     words.textContent = parts.join(" ");
   } catch (error) {
     words.textContent = error.message;

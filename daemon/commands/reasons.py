@@ -1,0 +1,29 @@
+"""Why a joint has its health now: an alarm keeps the reason for which it was raised, and play goes on growing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from lostmotion.daemon.evidence import Evidence
+from lostmotion.daemon.options import AlarmOptions
+from lostmotion.daemon.reader import Reader
+from lostmotion.daemon.records import AlarmRow, Cause, JointRow
+
+__all__ = ["present_reason"]
+
+
+def present_reason(reader: Reader, joint: JointRow, alarms: Sequence[AlarmRow], windows: int = 0) -> str:
+    """The reason for a joint's health, with the figures of its newest sound windows in the place of those for which an
+    alarm of play was raised.
+
+    alarms: those of the joint that are not normal; windows: how many count, 0 for the default of ``[alarm]``.
+    """
+    raised = next((one for one in alarms if one.cause is Cause.PLAY and one.cleared is None), None)
+    if raised is None or raised.reason not in joint.reason:
+        return joint.reason
+    newest = reader.scores(joint.name, limit=windows or AlarmOptions().windows)
+    sound = [score for score in newest if score.quality == "ok"]
+    if not sound:
+        return joint.reason
+    now = Evidence.of(sound, float("nan"), None)
+    return joint.reason.replace(raised.reason, str(now))
