@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime, timedelta
@@ -18,9 +17,7 @@ from lostmotion.daemon.database import UNREADABLE, is_damage, newer
 from lostmotion.daemon.extremes import extremes_of
 from lostmotion.daemon.migrations import ADDED, AS_ALARM, CURRENT, MIGRATIONS
 from lostmotion.daemon.records import (
-    AlarmEvent,
     AlarmRow,
-    AlarmState,
     Answer,
     Cause,
     DeviceRow,
@@ -31,7 +28,6 @@ from lostmotion.daemon.records import (
     Origin,
     Request,
     ScoreRow,
-    Severity,
     Task,
     Transition,
     Verb,
@@ -40,17 +36,13 @@ from lostmotion.daemon.records import (
     micros,
 )
 from lostmotion.daemon.rollup import SERIES, Series, hourly
+from lostmotion.daemon.rows import SCORE, alarm_of, nan_of, score_of, time_of, transition_of
 from lostmotion.daemon.timekeeper import ClockRow
 from lostmotion.drivers.errors import LostmotionError
 
 __all__ = ["NOISE", "Bounds", "Reader", "ReaderError", "empty_reader", "open_readonly"]
 
 
-SCORE = (
-    "time_us, duration_us, score, level, impact, play, play_low, play_high, excitation, temperature, quality,"
-    f" {', '.join(ADDED)}"
-)
-"""the columns of a score, in the order of ScoreRow's fields"""
 OLD_SCORES = f"CREATE TEMP VIEW score AS SELECT *, {', '.join(f'NULL AS {name}' for name in ADDED)} FROM main.score"
 """what a database before version 4 lacks is unknown"""
 NUMBERS = (
@@ -62,7 +54,6 @@ WINDOW_OF = " WHERE joint_id = (SELECT id FROM joint WHERE name = ?)"
 BATCH = 5000
 CACHE_KB = 400
 """SQLite's own 2 MB are no quicker here, and the service would fill them over its first half hour"""
-NAN = math.nan
 Bounds = tuple[datetime | None, datetime | None, int | None]
 """since, until, and how many of the newest; None: no bound"""
 NOISE = "noise/"
@@ -164,7 +155,7 @@ class Reader:
         (row,) = self._rows(
             "SELECT max((SELECT max(time_us) FROM score WHERE joint_id = joint.id)) AS time_us FROM joint"
         )
-        return _maybe(row["time_us"])
+        return time_of(row["time_us"])
 
     def origins(self) -> list[Origin]:
         """Where play comes from, for each group of joints that share accelerometers, as the service last wrote it."""
@@ -193,7 +184,7 @@ class Reader:
     ) -> list[ScoreRow]:
         """Scores of a joint with since <= time < until, oldest first; with a limit, the newest so many of them."""
         rows = self._db.execute(self.SCORES, _bounds(joint, since, until, limit)).fetchall()
-        return [_score(joint, row) for row in reversed(rows)]
+        return [score_of(joint, row) for row in reversed(rows)]
 
     def batches(self, joint: str, bounds: Bounds, size: int = BATCH) -> Iterator[list[tuple[Any, ...]]]:
         """The same rows as the database has them (SCORE), oldest first, so many at a time: each batch is a question of
@@ -212,14 +203,14 @@ class Reader:
     def stream(self, joint: str, bounds: Bounds) -> Iterator[list[ScoreRow]]:
         """What ``scores`` would return, a few thousand at a time."""
         for batch in self.batches(joint, bounds):
-            yield [_score(joint, row) for row in batch]
+            yield [score_of(joint, row) for row in batch]
 
     def largest(self, joint: str, bounds: Bounds) -> float:
         """The largest finite score within the bounds; NaN without any."""
         query = (
             f"SELECT max(score) FROM (SELECT score {self.OF} ORDER BY time_us DESC LIMIT :limit) WHERE score < 9e999"
         )
-        return _nan(self._db.execute(query, _bounds(joint, *bounds)).fetchone()[0])
+        return nan_of(self._db.execute(query, _bounds(joint, *bounds)).fetchone()[0])
 
     def series(
         self, joint: str, since: datetime | None = None, until: datetime | None = None, most: int | None = None
@@ -249,7 +240,7 @@ class Reader:
             " ORDER BY raised_us, alarm.id",
             {"joint": joint, "living": living},
         )
-        return [_alarm(row) for row in rows]
+        return [alarm_of(row) for row in rows]
 
     def active_alarms(self, joint: str | None = None) -> list[AlarmRow]:
         """Alarms whose cause is present and that are not shelved, oldest first."""
@@ -270,7 +261,7 @@ class Reader:
             " AND alarm_event.id > :after ORDER BY alarm_event.id DESC LIMIT :newest",
             {"joint": joint, "cause": cause and cause.value, "after": after, "newest": newest},
         )
-        return [(row["id"], _transition(row)) for row in reversed(rows)]
+        return [(row["id"], transition_of(row)) for row in reversed(rows)]
 
     def requests(self, after: int = 0) -> list[Request]:
         """Requests about alarms that are not answered yet, oldest first; after: only those with a larger
@@ -310,7 +301,7 @@ class Reader:
         )
         step = (until - since) / count
         spans = ((micros(since + k * step), micros(since + (k + 1) * step)) for k in range(count))
-        return [_score(joint, row) for span in spans for row in self._db.execute(query, [joint, *span])]
+        return [score_of(joint, row) for span in spans for row in self._db.execute(query, [joint, *span])]
 
     def revision(self) -> int:
         """A number that changes when another connection has committed anything (SQLite's ``data_version``)."""
@@ -367,30 +358,6 @@ class Reader:
         return [dict(zip(names, row, strict=True)) for row in cursor]
 
 
-def _maybe(count: int | None) -> datetime | None:
-    return None if count is None else from_micros(count)
-
-
-def _alarm(row: dict[str, Any]) -> AlarmRow:
-    return AlarmRow(
-        row["joint"],
-        Cause(row["cause"]),
-        Severity(row["severity"]),
-        from_micros(row["raised_us"]),
-        row["reason"],
-        _maybe(row["acknowledged_us"]),
-        _maybe(row["cleared_us"]),
-        AlarmState(row["state"]),
-        _maybe(row["shelved_until_us"]),
-        from_micros(row["told_us"]),
-        row["reminders"],
-    )
-
-
-def _transition(row: dict[str, Any]) -> Transition:
-    return Transition(AlarmEvent(row["event"]), from_micros(row["time_us"]), _alarm(row), row["person"])
-
-
 def _bounds(joint: str, since: datetime | None, until: datetime | None, limit: int | None) -> dict[str, Any]:
     return {
         "joint": joint,
@@ -398,16 +365,3 @@ def _bounds(joint: str, since: datetime | None, until: datetime | None, limit: i
         "until": micros(until) if until else 2**62,
         "limit": -1 if limit is None else limit,
     }
-
-
-def _score(joint: str, row: tuple[Any, ...]) -> ScoreRow:
-    """A row of SCORE's columns, by place: there may be tens of thousands."""
-    time_us, duration_us, score, level, impact, play, low, high, excitation, temperature, quality, *added = row
-    return ScoreRow(
-        joint, from_micros(time_us), duration_us / 1e6, _nan(score), level, bool(impact), _nan(play), _nan(low),
-        _nan(high), _nan(excitation), _nan(temperature), quality or "ok", *map(_nan, added),
-    )  # fmt: skip
-
-
-def _nan(value: float | None) -> float:
-    return NAN if value is None else value
