@@ -10,9 +10,10 @@ from pathlib import Path
 import pytest
 
 from lostmotion.daemon import config
-from lostmotion.daemon.poller import DeviceState
+from lostmotion.daemon.poller import INBOX_READINGS, DeviceState
 from lostmotion.daemon.robot import Robot
 from lostmotion.drivers.emulator import CsvStream, Emulator, Motion, ServoLine
+from tests.daemon.cli_world import SIMULATED
 from tests.daemon.conftest import wait_until
 from tests.daemon.fakes import fake_config
 from tests.daemon.test_service import hardware
@@ -102,3 +103,19 @@ def test_a_loose_plug_is_told_once(
     assert caplog.messages == [
         "fake: reading", "fake: retrying: the port went away", "fake: retrying: the port is missing", "fake: reading",
     ]  # fmt: skip
+
+
+def test_a_virtual_robot_does_not_run_ahead(tmp_path: Path) -> None:
+    """With nobody who reads, the servos of a simulated robot wait after a few readings: what is read in one step, and
+    has to be done before the service can end, is a few seconds of motion and not minutes."""
+    robot = Robot(config.loads(SIMULATED.replace("history.db", f"{tmp_path}/history.db"), "simulated"))
+    bus = robot.pollers[0]
+    thread = threading.Thread(target=bus.run)
+    thread.start()
+    wait_until(lambda: len(robot.inbox.servo) > INBOX_READINGS)
+    time.sleep(0.3)
+    assert len(robot.inbox.servo) == INBOX_READINGS + 1
+    robot.stop.set()
+    thread.join()
+    readings = [samples for _, samples in robot.inbox.servo]
+    assert readings[-1][-1].time - readings[0][0].time < 5.0
