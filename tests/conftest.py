@@ -6,7 +6,7 @@ import logging
 import os
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import hypothesis
@@ -112,10 +112,17 @@ def _registered() -> set[str]:
     return {effect.id for effect in effects.catalogue()} if effects else set()
 
 
+Measurements = Callable[..., Path]
+
+
 @pytest.fixture(scope="session")
-def real_data() -> Path:
-    """The folder of real measurements; tests that need it are skipped where it is missing."""
-    folder = Path(os.environ.get("LOSTMOTION_DATA", ROOT.parent / "shared" / "data"))
-    if not folder.is_dir():
-        pytest.skip("real measurements are not here; set LOSTMOTION_DATA to their folder")
+def real_data() -> Measurements:
+    """The folder of real measurements, or one in it by its name; a test that needs a missing one is skipped."""
+
+    def folder(name: str = "") -> Path:
+        path = Path(os.environ.get("LOSTMOTION_DATA", ROOT.parent / "shared" / "data")) / name
+        if not path.is_dir():
+            pytest.skip(f"real measurements {name} are not here; set LOSTMOTION_DATA to their folder")
+        return path
+
     return folder

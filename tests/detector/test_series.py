@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +14,7 @@ from lostmotion.detector.series import score_series
 from lostmotion.detector.trigger import Trigger
 from lostmotion.detector.window import DetectorSettings, FloatArray, Window
 from lostmotion.detector.windows import cut
+from tests.conftest import Measurements
 from tests.detector.synthetic import HandWaved, quantise, ring
 
 SETTINGS = DetectorSettings(f_res_hz=58.0)
@@ -100,9 +100,9 @@ def test_a_robot_at_rest_has_no_windows() -> None:
 
 
 @pytest.mark.parametrize(("name", "period"), [("0p5Hz_30lb_1in", 1.0), ("1Hz_30lb_0p5in", 0.5)])
-def test_a_window_at_each_reversal_of_a_real_recording(real_data: Path, name: str, period: float) -> None:
+def test_a_window_at_each_reversal_of_a_real_recording(real_data: Measurements, name: str, period: float) -> None:
     """A damper with backlash driven by a sine: one window for each half period, and each of them has a score."""
-    path = real_data / "friction_backlash_30lb" / f"{name}.csv"
+    path = real_data("friction_backlash_30lb") / f"{name}.csv"
     time, command, force = np.loadtxt(path, delimiter=",", skiprows=5, unpack=True)
     settings = DetectorSettings(f_res_hz=40.0, f_width_hz=20.0, f_norm_hz=150.0, f_norm_width_hz=100.0)
     scores = score_series(time, command, time, force, settings)

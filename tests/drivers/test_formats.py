@@ -20,6 +20,7 @@ from lostmotion.drivers.formats.read import Imported, imported
 from lostmotion.drivers.formats.source import Choice, Term
 from lostmotion.drivers.formats.words import column_of, joint_of, unit_of
 from lostmotion.drivers.recording import read_recording
+from tests.conftest import Measurements
 
 T = np.arange(200) * 0.01
 ANGLE = 0.5 * np.sin(T)
@@ -321,9 +322,9 @@ def test_any_bytes_are_answered(data: st.DataObject, tmp_path: Path) -> None:
     assert "\n" not in told
 
 
-def test_real_measurements_in_other_formats(real_data: Path, tmp_path: Path) -> None:
+def test_real_measurements_in_other_formats(real_data: Measurements, tmp_path: Path) -> None:
     """A servo's recording as PlotJuggler, pandas and SciPy write it is the same recording."""
-    true = read_recording(real_data / "bam_xl330" / "sin_sin_kp400.csv")
+    true = read_recording(real_data("bam_xl330") / "sin_sin_kp400.csv")
     frame = pd.DataFrame({"__time": true.time, **true.columns})
     frame.to_csv(tmp_path / "x.csv", index=False)
     frame.to_parquet(tmp_path / "x.parquet")

@@ -26,6 +26,7 @@ from lostmotion.drivers.replay import (
     ReplayJoints,
     ReplayOptions,
 )
+from tests.conftest import Measurements
 
 EXAMPLES = Path(__file__).parent.parent.parent / "examples"
 OSCILLATOR = OscillatorOptions(f_res_hz=58.0)
@@ -220,9 +221,9 @@ def test_one_row_is_replayed(tmp_path: Path) -> None:
     assert [block.time.tolist() for block in all_blocks(accelerometer)] == [[0.0]]
 
 
-def test_real_recording_with_force_as_the_signal(real_data: Path) -> None:
+def test_real_recording_with_force_as_the_signal(real_data: Measurements) -> None:
     """The friction damper's displacement is the command, its force the signal; all of it comes."""
-    path = real_data / "friction_backlash_30lb" / "1Hz_30lb_1in.csv"
+    path = real_data("friction_backlash_30lb") / "1Hz_30lb_1in.csv"
     _, joints, accelerometer = opened(path, rate_hz=1024.0, column="force")
     assert [item.ok for item in accelerometer.identify()] == [True]
     assert sum(len(block.time) for block in all_blocks(accelerometer)) == 7169
@@ -231,12 +232,12 @@ def test_real_recording_with_force_as_the_signal(real_data: Path) -> None:
     assert max(abs(sample.command) for sample in samples) == pytest.approx(0.0254, rel=0.05)
 
 
-def test_service_over_a_real_recording(real_data: Path, tmp_path: Path) -> None:
+def test_service_over_a_real_recording(real_data: Measurements, tmp_path: Path) -> None:
     """The example configuration, run as a user would: a window at each of 15 reversals of the commanded acceleration.
 
     The last one ends behind the recording and has no score.
     """
-    shutil.copy(real_data / "friction_backlash_30lb" / "1Hz_30lb_1in.csv", tmp_path / "recording.csv")
+    shutil.copy(real_data("friction_backlash_30lb") / "1Hz_30lb_1in.csv", tmp_path / "recording.csv")
     config = EXAMPLES / "replay.toml"
     lostmotion = Path(sys.executable).parent / "lostmotion"
     subprocess.run([lostmotion, "run", "--config", config], cwd=tmp_path, check=True, capture_output=True, timeout=60)

@@ -23,6 +23,7 @@ from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.lab.shooting.task import Task, coarse_substep
 from lostmotion.model import Model, Parameter, build_model
 from lostmotion.model.motion import FloatArray
+from tests.conftest import Measurements
 
 pytestmark = pytest.mark.slow
 
@@ -65,11 +66,11 @@ def rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def test_silverbox_is_a_hardening_spring(real_data: Path) -> None:
+def test_silverbox_is_a_hardening_spring(real_data: Measurements) -> None:
     """From a multisine: the spring hardens, and the arrow's error falls from 15 mV to below 1 mV."""
     model = build_model("oscillator")
-    train = [part(e, 0.25) for e in loaded(real_data / "silverbox", model, "multisine_1")]
-    (arrow,) = loaded(real_data / "silverbox", model, "arrow_test")
+    train = [part(e, 0.25) for e in loaded(real_data("silverbox"), model, "multisine_1")]
+    (arrow,) = loaded(real_data("silverbox"), model, "arrow_test")
     task = Task.of(model, train, noise_of(train))
     linear = full_fit(seeded(model, train), task)
     fits = with_each(linear, linear.model, ["hardening_spring", "quadratic_damping"], task)
@@ -92,10 +93,10 @@ def restarted(model: Model, experiment: Experiment, every: float = 1.0) -> Float
     return np.concatenate(errors)
 
 
-def test_emps_rubs_with_coulomb_friction(real_data: Path) -> None:
+def test_emps_rubs_with_coulomb_friction(real_data: Measurements) -> None:
     """On a linear axis with viscous friction Coulomb's is missing; restarted every second it is below 2.17 mm."""
     model = build_model("joint", ["viscous_friction"])
-    train, test = loaded(real_data / "emps", model, "train", "test")
+    train, test = loaded(real_data("emps"), model, "train", "test")
     task = Task.of(model, [train], noise_of([train]))
     viscous = full_fit(task.rough, task)
     fits = with_each(viscous, task.rough, ["coulomb_friction", "load_dependent_friction"], task)
@@ -109,13 +110,13 @@ def test_emps_rubs_with_coulomb_friction(real_data: Path) -> None:
     assert found["coulomb_friction.tau_c"] == pytest.approx(20.4, rel=0.15)
 
 
-def test_servo_pendulum_hangs_rubs_and_rubs_more_under_load(real_data: Path) -> None:
+def test_servo_pendulum_hangs_rubs_and_rubs_more_under_load(real_data: Measurements) -> None:
     """From gains 8, 16 and 32: gravity, friction, friction that grows with the load; gain 12 within 5 mrad.
 
     One of the eight pendulums; effects are chosen by their error at gain 12, which the parameters have not seen.
     """
     model, name = build_model("servo"), "m0535_l150_kp{}_up_and_down"
-    folder = real_data / "servo_pendulum_sts3215"
+    folder = real_data("servo_pendulum_sts3215")
     train = loaded(folder, model, *(name.format(kp) for kp in ("08", "16", "32")))
     (test,) = loaded(folder, model, name.format("12"))
     task = Task.of(model, train, noise_of(train))
@@ -145,10 +146,10 @@ def damper(folder: Path, name: str) -> Recording:
     return replace(recording, time=recording.time[::8], columns=columns)
 
 
-def test_friction_damper_has_a_gap(real_data: Path) -> None:
+def test_friction_damper_has_a_gap(real_data: Measurements) -> None:
     """A damper driven through a gap, 1 m of radius so that rad are m: from two wrong gaps the same one is found, and a
     recording at half the speed is met better than by a spring without a gap."""
-    folder = real_data / "friction_backlash_30lb"
+    folder = real_data("friction_backlash_30lb")
     fixed = {"R1": 1.0, "R2": 1.0, "J2": 300.0, "beta": 1e4, "l": 0.1, "k": 2656.0, "b": 0.17, "bias": 0.0}
     held = {key: Parameter(value, fixed=True) for key, value in fixed.items()}
     held["coulomb_friction.omega_0"] = Parameter(5e-3, fixed=True)

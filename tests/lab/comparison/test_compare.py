@@ -21,6 +21,7 @@ from lostmotion.lab.errors import ExperimentError
 from lostmotion.lab.report.summary import summary
 from lostmotion.lab.results import Finding
 from lostmotion.model import HandWaved, Model, build_model
+from tests.conftest import Measurements
 
 NOISE = 0.2
 GEARS = {"d": 8e-5, "alpha": 5000.0, "b": 0.18, "k": 2600.0}
@@ -225,9 +226,9 @@ def test_a_recording_without_the_columns(tmp_path: Path) -> None:
         run("play", tmp_path / "rec.csv")
 
 
-def test_silverbox(real_data: Path) -> None:
+def test_silverbox(real_data: Measurements) -> None:
     """The linear oscillator with rough parameters on the Silverbox: far above the noise, the oscillator is named."""
-    recording = read_recording(real_data / "silverbox" / "multisine_1.csv")
+    recording = read_recording(real_data("silverbox") / "multisine_1.csv")
     part = slice(0, 4000)
     columns = {name: values[part] for name, values in recording.columns.items()}
     short = Recording(recording.time[part], columns, recording.metadata, name="silverbox")
