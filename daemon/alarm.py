@@ -42,8 +42,7 @@ DONE: dict[Verb | Task, str] = {Verb.ACK: "acknowledged", Verb.SHELVE: "shelved"
 
 
 class JointMonitor:
-    """Follows one joint.  ``row`` is its health; every method returns what changed, to be stored and published;
-    ``doubt``, which may be set, is why sound windows are no evidence at present.
+    """Follows one joint.  ``row`` is its health; every method returns what changed, to be stored and published.
 
     row, recent (scores, oldest first), alarms (those that are not normal) and origin carry on where an earlier run
     stopped.
@@ -54,9 +53,10 @@ class JointMonitor:
         origin: Origin | None = None,
     ) -> None:  # fmt: skip
         self.row = row
-        self.doubt = ""
         self._options = options
         self._windows = deque((score for score in recent if score.quality == "ok"), maxlen=options.windows)
+        self._doubt = ""
+        self._held: deque[tuple[int, ScoreRow, Origin | None]] = deque(maxlen=options.windows)
         self._days = math.nan
         self._origin = origin
         self._alarms = {alarm.cause: alarm for alarm in alarms}
@@ -73,15 +73,35 @@ class JointMonitor:
         """The sound windows that count at present, oldest first."""
         return tuple(self._windows)
 
-    def scored(self, score: ScoreRow, origin: Origin | None = None) -> list[Change]:
+    def scored(
+        self, score: ScoreRow, origin: Origin | None = None, comparisons: int | None = None
+    ) -> list[Change]:  # fmt: skip
         """Takes one scored window; what its quality, or the sensor, puts in doubt does not count.  Where joints share
-        accelerometers, play that is another one's is no alarm of this one."""
-        if score.quality != "ok" or self.doubt:
+        accelerometers, play that is another one's is no alarm of this one.
+
+        comparisons: of the sensor with the motion so far, None when it is known to measure it.  Until then a window
+        counts only after the next comparison, which may find that it is no evidence.
+        """
+        if score.quality != "ok" or self._doubt:
             return []
-        self._windows.append(score)
-        self._origin = origin
-        self._judge()
+        if comparisons is not None:
+            self._held.append((comparisons, score, origin))
+            return []
+        self._count(score, origin)
         return self._update(score.time)
+
+    def compared(self, doubt: str, comparisons: int | None, time: datetime) -> list[Change]:
+        """Takes what comparisons of the sensor with the motion have found.  doubt: why sound windows are no evidence at
+        present, "" for no reason; comparisons: as for ``scored``."""
+        self._doubt = doubt
+        if doubt:
+            self._held.clear()
+        if not self._held or self._held[0][0] == comparisons:
+            return []
+        while self._held and self._held[0][0] != comparisons:
+            _, score, origin = self._held.popleft()
+            self._count(score, origin)
+        return self._update(time)
 
     def trend(self, days: float, time: datetime) -> list[Change]:
         """Takes in how many days the score will reach its level; NaN for never or unknown."""
@@ -136,6 +156,11 @@ class JointMonitor:
         least = self._options.windows if self._origin and self._origin.is_open else LEAST_WINDOWS
         return len(self._windows) >= min(least, self._options.windows)
 
+    def _count(self, score: ScoreRow, origin: Origin | None) -> None:
+        self._windows.append(score)
+        self._origin = origin
+        self._judge()
+
     def _judge(self) -> None:
         origin = self._origin
         if not self._is_enough:
@@ -171,8 +196,8 @@ class JointMonitor:
 
     def _unjudged(self, time: datetime) -> str:
         """Why the windows do not determine the health at present, "" when they do."""
-        if self.doubt:
-            return f"not judged yet: {self.doubt}"
+        if self._doubt:
+            return f"not judged yet: {self._doubt}"
         if not self._is_enough:
             return "not judged yet: too few sound windows"
         last, hours = self._windows[-1].time, self._options.judged_within_h

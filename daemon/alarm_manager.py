@@ -78,14 +78,17 @@ class AlarmManager:
         windows = (row for one in monitors for row in one.windows)
         return [*windows, *(one.row for one in monitors), *self._last.values()]
 
-    def scored(self, row: ScoreRow, origin: Origin | None = None) -> None:
-        """A window has been scored; origin: whose play it may be."""
-        self._change(self._monitors[row.joint].scored(row, origin))
+    def scored(self, row: ScoreRow, origin: Origin | None = None, comparisons: int | None = None) -> None:
+        """A window has been scored; origin: whose play it may be; comparisons: how often the sensor was compared with
+        the motion so far, None when it is known to measure it."""
+        self._change(self._monitors[row.joint].scored(row, origin, comparisons))
 
-    def look(self, joint: str, fault: str | None, utc: datetime, doubt: str = "") -> None:
+    def look(
+        self, joint: str, fault: str | None, utc: datetime, doubt: str = "", comparisons: int | None = None
+    ) -> None:
         """Time has passed; fault: what is wrong with the joint's devices, "" for nothing, None while it is unknown;
         doubt: why the joint must not be called healthy yet."""
-        self._monitors[joint].doubt = doubt
+        self._change(self._monitors[joint].compared(doubt, comparisons, utc))
         if fault is not None:
             self._change(self._monitors[joint].device(fault, utc))
         self._change(self._monitors[joint].tick(utc))

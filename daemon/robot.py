@@ -78,6 +78,11 @@ class Robot:
             check.look(now)
         return done
 
+    def compare(self) -> None:
+        """Compares sensors and motion for the last time: a recording is over."""
+        for check in self._checks.values():
+            check.look(self.clock.now(), is_last=True)
+
     def _listen(self) -> None:
         """Passes on the samples of the joints, those of one bus together."""
         ended = [poller for poller in self.pollers if poller.status.state is DeviceState.ENDED]
@@ -119,9 +124,11 @@ class Robot:
         shown = self._check_of[joint.name].fault(joint.name, is_lossy=bool(lost))
         return "; ".join(filter(None, (lost, shown)))
 
-    def doubt(self, joint: JointOptions) -> str:
-        """Why a joint whose windows are sound may all the same not be measured, "" for no reason."""
-        return self._check_of[joint.name].doubt(joint.name)
+    def compared(self, joint: JointOptions) -> tuple[str, int | None]:
+        """Why a joint whose windows are sound may all the same not be measured, "" for no reason; how often its sensor
+        was compared with its motion, None when it is known to measure it."""
+        check = self._check_of[joint.name]
+        return check.doubt(joint.name), check.comparisons(joint.name)
 
     def _fault(self, member: str) -> str | None:
         poller = self._by_member[member]

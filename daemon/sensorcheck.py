@@ -16,7 +16,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from lostmotion.daemon.ring import Ring
-from lostmotion.detector.lever import levers
+from lostmotion.detector.lever import LONGEST_DELAY_S, Lever, delay, levers
 from lostmotion.detector.quality import FULL_SCALE, IMPLAUSIBLE
 from lostmotion.detector.window import FloatArray, Score, Window
 from lostmotion.drivers.base import ServoSample
@@ -27,10 +27,12 @@ LAST, SOUND_AGAIN = 10, 5
 """windows that are looked at; with none of them sound the sensor has failed, until so many are sound again"""
 SPAN_S = 4.0
 """segment of motion that is compared with the readings [s]"""
+DELAYED_SPAN_S = SPAN_S + 2 * LONGEST_DELAY_S
+"""the same for readings that may come early or late [s]"""
 FIRST_PACE_S, PACE_S = 5.0, 30.0
 """how often it is compared: until the verdicts are in, and then [s]"""
 VERDICTS = 5
-"""so many comparisons in a row have to find no motion, or the opposite one"""
+"""so many comparisons in a row have to find no motion, the opposite one, or one at another time"""
 FELT = 0.25
 """a sensor shows less than this share of the lever: it does not measure the joint's motion.  A bar mounted askew by 45
 degrees shows 0.7, a lever that nobody has configured more than 1"""
@@ -40,8 +42,12 @@ BRISK = 3.0
 """rms of the joint's acceleration that is compared [rad/s²]: an angle that flickers by 5 mrad at rest shows 0.3"""
 LARGEST_STEP = 0.5
 """angles that jump by more between two samples are those of a counter that has wrapped [rad]"""
-UNFELT = "does not feel the motion of {}: wrong axis, loose, or on another link"
-TURNED = "feels the motion of {} with the opposite sign: mounted the other way round; change the sign of axis or scale"
+FAULTS = {
+    0: "does not feel the motion of {}: wrong axis, loose, or on another link",
+    -1: "feels the motion of {} with the opposite sign: mounted the other way round; change the sign of axis or scale",
+    -2: "feels the motion of {} at another time: its line or the servos' holds readings back, or stamps them wrongly",
+}
+"""what comparisons find that do not find the motion, which is 1"""
 KINDS = ("flat", IMPLAUSIBLE, "clipped", "gappy", "short")
 OF_LOSSES = ("gappy", "short")
 CAUSES = {
@@ -65,6 +71,7 @@ class SensorCheck:
         self._windows: dict[str, deque[str]] = {joint: deque(maxlen=LAST) for joint in levers_m}
         self._unsound: dict[str, tuple[str, str]] = {}
         self._felt: dict[str, deque[int]] = {joint: deque(maxlen=VERDICTS) for joint in levers_m}
+        self._comparisons = 0
 
     def moved(self, samples: Iterable[ServoSample]) -> None:
         """Takes measured angles of the joints, each in time order; others' samples are passed over."""
@@ -92,19 +99,23 @@ class SensorCheck:
         elif sound >= SOUND_AGAIN:
             self._unsound.pop(window.joint, None)
 
-    def look(self, now: float) -> None:
-        """Compares readings and motion when that is due, at robot time ``now`` [s]."""
-        if now < self._due:
+    def look(self, now: float, *, is_last: bool = False) -> None:
+        """Compares readings and motion when that is due, or there will be no more, at robot time ``now`` [s]."""
+        if now < self._due and not is_last:
             return
         decided = all(len(felt) == VERDICTS and len(set(felt)) == 1 for felt in self._felt.values())
         self._due = now + (PACE_S if decided else FIRST_PACE_S)
-        moved = self._stretch()
-        found = levers(*self._ring.slice(now - SPAN_S, math.inf), moved) if moved else None
-        for joint, lever in zip(self._moved, found, strict=True) if found else ():
-            limit = FELT * abs(self._levers[joint])
-            if lever.motion >= BRISK and abs(abs(lever.value) - limit) > SURE * lever.error:
-                is_turned = lever.value * self._levers[joint] < 0
-                self._felt[joint].append(0 if abs(lever.value) < limit else -1 if is_turned else 1)
+        self._comparisons += 1
+        angles = self._stretch()
+        found = levers(*self._ring.slice(now - SPAN_S, math.inf), [_last(*one) for one in angles]) if angles else ()
+        brisk = {joint: lever for joint, lever in zip(self._moved, found or (), strict=False) if lever.motion >= BRISK}
+        verdicts = {joint: self._verdict(joint, lever) for joint, lever in brisk.items()}
+        is_known = all(felt.count(1) == VERDICTS for felt in self._felt.values())
+        if brisk and not is_known and delay(*self._ring.slice(now - DELAYED_SPAN_S, math.inf), angles):
+            verdicts = dict.fromkeys(brisk, -2)
+        for joint, verdict in verdicts.items():
+            if verdict is not None:
+                self._felt[joint].append(verdict)
 
     def fault(self, joint: str, is_lossy: bool = False) -> str:
         """What keeps the sensor from measuring this joint, "" for nothing known; is_lossy: what follows from lost
@@ -114,7 +125,7 @@ class SensorCheck:
             return reported
         felt = self._felt[joint]
         if len(felt) == VERDICTS and max(felt) < 1:
-            return f"{self._sensor} {UNFELT if felt.count(0) > felt.count(-1) else TURNED}".format(joint)
+            return f"{self._sensor} {FAULTS[max(FAULTS, key=felt.count)]}".format(joint)
         return ""
 
     def doubt(self, joint: str) -> str:
@@ -123,10 +134,23 @@ class SensorCheck:
         felt = self._felt[joint]
         return f"{self._sensor} has not felt the motion of {joint} yet" if felt and max(felt) < 1 else ""
 
+    def comparisons(self, joint: str) -> int | None:
+        """How many comparisons there have been, conclusive or not; None when the sensor is known to feel this joint, or
+        the servo reports no angle that could be compared."""
+        is_measured = bool(self._moved[joint][0])
+        return self._comparisons if is_measured and 1 not in self._felt[joint] else None
+
+    def _verdict(self, joint: str, lever: Lever) -> int | None:
+        """What a comparison has found of a joint that moves; None where it is not sure."""
+        limit = FELT * abs(self._levers[joint])
+        if abs(abs(lever.value) - limit) <= SURE * lever.error:
+            return None
+        return 0 if abs(lever.value) < limit else 1 if lever.value * self._levers[joint] > 0 else -1
+
     def _stretch(self) -> Sequence[tuple[FloatArray, FloatArray]]:
         """The last angles of every joint; none where one of them is not measured, or has jumped."""
         for times, angles in self._moved.values():
-            gone = bisect_left(times, times[-1] - SPAN_S) if times else 0
+            gone = bisect_left(times, times[-1] - DELAYED_SPAN_S) if times else 0
             del times[:gone], angles[:gone]
         segments = [(np.array(times), np.array(angles)) for times, angles in self._moved.values()]
         whole = all(
@@ -134,6 +158,12 @@ class SensorCheck:
             for times, angles in segments
         )
         return segments if whole else ()
+
+
+def _last(times: FloatArray, angles: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Those of the last ``SPAN_S``."""
+    first = np.searchsorted(times, times[-1] - SPAN_S)
+    return times[first:], angles[first:]
 
 
 def _held(accel: FloatArray, range_ms2: float) -> str:

@@ -187,6 +187,9 @@ class Service:
             time.sleep(0.01)
         while self._barrier.call(self._robot.pipeline.learn):
             pass
+        if self._robot.finished:
+            self._robot.compare()
+            self._look_at_joints(self._utc())
         self._robot.stop.set()
         for thread in self._threads:
             if thread.ident is not None:  # it was started: there may have been no memory for all of them
@@ -316,7 +319,8 @@ class Service:
             self._store.add(_marked(row) if self._time is not None and self._time.is_doubtful else row)
             if self._config.store.keep_windows_mb:
                 self._store.add(WindowRow.of(scored.window, row.impact, utc, scored.commands))
-            self._barrier.call(self._alarm_manager.scored, row, scored.origin)
+            _, comparisons = self._robot.compared(self._config.joint(row.joint))
+            self._barrier.call(self._alarm_manager.scored, row, scored.origin, comparisons)
         if self._store.is_settling:
             self._alarm_manager.publish_settled()
         if not self._store.is_settling:
@@ -341,10 +345,7 @@ class Service:
             if self._alarm_manager.is_provisional and self._store.is_open and not self._store.waiting():
                 self._know_history()
             utc = self._utc()
-            notice = self._notice if time.monotonic() < self._notice_ends else ""
-            for joint in self._config.joints:
-                fault = self._robot.fault(joint)
-                self._alarm_manager.look(joint.name, fault or notice or fault, utc, self._robot.doubt(joint))
+            self._look_at_joints(utc)
             self._barrier.call(self._alarm_manager.take_requests, utc)
             self._store.add(*(self._barrier.call(self._tasks.take) or ()))
             self._barrier.call(self._alarm_manager.ask_trend, utc)
@@ -357,6 +358,12 @@ class Service:
         if self._is_due(SUMMARY_S):
             counters.log_summary(self._robot, self._store)
         self._feed_watchdog()
+
+    def _look_at_joints(self, utc: datetime) -> None:
+        notice = self._notice if time.monotonic() < self._notice_ends else ""
+        for joint in self._config.joints:
+            fault, compared = self._robot.fault(joint), self._robot.compared(joint)
+            self._alarm_manager.look(joint.name, fault or notice or fault, utc, *compared)
 
     def _is_due(self, period_s: float) -> bool:
         now = time.monotonic()

@@ -19,7 +19,7 @@ import numpy as np
 
 from lostmotion.detector.window import FloatArray
 
-__all__ = ["LEAST_SPAN_S", "Lever", "levers"]
+__all__ = ["LEAST_SPAN_S", "LONGEST_DELAY_S", "Lever", "delay", "levers"]
 
 STEP_S = 0.02
 """Grid on which angles and readings are compared [s]."""
@@ -27,6 +27,13 @@ KERNEL_S = 0.24
 """Length of the Hann kernel that smooths both [s]: it passes motions of arms (half at 4 Hz), not rings of bars."""
 LAGS_S = (-0.04, -0.03, -0.02, -0.01, 0.0, 0.01, 0.02, 0.03, 0.04)
 """Lags of the angles behind the readings that are tried [s]: servos report late."""
+LONGEST_DELAY_S, DELAY_STEP_S = 1.0, 0.04
+"""Delays of the readings that are looked for, either way, and their grid [s]."""
+USUAL_DELAYS_S = (-0.06, 0.16)
+"""Delays that the detector allows for [s]: readings 0.15 s late left the severity of a healthy joint at 0.3', 0.2 s
+late made it 38' (emulated AX-12A, a minute each)."""
+SURELY = 0.25
+"""A delay is sure that leaves less than this share of what the usual ones leave of the squared readings."""
 LEAST_SPAN_S = 1.8
 """In a shorter segment theta'' and theta of a swaying arm are nearly collinear [s]."""
 LEAST_BINS = 0.9
@@ -52,40 +59,68 @@ def levers(
     and angles [rad], shape (M,), ascending.  The error of a joint that moves like another one, or like a pendulum would
     (theta'' proportional to theta), is large: its lever cannot be estimated.
     """
+    on_grid = _on_grid(times, accel, joints, (LAGS_S[0], LAGS_S[-1]))
+    if on_grid is None:
+        return None
+    reading, grid = on_grid
+    many = len(joints)
+    freedom = (reading.size - 4) * STEP_S / (KERNEL_S * 2 / 3) - 2 * many - 1  # smoothed readings are not independent
+    if freedom < 1:
+        return None
+    fits = [fit for lag in LAGS_S if (fit := _fit(reading, grid + lag, joints)) is not None]
+    if not fits:
+        return None
+    left, values, spread, moved = min(fits, key=lambda fit: fit[0])
+    rows = zip(values[:many], spread[:many] * math.sqrt(left / freedom), moved, strict=True)
+    return tuple(Lever(*map(float, row)) for row in rows)
+
+
+def delay(times: FloatArray, accel: FloatArray, joints: Sequence[tuple[FloatArray, FloatArray]]) -> float:
+    """By how much the readings come after the angles [s], negative for before; 0 where that is usual or not sure.
+
+    Arguments are those of ``levers``, angles from ``LONGEST_DELAY_S`` before the segment that is compared to as long
+    after it.  A motion that repeats itself fits at several delays equally well, so none of them is sure.
+    """
+    on_grid = _on_grid(times, accel, joints, (-LONGEST_DELAY_S, LONGEST_DELAY_S))
+    if on_grid is None:
+        return 0.0
+    reading, grid = on_grid
+    left = {
+        float(late): fit[0]
+        for late in np.arange(-LONGEST_DELAY_S, LONGEST_DELAY_S + DELAY_STEP_S / 2, DELAY_STEP_S)
+        if (fit := _fit(reading, grid - late, joints)) is not None
+    }
+    usual = [left[late] for late in left if USUAL_DELAYS_S[0] <= late <= USUAL_DELAYS_S[1]]
+    found = min(left, key=left.__getitem__, default=0.0)
+    return found if usual and left[found] < SURELY * min(usual) else 0.0
+
+
+def _on_grid(
+    times: FloatArray, accel: FloatArray, joints: Sequence[tuple[FloatArray, FloatArray]], lags: tuple[float, float]
+) -> tuple[FloatArray, FloatArray] | None:
+    """Smoothed readings and the times [s] before their smoothing, which angles cover at lags from the first to the
+    last; None where that is too short or has too many gaps."""
     there = np.isfinite(accel)
     times, accel = times[there], accel[there]
     if not times.size or any(not at.size for at, _ in joints):
         return None
-    start = max(times[0], *(at[0] + LAGS_S[-1] for at, _ in joints))
-    count = math.floor((min(times[-1], *(at[-1] + LAGS_S[0] for at, _ in joints)) - start) / STEP_S)
+    start = max(times[0], *(at[0] - lags[0] for at, _ in joints))
+    count = math.floor((min(times[-1], *(at[-1] - lags[1] for at, _ in joints)) - start) / STEP_S)
     reading = _binned(times - start, accel, count) if count >= LEAST_SPAN_S / STEP_S else None
-    if reading is None:
-        return None
-    return _fit(_smooth(reading), start + (np.arange(count) + 0.5) * STEP_S, joints)
+    return None if reading is None else (_smooth(reading), start + (np.arange(count) + 0.5) * STEP_S)
 
 
 def _fit(
     reading: FloatArray, grid: FloatArray, joints: Sequence[tuple[FloatArray, FloatArray]]
-) -> tuple[Lever, ...] | None:
-    """Least squares at the lag with the least residual."""
+) -> tuple[float, FloatArray, FloatArray, FloatArray] | None:
+    """Least squares with the angles at the times ``grid`` [s]: what ``_solve`` returns, and the rms accelerations."""
     inner, many = slice(2, -2), len(joints)  # second differences are one-sided at the edges
     wanted = reading[inner] - reading[inner].mean()
-    freedom = wanted.size * STEP_S / (KERNEL_S * 2 / 3) - 2 * many - 1  # smoothed readings are not independent
-    if freedom < 1:
-        return None
-    best: tuple[float, FloatArray, FloatArray, FloatArray] | None = None
-    for lag in LAGS_S:
-        angles = [_smooth(np.interp(grid + lag, at, angle)) for at, angle in joints]
-        curved = [np.gradient(np.gradient(angle, STEP_S), STEP_S) for angle in angles]
-        table = np.column_stack([column[inner] - column[inner].mean() for column in (*curved, *angles)])
-        solved = _solve(table, wanted)
-        if solved is not None and (best is None or solved[0] < best[0]):
-            best = (*solved, table[:, :many].std(axis=0))
-    if best is None:
-        return None
-    left, values, spread, moved = best
-    rows = zip(values[:many], spread[:many] * math.sqrt(left / freedom), moved, strict=True)
-    return tuple(Lever(*map(float, row)) for row in rows)
+    angles = [_smooth(np.interp(grid, at, angle)) for at, angle in joints]
+    curved = [np.gradient(np.gradient(angle, STEP_S), STEP_S) for angle in angles]
+    table = np.column_stack([column[inner] - column[inner].mean() for column in (*curved, *angles)])
+    solved = _solve(table, wanted)
+    return None if solved is None else (*solved, table[:, :many].std(axis=0))
 
 
 def _solve(table: FloatArray, wanted: FloatArray) -> tuple[float, FloatArray, FloatArray] | None:

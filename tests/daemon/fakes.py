@@ -72,7 +72,7 @@ class Periodic:
 
 
 class FakeBus(Periodic):
-    """Every joint swings at WAVE_HZ."""
+    """Every joint swings at WAVE_HZ, and reports no angle with which the sensor could be compared."""
 
     resolution_rad = 0.0
 
@@ -86,7 +86,7 @@ class FakeBus(Periodic):
     def read(self) -> ServoReading:
         return ServoReading(
             tuple(
-                ServoSample(name, float(t), 0.5 * math.sin(2 * math.pi * WAVE_HZ * t), 0.0, temperature=40.0)
+                ServoSample(name, float(t), 0.5 * math.sin(2 * math.pi * WAVE_HZ * t), math.nan, temperature=40.0)
                 for t in self.times()
                 for name in self._names
             )
