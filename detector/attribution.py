@@ -118,17 +118,17 @@ def evidence(
     joints that move them.
     """
     start = float(segments[0].time[0])
-    commanded = [smoothed(mover.times, mover.commands, segments[0]) for mover in movers]
-    known = [command for command in commanded if command is not None]
     usable = all(
         one.duration * chosen.f_res_hz >= LEAST_PERIODS and one.rate_hz > 2 * chosen.f_res_hz
         and np.isfinite(one.accel).all()
         for one, chosen in zip(segments, settings, strict=True)
     )  # fmt: skip
-    if len(known) < len(commanded) or not usable:
+    tip = _tip_impulses(segments, settings) if usable else None
+    if tip is None or tip.times.size <= 4 * tip.width or tip.last - max(since - start, tip.first) < LEAST_S - tip.step:
         return None
-    tip = _tip_impulses(segments, settings)
-    if tip.times.size <= 4 * tip.width:
+    commanded = [smoothed(mover.times, mover.commands, segments[0]) for mover in movers]
+    known = [command for command in commanded if command is not None]
+    if len(known) < len(commanded):
         return None
     end = min(tip.last, *(command.end for command in known))
     observed = (tip.times >= max(since - start, tip.first)) & (tip.times <= end)
