@@ -1,16 +1,36 @@
-"""What numba compiles, compiled once before the workers of the tests start: each of them would do it for itself, at the
-same time.  The machine code is kept on disk."""
+"""What numba and Python compile, compiled once before the workers of the tests start: each of them would do it for
+itself, at the same time.  The machine code and the modules are kept on disk."""
 
 from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 
 from lostmotion.model import ModelError, build_model, catalogue
 from lostmotion.model.motion import Sine
 
-__all__ = ["compile_models"]
+__all__ = ["compile_models", "compile_tests"]
 
 TIMES = np.arange(20) / 1000
+
+
+@contextmanager
+def compile_tests() -> Iterator[None]:
+    """In a fresh clone the tests' own modules, beside what is done meanwhile: 12.6 s of processor time, and 5.7 s when
+    they are there, which six workers would need."""
+    folder = Path(__file__).parent
+    if (folder / "lab" / "__pycache__").exists() or sys.dont_write_bytecode:
+        yield
+        return
+    collect = [sys.executable, "-m", "pytest", "-q", "--collect-only", "-p", "no:cacheprovider", str(folder)]
+    with subprocess.Popen(collect, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as collecting:
+        yield
+        collecting.wait()
 
 
 def compile_models() -> None:

@@ -33,9 +33,10 @@ def pytest_configure(config: pytest.Config) -> None:
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput"):
-        from tests.compiled import compile_models
+        from tests.compiled import compile_models, compile_tests
 
-        compile_models()
+        with compile_tests():
+            compile_models()
 
 
 @pytest.fixture(autouse=True)

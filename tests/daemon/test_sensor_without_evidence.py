@@ -147,10 +147,10 @@ def test_the_wrong_axis_is_told_within_a_minute(tmp_path: Path, start: Start) ->
     motion = Motion()
     with Emulator(ServoLine.of("AX-12A", [3], motion), WitMotionStream(motion)) as emulator:
         service = start(configured(tmp_path, emulator, axis="y"))
-        log = service.wait_for("alarm joint=elbow cause=device severity=error event=raised", timeout_s=60)
+        # On a busy machine a servo that answers late may be the first alarm.
+        service.wait_for("tip does not feel the motion of elbow: wrong axis, loose, or on another link", timeout_s=60)
         wait_until(lambda: not is_healthy(tmp_path))
         assert service.stop(signal.SIGTERM) == 0
-    assert "tip does not feel the motion of elbow: wrong axis, loose, or on another link" in log
 
 
 @pytest.mark.slow

@@ -321,10 +321,7 @@ def in_units(recording: Recording, inertia: float, length: float, time: float) -
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("case", "time"),
-    [("driven", 0.01), ("driven", 60.0), ("swinging", 0.01), ("swinging", 7.0), ("struck", 0.01), ("struck", 7.0)],
-)
+@pytest.mark.parametrize(("case", "time"), [("driven", 60.0), ("swinging", 0.01), ("struck", 7.0)])
 def test_units_change_nothing(case: str, time: float, request: pytest.FixtureRequest, tmp_path: Path) -> None:
     """In other units of inertia, length and time the names, the shares and the errors over the noise are the same.
     Simulated motions 60 times as slow pass, too, but take ten times as long."""
