@@ -15,6 +15,7 @@ from lostmotion.drivers.base import AccelBlock, AccelerometerOptions, FloatArray
 from lostmotion.drivers.clock import Clock
 from lostmotion.drivers.errors import DriverError
 from lostmotion.drivers.serial_port import SerialPort
+from lostmotion.drivers.ticks import coarser
 from lostmotion.drivers.timeline import Timeline
 
 __all__ = ["Format", "Readings", "SerialAccelerometer", "check_rate"]
@@ -26,6 +27,8 @@ LISTEN_S, SILENCE_S = 0.6, 2.5
 """how long to measure a rate; how long to wait for the first reading (a microcontroller may boot when opened)"""
 RATE_TOLERANCE = 0.1
 NOTHING = np.empty(0)
+LEAST_STAMPS = 50
+"""fewer say nothing about the pace of a clock"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,8 +96,9 @@ class SerialAccelerometer:
         """Measures the rate of the readings; whatever else comes in is shown as it is.  Raises PortError."""
         expected = f"{self._form.name} at {self._rate:g} Hz"
         self._form.reset()
-        count, span, broken, seen = self._listen()
+        count, span, broken, seen, stamps = self._listen()
         self._fresh = True
+        self._timeline = Timeline(1 / self._rate, self._form.wraps, coarser(stamps, self._form.tick, 1 / self._rate))
         if count < 2:
             what = "nothing" if not seen else "bytes that are none of its"
             cause = "unpowered, or another port" if not seen else "another device on the port, or a wrong baudrate"
@@ -104,6 +108,8 @@ class SerialAccelerometer:
         rate = (count - 1) / span
         ok = abs(rate / self._rate - 1) <= RATE_TOLERANCE and broken <= 0.1 * count
         found = f"{self._form.name} at {rate:.0f} Hz" + (f", {broken} broken of {count + broken}" if broken else "")
+        if ok and stamps.size > LEAST_STAMPS and (wrong := _wrong_pace(stamps, 1 / self._rate)):
+            return (Identity(self._name, f"{found}{wrong}", expected, False, f"{self._form.name}{wrong}"),)
         if ok:
             return (Identity(self._name, found, expected, ok),)
         cause = "; likely cause: rate_hz is not what the sensor is set to, or the line is too slow or noisy for it"
@@ -136,16 +142,19 @@ class SerialAccelerometer:
         """Gives the port back."""
         self._port.close()
 
-    def _listen(self) -> tuple[int, float, int, bytes]:
-        """Number of readings after the first chunk, and the time they took [s]; broken ones; the first bytes."""
+    def _listen(self) -> tuple[int, float, int, bytes, FloatArray]:
+        """Number of readings after the first chunk, and the time they took [s]; broken ones; the first bytes; all
+        stamps [s]."""
         start = self._clock.now()
         first = last = None
+        stamps = [NOTHING]
         count = broken = 0
         seen = b""
         while (now := self._clock.now()) < (start + SILENCE_S if first is None else first + LISTEN_S):
             data = self._port.read(0.05)
             seen = seen or data
             readings = self._form.feed(data)
+            stamps += [readings.stamps] if readings.stamps is not None else []
             good = int(np.count_nonzero(np.isfinite(readings.accel)))
             if first is not None:
                 broken += readings.broken
@@ -157,7 +166,19 @@ class SerialAccelerometer:
                 first, count = now, 1
             else:
                 count, last = count + good, now
-        return (count, last - first, broken, seen) if first is not None and last is not None else (0, 0.0, broken, seen)
+        known = (count, last - first) if first is not None and last is not None else (0, 0.0)
+        return (*known, broken, seen, np.concatenate(stamps))
+
+
+def _wrong_pace(stamps: FloatArray, period: float) -> str:
+    """What is wrong with a clock whose stamps [s] go on by less than half of the period [s] from one to the next, or by
+    more than twice as much, in most of eight blocks; "" for nothing."""
+    at = np.linspace(0, len(stamps) - 1, 9).astype(int)
+    pace = float(np.median(np.diff(stamps[at]) / np.diff(at))) / period
+    if not (pace < 0.5 or pace > 2.0):
+        return ""
+    fault = "stand still or run back" if pace < 1e-6 else f"go on too {'slowly' if pace < 1 else 'fast'}"
+    return f" whose times {fault}; likely cause: time_column is not the sensor's clock, or time_unit is another one"
 
 
 def check_rate(options: AccelerometerOptions) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from lostmotion.drivers.base import FloatArray
 
-__all__ = ["COARSE", "Ticks", "evened"]
+__all__ = ["COARSE", "Ticks", "coarser", "evened"]
 
 COARSE = 0.1
 """in periods: a clock of finer ticks is exact enough to be taken at its word"""
@@ -53,6 +53,20 @@ class Ticks:
             missing.append(lost)
         self._last = last
         return np.array(times), np.array(missing, dtype=float)
+
+
+def coarser(stamps: FloatArray, tick: float, period: float) -> float:
+    """The step [s] of the clock of stamps [s], shape (N,), that are whole numbers of ``tick`` [s].
+
+    It is coarser where all are multiples of more and some follow each other too soon for the period [s], as in
+    ``millis() * 1000``.  An exact clock may have multiples of its period, and no shorter steps.
+    """
+    if not tick or len(stamps) < LEAST_ROWS:
+        return tick
+    steps = np.abs(np.diff(stamps)) / tick
+    if not steps.max() < 2**53 or steps.min() * tick > 0.95 * period:
+        return tick
+    return max(float(np.gcd.reduce(np.rint(steps).astype(np.int64))) * tick, tick)
 
 
 def evened(times: FloatArray) -> FloatArray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -44,6 +45,55 @@ def test_millis_at_800_hz_loses_nothing() -> None:
     assert np.isfinite(got.accel).all()
     assert len(got.time) > 900
     assert np.median(np.abs(np.diff(got.time) - 1.25e-3)) < 2e-5
+
+
+class OddClock(CsvStream):
+    """A microcontroller whose first column is what ``clock`` makes of the microseconds."""
+
+    def __init__(self, clock: Callable[[int], int]) -> None:
+        super().__init__(MOTION, 800)
+        self._clock = clock
+
+    def _sample(self, index: int) -> bytes:
+        micros, _, value = super()._sample(index).partition(b",")
+        return b"%d,%b" % (self._clock(int(micros)), value)
+
+
+def test_millis_in_microseconds_loses_nothing() -> None:
+    """``millis() * 1000`` at 800 Hz gives 0, 1000, 2000, 3000, 5000 µs: every fifth sample was counted as lost and the
+    windows were not scored."""
+    with Emulator(OddClock(lambda micros: micros // 1000 * 1000)) as emulator:
+        sensor = accelerometer("csv_serial", emulator.paths[0], 800, time_column=0)
+        sensor.open()
+        sensor.identify()
+        got = block(sensor, 1.5)
+        sensor.close()
+    assert (got.lost, got.broken) == (0, 0)
+    assert np.median(np.abs(np.diff(got.time) - 1.25e-3)) < 2e-5
+
+
+@pytest.mark.parametrize(
+    ("clock", "said"),
+    [
+        (lambda micros: 0, "whose times stand still or run back"),
+        (lambda micros: 2**31 - micros % 2**31, "whose times stand still or run back"),
+        (lambda micros: micros // 1000, "whose times go on too slowly"),
+        (lambda micros: micros * 1000 % 2**32, "whose times go on too fast"),
+    ],
+)
+def test_a_column_that_is_no_clock_is_told_as_such(clock: Callable[[int], int], said: str) -> None:
+    """Times that stand still, run back or have another unit are the cause that is told, where all lines were called
+    broken, or the sensor silent."""
+    with Emulator(OddClock(clock)) as emulator:
+        sensor = accelerometer("csv_serial", emulator.paths[0], 800, time_column=0)
+        sensor.open()
+        (found,) = sensor.identify()
+        sensor.close()
+    assert not found.ok
+    assert (
+        found.gist
+        == f"lines of numbers {said}; likely cause: time_column is not the sensor's clock, or time_unit is another one"
+    )
 
 
 @pytest.mark.parametrize("stamps", [True, False])

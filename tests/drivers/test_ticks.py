@@ -9,7 +9,7 @@ import pytest
 
 from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.recording import Recording
-from lostmotion.drivers.ticks import Ticks, evened
+from lostmotion.drivers.ticks import Ticks, coarser, evened
 from lostmotion.drivers.timeline import Timeline
 
 MILLIS = 1e-3
@@ -117,3 +117,16 @@ def test_times_ascend() -> None:
     times, missing = Ticks(1 / 800, MILLIS).feed(stamps)
     assert np.all(np.diff(times) > 0)
     assert missing.min() >= 0
+
+
+def test_a_clock_may_be_coarser_than_its_unit() -> None:
+    """Milliseconds in steps of 1000 µs are found; microseconds, an exact clock with samples lost, and few stamps are
+    what they say."""
+    period, count = 1.25e-3, np.arange(200)
+    exact = count * period
+    assert coarser(np.floor(exact * 1e3) / 1e3, 1e-6, period) == pytest.approx(1e-3)
+    assert coarser(np.floor(exact / 5e-3) * 5e-3, 1e-6, period) == pytest.approx(5e-3)
+    assert coarser(exact[count % 7 > 0], 1e-6, period) == pytest.approx(1e-6)
+    assert coarser(np.round(exact * 1.0123, 6), 1e-6, period) == pytest.approx(1e-6)
+    assert coarser(np.floor(exact[:20] * 1e3) / 1e3, 1e-6, period) == 1e-6
+    assert coarser(exact, 0.0, period) == 0.0
