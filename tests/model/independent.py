@@ -1,4 +1,4 @@
-"""The equations once more, in plain NumPy and SciPy's Radau: what the compiled model is held against.
+"""The equations once more, in plain NumPy and SciPy's LSODA: what the compiled model is held against.
 
 Written from the paper and from the catalogue's one-line equations; imports nothing of ours.
 """
@@ -19,10 +19,10 @@ Values = Mapping[str, float]
 G = 9.80665
 
 
-def radau(rhs: Callable[[float, FloatArray], list[float]], start: list[float], times: FloatArray) -> FloatArray:
+def lsoda(rhs: Callable[[float, FloatArray], list[float]], start: list[float], times: FloatArray) -> FloatArray:
     """States (n, N) at the times (N,)."""
     span = (float(times[0]), float(times[-1]))
-    solution = solve_ivp(rhs, span, start, "Radau", t_eval=times, rtol=1e-8, atol=1e-12)
+    solution = solve_ivp(rhs, span, start, "LSODA", t_eval=times, rtol=1e-9, atol=1e-12)
     assert solution.success
     return np.asarray(solution.y)
 
@@ -93,7 +93,7 @@ class Play:
         """position, velocity and accel at the times."""
         start = self.start(float(times[0]))
         start[10] = self.parts(float(times[0]), np.array(start))[1]
-        y = radau(lambda t, state: self.parts(t, state)[0], start, times)
+        y = lsoda(lambda t, state: self.parts(t, state)[0], start, times)
         felt = np.array([self.parts(float(t), column)[1] for t, column in zip(times, y.T, strict=True)])
         reading = y[10] if self.has("sensor_lag") else felt
         reading = reading + self.v["bias"] + self.v.get("bias_drift.c", 0.0) * times
@@ -147,7 +147,7 @@ def oscillator(v: Values, force: Scalar, start: list[float], times: FloatArray) 
     def rhs(t: float, y: FloatArray) -> list[float]:
         return [y[1], (force(t) + v["bias"] - v["b"] * y[1] - v["k"] * y[0] + bar_force(v, y[0], y[1])) / v["m"]]
 
-    return np.asarray(radau(rhs, start, times)[0])
+    return np.asarray(lsoda(rhs, start, times)[0])
 
 
 def joint(v: Values, torque: Scalar, start: list[float], times: FloatArray) -> FloatArray:
@@ -158,7 +158,7 @@ def joint(v: Values, torque: Scalar, start: list[float], times: FloatArray) -> F
         left, change = friction_left(v, y[2], y[1])
         return [y[1], (tau + v["bias"] + joint_torque(v, y[0], y[1], tau) + left) / v["J"], change]
 
-    return np.asarray(radau(rhs, [*start, 0.0], times)[0])
+    return np.asarray(lsoda(rhs, [*start, 0.0], times)[0])
 
 
 def servo(v: Values, command: Scalar, start: list[float], times: FloatArray) -> FloatArray:
@@ -172,4 +172,4 @@ def servo(v: Values, command: Scalar, start: list[float], times: FloatArray) -> 
         tau = v["kt"] * (duty * v["U"] - v["kt"] * y[1]) / v["R"]
         return [y[1], (tau + joint_torque(v, y[0], y[1], tau)) / v["J"], (late - y[2]) / lag if lag else 0.0]
 
-    return np.asarray(radau(rhs, start, times)[0])
+    return np.asarray(lsoda(rhs, start, times)[0])

@@ -23,7 +23,7 @@ def values(model: Model) -> dict[str, float]:
     return {name: parameter.value for name, parameter in model.parameters.items()}
 
 
-@lru_cache(maxsize=64)  # Radau asks again and again of one time
+@lru_cache(maxsize=64)  # LSODA asks again and again of one time
 def command(t: float) -> float:
     """The motion at one instant."""
     return float(MOTION.position(np.array(t)))
@@ -46,7 +46,7 @@ def distance(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def check_play(effects: list[str], **changed: float) -> None:
-    """Holds the play base with some effects against Radau, and makes sure that the effects show."""
+    """Holds the play base with some effects against LSODA, and makes sure that the effects show."""
     model = build_model("play", effects, {"bias": 0.1, **changed})
     ours = model.simulate(MOTION, TIMES)
     theirs = independent.Play(values(model), command, rate, acceleration).solve(TIMES)
@@ -59,14 +59,14 @@ def check_play(effects: list[str], **changed: float) -> None:
 
 @pytest.mark.slow
 def test_play_base() -> None:
-    """Eqs. 1-7 without any effect agree with Radau."""
+    """Eqs. 1-7 without any effect agree with LSODA."""
     check_play([])
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("effect", PLAY_EFFECTS)
 def test_play_with_each_effect(effect: str) -> None:
-    """Every effect on the play base agrees with Radau, and is not confused with no effect."""
+    """Every effect on the play base agrees with LSODA, and is not confused with no effect."""
     changed = {"sensor_saturation.a_max": 3.0} if effect == "sensor_saturation" else {}
     if effect == "second_mode":
         changed = {"second_mode.zeta2": 0.05}
@@ -84,7 +84,7 @@ def test_play_with_many_effects() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("effect", [None, "coulomb_friction", "hardening_spring", "quadratic_damping"])
 def test_oscillator(effect: str | None) -> None:
-    """The driven oscillator agrees with Radau, alone and with the effects on it."""
+    """The driven oscillator agrees with LSODA, alone and with the effects on it."""
     force = Sine(40.0, 1.0)
     width = {"coulomb_friction.omega_0": 5e-3} if effect == "coulomb_friction" else {}
     model = build_model("oscillator", [effect] if effect else [], {"bias": 0.05, **width})
@@ -96,7 +96,7 @@ def test_oscillator(effect: str | None) -> None:
 
 @pytest.mark.parametrize("effect", [None, *JOINT_EFFECTS])
 def test_joint(effect: str | None) -> None:
-    """The joint under a torque agrees with Radau, alone and with each effect."""
+    """The joint under a torque agrees with LSODA, alone and with each effect."""
     torque = Sine(2.0, 2e-3)
     model = build_model("joint", [effect] if effect else [], {"bias": 1e-4})
     start = [0.2, -0.5] + [0.0] * (len(model.state_names) - 2)
@@ -108,7 +108,7 @@ def test_joint(effect: str | None) -> None:
 
 @pytest.mark.parametrize("effect", [None, *SERVO_EFFECTS])
 def test_servo(effect: str | None) -> None:
-    """The servo following a command agrees with Radau, alone and with each effect."""
+    """The servo following a command agrees with LSODA, alone and with each effect."""
     model = build_model("servo", [effect] if effect else [], {"cap": 0.3})
     ours = model.simulate(MOTION, TIMES)["position"]
     late = -values(model).get("command_delay.T", 0.0)

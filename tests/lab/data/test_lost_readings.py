@@ -33,7 +33,7 @@ def arm(seed: int, lost: tuple[int, ...] = LOST) -> Recording:
         return [x[1], float(torque(t) - 0.5 * np.sin(x[0]) - 0.2 * np.tanh(x[1] / 0.01) - 0.02 * x[1]) / 0.05]
 
     times = np.arange(0.0, LENGTH, 1 / RATE)
-    angle = solve_ivp(moved, (0, LENGTH), [0.0, 0.0], "Radau", times, rtol=1e-6, atol=1e-8).y[0]
+    angle = solve_ivp(moved, (0, LENGTH), [0.0, 0.0], "LSODA", times, rtol=1e-8, atol=1e-10).y[0]
     position = np.round(angle * 4096 / (2 * np.pi)) * 2 * np.pi / 4096
     position[list(lost)] = -np.pi
     return Recording(times, {"position": position, "torque": torque(times)}, name=f"arm{seed}.csv")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from functools import cache
 
 import numpy as np
 import pytest
@@ -14,23 +15,35 @@ from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.explain import fitted
 from lostmotion.lab.inverse.validate import Method
 from lostmotion.model import Sampled, build_model
+from lostmotion.model.motion import FloatArray
 
 J, B = 0.02, 0.15
 """kg m², N m s/rad"""
 
 
-def chirp(seed: int, late_s: float, rate_hz: float = 200.0) -> Experiment:
-    """A joint with viscous friction that a chirp of 0.3 to 6 Hz moves for 15 s; its torque is recorded ``late_s`` after
-    it acts."""
-    times = np.arange(0.0, 15.0, 1 / rate_hz)
-    sweep = (6.0 - 0.3) / (2 * times[-1])
-    torque = lambda t: 0.8 * np.sin(2 * np.pi * (0.3 + sweep * t) * t + seed)  # noqa: E731
-    law = lambda t, y: (y[1], (torque(t) - B * y[1]) / J)  # noqa: E731
-    angle = solve_ivp(law, (0, times[-1]), (0.0, 0.0), "Radau", times, rtol=1e-8, atol=1e-10).y[0]
+TIMES = np.arange(0.0, 15.0, 5e-3)
+
+
+def torque(seed: int, time: FloatArray) -> FloatArray:
+    """A chirp of 0.3 to 6 Hz [N m]."""
+    sweep = (6.0 - 0.3) / (2 * TIMES[-1])
+    return np.asarray(0.8 * np.sin(2 * np.pi * (0.3 + sweep * time) * time + seed))
+
+
+@cache
+def angle(seed: int) -> FloatArray:
+    """How a joint with viscous friction follows it [rad]."""
+    law = lambda t, y: (y[1], (torque(seed, t) - B * y[1]) / J)  # noqa: E731
+    solved = solve_ivp(law, (0, TIMES[-1]), (0.0, 0.0), "Radau", TIMES, rtol=1e-8, atol=1e-10)
+    return np.asarray(solved.y[0])
+
+
+def chirp(seed: int, late_s: float) -> Experiment:
+    """Such a joint; its torque is recorded ``late_s`` after it acts."""
     rng = np.random.default_rng(seed)
-    read = torque(np.maximum(times - late_s, 0.0)) + 5e-3 * rng.standard_normal(times.size)
-    position = angle + 2e-5 * rng.standard_normal(times.size)
-    return Experiment(f"chirp{seed}.csv", Sampled(times, read), times, {"position": position})
+    read = torque(seed, np.maximum(TIMES - late_s, 0.0)) + 5e-3 * rng.standard_normal(TIMES.size)
+    position = angle(seed) + 2e-5 * rng.standard_normal(TIMES.size)
+    return Experiment(f"chirp{seed}.csv", Sampled(TIMES, read), TIMES, {"position": position})
 
 
 def found(late_s: float) -> dict[str, float]:

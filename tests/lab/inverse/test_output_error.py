@@ -97,7 +97,7 @@ def ringing_bar(seed: int) -> Recording:
 
 def _solved(law: Callable[[float, np.ndarray], list[float]], times: np.ndarray, start: list[float]) -> np.ndarray:
     span = (0.0, float(times[-1]))
-    return np.asarray(solve_ivp(law, span, start, "Radau", times, rtol=1e-8, atol=1e-12).y)
+    return np.asarray(solve_ivp(law, span, start, "LSODA", times, rtol=1e-9, atol=1e-12).y)
 
 
 SERVO = 'base = "servo"\neffects = ["viscous_friction"]\n[parameters]\n'
