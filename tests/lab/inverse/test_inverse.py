@@ -80,7 +80,7 @@ def pendulum(seed: int, drag: float = 0.02, inertia: float = 1.0) -> Recording:
     rng = np.random.default_rng(seed)
     times = np.arange(0.0, 20.0, 1 / 30)
     law = solve_ivp(
-        lambda t, x: [x[1], -7.0 * np.sin(x[0]) - drag * x[1] * abs(x[1])], (0, 20), [0.9, 0.0], "Radau", times,
+        lambda t, x: [x[1], -7.0 * np.sin(x[0]) - drag * x[1] * abs(x[1])], (0, 20), [0.9, 0.0], "LSODA", times,
         rtol=1e-8, atol=1e-10,
     )  # fmt: skip
     angle = law.y[0] + 0.009 * rng.standard_normal(times.size)
@@ -440,7 +440,7 @@ def lopsided(seed: int) -> Recording:
         rest = 0.01 * math.exp(-t / 4)
         return [x[1], -(own**2) * ((x[0] - rest) + 0.15 * x[0] ** 2) - 0.4 * x[1]]
 
-    angle = solve_ivp(moved, (0, 12), [0.5, 0.0], "Radau", times, rtol=1e-8, atol=1e-10).y[0]
+    angle = solve_ivp(moved, (0, 12), [0.5, 0.0], "LSODA", times, rtol=1e-8, atol=1e-10).y[0]
     return Recording(times, {"displacement": angle + 4e-4 * rng.standard_normal(times.size)}, name=f"arm{seed}.csv")
 
 
