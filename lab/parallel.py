@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import os
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import (
     BrokenExecutor,
     CancelledError,
@@ -24,12 +24,13 @@ from importlib import import_module
 from multiprocessing import get_context
 from typing import Any, TypeVar
 
-from lostmotion.lab.deadline import bounded, remaining_s
+from lostmotion.lab.deadline import bounded, is_over, remaining_s
 from lostmotion.lab.errors import ExecutorError
 
-__all__ = ["Threads", "cores", "open_executor"]
+__all__ = ["Threads", "cores", "each", "open_executor"]
 
 R = TypeVar("R")
+T = TypeVar("T")
 CONNECT_S = 5.0
 WORKERS_S = 10.0
 EXPECTED = "expected threads:N, processes:N or dask=HOST:PORT"
@@ -59,6 +60,19 @@ def open_executor(spec: str | None = None) -> Iterator[Executor]:
         raise ExecutorError(
             f"{spec}: {str(error) or 'the work was dropped'}; did a worker stop, or run out of memory?"
         ) from error
+
+
+def each(pool: Executor | None, work: Callable[[T], R], items: Sequence[T], first: int = 0) -> list[R]:
+    """The results of ``work``, which need not be picklable, in the order of the items; items are skipped when the time
+    is up, except the first so many."""
+
+    def begun(numbered: tuple[int, T]) -> list[R]:
+        number, item = numbered
+        return [] if is_over() and number >= first else [work(item)]
+
+    numbered = list(enumerate(items))
+    found = pool.map(begun, numbered) if isinstance(pool, ThreadPoolExecutor) else map(begun, numbered)
+    return [one for each in found for one in each]
 
 
 class Threads(ThreadPoolExecutor):

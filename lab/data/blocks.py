@@ -11,7 +11,7 @@ from scipy.special import stdtr
 from lostmotion.lab import policy
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["chance", "correlation", "numbered"]
+__all__ = ["chance", "correlation", "floored", "numbered"]
 
 
 def numbered(counts: Sequence[int], length: float) -> NDArray[np.intp]:
@@ -38,14 +38,18 @@ def correlation(residual: FloatArray) -> float:
 
 
 def chance(before: FloatArray, after: FloatArray, block: NDArray[np.intp]) -> float:
-    """The p-value of the t-test of the mean logarithm of two models' squared errors (M,), block by block; block: (M,).
+    """The p-value of the t-test of the mean logarithm of two models' squared errors (M,), block (M,) by block."""
+    ratio = 0.5 * np.log(floored(before, after, block) / floored(after, after, block))
+    spread = float(ratio.std(ddof=1)) / np.sqrt(ratio.size)
+    return float(stdtr(ratio.size - 1, -ratio.mean() / max(spread, 1e-12)))
+
+
+def floored(squares: FloatArray, usual: FloatArray, block: NDArray[np.intp]) -> FloatArray:
+    """The sums of squared errors (M,) in each block, none below the least share of the usual ones (M,) that counts.
 
     Errors below the least share that counts for the whole are equal in a block, too: a model that is accurate to a
     fifth elsewhere is not accurate to a thousandth there.  Two constants, Coulomb friction and bias, fit a motor at
     constant voltage and speed exactly, and blocks with nothing but noise, 1e-4 of the torque, outvoted all others.
     """
-    floor = (policy.LEAST_GAIN * float(after.mean()) + 1e-300) * np.bincount(block)
-    sums = [np.bincount(block, each) + floor for each in (before, after)]
-    ratio = 0.5 * np.log(sums[0] / sums[1])
-    spread = float(ratio.std(ddof=1)) / np.sqrt(ratio.size)
-    return float(stdtr(ratio.size - 1, -ratio.mean() / max(spread, 1e-12)))
+    floor = (policy.LEAST_GAIN * float(usual.mean()) + 1e-300) * np.bincount(block)
+    return np.asarray(np.bincount(block, squares) + floor)

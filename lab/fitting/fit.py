@@ -8,7 +8,6 @@ sandwich), so that coloured noise widens them as it should.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -21,10 +20,10 @@ from lostmotion.lab.data.clipping import with_range
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.noise import innovation_noise, noise_floor
 from lostmotion.lab.fitting.strategy import first_fit, grown
-from lostmotion.lab.results import Estimate, Fit
+from lostmotion.lab.results import Fit
 from lostmotion.lab.shooting.continuation import Level, fitted, followed
 from lostmotion.lab.shooting.least_squares import projected_off
-from lostmotion.lab.shooting.parameters import Unknown, Unknowns
+from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.lab.shooting.segment import FINE_STEP, Segment
 from lostmotion.lab.shooting.task import Task, coarse_substep
 from lostmotion.model import Model
@@ -92,17 +91,12 @@ def fit_of(level: Level, task: Task) -> Fit:
     substep = coarse_substep(level.model, task.experiments, REFINED_STEPS)
     covariance = _covariance(level, substep)
     deviation = np.sqrt(np.diag(covariance))
-    low, high = level.unknowns.bounds
-    estimates = [
-        _estimate(item, float(z), float(sd), level.model.parameters[item.name].unit, bool(z <= a or z >= b))
-        for item, z, sd, a, b in zip(level.unknowns.items, level.z, deviation, low, high, strict=True)
-    ]
     correlation = covariance / np.outer(deviation, deviation)
     return Fit(
         model=level.model,
         experiments=tuple(segment.experiment for segment in level.segments),
         starts=tuple(segment.start for segment in level.segments),
-        estimates=tuple(estimates),
+        estimates=level.unknowns.estimates(level.model, level.z, deviation, policy.HALF_WIDTH),
         correlation=np.asarray(correlation),
         noise=task.noise,
         rms=rms_by_column([(s, s.residual(s.experiment.model(level.model), s.start, substep)) for s in level.segments]),
@@ -120,17 +114,6 @@ def rms_by_column(segments: Sequence[tuple[Segment, FloatArray]]) -> dict[str, f
             squares.setdefault(name, []).append((r[at : at + count] * segment.noise[name]) ** 2)
             at += count
     return {name: float(np.sqrt(np.mean(np.concatenate(parts)))) for name, parts in squares.items()}
-
-
-def _estimate(item: Unknown, z: float, deviation: float, unit: str, at_bound: bool) -> Estimate:
-    ends = sorted(
-        (_unbounded(item, z - policy.HALF_WIDTH * deviation), _unbounded(item, z + policy.HALF_WIDTH * deviation))
-    )
-    return Estimate(item.name, item.value(z), ends[0], ends[1], unit, item.is_identified(z, deviation), at_bound)
-
-
-def _unbounded(item: Unknown, z: float) -> float:
-    return math.exp(min(max(z, -700.0), 700.0)) if item.logarithmic else z * item.scale
 
 
 def _covariance(level: Level, substep_s: float) -> FloatArray:

@@ -17,8 +17,7 @@ from lostmotion.lab.inverse.problem import TURN, Data, EquationError, Problem, b
 from lostmotion.lab.inverse.regression import MOST_STEPS, Regression, can_run, regressed
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import follows_motion, inertia_of, needed
-from lostmotion.lab.selection.candidates import others
-from lostmotion.lab.selection.nesting import wider, without
+from lostmotion.lab.selection.nesting import others, wider, without
 from lostmotion.lab.shooting.initial_guess import initial_guesses, natural_frequency
 from lostmotion.lab.shooting.least_squares import projected_off
 from lostmotion.lab.shooting.parameters import free_names

@@ -1,71 +1,268 @@
-"""Forward selection of effects of gears, as long as there is evidence, and elimination at the end.  step.py does a
-single step."""
+"""Forward selection of effects, and backward elimination: one search for every likelihood.
+
+A likelihood fits models and predicts unseen samples; what is a candidate, and what decides, stands here and in
+evidence.py.  Effects are added as long as one predicts unseen samples better, significantly for all candidates and by
+enough; those that later ones have made superfluous are eliminated.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-
-import numpy as np
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, replace
+from itertools import compress
+from typing import Generic, Protocol, TypeVar
 
 from lostmotion.lab import policy
-from lostmotion.lab.deadline import is_over
-from lostmotion.lab.fitting.fit import Progress
-from lostmotion.lab.fitting.strategy import grown
-from lostmotion.lab.selection.alternatives import distinguished
-from lostmotion.lab.selection.candidates import others
-from lostmotion.lab.selection.prune import eliminated
-from lostmotion.lab.selection.step import Step, look_ahead, searched
-from lostmotion.lab.selection.validate import Judged, Unseen
-from lostmotion.lab.shooting.continuation import Level
+from lostmotion.lab.deadline import is_over, remaining_s, within
+from lostmotion.lab.parallel import each
+from lostmotion.lab.selection.evidence import (
+    Candidate,
+    Fit,
+    Predictions,
+    are_alike,
+    are_consistent,
+    prior_odds,
+    shapes_tried,
+    simplest,
+)
+from lostmotion.model.effects import get_effect
+from lostmotion.model.effects.base import SHAFT_TURNS
 
-__all__ = ["Selection", "selected"]
+__all__ = ["Likelihood", "Proposals", "Selection", "Step", "named", "selected", "step"]
+
+F = TypeVar("F", bound=Fit)
 
 
 @dataclass(frozen=True, eq=False)
-class Selection:
-    """base: the fit of the model as it is; best, short: the last fit, on long and on short segments; descent: validated
-    with none, one, two, … of the effects; steps: what was tried; untried: effects that were not fitted because the time
-    was up.
+class Proposals(Generic[F]):
+    """Fits with one more effect each; untried: effects that were not fitted because the time was up; rejected: those
+    that the data of the fit do not show, which count as tried; detectable: the size at which they would have, with the
+    parameter's name."""
+
+    fits: Sequence[tuple[str, F]]
+    untried: tuple[str, ...] = ()
+    rejected: tuple[str, ...] = ()
+    detectable: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+
+
+class Likelihood(Protocol[F]):
+    """What the search needs: fits, and predictions of samples that they have not seen.
+
+    pool: for predictions, in parallel; firsts: how many effects are tried as the first of a pair; turns: of the motion.
     """
 
-    base: Level
-    best: Level
-    short: Level
-    descent: Sequence[Judged]
-    steps: Sequence[Step]
-    untried: tuple[str, ...]
+    @property
+    def pool(self) -> Executor | None: ...
+    @property
+    def firsts(self) -> int: ...
+    @property
+    def turns(self) -> float: ...
+    def first(self) -> F:
+        """The fit of the model as it is."""
+
+    def proposals(self, now: F, added: tuple[str, ...]) -> Iterable[Proposals[F]]:
+        """Fits with one more effect, in batches: a later one is asked for only where none before is accepted."""
+
+    def accepted(self, fit: F, now: F) -> F:
+        """The fit with an effect that was accepted, from which the search goes on."""
+
+    def without(self, effect: str, fit: F) -> F:
+        """The fit without one of the effects."""
+
+    def predictions(self, one: F, other: F, *, of_all: bool = False) -> Predictions:
+        """Errors of two fits at unseen samples; of_all: also of the last recording where the others suffice."""
+
+    def least_gain(self, fit: F, now: F) -> float:
+        """The share of the squared error that an effect must take to be named."""
+
+    def is_sized(self, effect: str, fit: F) -> bool:
+        """Whether the size of an effect differs from zero."""
+
+
+@dataclass(frozen=True, eq=False)
+class Step(Generic[F]):
+    """The candidates of one step, best first; confusable: the effects that explain as much as the first; untried,
+    rejected, detectable: see ``Proposals``."""
+
+    judged: tuple[Candidate[F], ...]
+    confusable: tuple[str, ...] = ()
+    untried: tuple[str, ...] = ()
+    rejected: tuple[str, ...] = ()
+    detectable: Mapping[str, tuple[str, float]] = field(default_factory=dict)
 
     @property
-    def unvalidated(self) -> list[str]:
-        """The effects that were accepted although the unseen data do not show them."""
-        return _unvalidated(self.steps)
+    def is_accepted(self) -> bool:
+        """Whether the first effect is significant."""
+        return bool(self.judged) and self.judged[0].is_significant
 
 
-def selected(short: Level, unseen: Unseen, progress: Progress) -> Selection:
-    """Adds effects to the fit on the shortest segments as long as one is accepted and there is time, then eliminates
-    those that have become superfluous."""
-    rng, level, beside = np.random.default_rng(0), grown(short, unseen.task), unseen
-    base, descent, steps = level, [unseen.judge(level.model)], list[Step]()
-    while len(descent) <= policy.MOST_MISSING and not (steps and is_over()):
-        progress("looking for more" if steps else "looking for what is missing", 0.15 + 0.25 * len(steps))
-        now = descent[-1]
-        found = [searched(level, short, now, beside, rng)]
-        if not found[0].accepted and len(descent) < policy.MOST_MISSING and not is_over():
-            found = look_ahead(found[0], now, beside, rng) or found
-        steps += found
-        if not found[-1].accepted:
+@dataclass(frozen=True, eq=False)
+class Selection(Generic[F]):
+    """fits: the base's, then one after each step; labels: the effect that each step added, or both where a general one
+    replaced a simpler one; steps: the candidates of each, the last one without success; untried: effects that were not
+    tried beside those that were added, because time ran out."""
+
+    fits: tuple[F, ...]
+    labels: tuple[str, ...]
+    steps: tuple[Step[F], ...]
+    untried: tuple[str, ...] = ()
+
+    @property
+    def added(self) -> tuple[str, ...]:
+        """The effects, in the order in which they were added."""
+        return tuple(dict.fromkeys(self.labels))
+
+    @property
+    def confusable(self) -> tuple[tuple[str, ...], ...]:
+        """Each added effect with those that explained as much and were not added: two effects that are both needed are
+        not confusable."""
+        tried = [step for step in self.steps if step.judged]
+        groups = [(one.judged[0].effect, *(e for e in one.confusable if e not in self.added)) for one in tried]
+        return tuple(group for group in groups if len(group) > 1 and group[0] in self.added)
+
+
+def selected(likelihood: Likelihood[F], progress: Callable[[str, float], None]) -> Selection[F]:
+    """Adds effects as long as one is significant and there is time, then eliminates those that have become
+    superfluous."""
+    now = likelihood.first()
+    fits, added, steps, untried = [now], list[str](), list[Step[F]](), tuple[str, ...]()
+    with within(policy.STAGE_SHARE * remaining_s()):
+        while len(added) < policy.MOST_EFFECTS:
+            progress("looking for more" if added else "looking for what is missing", 0.15 + 0.12 * len(added))
+            found = step(now, tuple(added), likelihood)
+            several = [found] if found.is_accepted else _pair(found, now, tuple(added), likelihood)
+            several = [] if several and _is_slight(several[-1], now, fits[0]) else several
+            steps += several or [found]
+            for one in several:
+                now = likelihood.accepted(one.judged[0].fit, now)
+                fits.append(now)
+                added = _relabelled([*added, one.judged[0].effect], fits[0].model.effects, now.model.effects)
+            untried = found.untried
+            if is_over():  # the fits of the last step, which added nothing or other effects, are incomplete
+                cut_short = steps[-1].judged[1:] if several else steps[-1].judged
+                untried = tuple(dict.fromkeys([*(one.effect for one in cut_short), *untried]))
+            if not several or is_over():
+                break
+    return _eliminated(Selection(tuple(fits), tuple(added), tuple(steps), untried), likelihood)
+
+
+def _relabelled(labels: Sequence[str], own: Sequence[str], effects: Sequence[str]) -> list[str]:
+    """The effects that the steps added; one that is no longer in the model was replaced, by an effect without a step of
+    its own, or by the last one, with the share that it explained."""
+    new = (effect for effect in effects if effect not in own and effect not in labels)
+    return [label if label in effects else next(new, labels[-1]) for label in labels]
+
+
+def _is_slight(step: Step[F], now: F, first: F) -> bool:
+    """Whether an accepted step reduces the error of the first model only slightly, however significant it is."""
+    taken = now.rms**2 - step.judged[0].fit.rms ** 2
+    return taken < policy.LEAST_SHARE * first.rms**2
+
+
+def step(now: F, added: tuple[str, ...], likelihood: Likelihood[F]) -> Step[F]:
+    """Judges the candidates against the present fit."""
+    found, ranked = list[tuple[str, F]](), Step[F](())
+    for batch in likelihood.proposals(now, added):
+        found += batch.fits
+        ranked = replace(
+            _ranked(found, batch.rejected, now, likelihood),
+            untried=batch.untried, rejected=batch.rejected, detectable=batch.detectable,
+        )  # fmt: skip
+        if ranked.is_accepted:
             break
-        steps[-1] = distinguished(found[-1], now, beside)
-        descent += [step.tried[0].judged for step in steps[-len(found) :]]
-        short = steps[-1].tried[0].level
-        beside = unseen.with_floor_of(short)
-        level = grown(short, unseen.task)
-    best, path = eliminated(level, descent, unseen, _unvalidated(steps))
-    tried = {one.effect for one in steps[-1].tried}
-    untried = tuple(effect for effect in others(best.model) if effect not in tried) if is_over() else ()
-    return Selection(base, best, short, path, steps, untried)
+    return ranked
 
 
-def _unvalidated(steps: Sequence[Step]) -> list[str]:
-    return [step.tried[0].effect for step in steps if step.unvalidated]
+def _ranked(
+    fits: Sequence[tuple[str, F]], rejected: Sequence[str], now: F, likelihood: Likelihood[F]
+) -> Step[F]:  # fmt: skip
+    """The candidates, best first; of those that explain the data equally well the simplest, then the one that predicts
+    all unseen samples best."""
+    prior = prior_odds([*(effect for effect, _ in fits), *rejected], now.model.effects)
+    tried = sum(prior.values())
+
+    def judged(one: tuple[str, F]) -> Candidate[F]:
+        effect, fit = one
+        predictions = likelihood.predictions(now, fit)
+        p_value = tried / prior[effect] * shapes_tried(effect, fit.model) * predictions.p_value
+        least = likelihood.least_gain(fit, now)
+        is_identified = (
+            predictions.gain > least and likelihood.is_sized(effect, fit) and are_consistent(fit.model, [effect])
+        )
+        blocks = int(predictions.block.max()) + 1
+        return Candidate(effect, fit, predictions.gain, min(p_value, 1.0), blocks, is_identified, least)
+
+    best = dict[str, Candidate[F]]()
+    for one in sorted(each(likelihood.pool, judged, fits, first=1), key=lambda one: -one.gain):
+        best.setdefault(one.effect, one)  # two fits of one effect may have been proposed
+    found = list(best.values())
+    good = [one for one in found if one.is_significant]
+    if not good:
+        return Step(tuple(sorted(found, key=lambda one: one.p_value)))
+    alike = [one for one in good if are_alike(one, good[0], tried, likelihood.predictions(one.fit, good[0].fit))]
+    first = named(alike, likelihood)
+    rest = [one for one in found if one is not first]
+    return Step((first, *rest), tuple(one.effect for one in alike if one is not first))
+
+
+def named(alike: Sequence[Candidate[F]], likelihood: Likelihood[F]) -> Candidate[F]:
+    """Chooses one of several effects that explain the data equally well: of the simplest the one that predicts all
+    unseen samples best, then by ``_preferred``."""
+    simple = simplest(alike)
+    if len(simple) == 1:
+        return simple[0]
+    left = [likelihood.predictions(one.fit, simple[0].fit, of_all=True).usual for one in simple]
+    best = [one for one, error in zip(simple, left, strict=True) if error * (1 - policy.LEAST_GAIN) <= min(left)]
+    return min(best, key=lambda one: (*_preferred(one, likelihood.turns), one.fit.rms))
+
+
+def _preferred(one: Candidate[F], turns: float) -> tuple[bool, bool]:
+    """Sort key for effects of the same shape: periodic ones first where a shaft turns, then the more likely one of a
+    kind."""
+    repeats = f"{one.effect}.N" in one.fit.model.parameters
+    return repeats != (turns >= SHAFT_TURNS), bool(get_effect(one.effect).likelier)
+
+
+def _pair(step_alone: Step[F], now: F, added: tuple[str, ...], likelihood: Likelihood[F]) -> list[Step[F]]:
+    """The steps of a pair of effects, where neither is significant alone; none where no pair is.
+
+    With gravity, viscous and Coulomb friction the first one added leaves the other two confounded (UR10e, joint 4); one
+    of two effects of gears leaves the impacts wrong.  A pair is tested against neither effect, corrected for all pairs,
+    and against each effect alone.  What explains most of what proposes candidates comes first: gravity without damping
+    is out of phase after some swings, and predicts nothing.
+    """
+    alone = {one.effect: one for one in step_alone.judged}
+    pairs = len(alone) * (len(alone) - 1) / 2
+    least = math.sqrt(1 - policy.LEAST_GAIN) * now.screened
+    promising = [one for one in step_alone.judged if one.fit.screened < least]
+    promising.sort(key=lambda one: one.fit.screened)
+    found: list[list[Step[F]]] = []
+    for begun in promising[: likelihood.firsts]:
+        first = replace(begun, fit=likelihood.accepted(begun.fit, now))
+        second = step(first.fit, (*added, first.effect), likelihood)
+        if not second.is_accepted:
+            continue
+        both = second.judged[0]
+        others = (now, *(alone[name].fit for name in (both.effect,) if name in alone))
+        if all(pairs * likelihood.predictions(one, both.fit).p_value < policy.FALSE_NAME for one in others):
+            rest = (one for one in step_alone.judged if one.effect != first.effect)
+            found.append([Step((first, *rest), untried=step_alone.untried), second])
+    return min(found, key=lambda two: two[1].judged[0].fit.rms, default=[])
+
+
+def _eliminated(found: Selection[F], likelihood: Likelihood[F]) -> Selection[F]:
+    """Eliminates effects that later ones have made superfluous, that only led a fit out of another minimum, or whose
+    size is no longer identified, as long as the estimates of the others agree with their definitions."""
+    fits, labels = list(found.fits), list(found.labels)
+    for effect in found.added:
+        if is_over():
+            break
+        now, less = fits[-1], likelihood.without(effect, fits[-1])
+        others = [name for name in labels if name != effect]
+        is_needed = likelihood.predictions(less, now).p_value < policy.FALSE_NAME and likelihood.is_sized(effect, now)
+        if not is_needed and are_consistent(less.model, others):
+            fits = [fits[0], *compress(fits[1:], [name != effect for name in labels])]
+            fits[-1], labels = less, others
+    return replace(found, fits=tuple(fits), labels=tuple(labels))

@@ -1,4 +1,5 @@
-"""Nested models: without an effect, or with a simpler or a more general one in its place.  Nothing is fitted here."""
+"""The effects that a model lacks; the model without one of its own, or with another in its place.  Nothing is fitted
+here."""
 
 from __future__ import annotations
 
@@ -8,7 +9,7 @@ from lostmotion.model import Model, build_model, catalogue
 from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import Simpler
 
-__all__ = ["contained", "in_place", "simpler", "wider", "with_effects", "without"]
+__all__ = ["contained", "in_place", "others", "wider", "with_effects", "without"]
 
 
 def with_effects(model: Model, effects: Sequence[str]) -> Model:
@@ -21,6 +22,12 @@ def with_effects(model: Model, effects: Sequence[str]) -> Model:
         values[f"{effect}.{own}" if effect else own] = parameter
     bare = build_model(model.base, effects)
     return bare.replace({name: given for name, given in values.items() if name in bare.parameters})
+
+
+def others(model: Model) -> list[str]:
+    """The effects of the catalogue that apply to the model and are not in it, alone or as a part of another one."""
+    may = (e.id for e in catalogue() if model.base in e.bases and e.id not in model.effects)
+    return [effect for effect in may if get_effect(effect).is_searched and not contained(model, effect)]
 
 
 def in_place(model: Model, old: str, new: str) -> Model:
@@ -45,15 +52,6 @@ def without(model: Model, effect: str) -> Model:
             own = {full: left.parameters[full] for full in (f"{whole}.{one}" for one in grown)}
             left = left.replace({full: min(p.value + size, p.high) for full, p in own.items()})
     return left
-
-
-def simpler(model: Model, effect: str) -> tuple[str, Model] | None:
-    """The simpler effect of this one's kind, and the model with it in its place; None where there is none, or the model
-    has it already."""
-    part = get_effect(effect).simpler
-    if part is None or part.effect in model.effects:
-        return None
-    return part.effect, in_place(model, effect, part.effect)
 
 
 def wider(model: Model, effect: str) -> tuple[str, Model] | None:

@@ -14,6 +14,7 @@ from functools import lru_cache
 import numpy as np
 
 from lostmotion.lab import policy
+from lostmotion.lab.results import Estimate
 from lostmotion.model import Domain, Model, Parameter
 from lostmotion.model.motion import FloatArray
 
@@ -75,6 +76,13 @@ class Unknown:
             return self.low + (z * self.scale - self.low) % (self.high - self.low)
         value = math.exp(min(z, 700.0)) if self.logarithmic else z * self.scale
         return min(max(value, self.low), self.high)
+
+    def interval(self, z: float, half: float) -> tuple[float, float]:
+        """The values at the ends of an interval of z, which may be outside of the bounds."""
+        value = self.value(z)
+        if self.logarithmic:
+            return value * math.exp(-min(half, 700.0)), value * math.exp(min(half, 700.0))
+        return value - half * self.scale, value + half * self.scale
 
     def slope(self, z: float) -> float:
         """d value / d z."""
@@ -140,6 +148,16 @@ class Unknowns:
     def around(self, model: Model, z: FloatArray, step: float) -> tuple[Model, Sequence[tuple[Model, float]]]:
         """The model at z, and for each unknown one a step away, with that step: downwards at the upper bound."""
         return _around(self, model, tuple(map(float, z)), step)
+
+    def estimates(self, model: Model, z: FloatArray, deviation: FloatArray, width: float) -> tuple[Estimate, ...]:
+        """The parameters with intervals of so many standard deviations on either side."""
+        found = []
+        for item, at, sd in zip(self.items, z.tolist(), deviation.tolist(), strict=True):
+            low, high = item.ends
+            is_at_bound, unit = bool(at <= low or at >= high), model.parameters[item.name].unit
+            ends = item.interval(at, width * sd)
+            found.append(Estimate(item.name, item.value(at), *ends, unit, item.is_identified(at, sd), is_at_bound))
+        return tuple(found)
 
     def slopes(self, z: FloatArray) -> FloatArray:
         """d value / d z of each, (P,)."""

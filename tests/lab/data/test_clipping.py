@@ -12,12 +12,13 @@ from lostmotion.lab.data.clipping import rail_of
 from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.fitting.fit import noise_of
 from lostmotion.lab.fitting.strategy import full_fit
-from lostmotion.lab.selection.step import searched
-from lostmotion.lab.selection.validate import Unseen
+from lostmotion.lab.gears.likelihood import ShortSegments
+from lostmotion.lab.gears.unseen import Unseen
+from lostmotion.lab.selection.forward import step
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import build_model
 from lostmotion.model.motion import FloatArray
-from tests.lab.gears import GEARS, gears
+from tests.lab.simulated_gears import GEARS, gears
 
 
 def rail(reading: FloatArray) -> float | None:
@@ -46,10 +47,10 @@ def test_an_end_that_one_segment_reaches_is_found(largest: float) -> None:
     level = full_fit(model, task)
     with ThreadPoolExecutor(2) as pool:
         unseen = Unseen(held[2], task, 0.5, pool)
-        step = searched(level, level, unseen.judge(level.model), unseen, np.random.default_rng(0))
-    if np.isinf(largest):
-        assert not step.accepted
-        return
-    assert step.unvalidated
-    assert step.tried[0].effect == "sensor_saturation"
-    assert step.tried[0].level.model.parameters["sensor_saturation.a_max"].value == pytest.approx(largest, rel=0.01)
+        likelihood = ShortSegments(level, unseen)
+        found = step(likelihood.first(), (), likelihood)
+    assert found.is_accepted == np.isfinite(largest)
+    if found.is_accepted:
+        best = found.judged[0]
+        assert best.effect == "sensor_saturation"
+        assert best.fit.model.parameters["sensor_saturation.a_max"].value == pytest.approx(largest, rel=0.01)

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from lostmotion.lab.data.noise import NoiseModel, innovation_noise, noise_floor, resolution
-from tests.lab.gears import NOISE, RATE_HZ, moved
+from tests.lab.simulated_gears import NOISE, RATE_HZ, moved
 
 FloatArray = NDArray[np.float64]
 

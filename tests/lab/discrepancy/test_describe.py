@@ -19,7 +19,7 @@ from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model, Parameter, build_model, catalogue
 from lostmotion.model.effects import get_effect
 from lostmotion.model.signals import SENSOR, TORQUE
-from tests.lab.gears import moved
+from tests.lab.simulated_gears import moved
 
 NOISE, LENGTH = 0.1, 1.2
 

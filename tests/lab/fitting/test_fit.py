@@ -21,7 +21,7 @@ from lostmotion.lab.shooting.segment import FINE_STEP, STEP
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model, Parameter, build_model
 from lostmotion.model.motion import FloatArray
-from tests.lab.gears import GEARS, NOISE, gears, moved
+from tests.lab.simulated_gears import GEARS, NOISE, gears, moved
 
 TRUE = {**GEARS, "l": 0.1}
 ROUGH = {"d": 6.6e-5, "alpha": 3300.0, "b": 0.23, "k": 2500.0, "l": 0.098}

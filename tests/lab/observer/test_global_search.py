@@ -17,7 +17,7 @@ from lostmotion.lab.observer.objective import Follower
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model, build_model
 from lostmotion.model.motion import FloatArray
-from tests.lab.gears import GEARS, LENGTH, NOISE, RATE_HZ, gears, moved
+from tests.lab.simulated_gears import GEARS, LENGTH, NOISE, RATE_HZ, gears, moved
 
 SUBSTEP = 2.5e-4
 

@@ -13,7 +13,7 @@ from lostmotion.lab.shooting.initial_state import find_start, ringing_hz, segmen
 from lostmotion.lab.shooting.segment import Segment
 from lostmotion.model import Model, build_model
 from lostmotion.model.motion import FloatArray
-from tests.lab.gears import GEARS, NOISE, moved
+from tests.lab.simulated_gears import GEARS, NOISE, moved
 
 SUBSTEP = 4e-5
 LENGTH = 0.25

@@ -8,50 +8,40 @@ to fit.  Successive halving on longer and longer segments then eliminates wrong 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from typing import Protocol, TypeVar
 
 import numpy as np
 
 from lostmotion.lab import policy
 from lostmotion.lab.fitting.strategy import doubled, full_fit, refined, repaired_fit
+from lostmotion.lab.gears.score_test import Direction
+from lostmotion.lab.gears.unseen import LONGER
 from lostmotion.lab.observer.global_search import shortlist
-from lostmotion.lab.selection.nesting import contained
-from lostmotion.lab.selection.score_test import Direction
-from lostmotion.lab.selection.validate import LONGER
+from lostmotion.lab.selection.nesting import in_place, others
 from lostmotion.lab.shooting.continuation import Level, fitted
 from lostmotion.lab.shooting.initial_state import repaired
 from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.lab.shooting.segment import Segment, start_with, state_scales
 from lostmotion.lab.shooting.task import Task
-from lostmotion.model import Model, catalogue
+from lostmotion.model import Model
 from lostmotion.model.effects import get_effect
 
 __all__ = [
     "FEW_STEPS",
     "Trial",
-    "best_of_each",
     "full_fits",
     "full_trials",
     "halving",
     "near_trials",
     "observer_trials",
-    "others",
     "repaired_trial",
+    "with_other_delays",
 ]
 
 FEW_STEPS = 6
 """Steps of a fit that compares effects, or numbers of teeth."""
-
-
-class _OfEffect(Protocol):
-    @property
-    def effect(self) -> str: ...
-
-
-T = TypeVar("T", bound=_OfEffect)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,20 +50,6 @@ class Trial:
 
     effect: str
     level: Level
-
-
-def best_of_each(ordered: Iterable[T]) -> list[T]:
-    """The first one of each effect, in their order."""
-    best: dict[str, T] = {}
-    for one in ordered:
-        best.setdefault(one.effect, one)
-    return list(best.values())
-
-
-def others(model: Model) -> list[str]:
-    """The effects of the catalogue that apply to the model and are not in it, alone or as a part of another one."""
-    may = (e.id for e in catalogue() if model.base in e.bases and e.id not in model.effects)
-    return [effect for effect in may if get_effect(effect).is_searched and not contained(model, effect)]
 
 
 def near_trials(
@@ -92,9 +68,9 @@ def full_trials(near: Sequence[Trial], effect: str, task: Task, pool: Executor) 
     return full_fits([(trial.effect, trial.level.model) for trial in near if trial in first], task, pool)
 
 
-def observer_trials(base: Level, task: Task, pool: Executor) -> list[Trial]:
-    """Fits on all short segments with the effects of least prediction error of observers; best first."""
-    near = shortlist(base, others(base.model), task, pool)[: policy.FINISHED]
+def observer_trials(base: Level, effects: Sequence[str], task: Task, pool: Executor) -> list[Trial]:
+    """Fits on all short segments with those of the effects of least prediction error of observers; best first."""
+    near = shortlist(base, effects, task, pool)[: policy.FINISHED]
     return full_fits([(one.effect, one.model) for one in near], task, pool)
 
 
@@ -114,7 +90,7 @@ def full_fits(begin: Sequence[tuple[str, Model]], task: Task, pool: Executor) ->
 
 def halving(full: Sequence[Trial], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
     """The trials on longer and longer segments, up to this length, without those that fall behind the best."""
-    trials = best_of_each(_ordered(full))
+    trials = _ordered(list({trial.effect: trial for trial in reversed(_ordered(full))}.values()))
     trials[:1] = [_recounted(trial, task, pool) for trial in trials[:1]]
     while trials and trials[0].level.horizon_s * LONGER < horizon_s:
         limit = policy.BEHIND * max(trials[0].level.typical, 1.0)
@@ -127,6 +103,17 @@ def halving(full: Sequence[Trial], task: Task, horizon_s: float, pool: Executor)
             break
         trials = _ordered(longer)
     return trials
+
+
+def with_other_delays(model: Model, task: Task) -> Iterator[tuple[str, Model]]:
+    """The alternatives to each effect that delays, with the same delay: a delay, a lag of the actuator and a lag of the
+    sensor are equal to first order in their time."""
+    possible = [effect for effect in others(model) if get_effect(effect).delays_by]
+    for old in task.added(model):
+        if own := get_effect(old).delays_by:
+            delay = model.parameters[f"{old}.{own}"].value
+            for new in possible:
+                yield new, in_place(model, old, new).replace({f"{new}.{get_effect(new).delays_by}": delay})
 
 
 def _recounted(trial: Trial, task: Task, pool: Executor) -> Trial:

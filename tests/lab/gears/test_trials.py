@@ -11,11 +11,12 @@ from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.fitting.fit import noise_of
 from lostmotion.lab.fitting.strategy import full_fit
-from lostmotion.lab.selection.candidates import FEW_STEPS, full_fits, full_trials, halving, near_trials, others
-from lostmotion.lab.selection.score_test import score_test
+from lostmotion.lab.gears.score_test import score_test
+from lostmotion.lab.gears.trials import FEW_STEPS, full_fits, full_trials, halving, near_trials
+from lostmotion.lab.selection.nesting import others
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import build_model
-from tests.lab.gears import GEARS, gears
+from tests.lab.simulated_gears import GEARS, gears
 
 TRUE = {"gear_eccentricity.e": 1e-5, "gear_eccentricity.N": 20.0, "gear_eccentricity.phi": 1.1}
 

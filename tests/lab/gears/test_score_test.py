@@ -13,13 +13,13 @@ from scipy.signal import lfilter
 from scipy.stats import binom
 
 from lostmotion.lab.data.experiment import experiments
-from lostmotion.lab.selection.score_test import Scores, score_test
+from lostmotion.lab.gears.score_test import Scores, score_test
 from lostmotion.lab.shooting.continuation import Level, fitted, tiles
 from lostmotion.lab.shooting.initial_state import segment_of
 from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.model import build_model
 from lostmotion.model.motion import FloatArray
-from tests.lab.gears import GEARS, Moved, moved
+from tests.lab.simulated_gears import GEARS, Moved, moved
 
 NOISE = 0.3
 SUBSTEP = 1e-4

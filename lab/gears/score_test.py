@@ -8,6 +8,7 @@ the same colour (a bootstrap of the search, not of one effect), which corrects f
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
@@ -57,6 +58,16 @@ class Scores:
     def limit(self) -> float:
         """The 95 % quantile of the largest statistic where nothing is missing."""
         return float(np.quantile(self.null, 1 - policy.FALSE_NAME))
+
+    @property
+    def detectable(self) -> dict[str, tuple[str, float]]:
+        """The amplitude at which each effect's statistic exceeds the limit with probability 1/2."""
+        sizes = {}
+        for d in self.directions:
+            if (names := get_effect(d.effect).amplitudes) and d.statistic > 0:
+                value = d.model.parameters[f"{d.effect}.{names[0]}"].value
+                sizes[d.effect] = (names[0], abs(value * d.amplitude) * math.sqrt(self.limit / d.statistic))
+        return sizes
 
 
 def score_test(

@@ -1,0 +1,144 @@
+"""What is missing from gears with play: starts the search, and turns its result into an Explanation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from contextlib import suppress
+from dataclasses import replace
+from itertools import pairwise
+
+from lostmotion.lab import policy, words
+from lostmotion.lab.data.excerpt import excerpts
+from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.deadline import within
+from lostmotion.lab.discrepancy.describe import described
+from lostmotion.lab.errors import ExperimentError
+from lostmotion.lab.fitting.fit import Progress, fit_of, refined_fit
+from lostmotion.lab.fitting.identifiability import with_scale
+from lostmotion.lab.fitting.strategy import first_fit, full_fit, predictable
+from lostmotion.lab.gears.likelihood import SegmentFit, ShortSegments
+from lostmotion.lab.gears.unseen import Judged, Unseen, is_left
+from lostmotion.lab.results import Errors, Estimate, Explanation, Finding, Fit, Verdict
+from lostmotion.lab.selection.forward import Selection, selected
+from lostmotion.lab.selection.outcome import advice, ranking, strongest_first
+from lostmotion.lab.shooting.continuation import FIRST_S, Level
+from lostmotion.lab.shooting.task import Task, coarse_substep, dithered, with_friction
+from lostmotion.model import Model, ModelError
+
+__all__ = ["explained_gears"]
+
+FIRST_LEAST = 8
+"""Samples in the first segments, which have four initial values: with three the noise could not be estimated."""
+STEP_COST = 0.4
+"""Cost of an integration step of gears, relative to that of a sample that is compared."""
+
+
+def explained_gears(
+    model: Model, train: Sequence[Experiment], last: Experiment, noise: dict[str, float], pool: Executor,
+    progress: Progress, budget_s: float,
+) -> Explanation:  # fmt: skip
+    """Finds what is missing, on ``train`` and on ``last``, to which no parameter is fitted.
+
+    noise: floor of each column; budget_s: how long all of it may take [s]; of long recordings a part is used that a
+    search can process in this time.  Raises ExperimentError where they were sampled too slowly.
+    """
+    _check_rate(model, [*train, last])
+    model, held = with_scale(model, [*train, last])
+    whole_s = sum(one.duration for one in (*train, last))
+    train, last = _used(model, train, last, budget_s)
+    (*train, last), noise = dithered(model, [*train, last], noise)
+    task = Task.of(model, train, noise)
+    progress("fitting what is there", 0.0)
+    with within(policy.SEARCH_SHARE * budget_s):
+        short = first_fit(model, task, pool)
+        unseen = Unseen(last, task, predictable(short, task), pool)
+        selection = selected(ShortSegments(short, unseen), progress)
+    progress("refining", 0.9)
+    with within((1 - policy.SEARCH_SHARE) * budget_s):
+        found = _explanation(selection, task, pool)
+    progress("done", 1.0)
+    used_s = sum(one.duration for one in (*train, last)), whole_s
+    return replace(found, held=held, used_s=used_s)
+
+
+def _check_rate(model: Model, experiments: Sequence[Experiment]) -> None:
+    """Raises ExperimentError where the first segments of gears hold too few samples to determine their initial
+    states."""
+    slow = min(experiments, key=lambda one: one.rate_hz)
+    length = FIRST_S.get(model.base, math.inf)
+    if slow.rate_hz * length < FIRST_LEAST:
+        raise ExperimentError(
+            f"{slow.name}: found {slow.rate_hz:.3g} samples a second, expected at least {FIRST_LEAST / length:.3g}: "
+            f"what the teeth of a gear do is over in {length:g} s; of a slow recording the base 'joint' (torque and "
+            "position) or 'servo' (command and position) can be asked"
+        )
+
+
+def _used(
+    model: Model, train: Sequence[Experiment], last: Experiment, budget_s: float
+) -> tuple[list[Experiment], Experiment]:
+    """The parts of the experiments to fit, and of the last one, that a search can process in this time."""
+    step = coarse_substep(with_friction(model, train), train)
+    rate = max(max(one.rate_hz for one in (*train, last)), STEP_COST / step)
+    most_s = policy.BUDGET_SAMPLES * budget_s / policy.BUDGET_S / rate
+    return excerpts(train, most_s), excerpts([last], most_s / 2)[0]
+
+
+def _explanation(selection: Selection[SegmentFit], task: Task, pool: Executor) -> Explanation:
+    """The result with refined estimates, and the remaining error."""
+    base, best, column = selection.fits[0], selection.fits[-1], next(iter(task.noise))
+    before, after = base.unseen, best.unseen
+    missing, descent = strongest_first([one.unseen.of(column) for one in selection.fits], selection)
+    refined = pool.submit(refined_fit, best.level, task)  # runs on one core while the residual is described
+    left = is_left(after)
+    verdict: Verdict = "missing" if missing else "outside_catalogue" if left else "nothing_missing"
+    columns = {
+        name: Errors(before.of(name), after.of(name), noise, words.column(name)[1])
+        for name, noise in task.noise.items()
+        if math.isfinite(before.of(name))
+    }
+    residual = _residual(best.short, best.model, task) if left else None
+    best_fit = refined.result()
+    return Explanation(
+        verdict=verdict,
+        missing=missing,
+        confusable=selection.confusable,
+        ranking=ranking(selection, descent[0], lambda one: one.fit.unseen.of(column), _values, best_fit.estimates),
+        error=columns[column],
+        residual=residual,
+        complete=not left,
+        advice=advice(selection, task.experiments, task.noise, pool),
+        detectable=selection.steps[-1].detectable if verdict == "nothing_missing" else {},
+        base=_with_unseen(fit_of(base.level, task), before),
+        best=_with_unseen(best_fit, after),
+        columns=columns,
+        descent=descent,
+        left_out=(after.errors.size - len(after.kept), after.errors.size),
+        unshown=tuple(
+            effect
+            for effect, (less, more) in zip(missing, pairwise(descent), strict=True)
+            if more**2 > (1 - policy.LEAST_GAIN) * less**2
+        ),
+        untried=selection.untried,
+    )
+
+
+def _with_unseen(fit: Fit, judged: Judged) -> Fit:
+    """The fit with the unseen recording in front, from the initial states that were found there."""
+    unseen = (replace(one.experiment, name=f"{one.experiment.name}, not fitted") for one in judged.segments)
+    starts = (one.start for one in judged.segments)
+    return replace(fit, experiments=(*unseen, *fit.experiments), starts=(*starts, *fit.starts))
+
+
+def _values(fit: SegmentFit) -> list[Estimate]:
+    """The parameters of a candidate, without intervals."""
+    return [Estimate(name, p.value, p.value, p.value, p.unit) for name, p in fit.model.parameters.items()]
+
+
+def _residual(short: Level, best: Model, task: Task) -> Finding | None:
+    """The remaining error, described by a function; None where the model cannot be run."""
+    with suppress(ModelError):
+        return described(short if short.model.effects == best.effects else full_fit(best, task), task)
+    return None

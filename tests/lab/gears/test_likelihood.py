@@ -1,0 +1,51 @@
+"""What the likelihood of gears adds to the search: which of the delays, which sizes may be zero, what is far."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from lostmotion.lab.data.experiment import experiments
+from lostmotion.lab.fitting.fit import noise_of
+from lostmotion.lab.fitting.strategy import doubled, full_fit
+from lostmotion.lab.gears.likelihood import SegmentFit, ShortSegments
+from lostmotion.lab.gears.unseen import Unseen
+from lostmotion.lab.shooting.task import Task
+from lostmotion.model import build_model
+from tests.lab.simulated_gears import GEARS, gears
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("hidden", "met"), [("actuator_lag", "command_delay"), ("command_delay", "actuator_lag"),
+                                             ("command_delay", "command_delay")])  # fmt: skip
+def test_which_one_it_is(hidden: str, met: str) -> None:
+    """Whichever delay the search has met first, the one that is there is named, with its time."""
+    model = build_model("play", values=GEARS)
+    *train, last = held = experiments(model, [gears(seed, **{f"{hidden}.T": 3e-3}) for seed in (61, 62, 63)])
+    task = Task.of(model, train, noise_of(held))
+    with ThreadPoolExecutor(2) as pool:
+        unseen = Unseen(last, task, 0.5, pool)
+        short = full_fit(model, task)
+        now = SegmentFit(short, short, unseen.judge(short.model), 1.0)
+        level = full_fit(model.with_effect(met).replace({f"{met}.T": 2.5e-3}), task)
+        fit = SegmentFit(level, level, unseen.judge(level.model))
+        found = ShortSegments(short, unseen).accepted(fit, now).model
+    assert found.effects == (hidden,)
+    assert found.parameters[f"{hidden}.T"].value == pytest.approx(3e-3, rel=0.03 if hidden != met else 0.1)
+
+
+@pytest.mark.slow
+def test_what_is_near_is_told_by_the_shortest_segments() -> None:
+    """A fit on longer segments leaves what is missing there, too: beside it an error counts as near by what the same
+    model leaves of the shortest ones."""
+    model = build_model("play", values=GEARS)
+    held = experiments(model, [gears(seed, 2.0, **{"viscous_friction.b_v": 6e-4}) for seed in (7, 8)])
+    task = Task.of(model, held, noise_of(held))
+    short = full_fit(model, task)
+    longer = doubled(short, task)
+    assert longer is not None
+    with ThreadPoolExecutor(2) as pool:
+        floor = ShortSegments(short, Unseen(held[1], task, 0.5, pool))._floor(longer)
+    assert longer.typical > 1.5 * short.typical
+    assert floor == pytest.approx(short.typical, rel=0.4)

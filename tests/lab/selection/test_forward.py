@@ -1,0 +1,143 @@
+"""The search itself, on a likelihood in closed form: effects are columns of a regression with known noise."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from lostmotion.lab.selection.evidence import Predictions
+from lostmotion.lab.selection.forward import Proposals, Selection, selected
+from lostmotion.lab.selection.nesting import others
+from lostmotion.model import Model, build_model
+from lostmotion.model.motion import FloatArray
+
+SAMPLES, BLOCK = 800, 8
+FIRST, SECOND, THIRD = "coulomb_friction", "viscous_friction", "gravity_torque"
+
+
+@dataclass(frozen=True, eq=False)
+class Regressed:
+    """A fit of some columns to half of the samples, and what it leaves of all."""
+
+    model: Model
+    left: FloatArray
+    sizes: FloatArray
+
+    @property
+    def rms(self) -> float:
+        """Of the samples that are fitted."""
+        return float(np.sqrt(np.mean(self.left[::2] ** 2)))
+
+    @property
+    def screened(self) -> float:
+        """The same."""
+        return self.rms
+
+    @property
+    def count(self) -> int:
+        """Columns."""
+        return self.sizes.size
+
+
+class Columns:
+    """measured: (SAMPLES,); columns: (SAMPLES,) by effect."""
+
+    pool, firsts, turns = None, 3, 0.0
+
+    def __init__(self, measured: FloatArray, columns: dict[str, FloatArray]) -> None:
+        self.measured, self.columns = measured, columns
+
+    def fit(self, effects: Sequence[str]) -> Regressed:
+        """Least squares on every second sample."""
+        A = np.stack([self.columns[name] for name in effects] or [np.zeros(SAMPLES)], axis=1)
+        sizes = np.linalg.lstsq(A[::2], self.measured[::2])[0]
+        return Regressed(build_model("joint", effects), self.measured - A @ sizes, sizes)
+
+    def first(self) -> Regressed:
+        """Without any column."""
+        return self.fit([])
+
+    def proposals(self, now: Regressed, added: tuple[str, ...]) -> Iterator[Proposals[Regressed]]:
+        """All columns that are left."""
+        may = [name for name in others(now.model) if name in self.columns]
+        yield Proposals([(name, self.fit([*now.model.effects, name])) for name in may])
+
+    def accepted(self, fit: Regressed, now: Regressed) -> Regressed:
+        """As it is."""
+        return fit
+
+    def without(self, effect: str, fit: Regressed) -> Regressed:
+        """Fitted again."""
+        return self.fit([name for name in fit.model.effects if name != effect])
+
+    def predictions(self, one: Regressed, other: Regressed, *, of_all: bool = False) -> Predictions:
+        """On the samples that are not fitted."""
+        block = np.arange(SAMPLES // 2) // BLOCK
+        return Predictions(one.left[1::2] ** 2, other.left[1::2] ** 2, block)
+
+    def least_gain(self, fit: Regressed, now: Regressed) -> float:
+        """A twentieth."""
+        return 0.05
+
+    def is_sized(self, effect: str, fit: Regressed) -> bool:
+        """Always."""
+        return True
+
+
+def found(sizes: dict[str, float], columns: dict[str, FloatArray], seed: int = 0) -> Selection[Regressed]:
+    """The search in white noise of 1 and these multiples of columns."""
+    noise = np.random.default_rng(seed).standard_normal(SAMPLES)
+    measured = noise + sum(size * columns[name] for name, size in sizes.items())
+    return selected(Columns(np.asarray(measured), columns), lambda what, part: None)
+
+
+def independent() -> dict[str, FloatArray]:
+    """Three columns that do not resemble each other."""
+    rng = np.random.default_rng(99)
+    return {name: rng.standard_normal(SAMPLES) for name in (FIRST, SECOND, THIRD)}
+
+
+def test_effects_are_added_strongest_first_and_no_others() -> None:
+    """Two columns of sizes 2 and 1 are found in this order, the third, which is not there, is not; noise is left."""
+    search = found({FIRST: 2.0, SECOND: 1.0}, independent())
+    assert search.added == (FIRST, SECOND)
+    assert [fit.rms for fit in search.fits] == pytest.approx([np.sqrt(6), np.sqrt(2), 1.0], rel=0.1)
+    assert search.confusable == ()
+
+
+def test_nothing_is_named_in_noise() -> None:
+    """Of 40 searches of noise at most four name an effect: 5 % a step for the whole catalogue, and less, as an effect
+    has to take a twentieth of the error."""
+    assert sum(bool(found({}, independent(), seed).added) for seed in range(40)) <= 4
+
+
+def test_what_explains_as_much_is_confusable() -> None:
+    """Two columns that differ by a hundredth: one is named, with the other beside it."""
+    columns = independent()
+    columns[SECOND] = columns[FIRST] + 0.01 * columns[SECOND]
+    search = found({FIRST: 2.0}, columns)
+    assert len(search.added) == 1
+    assert [set(group) for group in search.confusable] == [{FIRST, SECOND}]
+
+
+def test_what_helps_only_together_is_found_as_a_pair() -> None:
+    """Columns that nearly cancel in the samples that are predicted, not in those that are fitted: each alone explains
+    half of the latter and makes the predictions worse, both together leave the noise."""
+    columns = independent()
+    columns[SECOND][1::2] = 0.1 * columns[SECOND][1::2] - columns[FIRST][1::2]
+    search = found({FIRST: 12.0, SECOND: 12.0}, columns)
+    assert set(search.added) == {FIRST, SECOND}
+    assert search.fits[-1].rms == pytest.approx(1.0, rel=0.1)
+
+
+def test_what_later_effects_make_superfluous_is_taken_out() -> None:
+    """A column that is nearly the sum of two others comes first, and goes when both are there."""
+    columns = independent()
+    columns[THIRD] = columns[FIRST] + columns[SECOND] + 0.5 * columns[THIRD]
+    search = found({FIRST: 2.0, SECOND: 2.0}, columns)
+    assert search.steps[0].judged[0].effect == THIRD
+    assert set(search.added) == {FIRST, SECOND}
+    assert search.fits[-1].rms == pytest.approx(1.0, rel=0.1)
