@@ -31,13 +31,16 @@ _FACTORS: dict[str, dict[str, float]] = {
     "rad/s": {"deg/s": math.pi / 180, "°/s": math.pi / 180, "rpm": math.pi / 30, "rev/s": 2 * math.pi},
     "m/s": {"mm/s": 1e-3, "cm/s": 1e-2},
     "m/s^2": {"m/s²": 1.0, "mm/s^2": 1e-3, "g": STANDARD_GRAVITY, "mg": STANDARD_GRAVITY / 1000},
-    "N m": {"Nm": 1.0, "N mm": 1e-3, "mN m": 1e-3, "kgf cm": STANDARD_GRAVITY / 100, "lbf in": POUND_FORCE * 0.0254},
+    "N m": {
+        "Nm": 1.0, "N mm": 1e-3, "mN m": 1e-3, "N cm": 1e-2, "kN m": 1e3, "kgf cm": STANDARD_GRAVITY / 100,
+        "lbf in": POUND_FORCE * 0.0254,
+    },
     "N": {"mN": 1e-3, "kN": 1e3, "lbf": POUND_FORCE, "kip": 1000 * POUND_FORCE, "kgf": STANDARD_GRAVITY},
     "m": {"cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "in": 0.0254, "ft": 0.3048},
     "V": {"mV": 1e-3},
     "A": {"mA": 1e-3},
     "degC": {"°C": 1.0, "C": 1.0},
-}
+}  # fmt: skip
 
 
 def to_si(unit: str) -> tuple[str, float] | None:

@@ -25,6 +25,7 @@ __all__ = ["parse_map", "parse_term", "split_address"]
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 SCALED = re.compile(rf"(?P<name>.+?)\s*\*\s*(?P<factor>{NUMBER})\s*(?P<offset>[+-]\s*{NUMBER})?")
 KEYS = ("joint", "topic", "episode", "rate_hz")
+SPELT = {"rate-hz": "rate_hz", "rate": "rate_hz"}
 
 
 def parse_map(texts: Iterable[str]) -> dict[str, Term]:
@@ -72,7 +73,9 @@ def split_address(path: Path) -> tuple[Path, Choice]:
     name, mark, fragment = str(path).rpartition("#")
     if not mark or path.exists() or not Path(name).exists():
         return path, Choice()
-    pairs = re.split(rf",(?=(?:{'|'.join((*KEYS, *COLUMN_UNITS))})=)", fragment)
+    pairs = re.split(rf",(?=(?:{'|'.join((*KEYS, *SPELT, *COLUMN_UNITS))})=)", fragment)
+    parts = [pair.partition("=") for pair in pairs]
+    pairs = [f"{SPELT.get(key, key)}{equals}{value}" for key, equals, value in parts]
     known = {key: pair.removeprefix(f"{key}=") for pair in pairs for key in KEYS if pair.startswith(f"{key}=")}
     terms = parse_map(pair for pair in pairs if pair.partition("=")[0] not in KEYS)
     try:

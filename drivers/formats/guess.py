@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import difflib
+import re
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.source import Choice, Series, Term, shown
-from lostmotion.drivers.formats.words import column_of, joint_of, unit_of
+from lostmotion.drivers.formats.words import column_of, is_time, joint_of, speed_of, unit_of
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
-__all__ = ["Chosen", "Guess", "guessed", "listed", "named"]
+__all__ = ["Chosen", "Guess", "guessed", "listed", "mapped", "named"]
 
 OF_JOINTS = ("command", "position", "torque", "current", "voltage", "temperature")
 LINEAR = ("displacement", "force")
+MOTIONS = {"position", "displacement"}
 SHOWN = 12
 
 
@@ -63,13 +66,44 @@ def guessed(series: Sequence[Series], choice: Choice, name: str) -> Guess:
         elif found:
             chosen[column] = _chosen(column, found[0], Term(found[0].name), "by its name")
             notes += [f"{column}: also found {listed(found[1:])}"] if found[1:] else []
+    if not MOTIONS & {*chosen, *choice.terms}:
+        speed, note = _speed(series, joint)
+        chosen |= speed
+        notes += note
     if not chosen:
         raise RecordingError(
-            f"{name}: found {listed(series)}, and none that is clearly a column; "
-            "assign them, as in --map position=SERIES:deg (or FILE#position=SERIES:deg), or position=SERIES:rpm "
-            "for the integral of a speed"
+            f"{name}: found {listed(series)}, and none that is clearly a column; assign them, as in {_example(series)} "
+            "(deg: the unit; rpm for the integral of a speed; *FACTOR for counts)"
         )
+    used = {one.series for one in chosen.values()}
+    if left := [one for one in series if one.name not in used and not is_time(one.name)]:
+        notes.append(f"not used: {listed(left)}")
     return Guess([chosen[column] for column in COLUMN_UNITS if column in chosen], joint, notes)
+
+
+def mapped(column: str, series: str, unit: str = "") -> str:
+    """The option that assigns a series, as a shell takes it."""
+    return f"--map {shlex.quote(f'{column}={shown(series)}{unit}')}"
+
+
+def _example(series: Sequence[Series]) -> str:
+    """How the first series would be assigned; without a header the first column is most often the time."""
+    names = [one.name for one in series if not is_time(one.name)]
+    first = (names[1:] if names[0] == "column1" and names[1:] else names)[:2] if names else ["SERIES"]
+    units = ("" if unit_of(name, "position") else ":deg" for name in first[:1])
+    parts = [mapped("position", first[0], next(units)), *(mapped("torque", one) for one in first[1:])]
+    return " ".join(parts)
+
+
+def _speed(series: Sequence[Series], joint: str) -> tuple[dict[str, Chosen], list[str]]:
+    """The position as the integral of a speed, where a file has no other motion; and what a person should know."""
+    found = [(one, unit) for one in series if (unit := speed_of(one.name)) is not None]
+    own = [(one, unit) for one, unit in found if joint_of(one.name) in (joint, "")]
+    one, unit = (own or found or [(Series(""), "")])[0]
+    if len(own) != 1 or not (one.unit or unit):
+        option = mapped("position", one.name, ":rpm")
+        return {}, [f"position: none; {option} (or :rad/s) integrates a speed"] if one.name else []
+    return {"position": _chosen("position", one, Term(one.name, one.unit or unit), "a speed, as there is no angle")}, []
 
 
 def named(term: Term, series: Sequence[Series], joint: str, name: str) -> tuple[Series, Term]:
@@ -81,13 +115,20 @@ def named(term: Term, series: Sequence[Series], joint: str, name: str) -> tuple[
     for full in (term.name, f"{term.name}[{joint}]"):
         if full in names:
             return names[full], term
-    endings = [other for other in names if other.endswith(term.name)]
+    spelt = [other for other in names if _plain(other) == _plain(term.name)]
+    endings = spelt or [other for other in names if other.endswith(term.name)]
     if len(endings) == 1:
         return names[endings[0]], replace(term, name=endings[0])
     close = endings or [other for other in names if other.startswith(term.name)]
     close = close or difflib.get_close_matches(term.name, names, 3, 0.4)
     hint = f", such as {_some(close)}" if close else f": {listed(series)}"
     raise RecordingError(f"{name}: found no series {shown(term.name)!r}, expected one of its {len(names)}{hint}")
+
+
+def _plain(name: str) -> str:
+    """A name in lower case, without the unit in brackets at its end; ``data.0`` is ``data[0]``."""
+    less = re.sub(r"\s*[\[(][^\])\d]+[\])]\s*$", "", name)
+    return re.sub(r"\.(\d+)\b", r"[\1]", less).strip().lower()
 
 
 def listed(series: Sequence[Series]) -> str:

@@ -122,6 +122,6 @@ def _is_own(start: bytes) -> bool:
     names = [cell.strip(' "') for cell in header.split(",")]
     ours = set(names) & set(COLUMN_UNITS)
     if "time" in ours:
-        return len(ours) > 1 or not any(column_of(name) for name in names)
+        return not any((column := column_of(name)) and column not in ours for name in names if name not in ours)
     is_whole = len(lines) > 1 or len(start) == START  # a header of a thousand names is cut off here
     return not (is_whole and any(letter.isalpha() for letter in header))

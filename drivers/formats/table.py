@@ -12,15 +12,17 @@ from numpy.typing import NDArray
 
 from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.errors import RecordingError
-from lostmotion.drivers.formats.guess import listed, named
+from lostmotion.drivers.formats.guess import listed, mapped, named
 from lostmotion.drivers.formats.source import Choice, Samples, Series, Term
-from lostmotion.drivers.formats.words import TIMES, is_time, unit_of
+from lostmotion.drivers.formats.words import is_time, time_rank, unit_of
 from lostmotion.drivers.units import to_si
 
 __all__ = ["Table", "seconds"]
 
 EPOCH_S = (1e9, 4e9)
 """2001 to 2096: times in this range count from 1970"""
+LEAST_ROWS, LONGEST_STEP_S = 20, 0.5
+"""of a time axis without a name"""
 LOOKS_LIKE = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
 """numbers beyond these count from 1970 in this unit"""
 
@@ -69,13 +71,26 @@ class Table:
                 raise RecordingError(f"{self.name}: found a rate of {choice.rate_hz:g} Hz, expected 0 to 1e9 Hz")
             return None
         found = [one for one in self.series if is_time(one.name)]
+        if not found and self._ascends():
+            return self.series[0], Term(self.series[0].name, "s")
         if not found:
             raise RecordingError(
                 f"{self.name}: found {listed(self.series)}, and no times; choose their series, as in "
-                "--map time=SERIES:ms, or give the rows a second: FILE#rate_hz=R"
+                f"{mapped('time', self.series[0].name, ':ms')}, or give the rows a second: FILE#rate_hz=100"
             )
-        best = min(found, key=lambda one: TIMES.index(one.name.lower()) if one.name.lower() in TIMES else len(TIMES))
+        best = min(found, key=lambda one: time_rank(one.name))
         return best, Term(best.name)
+
+    def _ascends(self) -> bool:
+        """Whether the first series is a time that no name says: it ascends in steps of one size, of less than half a
+        second."""
+        first = self.series[0].name
+        values = np.asarray(self.load([first])[first], dtype=np.float64)
+        steps = np.diff(values)
+        if steps.size < LEAST_ROWS or not (steps > 0).all():
+            return False
+        usual = float(np.median(steps))
+        return usual < LONGEST_STEP_S and float(np.quantile(steps, 0.9)) < 2 * usual and not self.series[0].unit
 
     def _check(self, times: FloatArray, clock: str) -> list[str]:
         known = times[~np.isnan(times)]

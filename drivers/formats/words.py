@@ -6,14 +6,16 @@ import re
 
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
-__all__ = ["column_of", "is_time", "joint_of", "unit_of"]
+__all__ = ["SPELT", "column_of", "is_time", "joint_of", "speed_of", "time_rank", "unit_of"]
 
 COMMAND = {
     "goal", "goals", "target", "targets", "desired", "reference", "references", "ref", "command", "commands",
     "commanded", "cmd", "setpoint", "action",
 }  # fmt: skip
-POSITION = {"position", "positions", "pos", "angle", "angles", "qpos", "q", "theta"}
-SYMBOLS = {"q", "theta"}
+POSITION = {
+    "position", "positions", "pos", "angle", "angles", "qpos", "q", "theta", "phi", "encoder", "enc", "counts", "ticks",
+}  # fmt: skip
+SYMBOLS = {"q", "theta", "phi"}
 """of the joint, where a name says another quantity, too: ``q3_tau`` is its torque"""
 QUANTITIES = {
     "temperature": {"temperature", "temp"},
@@ -22,31 +24,40 @@ QUANTITIES = {
     "force": {"force"},
     "displacement": {"displacement"},
     "accel": {"accel", "acceleration", "acc", "accelerometer"},
-    "current": {"current", "amps"},
+    "current": {"current", "amps", "iq"},
 }
-OTHER = {
-    "velocity", "velocities", "vel", "speed", "qd", "qvel", "dq", "accelerations", "jerk", "error", "errors",
-    "covariance", "orientation", "quaternion", "gyro", "angular", "status", "moving", "index", "stamp", "limit",
-    "limits", "min", "max", "mean", "std", "id", "output", "tolerance", "delta",
+SPEED = {"velocity", "velocities", "vel", "speed", "qd", "qvel", "dq", "omega", "rpm"}
+OTHER = SPEED | {
+    "accelerations", "jerk", "error", "errors", "covariance", "orientation", "quaternion", "gyro", "angular", "status",
+    "moving", "index", "stamp", "limit", "limits", "min", "max", "mean", "std", "id", "tolerance", "delta",
 }  # fmt: skip
 """words of series that are none of the columns"""
+OUTPUT = re.compile(r"(^|[/.])output[/.\[]")
+"""A part of a ROS message: what a controller puts out, and no angle of an output shaft."""
 GENERAL = {
     "joint", "joints", "state", "states", "observation", "controller", "trajectory", "robot", "data", "feedback",
     "actual", "present", "measured", "linear", "interface", "values", "value", "motor", "motors", "servo", "sensor",
-    "imu", "msg", "x", "y", "z",
+    "imu", "msg", "x", "y", "z", "output", "input", "shaft",
 }  # fmt: skip
-UNITS = {"deg", "degrees", "rad", "s", "ms", "us", "ns", "mm", "m", "nm", "a", "ma", "v", "mv", "c", "g", "n", "arcmin"}
-VOCABULARY = COMMAND | POSITION | set().union(*QUANTITIES.values()) | OTHER | GENERAL | UNITS
-TIMES = (
-    "__time", "time", "time_s", "timestamp", "timestamps", "t", "stamp", "times", "tout", "time_ms", "time_us",
-    "time_ns", "timestamp_s", "timestamp_ms", "timestamp_us", "timestamp_ns", "secs", "seconds", "elapsed",
-    "datetime", "date_time",
-)  # fmt: skip
-"""names of the time axis, those first that others come after"""
+TIMES = ("__time", "time", "timestamp", "timestamps", "t", "times", "tout", "elapsed", "datetime", "stamp")
+"""words of the time axis, those first that others come after"""
+BESIDE_TIME = {"elapsed", "sensor", "stamp", "date", "from", "start", "since", "the", "of", "in"}
+"""words that may stand beside them"""
 SPELT = {
-    "degrees": "deg", "degree": "deg", "radians": "rad", "nm": "N m", "ma": "mA", "mv": "mV", "a": "A", "v": "V",
-    "c": "degC", "n": "N", "sec": "s", "seconds": "s", "m/s2": "m/s^2",
+    "degrees": "deg", "degree": "deg", "radians": "rad", "radian": "rad", "rads": "rad", "revs": "rev", "turns": "rev",
+    "rad/sec": "rad/s", "rads/s": "rad/s", "rps": "rev/s", "dps": "deg/s", "deg/sec": "deg/s", "rpm": "rpm",
+    "nm": "N m", "n.m": "N m", "n*m": "N m", "n-m": "N m", "n·m": "N m", "mnm": "mN m", "mn.m": "mN m", "mn*m": "mN m",
+    "ncm": "N cm", "n.cm": "N cm", "n*cm": "N cm", "knm": "kN m", "kn": "kN", "newton": "N", "newtons": "N",
+    "ma": "mA", "mv": "mV", "a": "A", "amp": "A", "amps": "A", "v": "V", "volt": "V", "volts": "V", "c": "degC",
+    "n": "N", "sec": "s", "secs": "s", "second": "s", "seconds": "s", "msec": "ms", "millis": "ms",
+    "milliseconds": "ms", "usec": "us", "micros": "us", "microseconds": "us", "meters": "m", "metres": "m",
+    "m/s2": "m/s^2", "m/s/s": "m/s^2", "m/s**2": "m/s^2",
 }  # fmt: skip
+UNITS = {
+    "deg", "rad", "s", "ms", "us", "ns", "mm", "cm", "m", "nm", "a", "ma", "v", "mv", "c", "g", "n", "kn", "arcmin",
+    "rev", *SPELT,
+}  # fmt: skip
+VOCABULARY = COMMAND | POSITION | set().union(*QUANTITIES.values()) | OTHER | GENERAL | UNITS
 
 
 def column_of(name: str) -> str | None:
@@ -54,7 +65,7 @@ def column_of(name: str) -> str | None:
     if name in COLUMN_UNITS:
         return None if name == "time" else name
     words = set(_words(name))
-    if words & OTHER:
+    if words & OTHER or OUTPUT.search(name):
         return None
     found = [column for column, known in QUANTITIES.items() if words & known]
     if words & (POSITION - SYMBOLS if found else POSITION) or {"observation", "state"} <= words:
@@ -64,10 +75,29 @@ def column_of(name: str) -> str | None:
     return "command" if words & COMMAND else None
 
 
+def speed_of(name: str) -> str | None:
+    """The unit of a series that is a speed, as its name says; "" where it says none, None for other series."""
+    words = set(_words(name))
+    if not words & SPEED or words & (OTHER - SPEED | COMMAND):
+        return None
+    found = [unit for unit in _last(name) if (si := to_si(unit)) and si[0] in ("rad/s", "m/s")]
+    return found[0] if found else ""
+
+
 def is_time(name: str) -> bool:
     """Whether a series of this name may be the time axis."""
-    plain = re.sub(r"\s*[\[(][^\])]*[\])]$", "", name).strip().lower().replace(" ", "_")
-    return plain in TIMES
+    return time_rank(name) < len(TIMES) + 1
+
+
+def time_rank(name: str) -> int:
+    """The place of a name among those of the time axis, the first one at 0; beyond them all for another series."""
+    plain = re.sub(r"[\[(][^\])]*[\])]\s*$", "", name)
+    words = ["__time"] if plain == "__time" else _words(plain)
+    kept = [word for word in words if word not in UNITS | BESIDE_TIME] or words
+    if len(kept) == 1 and kept[0] in TIMES:
+        return TIMES.index(kept[0])
+    is_unit = len(words) == 1 and to_si(SPELT.get(words[0], "")) == ("s", 1.0)
+    return len(TIMES) if is_unit else len(TIMES) + 1
 
 
 def joint_of(name: str) -> str:
@@ -75,6 +105,8 @@ def joint_of(name: str) -> str:
     if name in COLUMN_UNITS or re.fullmatch(r"column\d+", name):
         return ""
     for bracket in re.findall(r"\[([^\]]+)\]", name):
+        if to_si(_spelt(bracket)) is not None:
+            continue
         if bracket.isdigit():
             return str(bracket)
         if kept := _proper(bracket):
@@ -84,17 +116,29 @@ def joint_of(name: str) -> str:
 
 
 def unit_of(name: str, column: str) -> str:
-    """The unit at the end of a name, as in ``angle_deg``, ``angle (deg)`` or ``angle [deg]``; "" for none.
+    """The unit at the end of a name, as in ``angle_deg``, ``angle (deg)``, ``angle deg`` or ``angle [deg]``; "" for
+    none.
 
-    Behind a ``_`` it must suit the column: the m of ``torque_m`` is a motor, and no metre.
+    Without brackets it must suit the column: the m of ``torque_m`` is a motor, and no metre.
     """
-    if found := re.search(r"[\[(]([^\])]+)[\])]$", name):
-        unit = SPELT.get(found[1].strip().lower(), found[1].strip())
-        return unit if to_si(unit) is not None else ""
-    found = re.search(r"_([A-Za-z]+)$", name)
-    unit = SPELT.get(found[1].lower(), found[1]) if found else ""
-    known = to_si(unit)
-    return unit if known is not None and known[0] == COLUMN_UNITS[column] else ""
+    if re.search(r"[\[(][^\])]+[\])]\s*$", name):
+        return next((unit for unit in _last(name) if to_si(unit) is not None), "")
+    fits = (unit for unit in _last(name) if (si := to_si(unit)) is not None and si[0] == COLUMN_UNITS[column])
+    return next(fits, "")
+
+
+def _last(name: str) -> list[str]:
+    """What may be the unit at the end of a name, as ``to_si`` knows it."""
+    if found := re.search(r"[\[(]([^\])]+)[\])]\s*$", name):
+        return [_spelt(found[1])]
+    plain = name.strip()
+    return [_spelt(re.split(separators, plain)[-1]) for separators in (r"[_\s,-]", r"[_\s,/-]")]
+
+
+def _spelt(unit: str) -> str:
+    """A unit as ``to_si`` knows it, where it is spelt otherwise."""
+    plain = unit.strip()
+    return plain if to_si(plain) is not None else SPELT.get(re.sub(r"\s", "", plain).lower(), plain)
 
 
 def _words(name: str) -> list[str]:

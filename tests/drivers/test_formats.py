@@ -63,6 +63,10 @@ def refused(path: Path, *terms: str, **choice: Any) -> str:
         ("position_error", None, ""),
         ("q_ref", "command", ""),
         ("motorTemp", "temperature", ""),
+        ("Output Angle [deg]", "position", ""),
+        ("Torque [mNm]", "torque", ""),
+        ("/c/controller_state.output.effort[elbow]", None, "elbow"),
+        ("Motor Speed (RPM)", None, ""),
     ],
 )
 def test_names_say_column_and_joint(name: str, column: str | None, joint: str) -> None:
@@ -79,6 +83,9 @@ def test_names_say_units() -> None:
     assert unit_of("elbow_mA", "current") == "mA"
     assert unit_of("torque_m", "torque") == ""
     assert unit_of("angle (counts)", "position") == ""
+    for name in ("pos_deg", "Position, deg", "Position (degrees)", "angle/deg", "angle deg"):
+        assert unit_of(name, "position") == "deg", name
+    assert unit_of("Torque [mNm]", "torque") == "mN m"
 
 
 def test_map_is_understood(tmp_path: Path) -> None:
@@ -361,6 +368,52 @@ def test_a_speed_is_integrated_where_it_is_said_to_tell_the_position(unit: str, 
     assert turned[[0, 10, 20]] == pytest.approx(np.array([0.0, 15.0, 60.0]) * factor)
     assert "position_unit" not in found.recording.metadata
     assert "position: integrated from a speed, from zero on" in found.notes
+
+
+def table(path: Path, header: str, *columns: Any) -> Path:
+    """A text file of these columns; without a header where that is empty."""
+    np.savetxt(path, np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.9g")
+    return path
+
+
+def test_a_speed_stands_for_the_motion_where_there_is_no_other(tmp_path: Path) -> None:
+    """With a unit it is integrated; without one the line to type is printed."""
+    path = table(tmp_path / "x.csv", "Time (ms),Speed [rpm],Torque [mNm]", 1e3 * T, 60 + 0 * T, 7 + T)
+    found = read(path).recording
+    assert found.columns["position"][-1] == pytest.approx(2 * np.pi * T[-1])
+    assert found.columns["torque"][0] == pytest.approx(7e-3)
+    path = table(tmp_path / "y.csv", "t,omega,torque", T, T, T)
+    assert "--map position=omega:rpm (or :rad/s) integrates a speed" in "".join(read(path).notes)
+
+
+def test_a_time_without_a_name_ascends_evenly(tmp_path: Path) -> None:
+    """A file without a header: its first column is the time, and the line to type names the second one."""
+    path = table(tmp_path / "x.txt", "", T, ANGLE, 2 * ANGLE)
+    assert "--map position=column2:deg --map torque=column3" in refused(path)
+    found = read(path, "position=column2").recording
+    np.testing.assert_allclose(found.time, T, atol=1e-9)
+    path = table(tmp_path / "y.txt", "", ANGLE, 2 * ANGLE)
+    assert "--map time=column1:ms" in refused(path, "position=column2")
+
+
+def test_what_stands_beside_our_own_names_is_read_too(tmp_path: Path) -> None:
+    """A header of another program may hold some of the names of a recording."""
+    path = table(tmp_path / "x.csv", "time,Shaft Angle [deg],torque,id", T, 180 + ANGLE, ANGLE, T)
+    found = read_recording(path)
+    assert found.columns["position"][0] == pytest.approx(np.pi)
+    assert found.columns["torque"][5] == pytest.approx(ANGLE[5])
+    assert "not used: id" in "".join(read(path).notes)
+
+
+def test_a_series_is_found_as_people_write_it(tmp_path: Path) -> None:
+    """Without its unit, in other capitals, and a rate in words of the command line."""
+    path = table(tmp_path / "x.csv", "data[0],Crank [deg]", T**2, ANGLE)
+    address, choice = split_address(Path(f"{path}#rate-hz=50,position=crank,torque=data.0"))
+    assert choice.rate_hz == 50
+    found = imported(address, choice).recording
+    assert found.columns["position"][9] == pytest.approx(np.radians(ANGLE[9]))
+    assert found.columns["torque"][9] == pytest.approx(T[9] ** 2)
+    assert found.time[1] == pytest.approx(0.02)
 
 
 def test_a_speed_without_numbers_is_an_empty_position(tmp_path: Path) -> None:
