@@ -98,6 +98,10 @@ class Fit(Displayed):
     """Times the noise, up to which an error counts as noise."""
     held: tuple[Estimate, ...] = ()
     """Parameters that these recordings cannot determine, with the values at which they were held."""
+    band_hz: float = math.inf
+    """The highest end of the band in which the torque of a joint was compared."""
+    delay_s: float = 0.0
+    """How much later than recorded that torque acts; the experiments are without this delay."""
 
     def __getitem__(self, name: str) -> Estimate:
         """The estimate of that parameter.  Raises KeyError for one that was not free."""
@@ -128,6 +132,7 @@ class Fit(Displayed):
             "complete": self.is_noise,
             "stopped_early": not self.complete,
             "scale": [estimate.held_document() for estimate in self.held],
+            "delay_s": self.delay_s,
         }
 
 
@@ -258,6 +263,7 @@ class Explanation(Displayed):
             "share": {effect: _number(share) for effect, share in self.share.items()},
             "columns": {name: errors.document() for name, errors in self.columns.items()},
             "scale": [estimate.held_document() for estimate in self.held],
+            "delay_s": self.best.delay_s,
             "untried": list(self.untried),
             "used": {"seconds": self.used_s[0], "of": self.used_s[1]} if self.used_s else None,
             "left_out": {"segments": self.left_out[0], "of": self.left_out[1]},

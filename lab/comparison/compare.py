@@ -30,6 +30,7 @@ from lostmotion.lab.discrepancy.describe import described
 from lostmotion.lab.discrepancy.residual_maps import ResidualMap
 from lostmotion.lab.fitting.identifiability import held
 from lostmotion.lab.fitting.strategy import started
+from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.explain import method_of
 from lostmotion.lab.inverse.validate import Method, is_noise
 from lostmotion.lab.results import Displayed, Finding
@@ -110,6 +111,8 @@ class Comparison(Displayed):
     spectra: Mapping[str, Spectra]
     maps: Mapping[str, tuple[ResidualMap, ...]]
     localisation: Finding | None
+    delay_s: float = 0.0
+    """How much later than recorded the torque of a joint acts, as it was removed."""
 
     @property
     def column(self) -> str:
@@ -161,6 +164,7 @@ class Comparison(Displayed):
             "error": error,
             "complete": self.is_noise,
             "is_noise": self.is_noise,
+            "delay_s": self.delay_s,
             "columns": {name: self._column(name) for name in self.maps},
             "residual": self.localisation.document() if self.localisation else None,
             "recordings": [_row(one) for one in self.overlays],
@@ -196,10 +200,11 @@ def compare(
     acts.  Raises ModelError where the model cannot be run.
     """
     if starts is None and method_of(model, experiments) is Method.TORQUE:
-        predictions, floor_nm, left = needed_torques(model, experiments)
+        channel = Channel.of(experiments)
+        predictions, floor_nm, left = needed_torques(model, experiments, channel)
         endless = [math.inf] * len(predictions)
         found = _compared(model, predictions, endless, {TORQUE: NoiseModel.white(floor_nm)}, recordings)
-        return found if found.is_noise else replace(found, localisation=left)
+        return replace(found, delay_s=channel.delay_s, localisation=None if found.is_noise else left)
     floor = {name: _floor(name, experiments) for name in _columns(experiments)}
     if starts is None:
         starts = [_start(model, one, floor) for one in experiments]

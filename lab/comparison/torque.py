@@ -34,14 +34,15 @@ __all__ = ["TORQUE", "needed_torques"]
 TORQUE = "torque"
 
 
-def needed_torques(model: Model, experiments: Sequence[Experiment]) -> tuple[list[Prediction], float, Finding]:
+def needed_torques(
+    model: Model, experiments: Sequence[Experiment], channel: Channel
+) -> tuple[list[Prediction], float, Finding]:
     """For each experiment, the measured torque and the one that the model needs; the sensors' noise [N m]; and on what
-    the residual torque depends.
+    the residual torque depends.  channel: that of a fit, or the one that these recordings have.
 
     The time axis is that on which a fit compares them; the measured torque is NaN where it does not: near both ends,
     where the filter has transients, and at rest, where dry friction may have any value up to its largest.
     """
-    channel = Channel.of(experiments)
     signals = [channel.signals(one) for one in experiments]
     data = Data.of(signals, model)
     fit = regressed(held(model, model.parameters), data)  # of the zeros of encoders that count from where they start

@@ -10,14 +10,15 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import stdtr
 
 from lostmotion.lab import policy
+from lostmotion.lab.data.blocks import chance, numbered
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.inverse.signals import LEAST_SAMPLES, Signals
+from lostmotion.lab.results import Fit
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["Channel"]
@@ -50,6 +51,10 @@ class Channel:
                 experiments[0].name, 1e3 * abs(delay_s), "later" if delay_s > 0 else "earlier",
             )  # fmt: skip
         return cls(band_hz, delay_s)
+
+    def noted(self, fit: Fit) -> Fit:
+        """A fit that says in which band and with which delay it was made."""
+        return replace(fit, band_hz=self.band_hz, delay_s=self.delay_s)
 
     def signals(self, experiment: Experiment, is_force: bool = True) -> Signals:
         """Those of a recording; is_force: see ``Signals.of``."""
@@ -91,9 +96,9 @@ class _Usual:
         return self.deviation / max(abs(self.inertia), 1e-300)
 
     @property
-    def powers(self) -> FloatArray:
-        """The squared error of each block (BLOCKS,)."""
-        return np.add.reduceat(self.residual**2, np.arange(BLOCKS) * self.residual.size // BLOCKS) + 1e-300
+    def error(self) -> float:
+        """The sum of the squared residual."""
+        return float(self.residual @ self.residual)
 
 
 def _informative_band(experiments: Sequence[Experiment]) -> float:
@@ -129,14 +134,14 @@ def _delay(signals: Sequence[Signals]) -> float:
     most = LONGEST / max(one.band_hz for one in signals)
     delays = np.linspace(-most, most, DELAYS)
     fits = [_Usual.of([one.delayed(float(delay)) for one in signals]) or now for delay in delays]
-    errors = np.array([fit.powers.sum() for fit in fits])
+    errors = np.array([fit.error for fit in fits])
     at = int(np.argmin(errors))
     best = fits[at]
-    ratio = 0.5 * np.log(now.powers / best.powers)
-    t = float(ratio.mean() / max(ratio.std(ddof=1) / math.sqrt(BLOCKS), 1e-12))
-    is_worth = errors[at] < (1 - policy.LEAST_GAIN) * now.powers.sum()
+    block = numbered([now.residual.size], now.residual.size / BLOCKS)
+    is_worth = errors[at] < (1 - policy.LEAST_GAIN) * now.error
+    is_significant = chance(now.residual**2, best.residual**2, block) < policy.FALSE_NAME
     is_inertia = best.inertia > 0 and now.inertia > 0 and max(best.unsure, now.unsure) < policy.INERTIA_IDENTIFIED
-    if at in (0, DELAYS - 1) or not is_worth or not is_inertia or stdtr(BLOCKS - 1, -t) > policy.FALSE_NAME:
+    if at in (0, DELAYS - 1) or not (is_worth and is_inertia and is_significant):
         return 0.0
     left, here, right = errors[at - 1 : at + 2]  # the parabola's minimum
     return float(delays[at] + (delays[1] - delays[0]) * 0.5 * (left - right) / (left - 2 * here + right))

@@ -93,7 +93,8 @@ def explained(
             found = replace(found, advice=advice_of_signs(rough, signals, search))
     fit_on.cache_clear()
     progress("done", 1.0)
-    return replace(found, held=held)
+    base, best = (channel.noted(fit) for fit in (found.base, found.best))
+    return replace(found, held=held, base=base, best=best)
 
 
 def _explanation(
@@ -172,7 +173,7 @@ def fitted(model: Model, experiments: Sequence[Experiment], method: Method, nois
     signals = [channel.signals(one, model.base != "servo") for one in experiments]
     fit = first_fit(from_spectra(model, experiments), signals, Search(method)).judged
     column = "torque" if method is Method.TORQUE else signals[0].column
-    return _fit(fit, model, _floors(noise, column, fit), column)
+    return channel.noted(_fit(fit, model, _floors(noise, column, fit), column))
 
 
 def _confusable(selection: Selection) -> tuple[tuple[str, ...], ...]:

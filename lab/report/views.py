@@ -17,6 +17,7 @@ from lostmotion.lab.comparison.compare import Comparison
 from lostmotion.lab.comparison.predict import Prediction, predict
 from lostmotion.lab.comparison.torque import needed_torques
 from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.results import Displayed, Explanation, Fit, Ladder
 from lostmotion.model.motion import FloatArray
 
@@ -145,7 +146,7 @@ def amplitudes(trace: Trace, comparison: Comparison | None = None) -> Amplitudes
 def _run(fit: Fit) -> list[Prediction]:
     """The fitted quantity: the motion from the fitted initial states, or the torque."""
     if not fit.starts:
-        return needed_torques(fit.model, fit.experiments)[0]
+        return needed_torques(fit.model, fit.experiments, Channel(fit.band_hz))[0]
     pairs = zip(fit.experiments, fit.starts, strict=True)
     return [predict(fit.model, experiment, start, substep_s=fit.substep_s) for experiment, start in pairs]
 
