@@ -42,15 +42,29 @@ class Channel:
 
     @classmethod
     def of(cls, experiments: Sequence[Experiment]) -> Channel:
-        """Of recordings with a measured torque; a delay is reported in a warning."""
-        band_hz = _informative_band(experiments)
-        delay_s = _delay([Signals.of(one, True, band_hz) for one in experiments])
-        if delay_s:
+        """Of recordings with a measured torque; a delay is reported in a warning.
+
+        The band is the highest that identifies the inertia of a driven joint nearly as well as the best one, each with
+        its own delay.  Motion that the torque does not cause (a vibrating arm, a belt) has far larger accelerations
+        than slow motion.  Least squares is efficient only for a white residual; generalised least squares is
+        approximated by weights of 0 and 1 over frequency.  One end in hertz serves all recordings, as such a vibration
+        has a fixed frequency: a share of each band left 7 of 94 samples of a slow pendulum beside a rattling one.
+        """
+        widest = max(Signals.of(one).band_hz for one in experiments)
+        found = []
+        for share in SHARES:
+            usual = _Usual.of([Signals.of(one, True, share * widest) for one in experiments])
+            delay_s, fit = _delayed(usual) if usual else (0.0, None)
+            found.append((cls(share * widest, delay_s), fit.unsure if fit else math.inf))
+        least = min(unsure for _, unsure in found)
+        is_identified = least < policy.INERTIA_IDENTIFIED
+        channel = next(one for one, unsure in found if not is_identified or unsure <= policy.BAND_AS_WELL * least)
+        if channel.delay_s:
             log.warning(
                 "%s: the torque acts %.2g ms %s than it was recorded; this delay is removed",
-                experiments[0].name, 1e3 * abs(delay_s), "later" if delay_s > 0 else "earlier",
+                experiments[0].name, 1e3 * abs(channel.delay_s), "later" if channel.delay_s > 0 else "earlier",
             )  # fmt: skip
-        return cls(band_hz, delay_s)
+        return channel
 
     def noted(self, fit: Fit) -> Fit:
         """A fit that says in which band and with which delay it was made."""
@@ -62,33 +76,13 @@ class Channel:
 
 
 @dataclass(frozen=True, eq=False)
-class _Usual:
+class _Fit:
     """Least squares of the usual joint: its inertia [kg m²], the standard deviation of it, robust to correlation of the
     residual within blocks (cluster-robust; Liang and Zeger 1986), and the residual (M,) [N m]."""
 
     inertia: float
     deviation: float
     residual: FloatArray
-
-    @classmethod
-    def of(cls, signals: Sequence[Signals]) -> _Usual | None:
-        """None where there are too few samples."""
-        parts = []
-        for one in signals:
-            q, v = one.position, one.velocity
-            inputs = np.stack([one.torque, one.acceleration, v, np.sign(v), np.sin(q), np.cos(q), np.ones_like(q)])
-            parts.append(one.filtered(inputs))
-        stacked = np.concatenate(parts, axis=1)
-        y, A = stacked[0], stacked[1:].T
-        if y.size < LEAST_SAMPLES * A.shape[1]:
-            return None
-        size = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
-        A = A / size
-        inverse = np.linalg.pinv(A.T @ A, rcond=1e-9, hermitian=True)
-        found = inverse @ (A.T @ y)
-        residual = y - A @ found
-        scores = np.add.reduceat(A * residual[:, None], np.arange(BLOCKS) * y.size // BLOCKS)
-        return cls(float(found[0] / size[0]), float(np.linalg.norm(scores @ inverse[0]) / size[0]), residual)
 
     @property
     def unsure(self) -> float:
@@ -101,26 +95,45 @@ class _Usual:
         return float(self.residual @ self.residual)
 
 
-def _informative_band(experiments: Sequence[Experiment]) -> float:
-    """The highest end of the band [Hz] that identifies the inertia of a driven joint nearly as well as the best one.
+@dataclass(frozen=True, eq=False)
+class _Usual:
+    """The usual joint in these recordings: filtered regressors (M, 6) of size one, their sizes (6,), and the inverse of
+    their normal equations (6, 6)."""
 
-    Motion that the torque does not cause (a vibrating arm, a belt) has far larger accelerations than slow motion.
-    Least squares is efficient only for a white residual; generalised least squares is approximated by weights of 0 and
-    1 over frequency.  One end in hertz serves all recordings, as such a vibration has a fixed frequency: a share of
-    each band left 7 of 94 samples of a slow pendulum beside a rattling one.
-    """
-    widest = max(Signals.of(one).band_hz for one in experiments)
-    ends = [share * widest for share in SHARES]
-    fits = [_Usual.of([Signals.of(one, True, end) for one in experiments]) for end in ends]
-    unsure = [fit.unsure if fit else math.inf for fit in fits]
-    if not min(unsure) < policy.INERTIA_IDENTIFIED:
-        return widest
-    return next(end for end, sd in zip(ends, unsure, strict=True) if sd <= policy.BAND_AS_WELL * min(unsure))
+    signals: Sequence[Signals]
+    regressors: FloatArray
+    size: FloatArray
+    inverse: FloatArray
+
+    @classmethod
+    def of(cls, signals: Sequence[Signals]) -> _Usual | None:
+        """None where there are too few samples."""
+        parts = []
+        for one in signals:
+            q, v = one.position, one.velocity
+            parts.append(
+                one.filtered(np.stack([one.acceleration, v, np.sign(v), np.sin(q), np.cos(q), np.ones_like(q)]))
+            )
+        regressors = np.concatenate(parts, axis=1).T
+        if regressors.shape[0] < LEAST_SAMPLES * regressors.shape[1]:
+            return None
+        size = np.maximum(np.linalg.norm(regressors, axis=0), 1e-300)
+        regressors = regressors / size
+        return cls(signals, regressors, size, np.linalg.pinv(regressors.T @ regressors, rcond=1e-9, hermitian=True))
+
+    def fit(self, delay_s: float = 0.0) -> _Fit:
+        """With a torque that acts so much later than it was recorded [s]."""
+        torque = np.concatenate([one.filtered(one.delayed(delay_s).torque) for one in self.signals])
+        found = self.inverse @ (self.regressors.T @ torque)
+        residual = torque - self.regressors @ found
+        scores = np.add.reduceat(self.regressors * residual[:, None], np.arange(BLOCKS) * torque.size // BLOCKS)
+        deviation = float(np.linalg.norm(scores @ self.inverse[0]))
+        return _Fit(float(found[0] / self.size[0]), deviation / float(self.size[0]), residual)
 
 
-def _delay(signals: Sequence[Signals]) -> float:
-    """How much later than recorded the torque acts [s], negative where it was recorded late; 0 where the recordings do
-    not identify it.
+def _delayed(usual: _Usual) -> tuple[float, _Fit]:
+    """How much later than recorded the torque acts [s], negative where it was recorded late, and the fit with that; 0
+    where the recordings do not identify it.
 
     Bus, controller and filters delay one of the two signals.  An inertia's torque is then out of phase by 2 pi f d, and
     its quadrature part, -J (2 pi f)² d per unit of speed, hides friction or imitates it.  A delay is a property of the
@@ -128,12 +141,9 @@ def _delay(signals: Sequence[Signals]) -> float:
     squares.  It counts like an effect: significant by the blocks' errors, worth a name, within the range that was
     tried.  Only an inertia identifies it: of a sine in phase with the speed alone it is friction.
     """
-    now = _Usual.of(signals)
-    if now is None:
-        return 0.0
-    most = LONGEST / max(one.band_hz for one in signals)
+    now, most = usual.fit(), LONGEST / max(one.band_hz for one in usual.signals)
     delays = np.linspace(-most, most, DELAYS)
-    fits = [_Usual.of([one.delayed(float(delay)) for one in signals]) or now for delay in delays]
+    fits = [usual.fit(float(delay)) for delay in delays]
     errors = np.array([fit.error for fit in fits])
     at = int(np.argmin(errors))
     best = fits[at]
@@ -142,6 +152,6 @@ def _delay(signals: Sequence[Signals]) -> float:
     is_significant = chance(now.residual**2, best.residual**2, block) < policy.FALSE_NAME
     is_inertia = best.inertia > 0 and now.inertia > 0 and max(best.unsure, now.unsure) < policy.INERTIA_IDENTIFIED
     if at in (0, DELAYS - 1) or not (is_worth and is_inertia and is_significant):
-        return 0.0
+        return 0.0, now
     left, here, right = errors[at - 1 : at + 2]  # the parabola's minimum
-    return float(delays[at] + (delays[1] - delays[0]) * 0.5 * (left - right) / (left - 2 * here + right))
+    return float(delays[at] + (delays[1] - delays[0]) * 0.5 * (left - right) / (left - 2 * here + right)), best

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from lostmotion.lab import policy
-from lostmotion.lab.data.blocks import chance
+from lostmotion.lab.data.blocks import chance, floored
 from lostmotion.lab.deadline import within
 from lostmotion.lab.fitting.identifiability import held
 from lostmotion.lab.inverse.candidates import are_consistent, turns_of
@@ -113,7 +113,7 @@ def continued(model: Model, swings: OutputError) -> Regression:
 
 def named(alike: Sequence[Judged], now: Regression, unseen: Signals | None) -> Judged:
     """Chooses one of several effects that explain the data equally well: by the number of parameters of the one with
-    the least BIC, then by the prediction of an unseen recording, or of the folds where there is none, then by
+    the least BIC, then by the prediction of all unseen samples, of the folds and of another recording, then by
     ``preferred``. The initial values of a mode count as parameters.
 
     Equally well means that the blocks are too few for significance.  The likelihood counts each block as one sample, so
@@ -128,9 +128,18 @@ def named(alike: Sequence[Judged], now: Regression, unseen: Signals | None) -> J
     simple = [one for one in alike if _count(one) == few]
     if len(simple) == 1:
         return simple[0]
-    left = [error_on(one.fit, unseen) ** 2 if unseen else 1 - one.gain for one in simple]
+    left = [_unseen_error(one.fit, simple[0].fit, unseen) for one in simple]
     best = [one for one, error in zip(simple, left, strict=True) if error * (1 - policy.LEAST_GAIN) <= min(left)]
     return min(best, key=lambda one: (*preferred(one, now), one.fit.rms))
+
+
+def _unseen_error(fit: Regression, other: Regression, unseen: Signals | None) -> float:
+    """The geometric mean over blocks, those of another fit, of the squared error of all unseen samples; infinite where
+    the other recording cannot be simulated."""
+    if unseen and fit_on(fit, unseen) is None:
+        return math.inf
+    error, usual, block = _errors(fit, other, unseen)
+    return math.exp(float(np.mean(np.log(floored(error, usual, block)))))
 
 
 def _count(one: Judged) -> int:
