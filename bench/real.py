@@ -1,4 +1,4 @@
-"""What `lab explain` says of real measurements: `python -m bench.real [CASE ...]`.
+"""What `lab explain` says of real measurements: `python -m bench.real [--budget 180s] [CASE ...]`.
 
 Runs every case of ``cases.toml`` in the folder of measurements (LOSTMOTION_DATA, or ../shared/data beside the project)
 through the command line, as a user would, and prints verdict, errors and seconds.  A case states the model file's text,
@@ -43,12 +43,12 @@ class Answer:
         return bool(self.document) and leads and set(need) <= set(missing) and not set(never) & set(missing)
 
 
-def asked(name: str, case: dict[str, Any], folder: Path) -> Answer:
-    """What the command line says."""
+def asked(name: str, case: dict[str, Any], folder: Path, budget: str = "60s") -> Answer:
+    """What the command line says; budget: longer on busy cores."""
     model = folder / f"{name}.toml"
     model.write_text(case["model"])
     recordings = [str(DATA / each) for each in case["recordings"]]
-    command = [sys.executable, "-c", PROGRAM, "lab", "explain", str(model), *recordings, "--json"]
+    command = [sys.executable, "-c", PROGRAM, "lab", "explain", str(model), *recordings, "--json", "--budget", budget]
     began = time.monotonic()
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
@@ -66,14 +66,16 @@ def main() -> None:
     if not file.exists():
         sys.exit(f"{file}: there are no real measurements here; set LOSTMOTION_DATA to their folder")
     cases = tomllib.loads(file.read_text())
-    chosen = sys.argv[1:] or list(cases)
+    given = sys.argv[1:]
+    budget = given[1] if given[:1] == ["--budget"] and given[1:] else "60s"
+    chosen = (given[2:] if given[:1] == ["--budget"] else given) or list(cases)
     if unknown := sorted(set(chosen) - set(cases)):
         sys.exit(f"found {', '.join(unknown)}, expected names of cases: {', '.join(cases)}")
     table = Table("case", "right", "verdict", "missing", "error before", "after", "noise", "unit", "s", box=None)
     right = 0
     with tempfile.TemporaryDirectory() as folder:
         for name in chosen:
-            answer = asked(name, cases[name], Path(folder))
+            answer = asked(name, cases[name], Path(folder), budget)
             is_right, document = answer.is_right(cases[name]), answer.document
             right += is_right
             error = document.get("error", {"before": 0.0, "after": 0.0, "noise": 0.0, "unit": ""})

@@ -10,6 +10,7 @@ from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.fitting.fit import Progress, fit_segments, noise_of
 from lostmotion.lab.fitting.identifiability import with_scale
 from lostmotion.lab.inverse.explain import fitted, method_of
+from lostmotion.lab.inverse.release import released
 from lostmotion.lab.results import Fit
 from lostmotion.model import Model
 
@@ -28,6 +29,7 @@ def fit(
     if method is None:
         return fit_segments(model, experiments, pool, progress)
     progress("fitting", 0.0)
+    experiments = released(experiments)
     found = fitted(model, experiments, method, noise_of(experiments))
     progress("done", 1.0)
     return replace(found, held=with_scale(model, experiments)[1])

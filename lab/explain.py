@@ -30,6 +30,7 @@ from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.fitting.fit import Progress, noise_of
 from lostmotion.lab.gears.explain import explained_gears
 from lostmotion.lab.inverse.explain import explained, method_of
+from lostmotion.lab.inverse.release import released
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.results import Explanation
 from lostmotion.model import Model
@@ -49,7 +50,9 @@ def explain(
     budget_s: about how long it may take [s].  Raises ModelError where the model cannot be run on the experiments at
     all.
     """
-    method, noise = method_of(model, experiments), noise_of(experiments)
+    method = method_of(model, experiments)
+    experiments = released(experiments) if method else experiments
+    noise = noise_of(experiments)
     train, last = _split(experiments, method is not None)
     if method is None:
         return explained_gears(model, train, last, noise, pool, progress, budget_s)

@@ -105,6 +105,10 @@ UNSURE_SPEED, SURE_SPEED, SLOW_SPEED = 0.02, 3.0, 0.25
 never above this share of the usual speed: there dry friction may have any value up to its largest.  A robot's joint
 that stands still for two thirds of a recording had no friction (p = 1) before samples at rest were left out."""
 
+NOT_FREE = 3.0
+"""Times the usual error of a free motion's acceleration, above which something else acts on it.  Simulated pendulums that
+are held for half a second and more reach 4.7 to 40, those that are free from the first sample 1.2 at most."""
+
 # Time
 
 BUDGET_S = 60.0

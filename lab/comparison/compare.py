@@ -32,6 +32,7 @@ from lostmotion.lab.fitting.identifiability import held
 from lostmotion.lab.fitting.strategy import started
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.explain import method_of
+from lostmotion.lab.inverse.release import released
 from lostmotion.lab.inverse.validate import Method, is_noise
 from lostmotion.lab.results import Displayed, Finding
 from lostmotion.lab.shooting.initial_state import FINE, find_start, polished, segment_of
@@ -199,7 +200,9 @@ def compare(
     experiments came from, for the temperature; is_described: whether to look for the equation on which the residual
     acts.  Raises ModelError where the model cannot be run.
     """
-    if starts is None and method_of(model, experiments) is Method.TORQUE:
+    method = method_of(model, experiments) if starts is None else None
+    experiments = released(experiments) if method else experiments
+    if method is Method.TORQUE:
         channel = Channel.of(experiments)
         predictions, floor_nm, left = needed_torques(model, experiments, channel)
         endless = [math.inf] * len(predictions)

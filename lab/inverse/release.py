@@ -1,0 +1,107 @@
+"""The part of a free recording in which the part moves freely: after the hand, the motor or the blow that set it in
+motion.
+
+A free motion has an acceleration that is a function of its position and speed.  Before the release something else acts:
+a hand holds a pendulum up (the acceleration is zero where its weight would accelerate it), a motor still drives, a beam
+is struck.  The function is fitted where the motion is surely free, from its largest speed on, and followed back for as
+long as it explains the acceleration.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lostmotion.lab import policy
+from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.fitting.identifiability import is_driven
+from lostmotion.lab.inverse.signals import LEAST_SAMPLES, REGRESSORS, Signals
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["released"]
+
+ORDER = 5
+"""Degree of a local polynomial: over a third of a period of a sine its second derivative is right to 0.5 %."""
+SMALL = 0.1
+"""Share of the usual acceleration: the smallest error that counts."""
+REST = 0.05
+"""Share of the largest speed, below which a free motion has ended."""
+log = logging.getLogger(__name__)
+
+
+def released(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
+    """The experiments, those without an input from their release on; a warning reports what is left out."""
+    return tuple(one if is_driven(one) else _released(one) for one in experiments)
+
+
+def _released(experiment: Experiment) -> Experiment:
+    start = _release(Signals.of(experiment))
+    if start is None:
+        return experiment
+    log.warning(
+        "%s: moves freely only from %.4g s on; what is before is left out (a hand, a motor or a blow acts there)",
+        experiment.name, start,
+    )  # fmt: skip
+    return experiment.between(start, np.inf)
+
+
+def _release(signals: Signals) -> float | None:
+    """The time from which the motion is free [s]; None where it is free from its beginning.
+
+    It is free from the last time on at which the error of the acceleration, over a third of a period, was more than
+    ``policy.NOT_FREE`` times that of the free part.  Less than a third of a period before the release is not seen.
+    """
+    motion = _Local.of(signals)
+    free = motion.free
+    if free.stop - free.start < LEAST_SAMPLES * REGRESSORS:
+        return None
+    off, width = motion.unexplained(signals.experiment.is_linear), motion.width
+    usual = np.sqrt(max(np.mean(off[free] ** 2), (SMALL * np.std(motion.acceleration[free])) ** 2))
+    mean = np.sqrt(np.convolve(off**2, np.ones(width) / width, mode="same"))
+    wrong = np.flatnonzero(mean[width : free.start] > policy.NOT_FREE * usual)
+    return float(signals.time[width + wrong[-1] + 1]) if wrong.size else None
+
+
+@dataclass(frozen=True, eq=False)
+class _Local:
+    """Position, speed and acceleration (N,) by local polynomials of a width in samples that is a third of a period;
+    free: from the largest speed until rest."""
+
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    width: int
+    free: slice
+
+    @classmethod
+    def of(cls, signals: Signals) -> _Local:
+        """Of what was measured: the band's filter has a transient at the beginning of a recording."""
+        from scipy.signal import savgol_filter  # late, as everywhere in the lab
+
+        step = float(signals.time[1] - signals.time[0])
+        speed = np.abs(signals.velocity)
+        first = int(np.argmax(speed))
+        swing = signals.position[first:] - signals.position[first:].mean()
+        period = 2 * np.pi * np.sqrt(np.mean(swing**2) / np.mean(speed[first:] ** 2))
+        width = max(2 * round(period / step / 6) + 1, ORDER + 3 + ORDER % 2)
+        seen = ~np.isnan(signals.experiment.measured[signals.column])
+        raw = np.interp(
+            signals.time, signals.experiment.time[seen], signals.experiment.measured[signals.column][seen]
+        ) if signals.column != "accel" else signals.position  # fmt: skip
+        found = [savgol_filter(raw, width, ORDER, deriv, step) for deriv in range(3)]
+        speed = np.abs(found[1])
+        first = int(np.argmax(speed[width:])) + width
+        last = int(np.flatnonzero(speed > REST * speed[first])[-1]) + 1
+        return cls(*found, width, slice(first, last))
+
+    def unexplained(self, is_linear: bool) -> FloatArray:
+        """The acceleration that no function of position and speed explains (N,), fitted where the motion is free."""
+        q, v = self.position, self.velocity
+        laws = [q, q**3] if is_linear else [q, np.sin(q), np.cos(q), q**3]
+        inputs = np.stack([*laws, v, np.sign(v), v * np.abs(v), np.ones_like(q)], axis=1)
+        size = np.maximum(np.linalg.norm(inputs[self.free], axis=0), 1e-300)
+        found = np.linalg.lstsq(inputs[self.free] / size, self.acceleration[self.free], rcond=1e-6)[0]
+        return np.asarray(self.acceleration - (inputs / size) @ found)
