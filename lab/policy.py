@@ -106,8 +106,8 @@ never above this share of the usual speed: there dry friction may have any value
 that stands still for two thirds of a recording had no friction (p = 1) before samples at rest were left out."""
 
 NOT_FREE = 3.0
-"""Times the usual error of a free motion's acceleration, above which something else acts on it.  Simulated pendulums that
-are held for half a second and more reach 4.7 to 40, those that are free from the first sample 1.2 at most."""
+"""Times the usual error of a free motion's acceleration, above which something else acts on it.  Simulated pendulums
+that are held for half a second and more reach 4.7 to 40, those that are free from the first sample 1.2 at most."""
 
 # Time
 

@@ -91,11 +91,11 @@ class _Local:
         raw = np.interp(
             signals.time, signals.experiment.time[seen], signals.experiment.measured[signals.column][seen]
         ) if signals.column != "accel" else signals.position  # fmt: skip
-        found = [savgol_filter(raw, width, ORDER, deriv, step) for deriv in range(3)]
-        speed = np.abs(found[1])
+        position, velocity, acceleration = (savgol_filter(raw, width, ORDER, order, step) for order in range(3))
+        speed = np.abs(velocity)
         first = int(np.argmax(speed[width:])) + width
         last = int(np.flatnonzero(speed > REST * speed[first])[-1]) + 1
-        return cls(*found, width, slice(first, last))
+        return cls(position, velocity, acceleration, width, slice(first, last))
 
     def unexplained(self, is_linear: bool) -> FloatArray:
         """The acceleration that no function of position and speed explains (N,), fitted where the motion is free."""
