@@ -29,7 +29,7 @@ QUANTITIES = {
 SPEED = {"velocity", "velocities", "vel", "speed", "qd", "qvel", "dq", "omega", "rpm"}
 OTHER = SPEED | {
     "accelerations", "jerk", "error", "errors", "covariance", "orientation", "quaternion", "gyro", "angular", "status",
-    "moving", "index", "stamp", "limit", "limits", "min", "max", "mean", "std", "id", "tolerance", "delta",
+    "moving", "enabled", "enable", "mode", "flag", "index", "stamp", "limit", "limits", "min", "max", "mean", "std", "id", "tolerance", "delta",
 }  # fmt: skip
 """words of series that are none of the columns"""
 OUTPUT = re.compile(r"(^|[/.])output[/.\[]")
