@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.source import Choice, Series, Term, shown
-from lostmotion.drivers.formats.words import column_of, is_time, joint_of, speed_of, unit_of
+from lostmotion.drivers.formats.words import column_of, is_commanded, is_time, joint_of, speed_of, unit_of
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
 __all__ = ["Chosen", "Guess", "guessed", "listed", "mapped", "named"]
@@ -192,7 +192,7 @@ def _joint(candidates: Mapping[str, Sequence[Series]], choice: Choice, name: str
 def _of_joint(found: Sequence[Series], column: str, joint: str) -> list[Series]:
     """Those of the joint, the plainest names first; a sensor's too, where none has the joint's name."""
     own = [one for one in found if joint_of(one.name) == joint]
-    plain = [one for one in own if one.name == column] or own
+    plain = [one for one in own if one.name == column] or sorted(own, key=lambda one: is_commanded(one.name))
     return plain or ([] if column in OF_JOINTS and joint and any(joint_of(one.name) for one in found) else list(found))
 
 

@@ -6,7 +6,7 @@ import re
 
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
-__all__ = ["SPELT", "column_of", "is_time", "joint_of", "speed_of", "time_rank", "unit_of"]
+__all__ = ["SPELT", "column_of", "is_commanded", "is_time", "joint_of", "speed_of", "time_rank", "unit_of"]
 
 COMMAND = {
     "goal", "goals", "target", "targets", "desired", "reference", "references", "ref", "command", "commands",
@@ -26,10 +26,13 @@ QUANTITIES = {
     "accel": {"accel", "acceleration", "acc", "accelerometer"},
     "current": {"current", "amps", "iq"},
 }
+COMMANDED = QUANTITIES["torque"] | QUANTITIES["force"]
+"""of a controlled drive the command is as good as what was measured: ``target_torque``"""
 SPEED = {"velocity", "velocities", "vel", "speed", "qd", "qvel", "dq", "omega", "rpm"}
 OTHER = SPEED | {
     "accelerations", "jerk", "error", "errors", "covariance", "orientation", "quaternion", "gyro", "angular", "status",
-    "moving", "enabled", "enable", "mode", "flag", "index", "stamp", "limit", "limits", "min", "max", "mean", "std", "id", "tolerance", "delta",
+    "moving", "enabled", "enable", "mode", "flag", "index", "stamp", "limit", "limits", "min", "max", "mean", "std",
+    "id", "tolerance", "delta",
 }  # fmt: skip
 """words of series that are none of the columns"""
 OUTPUT = re.compile(r"(^|[/.])output[/.\[]")
@@ -71,8 +74,13 @@ def column_of(name: str) -> str | None:
     if words & (POSITION - SYMBOLS if found else POSITION) or {"observation", "state"} <= words:
         return "command" if words & COMMAND else "position"
     if found:
-        return None if words & COMMAND else found[0]
+        return None if words & COMMAND and not words & COMMANDED else found[0]
     return "command" if words & COMMAND else None
+
+
+def is_commanded(name: str) -> bool:
+    """Whether a series is what was asked for, and not what was measured."""
+    return bool(set(_words(name)) & COMMAND)
 
 
 def speed_of(name: str) -> str | None:

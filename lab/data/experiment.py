@@ -99,7 +99,8 @@ def _experiment(model: Model, recording: Recording) -> Experiment:
     if not outputs:
         raise ExperimentError(
             f"{recording.name}: found {_there(recording)}, expected at least one of {', '.join(OUTPUTS[model.base])}; "
-            f"the base {model.base!r} is compared with these"
+            f"the base {model.base!r} is compared with these: choose its series with "
+            f"--map {OUTPUTS[model.base][-1]}=SERIES (lostmotion import {recording.name} lists them)"
         )
     if "position" in outputs and model.base != "play":  # there a contact may be as short as a lost reading
         recording = without_lost_readings(recording)
@@ -126,11 +127,12 @@ def _there(recording: Recording) -> str:
 
 
 def _drive(base: str, recording: Recording) -> Motion | None:
-    column = INPUT[base]
+    column = _input(base, recording)
     if not _sampled(recording, column):
         if base in NEEDS_INPUT:
             raise ExperimentError(
-                f"{recording.name}: found {_there(recording)}, expected {column!r}; it drives the base {base!r}"
+                f"{recording.name}: found {_there(recording)}, expected {column!r}; it drives the base {base!r}: "
+                f"choose its series with --map {column}=SERIES"
             )
         return None
     time, values = recording.signal(column)
@@ -151,6 +153,29 @@ def _drive(base: str, recording: Recording) -> Motion | None:
             f"expected at least {LEAST_SAMPLES}"
         )
     return Sampled(time[longest], values[longest])
+
+
+def _input(base: str, recording: Recording) -> str:
+    """The column that drives this base: of a joint without a torque the current of its motor, which is one up to a
+    factor.  A warning reports this, and that a part is taken to move freely where something drives it."""
+    column = INPUT[base]
+    if base in NEEDS_INPUT or _sampled(recording, column):
+        return column
+    if (
+        base == "joint"
+        and np.count_nonzero(np.nan_to_num(recording.columns.get("current", 0.0))) > recording.time.size / 2
+    ):
+        log.warning(
+            "%s: no torque was found; the motor's current is taken for it, 1 N m for each ampere: with "
+            "--map torque=SERIES*KT it is one", recording.name,
+        )  # fmt: skip
+        return "current"
+    if beside := [name for name in ("command", "current", "voltage") if _sampled(recording, name)]:
+        log.warning(
+            "%s: no %s was found beside %s; the part is taken to move freely. If a motor drives it, give its %s: "
+            "--map %s=SERIES", recording.name, column, ", ".join(beside), column, column,
+        )  # fmt: skip
+    return column
 
 
 def _without_gap(name: str, column: str, time: FloatArray) -> slice:
