@@ -90,9 +90,10 @@ def _example(series: Sequence[Series]) -> str:
     """How the first series would be assigned; without a header the first column is most often the time."""
     names = [one.name for one in series if not is_time(one.name)]
     first = (names[1:] if names[0] == "column1" and names[1:] else names)[:2] if names else ["SERIES"]
-    units = ("" if unit_of(name, "position") else ":deg" for name in first[:1])
-    parts = [mapped("position", first[0], next(units)), *(mapped("torque", one) for one in first[1:])]
-    return " ".join(parts)
+    if column := column_of(first[0]):  # one of several, among which none was chosen
+        return mapped(column, first[0])
+    unit = "" if unit_of(first[0], "position") else ":deg"
+    return " ".join([mapped("position", first[0], unit), *(mapped("torque", one) for one in first[1:])])
 
 
 def _speed(series: Sequence[Series], joint: str) -> tuple[dict[str, Chosen], list[str]]:

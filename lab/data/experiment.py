@@ -84,6 +84,12 @@ class Experiment:
             return self
         return replace(self, drive=Sampled(self.drive.time + by_s, self.drive.values))
 
+    def turned(self) -> Experiment:
+        """With an input of the opposite sign."""
+        if not isinstance(self.drive, Sampled):
+            return self
+        return replace(self, drive=Sampled(self.drive.time, -self.drive.values))
+
     def model(self, model: Model) -> Model:
         """The model with the values in the metadata of this recording."""
         return model.replace(self.given) if self.given else model

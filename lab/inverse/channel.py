@@ -35,10 +35,12 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Channel:
-    """band_hz: the highest end of the band; delay_s: how much later than recorded the torque acts."""
+    """band_hz: the highest end of the band; delay_s: how much later than recorded the torque acts; is_turned: whether
+    it was counted against the angle."""
 
     band_hz: float = math.inf
     delay_s: float = 0.0
+    is_turned: bool = False
 
     @classmethod
     def of(cls, experiments: Sequence[Experiment]) -> Channel:
@@ -54,11 +56,19 @@ class Channel:
         found = []
         for share in SHARES:
             usual = _Usual.of([Signals.of(one, True, share * widest) for one in experiments])
+            is_turned = bool(usual and usual.fit().is_turned)
+            if usual and is_turned:
+                usual = replace(usual, sign=-1.0)
             delay_s, fit = _delayed(usual) if usual else (0.0, None)
-            found.append((cls(share * widest, delay_s), fit.unsure if fit else math.inf))
+            found.append((cls(share * widest, delay_s, is_turned), fit.unsure if fit else math.inf))
         least = min(unsure for _, unsure in found)
         is_identified = least < policy.INERTIA_IDENTIFIED
         channel = next(one for one, unsure in found if not is_identified or unsure <= policy.BAND_AS_WELL * least)
+        if channel.is_turned:
+            log.warning(
+                "%s: the torque is counted against the angle, as the inertia would be negative and friction would "
+                "drive; it is turned round", experiments[0].name,
+            )  # fmt: skip
         if channel.delay_s:
             log.warning(
                 "%s: the torque acts %.2g ms %s than it was recorded; this delay is removed",
@@ -72,7 +82,8 @@ class Channel:
 
     def signals(self, experiment: Experiment, is_force: bool = True) -> Signals:
         """Those of a recording; is_force: see ``Signals.of``."""
-        return Signals.of(experiment.delayed(self.delay_s), is_force, self.band_hz)
+        turned = experiment.turned() if self.is_turned else experiment
+        return Signals.of(turned.delayed(self.delay_s), is_force, self.band_hz)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +94,13 @@ class _Fit:
     inertia: float
     deviation: float
     residual: FloatArray
+    lost: float
+    """The mean power that friction takes [W]."""
+
+    @property
+    def is_turned(self) -> bool:
+        """Whether the torque is counted against the angle: the inertia is negative for certain, and friction drives."""
+        return self.inertia < 0 and self.lost < 0 and self.unsure < policy.INERTIA_IDENTIFIED
 
     @property
     def unsure(self) -> float:
@@ -104,6 +122,7 @@ class _Usual:
     regressors: FloatArray
     size: FloatArray
     inverse: FloatArray
+    sign: float = 1.0
 
     @classmethod
     def of(cls, signals: Sequence[Signals]) -> _Usual | None:
@@ -123,12 +142,14 @@ class _Usual:
 
     def fit(self, delay_s: float = 0.0) -> _Fit:
         """With a torque that acts so much later than it was recorded [s]."""
-        torque = np.concatenate([one.filtered(one.delayed(delay_s).torque) for one in self.signals])
+        torque = self.sign * np.concatenate([one.filtered(one.delayed(delay_s).torque) for one in self.signals])
         found = self.inverse @ (self.regressors.T @ torque)
         residual = torque - self.regressors @ found
         scores = np.add.reduceat(self.regressors * residual[:, None], np.arange(BLOCKS) * torque.size // BLOCKS)
         deviation = float(np.linalg.norm(scores @ self.inverse[0]))
-        return _Fit(float(found[0] / self.size[0]), deviation / float(self.size[0]), residual)
+        friction = self.regressors[:, 1:3] @ found[1:3]
+        lost = float(friction @ self.regressors[:, 1] * self.size[1]) / torque.size
+        return _Fit(float(found[0] / self.size[0]), deviation / float(self.size[0]), residual, lost)
 
 
 def _delayed(usual: _Usual) -> tuple[float, _Fit]:

@@ -27,7 +27,6 @@ from lostmotion.lab.data.frequency_response import from_spectra
 from lostmotion.lab.deadline import is_over, within
 from lostmotion.lab.design.next_experiment import what_to_record
 from lostmotion.lab.fitting.identifiability import is_driven, with_scale
-from lostmotion.lab.inverse.candidates import torques_of
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.describe import described, is_linear
 from lostmotion.lab.inverse.output_error import OutputError, initial_state
@@ -35,10 +34,10 @@ from lostmotion.lab.inverse.problem import Data
 from lostmotion.lab.inverse.regression import Regression, blocks_of, can_run
 from lostmotion.lab.inverse.selection import Search, Selection, Step, first_fit, selected
 from lostmotion.lab.inverse.signals import COLUMNS, Signals
-from lostmotion.lab.inverse.signs import advice_of_signs
 from lostmotion.lab.inverse.torques import can_invert, noise_floor
-from lostmotion.lab.inverse.validate import Method, amplitudes, error_on, fit_on, is_noise
+from lostmotion.lab.inverse.validate import Fitted, Method, amplitudes, error_on, fit_on, is_noise
 from lostmotion.lab.results import Errors, Estimate, Explanation, Fit, Ranked, Verdict
+from lostmotion.lab.selection.nesting import without
 from lostmotion.lab.shooting.task import Task, coarse_substep
 from lostmotion.model import Model, ModelError, build_model
 from lostmotion.model.motion import FloatArray
@@ -89,8 +88,6 @@ def explained(
             selection = selected(rough, signals, search, progress)
         progress("judging", 0.9)
         found = _explanation(selection, model, train, unseen, method, noise, pool)
-        if found.verdict == "outside_catalogue" and method is Method.TORQUE and not is_over():
-            found = replace(found, advice=advice_of_signs(rough, signals, search))
     fit_on.cache_clear()
     progress("done", 1.0)
     base, best = (channel.noted(fit) for fit in (found.base, found.best))
@@ -135,21 +132,30 @@ def _strongest_first(
 ) -> tuple[tuple[str, ...], tuple[float, ...]]:
     """The added effects, strongest first; and the error with none of them, with the first, with the first two, …
 
-    The strongest effect takes most of the squared error; several steps of one effect are added up.  In a free motion
-    the squared error is divided like the squared torque: a swing with gravity alone is out of phase with the measured
-    one and has a larger error than without, so that any damping would take more than all of it.
+    The strongest effect takes most of the squared error; several steps of one effect are added up.  The squared error
+    of a joint is divided like the squared torques of the effects: of two that share a torque the first step takes what
+    belongs to both (viscous friction before Coulomb's, of an arm with a tenth of it), and a free swing with gravity
+    alone is out of phase with the measured one and has a larger error than without.
     """
     takes = dict.fromkeys(selection.added, 0.0)
     for effect, (less, more) in zip(selection.labels, pairwise(errors), strict=True):
         takes[effect] += less**2 - more**2
-    if method is Method.FREE:
-        best = selection.fits[-1]
-        power = {name: _rms(torques_of(name, best.model, best.inverse.data.signals)) ** 2 for name in takes}
+    if method is not Method.MOTION:
+        power = {name: _rms(_torques(name, selection.fits[-1])) ** 2 for name in takes}
         total, whole = sum(takes.values()), sum(power.values())
         takes = {name: total * power[name] / max(whole, 1e-300) for name in takes}
     missing = sorted(takes, key=lambda effect: -takes[effect])
     left = errors[0] ** 2 - np.cumsum([0.0, *(takes[effect] for effect in missing)])
     return tuple(missing), tuple(np.sqrt(np.maximum(left, 0.0)).tolist())
+
+
+def _torques(effect: str, best: Fitted) -> list[FloatArray]:
+    """What an effect of a joint adds to the torque that each motion needs, at the samples that are compared (M,)
+    [N m]."""
+    data = best.inverse.data
+    assert isinstance(data, Data)
+    pairs = zip(data.needed(best.model), data.needed(without(best.model, effect)), data.signals, strict=True)
+    return [one.filtered(more - less) for more, less, one in pairs]
 
 
 def _rms(parts: Sequence[FloatArray]) -> float:

@@ -44,7 +44,7 @@ from lostmotion.lab.selection.nesting import without
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Search", "Selection", "Step", "first_fit", "first_step", "selected"]
+__all__ = ["Search", "Selection", "Step", "first_fit", "selected"]
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -233,11 +233,6 @@ def _with(best: Judged, now: Fitted, method: Method) -> Fitted:
         return best.fitted
     inverse = _with_load(best.fit.model, now.inverse.data, best.fitted.inverse.nuisance)
     return Fitted(inverse, best.fit if method is Method.FREE else inverse)
-
-
-def first_step(now: Fitted, search: Search) -> Step:
-    """Judges all candidates for the first model."""
-    return _step(now, (), search)
 
 
 def _step(now: Fitted, added: tuple[str, ...], search: Search) -> Step:
