@@ -32,6 +32,8 @@ SEPARATORS = ",;\t|"
 COMMENT = ("#", "%", "//")
 LOOKED_AT = 200
 """rows, to distinguish numbers from words"""
+LONGEST_NAME = 60
+"""characters of a name in a comment, which may also be a sentence with commas"""
 LONGEST = 100 * LONGEST_LINE
 """of a line; MOST_SERIES names of 100 characters are a tenth of it"""
 NOTHING = {"", "nan", "null", "none", "na", "n/a", "-", "--", "?"}
@@ -100,13 +102,18 @@ def _header(
     or numbers of the columns."""
     if not all(number(cell, comma) is not None for cell in rows[0]):
         return _unique(rows[0]), rows[1:]
-    above = [cells_of(line.lstrip("#%/ "), separator) for line in comments[-2:]]
-    above = [cells for cells in above if len(cells) == len(rows[0])]
+    above = [cells_of(line.lstrip("#%/ "), separator) for line in comments]
+    above = [cells for cells in above if len(cells) == len(rows[0]) and _are_names(cells, comma)][-2:]
     if len(above) == 2 and all(re.fullmatch(r"\[.*\]|\(.*\)", cell.strip()) for cell in above[1]):
         return _unique(above[0]), [above[1], *rows]
     if above:
         return _unique(above[-1]), rows
     return [f"column{index + 1}" for index in range(len(rows[0]))], rows
+
+
+def _are_names(cells: list[str], comma: bool) -> bool:
+    """Whether all cells of a comment may be names or units: short, and no numbers."""
+    return all(cell.strip() and len(cell) < LONGEST_NAME and number(cell, comma) is None for cell in cells)
 
 
 def number(cell: str, decimal_comma: bool) -> float | None:

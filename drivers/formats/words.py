@@ -28,6 +28,7 @@ QUANTITIES = {
 }
 COMMANDED = QUANTITIES["torque"] | QUANTITIES["force"]
 """of a controlled drive the command is as good as what was measured: ``target_torque``"""
+UNIT_SAYS = ("position", "torque", "current", "force")
 SPEED = {"velocity", "velocities", "vel", "speed", "qd", "qvel", "dq", "omega", "rpm"}
 OTHER = SPEED | {
     "accelerations", "jerk", "error", "errors", "covariance", "orientation", "quaternion", "gyro", "angular", "status",
@@ -75,7 +76,15 @@ def column_of(name: str) -> str | None:
         return "command" if words & COMMAND else "position"
     if found:
         return None if words & COMMAND and not words & COMMANDED else found[0]
-    return "command" if words & COMMAND else None
+    return "command" if words & COMMAND else _column_of_unit(name)
+
+
+def _column_of_unit(name: str) -> str | None:
+    """The column that the unit at the end of a name says, as in ``alpha_deg`` or ``M1 [Nm]``; a single letter behind a
+    sign may be anything."""
+    found = [unit for unit in _last(name) if len(unit) > 1 or name.rstrip()[-1] in "])"]
+    columns = {si: column for column, si in COLUMN_UNITS.items() if column in UNIT_SAYS}
+    return next((columns[si[0]] for unit in found if (si := to_si(unit)) and si[0] in columns), None)
 
 
 def is_commanded(name: str) -> bool:

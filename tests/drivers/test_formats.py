@@ -67,6 +67,9 @@ def refused(path: Path, *terms: str, **choice: Any) -> str:
         ("Torque [mNm]", "torque", ""),
         ("/c/controller_state.output.effort[elbow]", None, "elbow"),
         ("Motor Speed (RPM)", None, ""),
+        ("alpha_deg", "position", "alpha"),
+        ("M1 [N]", "force", "1"),
+        ("phase_a", None, "phase_a"),
     ],
 )
 def test_names_say_column_and_joint(name: str, column: str | None, joint: str) -> None:
