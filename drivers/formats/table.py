@@ -23,6 +23,8 @@ EPOCH_S = (1e9, 4e9)
 """2001 to 2096: times in this range count from 1970"""
 LEAST_ROWS, LONGEST_STEP_S = 20, 0.5
 """of a time axis without a name"""
+MOST_PARTS = 10
+"""of a file into which several recordings were written; a clock that goes back more often is no clock"""
 LOOKS_LIKE = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
 """numbers beyond these count from 1970 in this unit"""
 
@@ -54,7 +56,9 @@ class Table:
             unit = term.unit or series.unit or unit_of(series.name, "time")
             times, start, clock_text = seconds(loaded[series.name], unit, term.factor, f"{self.name}: {series.name}")
             clock_text = f"{series.name} [{clock_text}]"
-            notes = self._check(times, series.name)
+            part, notes = _in_order(times)
+            times, loaded = times[part], {name: values[part] for name, values in loaded.items()}
+            notes += self._check(times, series.name)
         values = {}
         for name in names:
             numbers = np.asarray(loaded[name], dtype=np.float64)
@@ -107,6 +111,19 @@ class Table:
             )
         lost = times.size - known.size
         return [f"{lost} rows without a time were left out"] if lost else []
+
+
+def _in_order(times: FloatArray) -> tuple[slice, list[str]]:
+    """The longest part in which time does not go back, where a file has a few such parts; all of it otherwise."""
+    back = np.flatnonzero(np.diff(times) < 0) + 1
+    ends = np.array([0, *back, times.size])
+    longest = int(np.argmax(np.diff(ends)))
+    first, last = int(ends[longest]), int(ends[longest + 1])
+    if not 0 < back.size <= MOST_PARTS or last - first < LEAST_ROWS:
+        return slice(None), []
+    return slice(first, last), [
+        f"time begins anew in row {back[0] + 1}: rows {first + 1} to {last} are used, the longest part"
+    ]
 
 
 def seconds(values: Array, unit: str, factor: float | None, name: str) -> tuple[FloatArray, datetime | None, str]:
