@@ -22,9 +22,7 @@ __all__ = ["Table", "seconds"]
 EPOCH_S = (1e9, 4e9)
 """2001 to 2096: times in this range count from 1970"""
 LEAST_ROWS, LONGEST_STEP_S = 20, 0.5
-"""of a time axis without a name"""
-MOST_PARTS = 10
-"""of a file into which several recordings were written; a clock that goes back more often is no clock"""
+"""of a time axis without a name; and the rows of the recordings that stand one after another in a file"""
 LOOKS_LIKE = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
 """numbers beyond these count from 1970 in this unit"""
 
@@ -119,7 +117,7 @@ def _in_order(times: FloatArray) -> tuple[slice, list[str]]:
     ends = np.array([0, *back, times.size])
     longest = int(np.argmax(np.diff(ends)))
     first, last = int(ends[longest]), int(ends[longest + 1])
-    if not 0 < back.size <= MOST_PARTS or last - first < LEAST_ROWS:
+    if not back.size or times.size < LEAST_ROWS * (back.size + 1):  # a clock that goes back more often is none
         return slice(None), []
     return slice(first, last), [
         f"time begins anew in row {back[0] + 1}: rows {first + 1} to {last} are used, the longest part"

@@ -12,6 +12,8 @@ COMMAND = {
     "goal", "goals", "target", "targets", "desired", "reference", "references", "ref", "command", "commands",
     "commanded", "cmd", "setpoint", "action",
 }  # fmt: skip
+MEASURED = {"actual", "measured", "feedback", "present"}
+"""of a position where no other quantity is named, as a command is one: ``FL_1_target`` and ``FL_1_actual``"""
 POSITION = {
     "position", "positions", "pos", "angle", "angles", "qpos", "q", "theta", "phi", "encoder", "enc", "counts", "ticks",
 }  # fmt: skip
@@ -33,7 +35,7 @@ SPEED = {"velocity", "velocities", "vel", "speed", "qd", "qvel", "dq", "omega", 
 OTHER = SPEED | {
     "accelerations", "jerk", "error", "errors", "covariance", "orientation", "quaternion", "gyro", "angular", "status",
     "moving", "enabled", "enable", "mode", "flag", "index", "stamp", "limit", "limits", "min", "max", "mean", "std",
-    "id", "tolerance", "delta",
+    "id", "tolerance", "delta", "load", "pwm", "duty",
 }  # fmt: skip
 """words of series that are none of the columns"""
 OUTPUT = re.compile(r"(^|[/.])output[/.\[]")
@@ -76,7 +78,9 @@ def column_of(name: str) -> str | None:
         return "command" if words & COMMAND else "position"
     if found:
         return None if words & COMMAND and not words & COMMANDED else found[0]
-    return "command" if words & COMMAND else _column_of_unit(name)
+    if words & COMMAND or words & MEASURED:
+        return "command" if words & COMMAND else "position"
+    return _column_of_unit(name)
 
 
 def _column_of_unit(name: str) -> str | None:

@@ -20,7 +20,7 @@ from lostmotion.lab.errors import ExperimentError
 from lostmotion.model import Model, Motion, Sampled
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["ACCEL", "INPUT", "OUTPUTS", "Experiment", "experiments"]
+__all__ = ["ACCEL", "FLAT_SHARE", "INPUT", "OUTPUTS", "Experiment", "experiments"]
 
 ACCEL = "accel"
 """the column of the accelerometer"""

@@ -16,9 +16,11 @@ import numpy as np
 
 from lostmotion.lab import policy
 from lostmotion.lab.data.blocks import chance, numbered
-from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.data.experiment import FLAT_SHARE, Experiment
+from lostmotion.lab.errors import ExperimentError
 from lostmotion.lab.inverse.signals import LEAST_SAMPLES, Signals
 from lostmotion.lab.results import Fit
+from lostmotion.model import Sampled
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["Channel"]
@@ -52,6 +54,7 @@ class Channel:
         approximated by weights of 0 and 1 over frequency.  One end in hertz serves all recordings, as such a vibration
         has a fixed frequency: a share of each band left 7 of 94 samples of a slow pendulum beside a rattling one.
         """
+        _check_torque(experiments)
         widest = max(Signals.of(one).band_hz for one in experiments)
         found = []
         for share in SHARES:
@@ -84,6 +87,17 @@ class Channel:
         """Those of a recording; is_force: see ``Signals.of``."""
         turned = experiment.turned() if self.is_turned else experiment
         return Signals.of(turned.delayed(self.delay_s), is_force, self.band_hz)
+
+
+def _check_torque(experiments: Sequence[Experiment]) -> None:
+    """Rejects a torque that never changes: an unknown constant explains it, and no inertia is needed."""
+    found = [one.drive.values for one in experiments if isinstance(one.drive, Sampled)]
+    values = np.concatenate(found) if found else np.arange(2.0)
+    if np.ptp(values) <= FLAT_SHARE * np.abs(values).max():
+        raise ExperimentError(
+            f"{experiments[0].name}: found a torque of {values[0]:g} at all times, expected one that changes: record "
+            "steps of several sizes, or both directions"
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -68,6 +68,8 @@ def refused(path: Path, *terms: str, **choice: Any) -> str:
         ("/c/controller_state.output.effort[elbow]", None, "elbow"),
         ("Motor Speed (RPM)", None, ""),
         ("alpha_deg", "position", "alpha"),
+        ("FL_1_target", "command", "FL_1"),
+        ("FL_1_actual", "position", "FL_1"),
         ("M1 [N]", "force", "1"),
         ("phase_a", None, "phase_a"),
     ],
