@@ -1,0 +1,71 @@
+"""Free recordings that do not begin at the release: what is before is left out, and nothing else."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.inverse.release import released
+from lostmotion.model.motion import FloatArray
+
+RATE_HZ, LENGTH_S, NOISE = 100.0, 12.0, 2e-3
+TIMES = np.arange(0.0, LENGTH_S, 1 / RATE_HZ)
+
+
+def swing(start: float, at_s: float, friction: float = 0.05) -> FloatArray:
+    """The angle of a pendulum of one hertz [rad] that a hand holds at ``start`` until a time, by SciPy's Radau."""
+
+    def slope(_: float, y: FloatArray) -> list[float]:
+        return [y[1], -39.0 * np.sin(y[0]) - 0.05 * y[1] - friction * np.tanh(y[1] / 0.02)]
+
+    free = TIMES[TIMES >= at_s]
+    angle = np.full(TIMES.size, start)
+    angle[TIMES >= at_s] = solve_ivp(slope, (free[0], LENGTH_S), [start, 0.0], "Radau", free, rtol=1e-7, atol=1e-9).y[0]
+    return np.asarray(angle)
+
+
+def measured(values: FloatArray, column: str = "position") -> Experiment:
+    """With the noise of a sensor."""
+    noise = NOISE * np.random.default_rng(7).standard_normal(values.size)
+    return Experiment("free.csv", None, TIMES, {column: values + noise})
+
+
+@pytest.mark.parametrize("start", [0.3, 1.0, 2.5])
+@pytest.mark.parametrize("held_s", [0.5, 2.0, 4.0])
+def test_a_pendulum_that_is_held_first(start: float, held_s: float, caplog: pytest.LogCaptureFixture) -> None:
+    """The release is found to a fifth of a second, also of one that is held above its pivot, and is told."""
+    (found,) = released([measured(swing(start, held_s))])
+    assert 0.0 <= found.time[0] - held_s < 0.2
+    assert "moves freely only from" in caplog.text
+
+
+@pytest.mark.parametrize("start", [0.3, 1.0, 2.5])
+@pytest.mark.parametrize("friction", [0.0, 0.05, 0.5])
+def test_a_pendulum_that_is_free_from_its_first_sample(
+    start: float, friction: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Nothing is left out, whatever damps it."""
+    with caplog.at_level(logging.WARNING):
+        (found,) = released([measured(swing(start, 0.0, friction))])
+    assert found.time[0] == 0.0
+    assert not caplog.text
+
+
+def test_a_pendulum_that_is_lifted_by_a_hand() -> None:
+    """A hand lifts it in two seconds and holds it for two more."""
+    angle = swing(0.6, 4.0)
+    lifted = TIMES < 2.0
+    angle[lifted] = 0.3 * (1 - np.cos(np.pi * TIMES[lifted] / 2))
+    assert 4.0 <= released([measured(angle)])[0].time[0] < 4.25
+
+
+def test_a_mass_on_a_spring_that_is_struck() -> None:
+    """It rests, is struck at an unknown time, and rings down."""
+    late = np.maximum(TIMES - 3.0, 0.0)
+    ring = np.exp(-0.3 * late) * np.sin(2 * np.pi * 3.0 * late)
+    found = released([measured(ring, "displacement")])[0].time[0]
+    assert 3.0 <= found < 3.2
