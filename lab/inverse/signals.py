@@ -28,10 +28,9 @@ WHOLE = 2.0
 """Cutoff of the filter that smooths the motion, times the end of the band: its gain at the end of the band is 99.6 %.
 Dry friction needs the true speed; with a cutoff at the end of the band, a fast sine near it reduced a damper's friction
 from 50 N to 23 N."""
-LEAST_MOVING = 100
-"""With fewer samples in motion, those at rest count, too."""
 LEAST_SAMPLES, REGRESSORS = 4, 6
-"""For each regressor of the usual joint (channel.py), and their number."""
+"""For each regressor of the usual joint (channel.py), and their number.  With fewer samples in motion, those at rest
+count, too; they know nothing of friction, and 125 of them outvoted 70 in motion."""
 SPLINE = 5
 """Degree of the spline that is differentiated.  Central differences are 3 % too small at a twentieth of the rate."""
 SLOWEST = 4.0
@@ -102,7 +101,7 @@ class Signals:
         edge = min(round(EDGE * self._rate / self.band_hz), self.time.size // 4)
         found = np.arange(edge, self.time.size - edge, self._every)
         moving = found[np.abs(self.velocity[found]) > self._rest_speed]
-        return moving if moving.size >= LEAST_MOVING else found
+        return moving if moving.size >= LEAST_SAMPLES * REGRESSORS else found
 
     def until_moved(self, share: float) -> float:
         """The time until which the part has made this share of its motion [s]: samples at rest do not count.  The last
