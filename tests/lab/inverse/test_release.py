@@ -22,9 +22,9 @@ def swing(start: float, at_s: float, friction: float = 0.05) -> FloatArray:
     def slope(_: float, y: FloatArray) -> list[float]:
         return [y[1], -39.0 * np.sin(y[0]) - 0.05 * y[1] - friction * np.tanh(y[1] / 0.02)]
 
-    free = TIMES[TIMES >= at_s]
+    free = TIMES[at_s <= TIMES]
     angle = np.full(TIMES.size, start)
-    angle[TIMES >= at_s] = solve_ivp(slope, (free[0], LENGTH_S), [start, 0.0], "Radau", free, rtol=1e-7, atol=1e-9).y[0]
+    angle[at_s <= TIMES] = solve_ivp(slope, (free[0], LENGTH_S), [start, 0.0], "Radau", free, rtol=1e-7, atol=1e-9).y[0]
     return np.asarray(angle)
 
 
