@@ -67,7 +67,7 @@ def test_a_delay_is_found_and_removed(late_s: float, caplog: pytest.LogCaptureFi
 
 
 def test_without_it_friction_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The quadrature part of the inertia's torque, J (2 pi f)² times 10 ms, is taken for a twentieth of the friction."""
+    """The quadrature part of the inertia's torque, J (2 pi f)² times 10 ms, is taken for friction."""
     monkeypatch.setattr(channel, "_delayed", lambda usual: (0.0, usual.fit()))
     assert abs(found(0.01)["viscous_friction.b_v"] / B - 1) > 0.05
 
