@@ -105,10 +105,6 @@ UNSURE_SPEED, SURE_SPEED, SLOW_SPEED = 0.02, 3.0, 0.25
 never above this share of the usual speed: there dry friction may have any value up to its largest.  A robot's joint
 that stands still for two thirds of a recording had no friction (p = 1) before samples at rest were left out."""
 
-NOT_FREE = 3.0
-"""Times the usual error of a free motion's acceleration, above which something else acts on it.  Simulated pendulums
-that are held for half a second and more reach 4.7 to 40, those that are free from the first sample 1.2 at most."""
-
 # Time
 
 BUDGET_S = 60.0
@@ -154,7 +150,9 @@ only segments lost by a factor of three begin in the state of another model."""
 MISSED = 3.0
 """Times the usual error, above which a segment is missed: it has no weight in the parameters, its initial state is
 searched for again, and its error is clipped there, as the error of a motion that cannot be simulated is infinite; and
-times the noise, or the error of the shortest segments, above which a fit has lost the motion."""
+times the noise, or the error of the shortest segments, above which a fit has lost the motion.  A free motion is not
+free where the error of its acceleration is that large: simulated pendulums that are held for half a second and more
+reach 4.7 to 40 times, those that are free from the first sample 1.2 at most."""
 
 # Gears: which effects are tried, and how far
 

@@ -150,12 +150,13 @@ def _strongest_first(
 
 
 def _torques(effect: str, best: Fitted) -> list[FloatArray]:
-    """What an effect of a joint adds to the torque that each motion needs, at the samples that are compared (M,)
-    [N m]."""
+    """What an effect of a joint adds to the torque that each motion needs [N m], at the samples that are compared (M,):
+    all of a free motion, which is simulated as a whole."""
     data = best.inverse.data
     assert isinstance(data, Data)
     pairs = zip(data.needed(best.model), data.needed(without(best.model, effect)), data.signals, strict=True)
-    return [one.filtered(more - less) for more, less, one in pairs]
+    is_simulated = best.judged is not best.inverse
+    return [more - less if is_simulated else one.filtered(more - less) for more, less, one in pairs]
 
 
 def _rms(parts: Sequence[FloatArray]) -> float:
