@@ -99,7 +99,7 @@ def _example(series: Sequence[Series]) -> str:
 def _speed(series: Sequence[Series], joint: str) -> tuple[dict[str, Chosen], list[str]]:
     """The position as the integral of a speed, where a file has no other motion; and what a person should know."""
     found = [(one, unit) for one in series if (unit := speed_of(one.name)) is not None]
-    own = [(one, unit) for one, unit in found if joint_of(one.name) in (joint, "")]
+    own = [(one, unit) for one, unit in found if joint_of(one.name) in (joint, "") or len(found) == 1]
     one, unit = (own or found or [(Series(""), "")])[0]
     if len(own) != 1 or not (one.unit or unit):
         option = mapped("position", one.name, ":rpm")

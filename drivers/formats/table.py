@@ -43,11 +43,12 @@ class Table:
     def read(self, names: Sequence[str], choice: Choice) -> Samples:
         """The samples of these series.  Raises RecordingError."""
         clock = self._clock(choice)
+        notes: list[str] = []
         if clock is None:
             assert choice.rate_hz is not None
             loaded = self.load(names)
             times, start = np.arange(max(map(len, loaded.values()))) / choice.rate_hz, None
-            clock_text, notes = f"{choice.rate_hz:g} rows a second, as given", []
+            clock_text = f"{choice.rate_hz:g} rows a second, as given"
         else:
             series, term = clock
             loaded = dict(self.load(list(dict.fromkeys([series.name, *names]))))

@@ -99,9 +99,9 @@ def is_commanded(name: str) -> bool:
 def speed_of(name: str) -> str | None:
     """The unit of a series that is a speed, as its name says; "" where it says none, None for other series."""
     words = set(_words(name))
-    if not words & SPEED or words & (OTHER - SPEED | COMMAND):
-        return None
     found = [unit for unit in _last(name) if (si := to_si(unit)) and si[0] in ("rad/s", "m/s")]
+    if not (words & SPEED or found) or words & (OTHER - SPEED | COMMAND):
+        return None
     return found[0] if found else ""
 
 
@@ -118,7 +118,8 @@ def time_rank(name: str) -> int:
     if len(kept) == 1 and kept[0] in TIMES:
         return TIMES.index(kept[0])
     is_unit = len(words) == 1 and to_si(SPELT.get(words[0], "")) == ("s", 1.0)
-    return len(TIMES) if is_unit else len(TIMES) + 1
+    has_unit = name.rstrip()[-1:] in "])" and (to_si(_last(name)[0]) or ("",))[0] == "s"
+    return len(TIMES) if is_unit or has_unit else len(TIMES) + 1
 
 
 def joint_of(name: str) -> str:

@@ -387,6 +387,8 @@ def test_a_speed_stands_for_the_motion_where_there_is_no_other(tmp_path: Path) -
     found = read(path).recording
     assert found.columns["position"][-1] == pytest.approx(2 * np.pi * T[-1])
     assert found.columns["torque"][0] == pytest.approx(7e-3)
+    path = table(tmp_path / "z.csv", "Tiempo (s),Velocidad (rad/s)", T, 2 + 0 * T)
+    assert read(path).recording.columns["position"][-1] == pytest.approx(2 * T[-1])
     path = table(tmp_path / "y.csv", "t,omega,torque", T, T, T)
     assert "--map position=omega:rpm (or :rad/s) integrates a speed" in "".join(read(path).notes)
 
