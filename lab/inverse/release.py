@@ -27,6 +27,8 @@ ORDER = 5
 """Degree of a local polynomial: over a third of a period of a sine its second derivative is right to 0.5 %."""
 SMALL = 0.1
 """Share of the usual acceleration: the smallest error that counts."""
+PAUSE = 3.0
+"""Periods of the end of the band: a longer rest is one between two motions."""
 REST = 0.05
 """Share of the largest speed, below which a free motion has ended."""
 log = logging.getLogger(__name__)
@@ -65,6 +67,17 @@ def _release(signals: Signals) -> float | None:
     return float(signals.time[width + wrong[-1] + 1]) if wrong.size else None
 
 
+def _largest_motion(signals: Signals) -> slice:
+    """The samples of the motion, of several with rests between, with the largest integral of the squared speed.  What
+    moves freely does not begin again after a rest."""
+    speed = np.abs(signals.velocity)
+    moving = np.flatnonzero(speed > REST * speed.max())
+    rest = PAUSE / signals.band_hz / float(signals.time[1] - signals.time[0])
+    parts = np.split(moving, np.flatnonzero(np.diff(moving) > rest) + 1)
+    largest = max(parts, key=lambda part: float(np.sum(speed[part] ** 2)))
+    return slice(int(largest[0]), int(largest[-1]) + 1)
+
+
 @dataclass(frozen=True, eq=False)
 class _Local:
     """Position, speed and acceleration (N,) by local polynomials of a width in samples that is a third of a period;
@@ -82,18 +95,18 @@ class _Local:
         from scipy.signal import savgol_filter  # late, as everywhere in the lab
 
         step = float(signals.time[1] - signals.time[0])
-        speed = np.abs(signals.velocity)
-        first = int(np.argmax(speed))
-        swing = signals.position[first:] - signals.position[first:].mean()
-        period = 2 * np.pi * np.sqrt(np.mean(swing**2) / np.mean(speed[first:] ** 2))
+        moved = _largest_motion(signals)
+        first = moved.start + int(np.argmax(np.abs(signals.velocity[moved])))
+        swing = signals.position[first : moved.stop] - signals.position[first : moved.stop].mean()
+        period = 2 * np.pi * np.sqrt(np.mean(swing**2) / np.mean(signals.velocity[first : moved.stop] ** 2))
         width = max(2 * round(period / step / 6) + 1, ORDER + 3 + ORDER % 2)
-        seen = ~np.isnan(signals.experiment.measured[signals.column])
-        raw = np.interp(
-            signals.time, signals.experiment.time[seen], signals.experiment.measured[signals.column][seen]
-        ) if signals.column != "accel" else signals.position  # fmt: skip
+        measured = signals.experiment.measured[signals.column]  # of a bar its acceleration follows the same equation
+        seen = ~np.isnan(measured)
+        raw = np.interp(signals.time, signals.experiment.time[seen], measured[seen])
         position, velocity, acceleration = (savgol_filter(raw, width, ORDER, order, step) for order in range(3))
-        speed = np.abs(velocity)
-        first = int(np.argmax(speed[width:])) + width
+        speed = np.abs(velocity[: moved.stop])
+        begin = max(moved.start, width)
+        first = int(np.argmax(speed[begin:])) + begin
         last = int(np.flatnonzero(speed > REST * speed[first])[-1]) + 1
         return cls(position, velocity, acceleration, width, slice(first, last))
 

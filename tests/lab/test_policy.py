@@ -45,7 +45,7 @@ NUMERICS = {
     "inverse/problem.py": (2, "convergence of a fixed-point iteration, freedom of an angle"),
     "inverse/regression.py": (8, "a minimiser and a bound"),
     "inverse/channel.py": (4, "grids of bands and delays, and blocks"),
-    "inverse/release.py": (3, "local polynomials, what is no error, where a motion ends"),
+    "inverse/release.py": (4, "local polynomials, what is no error, where a motion ends"),
     "inverse/signals.py": (10, "filters and splines"),
     "inverse/torques.py": (2, "integration step"),
     "inverse/validate.py": (1, "continuation in the horizon"),

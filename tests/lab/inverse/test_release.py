@@ -63,9 +63,12 @@ def test_a_pendulum_that_is_lifted_by_a_hand() -> None:
     assert 4.0 <= released([measured(angle)])[0].time[0] < 4.25
 
 
-def test_a_mass_on_a_spring_that_is_struck() -> None:
-    """It rests, is struck at an unknown time, and rings down."""
-    late = np.maximum(TIMES - 3.0, 0.0)
+@pytest.mark.parametrize("column", ["displacement", "accel"])
+@pytest.mark.parametrize("struck_s", [0.0, 3.0])
+def test_a_mass_on_a_spring_that_is_struck(column: str, struck_s: float) -> None:
+    """It rests, is struck at an unknown time, and rings down; by its displacement or by an accelerometer."""
+    late = np.maximum(TIMES - struck_s, 0.0)
     ring = np.exp(-0.3 * late) * np.sin(2 * np.pi * 3.0 * late)
-    found = released([measured(ring, "displacement")])[0].time[0]
-    assert 3.0 <= found < 3.2
+    found = released([measured(ring, column)])[0].time[0]
+    assert struck_s <= found < struck_s + 0.2
+    assert found == 0.0 or struck_s
