@@ -54,7 +54,8 @@ def _release(signals: Signals) -> float | None:
     """The time from which the motion is free [s]; None where it is free from its beginning.
 
     It is free from the last time on at which the error of the acceleration, over a third of a period, was more than
-    ``policy.MISSED`` times that of the free part.  Less than a third of a period before the release is not seen.
+    ``policy.MISSED`` times that of the free part.  Less than a period before it is not left
+    out: a second mode that dies down looks alike.
     """
     motion = _Local.of(signals)
     free = motion.free
@@ -64,7 +65,8 @@ def _release(signals: Signals) -> float | None:
     usual = np.sqrt(max(np.mean(off[free] ** 2), (SMALL * np.std(motion.acceleration[free])) ** 2))
     mean = np.sqrt(np.convolve(off**2, np.ones(width) / width, mode="same"))
     wrong = np.flatnonzero(mean[width : free.start] > policy.MISSED * usual)
-    return float(signals.time[width + wrong[-1] + 1]) if wrong.size else None
+    release = width + int(wrong[-1]) + 1 if wrong.size else 0
+    return float(signals.time[release]) if release >= 3 * width else None
 
 
 def _largest_motion(signals: Signals) -> slice:
