@@ -161,6 +161,13 @@ class OutputError:
         return replace(self, substep_s=max(self.substep_s, FINEST * other.substep_s))
 
     def usual(self, model: Model) -> float:
+        """Root mean square of the motion's deviation from its mean [rad or m]."""
+        return float(
+            np.sqrt(np.mean(np.concatenate([one.position - one.position.mean() for one in self.signals]) ** 2))
+        )
+
+    @property
+    def error_at_rest(self) -> float:
         """Root mean square of the readings' deviation from their mean [rad, m or m/s²]."""
         readings = [one.experiment.measured[one.column] for one in self.signals]
         return float(np.sqrt(np.nanmean(np.concatenate([each - np.nanmean(each) for each in readings]) ** 2)))

@@ -235,7 +235,7 @@ def _promising(begun: list[tuple[Model, OutputError]]) -> list[tuple[Model, Outp
     of a pendulum simulated in steps of 0.4 ms, which took all of the time."""
     near = [
         (start, data) for start, data in begun
-        if np.mean(data.residual(start, data.nuisance) ** 2) < data.usual(start) ** 2
+        if np.mean(data.residual(start, data.nuisance) ** 2) < data.error_at_rest**2
     ]  # fmt: skip
     return near or begun
 
