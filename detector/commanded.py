@@ -3,6 +3,11 @@
 The prior of the motion is white jerk of unknown strength q (a smoothing spline of degree five); commands carry white
 noise of unknown variance s², at least that of their quantisation.  Both come from the marginal likelihood of the
 commands themselves (Wahba 1985, generalised maximum likelihood), so a slow sway is smoothed more than a move of 10 Hz.
+
+The jerk of a profile with corners is a few impulses, closer together than commands resolve.  With the second prior it
+is stronger where its estimate is (an adaptive smoothing spline; Pintore, Speckman, Holmes 2006): each lobe of the
+estimated jerk, from one change of its sign to the next, may be one impulse in its middle.  The commands cannot tell the
+two apart, the contacts of many windows can (``SmoothnessEvidence``).
 """
 
 from __future__ import annotations
@@ -17,7 +22,7 @@ from lostmotion.detector import legendre
 from lostmotion.detector.servo import GRID_S, ServoLaw, delayed, smoothing
 from lostmotion.detector.window import FloatArray, Window
 
-__all__ = ["BEFORE_S", "Commanded", "smoothed"]
+__all__ = ["BEFORE_S", "NO_CONTACTS", "Commanded", "SmoothnessEvidence", "alternatives", "smoothed"]
 
 BEFORE_S = 0.2
 """Time before the reversal in which the contact with the first flank is observed [s]."""
@@ -28,9 +33,20 @@ FASTEST_HZ = 25.0
 5 mrad at 100 Hz determine white jerk up to some 13 Hz.  With 25 and with 35, 78 % of the windows above 30 dB gave a
 size, 95.4 and 94.9 % of the intervals held (every third of the seeds 7000 to 7119 of ``bench.outside``); with 15 60 and
 96 % (all of them).  Windows were not pooled then."""
+CORNERS_HZ = 60.0
+"""The same where the motion may have corners."""
+BIN_S, WIDE = 0.006, 3
+"""Bins in which the jerk's strength is constant [s], and how many of them a lobe's impulse may lie in."""
+RIDGE_OF_JERK = 1e-4
+"""Ridge, as a share of the information of white jerk: even bins do not determine fast polynomials at the ends."""
 LEAST_COMMANDS = 20
 ORDERS = (3, 5)
 """The derivative that is white: jerk, for profiles whose acceleration jumps, or a higher one for smooth motions."""
+CORNERED = 3
+"""Order of the derivative that is impulses where the motion has corners: the jerk."""
+CLEAR, DOUBT, MOST_GAIN, MEMORY = 4.0, 2.0, 30.0, 0.95
+"""Nats a window by which contacts must be likelier without corners, in the mean of the windows so far and DOUBT more
+that are undecided; the most that counts of one window; the weight of earlier windows after each window."""
 FREE = 0.2
 """Prior standard deviation of the polynomial's unpenalised part [rad]."""
 SMOOTHNESS = 10.0 ** np.arange(-16.0, 3.0, 0.5)
@@ -43,20 +59,39 @@ RIDGE = 1e-9
 """Ridge, as a share of the weight of all commands: commands in bunches leave some coefficients undetermined."""
 
 
+@dataclass(frozen=True, slots=True)
+class SmoothnessEvidence:
+    """Log Bayes factor of commands without corners against those with corners, from the contacts in a joint's windows
+    so far, and the number of these windows."""
+
+    gain: float = 0.0
+    windows: float = 0.0
+
+    @property
+    def is_smooth(self) -> bool:
+        """Whether the joint's commands have no corners."""
+        return self.gain > CLEAR * (self.windows + DOUBT)
+
+    def updated(self, gain: float) -> SmoothnessEvidence:
+        """The evidence after one more window, whose contacts are likelier by that many nats without corners."""
+        most = MOST_GAIN
+        return SmoothnessEvidence(MEMORY * self.gain + min(max(gain, -most), most), MEMORY * self.windows + 1)
+
+
+NO_CONTACTS = SmoothnessEvidence()
+"""Before the first window."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Commanded:
-    """theta_1 as a polynomial: coefficients and their covariance, over times mapped to -1..1.
-
-    order and roughness: the derivative that is white and its strength [rad² / s^(2 order - 1)]; ``rest`` is the
-    covariance of the part that is too fast for the polynomial.
-    """
+    """theta_1 as a polynomial: coefficients and their covariance, over times mapped to -1..1; order: the derivative
+    that is white."""
 
     middle: float
     half: float
     coefficients: FloatArray
     covariance: FloatArray
     order: int = 3
-    roughness: float = 0.0
 
     @property
     def start(self) -> float:
@@ -71,17 +106,6 @@ class Commanded:
     def basis(self, time: FloatArray) -> FloatArray:
         """Legendre's polynomials at times [s], shape (N, degree + 1)."""
         return legendre.values((time - self.middle) / self.half, len(self.coefficients) - 1)
-
-    def rest(self, count: int, step: float) -> FloatArray:
-        """Covariance [rad²] of the motion too fast for the polynomial, (count, count), at times ``step`` [s] apart."""
-        strength = self.roughness / math.pi * self.fastest ** (1 - 2 * self.order)
-        row, index = strength * _beyond(count, round(step * self.fastest, 2), self.order), np.arange(count)
-        return np.asarray(row[np.abs(index[:, None] - index)])
-
-    @property
-    def fastest(self) -> float:
-        """Angular frequency [rad/s] that the polynomial follows in its middle."""
-        return (len(self.coefficients) - 1) / self.half
 
     def derivative(self, basis: FloatArray, order: int) -> FloatArray:
         """The derivative of theta_1 of that order [rad/s^order] at the times of a basis, shape (N,)."""
@@ -109,13 +133,19 @@ class Commanded:
 
 def smoothed(times: FloatArray, commands: FloatArray, segment: Window) -> Commanded | None:
     """The commands around the segment as one polynomial, in seconds from its start; None when they do not cover it."""
-    local, angle = _near(times, commands, segment)
-    length = float(segment.time[-1] - segment.time[0])
-    if local.size < LEAST_COMMANDS or local[0] > 0.05 * length or local[-1] < COVERED * length:
+    data = _Moments.of(times, commands, segment, FASTEST_HZ)
+    return None if data is None else data.smooth(data.likeliest())
+
+
+def alternatives(times: FloatArray, commands: FloatArray, segment: Window) -> tuple[Commanded, Commanded] | None:
+    """The same without and with corners; both are one where a higher derivative than the jerk is white."""
+    data = _Moments.of(times, commands, segment, CORNERS_HZ)
+    if data is None:
         return None
-    middle, half = (local[-1] + local[0]) / 2, (local[-1] - local[0]) / 2
-    basis = legendre.values((local - middle) / half, _degree(half, local.size))
-    return Commanded(middle, half, *_fitted(basis, angle, half))
+    slow = data.up_to(FASTEST_HZ)
+    likeliest = slow.likeliest()
+    smooth = slow.smooth(likeliest)
+    return smooth, data.with_corners(likeliest, smooth) if likeliest.order == CORNERED else smooth
 
 
 def _near(times: FloatArray, commands: FloatArray, segment: Window) -> tuple[FloatArray, FloatArray]:
@@ -125,26 +155,110 @@ def _near(times: FloatArray, commands: FloatArray, segment: Window) -> tuple[Flo
     return times[near] - first, commands[near]
 
 
-def _degree(half: float, count: int) -> int:
-    """Degree of polynomials that follow motions of FASTEST_HZ over 2 ``half`` seconds."""
-    return min(math.ceil(4 * FASTEST_HZ * half) + 5, count - 4)
+def _degree(hz: float, half: float, count: int) -> int:
+    """Degree of polynomials that follow motions of that frequency over 2 ``half`` seconds."""
+    return min(math.ceil(4 * hz * half) + 5, count - 4)
 
 
-def _fitted(basis: FloatArray, angle: FloatArray, half: float) -> tuple[FloatArray, FloatArray, int, float]:
-    """Coefficients, their covariance at the most likely smoothness and noise, and the white derivative's order and
-    strength."""
-    weight, least = _weights(angle)
-    centre = float(angle.mean())
-    away = angle - centre
-    gram, product = _gram(basis, weight), basis.T @ (weight * away)
-    power = float(weight @ away**2)
-    _, order, stiff, noise = min(_smoothest(gram, product, power, order, angle.size, least) for order in ORDERS)
-    scale = _scale(product.size - 1, order)
-    white = np.repeat([0.0, stiff], [order, product.size - order])
-    inverse = scale @ np.linalg.inv(scale.T @ gram @ scale + np.diag(white)) @ scale.T
-    coefficients = inverse @ product
-    coefficients[0] += centre
-    return coefficients, np.asarray(inverse * noise), order, noise / stiff / half ** (2 * order - 1)
+@dataclass(frozen=True, slots=True)
+class _Likeliest:
+    """-2 ln of the marginal likelihood, the white derivative's order, s² / q and the noise's variance s²."""
+
+    cost: float
+    order: int
+    stiff: float
+    noise: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Moments:
+    """Sums over the commands: gram (D, D) of the polynomials, product (D,) with the angles about their mean ``centre``,
+    and power of these; least: the least noise [rad]."""
+
+    middle: float
+    half: float
+    count: int
+    centre: float
+    least: float
+    gram: FloatArray
+    product: FloatArray
+    power: float
+
+    @classmethod
+    def of(cls, times: FloatArray, commands: FloatArray, segment: Window, hz: float) -> _Moments | None:
+        """Of polynomials that follow motions of that frequency; None when the commands do not cover the segment."""
+        local, angle = _near(times, commands, segment)
+        length = float(segment.time[-1] - segment.time[0])
+        if local.size < LEAST_COMMANDS or local[0] > 0.05 * length or local[-1] < COVERED * length:
+            return None
+        middle, half = float(local[-1] + local[0]) / 2, float(local[-1] - local[0]) / 2
+        basis = legendre.values((local - middle) / half, _degree(hz, half, local.size))
+        weight, least = _weights(angle)
+        centre = float(angle.mean())
+        away = angle - centre
+        return cls(middle, half, angle.size, centre, least, _gram(basis, weight), basis.T @ (weight * away),
+                   float(weight @ away**2))  # fmt: skip
+
+    def up_to(self, hz: float) -> _Moments:
+        """The same of the polynomials that follow motions of that frequency only."""
+        size = _degree(hz, self.half, self.count) + 1
+        return replace(self, gram=self.gram[:size, :size], product=self.product[:size])
+
+    def likeliest(self) -> _Likeliest:
+        """The most likely white derivative, smoothness and noise."""
+        each = (_smoothest(self.gram, self.product, self.power, order, self.count, self.least) for order in ORDERS)
+        return min(each, key=lambda one: one.cost)
+
+    def smooth(self, prior: _Likeliest) -> Commanded:
+        """The motion whose white derivative is everywhere as strong."""
+        white = np.repeat([0.0, prior.stiff / prior.noise], [prior.order, self.product.size - prior.order])
+        return self._solved(prior, np.diag(white))
+
+    def with_corners(self, prior: _Likeliest, smooth: Commanded) -> Commanded:
+        """The motion whose jerk is stronger in the lobes of its smooth estimate."""
+        degree = self.product.size - 1
+        bins = max(round(2 * self.half / BIN_S), degree)
+        place = _bins(bins)
+        lower = smooth.coefficients.size - 1
+        jerk = legendre.values(place, lower - CORNERED) @ legendre.derivative(lower, CORNERED) @ smooth.coefficients
+        strength = prior.noise / prior.stiff + _lobes(jerk, 2 / bins)
+        shape = _orthonormal(bins, degree - CORNERED)
+        information = np.zeros_like(self.gram)
+        information[CORNERED:, CORNERED:] = (shape.T * (2 / bins / strength)) @ shape
+        information[np.diag_indices_from(information)] += RIDGE_OF_JERK * prior.stiff / prior.noise
+        return self._solved(prior, information)
+
+    def _solved(self, prior: _Likeliest, information: FloatArray) -> Commanded:
+        """information: of the prior on the coordinates of ``_scale``."""
+        scale = _scale(self.product.size - 1, prior.order)
+        whole = scale.T @ self.gram @ scale / prior.noise + information
+        covariance = scale @ np.linalg.inv(whole) @ scale.T
+        coefficients = covariance @ self.product / prior.noise
+        coefficients[0] += self.centre
+        return Commanded(self.middle, self.half, coefficients, covariance, prior.order)
+
+
+def _lobes(jerk: FloatArray, width: float) -> FloatArray:
+    """Strength of a jerk, (B,), whose lobes are impulses in their middle, from its estimate in bins of that width."""
+    sign = np.sign(jerk)
+    lobe = np.cumsum(np.concatenate([[0], sign[1:] != sign[:-1]]))
+    size = np.maximum(np.bincount(lobe, np.abs(jerk)), np.finfo(float).tiny)
+    middle = np.bincount(lobe, np.abs(jerk) * np.arange(jerk.size)) / size
+    at = np.clip(np.round(middle).astype(np.intp)[:, None] + np.arange(WIDE) - WIDE // 2, 0, jerk.size - 1)
+    strength = np.zeros(jerk.size)
+    np.add.at(strength, at, ((size * width) ** 2 / (WIDE * width))[:, None])
+    return strength
+
+
+def _bins(count: int) -> FloatArray:
+    """The middles of so many bins of -1..1."""
+    return np.asarray((np.arange(count) + 0.5) * (2 / count) - 1, np.float64)
+
+
+@lru_cache(maxsize=8)
+def _orthonormal(bins: int, degree: int) -> FloatArray:
+    """Orthonormal polynomials in the middles of bins, shape (bins, degree + 1)."""
+    return np.asarray(legendre.scaled_values(_bins(bins), degree) / math.sqrt(2))
 
 
 def _gram(basis: FloatArray, weight: FloatArray) -> FloatArray:
@@ -152,11 +266,8 @@ def _gram(basis: FloatArray, weight: FloatArray) -> FloatArray:
     return np.asarray((basis.T * weight) @ basis + RIDGE * weight.size * np.eye(basis.shape[1]))
 
 
-def _smoothest(
-    gram: FloatArray, product: FloatArray, power: float, order: int, count: int, least: float
-) -> tuple[float, int, float, float]:
-    """-2 ln of the marginal likelihood at the best smoothness if the derivative of that order is white, with the order,
-    that smoothness and the noise's variance.
+def _smoothest(gram: FloatArray, product: FloatArray, power: float, order: int, count: int, least: float) -> _Likeliest:
+    """The best smoothness if the derivative of that order is white.
 
     The modes are of the white derivative, whose prior is isotropic: a mode's information from the commands is exact
     where it is large and rounds to zero where it is small.  (Modes of the polynomials by their roughness, up to 1e24,
@@ -174,7 +285,7 @@ def _smoothest(
     cost = count * np.log(noise) + misfit / noise + np.sum(np.log1p(mode / stiff), axis=1)
     cost += order * np.log(FREE**2 * count / noise)
     best = int(np.argmin(cost))
-    return float(cost[best]), order, float(SMOOTHNESS[best]), float(noise[best])
+    return _Likeliest(float(cost[best]), order, float(SMOOTHNESS[best]), float(noise[best]))
 
 
 def _weights(angle: FloatArray) -> tuple[FloatArray, float]:
@@ -206,10 +317,3 @@ def _scale(degree: int, order: int) -> FloatArray:
     norms = np.sqrt(2 / (2 * np.arange(degree + 1 - order) + 1))
     scale[order:, order:] = np.linalg.inv(norms[:, None] * legendre.derivative(degree, order)[:, order:])
     return scale
-
-
-@lru_cache(maxsize=16)
-def _beyond(count: int, step: float, order: int) -> FloatArray:
-    """Integral of cos(w t) / w^(2 order) over w > 1 at t = 0, step, ..., shape (count,)."""
-    period = (np.arange(400) + 0.5) / 400  # 1 / w
-    return np.asarray(np.cos(step * np.arange(count)[:, None] / period) @ period ** (2 * order - 2) / period.size)

@@ -8,7 +8,7 @@ each window show how much of it is the servo's.  No samples and no commands here
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from lostmotion.detector.relative_motion import RelativeMotion
 from lostmotion.detector.servo import LagInformation
 from lostmotion.detector.window import FloatArray
 
-__all__ = ["Solved", "lag_information", "size_estimate", "solve"]
+__all__ = ["Solved", "lag_information", "likelier_otherwise", "size_estimate", "solve"]
 
 LEAST_CONTACTS = 3
 FLANK, POINT, GRAIN = 0.03, 0.02, 5e-5
@@ -40,12 +40,6 @@ joints with 10 to 90 mrad were wrong by 0.35 plays over the gear's speed (root m
 7000 to 7059).  With 0.25, 0.35, 0.5 and 1 times the play 95.4, 95.5, 95.5 and 95.1 % of the intervals hold, 85 % of the
 windows above 30 dB give a size (60 joints of seeds 7000 to 7119 that lag or have more than 10 mrad); without it 95.3
 and 85 %."""
-SMOOTH = 8.0
-"""Nats by which a command without motion beyond its polynomial must be likelier: it is by 16 to 27 a window behind
-smooth commands, by 2 to 4 behind trapezoids, as contacts at their corners were rejected.  If it is always left
-out, with 4, 6 and 8 nats and never 58, 46, 40, 36 and 36 % of the intervals of hard stops of 1 mrad under brisk
-trapezoids lie above the truth (``bench.severity``'s, seeds 8600 to 8604); with 8 nats 48 % of the windows above
-30 dB with less than 1 mrad give a size, with it 32 % (``bench.outside``, seeds 6400 to 6489)."""
 LEAST_SHAPE, LEAST_SPEED = 1e-7, 1e-3
 """Least standard deviation of the second coefficient of a servo's lag [s²], and least speed of a gear [rad/s]."""
 FIRST_TIMING = 0.3
@@ -303,15 +297,17 @@ def _arrived(found: Contacts, impulses: FloatArray, play: float, step: float) ->
     return np.asarray(np.where(first_strike < turn.size, np.arange(turn.size) >= first_strike, flown))
 
 
-def _with_likely_motion(relative: RelativeMotion, solution: Solved) -> RelativeMotion:
-    """Without the motion that is too fast for the command's polynomial where the restricted likelihood (Patterson,
-    Thompson 1971) of the contacts is clearly larger without it."""
+def likelier_otherwise(relative: RelativeMotion, solution: Solved) -> float:
+    """Nats by which the contacts are likelier under the other prior of the command's corners than under the one used,
+    by the restricted likelihood (Patterson, Thompson 1971); 0 where there is no other."""
+    if relative.alternative is None:
+        return 0.0
     touch = solution.touch
     fit = _fit(relative, touch, solution.play, TIMING)
-    design, fast = _design(relative, touch), relative.fast[np.ix_(touch.at, touch.at)]
-    noise = np.asarray(np.linalg.inv(fit.weight), np.float64)
-    gain = (_deviance(noise, design, fit.observed) - _deviance(noise - fast, design, fit.observed)) / 2
-    return replace(relative, covariance=relative.covariance - relative.fast) if gain > SMOOTH else relative
+    design, noise = _design(relative, touch), np.asarray(np.linalg.inv(fit.weight), np.float64)
+    other = noise - relative.command.covariance(touch.at) + relative.alternative.covariance(touch.at)
+    observed = fit.observed + relative.command.angle(touch.at) - relative.alternative.angle(touch.at)
+    return (_deviance(noise, design, fit.observed) - _deviance(other, design, observed)) / 2
 
 
 def _deviance(noise: FloatArray, design: FloatArray, observed: FloatArray) -> float:
@@ -323,7 +319,7 @@ def _deviance(noise: FloatArray, design: FloatArray, observed: FloatArray) -> fl
 
 def size_estimate(relative: RelativeMotion, solution: Solved) -> SizeEstimate:
     """The play for each softness of the flanks, all with the same weights so that they can be compared."""
-    touch, relative = solution.touch, _with_likely_motion(relative, solution)
+    touch = solution.touch
     fit = _fit(relative, touch, solution.play, TIMING)
     step = float(relative.time[1] - relative.time[0])
     pushed = np.maximum(np.abs(solution.push[touch.at]), 1.0)

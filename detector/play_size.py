@@ -20,8 +20,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lostmotion.detector.commanded import BEFORE_S, smoothed
-from lostmotion.detector.contact_fit import Solved, lag_information, size_estimate, solve
+from lostmotion.detector.commanded import BEFORE_S, NO_CONTACTS, SmoothnessEvidence, alternatives
+from lostmotion.detector.contact_fit import Solved, lag_information, likelier_otherwise, size_estimate, solve
 from lostmotion.detector.flank import FlankLaw, SizeEstimate, law_of
 from lostmotion.detector.offset import OFFSET_UNKNOWN, OffsetLaw
 from lostmotion.detector.pooling import NO_EVIDENCE, PlayEvidence, PlaySize, Z, unknown
@@ -44,10 +44,12 @@ LEARNT = 0.015
 
 @dataclass(frozen=True, slots=True)
 class SizeLaw:
-    """The estimates from a joint's earlier windows: its sensor's offset, and the evidence of play."""
+    """The estimates from a joint's earlier windows: its sensor's offset, the evidence of play and that of commands
+    without corners."""
 
     offset: OffsetLaw = OFFSET_UNKNOWN
     evidence: PlayEvidence = NO_EVIDENCE
+    smoothness: SmoothnessEvidence = NO_CONTACTS
 
 
 NOTHING_KNOWN = SizeLaw()
@@ -135,11 +137,16 @@ def _estimate(
         return unknown("samples are missing"), known, servo
     if servo.delay[1] > LEARNT:
         return unknown("how the servo follows is not known yet"), known, servo
-    command = smoothed(times, commands, segment)
-    if command is None:
+    both = alternatives(times, commands, segment)
+    if both is None:
         return unknown("too few commands in the interval"), known, servo
-    relative, touched, offset = relative_motion(segment, command, settings, servo, known.offset)
+    is_smooth = known.smoothness.is_smooth
+    used, other = both if is_smooth else both[::-1]
+    relative, touched, offset = relative_motion(segment, used, other, settings, servo, known.offset)
     known, solution = replace(known, offset=offset), solve(relative, touched)
     if not isinstance(solution, Solved):
         return solution, known, servo
+    if relative.alternative is not None:
+        gain = likelier_otherwise(relative, solution)
+        known = replace(known, smoothness=known.smoothness.updated(-gain if is_smooth else gain))
     return size_estimate(relative, solution), known, servo.corrected(lag_information(relative, solution))

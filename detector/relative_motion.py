@@ -21,7 +21,7 @@ from lostmotion.detector.offset import OWN, OffsetLaw, averaged
 from lostmotion.detector.servo import USUAL, ServoLaw
 from lostmotion.detector.window import DetectorSettings, FloatArray, Window
 
-__all__ = ["RelativeMotion", "relative_motion"]
+__all__ = ["Path", "RelativeMotion", "relative_motion"]
 
 LENGTH, MISTUNED = 0.02, 0.005
 """Relative standard deviations of length or sensitivity, and of the resonance."""
@@ -32,11 +32,27 @@ second order damped by 0.6 to 1.2."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Path:
+    """theta_1 at times (K,): polynomials, (K, D), their coefficients [rad] and the covariance of these [rad²]."""
+
+    basis: FloatArray
+    coefficients: FloatArray
+    polynomial_covariance: FloatArray
+
+    def angle(self, at: NDArray[np.intp] | slice) -> FloatArray:
+        """theta_1 [rad] at some of the times."""
+        return np.asarray(self.basis[at] @ self.coefficients)
+
+    def covariance(self, at: NDArray[np.intp] | slice) -> FloatArray:
+        """The covariance of these angles [rad²]."""
+        return np.asarray(self.basis[at] @ self.polynomial_covariance @ self.basis[at].T)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class RelativeMotion:
     """The joint's angle relative to the gear except for a + b t, where it is known, and its covariance, at times (K,).
 
-    fast (K, K): covariance of the commanded motion that is too fast for its polynomial, if its prior holds there, too;
-    it is part of the covariance.
+    command: theta_1 as it is used; alternative: under the other prior of its corners, None where there is none.
 
     lag (K, 2): change of the angle by a delay that is 1 s too long, and by a second coefficient that is 1 s² too small;
     shape: standard deviation of that coefficient [s²].  Neither is in the covariance; nor is the error that a play
@@ -46,7 +62,8 @@ class RelativeMotion:
     time: FloatArray
     angle: FloatArray
     covariance: FloatArray
-    fast: FloatArray
+    command: Path
+    alternative: Path | None
     known: NDArray[np.bool_]
     lag: FloatArray
     shape: float
@@ -54,9 +71,13 @@ class RelativeMotion:
 
 
 def relative_motion(
-    segment: Window, command: Commanded, settings: DetectorSettings, servo: ServoLaw, offset: OffsetLaw
-) -> tuple[RelativeMotion, Contacts, OffsetLaw]:
-    """D, possible contacts of joint and gear, and the estimate of the sensor's offset after this segment."""
+    segment: Window, command: Commanded, other: Commanded, settings: DetectorSettings, servo: ServoLaw,
+    offset: OffsetLaw,
+) -> tuple[RelativeMotion, Contacts, OffsetLaw]:  # fmt: skip
+    """D, possible contacts of joint and gear, and the estimate of the sensor's offset after this segment.
+
+    other: the commands under the other prior of their corners; the same object where there is only one.
+    """
     followed = command.followed(servo)
     noise = noise_of(segment.accel, settings)
     inverted = inverse(segment.accel.size, segment.rate_hz, noise, settings)
@@ -65,7 +86,8 @@ def relative_motion(
     impulses = inverted.impulses(accel)
     wrong = mistuned(accel.size, segment.rate_hz, noise, settings, MISTUNED) @ accel.astype(np.float32)
     uncertain = (basis @ command.coefficients, wrong.astype(np.float64))
-    motion = _relative_motion(inverted, impulses, followed, basis, uncertain, deviations, servo, settings)
+    alternative = _path(other.followed(servo), inverted.times) if other is not command else None
+    motion = _relative_motion(inverted, impulses, followed, alternative, uncertain, deviations, servo, settings)
     return motion, contacts(inverted, impulses, followed.derivative(basis, 2), motion.known), offset
 
 
@@ -92,18 +114,17 @@ def _without_offset(
 
 
 def _relative_motion(
-    inverted: Inverse, impulses: FloatArray, command: Commanded, basis: FloatArray,
+    inverted: Inverse, impulses: FloatArray, command: Commanded, alternative: Path | None,
     uncertain: tuple[FloatArray, FloatArray], deviations: tuple[float, float], servo: ServoLaw,
     settings: DetectorSettings,
 ) -> RelativeMotion:  # fmt: skip
     """D and its covariance; uncertain: the goal [rad], for errors of the servo's response, and the angles [rad] added
     by an error of the resonance.
-
-    basis: of the command at the times of the impulses.
     """
     goal, astray = uncertain
-    time = inverted.times
-    driven, speed, accel = basis @ command.coefficients, *(command.derivative(basis, order) for order in (1, 2))
+    time, path = inverted.times, _path(command, inverted.times)
+    angle, whole = path.angle(slice(None)), path.covariance(slice(None))
+    driven, speed, accel = angle, *(command.derivative(path.basis, order) for order in (1, 2))
     driven, speed, accel = driven - driven.mean(), speed - speed.mean(), accel - accel.mean()
     step = inverted.step
     columns = np.column_stack([
@@ -113,10 +134,14 @@ def _relative_motion(
         OTHERWISE * (goal - goal.mean() - driven),
         astray,
     ])  # fmt: skip
-    covariance = inverted.angle_covariance + basis @ command.covariance @ basis.T + columns @ columns.T
-    fast = command.rest(time.size, step) * servo.power_gain(command.fastest)
-    covariance += fast
-    motion = integrated(impulses, step) - basis @ command.coefficients
+    covariance = inverted.angle_covariance + whole + columns @ columns.T
+    motion = integrated(impulses, step) - angle
     lag = np.column_stack([2 * USUAL * servo.delay[0] * accel - speed, accel])
     shape = SHAPE * servo.delay[0] ** 2
-    return RelativeMotion(time, motion, covariance, fast, time <= command.end, lag, shape, servo.is_learnt)
+    known = time <= command.end
+    return RelativeMotion(time, motion, covariance, path, alternative, known, lag, shape, servo.is_learnt)
+
+
+def _path(command: Commanded, times: FloatArray) -> Path:
+    """theta_1 at times from the segment's start [s]; after its end it stands."""
+    return Path(command.basis(np.minimum(times, command.end)), command.coefficients, command.covariance)

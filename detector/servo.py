@@ -118,13 +118,6 @@ class ServoLaw:
         mean = float(odds @ DELAYS)
         return mean, float(np.sqrt(odds @ (DELAYS - mean) ** 2))
 
-    def power_gain(self, omega: float) -> float:
-        """Squared gain of the mean response at that angular frequency [rad/s]."""
-        odds = self.odds
-        candidates = np.flatnonzero(odds)
-        ago = GRID_S * np.arange(responses().shape[1])[::-1]
-        return float(odds[candidates] @ np.abs(responses()[candidates] @ np.exp(-1j * omega * ago)) ** 2)
-
     @property
     def is_learnt(self) -> bool:
         """Whether it is estimated from windows: not where it is known."""

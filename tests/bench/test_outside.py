@@ -64,8 +64,7 @@ def test_the_size_of_the_play_is_told_and_held(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_healthy_joint_tells_no_play(tmp_path: Path) -> None:
     """Of three joints without play whose trapezoids ring the bar in half of the windows at most one window gives a size
-    (seeds 9000 to 9119 were developed with); 32 do without ``Commanded.rest``, and 37 did when corners of the command
-    had a prior of their own."""
+    (seeds 9000 to 9119 were developed with); 32 did where the commanded motion was known too well at its corners."""
     joints = [replace(drawn(seed), play=0.0) for seed in (9044, 9072, 9116)]
     scores = [score for joint in joints for score in scored(joint, tmp_path).scores]
     assert np.mean([score["impact"] for score in scores]) > 0.5

@@ -275,20 +275,42 @@ def test_a_window_tells_what_its_sensor_reads_beside_motion() -> None:
 
 @pytest.mark.slow
 def test_corners_of_the_command_are_no_play() -> None:
-    """Trapezoids with steps of 5 mrad, hard stops of 1 mrad, ten recordings: of the sizes at most a third is too large
-    with all of its interval (95 of 316; half, 80 of 159, when corners had a prior of their own)."""
+    """Trapezoids with steps of 5 mrad, hard stops of 1 mrad, ten recordings: two thirds of the windows give a size, of
+    which 90 % or more hold; of white jerk 68 % held, and the others lay above."""
     scores = [
         score for seed in range(8600, 8610) for score in recorded_moves("stops", "trapezoids", seed, 1e-5, Bar(), 0.2)
     ]
     sized = [score for score in scores if math.isfinite(score.play)]
-    assert len(sized) > 0.8 * len(scores)
-    assert np.mean([score.play_low > 1e-3 for score in sized]) < 1 / 3
+    assert len(sized) > 0.65 * len(scores)
+    assert np.mean([score.play_low <= 1e-3 <= score.play_high for score in sized]) >= 0.9
 
 
 @pytest.mark.slow
-def test_a_smooth_motion_has_nothing_beyond_its_polynomial() -> None:
-    """Hard stops of 0.3 mrad under sines to 10 Hz: 95 % intervals are at most 0.9 mrad wide in the median (0.59; 1.49
-    if white jerk is taken for granted beyond the command's polynomial), and at least 90 % hold."""
+@pytest.mark.parametrize(("motion", "is_smooth"), [("sines10", True), ("trapezoid", False)])
+def test_the_contacts_show_whether_commands_have_corners(
+    motion: str, is_smooth: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Hard stops of 0.3 mrad under sines to 10 Hz are smooth after a recording, under brisk trapezoids not."""
+    laws: list[SizeLaw] = []
+
+    def spied(*given: object, **named: object) -> object:
+        found = learnt_play(*given, **named)  # type: ignore[arg-type]
+        laws.append(found[2])
+        return found
+
+    monkeypatch.setattr("lostmotion.detector.series.learnt_play", spied)
+    if is_smooth:
+        recorded(8792, 3e-6, Cell(Gear(), motion))
+    else:
+        recorded_moves("stops", "trapezoids", 8603, 3e-6, Bar(), 0.2)
+    assert laws[-1].smoothness.windows > 10
+    assert laws[-1].smoothness.is_smooth == is_smooth
+
+
+@pytest.mark.slow
+def test_a_smooth_motion_has_no_corners() -> None:
+    """Hard stops of 0.3 mrad under sines to 10 Hz: 95 % intervals are at most 0.9 mrad wide in the median (1.49 where
+    white jerk is taken for granted at all frequencies), and at least 90 % hold."""
     scores = [score for seed in (8790, 8791) for score in recorded(seed, 3e-6, Cell(Gear(), "sines10"))]
     sized = [score for score in scores if math.isfinite(score.play)]
     assert len(sized) > 0.8 * len(scores)
