@@ -28,6 +28,10 @@ model's inertia and 80 um, at that very edge, 88 % of the intervals held (seed 8
 (seeds 8220 and 8222), but hard stops of 30 um were then estimated 21 % too large instead of less than 20 %."""
 MEMORY = 0.998
 """Weight of earlier windows in the estimate of 1/n after each window: worn teeth change, over some 500 windows."""
+OVERLAP = 0.3
+"""Weight of a window's likelihood: segments of 0.85 s that end after reversals 0.1 to 0.4 s apart share two thirds of
+their samples and more.  Counted whole, 1/n of eq. 1 (a tenth of the inertia, n = 11, 80 um) was 0.065 ± 0.013 after 80
+windows, and 84 % of the intervals held; with 0.3 99 % hold, and those of hard stops are as wide as before."""
 PLACES = 7
 """Number of values of A that are averaged over."""
 
@@ -70,7 +74,7 @@ class FlankLaw:
         """The law after one more window; unchanged where the settings fix it."""
         if not self.is_learnt:
             return self
-        gained = MEMORY * np.array(self.likelihood) + estimate.likelihood - np.max(estimate.likelihood)
+        gained = MEMORY * np.array(self.likelihood) + OVERLAP * (estimate.likelihood - np.max(estimate.likelihood))
         return FlankLaw(tuple((gained - np.max(gained)).tolist()), self.decades)
 
     def interval(self, estimate: SizeEstimate, z: float) -> tuple[float, float, float]:
