@@ -9,13 +9,13 @@
 
 from lostmotion.drivers.recording import read_recording
 from lostmotion.lab.comparison.compare import compare
-from lostmotion.lab.comparison.ladder import ladder_of
 from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.estimate import fit
 from lostmotion.lab.explain import explain
 from lostmotion.lab.models.own import effect
 from lostmotion.lab.parallel import open_executor
 from lostmotion.lab.report import write_report
+from lostmotion.lab.results import ladder_of
 from lostmotion.model import Parameter, build_model
 
 __all__ = [

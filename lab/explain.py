@@ -8,16 +8,17 @@
    be predicted.
 3. The model is fitted as it is.  Then every effect of the catalogue is a candidate, fitted together with it from the
    initial values of the effect.  For gears a score test and observers select the candidates to fit.
-4. A candidate is named if it predicts unseen samples better, significantly for the whole catalogue
-   (``policy.FALSE_NAME``), if it takes a large enough share of the error, and if its size differs from zero.  Of
-   candidates that explain the data equally well the simplest is taken; the others are reported as confusable.  Where
-   none is significant alone, pairs are tried.
+4. A candidate is named if it predicts unseen samples better, significantly for all candidates (``policy.FALSE_NAME``),
+   if it takes a large enough share of the error, and if its size differs from zero.  Of candidates that explain the
+   data equally well the simplest is taken; the others are reported as confusable.  Where none is significant alone,
+   pairs are tried.
 5. Step 3 is repeated with that effect in the model until nothing is significant or the time is up; effects that later
    ones have made superfluous are eliminated.
 6. The remaining error is compared with the sensors' noise, and described where it is larger.
 
-Steps 3 to 6 are ``lab.inverse`` for motions that can be predicted, ``lab.gears`` for those that cannot; the thresholds
-are in ``lab.policy``, the reasons in docs/decisions/0009-lab-selection.md.
+Steps 3 to 5 are ``lab.selection``, one search and one test for all.  It asks a likelihood for fits and predictions:
+``lab.inverse`` for motions that can be predicted, ``lab.gears`` for those that cannot.  The thresholds are in
+``lab.policy``, the reasons in docs/decisions/0009-lab-selection.md.
 """
 
 from __future__ import annotations

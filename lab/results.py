@@ -19,8 +19,8 @@ from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
 __all__ = [
-    "Curve", "Displayed", "Errors", "Estimate", "Explanation", "Finding", "Fit", "Ladder", "Ranked", "Rung", "Verdict",
-    "Views", "display_with",
+    "Curve", "Displayed", "Errors", "Estimate", "Explanation", "Finding", "Fit",
+    "Ladder", "Ranked", "Rung", "Verdict", "Views", "display_with", "ladder_of",
 ]  # fmt: skip
 
 Verdict = Literal["missing", "nothing_missing", "outside_catalogue"]
@@ -301,3 +301,13 @@ class Ladder(Displayed):
 def _number(value: float) -> float | None:
     """None for NaN and infinity, which JSON cannot represent."""
     return float(value) if np.isfinite(value) else None
+
+
+def ladder_of(explanation: Explanation) -> Ladder:
+    """A rung for the initial model, and one for each added effect."""
+    own, error = explanation.base.model.effects, explanation.error
+    rungs = [
+        Rung((*own, *explanation.missing[:count]), rms, error.noise, error.unit)
+        for count, rms in enumerate(explanation.descent)
+    ]
+    return Ladder(tuple(rungs), explanation)

@@ -100,8 +100,8 @@ def improve(
 ) -> None:  # fmt: skip
     """Explain, add and fit until nothing significant is missing; print how the error falls; write MODEL2."""
     from lostmotion.lab.commands.output import write_output
-    from lostmotion.lab.comparison.ladder import ladder_of
     from lostmotion.lab.explain import explain as explained
+    from lostmotion.lab.results import ladder_of
 
     until = monotonic() + budget_s
     with _beside(effects):

@@ -2,23 +2,33 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import click
 
-from lostmotion.lab.commands.duration import DURATION
-
 __all__ = [
-    "budget_option",
-    "curves_option",
-    "effect_option",
-    "executor_option",
-    "json_option",
-    "model_argument",
-    "output_option",
-    "progress_option",
-    "report_option",
-]
+    "budget_option", "curves_option", "effect_option", "executor_option", "json_option",
+    "model_argument", "output_option", "progress_option", "report_option",
+]  # fmt: skip
+
+UNITS_S = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0}
+
+
+class _Duration(click.ParamType[float]):
+    """A length of time: ``60s``, ``2min``, ``90``."""
+
+    name = "duration"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(s|min|h|)\s*", str(value))
+        if not found or float(found[1]) == 0:
+            self.fail(f"found {value!r}, expected a length of time such as 60s or 2min", param, ctx)
+        return float(found[1]) * UNITS_S[found[2]]
+
+
+DURATION = _Duration()
+"""Converts to seconds."""
 
 model_argument = click.argument("model")
 output_option = click.option(

@@ -19,8 +19,14 @@ import numpy as np
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab import policy, words
 from lostmotion.lab.comparison.bands import Spectra
-from lostmotion.lab.comparison.predict import Prediction, predict
-from lostmotion.lab.comparison.residual_analysis import Block, ColumnResidual, PhaseError, root_mean_square
+from lostmotion.lab.comparison.residual_analysis import (
+    Block,
+    ColumnResidual,
+    PhaseError,
+    Prediction,
+    predict,
+    root_mean_square,
+)
 from lostmotion.lab.comparison.torque import TORQUE, needed_torques
 from lostmotion.lab.data.excerpt import excerpts
 from lostmotion.lab.data.experiment import Experiment
@@ -32,8 +38,8 @@ from lostmotion.lab.fitting.identifiability import held
 from lostmotion.lab.fitting.strategy import started
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.explain import method_of
+from lostmotion.lab.inverse.likelihood import Method, is_noise
 from lostmotion.lab.inverse.release import released
-from lostmotion.lab.inverse.validate import Method, is_noise
 from lostmotion.lab.results import Displayed, Finding
 from lostmotion.lab.shooting.initial_state import FINE, find_start, polished, segment_of
 from lostmotion.lab.shooting.parameters import free_names

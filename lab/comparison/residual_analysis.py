@@ -1,4 +1,5 @@
-"""Residual analysis of one column of measurements: in time, by phase of the motion, in frequency, over every state.
+"""A model's prediction of an experiment, and the analysis of its residual, column by column: in time, by phase of the
+motion, in frequency, over every state.  Nothing is estimated here.
 
 compare.py runs the model and combines the columns.
 """
@@ -10,21 +11,43 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lostmotion.lab.comparison.bands import Spectra, spectra
 from lostmotion.lab.comparison.phases import phases
-from lostmotion.lab.comparison.predict import Prediction
+from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.noise import NoiseModel, innovation_noise
 from lostmotion.lab.data.whiteness import Correlation, autocorrelation, cross_correlation
 from lostmotion.lab.discrepancy.residual_maps import ResidualMap, residual_maps
+from lostmotion.model import Model, Trajectory
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Block", "ColumnResidual", "PhaseError", "root_mean_square"]
+__all__ = ["Block", "ColumnResidual", "PhaseError", "Prediction", "predict", "root_mean_square"]
 
 BLOCKS = 20
 MOTION = {"position": "theta_2", "velocity": "omega_2", "acceleration": "acceleration", "torque": "torque",
           "displacement": "q", "gap": "gap", "command": "command"}  # fmt: skip
 """Signals of the model that the residual is related to, and their names there; force has two meanings."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """An experiment and the model's trajectory at ``experiment.time``."""
+
+    experiment: Experiment
+    trajectory: Trajectory
+
+    def residual(self, column: str) -> FloatArray:
+        """Measured minus modelled (N,), NaN where the column was not sampled."""
+        return np.asarray(self.experiment.measured[column] - self.trajectory[column])
+
+
+def predict(
+    model: Model, experiment: Experiment, start: ArrayLike | None = None, *, substep_s: float | None = None
+) -> Prediction:
+    """The model's motion from the state ``start`` (n,), or from rest relative to the input.  Raises ModelError."""
+    trajectory = experiment.model(model).simulate(experiment.drive, experiment.time, start, substep_s=substep_s)
+    return Prediction(experiment, trajectory)
 
 
 @dataclass(frozen=True)

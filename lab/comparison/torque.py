@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lostmotion.lab.comparison.predict import Prediction
+from lostmotion.lab.comparison.residual_analysis import Prediction
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.fitting.identifiability import held
 from lostmotion.lab.inverse.channel import Channel

@@ -1,4 +1,5 @@
-"""Rough inertia, damping and stiffness from the spectra of input and output, before anything is simulated.
+"""Rough inertia, damping and stiffness from the spectra of input and output, and the lines of a spectrum.  Nothing is
+simulated.
 
 Recordings come in volts, newtons or newton metres: the values of a model's file may be wrong by many orders of
 magnitude, too far for a fit to converge.  Every equation of motion is linear in these parameters, and friction is in
@@ -16,7 +17,7 @@ from lostmotion.lab.data.experiment import Experiment
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["from_spectra", "usual_torque"]
+__all__ = ["from_spectra", "spectral_lines", "usual_torque"]
 
 Spectrum = NDArray[np.complex128]
 ORDER: Mapping[str, Mapping[str, int]] = {
@@ -99,3 +100,30 @@ def usual_torque(model: Model, experiment: Experiment) -> float:
         duty = v["kp"] * v["error_gain"] * (drive - experiment.measured["position"])
         drive = v["kt"] * v["U"] / v["R"] * np.clip(duty, -v["cap"], v["cap"])
     return float(np.sqrt(np.nanmean(drive**2)))
+
+
+MOST = 6
+APART = 0.1
+"""Width of a line, as a share of its frequency."""
+CLEAR_LINE = 100.0
+"""Times the noise, the median over all frequencies: the largest of 10 000 bins of white noise is ten times its mean."""
+
+
+def spectral_lines(values: FloatArray, rate_hz: float) -> tuple[float, ...]:
+    """Frequencies [Hz] of the lines in the spectrum of values (N,), NaN where not sampled, the largest first, six at
+    most."""
+    from scipy.signal import periodogram
+
+    known = np.isfinite(values)
+    there = np.interp(np.arange(values.size), np.flatnonzero(known), values[known])
+    spectrum: tuple[FloatArray, FloatArray] = periodogram(  # type: ignore[call-overload]  # the stubs lack "linear"
+        there, rate_hz, "blackmanharris", detrend="linear"
+    )
+    frequency, power = spectrum
+    inner = power[1:-1]
+    peaks = 1 + np.flatnonzero((inner > power[:-2]) & (inner >= power[2:]) & (inner > CLEAR_LINE * np.median(power)))
+    found: list[float] = []
+    for at in peaks[np.argsort(-power[peaks])]:
+        if all(abs(frequency[at] - one) > APART * one for one in found):
+            found.append(float(frequency[at]))
+    return tuple(found[:MOST])

@@ -14,7 +14,7 @@ import numpy as np
 from lostmotion.lab import policy
 from lostmotion.lab.data.blocks import correlation, numbered
 from lostmotion.lab.data.experiment import Experiment
-from lostmotion.lab.data.stationarity import is_structured
+from lostmotion.lab.data.whiteness import is_structured
 from lostmotion.lab.fitting.fit import rms_by_column
 from lostmotion.lab.fitting.strategy import begun, passed
 from lostmotion.lab.selection.evidence import Predictions

@@ -11,12 +11,12 @@ from lostmotion.lab import policy
 from lostmotion.lab.data.frequency_response import usual_torque
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.fitting.identifiability import is_driven, with_free_states
-from lostmotion.lab.inverse.dry_friction import simulable, softened
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import TURN, Data, EquationError, Problem, by_recording
 from lostmotion.lab.inverse.regression import MOST_STEPS, Regression, can_run, regressed
 from lostmotion.lab.inverse.signals import Signals
-from lostmotion.lab.inverse.torques import follows_motion, inertia_of, needed
+from lostmotion.lab.inverse.torques import follows_motion, inertia_of, needed, simulable, softened
+from lostmotion.lab.selection.evidence import are_consistent
 from lostmotion.lab.selection.nesting import others, wider, without
 from lostmotion.lab.shooting.initial_guess import initial_guesses, natural_frequency
 from lostmotion.lab.shooting.least_squares import projected_off
@@ -27,7 +27,6 @@ from lostmotion.model.effects.guesses import MotionScales
 from lostmotion.model.motion import FloatArray
 
 __all__ = [
-    "are_consistent",
     "by_acceleration",
     "candidates",
     "fitted_beside",
@@ -99,7 +98,7 @@ def candidates(model: Model, added: tuple[str, ...], data: Problem) -> Iterator[
         effect = get_effect(name)
         if not (follows_motion(effect) or is_simulated) or (is_linear and _needs_angle(name)):
             continue
-        if not is_linear and turns_of(data) > effect.most_turns:
+        if not is_linear and turns_of(data.signals) > effect.most_turns:
             continue
         if name in nested:
             yield name, nested[name]
@@ -110,9 +109,9 @@ def candidates(model: Model, added: tuple[str, ...], data: Problem) -> Iterator[
             yield name, wide if is_moved else with_free_states(wide)
 
 
-def turns_of(data: Problem) -> float:
+def turns_of(signals: Sequence[Signals]) -> float:
     """The largest number of turns that the motion of a recording covers."""
-    return max(float(np.ptp(one.position)) for one in data.signals) / TURN
+    return max(float(np.ptp(one.position)) for one in signals) / TURN
 
 
 def fitted_with(name: str, wide: Model, now: Regression, begun: Regression | None) -> Regression | None:
@@ -161,12 +160,6 @@ def torques_of(effect: str, model: Model, signals: Sequence[Signals]) -> list[Fl
         return needed(one.experiment.model(law), one, np.zeros(one.time.size))
 
     return [without_load(model, one) - without_load(less, one) for one in signals]
-
-
-def are_consistent(model: Model, effects: Sequence[str]) -> bool:
-    """Whether the model's values agree with the definition of each of these effects."""
-    own = {name: {part: p.value for part, p in model.own(name).items()} for name in effects}
-    return all(get_effect(name).is_apt(values) for name, values in own.items())
 
 
 def _fitted_from_guesses(name: str, wide: Model, now: Regression, most: int, steps: int) -> Regression | None:

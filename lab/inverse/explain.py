@@ -14,7 +14,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
 
@@ -25,21 +24,22 @@ from lostmotion.lab import policy, words
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.frequency_response import from_spectra
 from lostmotion.lab.deadline import is_over, within
-from lostmotion.lab.design.next_experiment import what_to_record
 from lostmotion.lab.fitting.identifiability import is_driven, with_scale
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.describe import described, is_linear
+from lostmotion.lab.inverse.likelihood import Fitted, Method, WholeMotion, amplitudes, error_on, fit_on, is_noise
 from lostmotion.lab.inverse.output_error import OutputError, initial_state
 from lostmotion.lab.inverse.problem import Data
 from lostmotion.lab.inverse.regression import Regression, blocks_of, can_run
-from lostmotion.lab.inverse.selection import Search, Selection, Step, first_fit, selected
 from lostmotion.lab.inverse.signals import COLUMNS, Signals
 from lostmotion.lab.inverse.torques import can_invert, noise_floor
-from lostmotion.lab.inverse.validate import Fitted, Method, amplitudes, error_on, fit_on, is_noise
-from lostmotion.lab.results import Errors, Estimate, Explanation, Fit, Ranked, Verdict
+from lostmotion.lab.results import Errors, Estimate, Explanation, Fit, Verdict
+from lostmotion.lab.selection.evidence import Candidate
+from lostmotion.lab.selection.forward import Selection, Step, selected
 from lostmotion.lab.selection.nesting import without
-from lostmotion.lab.shooting.task import Task, coarse_substep
-from lostmotion.model import Model, ModelError, build_model
+from lostmotion.lab.selection.outcome import advice, ranking, strongest_first
+from lostmotion.lab.shooting.task import coarse_substep
+from lostmotion.model import Model, build_model
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["explained", "fitted", "method_of"]
@@ -82,10 +82,10 @@ def explained(
     channel = Channel.of(train) if method is Method.TORQUE else Channel()
     signals = [channel.signals(one, is_force) for one in train]
     unseen = channel.signals(last, is_force)
-    search = Search(method, unseen, len(train) < policy.ENOUGH_RECORDINGS, pool)
+    search = WholeMotion(method, rough, signals, unseen, len(train) < policy.ENOUGH_RECORDINGS, pool)
     with within(budget_s):
         with within(policy.STAGE_SHARE * budget_s):
-            selection = selected(rough, signals, search, progress)
+            selection = selected(search, progress)
         progress("judging", 0.9)
         found = _explanation(selection, model, train, unseen, method, noise, pool)
     fit_on.cache_clear()
@@ -95,13 +95,14 @@ def explained(
 
 
 def _explanation(
-    selection: Selection, model: Model, train: Sequence[Experiment], unseen: Signals, method: Method,
+    selection: Selection[Fitted], model: Model, train: Sequence[Experiment], unseen: Signals, method: Method,
     noise: dict[str, float], pool: Executor,
 ) -> Explanation:  # fmt: skip
     """The result, with errors on the unseen recording."""
     fits = [one.judged for one in selection.fits]
     base, best = fits[0], fits[-1]
-    missing, descent = _strongest_first([error_on(fit, unseen) for fit in fits], selection, method)
+    power = None if method is Method.MOTION else _power(selection.fits[-1], selection.added)
+    missing, descent = strongest_first([error_on(fit, unseen) for fit in fits], selection, power)
     column = "torque" if method is Method.TORQUE else unseen.column
     floors = _floors(noise, column, best, unseen)
     left = [best.residual, *(there.residual for there in (fit_on(best, unseen),) if there)]
@@ -111,11 +112,17 @@ def _explanation(
     return Explanation(
         verdict=verdict,
         missing=missing,
-        confusable=_confusable(selection),
-        ranking=_ranking(selection, unseen, descent[0]),
+        confusable=selection.confusable,
+        ranking=ranking(
+            selection,
+            descent[0],
+            lambda one: _error(one, unseen, descent[0]),
+            lambda one: _estimates(one.judged),
+            _estimates(best),
+        ),
         error=errors,
         residual=None if complete else described(selection.fits[-1].inverse),
-        advice="" if method is Method.FREE else _advice(selection, train, noise, pool),
+        advice="" if method is Method.FREE else advice(selection, train, noise, pool),
         detectable=_detectable(selection.steps[-1]) if verdict == "nothing_missing" else {},
         base=_fit(base, model, floors, column, unseen),
         best=_fit(best, model, floors, column, unseen),
@@ -127,26 +134,11 @@ def _explanation(
     )
 
 
-def _strongest_first(
-    errors: Sequence[float], selection: Selection, method: Method
-) -> tuple[tuple[str, ...], tuple[float, ...]]:
-    """The added effects, strongest first; and the error with none of them, with the first, with the first two, …
-
-    The strongest effect takes most of the squared error; several steps of one effect are added up.  The squared error
-    of a joint is divided like the squared torques of the effects: of two that share a torque the first step takes what
-    belongs to both (viscous friction before Coulomb's, of an arm with a tenth of it), and a free swing with gravity
-    alone is out of phase with the measured one and has a larger error than without.
-    """
-    takes = dict.fromkeys(selection.added, 0.0)
-    for effect, (less, more) in zip(selection.labels, pairwise(errors), strict=True):
-        takes[effect] += less**2 - more**2
-    if method is not Method.MOTION:
-        power = {name: _rms(_torques(name, selection.fits[-1])) ** 2 for name in takes}
-        total, whole = sum(takes.values()), sum(power.values())
-        takes = {name: total * power[name] / max(whole, 1e-300) for name in takes}
-    missing = sorted(takes, key=lambda effect: -takes[effect])
-    left = errors[0] ** 2 - np.cumsum([0.0, *(takes[effect] for effect in missing)])
-    return tuple(missing), tuple(np.sqrt(np.maximum(left, 0.0)).tolist())
+def _power(fit: Fitted, effects: Sequence[str]) -> dict[str, float]:
+    """The squared torque of each effect, by which the squared error of a joint is divided: of two that share a torque
+    the first step takes what belongs to both (viscous friction before Coulomb's, of an arm with a tenth of it), and a
+    free swing with gravity alone is out of phase with the measured one and has a larger error than without."""
+    return {name: _rms(_torques(name, fit)) ** 2 for name in effects}
 
 
 def _torques(effect: str, best: Fitted) -> list[FloatArray]:
@@ -178,85 +170,41 @@ def fitted(model: Model, experiments: Sequence[Experiment], method: Method, nois
     model, _ = with_scale(model, experiments)
     channel = Channel.of(experiments) if method is Method.TORQUE else Channel()
     signals = [channel.signals(one, model.base != "servo") for one in experiments]
-    fit = first_fit(from_spectra(model, experiments), signals, Search(method)).judged
+    fit = WholeMotion(method, from_spectra(model, experiments), signals).first().judged
     column = "torque" if method is Method.TORQUE else signals[0].column
     return channel.noted(_fit(fit, model, _floors(noise, column, fit), column))
 
 
-def _confusable(selection: Selection) -> tuple[tuple[str, ...], ...]:
-    """Each added effect with those that explained as much and were not added: two effects that are both needed are not
-    confusable."""
-    added = selection.added
-    tried = [step for step in selection.steps if step.judged]
-    groups = [(step.judged[0].effect, *(name for name in step.confusable if name not in added)) for step in tried]
-    return tuple(group for group in groups if len(group) > 1 and group[0] in added)
+def _error(one: Candidate[Fitted], unseen: Signals, before: float) -> float:
+    """The error with a candidate.  One that improves no prediction gets the error without it: its fit may be far off,
+    and take a minute to simulate.  When the time is up, the error is that of the folds."""
+    if one.gain <= 0:
+        return before
+    return before * math.sqrt(1 - one.gain) if is_over() else error_on(one.fit.judged, unseen)
 
 
-def _ranking(selection: Selection, unseen: Signals, before: float) -> tuple[Ranked, ...]:
-    """The candidates of the first step, best first; those in the last fit with its values.  A candidate that improves
-    no prediction gets the error without it: its fit may be far off, and take a minute to simulate.  When the time is
-    up, the error is that of the folds."""
-    final = {e.name: (e.value, e.low, e.high) for e in _estimates(selection.fits[-1].judged)}
-
-    def values(effect: str, fit: Regression) -> dict[str, tuple[float, float, float]]:
-        own = {e.name: (e.value, e.low, e.high) for e in _estimates(fit)} | (final if effect in selection.added else {})
-        return {name.removeprefix(f"{effect}."): v for name, v in own.items() if name.startswith(f"{effect}.")}
-
-    return tuple(
-        Ranked(
-            one.effect,
-            before,
-            before if one.gain <= 0 else before * math.sqrt(1 - one.gain) if is_over() else error_on(one.fit, unseen),
-            one.p_value,
-            values(one.effect, one.fit),
-        )
-        for one in selection.steps[0].judged
-    )
-
-
-def _advice(selection: Selection, train: Sequence[Experiment], noise: dict[str, float], pool: Executor) -> str:
-    """What to record to distinguish the first effects that these recordings confuse; "" where their motion cannot be
-    simulated."""
-    for step in selection.steps:
-        first = step.judged[0].effect if step.judged else ""
-        effects = next((group for group in _confusable(selection) if group[0] == first), ())
-        if effects and not is_over():
-            alike = [one.fit.model for one in step.judged if one.effect in effects]
-            with suppress(ModelError):
-                return what_to_record(alike, Task.of(alike[0], train, noise), pool)
-            break
-    return ""
-
-
-def _detectable(step: Step) -> dict[str, tuple[str, float]]:
+def _detectable(step: Step[Fitted]) -> dict[str, tuple[str, float]]:
     """The size at which each effect is significant with probability 1/2."""
     sizes = {}
     for one in step.judged:
-        names = amplitudes(one.effect, one.fit)
+        fit = one.fit.judged
+        names = amplitudes(one.effect, fit)
         if not names:
             continue
-        block = blocks_of(one.fit)
-        deviation = float(one.fit.deviations(block)[one.fit.unknowns.names.index(names[0])])
+        block = blocks_of(fit)
+        deviation = float(fit.deviations(block)[fit.unknowns.names.index(names[0])])
         limit = float(-stdtrit(int(block.max()), policy.FALSE_NAME / len(step.judged)))
         sizes[one.effect] = (names[0].removeprefix(f"{one.effect}."), limit * deviation)
     return sizes
 
 
-def _estimates(fit: Regression) -> list[Estimate]:
+def _estimates(fit: Regression) -> tuple[Estimate, ...]:
     """Estimates with intervals that are robust to correlation of the residual within blocks."""
     block = blocks_of(fit)
     deviation = np.sqrt(np.maximum(np.diag(fit.covariance(block)), 0.0))
-    factor = float(-stdtrit(max(int(block.max()), 1), (1 - policy.CONFIDENCE) / 2))
-    low, high = fit.unknowns.bounds
-    found = []
-    for item, z, sd, a, b in zip(fit.unknowns.items, fit.z.tolist(), deviation.tolist(), low, high, strict=True):
-        value, slope = item.value(z), abs(item.slope(z)) * sd
-        ends = sorted((item.value(z - factor * sd), item.value(z + factor * sd))) if item.logarithmic else (
-            value - factor * slope, value + factor * slope)  # fmt: skip
-        unit = fit.model.parameters[item.name].unit
-        found.append(Estimate(item.name, value, ends[0], ends[1], words.linear(unit) if is_linear(fit) else unit,
-                              item.is_identified(z, sd), bool(z <= a or z >= b)))  # fmt: skip
-    return found
+    width = float(-stdtrit(max(int(block.max()), 1), (1 - policy.CONFIDENCE) / 2))
+    found = fit.unknowns.estimates(fit.model, fit.z, deviation, width)
+    return tuple(replace(one, unit=words.linear(one.unit)) for one in found) if is_linear(fit) else found
 
 
 def _fit(fit: Regression, rough: Model, noise: dict[str, float], column: str, *unseen: Signals) -> Fit:
@@ -273,7 +221,7 @@ def _fit(fit: Regression, rough: Model, noise: dict[str, float], column: str, *u
         model=model,
         experiments=tuple(experiment for experiment, _ in shown),
         starts=tuple(start for _, start in shown if start is not None),
-        estimates=tuple(_estimates(fit)),
+        estimates=_estimates(fit),
         correlation=np.asarray(covariance / np.outer(deviation, deviation)),
         noise=noise,
         rms={column: fit.rms, **_motion_rms(fit, model, substep)},

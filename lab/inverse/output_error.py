@@ -20,9 +20,9 @@ import numpy as np
 
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.fitting.identifiability import free_states, is_driven
-from lostmotion.lab.inverse.dry_friction import simulable
 from lostmotion.lab.inverse.problem import by_recording
 from lostmotion.lab.inverse.signals import Signals
+from lostmotion.lab.inverse.torques import simulable
 from lostmotion.lab.shooting.task import coarse_substep, with_friction
 from lostmotion.model import Model, ModelError
 from lostmotion.model.bases import get_base

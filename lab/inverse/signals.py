@@ -16,7 +16,7 @@ from scipy.interpolate import make_interp_spline
 
 from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import Experiment
-from lostmotion.lab.data.lines import spectral_lines
+from lostmotion.lab.data.frequency_response import spectral_lines
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["COLUMNS", "LEAST_SAMPLES", "Signals"]

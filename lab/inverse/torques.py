@@ -1,4 +1,4 @@
-"""The acceleration of a model for a given motion, and the torque that it needs.
+"""The acceleration of a model for a given motion, the torque that it needs, and the width of its dry friction.
 
 The terms are the model's kernels, so effects of the catalogue and user-defined ones are evaluated in the same way.  No
 equation of motion is solved here, so effects with delays or time dependence cannot be evaluated, nor those with states,
@@ -8,13 +8,15 @@ except states that follow from the measured motion (``follows_motion``).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numba import njit
 
+from lostmotion.lab import policy
 from lostmotion.lab.inverse.signals import Signals
-from lostmotion.model import Model
+from lostmotion.model import Model, build_model
 from lostmotion.model.assemble import assemble, in_order, scope
 from lostmotion.model.bases import get_base
 from lostmotion.model.effects import get_effect
@@ -24,7 +26,10 @@ from lostmotion.model.motion import FloatArray
 from lostmotion.model.signals import DRIVEN
 from lostmotion.model.solve import load, rates
 
-__all__ = ["acceleration", "can_invert", "follows_motion", "inertia_of", "needed", "noise_floor"]
+__all__ = [
+    "acceleration", "can_invert", "follows_motion", "inertia_of",
+    "needed", "noise_floor", "simulable", "softened",
+]  # fmt: skip
 
 
 STEP, MOST_PARTS = 0.2, 50
@@ -111,3 +116,24 @@ def _run(
 
 
 _evaluate = compiled(lambda **options: njit(nogil=True, **OPTIONS, **options)(_run))
+
+
+def softened(model: Model, signals: Sequence[Signals]) -> Model:
+    """The model with dry friction that changes sign within the resolution of the filtered speed, or a larger width of
+    the model: a fixed width in rad/s is wide for a slow joint, and for an axis in m/s, and depends on the unit of
+    time."""
+    width = policy.UNSURE_SPEED * float(np.sqrt(np.mean(np.concatenate([one.velocity for one in signals]) ** 2)))
+    usual = build_model(model.base, model.effects).parameters
+    widths = {
+        name: width
+        for name, parameter in model.parameters.items()
+        if name.endswith(".omega_0") and parameter.fixed and (parameter.value < width or parameter == usual[name])
+    }
+    return model.replace(widths)
+
+
+def simulable(model: Model, signals: Sequence[Signals]) -> Model:
+    """The same for a model that is simulated; servos are unchanged.  A servo holds its load at rest for much of a
+    recording, and would creep within a wider step: Stribeck friction was named for one that sticks, and nothing for an
+    XL330."""
+    return model if model.base == "servo" else softened(model, signals)

@@ -14,7 +14,7 @@ import numpy as np
 
 from lostmotion.lab import words
 from lostmotion.lab.comparison.compare import Comparison
-from lostmotion.lab.comparison.predict import Prediction, predict
+from lostmotion.lab.comparison.residual_analysis import Prediction, predict
 from lostmotion.lab.comparison.torque import needed_torques
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.inverse.channel import Channel

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from lostmotion.drivers.recording import Recording
-from lostmotion.lab.comparison.predict import predict
+from lostmotion.lab.comparison.residual_analysis import predict
 from lostmotion.lab.data.experiment import Experiment, experiments
 from lostmotion.lab.errors import ExecutorError
 from lostmotion.lab.models.own import load_effect

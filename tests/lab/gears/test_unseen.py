@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import experiments
-from lostmotion.lab.data.stationarity import is_structured
+from lostmotion.lab.data.whiteness import is_structured
 from lostmotion.lab.fitting.fit import noise_of
 from lostmotion.lab.fitting.strategy import full_fit
 from lostmotion.lab.gears.unseen import Judged, Unseen, compared, is_left

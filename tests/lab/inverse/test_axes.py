@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,10 +13,11 @@ from scipy.integrate import solve_ivp
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.blocks import chance
 from lostmotion.lab.data.experiment import experiments
-from lostmotion.lab.inverse import validate
 from lostmotion.lab.inverse.problem import Data
 from lostmotion.lab.inverse.regression import regressed
 from lostmotion.lab.inverse.signals import Signals
+from lostmotion.lab.selection.evidence import Candidate
+from lostmotion.lab.selection.forward import named
 from lostmotion.lab.words import linear
 from lostmotion.model import build_model
 from tests.lab.inverse.test_inverse import explained
@@ -69,12 +71,13 @@ def test_a_wire_and_a_weight(is_wire: bool, start: float, first: str, tmp_path: 
 def test_a_weight_and_what_repeats_once_a_turn(turns: float, first: str) -> None:
     """They are one function: of a pendulum that was swung up over three turns the weight is named, of a shaft that
     turns twelve times the ripple."""
-    data = SimpleNamespace(signals=[SimpleNamespace(position=np.linspace(0, 2 * np.pi * turns, 50))])
-    alike = [
-        SimpleNamespace(effect=name, fit=SimpleNamespace(model=build_model("joint", [name])))
+    alike: list[Any] = [
+        Candidate(name, SimpleNamespace(count=2, rms=1.0, model=build_model("joint", [name])), 0.9, 0.0, 40)
         for name in ("torque_ripple", "gravity_torque")
     ]
-    best = min(alike, key=lambda one: validate.preferred(one, SimpleNamespace(data=data)))  # type: ignore[arg-type]
+    equal = SimpleNamespace(usual=1.0)
+    likelihood: Any = SimpleNamespace(turns=turns, predictions=lambda one, other, of_all: equal)
+    best = named(alike, likelihood)
     assert best.effect == first
 
 

@@ -13,7 +13,7 @@ from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.inverse import channel
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.explain import fitted
-from lostmotion.lab.inverse.validate import Method
+from lostmotion.lab.inverse.likelihood import Method
 from lostmotion.model import Sampled, build_model
 from lostmotion.model.motion import FloatArray
 

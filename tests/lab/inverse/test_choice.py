@@ -11,8 +11,10 @@ import pytest
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.experiment import Experiment, experiments
-from lostmotion.lab.inverse import candidates, validate
+from lostmotion.lab.inverse import candidates
 from lostmotion.lab.inverse.signals import Signals
+from lostmotion.lab.selection import evidence
+from lostmotion.lab.selection.forward import named
 from lostmotion.model import build_model
 from tests.lab.inverse.test_inverse import explained
 
@@ -20,40 +22,39 @@ ONE, TWO = "coulomb_friction", "gravity_torque"
 """Effects with as many parameters."""
 
 
-def candidate(effect: str, gain: float, count: int, nuisance: int = 0) -> Any:
-    """A candidate that takes this share of the squared error with so many parameters."""
-    fit = SimpleNamespace(count=count, nuisance=np.zeros(nuisance), rms=1.0, model=build_model("joint"))
-    return SimpleNamespace(effect=effect, gain=gain, fit=fit)
+JOINT: Any = SimpleNamespace(turns=0.0, predictions=lambda one, other, of_all: SimpleNamespace(usual=1.0))
 
 
-@pytest.mark.parametrize(("gain", "nuisance", "expected"), [(0.71, 0, TWO), (0.42, 0, ONE), (0.71, 8, ONE)])
-def test_parameters_are_worth_what_they_explain(
-    monkeypatch: pytest.MonkeyPatch, gain: float, nuisance: int, expected: str
-) -> None:
+def candidate(effect: str, gain: float, count: int, blocks: int) -> Any:
+    """A candidate that takes this share of the squared error of so many blocks, with so many parameters."""
+    fit = SimpleNamespace(count=count, rms=1.0, model=build_model("joint"))
+    return evidence.Candidate(effect, fit, gain, 0.0, blocks)
+
+
+@pytest.mark.parametrize(("gain", "count", "expected"), [(0.71, 2, TWO), (0.42, 2, ONE), (0.71, 10, ONE)])
+def test_parameters_are_worth_what_they_explain(gain: float, count: int, expected: str) -> None:
     """Of effects that twelve blocks hardly tell apart a second parameter is worth a fifth of the squared error: 42 %
-    beside 38 are none, 71 % are; initial values that were fitted as well count as parameters."""
-    monkeypatch.setattr(validate, "blocks_of", lambda fit: np.arange(12))
-    alike = [candidate(ONE, 0.38, 1), candidate(TWO, gain, 2, nuisance)]
-    assert validate.named(alike, SimpleNamespace(), None).effect == expected  # type: ignore[arg-type]
+    beside 38 are none, 71 % are, but not with ten parameters."""
+    alike = [candidate(ONE, 0.38, 1, 12), candidate(TWO, gain, count, 12)]
+    assert named(alike, JOINT).effect == expected
 
 
 def test_rare_effects_pay_for_more_and_cost_the_others_less() -> None:
     """A spring has a hundredth of the weight's prior odds where that is a candidate or in the model, and all of them
     on an axis along a line."""
     common = ["viscous_friction", "coulomb_friction"]
-    assert validate.prior_odds([*common, "spring_torque"], []) == dict.fromkeys([*common, "spring_torque"], 1.0)
-    beside = validate.prior_odds([*common, "gravity_torque", "spring_torque"], [])
+    assert evidence.prior_odds([*common, "spring_torque"], []) == dict.fromkeys([*common, "spring_torque"], 1.0)
+    beside = evidence.prior_odds([*common, "gravity_torque", "spring_torque"], [])
     assert beside == {**dict.fromkeys([*common, "gravity_torque"], 1.0), "spring_torque": 0.01}
-    assert validate.prior_odds(["spring_torque"], ["gravity_torque"]) == {"spring_torque": 0.01}
+    assert evidence.prior_odds(["spring_torque"], ["gravity_torque"]) == {"spring_torque": 0.01}
 
 
 @pytest.mark.parametrize(("gain", "expected"), [(0.90, TWO), (0.99, "spring_torque")])
-def test_of_a_weight_and_a_spring_the_likelier_one(monkeypatch: pytest.MonkeyPatch, gain: float, expected: str) -> None:
+def test_of_a_weight_and_a_spring_the_likelier_one(gain: float, expected: str) -> None:
     """A spring that leaves a little less than a weight, with one parameter less, is not named; one that leaves a tenth
     of it is."""
-    monkeypatch.setattr(validate, "blocks_of", lambda fit: np.arange(40))
-    alike = [candidate("spring_torque", gain, 1), candidate(TWO, 0.89, 2)]
-    assert validate.named(alike, SimpleNamespace(), None).effect == expected  # type: ignore[arg-type]
+    alike = [candidate("spring_torque", gain, 1, 40), candidate(TWO, 0.89, 2, 40)]
+    assert named(alike, JOINT).effect == expected
 
 
 def resting(seconds_at_rest: float) -> Experiment:

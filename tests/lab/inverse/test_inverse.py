@@ -18,14 +18,15 @@ from lostmotion.daemon.cli import cli
 from lostmotion.drivers.recording import Recording, write_recording
 from lostmotion.lab.data.experiment import Experiment, experiments
 from lostmotion.lab.fitting.identifiability import with_scale
-from lostmotion.lab.inverse.dry_friction import softened
 from lostmotion.lab.inverse.explain import method_of
+from lostmotion.lab.inverse.likelihood import Method, WholeMotion
 from lostmotion.lab.inverse.problem import Data
 from lostmotion.lab.inverse.regression import blocks_of, regressed
-from lostmotion.lab.inverse.selection import Search, selected
 from lostmotion.lab.inverse.signals import Signals
-from lostmotion.lab.inverse.validate import Method, shapes_tried
+from lostmotion.lab.inverse.torques import softened
 from lostmotion.lab.models import modelfile
+from lostmotion.lab.selection.evidence import shapes_tried
+from lostmotion.lab.selection.forward import selected
 from lostmotion.model import Model, build_model
 from lostmotion.model.effects import get_effect
 
@@ -94,7 +95,7 @@ def named(model: Model, recordings: list[Recording]) -> tuple[str, ...]:
     method = method_of(model, held)
     assert method
     signals = [Signals.of(one) for one in held]
-    return selected(model, signals, Search(method), lambda what, part: None).added
+    return selected(WholeMotion(method, model, signals), lambda what, part: None).added
 
 
 @pytest.mark.slow
@@ -489,6 +490,6 @@ def test_a_joint_that_mostly_rests() -> None:
     model = build_model("joint", ["viscous_friction"])
     held = experiments(model, recordings)
     signals = [Signals.of(one) for one in held]
-    found = selected(model, signals, Search(Method.TORQUE), lambda what, part: None)
+    found = selected(WholeMotion(Method.TORQUE, model, signals), lambda what, part: None)
     assert found.added == ("coulomb_friction",)
     assert found.fits[-1].model.parameters["coulomb_friction.tau_c"].value == pytest.approx(0.5, rel=0.1)

@@ -8,9 +8,9 @@ from scipy.ndimage import gaussian_filter1d
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.experiment import experiments
-from lostmotion.lab.inverse.selection import Search, Selection, selected
+from lostmotion.lab.inverse.likelihood import Fitted, Method, WholeMotion
 from lostmotion.lab.inverse.signals import Signals
-from lostmotion.lab.inverse.validate import Method
+from lostmotion.lab.selection.forward import Selection, selected
 from lostmotion.model import build_model
 from lostmotion.model.motion import FloatArray
 
@@ -30,11 +30,11 @@ def joint(seed: int, length: float, fastest: float, coulomb: float, disturbance:
     return Recording(t, columns, {}, {}, 0, f"joint{seed}.csv")
 
 
-def search(recordings: list[Recording], is_fold: bool = False) -> Selection:
+def search(recordings: list[Recording], is_fold: bool = False) -> Selection[Fitted]:
     """What is found in the recordings; is_fold: in all but the last, which is predicted as one more fold."""
     signals = [Signals.of(one) for one in experiments(MODEL, recordings)]
-    how = Search(Method.TORQUE, signals.pop(), True) if is_fold else Search(Method.TORQUE)
-    return selected(MODEL, signals, how, lambda what, part: None)
+    unseen = signals.pop() if is_fold else None
+    return selected(WholeMotion(Method.TORQUE, MODEL, signals, unseen, is_fold), lambda what, part: None)
 
 
 @pytest.mark.slow

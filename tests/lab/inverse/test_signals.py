@@ -12,10 +12,10 @@ from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.inverse import regression
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.explain import fitted
+from lostmotion.lab.inverse.likelihood import Method
 from lostmotion.lab.inverse.problem import Data
 from lostmotion.lab.inverse.regression import regressed
 from lostmotion.lab.inverse.signals import Signals
-from lostmotion.lab.inverse.validate import Method
 from lostmotion.model import ModelError, Sampled, build_model
 from lostmotion.model.motion import FloatArray
 

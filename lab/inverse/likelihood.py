@@ -1,0 +1,307 @@
+"""The likelihood of motions that can be predicted: of the torque that they need, or of the whole simulated motion.
+
+Each of three folds of blocks is predicted by a fit to the other two, and another recording, where there are few, by the
+fit to all three.  What is searched and what decides is selection/forward.py.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from enum import Enum
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import stdtrit
+
+from lostmotion.lab import policy
+from lostmotion.lab.deadline import is_over, remaining_s, within
+from lostmotion.lab.fitting.identifiability import held, is_driven
+from lostmotion.lab.inverse.candidates import (
+    by_acceleration,
+    candidates,
+    fitted_beside,
+    fitted_by_acceleration,
+    fitted_with,
+    refined,
+    starts,
+    turns_of,
+)
+from lostmotion.lab.inverse.output_error import OutputError
+from lostmotion.lab.inverse.problem import Data, Problem
+from lostmotion.lab.inverse.regression import Regression, blocks_of, regressed
+from lostmotion.lab.inverse.signals import Signals
+from lostmotion.lab.inverse.torques import softened
+from lostmotion.lab.parallel import each
+from lostmotion.lab.selection.evidence import Predictions
+from lostmotion.lab.selection.forward import Proposals
+from lostmotion.lab.selection.nesting import without
+from lostmotion.model import Model, ModelError
+from lostmotion.model.effects import get_effect
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["Fitted", "Method", "WholeMotion", "amplitudes", "error_on", "fit_on", "is_noise", "is_sized"]
+
+HORIZONS = (0.2, 0.5)
+"""Shares of a free swing that are fitted before the whole: a frequency error of 2 % is out of phase after ten swings,
+and a fit to the whole would end in a local minimum."""
+
+
+class Method(Enum):
+    """The error that is minimised: of the torque of a controlled joint; of a free motion, with candidates selected by
+    the acceleration; of a motion with an input that follows no disturbance."""
+
+    TORQUE = "torque"
+    FREE = "free"
+    MOTION = "motion"
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """inverse: the fit to select candidates with; judged: the fit for predictions, the same one except where a joint
+    swings freely."""
+
+    inverse: Regression
+    judged: Regression
+
+    @classmethod
+    def of(cls, inverse: Regression, method: Method) -> Fitted:
+        """Beginning with the fit to select candidates with."""
+        if method is not Method.FREE:
+            return cls(inverse, inverse)
+        return cls(inverse, continued(inverse.model, OutputError.of(inverse.data.signals, inverse.model)))
+
+    @property
+    def model(self) -> Model:
+        """The model of the fit for predictions."""
+        return self.judged.model
+
+    @property
+    def rms(self) -> float:
+        """Root mean square error of the fit for predictions."""
+        return self.judged.rms
+
+    @property
+    def screened(self) -> float:
+        """Root mean square error of the fit to select candidates with."""
+        return self.inverse.rms
+
+    @property
+    def count(self) -> int:
+        """The number of fitted parameters; the initial values of a mode count."""
+        return self.judged.count + self.judged.nuisance.size
+
+
+@dataclass(frozen=True, eq=False)
+class WholeMotion:
+    """method: the error that is minimised; unseen: a recording that is not fitted, and decides between effects that
+    explain the others equally well; is_fold: whether it also serves as one more fold, as there are few others; pool:
+    threads, if any."""
+
+    method: Method
+    model: Model
+    signals: Sequence[Signals]
+    unseen: Signals | None = None
+    is_fold: bool = False
+    pool: Executor | None = None
+
+    @property
+    def firsts(self) -> int:
+        """None where a motion is simulated: each fit takes seconds."""
+        return 0 if self.method is Method.MOTION else policy.FIRSTS
+
+    @property
+    def turns(self) -> float:
+        """The largest number of turns that the motion of a recording covers."""
+        return turns_of(self.signals)
+
+    def first(self) -> Fitted:
+        """The fit of the model as it is."""
+        if self.method is Method.MOTION:
+            is_moved = any(is_driven(one.experiment) for one in self.signals)
+            fit = regressed if is_moved else continued
+            begun = [(start, OutputError.of(self.signals, start)) for start in starts(self.model, self.signals)]
+            best = min((fit(*entry) for entry in _promising(begun)), key=lambda one: one.rms)
+            return Fitted(best, best)
+        data = Data.of(self.signals, self.model)
+        return Fitted.of(_with_load(softened(self.model, self.signals), data), self.method)
+
+    def proposals(self, now: Fitted, added: tuple[str, ...]) -> Iterator[Proposals[Fitted]]:
+        """All candidates, fitted as far as the time allows."""
+        wide = list(candidates(now.inverse.model, added, now.inverse.data))
+        with within(policy.STAGE_SHARE * remaining_s()):
+            fits, failed = self._fitted_each(wide, now.inverse)
+        found = each(self.pool, lambda one: (one[0], self._for_predictions(*one, now)), fits, first=1)
+        known = {*(effect for effect, _ in found), *failed}
+        yield Proposals(found, tuple(name for name, _ in wide if name not in known), tuple(failed))
+
+    def _fitted_each(
+        self, wide: Sequence[tuple[str, Model]], now: Regression
+    ) -> tuple[list[tuple[str, Regression]], list[str]]:
+        """The candidates with their fits, as far as the time allowed, and those that cannot be fitted.
+
+        Fits to a simulated motion are ordered by how well they explain the acceleration, which needs no simulation, and
+        the best of them are finished.
+        """
+        is_simulated = self.method is Method.MOTION
+        inverse = by_acceleration(now.model, now.data.signals) if is_simulated else None
+        begun = dict(
+            each(self.pool, lambda one: (one[0], fitted_by_acceleration(*one, inverse)), wide if inverse else [])
+        )
+        wide = sorted(wide, key=lambda one: fit.rms if (fit := begun.get(one[0])) else math.inf)
+        tried = each(self.pool, lambda one: (one[0], fitted_with(*one, now, begun.get(one[0]))), wide)
+        found = [(name, fit) for name, fit in tried if fit]
+        failed = [] if is_over() else [name for name, fit in tried if fit is None]
+        if not is_simulated:
+            return found, failed
+        found.sort(key=lambda one: one[1].rms)
+        least = math.sqrt(1 - policy.LEAST_PROMISE) * now.rms
+        many = min(sum(fit.rms < least for _, fit in found), policy.FINISHED)
+        finished = each(self.pool, lambda one: (one[0], refined(one[1])), found[:many])
+        return [*finished, *found[len(finished) :]], failed
+
+    def _for_predictions(self, name: str, inverse: Regression, now: Fitted) -> Fitted:
+        """With the fit that is judged.  For a free motion it begins with the estimates from the acceleration, or with
+        the present ones where these explain nothing: the acceleration does not show a small damping."""
+        found = Fitted.of(inverse, self.method)
+        if self.method is not Method.FREE or found.rms < math.sqrt(1 - policy.LEAST_GAIN) * now.rms:
+            return found
+        other = fitted_beside(name, inverse.model, now.judged)
+        return Fitted(inverse, other) if other and other.rms < found.rms else found
+
+    def accepted(self, fit: Fitted, now: Fitted) -> Fitted:
+        """The fit with the added effect, and with the transmitted torque that follows from it."""
+        if self.method is Method.MOTION:
+            return fit
+        inverse = _with_load(fit.model, now.inverse.data, fit.inverse.nuisance)
+        return Fitted(inverse, fit.judged if self.method is Method.FREE else inverse)
+
+    def without(self, effect: str, fit: Fitted) -> Fitted:
+        """The fit without an effect; a motion is refitted from the present values."""
+        model, nuisance = without(fit.model, effect), fit.inverse.nuisance
+        if self.method is Method.MOTION:
+            data = fit.inverse.data
+            if isinstance(data, OutputError):
+                data, nuisance = data.trimmed(model, nuisance)
+            return Fitted.of(regressed(model, data, nuisance), self.method)
+        inverse = _with_load(model, Data.of(fit.inverse.data.signals, model, nuisance), nuisance)
+        if self.method is not Method.FREE:
+            return Fitted(inverse, inverse)
+        return Fitted(inverse, regressed(model, fit.judged.data, fit.judged.nuisance))
+
+    def predictions(self, one: Fitted, other: Fitted, *, of_all: bool = False) -> Predictions:
+        """Squared errors of both fits in the folds, in blocks of the residual of ``other``, and in a recording that
+        serves as one more fold: the folds have the speeds and amplitudes of the fit, and an effect that overfits these
+        by a difference of large terms extrapolates badly."""
+        folds = Predictions(one.judged.predicted**2, other.judged.predicted**2, blocks_of(other.judged))
+        if self.unseen is None or not (self.is_fold or of_all):
+            return folds
+        less, there = fit_on(one.judged, self.unseen), fit_on(other.judged, self.unseen)
+        if less is None and of_all:
+            return replace(folds, before=np.full(folds.before.size, np.inf))
+        if less is None or there is None:
+            return folds
+        return Predictions(
+            np.concatenate([folds.before, less.residual**2]),
+            np.concatenate([folds.after, there.residual**2]),
+            np.concatenate([folds.block, folds.block.max() + 1 + blocks_of(there)]),
+        )
+
+    def least_gain(self, fit: Fitted, now: Fitted) -> float:
+        """The same for all."""
+        return policy.LEAST_GAIN
+
+    def is_sized(self, effect: str, fit: Fitted) -> bool:
+        """See the function."""
+        return is_sized(effect, fit.judged)
+
+
+def _promising(begun: list[tuple[Model, OutputError]]) -> list[tuple[Model, OutputError]]:
+    """The starts with a smaller error than no motion, or all where there are none: a bar of 58 Hz in the file had 110 s
+    of a pendulum simulated in steps of 0.4 ms, which took all of the time."""
+    near = [
+        (start, data) for start, data in begun
+        if np.mean(data.residual(start, data.nuisance) ** 2) < data.error_at_rest**2
+    ]  # fmt: skip
+    return near or begun
+
+
+def continued(model: Model, swings: OutputError) -> Regression:
+    """The fit of a free motion on a growing horizon (homotopy); where that ends with a larger error than no motion, as
+    for a pendulum that goes over the top, the fit of the whole motion at once if it is better."""
+    start = model
+    for share in HORIZONS:
+        model = regressed(model, swings.first(share)).model
+    found = regressed(model, swings)
+    if found.rms <= swings.usual(model):
+        return found
+    return min(found, regressed(start, swings), key=lambda one: one.rms)
+
+
+def _with_load(model: Model, data: Problem, nuisance: FloatArray | None = None) -> Regression:
+    """The model fitted to the torque, then again with the transmitted torque of that fit."""
+    once = regressed(model, data, nuisance)
+    return regressed(once.model, Data.of(data.signals, once.model, once.nuisance), once.nuisance)
+
+
+def error_on(fit: Regression, unseen: Signals) -> float:
+    """Root mean square error of a fit on an unseen recording [N m or rad], infinite where its motion cannot be
+    simulated there."""
+    there = fit_on(fit, unseen)
+    return there.rms if there else math.inf
+
+
+@lru_cache(maxsize=64)  # each candidate is compared with several others
+def fit_on(fit: Regression, unseen: Signals) -> Regression | None:
+    """The fit's model on an unseen recording, None where its motion cannot be simulated there: only the nuisance
+    parameters (initial state, zero angle) are fitted."""
+    known = held(fit.model, fit.unknowns.names)
+    with suppress(ModelError), within(math.inf):  # two numbers: a fit cut short would be reported as the effect's error
+        if isinstance(fit.data, OutputError):
+            return regressed(known, OutputError.of([unseen], known).no_finer(fit.data))
+        return regressed(known, replace(Data.of([unseen], known), is_anchored=fit.nuisance.size == 0))
+    return None
+
+
+def is_noise(residual: FloatArray, floor: float) -> bool:
+    """Whether a residual (M,) is no larger than the noise that the sensors leave within the band."""
+    return _least_spread(residual) < policy.STRUCTURED * floor
+
+
+def _least_spread(residual: FloatArray) -> float:
+    """Lower end of a 95 % interval of the standard deviation, by the median absolute deviation: its relative standard
+    error is 1.17 / sqrt(N) for N independent normal values (asymptotic efficiency 37 %), and it is robust to transients
+    of the filter at the ends of a recording."""
+    spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
+    return spread / (1 + 1.645 * 1.17 / math.sqrt(residual.size))
+
+
+def is_sized(effect: str, fit: Regression) -> bool:
+    """Whether the interval of an amplitude of the effect excludes zero.  A curve that is nearly a sum of others can
+    overfit a motion, and extrapolates badly.  The base's positive parameters are taken as given: all torques of a servo
+    share a scale that its motion does not identify."""
+    names, block = amplitudes(effect, fit), blocks_of(fit)
+    if not names:
+        return _is_shaped(effect, fit, block)
+    given = [item.name for item in fit.unknowns.items if item.logarithmic and "." not in item.name]
+    limits = -stdtrit(int(block.max()), (1 - policy.CONFIDENCE) / 2) * fit.deviations(block, given)
+    sizes = {name: abs(fit.model.parameters[name].value) for name in names}
+    return any(sizes[name] > limit for name, limit in zip(fit.unknowns.names, limits, strict=True) if name in sizes)
+
+
+def _is_shaped(effect: str, fit: Regression, block: NDArray[np.intp]) -> bool:
+    """Whether an effect without a fitted size has an identified parameter, or none at all.  A mode with free initial
+    values must have an identified frequency: to a mass on a spring with friction, one of 0.001 to 1e6 Hz was fitted."""
+    own = [at for at, name in enumerate(fit.unknowns.names) if name.startswith(f"{effect}.")]
+    deviation = np.sqrt(np.maximum(np.diag(fit.covariance(block)), 0.0))
+    return not own or any(fit.unknowns.items[at].is_identified(fit.z[at], deviation[at]) for at in own)
+
+
+def amplitudes(effect: str, fit: Regression) -> list[str]:
+    """The free parameters without which the effect vanishes, by their full names."""
+    names = (f"{effect}.{part}" for part in get_effect(effect).amplitudes)
+    return [name for name in names if name in fit.unknowns.names]
