@@ -44,7 +44,7 @@ def test_a_servo_lags(pure: float) -> None:
 @pytest.mark.slow
 def test_the_size_of_the_play_is_told_and_held(tmp_path: Path) -> None:
     """Of eight joints drawn at random, with 1 mrad and more, two thirds of the windows above 30 dB give the size of the
-    play, and 93 to 99.7 % of the intervals hold it: fewer would, were they 0.6 times as wide (99.3 and 90.6 % here); of
+    play, and 95 to 99.7 % of the intervals hold it: fewer would, were they 0.6 times as wide (93.2 %); of
     the severities 90 % do."""
     joints = (drawn(seed) for seed in range(5200, 5220))
     recordings = [scored(joint, tmp_path) for joint in [joint for joint in joints if joint.play > 1e-3][:8]]
@@ -56,8 +56,8 @@ def test_the_size_of_the_play_is_told_and_held(tmp_path: Path) -> None:
         reach += ((sizes[:, 0] - one.joint.play) / (sizes[:, 0] - end)).tolist()
         severe += [score["severity_low"] <= one.joint.play <= score["severity_high"] for score in one.scores]
     assert np.mean(told) > 0.67
-    assert 0.93 <= np.mean(np.array(reach) < 1) <= 0.997
-    assert np.mean(np.array(reach) < 0.6) < 0.93
+    assert 0.95 <= np.mean(np.array(reach) < 1) <= 0.997
+    assert np.mean(np.array(reach) < 0.6) < 0.95
     assert np.mean(severe) >= 0.9
 
 
