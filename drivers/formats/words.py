@@ -86,7 +86,7 @@ def column_of(name: str) -> str | None:
 def _column_of_unit(name: str) -> str | None:
     """The column that the unit at the end of a name says, as in ``alpha_deg`` or ``M1 [Nm]``; a single letter behind a
     sign may be anything."""
-    found = [unit for unit in _last(name) if len(unit) > 1 or name.rstrip()[-1] in "])"]
+    found = [unit for unit in _last(name) if len(unit) > 1 or name.rstrip().endswith(("]", ")"))]
     columns = {si: column for column, si in COLUMN_UNITS.items() if column in UNIT_SAYS}
     return next((columns[si[0]] for unit in found if (si := to_si(unit)) and si[0] in columns), None)
 

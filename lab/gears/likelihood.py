@@ -189,8 +189,11 @@ class ShortSegments:
         return compared(replace(less, parts=(*less.parts, *before)), replace(more, parts=(*more.parts, *after)))
 
     def least_gain(self, fit: SegmentFit, now: SegmentFit) -> float:
-        """More where the error stays far from the noise: almost any effect shifts impacts, and improves some."""
-        return policy.FAR_GAIN if fit.rms >= policy.FAR * now.floor else policy.LEAST_GAIN
+        """More where the error stays far from the noise: almost any effect shifts impacts, and improves some.  Near it
+        the share of what exceeds the noise: an effect that raises the error by 1 % can be significant."""
+        if fit.rms >= policy.FAR * now.floor:
+            return policy.FAR_GAIN
+        return policy.LEAST_GAIN * max(1 - (now.floor / now.rms) ** 2, 0.0)
 
     def is_sized(self, effect: str, fit: SegmentFit) -> bool:
         """Whether an amplitude differs from zero by three standard deviations: otherwise only the initial values of an

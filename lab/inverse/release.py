@@ -59,7 +59,7 @@ def _release(signals: Signals) -> float | None:
     """
     motion = _Local.of(signals)
     free = motion.free
-    if free.stop - free.start < LEAST_SAMPLES * REGRESSORS:
+    if free.stop - free.start < max(LEAST_SAMPLES, motion.width) * REGRESSORS:  # a width is as good as one sample
         return None
     off, width = motion.unexplained(signals.experiment.is_linear), motion.width
     usual = np.sqrt(max(np.mean(off[free] ** 2), (SMALL * np.std(motion.acceleration[free])) ** 2))

@@ -55,6 +55,14 @@ def test_a_pendulum_that_is_free_from_its_first_sample(
     assert not caplog.text
 
 
+def test_a_swing_without_damping_is_free_throughout() -> None:
+    """Its largest speed is anywhere, by noise: the law of what little comes after it says nothing of what was before."""
+    for seed in range(8):
+        noise = 1e-3 * np.random.default_rng(seed).standard_normal(TIMES.size)
+        experiment = Experiment("free.csv", None, TIMES, {"position": 0.1 * np.cos(6 * TIMES) + noise})
+        assert released([experiment.between(0.0, 4.0)])[0].time[0] == 0.0
+
+
 def test_a_second_mode_is_no_blow() -> None:
     """A bar that is struck at the first sample, with a second mode that dies down in a tenth of its ring."""
     ring = np.exp(-0.3 * TIMES) * np.cos(2 * np.pi * 2.0 * TIMES) + 0.8 * np.exp(-6 * TIMES) * np.cos(
