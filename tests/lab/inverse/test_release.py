@@ -56,7 +56,7 @@ def test_a_pendulum_that_is_free_from_its_first_sample(
 
 
 def test_a_swing_without_damping_is_free_throughout() -> None:
-    """Its largest speed is anywhere, by noise: the law of what little comes after it says nothing of what was before."""
+    """Its largest speed is anywhere, by noise: a law of what little comes after it says nothing of what was before."""
     for seed in range(8):
         noise = 1e-3 * np.random.default_rng(seed).standard_normal(TIMES.size)
         experiment = Experiment("free.csv", None, TIMES, {"position": 0.1 * np.cos(6 * TIMES) + noise})
