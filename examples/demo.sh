@@ -49,6 +49,7 @@ level = 60                         # scores: 3 without a gap, 60 at a gap of 10 
 
 [alarm]
 remind = "once"                    # a day is a tenth of a second here
+judged_within_h = 1000             # the robot moves every ten days
 END
 
 show() {
