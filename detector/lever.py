@@ -25,10 +25,12 @@ STEP_S = 0.02
 """Grid on which angles and readings are compared [s]."""
 KERNEL_S = 0.24
 """Length of the Hann kernel that smooths both [s]: it passes motions of arms (half at 4 Hz), not rings of bars."""
-LAGS_S = (-0.04, -0.03, -0.02, -0.01, 0.0, 0.01, 0.02, 0.03, 0.04)
-"""Lags of the angles behind the readings that are tried [s]: servos report late."""
-LONGEST_DELAY_S, DELAY_STEP_S = 1.0, 0.04
-"""Delays of the readings that are looked for, either way, and their grid [s]."""
+HALF_S = STEP_S / 2
+LAGS = range(-4, 5)
+"""Lags of the angles behind the readings that are tried, in halves of the grid's step: servos report late."""
+LONGEST_DELAY_S = 1.0
+DELAYS = range(-100, 101, 4)
+"""Delays of the readings that are looked for, up to LONGEST_DELAY_S either way, in halves of the grid's step."""
 USUAL_DELAYS_S = (-0.06, 0.16)
 """Delays that the detector allows for [s]: readings 0.15 s late left the severity of a healthy joint at 0.3', 0.2 s
 late made it 38' (emulated AX-12A, a minute each)."""
@@ -36,6 +38,10 @@ SURELY = 0.25
 """A delay is sure that leaves less than this share of what the usual ones leave of the squared readings."""
 LEAST_SPAN_S = 1.8
 """In a shorter segment theta'' and theta of a swaying arm are nearly collinear [s]."""
+INNER = slice(2, -2)
+ROUNDING = 1e-10
+"""Least eigenvalue of the normal equations of regressors of unit length: below it the numbers' rounding decides, as
+with theta'' and theta of a sine, and the residual of any delay would be a matter of chance."""
 LEAST_BINS = 0.9
 """Least share of the grid with readings."""
 
@@ -59,7 +65,7 @@ def levers(
     and angles [rad], shape (M,), ascending.  The error of a joint that moves like another one, or like a pendulum would
     (theta'' proportional to theta), is large: its lever cannot be estimated.
     """
-    on_grid = _on_grid(times, accel, joints, (LAGS_S[0], LAGS_S[-1]))
+    on_grid = _on_grid(times, accel, joints, (LAGS[0] * HALF_S, LAGS[-1] * HALF_S))
     if on_grid is None:
         return None
     reading, grid = on_grid
@@ -67,10 +73,10 @@ def levers(
     freedom = (reading.size - 4) * STEP_S / (KERNEL_S * 2 / 3) - 2 * many - 1  # smoothed readings are not independent
     if freedom < 1:
         return None
-    fits = [fit for lag in LAGS_S if (fit := _fit(reading, grid + lag, joints)) is not None]
+    fits = _fits(reading, grid, LAGS, joints)
     if not fits:
         return None
-    left, values, spread, moved = min(fits, key=lambda fit: fit[0])
+    left, values, spread, moved = min(fits.values(), key=lambda fit: fit[0])
     rows = zip(values[:many], spread[:many] * math.sqrt(left / freedom), moved, strict=True)
     return tuple(Lever(*map(float, row)) for row in rows)
 
@@ -85,11 +91,7 @@ def delay(times: FloatArray, accel: FloatArray, joints: Sequence[tuple[FloatArra
     if on_grid is None:
         return 0.0
     reading, grid = on_grid
-    left = {
-        float(late): fit[0]
-        for late in np.arange(-LONGEST_DELAY_S, LONGEST_DELAY_S + DELAY_STEP_S / 2, DELAY_STEP_S)
-        if (fit := _fit(reading, grid - late, joints)) is not None
-    }
+    left = {-lag * HALF_S: fit[0] for lag, fit in _fits(reading, grid, DELAYS, joints).items()}
     usual = [left[late] for late in left if USUAL_DELAYS_S[0] <= late <= USUAL_DELAYS_S[1]]
     found = min(left, key=left.__getitem__, default=0.0)
     return found if usual and left[found] < SURELY * min(usual) else 0.0
@@ -110,17 +112,29 @@ def _on_grid(
     return None if reading is None else (_smooth(reading), start + (np.arange(count) + 0.5) * STEP_S)
 
 
-def _fit(
-    reading: FloatArray, grid: FloatArray, joints: Sequence[tuple[FloatArray, FloatArray]]
-) -> tuple[float, FloatArray, FloatArray, FloatArray] | None:
-    """Least squares with the angles at the times ``grid`` [s]: what ``_solve`` returns, and the rms accelerations."""
-    inner, many = slice(2, -2), len(joints)  # second differences are one-sided at the edges
-    wanted = reading[inner] - reading[inner].mean()
-    angles = [_smooth(np.interp(grid, at, angle)) for at, angle in joints]
-    curved = [np.gradient(np.gradient(angle, STEP_S), STEP_S) for angle in angles]
-    table = np.column_stack([column[inner] - column[inner].mean() for column in (*curved, *angles)])
-    solved = _solve(table, wanted)
-    return None if solved is None else (*solved, table[:, :many].std(axis=0))
+Fit = tuple[float, FloatArray, FloatArray, FloatArray]
+"""Residual sum of squares, coefficients, their errors for a residual of 1, and the rms accelerations."""
+
+
+def _fits(
+    reading: FloatArray, grid: FloatArray, lags: range, joints: Sequence[tuple[FloatArray, FloatArray]]
+) -> dict[int, Fit]:
+    """Least squares with the angles that many halves of a step after the times ``grid`` [s], by the lag."""
+    found, wanted = {}, reading[INNER] - reading[INNER].mean()
+    for half in {lag % 2 for lag in lags}:
+        steps = [lag // 2 for lag in lags if lag % 2 == half]
+        table = _regressors(grid[0] + half * HALF_S + STEP_S * np.arange(min(steps), grid.size + max(steps)), joints)
+        for step in steps:
+            part = table[step - min(steps) :][: reading.size][INNER]
+            if (solved := _solve(part - part.mean(axis=0), wanted)) is not None:
+                found[2 * step + half] = (*solved, part[:, : len(joints)].std(axis=0))
+    return found
+
+
+def _regressors(times: FloatArray, joints: Sequence[tuple[FloatArray, FloatArray]]) -> FloatArray:
+    """Smoothed accelerations and angles of the joints; at the edges, which ``INNER`` leaves out, one-sided ones."""
+    angles = [_smooth(np.interp(times, at, angle)) for at, angle in joints]
+    return np.column_stack([*(np.gradient(np.gradient(angle, STEP_S), STEP_S) for angle in angles), *angles])
 
 
 def _solve(table: FloatArray, wanted: FloatArray) -> tuple[float, FloatArray, FloatArray] | None:
@@ -130,9 +144,10 @@ def _solve(table: FloatArray, wanted: FloatArray) -> tuple[float, FloatArray, Fl
     values, errors = np.zeros(size.size), np.full(size.size, np.inf)
     scaled = table[:, moves] / size[moves]
     try:
-        inverse = np.linalg.inv(scaled.T @ scaled)
+        own, ways = np.linalg.eigh(scaled.T @ scaled)
     except np.linalg.LinAlgError:
         return None
+    inverse = ways / np.maximum(own, ROUNDING) @ ways.T
     found = inverse @ (scaled.T @ wanted)
     left = wanted - scaled @ found
     values[moves] = found / size[moves]
