@@ -14,8 +14,6 @@ from collections.abc import Callable, Sequence
 from datetime import datetime
 from typing import TYPE_CHECKING
 
-from msgspec.structs import replace
-
 from lostmotion.daemon import counters, database, logs
 from lostmotion.daemon.alarm import Change
 from lostmotion.daemon.alarm_manager import AlarmManager, is_over
@@ -24,17 +22,16 @@ from lostmotion.daemon.fault_barrier import FaultBarrier, run_poller
 from lostmotion.daemon.no_memory import NO_MEMORY, is_no_memory
 from lostmotion.daemon.noises import Noises
 from lostmotion.daemon.notify import Notifier
+from lostmotion.daemon.periods import Periods
 from lostmotion.daemon.records import Answer, JointRow, ScoreRow, WindowRow
-from lostmotion.daemon.repeats import Condition
 from lostmotion.daemon.robot import Robot
 from lostmotion.daemon.signals import Flags
 from lostmotion.daemon.sinks import Sink, SinkContext, registry
 from lostmotion.daemon.sinks.log import LogSink
+from lostmotion.daemon.stamps import Stamps
 from lostmotion.daemon.store import Store
 from lostmotion.daemon.tasks import Tasks
-from lostmotion.daemon.timekeeper import DOUBTFUL, Timekeeper
-from lostmotion.drivers import clock
-from lostmotion.drivers.clock import SystemClock
+from lostmotion.daemon.watchdog import Watchdog
 from lostmotion.drivers.errors import LostmotionError
 
 if TYPE_CHECKING:
@@ -54,8 +51,6 @@ CLOCK_S = 0.25
 """how often the system's clock is looked at [s]: stamps go on by the monotonic one in between"""
 COUNTS_S = 10.0
 """how often the devices' counts go to the database [s]"""
-LATE_S = 60.0
-"""by how much stamps may be ahead of what the database has of the time [s]"""
 SUMMARY_S = 300.0
 NOTICE_S = 60.0
 """how long the alarm about a database that was replaced is active; then it waits to be acknowledged [s]"""
@@ -102,17 +97,14 @@ class Service:
         self._exporter: Exporter | None = None
         self._robot = Robot(config)
         self._store = _store(config)
-        self._due = {period_s: time.monotonic() + period_s for period_s in (CLOCK_S, LOOK_S, COUNTS_S, SUMMARY_S)}
-        self._fed = (time.monotonic(), 0)
+        self._periods = Periods(CLOCK_S, LOOK_S, COUNTS_S, SUMMARY_S)
+        self._watchdog = Watchdog(self._notifier)
         self._notice, self._notice_ends = "", 0.0
         self._taken_up: set[tuple[int, datetime]] = set()
-        self._time: Timekeeper | None = None  # a virtual robot's clock needs none
-        self._clock_condition = Condition(reported="")
 
     def startup(self) -> None:
         """Everything that has to be there before the first sample."""
-        if isinstance(self._robot.clock, SystemClock):
-            self._time = _timekeeper(self._store)
+        self._stamps = Stamps(self._robot.clock, self._store)
         self._begin()
         self._notifier.ready()
         config = self._config
@@ -154,6 +146,7 @@ class Service:
         deleted since the last look at it would be read as one without alarms, and one on a full disk without the last.
         """
         config = self._config
+        self._stamps.follow(self._robot.clock, self._store)
         self._barrier = FaultBarrier(config.database)
         for note in config.notes:
             log.warning("%s", note)
@@ -195,7 +188,7 @@ class Service:
             if thread.ident is not None:  # it was started: there may have been no memory for all of them
                 thread.join(1.0)
         self._store.add(*self._noises.rows())
-        self._store.add(*counters.rows(self._robot, self._utc()), *([self._time.row] if self._time else []))
+        self._store.add(*counters.rows(self._robot, self._utc()), *self._stamps.rows)
         self._alarm_manager.publish_settled(FINISH_S)
         self._alarm_manager.close()
         self._close_sinks()
@@ -282,41 +275,22 @@ class Service:
 
     def _utc(self) -> datetime:
         """The robot's time."""
-        return self._stamp(self._robot.clock.now())
-
-    def _stamp(self, robot_time: float) -> datetime:
-        """The UTC of a robot time [s]."""
-        return (self._time or self._robot.clock).utc(robot_time)
-
-    def _look_at_clock(self, keeper: Timekeeper) -> None:
-        """Follows the system's clock where it is trusted, and logs how a step is handled."""
-        now = time.monotonic()
-        mend = keeper.look(now, clock.wall(), clock.is_synchronised)
-        if mend is not None:
-            self._store.add(mend)
-            log.warning("the system's clock is right now: stamps since the start are moved by %s", mend.shift)
-        problem = ""
-        if keeper.is_doubtful:
-            problem = "is far from the last known time: stamps go on from that one, and are marked 'clock'"
-        elif keeper.step:
-            problem = f"has stepped by {keeper.step:+.0f} s: stamps go on as before until it is confirmed"
-        if self._clock_condition.is_news("wrong" if problem else "", now):
-            log.warning("the system's clock %s", problem or "is followed again")
+        return self._stamps.utc(self._robot.clock.now())
 
     # --- the data's way ---------------------------------------------------------------------------------------------
 
     def _step(self) -> None:
         """Samples to windows, windows to scores, scores to store, alarm state and sinks."""
-        if self._time is not None and self._is_due(CLOCK_S):
-            self._look_at_clock(self._time)
+        if self._periods.is_due(CLOCK_S):
+            self._stamps.look()
         for scored in self._barrier.call(self._robot.step) or ():
             if scored.failure is not None:
                 self._barrier.report("the size of the play", scored.failure)
-            utc = self._stamp(scored.score.time)
+            utc = self._stamps.utc(scored.score.time)
             row = ScoreRow.of(scored.score, utc)
             for sink in self._sinks:
                 self._barrier.call(sink.score, row)
-            self._store.add(_marked(row) if self._time is not None and self._time.is_doubtful else row)
+            self._store.add(self._stamps.marked(row))
             if self._config.store.keep_windows_mb:
                 self._store.add(WindowRow.of(scored.window, row.impact, utc, scored.commands))
             _, comparisons = self._robot.compared(self._config.joint(row.joint))
@@ -338,7 +312,7 @@ class Service:
 
     def _look_around(self) -> None:
         """What need not be done for every window: dead devices, alarms' delays, requests, trends, systemd, counts."""
-        if self._is_due(LOOK_S):
+        if self._periods.is_due(LOOK_S):
             self._store.look()
             if self._store.damage is not None:
                 self._leave_damaged_store(self._store.damage)
@@ -351,38 +325,17 @@ class Service:
             self._barrier.call(self._alarm_manager.ask_trend, utc)
             self._alarm_manager.publish_settled()
             self._notifier.status(counters.status_line(self._robot, self._store, self._alarm_manager.healths))
-        if self._is_due(COUNTS_S):
-            self._store.add(*counters.rows(self._robot, self._utc()))
-            if self._time is not None:
-                self._store.add(self._time.row)
-        if self._is_due(SUMMARY_S):
+        if self._periods.is_due(COUNTS_S):
+            self._store.add(*counters.rows(self._robot, self._utc()), *self._stamps.rows)
+        if self._periods.is_due(SUMMARY_S):
             counters.log_summary(self._robot, self._store)
-        self._feed_watchdog()
+        self._watchdog.feed(self._robot)
 
     def _look_at_joints(self, utc: datetime) -> None:
         notice = self._notice if time.monotonic() < self._notice_ends else ""
         for joint in self._config.joints:
             fault, compared = self._robot.fault(joint), self._robot.compared(joint)
             self._alarm_manager.look(joint.name, fault or notice or fault, utc, *compared)
-
-    def _is_due(self, period_s: float) -> bool:
-        now = time.monotonic()
-        if now < self._due[period_s]:
-            return False
-        self._due[period_s] = now + period_s
-        return True
-
-    def _feed_watchdog(self) -> None:
-        """Sends a keep-alive to systemd while samples arrive and no poller hangs; one missing device does not count."""
-        now, period_s, (last, before) = time.monotonic(), self._notifier.watchdog_s, self._fed
-        if not period_s or now - last < period_s / 3:
-            return
-        samples = self._robot.samples
-        self._fed = (now, samples)
-        if hung := self._robot.hung(period_s):
-            log.error("%s: no sign of life for %g s; the watchdog is not fed", ", ".join(hung), period_s)
-        elif samples != before:
-            self._notifier.watchdog()
 
 
 def _log_kept_configuration(error: BaseException) -> str:
@@ -395,25 +348,6 @@ def _log_kept_configuration(error: BaseException) -> str:
     else:
         log.error("the old configuration stays: internal error: %r", error, exc_info=error)
     return f"the old configuration stays: {error}"
-
-
-def _timekeeper(store: Store) -> Timekeeper:
-    """Goes on from what earlier runs knew of the time; a database of an older version knows only its newest stamp."""
-    with store.reader() as reader:
-        row, newest = reader.clock(), reader.newest()
-    known, bound = None, newest.timestamp() if newest else None
-    if row is not None:
-        known, bound = row.known_us / 1e6, row.bound_us / 1e6
-        if newest is not None and 0 < newest.timestamp() - known < LATE_S:  # a kill let the stamps get ahead
-            known = newest.timestamp()
-    keeper = Timekeeper(time.monotonic(), clock.wall(), clock.is_synchronised, known, bound)
-    store.add(keeper.row)
-    return keeper
-
-
-def _marked(row: ScoreRow) -> ScoreRow:
-    """The score with a mark that its time is in doubt."""
-    return replace(row, quality=DOUBTFUL if row.quality == "ok" else f"{row.quality},{DOUBTFUL}")
 
 
 def _store(config: Config) -> Store:
