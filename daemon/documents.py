@@ -8,19 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from lostmotion.daemon.learnt import FlankRow, NoiseRow
 from lostmotion.daemon.reader import Reader
-from lostmotion.daemon.records import (
-    AlarmRow,
-    FlankRow,
-    JointRow,
-    NoiseRow,
-    Origin,
-    ScoreRow,
-    Transition,
-    from_micros,
-    iso,
-    micros,
-)
+from lostmotion.daemon.records import AlarmRow, JointRow, Origin, ScoreRow, Transition, from_micros, iso, micros
 from lostmotion.daemon.rollup import SERIES, Series
 
 __all__ = ["SCORE_KEYS", "alarm", "attribution", "history", "joint", "learnt", "score", "series", "status", "to_series",

@@ -8,8 +8,8 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable
 
+from lostmotion.daemon.learnt import BarRow, FlankRow, NoiseChange, NoiseRow
 from lostmotion.daemon.pipeline import Learnt
-from lostmotion.daemon.records import BarRow, FlankRow, NoiseChange, NoiseRow
 from lostmotion.daemon.robot import Robot
 from lostmotion.detector.background import Background
 from lostmotion.detector.bar import Bar

@@ -15,16 +15,15 @@ import numpy as np
 
 from lostmotion.daemon.database import UNREADABLE, is_damage, newer
 from lostmotion.daemon.extremes import extremes_of
+from lostmotion.daemon.learnt import FlankRow, NoiseRow
 from lostmotion.daemon.migrations import ADDED, AS_ALARM, CURRENT, MIGRATIONS
 from lostmotion.daemon.records import (
     AlarmRow,
     Answer,
     Cause,
     DeviceRow,
-    FlankRow,
     Health,
     JointRow,
-    NoiseRow,
     Origin,
     Request,
     ScoreRow,

@@ -14,14 +14,13 @@ from pathlib import Path
 import msgspec
 
 from lostmotion.daemon import database
+from lostmotion.daemon.learnt import FlankRow, NoiseRow
 from lostmotion.daemon.reader import FLANK, NOISE, Reader
 from lostmotion.daemon.records import (
     Answer,
     Cause,
     DeviceRow,
-    FlankRow,
     JointRow,
-    NoiseRow,
     Origins,
     ScoreRow,
     Transition,

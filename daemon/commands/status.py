@@ -11,8 +11,9 @@ from lostmotion.daemon.commands import output, times
 from lostmotion.daemon.commands.reasons import present_reason
 from lostmotion.daemon.commands.where import find_database, open_reader
 from lostmotion.daemon.database import is_held
+from lostmotion.daemon.learnt import NoiseRow
 from lostmotion.daemon.reader import Reader
-from lostmotion.daemon.records import AlarmRow, AlarmState, DeviceRow, Health, JointRow, NoiseRow, Origin, ScoreRow
+from lostmotion.daemon.records import AlarmRow, AlarmState, DeviceRow, Health, JointRow, Origin, ScoreRow
 
 __all__ = ["status"]
 

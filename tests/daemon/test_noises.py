@@ -12,9 +12,10 @@ import pytest
 
 from lostmotion.daemon import config as configuration
 from lostmotion.daemon import documents
+from lostmotion.daemon.learnt import BarRow, FlankRow, NoiseChange, NoiseRow
 from lostmotion.daemon.noises import Noises
 from lostmotion.daemon.pipeline import Learnt
-from lostmotion.daemon.records import EPOCH, BarRow, FlankRow, NoiseChange, NoiseRow
+from lostmotion.daemon.records import EPOCH
 from lostmotion.daemon.robot import Robot
 from lostmotion.daemon.store import Store, open_readonly
 from lostmotion.detector.learner import Change
