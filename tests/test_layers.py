@@ -55,7 +55,7 @@ def sources(folder: str) -> list[Path]:
 
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_imports_point_down(folder: str) -> None:
-    """No file imports a folder that stands above its own; cli.py alone may reach the lab, the simulated robot the model."""
+    """No file imports a folder above its own; cli.py alone may reach the lab, the simulated robot the model."""
     for path in sources(folder):
         for module, at_top in imports(path):
             parts = module.split(".")
