@@ -15,7 +15,7 @@ from lostmotion import __version__
 from lostmotion.daemon.database import DAMAGED
 from lostmotion.daemon.exposition import Family, text
 from lostmotion.daemon.metrics_http import MetricsServer
-from lostmotion.daemon.pipeline import Counts
+from lostmotion.daemon.monitored_joint import Counts
 from lostmotion.daemon.reader import Reader, ReaderError, open_readonly
 from lostmotion.daemon.records import Health, ScoreRow
 from lostmotion.daemon.store import Store

@@ -4,30 +4,28 @@ from __future__ import annotations
 
 import heapq
 import math
-from array import array
-from bisect import bisect_left
-from collections import Counter, defaultdict, deque
+from collections import defaultdict, deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from lostmotion.daemon.attributor import Attributor
+from lostmotion.daemon.monitored_joint import Counts, JointPlan, MonitoredJoint, PendingWindow
 from lostmotion.daemon.records import Origin
 from lostmotion.daemon.ring import Ring
 from lostmotion.detector.errors import DetectorError
-from lostmotion.detector.flank import FlankLaw, law_of
-from lostmotion.detector.learner import BarChange, Change, Learner, is_learning
-from lostmotion.detector.play_size import HISTORY_S, SizeLaw, learnt_play, near_part, segment_of
+from lostmotion.detector.flank import FlankLaw
+from lostmotion.detector.learner import BarChange, Change, Learner
+from lostmotion.detector.play_size import HISTORY_S, learnt_play, near_part, segment_of
 from lostmotion.detector.score import score_window
-from lostmotion.detector.servo import UNKNOWN, ServoLaw
+from lostmotion.detector.servo import ServoLaw
 from lostmotion.detector.severity import with_severity
-from lostmotion.detector.trigger import Trigger
-from lostmotion.detector.window import DetectorSettings, FloatArray, Score, Window
-from lostmotion.detector.windows import cut, window_length
+from lostmotion.detector.window import FloatArray, Score, Window
+from lostmotion.detector.windows import cut
 from lostmotion.drivers.base import ServoSample
 
-__all__ = ["TOGETHER_S", "TOGETHER_STORE_ONLY_S", "Counts", "JointPlan", "Learnt", "Pipeline", "Scored"]
+__all__ = ["TOGETHER_S", "TOGETHER_STORE_ONLY_S", "Learnt", "Pipeline", "Scored"]
 
 LOOK_BACK_S, LOOK_BACK_POLLS = 2.0, 10
 """a reversal is certain only some time after it; the acceleration is kept for so many seconds and polls longer"""
@@ -38,29 +36,14 @@ TOGETHER_S, TOGETHER_STORE_ONLY_S = 0.008, 0.03
 longer one without network sinks, when windows only have to be on the disk a quarter of a second after their end"""
 MOST_TO_LEARN = 12
 """two windows of each of six joints, which often end at the same time"""
-COMMANDS_S = 4.0
-"""commands are kept for so long before the newest one, or before a window that waits: for the size of the play [s]"""
-COMMANDED_S = 0.5
-"""so much of the commanded motion before a window is kept with it: the reversal and what led to it [s]"""
 SERVO_SILENT_S = 5.0
 """a joint without samples for so long no longer holds back the release of acceleration [s]"""
 
 
 @dataclass(frozen=True, slots=True)
-class JointPlan:
-    """How one joint is monitored: its accelerometer, that one's rate, and the rate of the joint's commands [Hz]."""
-
-    joint: str
-    accelerometer: str
-    rate_hz: float
-    poll_hz: float
-    settings: DetectorSettings
-
-
-@dataclass(frozen=True, slots=True)
 class Scored:
     """A window and its score; origin: which joint the play comes from, for joints that share accelerometers;
-    commands: times [s] and angles [rad] from ``COMMANDED_S`` before the window to its end, shape (2, M);
+    commands: times [s] and angles [rad] from COMMANDED_S before the window to its end, shape (2, M);
     failure: the error that ended the estimate of the play and its severity, which the score then lacks."""
 
     window: Window
@@ -80,87 +63,6 @@ class Learnt:
     change: Change | BarChange | None
 
 
-@dataclass(slots=True)
-class Counts:
-    """Windows of one joint: opened, scored, and lost by reason."""
-
-    triggered: int = 0
-    scored: int = 0
-    lost: Counter[str] = field(default_factory=Counter)
-
-
-@dataclass(frozen=True, slots=True, order=True)
-class _Pending:
-    """A window that waits for its acceleration."""
-
-    end: float
-    start: float
-    excitation: float
-    temperature: float
-
-
-class _Joint:
-    """What is known of one joint while it runs."""
-
-    def __init__(self, plan: JointPlan) -> None:
-        self.plan = plan
-        self.length = window_length(plan.settings, plan.rate_hz)
-        self.trigger: Trigger | None = None
-        self.pending: list[_Pending] = []
-        self.newest = -math.inf
-        self.temperature = math.nan
-        self.law, self.law_windows, self.servo, self.size_law = law_of(plan.settings), 0, UNKNOWN, SizeLaw()
-        self._times, self._angles = array("d"), array("d")
-        self.counts = Counts()
-        count = round(self.length * plan.rate_hz)
-        self.learner = Learner(plan.settings, plan.rate_hz, count) if is_learning(plan.settings) else None
-
-    @property
-    def settings(self) -> DetectorSettings:
-        """Those of the plan, with noise and bar as they are known by now."""
-        return self.learner.settings if self.learner else self.plan.settings
-
-    @property
-    def bar_settings(self) -> DetectorSettings:
-        """Those of the plan, with the bar as it is known by now."""
-        given, known = self.plan.settings, self.settings
-        if (given.f_res_hz, given.zeta) == (known.f_res_hz, known.zeta):
-            return given
-        return replace(given, f_res_hz=known.f_res_hz, zeta=known.zeta)
-
-    def take(self, samples: list[ServoSample], resolution_rad: float, since: float) -> None:
-        """Opens a window for every reversal in these samples' commands at or after ``since``."""
-        if self.trigger is None:
-            self.trigger = Trigger(self.plan.settings, self.plan.poll_hz, resolution_rad)
-        last = samples[-1]
-        self.newest = max(self.newest, last.time)
-        if math.isfinite(last.temperature):
-            self.temperature = last.temperature
-        times, angles = [sample.time for sample in samples], [sample.command for sample in samples]
-        self._times.extend(times)
-        self._angles.extend(angles)
-        for reversal in self.trigger.push(times, angles):
-            if reversal.time < since:
-                continue
-            self.counts.triggered += 1
-            window = _Pending(reversal.time + self.length, reversal.time, abs(reversal.swing), self.temperature)
-            heapq.heappush(self.pending, window)
-        waiting = self.pending[0].start if self.pending else math.inf
-        gone = bisect_left(self._times, min(self.newest, waiting) - COMMANDS_S)
-        del self._times[:gone], self._angles[:gone]
-
-    @property
-    def commands(self) -> FloatArray:
-        """The last ones: times [s] and angles [rad], shape (2, M)."""
-        return np.array((self._times, self._angles))
-
-    def commanded(self, window: _Pending) -> FloatArray:
-        """Those from shortly before a window to its end."""
-        first = bisect_left(self._times, window.start - COMMANDED_S)
-        last = bisect_left(self._times, window.end)
-        return np.array((self._times[first:last], self._angles[first:last]))
-
-
 class Pipeline:
     """All joints of a robot.  ``rings`` by accelerometer; ``virtual``: data may come late and is waited for;
     ``attributors``: for joints that share accelerometers; ``together_s``: windows that end within so long of each other
@@ -173,14 +75,14 @@ class Pipeline:
         self, plans: Iterable[JointPlan], rings: Mapping[str, Ring], virtual: bool = False,
         attributors: Iterable[Attributor] = (), together_s: float = TOGETHER_S,
     ) -> None:  # fmt: skip
-        self._joints = {plan.joint: _Joint(plan) for plan in plans}
+        self._joints = {plan.joint: MonitoredJoint(plan) for plan in plans}
         self._rings = rings
         self._virtual = virtual
         self._together_s = together_s
         self._closed = False
         self.attributors = tuple(attributors)
         self._learnt: list[Learnt] = []
-        self._to_learn: deque[tuple[_Joint, Window]] = deque()
+        self._to_learn: deque[tuple[MonitoredJoint, Window]] = deque()
         self._shared = {joint: attributor for attributor in self.attributors for joint in attributor.joints}
         self._behind = {
             name: [joint for joint in self._joints.values() if self._is_felt(joint, name)] for name in rings
@@ -294,12 +196,12 @@ class Pipeline:
         origins = {joint: attributor.origin for joint, attributor in self._shared.items()}
         return [replace(scored, origin=origins.get(scored.window.joint)) for scored in done]
 
-    def _is_felt(self, joint: _Joint, accelerometer: str) -> bool:
+    def _is_felt(self, joint: MonitoredJoint, accelerometer: str) -> bool:
         """Whether windows of this joint need that accelerometer."""
         shared = self._shared.get(joint.plan.joint)
         return accelerometer in (shared.accelerometers if shared else (joint.plan.accelerometer,))
 
-    def _finish(self, joint: _Joint, now: float) -> Iterable[Scored]:
+    def _finish(self, joint: MonitoredJoint, now: float) -> Iterable[Scored]:
         ring = self._rings[joint.plan.accelerometer]
         while joint.pending:
             end = joint.pending[0].end
@@ -311,7 +213,7 @@ class Pipeline:
             if scored:
                 yield scored
 
-    def _score(self, joint: _Joint, pending: _Pending, ring: Ring) -> Scored | None:
+    def _score(self, joint: MonitoredJoint, pending: PendingWindow, ring: Ring) -> Scored | None:
         plan = joint.plan
         period = 1 / plan.rate_hz
         times, accel = ring.slice(pending.start - period, pending.end + period)
@@ -340,7 +242,7 @@ class Pipeline:
             self._to_learn.append((joint, window))
         return scored
 
-    def _sized(self, joint: _Joint, score: Score, ring: Ring) -> Score:
+    def _sized(self, joint: MonitoredJoint, score: Score, ring: Ring) -> Score:
         """The score with the size of the play and its severity, from before its reversal on."""
         plan, period, shared = joint.plan, 1 / joint.plan.rate_hz, self._shared.get(joint.plan.joint)
         if shared and not shared.is_sure(plan.joint):
@@ -359,7 +261,7 @@ class Pipeline:
         scored, joint.servo = with_severity(sized, near_part(score, alone), times, angles, settings, joint.servo)
         return scored
 
-    def _needed(self, joint: _Joint, ring: Ring) -> float:
+    def _needed(self, joint: MonitoredJoint, ring: Ring) -> float:
         """From when on a joint may still need acceleration [s]."""
         oldest = joint.newest - LOOK_BACK_S - LOOK_BACK_POLLS / joint.plan.poll_hz
         if not self._virtual:

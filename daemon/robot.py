@@ -11,7 +11,8 @@ from lostmotion.daemon.attributor import Attributor, SharedSensor
 from lostmotion.daemon.capture import Capture
 from lostmotion.daemon.config import Config
 from lostmotion.daemon.losses import Losses
-from lostmotion.daemon.pipeline import TOGETHER_S, TOGETHER_STORE_ONLY_S, JointPlan, Pipeline, Scored
+from lostmotion.daemon.monitored_joint import JointPlan
+from lostmotion.daemon.pipeline import TOGETHER_S, TOGETHER_STORE_ONLY_S, Pipeline, Scored
 from lostmotion.daemon.poller import AccelPoller, BusPoller, DeviceState, Inbox, Poller
 from lostmotion.daemon.ring import Ring
 from lostmotion.daemon.sensorcheck import SensorCheck

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from lostmotion.daemon.attributor import Attributor, CommandHistory, SharedSensor
-from lostmotion.daemon.pipeline import JointPlan, Pipeline, Scored
+from lostmotion.daemon.monitored_joint import JointPlan
+from lostmotion.daemon.pipeline import Pipeline, Scored
 from lostmotion.daemon.records import SURE, Origin
 from lostmotion.daemon.ring import Ring
 from lostmotion.daemon.waker import Waker

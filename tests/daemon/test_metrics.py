@@ -23,7 +23,7 @@ from lostmotion.daemon import metrics_http
 from lostmotion.daemon.config import ConfigError
 from lostmotion.daemon.metrics import Exporter
 from lostmotion.daemon.metrics_http import MOST_CONNECTIONS
-from lostmotion.daemon.pipeline import Counts
+from lostmotion.daemon.monitored_joint import Counts
 from lostmotion.daemon.records import DeviceRow, Health, JointRow, ScoreRow
 from lostmotion.daemon.store import Store
 from tests.conftest import ROOT

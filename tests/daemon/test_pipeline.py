@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from lostmotion.daemon import pipeline
-from lostmotion.daemon.pipeline import GIVE_UP_S, JointPlan, Pipeline, Scored, _together
+from lostmotion.daemon.monitored_joint import JointPlan
+from lostmotion.daemon.pipeline import GIVE_UP_S, Pipeline, Scored, _together
 from lostmotion.daemon.ring import Ring
 from lostmotion.daemon.waker import Waker
 from lostmotion.detector.window import DetectorSettings
