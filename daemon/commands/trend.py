@@ -77,6 +77,11 @@ class History:
         return MANY[self.of]
 
     @property
+    def mark(self) -> str:
+        """What stands behind a value: that of arc-minutes, nothing behind a score."""
+        return "" if self.of == "score" else "'"
+
+    @property
     def span(self) -> float:
         """From the first score to the last [s]."""
         return self.wear.last - self.wear.first
@@ -235,14 +240,14 @@ def _words(history: History) -> list[str]:
         f"{history.joint}: {wear.count} {history.many}, {first} to {last} UTC",
         *_laws(history.laws),
         f"trend          {found}, Mann-Kendall tau {wear.trend.tau:+.2f}",
-        f"slope          {_slope(wear.slope, history.span)}",
+        f"slope          {_slope(wear.slope, history)}",
     ]
     if wear.change_points:
         when = ", ".join(f"{history.utc(time):%Y-%m-%d %H:%M}" for time in wear.change_points)
-        lines += [f"changed        {when} UTC", f"since then     {_slope(wear.recent, history.span)}"]
+        lines += [f"changed        {when} UTC", f"since then     {_slope(wear.recent, history)}"]
     return [
         *lines,
-        f"now            {wear.current:.2f}, level {wear.limit:.2f}",
+        f"now            {wear.current:.2f}{history.mark}, level {wear.limit:.2f}{history.mark}",
         f"limit          {_left(wear)}",
         *_forecast_lines(wear),
     ]
@@ -259,13 +264,14 @@ def table_row(history: History) -> list[str]:
     """The trend in the cells of ``COLUMNS``."""
     wear = history.wear
     numbers = [str(wear.count), f"{wear.current:.2f}", f"{wear.limit:.2f}"]
-    return [history.what, *numbers, _slope(wear.slope, history.span), wear.trend.direction, _left(wear)]
+    return [history.what, *numbers, _slope(wear.slope, history), wear.trend.direction, _left(wear)]
 
 
-def _slope(slope: Slope, span: float) -> str:
+def _slope(slope: Slope, history: History) -> str:
     """The slope in the unit that suits the length of the history."""
-    name, length = next((unit for unit in UNITS if span >= unit[1] / 2), UNITS[-1])
-    return f"{slope.slope * length:+.3g} per {name} (95 %: {slope.low * length:+.3g} to {slope.high * length:+.3g})"
+    name, length = next((unit for unit in UNITS if history.span >= unit[1] / 2), UNITS[-1])
+    per, low, high = (f"{rate * length:+.3g}{history.mark}" for rate in (slope.slope, slope.low, slope.high))
+    return f"{per} per {name} (95 %: {low} to {high})"
 
 
 def _forecast_lines(wear: WearTrend) -> list[str]:
