@@ -36,7 +36,7 @@ from bench.hidden_effects.answers import ask
 from bench.hidden_effects.cases import Case, write_case
 from lostmotion.drivers.recording import read_recording
 from lostmotion.lab.data.experiment import experiments
-from lostmotion.lab.data.noise import noise_floor
+from lostmotion.lab.data.noise import noise_of
 from lostmotion.lab.fitting.strategy import first_fit
 from lostmotion.lab.models import modelfile
 from lostmotion.lab.shooting.continuation import fitted, tiles
@@ -237,7 +237,7 @@ def _terms(folder: Path) -> tuple[Columns, FloatArray]:
     """Candidate columns, of unit size and mean zero, and the residual of the base, of all recordings."""
     model = modelfile.load(folder / "model.toml").build()
     found = experiments(model, [read_recording(folder / f"rec{i}.csv") for i in (1, 2, 3)])
-    noise = {"accel": float(np.mean([noise_floor(e.measured["accel"], e.rate_hz) for e in found]))}
+    noise = noise_of(found)
     with ThreadPoolExecutor(2) as pool:
         level = first_fit(model, Task.of(model, found, noise), pool)
     parts, residuals = [], []

@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from lostmotion.drivers.recording import Recording, write_recording
+from lostmotion.lab.commands.options import json_option
 from lostmotion.lab.commands.table import print_table
 from lostmotion.lab.models import modelfile
 from lostmotion.lab.models.simulate import Simulation
@@ -19,7 +20,6 @@ from lostmotion.model import EffectInfo, Trajectory, catalogue
 __all__ = ["effects", "simulate"]
 
 POSITIVE = click.FloatRange(min=0, min_open=True, max=1e9)
-as_json = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else there.")
 
 
 @click.command()
@@ -32,7 +32,7 @@ as_json = click.option("--json", "as_json", is_flag=True, help="One JSON documen
 @click.option("--noise", type=click.FloatRange(min=0, max=1e9), default=0.0, show_default=True, metavar="S",
               help="Standard deviation, in the unit of what is measured.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, metavar="N", help="Of the noise.")
-@as_json
+@json_option
 def simulate(model: str, output: Path, as_json: bool, **options: Any) -> None:
     """Write a recording of MODEL: a model file, or the name of a base (play, oscillator, joint, servo).
 
@@ -54,7 +54,7 @@ def simulate(model: str, output: Path, as_json: bool, **options: Any) -> None:
 
 
 @click.command()
-@as_json
+@json_option
 def effects(as_json: bool) -> None:
     """List the catalogue of effects: id, equation, parameters with units, what each acts on."""
     if as_json:

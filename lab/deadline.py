@@ -1,4 +1,4 @@
-"""The deadline of a search.  Fits and searches query it, and then return the best result so far.
+"""The deadline of a search, and its progress.  Fits and searches query it, and then return the best result so far.
 
 The deadline is a context variable (contextvars) of the caller.  The lab's executors copy it into their threads and
 processes, so that no function in between has to pass it on.
@@ -13,8 +13,10 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import ParamSpec, TypeVar
 
-__all__ = ["bounded", "is_over", "remaining_s", "within"]
+__all__ = ["Progress", "bounded", "is_over", "remaining_s", "within"]
 
+Progress = Callable[[str, float], None]
+"""Called with what a search begins to do, and the part that is done, 0 to 1."""
 P = ParamSpec("P")
 R = TypeVar("R")
 _UNTIL: ContextVar[float] = ContextVar("until", default=math.inf)

@@ -7,7 +7,9 @@ from concurrent.futures import Executor
 from dataclasses import replace
 
 from lostmotion.lab.data.experiment import Experiment
-from lostmotion.lab.fitting.fit import Progress, fit_segments, noise_of
+from lostmotion.lab.data.noise import noise_of
+from lostmotion.lab.deadline import Progress
+from lostmotion.lab.fitting.fit import fit_segments
 from lostmotion.lab.fitting.identifiability import with_scale
 from lostmotion.lab.inverse.explain import fitted, method_of
 from lostmotion.lab.inverse.release import released

@@ -28,7 +28,8 @@ from concurrent.futures import Executor
 
 from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import Experiment
-from lostmotion.lab.fitting.fit import Progress, noise_of
+from lostmotion.lab.data.noise import noise_of
+from lostmotion.lab.deadline import Progress
 from lostmotion.lab.gears.explain import explained_gears
 from lostmotion.lab.inverse.explain import explained, method_of
 from lostmotion.lab.inverse.release import released

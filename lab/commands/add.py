@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from lostmotion.lab.commands.options import json_option, output_option
 from lostmotion.lab.models.add import Added
 from lostmotion.lab.models.add import add as add_effect
 from lostmotion.model import Parameter
@@ -17,8 +18,8 @@ __all__ = ["add"]
 @click.command(short_help="A model with one more effect.")
 @click.argument("model")
 @click.argument("effect")
-@click.option("-o", "--output", type=click.Path(path_type=Path), required=True, metavar="MODEL2", help="File to write.")
-@click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else there.")
+@output_option
+@json_option
 def add(model: str, effect: str, output: Path, as_json: bool) -> None:
     """Write MODEL2: MODEL with one more effect, its parameters at their defaults, for you to edit.
 

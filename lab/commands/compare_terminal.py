@@ -14,7 +14,7 @@ import numpy as np
 from lostmotion.lab.commands.table import print_table
 from lostmotion.lab.comparison.compare import Comparison, Overlay
 from lostmotion.lab.quantity import quantities, scale
-from lostmotion.lab.report.summary import summary
+from lostmotion.lab.report.verdict import of_comparison
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["show"]
@@ -30,7 +30,7 @@ def show(comparison: Comparison) -> None:
     click.echo(f"base {comparison.model.base}, active effects: {effects}")
     _print_table(comparison)
     click.echo(_plot(comparison.of(comparison.column)[0]))
-    click.echo("\n".join(summary(comparison)))
+    click.echo("\n".join(of_comparison(comparison)))
 
 
 def _print_table(comparison: Comparison) -> None:

@@ -21,8 +21,9 @@ from lostmotion.lab.commands.options import (
     progress_option,
     report_option,
 )
-from lostmotion.lab.commands.progress import Progress, shown
+from lostmotion.lab.commands.progress import shown
 from lostmotion.lab.commands.reading import Files, recordings_argument
+from lostmotion.lab.deadline import Progress
 
 __all__ = ["explain", "fit", "improve"]
 

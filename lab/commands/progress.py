@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
-__all__ = ["Progress", "shown"]
+from lostmotion.lab.deadline import Progress
 
-Progress = Callable[[str, float], None]
-"""called with what begins, and the part that is done, 0 to 1"""
+__all__ = ["shown"]
 
 
 @contextmanager

@@ -28,9 +28,10 @@ from lostmotion.lab.comparison.residual_analysis import (
     root_mean_square,
 )
 from lostmotion.lab.comparison.torque import TORQUE, needed_torques
+from lostmotion.lab.data.autoregression import NoiseModel, fit_autoregression
 from lostmotion.lab.data.excerpt import excerpts
 from lostmotion.lab.data.experiment import Experiment
-from lostmotion.lab.data.noise import NoiseModel, innovation_noise, quiet_noise
+from lostmotion.lab.data.noise import noise_models
 from lostmotion.lab.data.whiteness import Correlation, fit_percent
 from lostmotion.lab.discrepancy.describe import described
 from lostmotion.lab.discrepancy.residual_maps import ResidualMap
@@ -41,10 +42,9 @@ from lostmotion.lab.inverse.explain import method_of
 from lostmotion.lab.inverse.likelihood import Method, is_noise
 from lostmotion.lab.inverse.release import released
 from lostmotion.lab.results import Displayed, Finding
-from lostmotion.lab.shooting.initial_state import FINE, find_start, polished, segment_of
+from lostmotion.lab.shooting.initial_state import FINE, find_start, segment_of
 from lostmotion.lab.shooting.parameters import free_names
-from lostmotion.lab.shooting.segment import Segment
-from lostmotion.lab.shooting.task import Task
+from lostmotion.lab.shooting.task import Task, coarse_substep
 from lostmotion.model import Model, predictability_horizon
 from lostmotion.model.motion import FloatArray
 
@@ -52,14 +52,6 @@ __all__ = ["Comparison", "Overlay", "compare"]
 
 DESCRIBED_S = 2.0
 """Seconds of motion from which the residual is described."""
-START_S = 0.5
-"""Length of the first segment of gears [s]; other motions, where the initial state shows to the end, are used as a
-whole."""
-CLOSE, NEAR, LOST = 1.2, 3.0, 12.0
-"""Times the noise: up to the first, an initial state needs no finer search; below the second, the next segment may be
-much longer; from the third on, the model is wrong and the initial state is not refined further."""
-LONGER = (2.0, 1.25)
-POLISHING = 4
 MENTIONED = 0.05
 """Shares of the error below this are not reported."""
 
@@ -214,7 +206,7 @@ def compare(
         endless = [math.inf] * len(predictions)
         found = _compared(model, predictions, endless, {TORQUE: NoiseModel.white(floor_nm)}, recordings)
         return replace(found, delay_s=channel.delay_s, localisation=None if found.is_noise else left)
-    floor = {name: _floor(name, experiments) for name in _columns(experiments)}
+    floor = noise_models(experiments)
     if starts is None:
         starts = [_start(model, one, floor) for one in experiments]
     predictions = [predict(model, one, start) for one, start in zip(experiments, starts, strict=True)]
@@ -232,17 +224,13 @@ def _described(model: Model, experiments: Sequence[Experiment], noise: dict[str,
     return described(started(fixed, task.tiles, task), task)
 
 
-def _columns(experiments: Sequence[Experiment]) -> list[str]:
-    return list(dict.fromkeys(name for one in experiments for name in one.measured))
-
-
 def _compared(
     model: Model, predictions: Sequence[Prediction], horizons: Sequence[float], floor: Mapping[str, NoiseModel],
     recordings: Sequence[Recording],
 ) -> Comparison:  # fmt: skip
     """Analyses the residual of these predictions, without localisation."""
     experiments = [one.experiment for one in predictions]
-    noise = {name: _noise(name, predictions, floor[name]) for name in _columns(experiments)}
+    noise = {name: _noise(name, predictions, floor[name]) for name in floor}
     temperatures = [_temperature(one, recordings) for one in experiments]
     found = {name: ColumnResidual(model.base, name, predictions, temperatures, noise[name]) for name in noise}
     return Comparison(
@@ -265,42 +253,16 @@ def _overlays(
                           measured, prediction.trajectory[name], noise[name].rms, horizon)  # fmt: skip
 
 
-def _floor(name: str, experiments: Sequence[Experiment]) -> NoiseModel:
-    """The median noise floor of the recordings."""
-    found = [quiet_noise(one.measured[name], one.rate_hz) for one in experiments if name in one.measured]
-    return sorted(found, key=lambda noise: noise.rms)[(len(found) - 1) // 2]
-
-
 def _noise(name: str, predictions: Sequence[Prediction], floor: NoiseModel) -> NoiseModel:
     """The floor, or the noise model of the residual where that is smaller."""
-    left = innovation_noise(*(one.residual(name) for one in predictions if name in one.experiment.measured))
+    left = fit_autoregression([one.residual(name) for one in predictions if name in one.experiment.measured])
     return left if left.rms < floor.rms else floor
 
 
 def _start(model: Model, experiment: Experiment, floor: Mapping[str, NoiseModel]) -> FloatArray:
-    """The start state: searched for in the first half second, then refined on longer and longer segments, as long as
-    the error stays small."""
-    own, noise = experiment.model(model), {name: one.rms for name, one in floor.items()}
-    begin, length = float(experiment.time[0]), START_S if model.base == "play" else math.inf
-    first = segment_of(model, experiment.between(begin, begin + length), noise)
-    step = own.simulate(experiment.drive, first.experiment.time).substep_s
-    found = find_start(model, first, step)
-    if model.base == "play" and _off(found, model, step) > CLOSE:
-        fine = find_start(model, first, step, [found.start], FINE)
-        found = fine if _off(fine, model, step) < NEAR else found  # a wrong model biases the initial state
-    while _off(found, model, step) < LOST:
-        found = found.starting(polished(own, found, found.start[None], step, POLISHING)[0])
-        if begin + length > experiment.time[-1]:
-            break
-        wide, narrow = (replace(found, experiment=experiment.between(begin, begin + more * length)) for more in LONGER)
-        found = wide if _off(wide, model, step) < NEAR else narrow
-        length *= LONGER[0] if found is wide else LONGER[1]
-    return found.start
-
-
-def _off(segment: Segment, model: Model, step: float) -> float:
-    """The error of the model, in units of the noise."""
-    return root_mean_square(segment.residual(segment.experiment.model(model), segment.start, step))
+    """The initial state that minimises the error, of gears on longer and longer segments."""
+    whole = segment_of(model, experiment, {name: one.rms for name, one in floor.items()})
+    return find_start(model, whole, coarse_substep(model, [experiment], 1.0), effort=FINE).start
 
 
 def _horizon(model: Model, prediction: Prediction, start: FloatArray) -> float:

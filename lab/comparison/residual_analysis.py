@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 
 from lostmotion.lab.comparison.bands import Spectra, spectra
 from lostmotion.lab.comparison.phases import phases
+from lostmotion.lab.data.autoregression import NoiseModel, fit_autoregression
 from lostmotion.lab.data.experiment import Experiment
-from lostmotion.lab.data.noise import NoiseModel, innovation_noise
 from lostmotion.lab.data.whiteness import Correlation, autocorrelation, cross_correlation
 from lostmotion.lab.discrepancy.residual_maps import ResidualMap, residual_maps
 from lostmotion.model import Model, Trajectory
@@ -86,7 +86,7 @@ class ColumnResidual:
         self.predictions = [one for one, _ in pairs]
         self.temperatures = [t for _, t in pairs]
         self.residuals = [one.residual(name) for one in self.predictions]
-        self.own = innovation_noise(*self.residuals)
+        self.own = fit_autoregression(self.residuals)
 
     def tests(self) -> dict[str, Correlation]:
         """Correlations in the longest recording: of the residual with itself, the input and the input's rate."""

@@ -1,18 +1,21 @@
-"""Estimates the noise of a signal: before any model fits, and from the residual of one that does.
+"""Estimates the noise of a signal before any model fits: windows of a few dozen samples are projected off smooth motion
+and a ringing bar; those without an impact or other disturbance show the noise.
 
-Before: windows of a few dozen samples are projected off smooth motion and a ringing bar; those without an impact or
-other disturbance show the noise (``quiet_noise``).  After: the innovations of the residual.
+The innovations of the residual of a good fit (autoregression.py) show it better.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from lostmotion.lab.data.autoregression import NoiseModel, fit_autoregression, runs
+from lostmotion.lab.data.experiment import Experiment
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["NoiseModel", "innovation_noise", "noise_floor", "quiet_noise", "resolution"]
+__all__ = ["noise_models", "noise_of", "quiet_noise", "resolution"]
 
 WINDOWS = (48, 24, 12)
 """Lengths of windows [samples]; the longest with enough windows in the signal is used."""
@@ -32,19 +35,32 @@ PREFERS_WHITE = 10.0
 """Least gain of the log-likelihood for noise to count as coloured."""
 
 
-def noise_floor(values: FloatArray, rate_hz: float) -> float:
-    """Root mean square of a signal's noise, in its unit; values (N,), NaN where not sampled.
-
-    On simulated accelerations of the base play (hand-waved, f_res 45-75 Hz, 800 Hz, 4 s) with noise of 1-20 % of the
-    signal the result over the truth was 0.95-1.05 for white noise, 0.85-1.4 for AR(1) noise of 0.5 (up to 2.5 at 1 %),
-    0.35-1.1 for 0.9, and 0.55-1.5 for pink noise: noise slower than a window cannot be separated from motion, and is
-    extrapolated.  The innovations of a good fit's residual are better, within 2 % for all of these.
-    """
-    return quiet_noise(values, rate_hz).rms
+SMALLEST = 1e-12
+"""Least noise of a column, in its unit: that of readings without any is the rounding of numbers."""
 
 
-def quiet_noise(values: FloatArray, rate_hz: float) -> NoiseModel:
-    """The noise as a first-order autoregression x_t = a x_(t-1) + e_t, at least that of the signal's resolution.
+def noise_models(experiments: Sequence[Experiment]) -> dict[str, NoiseModel]:
+    """The noise of each measured column: the model with the median size of all experiments, the lower of two."""
+    found: dict[str, list[NoiseModel]] = {}
+    for one in experiments:
+        for name, values in one.measured.items():
+            found.setdefault(name, []).append(quiet_noise(values))
+    return {name: sorted(every, key=lambda one: one.rms)[(len(every) - 1) // 2] for name, every in found.items()}
+
+
+def noise_of(experiments: Sequence[Experiment]) -> dict[str, float]:
+    """Root mean square of the noise of each measured column, in its unit."""
+    return {name: max(one.rms, SMALLEST) for name, one in noise_models(experiments).items()}
+
+
+def quiet_noise(values: FloatArray) -> NoiseModel:
+    """The noise of a signal (N,), NaN where not sampled, as a first-order autoregression x_t = a x_(t-1) + e_t, at
+    least that of the signal's resolution.
+
+    Its size over the true one, of simulated accelerations of the base play (hand-waved, f_res 45-75 Hz, 800 Hz, 4 s)
+    with noise of 1-20 % of the signal, was 0.95-1.05 for white noise, 0.85-1.4 for AR(1) noise of 0.5 (up to 2.5 at
+    1 %), 0.35-1.1 for 0.9, and 0.55-1.5 for pink noise: noise slower than a window cannot be separated from motion,
+    and is extrapolated.  The innovations of a good fit's residual are within 2 % for all of these.
 
     Windows are projected off polynomials and slowly changing lines at the strongest frequencies; the quietest quarter,
     and all that are as quiet, give variance and correlation by restricted maximum likelihood.  For a signal that is
@@ -69,14 +85,6 @@ def quiet_noise(values: FloatArray, rate_hz: float) -> NoiseModel:
     if predicted < POOR * found.innovation:
         found = NoiseModel.white(predicted)
     return found if found.rms > least.rms else least
-
-
-def innovation_noise(*residuals: FloatArray) -> NoiseModel:
-    """The noise model of residuals (N,) of a good fit: an autoregression of order 0 to 8 by BIC.
-
-    NaN are gaps; a few outliers do not matter.  Raises ValueError where less than 4 samples follow each other.
-    """
-    return fit_autoregression(residuals)
 
 
 def resolution(values: FloatArray) -> float:

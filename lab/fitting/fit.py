@@ -8,7 +8,7 @@ sandwich), so that coloured noise widens them as it should.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 
@@ -16,9 +16,11 @@ import numpy as np
 from scipy.linalg import matmul_toeplitz
 
 from lostmotion.lab import policy
+from lostmotion.lab.data.autoregression import fit_autoregression
 from lostmotion.lab.data.clipping import with_range
 from lostmotion.lab.data.experiment import Experiment
-from lostmotion.lab.data.noise import innovation_noise, noise_floor
+from lostmotion.lab.data.noise import noise_of
+from lostmotion.lab.deadline import Progress
 from lostmotion.lab.fitting.strategy import first_fit, grown
 from lostmotion.lab.results import Fit
 from lostmotion.lab.shooting.continuation import Level, fitted, followed
@@ -29,7 +31,7 @@ from lostmotion.lab.shooting.task import Task, coarse_substep
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Progress", "fit_of", "fit_segments", "noise_of", "refined_fit", "rms_by_column"]
+__all__ = ["fit_of", "fit_segments", "refined_fit", "rms_by_column"]
 
 REFINED_STEPS = 1.0
 PROMISED = 1e-4
@@ -37,17 +39,6 @@ PROMISED = 1e-4
 noise alone would give intervals of 1e-7, narrower than the model's own errors."""
 MOST_LAGS = 4096
 """Largest lag of the residual's autocovariance [samples]."""
-Progress = Callable[[str, float], None]
-
-
-def noise_of(experiments: Sequence[Experiment]) -> dict[str, float]:
-    """Noise floor of each measured column, the median over the experiments; its unit."""
-    columns = dict.fromkeys(name for experiment in experiments for name in experiment.measured)
-    found = {}
-    for name in columns:
-        floors = [noise_floor(e.measured[name], e.rate_hz) for e in experiments if name in e.measured]
-        found[name] = max(float(np.median(floors)), 1e-12)
-    return found
 
 
 def fit_segments(
@@ -125,7 +116,7 @@ def _covariance(level: Level, substep_s: float) -> FloatArray:
     blocks = [block for block in blocks if block.finite]
     if not blocks:
         return np.diag(level.unknowns.prior**2)
-    noise = innovation_noise(*(block.r for block in blocks))
+    noise = fit_autoregression([block.r for block in blocks])
     gamma = noise.autocovariance(MOST_LAGS)
     for block in blocks:
         J = projected_off(block.B, block.A)

@@ -12,10 +12,10 @@ from itertools import pairwise
 from lostmotion.lab import policy, words
 from lostmotion.lab.data.excerpt import excerpts
 from lostmotion.lab.data.experiment import Experiment
-from lostmotion.lab.deadline import within
+from lostmotion.lab.deadline import Progress, within
 from lostmotion.lab.discrepancy.describe import described
 from lostmotion.lab.errors import ExperimentError
-from lostmotion.lab.fitting.fit import Progress, fit_of, refined_fit
+from lostmotion.lab.fitting.fit import fit_of, refined_fit
 from lostmotion.lab.fitting.identifiability import with_scale
 from lostmotion.lab.fitting.strategy import first_fit, full_fit, predictable
 from lostmotion.lab.gears.likelihood import SegmentFit, ShortSegments

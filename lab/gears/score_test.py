@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lostmotion.lab import policy
-from lostmotion.lab.data.noise import innovation_noise
+from lostmotion.lab.data.autoregression import fit_autoregression
 from lostmotion.lab.shooting.continuation import Level, followed
 from lostmotion.lab.shooting.initial_guess import faint, scales_of
 from lostmotion.lab.shooting.segment import Linearised, Segment, start_with
@@ -82,7 +82,7 @@ def score_test(
     if not blocks:
         return Scores()
     project = _Projection(blocks)
-    noise = innovation_noise(*(block.r for block in blocks))
+    noise = fit_autoregression([block.r for block in blocks])
     r = project([block.r for block in blocks])
     size = scales_of(level.model, segments, substep_s)
     models = [(effect, model) for effect in effects for model in faint(level.model, effect, size)]

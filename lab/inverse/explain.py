@@ -12,7 +12,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from itertools import pairwise
@@ -23,7 +23,7 @@ from scipy.special import stdtrit
 from lostmotion.lab import policy, words
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.frequency_response import from_spectra
-from lostmotion.lab.deadline import is_over, within
+from lostmotion.lab.deadline import Progress, is_over, within
 from lostmotion.lab.fitting.identifiability import is_driven, with_scale
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.describe import described, is_linear
@@ -52,8 +52,6 @@ SHARPER = 20.0
 """Largest factor by which dry friction is narrower in a simulated motion than in the fit, a fiftieth of the usual
 speed: 2 mrad/s are 1e-5 of the speed of a bare motor, and simulating 0.8 s in steps of a microsecond took over a
 minute."""
-
-Progress = Callable[[str, float], None]
 
 
 def method_of(model: Model, experiments: Sequence[Experiment]) -> Method | None:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from lostmotion.lab import words
-from lostmotion.lab.comparison.compare import Comparison
+from lostmotion.lab.comparison.compare import MENTIONED, Comparison
 from lostmotion.lab.quantity import number, quantities, quantity, with_unit
 from lostmotion.lab.results import Errors, Estimate, Explanation, Finding, Fit, Ladder
 
@@ -18,7 +18,6 @@ __all__ = [
     "of_finding",
     "of_fit",
     "of_ladder",
-    "worst_phase",
 ]
 
 MOST_VARIABLES = 3
@@ -106,32 +105,50 @@ def of_fit(fit: Fit) -> tuple[str, ...]:
 
 
 def of_comparison(comparison: Comparison) -> tuple[str, ...]:
-    """The error of the model in the main column, and where it comes from."""
-    column = comparison.column
-    (what, si), overlays = comparison.label(column), comparison.of(column)
-    (error, noise), unit = quantities(si, comparison.rms(column), comparison.noise[column].rms)
-    fit = f"{number(comparison.fit_percent(column), 1)} %"
-    sentences = [f"The error in {what} is {with_unit(error, unit)}, a fit of {fit}; the noise is {noise}."]
-    if comparison.is_noise:
-        return (*sentences, "The residual is noise only.")
-    sentences.append(worst_phase(comparison, column))
-    significant = [one for one in comparison.maps[column] if one.significant]
-    if significant:
-        depends = joined([words.variable(one.variable)[0] for one in significant[:MOST_VARIABLES]])
-        sentences.append(f"The residual depends on {depends}.")
-    horizon = min(one.horizon_s for one in overlays)
+    """The error of the model in each column, and where the one in the main column comes from."""
+    sentences = [_error_in(column, comparison) for column in comparison.maps]
+    horizon = min(one.horizon_s for one in comparison.overlays)
     if math.isfinite(horizon):
         sentences.append(
             f"The motion can be predicted for {horizon:.1f} s only; later samples can be compared only statistically."
         )
-    return tuple(sentences)
+    if comparison.is_noise:
+        last = "The residual is as large as the noise and depends on no variable: nothing is missing here."
+        return (*sentences, last)
+    return (*sentences, *_where(comparison), *_why(comparison.localisation))
 
 
-def worst_phase(comparison: Comparison, column: str) -> str:
-    """Where in the motion the error is largest."""
+def _error_in(column: str, comparison: Comparison) -> str:
+    what, si = comparison.label(column)
+    (error, noise), unit = quantities(si, comparison.rms(column), comparison.noise[column].rms)
+    fit = f"{number(comparison.fit_percent(column), 1)} %"
+    return f"The error in {what} is {with_unit(error, unit)}, a fit of {fit}; the noise is {noise}."
+
+
+def _where(comparison: Comparison) -> list[str]:
+    """The phase of the motion, the frequencies and the variables of most of the error."""
+    column = comparison.column
     phase, unit = comparison.worst_phase(column), comparison.label(column)[1]
     size, share = quantity(phase.rms, unit, 2), 100 * phase.error
-    return f"The error is largest {phase.phase}: {size} there, {share:.0f} % of the squared error."
+    sentences = [f"The error is largest {phase.phase}: {size} there, {share:.0f} % of the squared error."]
+    bands = [band for band in comparison.spectra[column].bands if band.stands_out]
+    if bands:
+        band = max(bands, key=lambda one: one.residual)
+        sentences.append(f"Most of the error is between {band.low_hz:.2g} and {band.high_hz:.2g} Hz.")
+    maps = [one for one in comparison.maps[column] if one.significant and one.explained > MENTIONED]
+    if maps:
+        named = [f"{words.variable(one.variable)[0]} ({100 * one.explained:.0f} % of it)" for one in maps]
+        sentences.append(f"It depends on {', on '.join(named[:MOST_VARIABLES])}.")
+    return sentences
+
+
+def _why(localisation: Finding | None) -> list[str]:
+    if localisation is None:
+        return ["No single equation explains it: first fit the parameters (lostmotion lab fit)."]
+    return [
+        f"With these parameters it looks as if {localisation.description}.",
+        "Wrong parameters have the same effect: run lostmotion lab fit first, then lostmotion lab explain.",
+    ]
 
 
 def of_ladder(ladder: Ladder) -> tuple[str, ...]:

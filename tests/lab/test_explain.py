@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab import explain
 from lostmotion.lab.data.experiment import experiments
-from lostmotion.lab.fitting.fit import noise_of
+from lostmotion.lab.data.noise import noise_of
 from lostmotion.lab.fitting.strategy import full_fit
 from lostmotion.lab.gears.likelihood import SegmentFit, ShortSegments
 from lostmotion.lab.gears.unseen import Judged, Unseen

@@ -14,7 +14,7 @@ import pytest
 
 from lostmotion.drivers.recording import Recording, read_recording
 from lostmotion.lab.data.experiment import Experiment, experiments
-from lostmotion.lab.fitting.fit import noise_of
+from lostmotion.lab.data.noise import noise_of
 from lostmotion.lab.fitting.strategy import full_fit, grown, seeded
 from lostmotion.lab.shooting.continuation import Level, fitted
 from lostmotion.lab.shooting.initial_guess import initial_guesses, scales_of

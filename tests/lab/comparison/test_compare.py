@@ -18,7 +18,7 @@ from lostmotion.lab.comparison.compare import Comparison, compare
 from lostmotion.lab.comparison.phases import phases
 from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.errors import ExperimentError
-from lostmotion.lab.report.summary import summary
+from lostmotion.lab.report.verdict import of_comparison
 from lostmotion.lab.results import Finding
 from lostmotion.model import HandWaved, Model, build_model
 from tests.conftest import Measurements
@@ -65,7 +65,7 @@ def test_true_model_leaves_only_noise() -> None:
     assert found.is_noise
     assert found.localisation is None
     assert found.fit_percent("accel") == pytest.approx(93, abs=1)
-    assert "nothing is missing" in summary(found)[-1]
+    assert "nothing is missing" in of_comparison(found)[-1]
 
 
 @pytest.mark.slow
@@ -124,7 +124,7 @@ def test_compare_localises() -> None:
     found = held(build_model("play", values=GEARS), measured(4, **LEAKAGE), is_described=True)
     assert found.localisation is not None
     assert found.document()["residual"]["acts_on"] == "sensor"
-    assert "an error of the sensor" in " ".join(summary(found))
+    assert "an error of the sensor" in " ".join(of_comparison(found))
 
 
 def test_map_of_a_sensor_that_leaks() -> None:

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from lostmotion.lab.comparison.bands import spectra
-from lostmotion.lab.data.noise import NoiseModel, innovation_noise
+from lostmotion.lab.data.autoregression import NoiseModel, fit_autoregression
 from lostmotion.lab.data.whiteness import autocorrelation, cross_correlation, fit_percent
 from lostmotion.lab.discrepancy.residual_maps import residual_maps
 
@@ -100,7 +100,7 @@ def test_band_of_a_hidden_tone() -> None:
 def test_bands_of_noise_do_not_stand_out() -> None:
     """With noise that is known, hardly ever any band does."""
     segments = noises(0.5)
-    noise = innovation_noise(*segments)
+    noise = fit_autoregression(segments)
     found = [spectra(segments[i : i + 3], segments[i : i + 3], RATE_HZ, noise) for i in range(0, TRIALS, 3)]
     assert np.mean([any(band.stands_out for band in one.bands) for one in found]) <= 0.06
 

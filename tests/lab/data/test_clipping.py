@@ -10,7 +10,7 @@ import pytest
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.clipping import rail_of
 from lostmotion.lab.data.experiment import experiments
-from lostmotion.lab.fitting.fit import noise_of
+from lostmotion.lab.data.noise import noise_of
 from lostmotion.lab.fitting.strategy import full_fit
 from lostmotion.lab.gears.likelihood import ShortSegments
 from lostmotion.lab.gears.unseen import Unseen

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lostmotion.lab.data.noise import NoiseModel, innovation_noise, noise_floor, resolution
+from lostmotion.lab.data.autoregression import NoiseModel, fit_autoregression
+from lostmotion.lab.data.noise import quiet_noise, resolution
 from tests.lab.simulated_gears import NOISE, RATE_HZ, moved
 
 FloatArray = NDArray[np.float64]
@@ -38,7 +39,7 @@ def test_white_noise_under_ringing_and_impacts(rms: float, seed: int) -> None:
     """White noise of 1 % of a ringing signal is found to a tenth."""
     rng = np.random.default_rng(seed)
     noise = rng.normal(0, rms, 3200)
-    assert noise_floor(ringing(rng) + noise, RATE_HZ) == pytest.approx(noise.std(), rel=0.1)
+    assert quiet_noise(ringing(rng) + noise).rms == pytest.approx(noise.std(), rel=0.1)
 
 
 @pytest.mark.parametrize("hz", [40.0, 97.0, 160.0])
@@ -46,7 +47,7 @@ def test_a_hum_is_no_noise(hz: float) -> None:
     """White noise beside a steady hum of its size, such as a fan's, is found to a tenth, whatever else gears do."""
     run = moved(60, length=4.0)
     hum = 0.3 * np.sin(2 * np.pi * hz * run.time)
-    assert noise_floor(run.accel + NOISE * run.noise + hum, RATE_HZ) == pytest.approx(NOISE, rel=0.12)
+    assert quiet_noise(run.accel + NOISE * run.noise + hum).rms == pytest.approx(NOISE, rel=0.12)
 
 
 @pytest.mark.parametrize(("correlation", "low", "high"), [(0.5, 0.75, 1.5), (0.9, 0.35, 1.3)])
@@ -55,7 +56,7 @@ def test_coloured_noise_under_ringing(correlation: float, low: float, high: floa
     for seed in range(3):
         rng = np.random.default_rng(seed)
         noise = coloured(correlation, 0.3, rng)
-        assert low < noise_floor(ringing(rng) + noise, RATE_HZ) / noise.std() < high
+        assert low < quiet_noise(ringing(rng) + noise).rms / noise.std() < high
 
 
 def test_quantisation_is_noise() -> None:
@@ -63,7 +64,7 @@ def test_quantisation_is_noise() -> None:
     t = np.arange(4000) / RATE_HZ
     counts = np.round(3 * np.sin(2 * np.pi * 0.7 * t) / 0.01) * 0.01
     assert resolution(counts) == pytest.approx(0.01)
-    assert noise_floor(counts, RATE_HZ) == pytest.approx(0.01 / np.sqrt(12), rel=0.15)
+    assert quiet_noise(counts).rms == pytest.approx(0.01 / np.sqrt(12), rel=0.15)
 
 
 def test_rest_is_not_free_of_noise() -> None:
@@ -71,7 +72,7 @@ def test_rest_is_not_free_of_noise() -> None:
     force = np.zeros(3000)
     force[1000:1010] = 2.5
     force[2000:2010] = 0.1
-    assert noise_floor(force, 1000.0) == pytest.approx(0.1 / np.sqrt(12))
+    assert quiet_noise(force).rms == pytest.approx(0.1 / np.sqrt(12))
 
 
 def test_gaps_do_not_matter() -> None:
@@ -79,12 +80,12 @@ def test_gaps_do_not_matter() -> None:
     rng = np.random.default_rng(5)
     x = ringing(rng) + rng.normal(0, 0.3, 3200)
     x[rng.integers(0, 3200 - 50, 16)[:, None] + np.arange(50)] = np.nan
-    assert noise_floor(x, RATE_HZ) == pytest.approx(0.3, rel=0.1)
+    assert quiet_noise(x).rms == pytest.approx(0.3, rel=0.1)
 
 
 def test_few_samples_give_a_number() -> None:
     """Ten samples are too few for windows; their differences tell the order of magnitude."""
-    assert 0.03 < noise_floor(np.random.default_rng(1).normal(5, 0.1, 10), 100.0) < 0.3
+    assert 0.03 < quiet_noise(np.random.default_rng(1).normal(5, 0.1, 10)).rms < 0.3
 
 
 @pytest.mark.parametrize("correlation", [0.0, 0.5, 0.9])
@@ -92,7 +93,7 @@ def test_innovation_of_a_residual(correlation: float) -> None:
     """A residual that is noise gives back its size and correlation, and becomes white and of size 1."""
     rng = np.random.default_rng(7)
     residual = coloured(correlation, 0.3, rng, 8000)
-    model = innovation_noise(residual[:4000], residual[4000:])
+    model = fit_autoregression([residual[:4000], residual[4000:]])
     assert model.rms == pytest.approx(0.3, rel=0.1)
     assert model.innovation == pytest.approx(0.3 * np.sqrt(1 - correlation**2), rel=0.03)
     white = model.whiten(residual)
@@ -106,7 +107,7 @@ def test_outliers_and_gaps_in_a_residual() -> None:
     residual = coloured(0.6, 1.0, rng, 4000)
     residual[rng.integers(0, 4000, 40)] += 30.0
     residual[1000:1020] = np.nan
-    model = innovation_noise(residual)
+    model = fit_autoregression([residual])
     assert model.innovation == pytest.approx(0.8, rel=0.12)
     assert np.array_equal(np.isnan(model.whiten(residual)), np.isnan(residual))
 

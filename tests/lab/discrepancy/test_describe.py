@@ -10,9 +10,9 @@ from scipy.integrate import solve_ivp
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.experiment import experiments
+from lostmotion.lab.data.noise import noise_of
 from lostmotion.lab.discrepancy.basis import Guess
 from lostmotion.lab.discrepancy.describe import _finding, _nearest, described
-from lostmotion.lab.fitting.fit import noise_of
 from lostmotion.lab.fitting.strategy import first_fit
 from lostmotion.lab.results import Finding
 from lostmotion.lab.shooting.task import Task

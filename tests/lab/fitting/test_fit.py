@@ -11,8 +11,9 @@ from scipy.signal import lfilter
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.experiment import Experiment, experiments
+from lostmotion.lab.data.noise import noise_of
 from lostmotion.lab.estimate import fit
-from lostmotion.lab.fitting.fit import fit_of, noise_of, refined_fit
+from lostmotion.lab.fitting.fit import fit_of, refined_fit
 from lostmotion.lab.fitting.strategy import doubled, full_fit
 from lostmotion.lab.parallel import open_executor
 from lostmotion.lab.policy import HALF_WIDTH

@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from lostmotion.lab.data.experiment import experiments
-from lostmotion.lab.fitting.fit import noise_of
+from lostmotion.lab.data.noise import noise_of
 from lostmotion.lab.fitting.strategy import doubled, full_fit
 from lostmotion.lab.gears.likelihood import SegmentFit, ShortSegments
 from lostmotion.lab.gears.unseen import Unseen

@@ -9,7 +9,7 @@ import pytest
 
 from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import experiments
-from lostmotion.lab.fitting.fit import noise_of
+from lostmotion.lab.data.noise import noise_of
 from lostmotion.lab.fitting.strategy import full_fit
 from lostmotion.lab.gears.score_test import score_test
 from lostmotion.lab.gears.trials import FEW_STEPS, full_fits, full_trials, halving, near_trials

@@ -11,8 +11,8 @@ from scipy.signal import lfilter
 
 from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import experiments
+from lostmotion.lab.data.noise import noise_of
 from lostmotion.lab.data.whiteness import is_structured
-from lostmotion.lab.fitting.fit import noise_of
 from lostmotion.lab.fitting.strategy import full_fit
 from lostmotion.lab.gears.unseen import Judged, Unseen, compared, is_left
 from lostmotion.lab.shooting.continuation import residuals
