@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from lostmotion.lab.commands.options import curves_option, json_option, model_argument, report_option
-from lostmotion.lab.commands.reading import Files, recordings_argument
+from lostmotion.lab.commands.reading import Files, recordings_argument, used
 
 __all__ = ["compare"]
 
@@ -26,17 +26,9 @@ def compare(model: str, recordings: Files, report: Path | None, curves: Path | N
     """
     from lostmotion.lab.commands.output import write_output
     from lostmotion.lab.comparison.compare import compare as compared
-    from lostmotion.lab.data.experiment import experiments
-    from lostmotion.lab.errors import ExperimentError
-    from lostmotion.lab.models import modelfile
-    from lostmotion.model import ModelError
 
-    built = modelfile.load(model).build()
-    read = recordings.read()
-    try:
-        found = compared(built, experiments(built, read), recordings=read)
-    except ModelError as error:
-        raise ExperimentError(f"{model}: the model cannot be run on these recordings: {error}") from error
+    with used(model, recordings) as (built, experiments, read):
+        found = compared(built, experiments, recordings=read)
     if write_output(found, "comparison", report, curves, as_json=as_json):
         return
     from lostmotion.lab.commands.compare_terminal import show

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from time import monotonic
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -22,8 +22,15 @@ from lostmotion.lab.commands.options import (
     report_option,
 )
 from lostmotion.lab.commands.progress import shown
-from lostmotion.lab.commands.reading import Files, recordings_argument
+from lostmotion.lab.commands.reading import Files, recordings_argument, used
 from lostmotion.lab.deadline import Progress
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from lostmotion.lab.data.experiment import Experiment
+    from lostmotion.lab.results import Explanation
+    from lostmotion.model import Model
 
 __all__ = ["explain", "fit", "improve"]
 
@@ -71,12 +78,8 @@ def explain(
 ) -> None:  # fmt: skip
     """Find the physical effect that MODEL lacks, validated on the last recording, which is not fitted."""
     from lostmotion.lab.commands.output import write_output
-    from lostmotion.lab.explain import explain as explained
 
-    until = monotonic() + budget_s
-    with _beside(effects):  # the output uses their names and words, too
-        with _prepared(model, recordings, executor, progress) as (built, experiments, pool, callback):
-            found = explained(built, experiments, pool, callback, budget_s=until - monotonic())
+    with _explained(model, recordings, executor, progress, budget_s, effects) as found:
         if write_output(found, "explanation", report, curves, as_json=as_json):
             return
         from lostmotion.lab.commands.fitting_terminal import show_explanation
@@ -101,19 +104,30 @@ def improve(
 ) -> None:  # fmt: skip
     """Explain, add and fit until nothing significant is missing; print how the error falls; write MODEL2."""
     from lostmotion.lab.commands.output import write_output
-    from lostmotion.lab.explain import explain as explained
     from lostmotion.lab.results import ladder_of
 
-    until = monotonic() + budget_s
-    with _beside(effects):
-        with _prepared(model, recordings, executor, progress) as (built, experiments, pool, callback):
-            found = ladder_of(explained(built, experiments, pool, callback, budget_s=until - monotonic()))
-        _save(found.last.best.model, output)
+    with _explained(model, recordings, executor, progress, budget_s, effects) as explanation:
+        found = ladder_of(explanation)
+        _save(explanation.best.model, output)
         if write_output(found, "ladder", report, curves, as_json=as_json):
             return
         from lostmotion.lab.commands.fitting_terminal import show_ladder
 
         show_ladder(found, output)
+
+
+@contextmanager
+def _explained(
+    model: str, recordings: Files, executor: str | None, progress: str, budget_s: float, effects: tuple[str, ...]
+) -> Iterator[Explanation]:
+    """What is missing; the user-defined effects stay known in the block, as the output uses their names and words."""
+    from lostmotion.lab.explain import explain
+
+    until = monotonic() + budget_s
+    with _beside(effects):
+        with _prepared(model, recordings, executor, progress) as (built, experiments, pool, callback):
+            found = explain(built, experiments, pool, callback, budget_s=until - monotonic())
+        yield found
 
 
 @contextmanager
@@ -135,24 +149,19 @@ def _beside(references: tuple[str, ...]) -> Iterator[None]:
 @contextmanager
 def _prepared(
     model: str, recordings: Files, executor: str | None, progress: str
-) -> Iterator[tuple[Any, Any, Any, Progress]]:
-    """The model, the experiments, an executor and the callback of progress; rejects input that cannot be used."""
-    from lostmotion.lab.data.experiment import experiments
-    from lostmotion.lab.errors import ExperimentError
-    from lostmotion.lab.models import modelfile
+) -> Iterator[tuple[Model, tuple[Experiment, ...], Executor, Progress]]:
+    """The model, the experiments, an executor and the callback of progress."""
     from lostmotion.lab.parallel import open_executor
-    from lostmotion.model import ModelError
 
-    built = modelfile.load(model).build()
-    held = experiments(built, recordings.read())
-    try:
-        with open_executor(executor) as pool, shown(progress) as callback:
-            yield built, held, pool, callback
-    except ModelError as error:
-        raise ExperimentError(f"{model}: the model cannot be run on these recordings: {error}") from error
+    with (
+        used(model, recordings) as (built, experiments, _),
+        open_executor(executor) as pool,
+        shown(progress) as callback,
+    ):
+        yield built, experiments, pool, callback
 
 
-def _save(model: Any, output: Path) -> None:
+def _save(model: Model, output: Path) -> None:
     from lostmotion.lab.models import modelfile
 
     modelfile.save(modelfile.ModelFile(model.base, model.effects, model.parameters), output)

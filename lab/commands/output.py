@@ -39,7 +39,7 @@ def write_output(found: Found, kind: str, report: Path | None, curves: Path | No
 def _in_words(found: Found) -> dict[str, Any]:
     """The sentences for people; of effects also names, and what to look at on the robot."""
     if isinstance(found, Comparison):
-        left = (one.variable for maps in found.maps.values() for one in maps)
+        left = (one.variable for column in found.columns.values() for one in column.maps)
         return {"words": verdict.of_comparison(found), "variables": _variables(left)}
     if isinstance(found, Fit):
         return {**_errors(found), "words": verdict.of_fit(found)}

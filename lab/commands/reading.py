@@ -1,8 +1,9 @@
-"""The recordings argument of the lab's commands: arguments and files only."""
+"""The model and the recordings of the lab's commands: arguments and files only."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
@@ -12,8 +13,10 @@ import click
 
 if TYPE_CHECKING:
     from lostmotion.drivers.recording import Recording
+    from lostmotion.lab.data.experiment import Experiment
+    from lostmotion.model import Model
 
-__all__ = ["Files", "recordings_argument"]
+__all__ = ["Files", "recordings_argument", "used"]
 
 
 @dataclass(frozen=True)
@@ -43,3 +46,18 @@ def recordings_argument(command: Callable[..., None]) -> Callable[..., None]:
         command(*args, recordings=Files(paths, joint, terms), **given)
 
     return with_files
+
+
+@contextmanager
+def used(model: str, recordings: Files) -> Iterator[tuple[Model, tuple[Experiment, ...], list[Recording]]]:
+    """The model, the recordings prepared for it, and as they are; rejects in one line what cannot be used together."""
+    from lostmotion.lab.data.experiment import experiments
+    from lostmotion.lab.errors import ExperimentError
+    from lostmotion.lab.models import modelfile
+    from lostmotion.model import ModelError
+
+    built, read = modelfile.load(model).build(), recordings.read()
+    try:
+        yield built, experiments(built, read), read
+    except ModelError as error:
+        raise ExperimentError(f"{model}: the model cannot be run on these recordings: {error}") from error

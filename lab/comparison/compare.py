@@ -18,9 +18,7 @@ import numpy as np
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab import policy, words
-from lostmotion.lab.comparison.bands import Spectra
 from lostmotion.lab.comparison.residual_analysis import (
-    Block,
     ColumnResidual,
     PhaseError,
     Prediction,
@@ -32,7 +30,7 @@ from lostmotion.lab.data.autoregression import NoiseModel, fit_autoregression
 from lostmotion.lab.data.excerpt import excerpts
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.noise import noise_models
-from lostmotion.lab.data.whiteness import Correlation, fit_percent
+from lostmotion.lab.data.whiteness import fit_percent
 from lostmotion.lab.discrepancy.describe import described
 from lostmotion.lab.discrepancy.residual_maps import ResidualMap
 from lostmotion.lab.fitting.identifiability import held
@@ -92,24 +90,18 @@ class Overlay:
 
 @dataclass(frozen=True, eq=False)
 class Comparison(Displayed):
-    """The result of a comparison, with phases, blocks, spectra, maps and tests by compared column.
+    """The result of a comparison.
 
-    noise: by column; tests: by name, of the residuals; starts: (n,) for each experiment that was simulated;
-    localisation: the equation in which the first column's misfit arises, None where the residual is noise or no
-    equation explains it.
+    columns: the residual of each compared column; starts: (n,) for each experiment that was simulated; localisation:
+    the equation in which the first column's misfit arises, None where the residual is noise or no equation explains it.
     """
 
     model: Model
     experiments: tuple[Experiment, ...]
     starts: tuple[FloatArray, ...]
     overlays: tuple[Overlay, ...]
-    noise: Mapping[str, NoiseModel]
-    tests: Mapping[str, Mapping[str, Correlation]]
-    phases: Mapping[str, tuple[PhaseError, ...]]
-    blocks: Mapping[str, tuple[Block, ...]]
-    spectra: Mapping[str, Spectra]
-    maps: Mapping[str, tuple[ResidualMap, ...]]
-    localisation: Finding | None
+    columns: Mapping[str, ColumnResidual]
+    localisation: Finding | None = None
     delay_s: float = 0.0
     """How much later than recorded the torque of a joint acts, as it was removed."""
 
@@ -138,16 +130,16 @@ class Comparison(Displayed):
 
     def worst_phase(self, column: str) -> PhaseError:
         """The phase of the motion in which the error is largest, of those that hold a twentieth of it or more."""
-        return max((one for one in self.phases[column] if one.error > MENTIONED), key=lambda one: one.rms)
+        return max((one for one in self.columns[column].phases if one.error > MENTIONED), key=lambda one: one.rms)
 
     @property
     def is_noise(self) -> bool:
         """Whether the residual is noise: no larger, and without a significant map or band."""
-        return self.is_small(self.column) and not any(one.significant for one in self.maps[self.column])
+        return self.is_small(self.column) and not any(one.significant for one in self.columns[self.column].maps)
 
     def is_small(self, column: str) -> bool:
         """Whether the residual of that column is no larger than its noise."""
-        noise = self.noise[column].rms
+        noise = self.columns[column].noise.rms
         if column == TORQUE:  # its floor is an extrapolation
             return is_noise(np.concatenate([one.residual[~np.isnan(one.residual)] for one in self.of(column)]), noise)
         return self.rms(column) <= policy.GOOD * noise
@@ -155,7 +147,7 @@ class Comparison(Displayed):
     def document(self) -> dict[str, Any]:
         """The keys of ``lab compare --json``."""
         column = self.column
-        error = {"before": self.rms(column), "after": self.rms(column), "noise": self.noise[column].rms,
+        error = {"before": self.rms(column), "after": self.rms(column), "noise": self.columns[column].noise.rms,
                  "unit": self.label(column)[1]}  # fmt: skip
         return {
             "base": self.model.base,
@@ -164,23 +156,24 @@ class Comparison(Displayed):
             "complete": self.is_noise,
             "is_noise": self.is_noise,
             "delay_s": self.delay_s,
-            "columns": {name: self._column(name) for name in self.maps},
+            "columns": {name: self._column(name) for name in self.columns},
             "residual": self.localisation.document() if self.localisation else None,
             "recordings": [_row(one) for one in self.overlays],
         }
 
     def _column(self, name: str) -> dict[str, Any]:
+        own = self.columns[name]
         return {
             "unit": self.label(name)[1],
             "rms": self.rms(name),
-            "noise": self.noise[name].rms,
+            "noise": own.noise.rms,
             "fit_percent": self.fit_percent(name),
             "tests": {test: {"p_value": one.p_value, "significant": one.significant}
-                      for test, one in self.tests[name].items()},
-            "phases": [vars(one) for one in self.phases[name]],
-            "blocks": [vars(one) for one in self.blocks[name]],
-            "bands": [vars(one) for one in self.spectra[name].bands],
-            "maps": [_map(one) for one in self.maps[name]],
+                      for test, one in own.tests.items()},
+            "phases": [vars(one) for one in own.phases],
+            "blocks": [vars(one) for one in own.blocks],
+            "bands": [vars(one) for one in own.spectra.bands],
+            "maps": [_map(one) for one in own.maps],
         }  # fmt: skip
 
 
@@ -230,33 +223,28 @@ def _compared(
 ) -> Comparison:  # fmt: skip
     """Analyses the residual of these predictions, without localisation."""
     experiments = [one.experiment for one in predictions]
-    noise = {name: _noise(name, predictions, floor[name]) for name in floor}
-    temperatures = [_temperature(one, recordings) for one in experiments]
-    found = {name: ColumnResidual(model.base, name, predictions, temperatures, noise[name]) for name in noise}
-    return Comparison(
-        model, tuple(experiments), (), tuple(_overlays(predictions, horizons, noise)), noise,
-        {name: one.tests() for name, one in found.items()},
-        {name: one.phases() for name, one in found.items()},
-        {name: one.blocks() for name, one in found.items()},
-        {name: one.spectra() for name, one in found.items()},
-        {name: one.maps() for name, one in found.items()}, None,
-    )  # fmt: skip
+    columns = {name: _residual(name, model.base, predictions, recordings, noise) for name, noise in floor.items()}
+    return Comparison(model, tuple(experiments), (), tuple(_overlays(predictions, horizons, columns)), columns)
+
+
+def _residual(
+    name: str, base: str, predictions: Sequence[Prediction], recordings: Sequence[Recording], floor: NoiseModel
+) -> ColumnResidual:
+    """Of one column; its noise is the floor, or the noise model of the residual where that is smaller."""
+    own = [one for one in predictions if name in one.experiment.measured]
+    left = fit_autoregression([one.residual(name) for one in own])
+    temperatures = [_temperature(one.experiment, recordings) for one in own]
+    return ColumnResidual(base, name, own, temperatures, left if left.rms < floor.rms else floor)
 
 
 def _overlays(
-    predictions: Sequence[Prediction], horizons: Sequence[float], noise: Mapping[str, NoiseModel]
+    predictions: Sequence[Prediction], horizons: Sequence[float], columns: Mapping[str, ColumnResidual]
 ) -> Iterator[Overlay]:
     for prediction, horizon in zip(predictions, horizons, strict=True):
         experiment = prediction.experiment
         for name, measured in experiment.measured.items():
             yield Overlay(experiment.name, name, words.column(name, experiment.is_linear)[1], experiment.time,
-                          measured, prediction.trajectory[name], noise[name].rms, horizon)  # fmt: skip
-
-
-def _noise(name: str, predictions: Sequence[Prediction], floor: NoiseModel) -> NoiseModel:
-    """The floor, or the noise model of the residual where that is smaller."""
-    left = fit_autoregression([one.residual(name) for one in predictions if name in one.experiment.measured])
-    return left if left.rms < floor.rms else floor
+                          measured, prediction.trajectory[name], columns[name].noise.rms, horizon)  # fmt: skip
 
 
 def _start(model: Model, experiment: Experiment, floor: Mapping[str, NoiseModel]) -> FloatArray:

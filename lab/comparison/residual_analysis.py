@@ -9,13 +9,14 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lostmotion.lab.comparison.bands import Spectra, spectra
 from lostmotion.lab.comparison.phases import phases
-from lostmotion.lab.data.autoregression import NoiseModel, fit_autoregression
+from lostmotion.lab.data.autoregression import NoiseModel
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.whiteness import Correlation, autocorrelation, cross_correlation
 from lostmotion.lab.discrepancy.residual_maps import ResidualMap, residual_maps
@@ -70,24 +71,23 @@ class Block:
     rms: float
 
 
+@dataclass(frozen=True, eq=False)
 class ColumnResidual:
-    """The residual of one column in all recordings that have it; temperatures: (N,) each, where known."""
+    """The residual of one column in all recordings that have it: base: the model's; predictions, and the temperature of
+    each (N,), where known; noise: that of the sensor."""
 
-    def __init__(
-        self,
-        base: str,
-        name: str,
-        predictions: Sequence[Prediction],
-        temperatures: Sequence[FloatArray | None],
-        noise: NoiseModel,
-    ) -> None:
-        pairs = [(one, t) for one, t in zip(predictions, temperatures, strict=True) if name in one.experiment.measured]
-        self.base, self.name, self.noise = base, name, noise
-        self.predictions = [one for one, _ in pairs]
-        self.temperatures = [t for _, t in pairs]
-        self.residuals = [one.residual(name) for one in self.predictions]
-        self.own = fit_autoregression(self.residuals)
+    base: str
+    name: str
+    predictions: Sequence[Prediction]
+    temperatures: Sequence[FloatArray | None]
+    noise: NoiseModel
 
+    @cached_property
+    def residuals(self) -> list[FloatArray]:
+        """Of each recording (N,), NaN where the column was not sampled."""
+        return [one.residual(self.name) for one in self.predictions]
+
+    @cached_property
     def tests(self) -> dict[str, Correlation]:
         """Correlations in the longest recording: of the residual with itself, the input and the input's rate."""
         longest = int(np.argmax([r.size for r in self.residuals]))
@@ -97,9 +97,10 @@ class ColumnResidual:
             for name, series in (("input", experiment.drive.position), ("input's rate", experiment.drive.velocity)):
                 source = np.asarray(series(experiment.time))
                 if np.ptp(source) > 0:
-                    tests[f"residual with the {name}"] = cross_correlation(residual, source, noise=self.own)
+                    tests[f"residual with the {name}"] = cross_correlation(residual, source)
         return tests
 
+    @cached_property
     def phases(self) -> tuple[PhaseError, ...]:
         """The phase with the largest share of the error first."""
         squares: dict[str, list[FloatArray]] = {}
@@ -111,6 +112,7 @@ class ColumnResidual:
         found = [_phase(name, np.concatenate(parts), all_of_it) for name, parts in squares.items()]
         return tuple(sorted((one for one in found if one.samples > 0), key=lambda one: -one.error))
 
+    @cached_property
     def blocks(self) -> tuple[Block, ...]:
         """Twenty blocks for each recording."""
         found = []
@@ -123,11 +125,13 @@ class ColumnResidual:
                     found.append(Block(prediction.experiment.name, float(start), float(stop), root_mean_square(inside)))
         return tuple(found)
 
+    @cached_property
     def spectra(self) -> Spectra:
         """Spectra over all recordings, compared with the noise."""
         measured = [one.experiment.measured[self.name] for one in self.predictions]
         return spectra(measured, self.residuals, self.predictions[0].experiment.rate_hz, self.noise)
 
+    @cached_property
     def maps(self) -> tuple[ResidualMap, ...]:
         """Residual maps over every state of the motion."""
         given = [_variables(one, t) for one, t in zip(self.predictions, self.temperatures, strict=True)]

@@ -78,14 +78,15 @@ class NoiseModel:
                 white[run.start + self.order : run.stop] = filtered / deviation
         return white
 
-    def simulate(self, rng: np.random.Generator, samples: int) -> FloatArray:
-        """A stationary segment (samples,)."""
+    def simulate(self, rng: np.random.Generator, *shape: int) -> FloatArray:
+        """Stationary segments (..., N), independent of each other."""
+        *many, samples = shape
         impulse = np.fft.irfft(1 / self._response)
-        last = int(np.flatnonzero(np.abs(impulse) > 1e-6)[-1]) + 1
-        noise = self.innovation * rng.standard_normal(samples + last)
-        length = 1 << (noise.size + last).bit_length()
-        made = np.fft.irfft(np.fft.rfft(noise, length) * np.fft.rfft(impulse[:last], length), length)
-        return np.asarray(made[last : last + samples])
+        impulse = impulse[: int(np.flatnonzero(np.abs(impulse) > 1e-6)[-1]) + 1]
+        noise = self.innovation * rng.standard_normal((*many, samples + impulse.size))
+        length = 1 << (samples + 2 * impulse.size).bit_length()
+        made = np.fft.irfft(np.fft.rfft(noise, length) * np.fft.rfft(impulse, length), length)
+        return np.asarray(made[..., impulse.size : impulse.size + samples])
 
     @cached_property
     def _response(self) -> FloatArray:

@@ -67,7 +67,7 @@ def autocorrelation(residual: FloatArray) -> Correlation:
     return Correlation(lags, r, _bound(most_lags) / np.sqrt(count), float(chdtrc(max(most_lags, 1), q)))
 
 
-def cross_correlation(residual: FloatArray, source: FloatArray, noise: NoiseModel | None = None) -> Correlation:
+def cross_correlation(residual: FloatArray, source: FloatArray) -> Correlation:
     """Correlation of a residual (N,) with an input, both whitened by the residual's noise model, at lags 0 … LAGS.
 
     Positive lags: the residual follows the input.  After Haugh, with a white residual each correlation has the variance
@@ -75,7 +75,7 @@ def cross_correlation(residual: FloatArray, source: FloatArray, noise: NoiseMode
     as much.  The lags of a smooth input are nearly collinear; p_value takes that into account (a score test of a finite
     impulse response from input to residual).  NaN are gaps.
     """
-    noise = noise or fit_autoregression([residual])
+    noise = fit_autoregression([residual])
     e = noise.whiten(residual - np.nanmean(residual))
     u = noise.whiten(np.where(np.isfinite(residual), source - np.nanmean(source), np.nan))
     there = np.isfinite(e) & np.isfinite(u)

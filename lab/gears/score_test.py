@@ -94,8 +94,9 @@ def score_test(
     if not usable:
         return Scores()
     C = np.array([column / np.linalg.norm(column) for *_, column in usable])
-    draws = np.array([project([noise.simulate(rng, b.r.size) for b in blocks]) for _ in range(DRAWS)])
-    null = draws @ C.T
+    counts = [block.r.size for block in blocks]
+    series = noise.simulate(rng, DRAWS, sum(counts)).T
+    null = (C @ project(np.split(series, np.cumsum(counts)[:-1]))).T
     spread = np.maximum(null.std(axis=0), 1e-9)
     statistic = (C @ r / spread) ** 2
     found: dict[str, Direction] = {}
@@ -134,7 +135,7 @@ class _Projection:
         self._parameters = np.linalg.qr(A)[0]
 
     def __call__(self, parts: Sequence[FloatArray]) -> FloatArray:
-        """The residuals of all segments (M_i,) as one, projected (M,)."""
+        """The residuals of all segments (M_i,), or several of each (M_i, K), as one, projected (M,) or (M, K)."""
         whole = np.concatenate([self._off(q, part) for q, part in zip(self._starts, parts, strict=True)])
         return np.asarray(whole - self._parameters @ (self._parameters.T @ whole))
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lostmotion.lab.data.excerpt import excerpts
 from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.lab.observer.filter import SETTLED_S, STRONG, TIGHT, WEAK, Observer, sampled
 from lostmotion.lab.shooting.task import Task
@@ -41,7 +42,7 @@ class Follower:
         """The segments of the first experiments in which the signal changes most."""
         value = {name: p.value for name, p in rough.parameters.items()}
         hz = max(LEAST_HZ, PERIOD_SAMPLES * math.sqrt(value["k"] / value["m"]) / (2 * math.pi))
-        segments = tuple(_most_varying(e, hz) for e in task.experiments[:EXPERIMENTS])
+        segments = tuple(_window(e, hz) for e in task.experiments[:EXPERIMENTS])
         observers = {
             coupling: Observer.of(rough, 1 / segments[0].rate_hz, coupling) for coupling in (TIGHT, STRONG, WEAK)
         }
@@ -74,15 +75,11 @@ class Follower:
         return np.asarray(np.concatenate(errors) / (observer.expected * self.noise))
 
 
-def _most_varying(experiment: Experiment, hz: float) -> Experiment:
-    """The two seconds in which the sensor moves most, at no more than about ``hz`` samples a second."""
-    bar = sampled(experiment)
+def _window(experiment: Experiment, hz: float) -> Experiment:
+    """The two seconds in which the sensor's reading changes most, at no more than about ``hz`` samples a second."""
+    (bar,) = excerpts([sampled(experiment)], LENGTH_S)
     step = max(1, int(bar.rate_hz / hz))
-    time, values = bar.time[::step], bar.measured[ACCEL][::step]
-    power = np.concatenate(([0.0], np.cumsum((values - values.mean()) ** 2)))
-    last = np.searchsorted(time, time + LENGTH_S)
-    first = int(np.argmax(np.where(time + LENGTH_S <= time[-1] + 1e-9, power[last] - power[:-1], -1.0)))
-    return replace(experiment, time=time[first : last[first]], measured={ACCEL: values[first : last[first]]})
+    return replace(bar, time=bar.time[::step], measured={ACCEL: bar.measured[ACCEL][::step]})
 
 
 def settled(segment: Experiment) -> slice:

@@ -38,10 +38,10 @@ def over_time(comparison: Comparison) -> Section:
     """In which phases of the motion the error arises, and when."""
     column = comparison.column
     what, unit = comparison.label(column)
-    rows = [_phase(one, unit) for one in comparison.phases[column]]
+    rows = [_phase(one, unit) for one in comparison.columns[column].phases]
     text = "Bar: the share of the squared error that arises in this phase; dashed: the share of the time that it takes."
     phases = note(text) + table(("phase", f"error in {what}", "share>", "error>"), rows)
-    grouped = groupby(comparison.blocks[column], key=lambda block: block.recording)
+    grouped = groupby(comparison.columns[column].blocks, key=lambda block: block.recording)
     pictures = [_history(name, list(blocks), what, unit, comparison) for name, blocks in grouped]
     return Section("time", "When it fails", Html(phases + _grid(pictures)))
 
@@ -50,8 +50,8 @@ def over_states(comparison: Comparison) -> Section | None:
     """The residual of each column against each variable, significant ones unfolded; None where there are no maps."""
     pictures = [
         (one.significant, _map(comparison.label(column), one))
-        for column, found in comparison.maps.items()
-        for one in found
+        for column, found in comparison.columns.items()
+        for one in found.maps
     ]
     if not pictures:
         return None
@@ -81,7 +81,7 @@ def in_frequency(traces: Iterable[Trace], comparison: Comparison | None) -> Sect
 def over_lags(comparison: Comparison) -> Section | None:
     """Correlations of the residual with itself and the input; None where there are none."""
     tests = [(f"{comparison.label(column)[0]}: {name}", one)
-             for column, found in comparison.tests.items() for name, one in found.items()]  # fmt: skip
+             for column, found in comparison.columns.items() for name, one in found.tests.items()]  # fmt: skip
     if not tests:
         return None
     pictures = [figure(stems(name, one.lags, one.values, one.bound), name, _verdict(one)) for name, one in tests]
@@ -109,7 +109,9 @@ def _history(name: str, blocks: Sequence[Block], what: str, unit: str, compariso
     middle = np.array([(block.start + block.stop) / 2 for block in blocks])
     rms = np.array([block.rms for block in blocks])
     title = f"error in {what}, {PurePath(name).name}"
-    return figure(history(title, f"error, {what}", unit, middle, rms, comparison.noise[comparison.column].rms), title)
+    return figure(
+        history(title, f"error, {what}", unit, middle, rms, comparison.columns[comparison.column].noise.rms), title
+    )
 
 
 def _map(label: tuple[str, str], one: ResidualMap) -> Html:

@@ -106,7 +106,7 @@ def of_fit(fit: Fit) -> tuple[str, ...]:
 
 def of_comparison(comparison: Comparison) -> tuple[str, ...]:
     """The error of the model in each column, and where the one in the main column comes from."""
-    sentences = [_error_in(column, comparison) for column in comparison.maps]
+    sentences = [_error_in(column, comparison) for column in comparison.columns]
     horizon = min(one.horizon_s for one in comparison.overlays)
     if math.isfinite(horizon):
         sentences.append(
@@ -120,7 +120,7 @@ def of_comparison(comparison: Comparison) -> tuple[str, ...]:
 
 def _error_in(column: str, comparison: Comparison) -> str:
     what, si = comparison.label(column)
-    (error, noise), unit = quantities(si, comparison.rms(column), comparison.noise[column].rms)
+    (error, noise), unit = quantities(si, comparison.rms(column), comparison.columns[column].noise.rms)
     fit = f"{number(comparison.fit_percent(column), 1)} %"
     return f"The error in {what} is {with_unit(error, unit)}, a fit of {fit}; the noise is {noise}."
 
@@ -131,11 +131,11 @@ def _where(comparison: Comparison) -> list[str]:
     phase, unit = comparison.worst_phase(column), comparison.label(column)[1]
     size, share = quantity(phase.rms, unit, 2), 100 * phase.error
     sentences = [f"The error is largest {phase.phase}: {size} there, {share:.0f} % of the squared error."]
-    bands = [band for band in comparison.spectra[column].bands if band.stands_out]
+    bands = [band for band in comparison.columns[column].spectra.bands if band.stands_out]
     if bands:
         band = max(bands, key=lambda one: one.residual)
         sentences.append(f"Most of the error is between {band.low_hz:.2g} and {band.high_hz:.2g} Hz.")
-    maps = [one for one in comparison.maps[column] if one.significant and one.explained > MENTIONED]
+    maps = [one for one in comparison.columns[column].maps if one.significant and one.explained > MENTIONED]
     if maps:
         named = [f"{words.variable(one.variable)[0]} ({100 * one.explained:.0f} % of it)" for one in maps]
         sentences.append(f"It depends on {', on '.join(named[:MOST_VARIABLES])}.")

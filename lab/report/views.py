@@ -83,7 +83,7 @@ def traces(fit: Fit | None, comparison: Comparison | None = None, before: Fit | 
     then: list[Prediction] | None = None
     now: list[Mapping[str, FloatArray]]
     if comparison:
-        experiments, noise = comparison.experiments, {name: one.rms for name, one in comparison.noise.items()}
+        experiments, noise = comparison.experiments, {name: one.noise.rms for name, one in comparison.columns.items()}
         in_order = iter(comparison.overlays)
         now = [{column: next(in_order).modelled for column in one.measured} for one in experiments]
     elif fit:
@@ -138,7 +138,7 @@ def amplitudes(trace: Trace, comparison: Comparison | None = None) -> Amplitudes
     frequency, (measured, modelled, residual) = frequency[1:], np.sqrt(density[:, 1:])
     noise = np.full(frequency.size, trace.noise * math.sqrt(2 * spacing))
     if comparison:
-        known = comparison.spectra[trace.column]
+        known = comparison.columns[trace.column].spectra
         noise = np.sqrt(np.interp(frequency, known.frequency_hz, known.noise))
     return Amplitudes(trace, frequency, measured, modelled, residual, noise)
 

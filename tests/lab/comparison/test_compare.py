@@ -61,7 +61,7 @@ def test_true_model_leaves_only_noise() -> None:
     """With the right parameters and an unknown start what is left is the noise, and said to be so."""
     found = held(build_model("play", values=GEARS), measured(duration=1.5))
     assert found.rms("accel") == pytest.approx(NOISE, rel=0.08)
-    assert found.noise["accel"].rms == pytest.approx(NOISE, rel=0.1)
+    assert found.columns["accel"].noise.rms == pytest.approx(NOISE, rel=0.1)
     assert found.is_noise
     assert found.localisation is None
     assert found.fit_percent("accel") == pytest.approx(93, abs=1)
@@ -130,7 +130,7 @@ def test_compare_localises() -> None:
 def test_map_of_a_sensor_that_leaks() -> None:
     """Gravity that leaks into the sensor shows as a line over the angle, of slope c g, in the first map."""
     found = held(build_model("play", values=GEARS), measured(2, **LEAKAGE))
-    first = found.maps["accel"][0]
+    first = found.columns["accel"].maps[0]
     assert first.variable in ("theta_2", "command")
     slope = np.polyfit(first.x, first.mean, 1)[0]
     assert slope == pytest.approx(0.2 * 9.80665, rel=0.1)
@@ -144,7 +144,7 @@ def test_temperature_is_one_of_the_variables() -> None:
     columns = {**plain.columns, "accel": plain.columns["accel"] + 0.3 * (temperature - 30)}
     columns["temperature"] = np.where(np.arange(temperature.size) % 40 == 0, temperature, np.nan)
     found = held(build_model("play", values=GEARS), Recording(plain.time, columns, name="warm.csv"))
-    first = found.maps["accel"][0]
+    first = found.columns["accel"].maps[0]
     assert first.variable == "temperature"
     assert first.significant
     assert np.polyfit(first.x, first.mean, 1)[0] == pytest.approx(0.3, rel=0.15)
@@ -239,6 +239,6 @@ def test_silverbox(real_data: Measurements) -> None:
     )
     scaled = model.replace({"m": 1 / gain, "k": w**2 / gain, "b": 0.1 * w / gain})
     found = held(scaled, short, is_described=True)
-    assert found.noise["displacement"].rms < 0.2 * found.rms("displacement")
+    assert found.columns["displacement"].noise.rms < 0.2 * found.rms("displacement")
     assert found.localisation is not None
     assert found.localisation.acts_on == "oscillator"

@@ -123,13 +123,13 @@ def test_a_comparison_tells_where_the_model_fails(compared: Path, tmp_path: Path
     page, comparison = read(compared), report_example.comparison()
     where = ["errors", "time", "maps", "spectra", "lags"]
     assert page.sections == ["verdict", "signals", *where, "model"]
-    telling = sum(one.significant for one in comparison.maps["accel"])
-    assert 0 < telling < len(comparison.maps["accel"])
-    assert f"{len(comparison.maps['accel']) - telling} that show nothing beyond chance" in page.text
-    assert f"the noise is {comparison.noise['accel'].rms:.2f}." in page.text
+    telling = sum(one.significant for one in comparison.columns["accel"].maps)
+    assert 0 < telling < len(comparison.columns["accel"].maps)
+    assert f"{len(comparison.columns['accel'].maps) - telling} that show nothing beyond chance" in page.text
+    assert f"the noise is {comparison.columns['accel'].noise.rms:.2f}." in page.text
     worst = comparison.worst_phase("accel")
     assert f"The error is largest {worst.phase}: " in page.text
-    assert page.count["svg"] == 2 * (3 + len(comparison.maps["accel"]) + 3 + 3)  # each with an inner one
+    assert page.count["svg"] == 2 * (3 + len(comparison.columns["accel"].maps) + 3 + 3)  # each with an inner one
     residual = np.frombuffer(base64.b64decode(page.signals[0]["modelled"]), "<f4")
     assert np.array_equal(residual, comparison.overlays[0].modelled.astype("f4"))
     write_report(tmp_path / "all.html", comparison=report_example.comparison("coulomb_friction"),
