@@ -89,6 +89,7 @@ class ShortSegments:
     firsts: int = 1
     """One: a step takes up to a minute."""
     turns: float = 0.0
+    is_held_out: bool = True
 
     @property
     def task(self) -> Task:

@@ -108,6 +108,7 @@ class WholeMotion:
     unseen: Signals | None = None
     is_fold: bool = False
     pool: Executor | None = None
+    is_held_out: bool = False
 
     @property
     def firsts(self) -> int:

@@ -24,7 +24,17 @@ from lostmotion.model import Model
 from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Candidate", "Fit", "Predictions", "are_alike", "are_consistent", "prior_odds", "shapes_tried", "simplest"]
+__all__ = [
+    "Candidate",
+    "Fit",
+    "Predictions",
+    "are_alike",
+    "are_consistent",
+    "in_turn",
+    "prior_odds",
+    "shapes_tried",
+    "simplest",
+]
 
 
 class Fit(Protocol):
@@ -96,6 +106,13 @@ def prior_odds(effects: Sequence[str], own: Sequence[str]) -> dict[str, float]:
     known = {*effects, *own}
     found = {name: get_effect(name) for name in effects}
     return {name: 1 / one.odds if one.likelier in known else 1.0 for name, one in found.items()}
+
+
+def in_turn(fits: Sequence[tuple[str, F]]) -> dict[str, float]:
+    """For each effect what its p-value is multiplied by where the predicted samples know nothing of the fits: their
+    errors on what was fitted order the effects, and the n-th counts as n (n + 1) effects, as in ``shapes_tried``."""
+    best_first = dict.fromkeys(effect for effect, _ in sorted(fits, key=lambda one: one[1].screened))
+    return {effect: n * (n + 1.0) for n, effect in enumerate(best_first, 1)}
 
 
 def shapes_tried(effect: str, model: Model) -> float:

@@ -23,6 +23,7 @@ from lostmotion.lab.selection.evidence import (
     Predictions,
     are_alike,
     are_consistent,
+    in_turn,
     prior_odds,
     shapes_tried,
     simplest,
@@ -50,7 +51,8 @@ class Proposals(Generic[F]):
 class Likelihood(Protocol[F]):
     """What the search needs: fits, and predictions of samples that they have not seen.
 
-    pool: for predictions, in parallel; firsts: how many effects are tried as the first of a pair; turns: of the motion.
+    pool: for predictions, in parallel; firsts: how many effects are tried as the first of a pair; turns: of the motion;
+    is_held_out: whether the predicted samples are of recordings that no fit has used, not of folds.
     """
 
     @property
@@ -59,6 +61,8 @@ class Likelihood(Protocol[F]):
     def firsts(self) -> int: ...
     @property
     def turns(self) -> float: ...
+    @property
+    def is_held_out(self) -> bool: ...
     def first(self) -> F:
         """The fit of the model as it is."""
 
@@ -182,11 +186,12 @@ def _ranked(
     all unseen samples best."""
     prior = prior_odds([*(effect for effect, _ in fits), *rejected], now.model.effects)
     tried = sum(prior.values())
+    counts = in_turn(fits) if likelihood.is_held_out else {name: tried / odds for name, odds in prior.items()}
 
     def judged(one: tuple[str, F]) -> Candidate[F]:
         effect, fit = one
         predictions = likelihood.predictions(now, fit)
-        p_value = tried / prior[effect] * shapes_tried(effect, fit.model) * predictions.p_value
+        p_value = counts[effect] * shapes_tried(effect, fit.model) * predictions.p_value
         least = likelihood.least_gain(fit, now)
         is_identified = (
             predictions.gain > least and likelihood.is_sized(effect, fit) and are_consistent(fit.model, [effect])

@@ -95,9 +95,9 @@ class Motion:
         return [name for name in others(MODEL) if all(name in one.by_effect for one in (*self.fitted, *self.unseen))]
 
     @cached_property
-    def solved(self) -> dict[str, tuple[FloatArray, FloatArray]]:
-        """Without and with each effect: the pseudo-inverse of the columns that are fitted, and those to predict with;
-        initial states are projected off in each segment."""
+    def solved(self) -> dict[str, tuple[FloatArray, FloatArray, FloatArray]]:
+        """Without and with each effect: the pseudo-inverse of the columns that are fitted, these, and those to predict
+        with; initial states are projected off in each segment."""
         found = {}
         for name in ("", *self.effects):
             old, new = (
@@ -105,7 +105,7 @@ class Motion:
                 for every in (self.fitted, self.unseen)
             )
             size = np.linalg.norm(old, axis=0)
-            found[name] = np.linalg.pinv(old / size), new / size
+            found[name] = np.linalg.pinv(old / size), old / size, new / size
         return found
 
 
@@ -138,15 +138,26 @@ class Draw:
         (effect,) = model.effects
         return [one.by_effect[effect] for one in self.motion.fitted] if effect in self.motion.effects else None
 
-    def judged(self, model: Model) -> Judged:
-        """Predictions of the linear fit of a model with one effect or none."""
-        inverse, columns = self.motion.solved["".join(model.effects)]
+    def solved(self, model: Model) -> tuple[FloatArray, FloatArray]:
+        """What a linear fit of a model with one effect or none leaves of fitted and unseen segments."""
+        inverse, fitted, unseen = self.motion.solved["".join(model.effects)]
         old, new = (
             np.concatenate([projected_off(one.by_state, r) for one, r in zip(every, noise, strict=True)])
             for every, noise in ((self.motion.fitted, self.fitted), (self.motion.unseen, self.unseen))
         )
-        left = new - columns @ (inverse @ old)
-        return Judged(model, tuple(np.split(left, np.cumsum([r.size for r in self.unseen])[:-1])))
+        return old - fitted @ (inverse @ old), new - unseen @ (inverse @ old)
+
+    def judged(self, model: Model) -> Judged:
+        """Predictions of such a fit."""
+        ends = np.cumsum([r.size for r in self.unseen])[:-1]
+        return Judged(model, tuple(np.split(self.solved(model)[1], ends)))
+
+    def tried(self, level: Level, asked: Sequence[score_test.Direction], *rest: object) -> list[Trial]:
+        """Fits with each of these effects."""
+        return [
+            Trial(one.effect, replace(level, model=one.model, typical=float(np.std(self.solved(one.model)[0]))))
+            for one in asked
+        ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,10 +205,6 @@ def motion(monkeypatch: pytest.MonkeyPatch) -> Motion:
     monkeypatch.setattr(score_test, "scales_of", lambda *rest: size)
     monkeypatch.setattr(score_test, "faint", lambda model, effect, *rest: weak.get(effect, []))
     monkeypatch.setattr(score_test, "followed", lambda level, *rest: segments)
-    monkeypatch.setattr(
-        likelihood, "near_trials",
-        lambda level, asked, *rest: [Trial(one.effect, replace(level, model=one.model)) for one in asked],
-    )  # fmt: skip
     return found
 
 
@@ -206,6 +213,7 @@ def search(motion: Motion, seed: int, monkeypatch: pytest.MonkeyPatch) -> Select
     draw = Draw.of(motion, seed)
     monkeypatch.setattr(score_test, "_linearised", draw.linearised)
     monkeypatch.setattr(score_test, "_columns", draw.by_effect)
+    monkeypatch.setattr(likelihood, "near_trials", draw.tried)
     unknowns = Unknowns.of(MODEL)
     level = Level(MODEL, unknowns, unknowns.z(MODEL), tuple(one.segment for one in motion.fitted), 1.0, 1.0)
     task = Task(MODEL, tuple(one.segment.experiment for one in motion.fitted), {"accel": 0.2}, SUBSTEP_S, 0)

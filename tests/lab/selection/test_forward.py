@@ -45,7 +45,7 @@ class Regressed:
 class Columns:
     """measured: (SAMPLES,); columns: (SAMPLES,) by effect."""
 
-    pool, firsts, turns = None, 3, 0.0
+    pool, firsts, turns, is_held_out = None, 3, 0.0, False
 
     def __init__(self, measured: FloatArray, columns: dict[str, FloatArray]) -> None:
         self.measured, self.columns = measured, columns
