@@ -27,8 +27,7 @@ IDENTIFIED = 0.5
 excludes zero), or of its scale.  By the scale alone, which is the initial value, a drift of 0.48 ± 0.10 was identified
 from an initial value of 0.4 and not from 0.05."""
 FOLLOWS_STATE = 0.25
-"""Share of the residual variance, on blocks that were left out, that a state must explain for the residual to be
-described as its function."""
+"""Share of the residual variance that a function of a state must explain for the residual to be described by it."""
 FOLLOWS_ALSO = 0.8
 """Share of what the best state explains, for another one to be reported beside it."""
 GOOD = 1.15
@@ -156,8 +155,6 @@ reach 4.7 to 40 times, those that are free from the first sample 1.2 at most."""
 
 # Gears: which effects are tried, and how far
 
-STANDS_OUT = 0.75
-"""A function that describes the residual is accepted if it lowers the error to this share."""
 BEHIND = 1.8
 """Times the error of the best on segments of one length, above which another effect is not fitted on longer ones.  True
 effects came to 1.2 times the best one's at most (docs/decisions/0009)."""

@@ -28,17 +28,17 @@ TURN = 0.01
 log = logging.getLogger(__name__)
 
 
-def without_lost_readings(recording: Recording, column: str = "position") -> Recording:
-    """The recording with empty cells where readings of this column were lost; what came with them is as unsure.  A
+def without_lost_readings(recording: Recording) -> Recording:
+    """The recording with empty cells where readings of the angle were lost; what came with them is as unsure.  A
     warning says how many."""
-    values = recording.columns[column]
+    values = recording.columns["position"]
     seen = np.flatnonzero(~np.isnan(values))
     lost = seen[lost_readings(values[seen])]
     if not lost.size:
         return recording
     log.warning(
-        "%s: %d of %d readings of %s jump away and come back within %d samples, the first at %g s: left out",
-        recording.name, lost.size, seen.size, column, MOST_LOST, recording.time[lost[0]],
+        "%s: %d of %d readings of position jump away and come back within %d samples, the first at %g s: left out",
+        recording.name, lost.size, seen.size, MOST_LOST, recording.time[lost[0]],
     )  # fmt: skip
     blank = np.isin(np.arange(values.size), lost)
     columns = {name: np.where(blank, np.nan, samples) for name, samples in recording.columns.items()}

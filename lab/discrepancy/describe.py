@@ -89,7 +89,7 @@ def described(level: Level, task: Task) -> Finding | None:
 
 
 def _clear(fit: Level, level: Level) -> bool:
-    return fit.typical < policy.STANDS_OUT * level.typical
+    return fit.typical**2 < (1 - policy.FOLLOWS_STATE) * level.typical**2
 
 
 def _direct(guess: Guess, level: Level, task: Task) -> Level:

@@ -2,8 +2,9 @@
 
 The logarithms of the ratio of two models' squared errors, block by block, are nearly independent, and their mean is
 that of the log-likelihood ratio if every block has its own noise variance.  Student's t-test asks whether the mean is
-above zero, and the p-value is multiplied by the number of candidates (Bonferroni), so that it is the probability of a
-false name in the whole step.  The test compares predictions; it does not assume that either model is true (Diebold and
+above zero, and the p-value is multiplied by the number of candidates, or by their order in the data of the fit where
+the predicted samples are of other recordings (weighted Bonferroni), so that it is the probability of a false name in
+the whole step.  The test compares predictions; it does not assume that either model is true (Diebold and
 Mariano 1995; Hansen, Lunde and Nason 2011, "The model confidence set").  Nothing is fitted here.
 """
 

@@ -47,5 +47,5 @@ def test_what_is_near_is_told_by_the_shortest_segments() -> None:
     assert longer is not None
     with ThreadPoolExecutor(2) as pool:
         floor = ShortSegments(short, Unseen(held[1], task, 0.5, pool))._floor(longer)
-    assert longer.typical > 1.5 * short.typical
+    assert longer.typical > 1.4 * short.typical
     assert floor == pytest.approx(short.typical, rel=0.4)
