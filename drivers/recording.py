@@ -111,12 +111,15 @@ class Recording:
         return {name: self.unit(name) for name in self.columns if self.unit(name) != COLUMN_UNITS[name]}
 
 
-def read_recording(path: str | Path, joint: str = "", terms: Sequence[str] = ()) -> Recording:
+def read_recording(
+    path: str | Path, joint: str = "", terms: Sequence[str] = (), told: set[str] | None = None
+) -> Recording:
     """Reads a recording and converts the units that its metadata name to SI.
 
     A file of another program is read as well (``formats/``); what was taken for what is logged as a warning, and
     ``FILE#joint=elbow,position=SERIES:deg`` sets it.  joint: which one of such a file is meant, if it has one of that
-    name; terms: ``position=SERIES:deg`` for columns that the address does not have.  A last line that was cut off (a
+    name; terms: ``position=SERIES:deg`` for columns that the address does not have; told: what was said of other files,
+    and is not repeated.  A last line that was cut off (a
     recorder was killed) is left out and counted in ``truncated``.  Raises RecordingError, one line: the file, the line,
     what was found and expected, and the likely cause.
     """
@@ -128,7 +131,11 @@ def read_recording(path: str | Path, joint: str = "", terms: Sequence[str] = ())
         from lostmotion.drivers.formats.read import imported
 
         found = imported(path, replace(choice, hint=joint))
-        log.warning("%s", "\n".join(found.lines()))
+        head, *lines = found.lines()
+        if told is None or (new := [line for line in lines if line not in told]):
+            log.warning("%s", "\n".join([head, *(lines if told is None else new)]))
+        if told is not None:
+            told.update(lines)
         recording = found.recording
     _check_scale(recording)
     return recording

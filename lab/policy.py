@@ -66,7 +66,7 @@ LEAST_BLOCKS = 12
 ENOUGH_RECORDINGS = 2
 """Recordings of the fit from which on the selection uses their folds alone.  A single one has too little motion for
 that: Coulomb friction that takes the error of a pendulum's second recording from 0.28 to 0.10 N m had p = 0.96 by the
-first."""
+first.  With the last recording as a fold always, nothing is named of a servo (XL330) within the time."""
 MOST_EFFECTS = 6
 """Largest number of effects that are added."""
 FIRSTS = 3

@@ -14,7 +14,7 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.registry import find
 from lostmotion.model.effects.words import Words
 
-__all__ = ["column", "intervals", "linear", "look", "name", "sentence", "size", "variable"]
+__all__ = ["column", "intervals", "look", "name", "of_axis", "sentence", "size", "variable"]
 
 Found = Mapping[str, Interval]
 
@@ -47,6 +47,7 @@ _COLUMNS = {
     "displacement": ("displacement", "m"),
     "torque": ("torque", "N m"),
 }
+_DRIVES = {"A": "current", "V": "voltage", "%": "duty cycle"}
 _LINEAR = {"position": ("position", "m"), "torque": ("force", "N")}
 
 
@@ -55,14 +56,22 @@ def variable(name: str) -> tuple[str, str]:
     return _VARIABLES.get(name, (name.replace("_", " "), ""))
 
 
-def column(name: str, is_linear: bool = False) -> tuple[str, str]:
-    """The quantity in a column of a recording, and its SI unit; is_linear: of an axis that moves along a line."""
+def column(name: str, is_linear: bool = False, drive: str = "") -> tuple[str, str]:
+    """The quantity in a column of a recording, and its SI unit; is_linear: of an axis that moves along a line; drive:
+    the unit of what was recorded in place of its torque, "A" for a motor's current."""
+    if name == "torque" and drive:
+        return _DRIVES.get(drive, "input"), drive
     return (_LINEAR if is_linear and name in _LINEAR else _COLUMNS).get(name, (name, ""))
 
 
-def linear(unit: str) -> str:
-    """The unit on a linear axis of a quantity that has this unit on a joint: "N s/m" for "N m s/rad"."""
-    return unit.replace("kg m^2", "kg").replace("N m", "N").replace("rad", "m")
+def of_axis(unit: str, is_linear: bool, drive: str = "") -> str:
+    """The unit of a quantity that has this unit on a joint with a torque: "N s/m" for "N m s/rad" on a linear axis, "A
+    s/rad" where a current was recorded; see ``column``."""
+    if drive:
+        unit = unit.replace("kg m^2", f"{drive} s^2/rad").replace("N m", drive)
+    elif is_linear:
+        unit = unit.replace("kg m^2", "kg").replace("N m", "N")
+    return unit.replace("rad", "m") if is_linear else unit
 
 
 def name(effect: str) -> str:

@@ -146,6 +146,8 @@ def _chosen(column: str, series: Series, term: Term, why: str) -> Chosen:
         si, factor = to_si(term.unit) or (usual or COLUMN_UNITS[column], 1.0)
         return Chosen(column, series.name, "", si, term.factor * factor, term.offset * factor, why)
     unit = term.unit or series.unit or unit_of(series.name, column) or (usual if column != own else "")
+    if not unit and column == "torque":  # a motor's current or voltage in its place
+        unit = unit_of(series.name, "current") or unit_of(series.name, "voltage")
     known = to_si(unit)
     if known is None:  # none, or one that is kept and reported
         return Chosen(column, series.name, unit, unit or COLUMN_UNITS[column], 1.0, 0.0, why)

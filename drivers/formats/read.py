@@ -22,7 +22,6 @@ from lostmotion.drivers.units import COLUMN_UNITS
 __all__ = ["Imported", "imported"]
 
 ANGLES, MOTIONS = ("command", "position"), ("position", "displacement")
-DRIVES = {"command", "torque", "force", "displacement"}
 INTEGRAL = {"rad/s": "rad", "m/s": "m"}
 """of a speed that is mapped to a position: encoders of motors often report nothing else"""
 MANY_TURNS = 4 * pi
@@ -69,10 +68,6 @@ def imported(path: Path, choice: Choice) -> Imported:
         raise RecordingError(
             f"{path}: found no numbers in {', '.join(shown(one.series) for one in guess.columns)}, expected samples; "
             "was the recording stopped at once?"
-        )
-    if not {one.column for one in kept} & DRIVES:
-        notes.append(
-            "no command was found, which score and the models of a drive need; choose one with --map command=SERIES"
         )
     time, columns = _merged(kept, parts)
     metadata = _metadata(source.kind, guess.joint, kept, samples)

@@ -50,9 +50,9 @@ def _in_words(found: Found) -> dict[str, Any]:
 
 def _errors(fit: Fit) -> dict[str, Any]:
     """The keys ``error`` (of the first column) and ``columns`` of a fit; nothing is added, so both errors are one."""
-    linear = any(one.is_linear for one in fit.experiments)
+    linear, drive = any(one.is_linear for one in fit.experiments), next((e.drive_unit for e in fit.experiments), "")
     columns = {
-        name: Errors(rms, rms, fit.noise.get(name, math.nan), words.column(name, linear)[1]).document()
+        name: Errors(rms, rms, fit.noise.get(name, math.nan), words.column(name, linear, drive)[1]).document()
         for name, rms in fit.rms.items()
     }
     return {"error": next(iter(columns.values())), "columns": columns}

@@ -28,10 +28,11 @@ class Files:
     terms: tuple[str, ...] = ()
 
     def read(self) -> list[Recording]:
-        """Reads all of them.  Raises RecordingError."""
+        """Reads all of them; what is the same of several files is said once.  Raises RecordingError."""
         from lostmotion.drivers.recording import read_recording
 
-        return [read_recording(path, self.joint, self.terms) for path in self.paths]
+        told: set[str] = set()
+        return [read_recording(path, self.joint, self.terms, told) for path in self.paths]
 
 
 def recordings_argument(command: Callable[..., None]) -> Callable[..., None]:

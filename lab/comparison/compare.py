@@ -112,7 +112,7 @@ class Comparison(Displayed):
 
     def label(self, column: str) -> tuple[str, str]:
         """The name of the quantity in the column, and its SI unit."""
-        return words.column(column, self.experiments[0].is_linear)
+        return words.column(column, self.experiments[0].is_linear, self.experiments[0].drive_unit)
 
     def of(self, column: str) -> tuple[Overlay, ...]:
         """The overlays of that column in all recordings."""
@@ -243,8 +243,9 @@ def _overlays(
     for prediction, horizon in zip(predictions, horizons, strict=True):
         experiment = prediction.experiment
         for name, measured in experiment.measured.items():
-            yield Overlay(experiment.name, name, words.column(name, experiment.is_linear)[1], experiment.time,
-                          measured, prediction.trajectory[name], columns[name].noise.rms, horizon)  # fmt: skip
+            unit = words.column(name, experiment.is_linear, experiment.drive_unit)[1]
+            yield Overlay(experiment.name, name, unit, experiment.time, measured, prediction.trajectory[name],
+                          columns[name].noise.rms, horizon)  # fmt: skip
 
 
 def _start(model: Model, experiment: Experiment, floor: Mapping[str, NoiseModel]) -> FloatArray:

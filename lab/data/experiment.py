@@ -60,6 +60,8 @@ class Experiment:
     """The time at which the clocks of sensor and host agree [s]: the first row of the recording."""
     is_linear: bool = False
     """Whether the position is a length (metadata of a linear axis), not an angle."""
+    drive_unit: str = ""
+    """The unit of what was recorded in place of a torque or force: "A" for a motor's current; "" where it is one."""
 
     @property
     def duration(self) -> float:
@@ -120,8 +122,16 @@ def _experiment(model: Model, recording: Recording) -> Experiment:
         _check_output(recording.name, name, values)
     return Experiment(
         recording.name, drive, recording.time[rows], measured, _given(model, recording), float(recording.time[0]),
-        recording.metadata.get("position_unit") in LENGTHS,
+        recording.metadata.get("position_unit") in LENGTHS, _drive_unit(model.base, recording),
     )  # fmt: skip
+
+
+def _drive_unit(base: str, recording: Recording) -> str:
+    """See ``Experiment.drive_unit``."""
+    if base != "joint":
+        return ""
+    unit = recording.unit("torque") if _sampled(recording, "torque") else "A"
+    return "" if unit in ("N m", "N") else unit
 
 
 def _sampled(recording: Recording, column: str) -> bool:
@@ -172,8 +182,8 @@ def _input(base: str, recording: Recording) -> str:
         and np.count_nonzero(np.nan_to_num(recording.columns.get("current", 0.0))) > recording.time.size / 2
     ):
         log.warning(
-            "%s: no torque was found; the motor's current is taken for it, 1 N m for each ampere: with "
-            "--map torque=SERIES*KT it is one", recording.name,
+            "%s: no torque was found; the motor's current is taken for it, so that torques are in A: with "
+            "--map torque=SERIES*KT they are in N m", recording.name,
         )  # fmt: skip
         return "current"
     if beside := [name for name in ("command", "current", "voltage") if _sampled(recording, name)]:

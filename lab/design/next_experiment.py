@@ -76,7 +76,7 @@ def _proposals(base: str, experiments: Sequence[Experiment]) -> list[_Proposal]:
     """Motions around the recorded one: slower, faster, larger, smaller, a sweep, an irregular one, steps with rests."""
     size, hz = _recorded(experiments)
     unit = INPUT_UNITS.get(base, "rad")
-    unit = words.linear(unit) if experiments[0].is_linear else unit
+    unit = words.of_axis(unit, experiments[0].is_linear, experiments[0].drive_unit)
 
     def sine(what: str, frequency: float, amplitude: float) -> _Proposal:
         text = f"{what} sine of {quantity(frequency, 'Hz', 2)} and {quantity(amplitude, unit, 2)}"

@@ -11,12 +11,13 @@ from lostmotion.lab.inverse.problem import Data, by_recording
 from lostmotion.lab.inverse.regression import Regression
 from lostmotion.lab.results import Finding
 
-__all__ = ["described", "is_linear"]
+__all__ = ["axis_of", "described"]
 
 
-def is_linear(fit: Regression) -> bool:
-    """Whether an axis moves along a line."""
-    return any(one.experiment.is_linear for one in fit.data.signals)
+def axis_of(fit: Regression) -> tuple[bool, str]:
+    """Whether an axis moves along a line, and the unit of what was recorded in place of its torque, or ""."""
+    experiments = [one.experiment for one in fit.data.signals]
+    return any(one.is_linear for one in experiments), experiments[0].drive_unit
 
 
 def described(fit: Regression) -> Finding:
@@ -24,7 +25,7 @@ def described(fit: Regression) -> Finding:
     data = fit.data
     if not isinstance(data, Data):
         return _finding_of_motion(fit)
-    residuals = by_recording(fit.residual, data)
+    residuals = by_recording(fit.misfit, data)
     variables = [
         {
             "theta_2": one.position[one.kept], "omega_2": one.velocity[one.kept],
@@ -34,14 +35,14 @@ def described(fit: Regression) -> Finding:
         for one, load in zip(data.shifted(fit.nuisance), data.transmitted, strict=True)
     ]  # fmt: skip
     found = residual_maps(residuals, {name: [one[name] for one in variables] for name in variables[0]})
-    what, unit = words.column("torque", is_linear(fit))
-    return finding("joint", f"a {what} on the joint of about {fit.rms:.2g} {unit} is missing", unit, found)
+    what, unit = words.column("torque", *axis_of(fit))
+    return finding("joint", f"a {what} on the joint of about {fit.error:.2g} {unit} is missing", unit, found)
 
 
 def _finding_of_motion(fit: Regression) -> Finding:
     """Describes on what the residual motion depends."""
-    unit = words.column(fit.data.signals[0].column, is_linear(fit))[1]
-    residuals = by_recording(fit.residual, fit.data)
+    unit = words.column(fit.data.signals[0].column, *axis_of(fit))[1]
+    residuals = by_recording(fit.misfit, fit.data)
     names = ("theta_2", "omega_2", "acceleration") if "J" in fit.model.parameters else ("q", "q'", "q''")
     variables = []
     for one in fit.data.signals:
@@ -52,4 +53,4 @@ def _finding_of_motion(fit: Regression) -> Finding:
         variables.append({**columns, "time": at})
     found = residual_maps(residuals, {name: [one[name] for one in variables] for name in variables[0]})
     acts_on = "joint" if "J" in fit.model.parameters else "oscillator"
-    return finding(acts_on, f"an error of the motion of about {fit.rms:.2g} {unit} is left", unit, found)
+    return finding(acts_on, f"an error of the motion of about {fit.error:.2g} {unit} is left", unit, found)

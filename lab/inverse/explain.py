@@ -26,8 +26,17 @@ from lostmotion.lab.data.frequency_response import from_spectra
 from lostmotion.lab.deadline import Progress, is_over, within
 from lostmotion.lab.fitting.identifiability import is_driven, with_scale
 from lostmotion.lab.inverse.channel import Channel
-from lostmotion.lab.inverse.describe import described, is_linear
-from lostmotion.lab.inverse.likelihood import Fitted, Method, WholeMotion, amplitudes, error_on, fit_on, is_noise
+from lostmotion.lab.inverse.describe import axis_of, described
+from lostmotion.lab.inverse.likelihood import (
+    Fitted,
+    Method,
+    WholeMotion,
+    amplitudes,
+    error_on,
+    fit_on,
+    is_disturbed,
+    is_noise,
+)
 from lostmotion.lab.inverse.output_error import OutputError, initial_state
 from lostmotion.lab.inverse.problem import Data
 from lostmotion.lab.inverse.regression import Regression, blocks_of, can_run
@@ -84,6 +93,8 @@ def explained(
     with within(budget_s):
         with within(policy.STAGE_SHARE * budget_s):
             selection = selected(search, progress)
+            if is_disturbed(selection.fits[-1].inverse):
+                selection = selected(replace(search, is_whitened=True), progress, selection)
         progress("judging", 0.9)
         found = _explanation(selection, model, train, unseen, method, noise, pool)
     fit_on.cache_clear()
@@ -103,10 +114,10 @@ def _explanation(
     missing, descent = strongest_first([error_on(fit, unseen) for fit in fits], selection, power)
     column = "torque" if method is Method.TORQUE else unseen.column
     floors = _floors(noise, column, best, unseen)
-    left = [best.residual, *(there.residual for there in (fit_on(best, unseen),) if there)]
+    left = [best.misfit, *(there.misfit for there in (fit_on(best, unseen),) if there)]
     complete = all(is_noise(one, floors[column]) for one in left)
     verdict: Verdict = "missing" if missing else "nothing_missing" if complete else "outside_catalogue"
-    errors = Errors(descent[0], error_on(best, unseen), floors[column], words.column(column, is_linear(best))[1])
+    errors = Errors(descent[0], error_on(best, unseen), floors[column], words.column(column, *axis_of(best))[1])
     return Explanation(
         verdict=verdict,
         missing=missing,
@@ -202,7 +213,7 @@ def _estimates(fit: Regression) -> tuple[Estimate, ...]:
     deviation = np.sqrt(np.maximum(np.diag(fit.covariance(block)), 0.0))
     width = float(-stdtrit(max(int(block.max()), 1), (1 - policy.CONFIDENCE) / 2))
     found = fit.unknowns.estimates(fit.model, fit.z, deviation, width)
-    return tuple(replace(one, unit=words.linear(one.unit)) for one in found) if is_linear(fit) else found
+    return tuple(replace(one, unit=words.of_axis(one.unit, *axis_of(fit))) for one in found)
 
 
 def _fit(fit: Regression, rough: Model, noise: dict[str, float], column: str, *unseen: Signals) -> Fit:
@@ -222,7 +233,7 @@ def _fit(fit: Regression, rough: Model, noise: dict[str, float], column: str, *u
         estimates=_estimates(fit),
         correlation=np.asarray(covariance / np.outer(deviation, deviation)),
         noise=noise,
-        rms={column: fit.rms, **_motion_rms(fit, model, substep)},
+        rms={column: fit.error, **_motion_rms(fit, model, substep)},
         substep_s=substep,
         limit=policy.STRUCTURED,
     )

@@ -16,7 +16,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
+from scipy.special import stdtr, stdtrit
 
 from lostmotion.lab import policy
 from lostmotion.lab.deadline import is_over, remaining_s, within
@@ -33,7 +33,7 @@ from lostmotion.lab.inverse.candidates import (
 )
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import Data, Problem
-from lostmotion.lab.inverse.regression import Regression, blocks_of, regressed
+from lostmotion.lab.inverse.regression import Regression, blocks_of, generalised, regressed
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import softened
 from lostmotion.lab.parallel import each
@@ -44,7 +44,9 @@ from lostmotion.model import Model, ModelError
 from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Fitted", "Method", "WholeMotion", "amplitudes", "error_on", "fit_on", "is_noise", "is_sized"]
+__all__ = [
+    "Fitted", "Method", "WholeMotion", "amplitudes", "error_on", "fit_on", "is_disturbed", "is_noise", "is_sized",
+]  # fmt: skip
 
 HORIZONS = (0.2, 0.5)
 """Shares of a free swing that are fitted before the whole: a frequency error of 2 % is out of phase after ten swings,
@@ -62,17 +64,17 @@ class Method(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """inverse: the fit to select candidates with; judged: the fit for predictions, the same one except where a joint
-    swings freely."""
+    """inverse: the fit to select candidates with, by least squares; judged: the fit for predictions, of the simulated
+    motion where a joint swings freely, by generalised least squares where the misfit is whitened, else the same."""
 
     inverse: Regression
     judged: Regression
 
     @classmethod
-    def of(cls, inverse: Regression, method: Method) -> Fitted:
+    def of(cls, inverse: Regression, method: Method, is_whitened: bool = False) -> Fitted:
         """Beginning with the fit to select candidates with."""
         if method is not Method.FREE:
-            return cls(inverse, inverse)
+            return cls(inverse, generalised(inverse) if is_whitened else inverse)
         return cls(inverse, continued(inverse.model, OutputError.of(inverse.data.signals, inverse.model)))
 
     @property
@@ -100,7 +102,7 @@ class Fitted:
 class WholeMotion:
     """method: the error that is minimised; unseen: a recording that is not fitted, and decides between effects that
     explain the others equally well; is_fold: whether it also serves as one more fold, as there are few others; pool:
-    threads, if any."""
+    threads, if any; is_whitened: whether the colour of the misfit of a torque is removed."""
 
     method: Method
     model: Model
@@ -109,6 +111,7 @@ class WholeMotion:
     is_fold: bool = False
     pool: Executor | None = None
     is_held_out: bool = False
+    is_whitened: bool = False
 
     @property
     def firsts(self) -> int:
@@ -129,7 +132,7 @@ class WholeMotion:
             best = min((fit(*entry) for entry in _promising(begun)), key=lambda one: one.rms)
             return Fitted(best, best)
         data = Data.of(self.signals, self.model)
-        return Fitted.of(_with_load(softened(self.model, self.signals), data), self.method)
+        return self._fitted(_with_load(softened(self.model, self.signals), data))
 
     def proposals(self, now: Fitted, added: tuple[str, ...]) -> Iterator[Proposals[Fitted]]:
         """All candidates, fitted as far as the time allows."""
@@ -168,7 +171,7 @@ class WholeMotion:
     def _for_predictions(self, name: str, inverse: Regression, now: Fitted) -> Fitted:
         """With the fit that is judged.  For a free motion it begins with the estimates from the acceleration, or with
         the present ones where these explain nothing: the acceleration does not show a small damping."""
-        found = Fitted.of(inverse, self.method)
+        found = self._fitted(inverse)
         if self.method is not Method.FREE or found.rms < math.sqrt(1 - policy.LEAST_GAIN) * now.rms:
             return found
         other = fitted_beside(name, inverse.model, now.judged)
@@ -179,7 +182,7 @@ class WholeMotion:
         if self.method is Method.MOTION:
             return fit
         inverse = _with_load(fit.model, now.inverse.data, fit.inverse.nuisance)
-        return Fitted(inverse, fit.judged if self.method is Method.FREE else inverse)
+        return Fitted(inverse, fit.judged) if self.method is Method.FREE else self._fitted(inverse)
 
     def without(self, effect: str, fit: Fitted) -> Fitted:
         """The fit without an effect; a motion is refitted from the present values."""
@@ -188,28 +191,37 @@ class WholeMotion:
             data = fit.inverse.data
             if isinstance(data, OutputError):
                 data, nuisance = data.trimmed(model, nuisance)
-            return Fitted.of(regressed(model, data, nuisance), self.method)
+            return self._fitted(regressed(model, data, nuisance))
         inverse = _with_load(model, Data.of(fit.inverse.data.signals, model, nuisance), nuisance)
         if self.method is not Method.FREE:
-            return Fitted(inverse, inverse)
+            return self._fitted(inverse)
         return Fitted(inverse, regressed(model, fit.judged.data, fit.judged.nuisance))
+
+    def _fitted(self, inverse: Regression) -> Fitted:
+        """With the fit that is judged."""
+        return Fitted.of(inverse, self.method, self.is_whitened)
 
     def predictions(self, one: Fitted, other: Fitted, *, of_all: bool = False) -> Predictions:
         """Squared errors of both fits in the folds, in blocks of the residual of ``other``, and in a recording that
         serves as one more fold: the folds have the speeds and amplitudes of the fit, and an effect that overfits these
-        by a difference of large terms extrapolates badly."""
-        folds = Predictions(one.judged.predicted**2, other.judged.predicted**2, blocks_of(other.judged))
+        by a difference of large terms extrapolates badly; one with which a motion cannot be simulated gains nothing."""
+        white = other.judged.data.whitened
+        folds = Predictions(
+            white(one.judged.predicted) ** 2, white(other.judged.predicted) ** 2, blocks_of(other.judged),
+            _chance_of_zero(one, other) if self.is_whitened else None,
+        )  # fmt: skip
         if self.unseen is None or not (self.is_fold or of_all):
             return folds
         less, there = fit_on(one.judged, self.unseen), fit_on(other.judged, self.unseen)
         if less is None and of_all:
             return replace(folds, before=np.full(folds.before.size, np.inf))
         if less is None or there is None:
-            return folds
-        return Predictions(
-            np.concatenate([folds.before, less.residual**2]),
-            np.concatenate([folds.after, there.residual**2]),
-            np.concatenate([folds.block, folds.block.max() + 1 + blocks_of(there)]),
+            return replace(folds, after=folds.before) if there is None else folds
+        return replace(
+            folds,
+            before=np.concatenate([folds.before, there.data.whitened(less.misfit) ** 2]),
+            after=np.concatenate([folds.after, there.residual**2]),
+            block=np.concatenate([folds.block, folds.block.max() + 1 + blocks_of(there)]),
         )
 
     def least_gain(self, fit: Fitted, now: Fitted) -> float:
@@ -253,7 +265,7 @@ def error_on(fit: Regression, unseen: Signals) -> float:
     """Root mean square error of a fit on an unseen recording [N m or rad], infinite where its motion cannot be
     simulated there."""
     there = fit_on(fit, unseen)
-    return there.rms if there else math.inf
+    return there.error if there else math.inf
 
 
 @lru_cache(maxsize=64)  # each candidate is compared with several others
@@ -264,8 +276,19 @@ def fit_on(fit: Regression, unseen: Signals) -> Regression | None:
     with suppress(ModelError), within(math.inf):  # two numbers: a fit cut short would be reported as the effect's error
         if isinstance(fit.data, OutputError):
             return regressed(known, OutputError.of([unseen], known).no_finer(fit.data))
-        return regressed(known, replace(Data.of([unseen], known), is_anchored=fit.nuisance.size == 0))
+        colour = fit.data.colour if isinstance(fit.data, Data) else 0.0
+        return regressed(known, replace(Data.of([unseen], known), is_anchored=fit.nuisance.size == 0, colour=colour))
     return None
+
+
+def is_disturbed(fit: Regression) -> bool:
+    """Whether as much of a measured torque is left as an effect has to take, as where the neighbours of a joint move
+    it: two joints of arms have 0.36 and 0.9 of its variance left, six others and motors 0.02 at most."""
+    data = fit.data
+    if not isinstance(data, Data) or not any(one.torque.any() for one in data.signals):
+        return False
+    torque = np.concatenate([one.filtered(one.torque) for one in data.signals])
+    return fit.error**2 > policy.LEAST_GAIN * float(torque.var())
 
 
 def is_noise(residual: FloatArray, floor: float) -> bool:
@@ -279,6 +302,26 @@ def _least_spread(residual: FloatArray) -> float:
     of the filter at the ends of a recording."""
     spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
     return spread / (1 + 1.645 * 1.17 / math.sqrt(residual.size))
+
+
+def _chance_of_zero(one: Fitted, other: Fitted) -> float | None:
+    """The p-value of Student's t of the effects that the second fit has more than the first, robust to correlation
+    within blocks (Wald); None where the models are not nested.
+
+    An effect of a few reversals changes few blocks, so that errors by blocks hardly show it; the size of white
+    residuals has a known error.  It counts twice, as it is asked after a search without whitening.
+    """
+    more = [effect for effect in other.model.effects if effect not in one.model.effects]
+    if not more or not set(one.model.effects) < set(other.model.effects):
+        return None
+    fit, block = other.judged, blocks_of(other.judged)
+    deviation = dict(zip(fit.unknowns.names, fit.deviations(block), strict=True))
+    chances = [
+        min((2 * float(stdtr(int(block.max()), -abs(fit.model.parameters[name].value) / max(deviation[name], 1e-300)))
+             for name in amplitudes(effect, fit)), default=1.0)
+        for effect in more
+    ]  # fmt: skip
+    return min(2 * max(chances), 1.0)
 
 
 def is_sized(effect: str, fit: Regression) -> bool:

@@ -123,6 +123,14 @@ class OutputError:
             row[known.shape[1] :] = size * np.ptp(self.signals[0].position)
         return np.asarray(found.ravel())
 
+    def misfit(self, model: Model, nuisance: FloatArray) -> FloatArray:
+        """The residual, which is not whitened: errors of a simulated motion add up."""
+        return self.residual(model, nuisance)
+
+    def whitened(self, misfit: FloatArray) -> FloatArray:
+        """Unchanged."""
+        return misfit
+
     def residual(self, model: Model, nuisance: FloatArray) -> FloatArray:
         """Measured less simulated motion, all recordings one after the other (M,) [rad, m or m/s²].
 

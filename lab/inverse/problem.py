@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,8 @@ __all__ = ["TURN", "Data", "EquationError", "Problem", "by_recording"]
 
 MOST_ROUNDS, LOAD_CONVERGED = 40, 1e-3
 """Rounds in which the transmitted torque is found, and the relative change that ends them."""
+LARGEST_COLOUR = 0.99
+"""The correlation of neighbouring samples is at most this, so that a constant keeps a tenth of its weight."""
 TURN, HELD = 2 * math.pi, 1e-9
 """Freedom of a zero angle that is not known, and of one that is [rad]."""
 
@@ -39,6 +41,8 @@ class Problem(Protocol):
     def counts(self) -> list[int]: ...
     @property
     def centre(self) -> Model | None: ...
+    def misfit(self, model: Model, nuisance: FloatArray) -> FloatArray: ...
+    def whitened(self, misfit: FloatArray) -> FloatArray: ...
     def residual(self, model: Model, nuisance: FloatArray) -> FloatArray: ...
     def usual(self, model: Model) -> float: ...
     def suited(self, models: Sequence[Model]) -> Problem: ...
@@ -49,12 +53,15 @@ class Data:
     """Recordings and, for each, the transmitted torque [N m] (N,), on which load-dependent friction depends.
 
     An incremental encoder, zero at the start of a recording, does not measure the absolute angle: its zero angle is a
-    nuisance parameter of each recording but the first, or with ``is_anchored`` false of all.
+    nuisance parameter of each recording but the first, or with ``is_anchored`` false of all.  colour: correlation of
+    the misfit of neighbouring samples, an autoregression of order one that is removed before squares are taken
+    (generalised least squares: Aitken 1935, Cochrane and Orcutt 1949).
     """
 
     signals: tuple[Signals, ...]
     transmitted: tuple[FloatArray, ...]
     is_anchored: bool = True
+    colour: float = 0.0
 
     @classmethod
     def of(cls, signals: Sequence[Signals], model: Model, zeros: FloatArray | None = None) -> Data:
@@ -107,10 +114,30 @@ class Data:
         """None: the torque identifies all parameters of a joint."""
         return None
 
-    def residual(self, model: Model, nuisance: FloatArray) -> FloatArray:
+    def misfit(self, model: Model, nuisance: FloatArray) -> FloatArray:
         """Measured less modelled torque within the band, all recordings one after the other (M,) [N m]."""
         pairs = zip(self.signals, self.needed(model, nuisance), strict=True)
         return np.concatenate([one.filtered(one.torque - torque) for one, torque in pairs])
+
+    def residual(self, model: Model, nuisance: FloatArray) -> FloatArray:
+        """The whitened misfit (M,) [N m]."""
+        return self.whitened(self.misfit(model, nuisance))
+
+    def coloured(self, misfit: FloatArray) -> Self:
+        """With the colour of this misfit (M,)."""
+        parts = zip(by_recording(misfit, self), self.signals, strict=True)
+        before, after = np.concatenate([np.stack([part[:-1], part[1:]])[:, one.is_next] for part, one in parts], axis=1)
+        power = float(before @ before)
+        colour = float(before @ after) / power if power else 0.0
+        return replace(self, colour=min(max(colour, 0.0), LARGEST_COLOUR))
+
+    def whitened(self, misfit: FloatArray) -> FloatArray:
+        """Innovations of the misfit (M,), of the same size as a misfit of this colour; the first sample after a gap
+        has no predecessor."""
+        scale, found = math.sqrt(1 - self.colour**2), misfit.copy()
+        for new, old, one in zip(by_recording(found, self), by_recording(misfit, self), self.signals, strict=True):
+            new[1:] = np.where(one.is_next, (old[1:] - self.colour * old[:-1]) / scale, old[1:])
+        return found
 
     def suited(self, models: Sequence[Model]) -> Data:
         """Unchanged for other models: nothing is integrated."""
@@ -146,7 +173,7 @@ class EquationError(Data):
         """Empty: there are no nuisance parameters."""
         return np.empty(0)
 
-    def residual(self, model: Model, nuisance: FloatArray) -> FloatArray:
+    def misfit(self, model: Model, nuisance: FloatArray) -> FloatArray:
         """Measured less modelled acceleration within the band, all recordings one after the other (M,) [rad/s²]."""
         pairs = zip(self.signals, self.transmitted, strict=True)
         return np.concatenate([

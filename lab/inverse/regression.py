@@ -22,7 +22,7 @@ from lostmotion.lab.shooting.task import coarse_substep
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["MOST_STEPS", "Regression", "blocks_of", "can_run", "regressed"]
+__all__ = ["MOST_STEPS", "Regression", "blocks_of", "can_run", "generalised", "regressed"]
 
 PRIOR = 0.1
 """Weight of the prior on the base's parameters: the cost of a factor e, in units of one sample that is off by the usual
@@ -65,6 +65,16 @@ class Regression:
         """Root mean square of the residual [N m]."""
         return float(np.sqrt(np.mean(self.residual**2)))
 
+    @cached_property
+    def misfit(self) -> FloatArray:
+        """The residual (M,) before it was whitened [N m or rad]."""
+        return self.data.misfit(self.model, self.nuisance)
+
+    @property
+    def error(self) -> float:
+        """Root mean square of the misfit [N m or rad]."""
+        return float(np.sqrt(np.mean(self.misfit**2)))
+
     @property
     def count(self) -> int:
         """P, the number of free parameters."""
@@ -72,7 +82,7 @@ class Regression:
 
     @cached_property
     def predicted(self) -> FloatArray:
-        """The residual of each sample (M,) for a fit to the samples of the other folds."""
+        """The misfit of each sample (M,) of a fit to the samples of the other folds."""
         counts = self.data.counts
         length = sum(counts) / policy.LEAST_BLOCKS
         if self._refits_nuisance:  # all folds have samples that identify it
@@ -84,7 +94,7 @@ class Regression:
         return found
 
     def _refitted(self, inside: NDArray[np.bool_]) -> FloatArray:
-        """The residual (M,) with parameters fitted to these samples, by Levenberg-Marquardt steps with the Jacobian of
+        """The misfit (M,) with parameters fitted to these samples, by Levenberg-Marquardt steps with the Jacobian of
         all; each parameter stays within about a factor e, or its scale, of its value, so that one that the samples do
         not identify stays unchanged.  Initial states stay unchanged, too: the samples that identify them may all be
         outside."""
@@ -104,7 +114,7 @@ class Regression:
                     break
             else:
                 damping *= 10
-        return residual
+        return self.data.misfit(*self._values(self._here + change))
 
     @property
     def _refits_nuisance(self) -> bool:
@@ -143,10 +153,14 @@ class Regression:
 
     def _at(self, values: FloatArray) -> FloatArray:
         """The residual (M,) of other parameters."""
+        return self.data.residual(*self._values(values))
+
+    def _values(self, values: FloatArray) -> tuple[Model, FloatArray]:
+        """The model and the nuisance parameters of other parameters, within their bounds."""
         low, high = self._bounds
         values = np.clip(values, low, high)
         nuisance = values[self.count :] if self._refits_nuisance else self.nuisance
-        return self.data.residual(self.unknowns.put(self.model, values[: self.count]), nuisance)
+        return self.unknowns.put(self.model, values[: self.count]), nuisance
 
     def covariance(self, block: NDArray[np.intp], given: Sequence[str] = ()) -> FloatArray:
         """Covariance of z (P, P), robust to correlation within blocks of samples (cluster-robust; Liang and Zeger
@@ -190,6 +204,16 @@ def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, s
     near = np.where(unidentified, np.maximum(first, _unnoticed(once, first, unidentified)), first)
     weight = np.asarray(unidentified * once.rms / _usual(data, model))
     return _minimised(model, data, unknowns, z, weight, near, steps)
+
+
+def generalised(fit: Regression) -> Regression:
+    """The fit by generalised least squares: again, with a residual whitened by the colour of its misfit.
+
+    A joint that its neighbours move has a misfit of their slow torques, larger than its friction, which is known by its
+    steps at the reversals.
+    """
+    assert isinstance(fit.data, Data)
+    return regressed(fit.model, fit.data.coloured(fit.misfit), fit.nuisance)
 
 
 def _minimised(

@@ -43,6 +43,10 @@ SLOWEST_OWN = 2 * EDGE + LEAST_SAMPLES * REGRESSORS / PER_PERIOD
 """Periods in the recording: the lowest end of its own band, which fixes the least number of samples.  With four periods
 nine samples were left of a robot's joint that turned slowly for 16 s at 30 Hz, and Coulomb friction was not significant
 (p = 0.12, now 0.001)."""
+SLOWEST_DRIVEN = 40.0
+"""The same where a torque is measured: its steps at reversals are faster than the motion.  With 13.6 periods 25 samples
+were left of a wrist that its neighbours move, and no friction was significant; with 40 and 60 its Coulomb friction is
+0.24 and 0.30 N m (p = 0.006)."""
 SEGMENT = 1024
 """Samples of a segment of the power density."""
 COLUMNS = ("position", "displacement", "accel")
@@ -82,7 +86,7 @@ class Signals:
             position = _integrated_twice(position, step)
         drive = experiment.drive if is_force else None
         torque = np.asarray(drive.position(np.clip(time, at[0], at[-1]))) if drive else np.zeros_like(time)
-        band, density = _band(position, 1 / step)
+        band, density = _band(position, 1 / step, SLOWEST_DRIVEN if torque.any() else SLOWEST_OWN)
         band = min(band, max(most_hz, SLOWEST / (time.size * step)))
         whole = min(WHOLE * band, FASTEST / step)
         smooth = _lowpass(position, whole * step)
@@ -102,6 +106,11 @@ class Signals:
         found = np.arange(edge, self.time.size - edge, self._every)
         moving = found[np.abs(self.velocity[found]) > self._rest_speed]
         return moving if moving.size >= LEAST_SAMPLES * REGRESSORS else found
+
+    @cached_property
+    def is_next(self) -> NDArray[np.bool_]:
+        """Whether each sample that is compared but the first follows the one before without a gap (M - 1,)."""
+        return np.asarray(np.diff(self.kept) == self._every)
 
     def until_moved(self, share: float) -> float:
         """The time until which the part has made this share of its motion [s]: samples at rest do not count.  The last
@@ -238,9 +247,9 @@ def _density(values: FloatArray, rate: float) -> tuple[FloatArray, FloatArray]:
     return found
 
 
-def _band(position: FloatArray, rate: float) -> tuple[float, float]:
+def _band(position: FloatArray, rate: float, periods: float) -> tuple[float, float]:
     """The frequency [Hz] at which the angle's density falls to that of its noise, and this density, from the upper
-    quarter of frequencies.
+    quarter of frequencies.  periods: in the recording, of the lowest end.
 
     Only power above the noise counts as motion: at high frequencies the noise of a speed exceeds the speed.
     """
@@ -250,7 +259,7 @@ def _band(position: FloatArray, rate: float) -> tuple[float, float]:
     moving = np.cumsum(np.where(is_clear, power * frequency**2, 0.0))
     lost = np.flatnonzero(~is_clear & (moving >= policy.BAND_MOTION * moving[-1]))
     end = float(frequency[lost[0]]) if lost.size else float(frequency[-1])
-    return min(max(end, SLOWEST_OWN * rate / position.size), FASTEST * rate), noise
+    return min(max(end, periods * rate / position.size), FASTEST * rate), noise
 
 
 def _torque_noise(torque: FloatArray, rate: float, band: float) -> float:

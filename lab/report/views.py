@@ -32,8 +32,8 @@ SEGMENTS = 8
 class Trace:
     """One column of one recording: times [s], measured and modelled, (N,) each without gaps; the noise's rms or NaN.
 
-    before: (N,) of the model without the effects that were found; None where there is no such model; is_linear: of an
-    axis that moves along a line.
+    before: (N,) of the model without the effects that were found; None where there is no such model; is_linear, drive:
+    see ``words.column``.
     """
 
     recording: str
@@ -44,16 +44,17 @@ class Trace:
     noise: float
     before: FloatArray | None = None
     is_linear: bool = False
+    drive: str = ""
 
     @property
     def what(self) -> str:
         """The quantity in the column: "acceleration"."""
-        return words.column(self.column, self.is_linear)[0]
+        return words.column(self.column, self.is_linear, self.drive)[0]
 
     @property
     def unit(self) -> str:
         """Its SI unit."""
-        return words.column(self.column, self.is_linear)[1]
+        return words.column(self.column, self.is_linear, self.drive)[1]
 
     @property
     def title(self) -> str:
@@ -98,7 +99,7 @@ def traces(fit: Fit | None, comparison: Comparison | None = None, before: Fit | 
             yield Trace(
                 experiment.name, column, experiment.time[there], measured[there], now[i][column][there],
                 noise.get(column, math.nan), then[i].trajectory[column][there] if then else None,
-                experiment.is_linear,
+                experiment.is_linear, experiment.drive_unit,
             )  # fmt: skip
 
 

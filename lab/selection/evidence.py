@@ -57,11 +57,13 @@ F = TypeVar("F", bound=Fit)
 
 @dataclass(frozen=True, eq=False)
 class Predictions:
-    """Squared errors of two fits at unseen samples, before and after (M,) each, and the block of each sample (M,)."""
+    """Squared errors of two fits at unseen samples, before and after (M,) each, and the block of each sample (M,);
+    of_zero: the p-value of the effects of the second fit being zero, where its errors are known well enough for it."""
 
     before: FloatArray
     after: FloatArray
     block: NDArray[np.intp]
+    of_zero: float | None = None
 
     @property
     def gain(self) -> float:
@@ -76,7 +78,7 @@ class Predictions:
     @cached_property
     def p_value(self) -> float:
         """Of the second fit predicting no better than the first."""
-        return chance(self.before, self.after, self.block)
+        return self.of_zero if self.of_zero is not None else chance(self.before, self.after, self.block)
 
 
 @dataclass(frozen=True, eq=False)

@@ -127,11 +127,14 @@ class Selection(Generic[F]):
         return tuple(group for group in groups if len(group) > 1 and group[0] in self.added)
 
 
-def selected(likelihood: Likelihood[F], progress: Callable[[str, float], None]) -> Selection[F]:
+def selected(
+    likelihood: Likelihood[F], progress: Callable[[str, float], None], begun: Selection[F] | None = None
+) -> Selection[F]:
     """Adds effects as long as one is significant and there is time, then eliminates those that have become
-    superfluous."""
-    now = likelihood.first()
-    fits, added, steps, untried = [now], list[str](), list[Step[F]](), tuple[str, ...]()
+    superfluous.  begun: a search by another likelihood, which this one goes on with."""
+    fits = list(begun.fits) if begun else [likelihood.first()]
+    added, steps, untried = (list(begun.labels), list(begun.steps), begun.untried) if begun else ([], [], ())
+    now = likelihood.accepted(fits[-1], fits[-1]) if begun else fits[-1]
     with within(policy.STAGE_SHARE * remaining_s()):
         while len(added) < policy.MOST_EFFECTS:
             progress("looking for more" if added else "looking for what is missing", 0.15 + 0.12 * len(added))
@@ -161,7 +164,7 @@ def _relabelled(labels: Sequence[str], own: Sequence[str], effects: Sequence[str
 
 def _is_slight(step: Step[F], now: F, first: F) -> bool:
     """Whether an accepted step reduces the error of the first model only slightly, however significant it is."""
-    taken = now.rms**2 - step.judged[0].fit.rms ** 2
+    taken = step.judged[0].gain * now.rms**2
     return taken < policy.LEAST_SHARE * first.rms**2
 
 

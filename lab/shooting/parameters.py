@@ -28,6 +28,8 @@ TRUST: Mapping[str, Mapping[str, float]] = {
 }
 """By base, the factor by which each parameter may differ in a search from the value of the file or the spectra."""
 LINEAR_PRIOR = 10.0
+UNKNOWN = 1e9
+"""Half width of an interval, in values or scales of the parameter, from which on it is infinite: rounding decides."""
 
 
 def free_names(model: Model) -> tuple[str, ...]:
@@ -78,8 +80,11 @@ class Unknown:
         return min(max(value, self.low), self.high)
 
     def interval(self, z: float, half: float) -> tuple[float, float]:
-        """The values at the ends of an interval of z, which may be outside of the bounds."""
+        """The values at the ends of an interval of z, which may be outside of the bounds; infinite where nothing is
+        known."""
         value = self.value(z)
+        if not half < UNKNOWN * max(abs(z), 1.0):
+            return (0.0 if self.logarithmic else -math.inf), math.inf
         if self.logarithmic:
             return value * math.exp(-min(half, 700.0)), value * math.exp(min(half, 700.0))
         return value - half * self.scale, value + half * self.scale

@@ -18,7 +18,7 @@ from lostmotion.lab.inverse.regression import regressed
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.selection.evidence import Candidate
 from lostmotion.lab.selection.forward import named
-from lostmotion.lab.words import linear
+from lostmotion.lab.words import of_axis
 from lostmotion.model import build_model
 from tests.lab.inverse.test_inverse import explained
 
@@ -52,7 +52,9 @@ def test_a_damper_with_a_gas_spring(tmp_path: Path) -> None:
     answer = explained(tmp_path, 'base = "joint"\n', [damper(1), damper(2), damper(3)])
     assert set(answer["missing"]) == {"viscous_friction", "coulomb_friction", "spring_torque"}
     assert answer["parameters"]["spring_torque.k_s"][0] == pytest.approx(1500, rel=0.03)
-    assert linear("N m/rad") == "N/m"
+    assert of_axis("N m/rad", True) == "N/m"
+    assert of_axis("N m s/rad", False, "A") == "A s/rad"
+    assert of_axis("kg m^2", False, "A") == "A s^2/rad"
 
 
 @pytest.mark.slow
@@ -94,7 +96,7 @@ def test_a_constant_torque_is_no_larger_than_what_was_measured() -> None:
     (one,) = experiments(model, [Recording(t, columns, {}, name="parabola.csv")])
     fit = regressed(model, Data.of([Signals.of(one)], model))
     assert abs(fit.model.parameters["bias"].value) <= 2.001 * 10
-    assert abs(fit.model.parameters["torque_ripple.tau_r"].value) < 50
+    assert abs(fit.model.parameters["torque_ripple.tau_r"].value) < 60
 
 
 def test_blocks_of_noise_alone_do_not_outvote_the_others() -> None:
