@@ -83,10 +83,10 @@ class Channel:
         """A fit that says in which band and with which delay it was made."""
         return replace(fit, band_hz=self.band_hz, delay_s=self.delay_s)
 
-    def signals(self, experiment: Experiment, is_force: bool = True) -> Signals:
-        """Those of a recording; is_force: see ``Signals.of``."""
+    def signals(self, experiment: Experiment, is_force: bool = True, is_disturbed: bool = False) -> Signals:
+        """Those of a recording; is_force, is_disturbed: see ``Signals.of``."""
         turned = experiment.turned() if self.is_turned else experiment
-        return Signals.of(turned.delayed(self.delay_s), is_force, self.band_hz)
+        return Signals.of(turned.delayed(self.delay_s), is_force, self.band_hz, is_disturbed)
 
 
 def _check_torque(experiments: Sequence[Experiment]) -> None:

@@ -94,7 +94,9 @@ def explained(
         with within(policy.STAGE_SHARE * budget_s):
             selection = selected(search, progress)
             if is_disturbed(selection.fits[-1].inverse):
-                selection = selected(replace(search, is_whitened=True), progress, selection)
+                wide, also = [channel.signals(one, True, True) for one in train], channel.signals(last, True, True)
+                white = replace(search, signals=wide, unseen=also, is_whitened=True)
+                selection = selected(white, progress, selection)
         progress("judging", 0.9)
         found = _explanation(selection, model, train, unseen, method, noise, pool)
     fit_on.cache_clear()

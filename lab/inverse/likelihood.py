@@ -181,7 +181,7 @@ class WholeMotion:
         """The fit with the added effect, and with the transmitted torque that follows from it."""
         if self.method is Method.MOTION:
             return fit
-        inverse = _with_load(fit.model, now.inverse.data, fit.inverse.nuisance)
+        inverse = _with_load(fit.model, Data.of(self.signals, fit.model), fit.inverse.nuisance)
         return Fitted(inverse, fit.judged) if self.method is Method.FREE else self._fitted(inverse)
 
     def without(self, effect: str, fit: Fitted) -> Fitted:

@@ -43,10 +43,10 @@ SLOWEST_OWN = 2 * EDGE + LEAST_SAMPLES * REGRESSORS / PER_PERIOD
 """Periods in the recording: the lowest end of its own band, which fixes the least number of samples.  With four periods
 nine samples were left of a robot's joint that turned slowly for 16 s at 30 Hz, and Coulomb friction was not significant
 (p = 0.12, now 0.001)."""
-SLOWEST_DRIVEN = 40.0
-"""The same where a torque is measured: its steps at reversals are faster than the motion.  With 13.6 periods 25 samples
-were left of a wrist that its neighbours move, and no friction was significant; with 40 and 60 its Coulomb friction is
-0.24 and 0.30 N m (p = 0.006)."""
+SLOWEST_DISTURBED = 40.0
+"""The same of a joint that its neighbours move: its steps at reversals are faster than the motion.  With 13.6 periods
+25 samples were left of such a wrist, and no friction was significant; with 40 and 60 its Coulomb friction is 0.24 and
+0.30 N m (p = 0.006)."""
 SEGMENT = 1024
 """Samples of a segment of the power density."""
 COLUMNS = ("position", "displacement", "accel")
@@ -73,9 +73,12 @@ class Signals:
     column: str = "position"
 
     @classmethod
-    def of(cls, experiment: Experiment, is_force: bool = True, most_hz: float = math.inf) -> Signals:
+    def of(
+        cls, experiment: Experiment, is_force: bool = True, most_hz: float = math.inf, is_disturbed: bool = False
+    ) -> Signals:
         """Of an experiment with one moving part.  is_force: the input is a torque or force; without it the part moves
-        freely and there is no torque.  most_hz: the highest end of the band (channel.py)."""
+        freely and there is no torque.  most_hz: the highest end of the band (channel.py); is_disturbed: whether its
+        neighbours move it."""
         column = next(name for name in COLUMNS if name in experiment.measured)
         seen = ~np.isnan(experiment.measured[column])
         measured, at = experiment.measured[column][seen], experiment.time[seen]
@@ -86,8 +89,10 @@ class Signals:
             position = _integrated_twice(position, step)
         drive = experiment.drive if is_force else None
         torque = np.asarray(drive.position(np.clip(time, at[0], at[-1]))) if drive else np.zeros_like(time)
-        band, density = _band(position, 1 / step, SLOWEST_DRIVEN if torque.any() else SLOWEST_OWN)
+        band, density = _band(position, 1 / step)
         band = min(band, max(most_hz, SLOWEST / (time.size * step)))
+        if is_disturbed:
+            band = min(max(band, SLOWEST_DISTURBED / (time.size * step)), FASTEST / step)
         whole = min(WHOLE * band, FASTEST / step)
         smooth = _lowpass(position, whole * step)
         spline = make_interp_spline(time, smooth, k=SPLINE)
@@ -247,9 +252,9 @@ def _density(values: FloatArray, rate: float) -> tuple[FloatArray, FloatArray]:
     return found
 
 
-def _band(position: FloatArray, rate: float, periods: float) -> tuple[float, float]:
+def _band(position: FloatArray, rate: float) -> tuple[float, float]:
     """The frequency [Hz] at which the angle's density falls to that of its noise, and this density, from the upper
-    quarter of frequencies.  periods: in the recording, of the lowest end.
+    quarter of frequencies.
 
     Only power above the noise counts as motion: at high frequencies the noise of a speed exceeds the speed.
     """
@@ -259,7 +264,7 @@ def _band(position: FloatArray, rate: float, periods: float) -> tuple[float, flo
     moving = np.cumsum(np.where(is_clear, power * frequency**2, 0.0))
     lost = np.flatnonzero(~is_clear & (moving >= policy.BAND_MOTION * moving[-1]))
     end = float(frequency[lost[0]]) if lost.size else float(frequency[-1])
-    return min(max(end, periods * rate / position.size), FASTEST * rate), noise
+    return min(max(end, SLOWEST_OWN * rate / position.size), FASTEST * rate), noise
 
 
 def _torque_noise(torque: FloatArray, rate: float, band: float) -> float:

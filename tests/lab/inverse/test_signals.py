@@ -100,10 +100,14 @@ def test_a_fit_ends_where_the_motion_can_still_be_simulated(until: int, monkeypa
 
 def test_a_slow_motion_keeps_some_samples_for_each_regressor() -> None:
     """A joint that turns by sines of 0.05 and 0.15 Hz for 16 s, read at 30 Hz in steps of 1 mrad: its angle falls into
-    its noise below half a hertz, and a regression with six columns has dozens of samples all the same."""
+    its noise below half a hertz, and a regression with six columns has 24 samples all the same, and more where its
+    neighbours move it."""
     time = np.arange(0.0, 16.0, 1 / 30)
     angle = np.sin(2 * np.pi * 0.05 * time) + 0.3 * np.sin(2 * np.pi * 0.15 * time)
     noise = 2e-2 * np.random.default_rng(2).standard_normal(time.size)
-    signals = Signals.of(Experiment("slow.csv", Sampled(time, np.cos(time)), time, {"position": angle + noise}))
-    assert signals.band_hz == pytest.approx(40 / 16, rel=0.01)
-    assert 60 <= signals.kept.size < 120
+    slow = Experiment("slow.csv", Sampled(time, np.cos(time)), time, {"position": angle + noise})
+    signals, disturbed = Signals.of(slow), Signals.of(slow, is_disturbed=True)
+    assert signals.band_hz < 1.0
+    assert 22 <= signals.kept.size < 40
+    assert disturbed.band_hz == pytest.approx(40 / 16, rel=0.01)
+    assert 60 <= disturbed.kept.size < 120
