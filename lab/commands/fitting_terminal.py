@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from lostmotion.lab.commands.table import print_table
+from lostmotion.lab.quantity import Scale, scale
 from lostmotion.lab.report import verdict
 from lostmotion.lab.results import Explanation, Fit, Ladder
 
@@ -17,13 +18,9 @@ MOST_RANKED = 8
 
 
 def show_fit(fit: Fit, output: Path) -> None:
-    """Prints estimates with intervals, errors by column, and parameters that are not identified."""
+    """Prints errors by column, and estimates with intervals and whether they are identified."""
     _print(*verdict.of_fit(fit))
     _print_estimates(fit)
-    for column, rms in fit.rms.items():
-        _print(f"{column}: error {rms:.3g}, noise about {fit.noise[column]:.3g}")
-    if not fit.complete:
-        _print("stopped early: the best so far")
     _print(f"written to {output}; active effects: {', '.join(fit.model.effects) or 'none'}")
 
 
@@ -37,10 +34,11 @@ def show_explanation(explanation: Explanation) -> None:
 
 def show_ladder(ladder: Ladder, output: Path) -> None:
     """Prints the error after each added effect."""
+    shown = scale(ladder.rungs[0].unit, *(rung.rms for rung in ladder.rungs))
     rows = [
-        (", ".join(rung.effects) or "none", f"{rung.rms:.3g} {rung.unit}", f"{rung.noise:.3g}") for rung in ladder.rungs
+        (", ".join(rung.effects) or "none", _error(rung.rms, shown), _error(rung.noise, shown)) for rung in ladder.rungs
     ]
-    print_table(("effects", "error on unseen data", "noise"), rows)
+    print_table(("effects", f"error on unseen data [{shown.unit}]", f"noise [{shown.unit}]"), rows)
     _print(*verdict.of_ladder(ladder))
     effects = ", ".join(ladder.last.best.model.effects) or "none"
     _print(f"written to {output}; active effects: {effects}")
@@ -61,13 +59,17 @@ def _print_estimates(fit: Fit) -> None:
 
 
 def _print_ranking(explanation: Explanation) -> None:
-    unit, rows = explanation.error.unit, []
-    for entry in explanation.ranking[:MOST_RANKED]:
+    tried = explanation.ranking[:MOST_RANKED]
+    if not tried:
+        return
+    shown = scale(explanation.error.unit, *(rms for entry in tried for rms in (entry.rms_before, entry.rms_after)))
+    rows = []
+    for entry in tried:
         p = "< 0.003" if entry.p_value < 0.003 else f"{entry.p_value:.2g}"
-        rows.append((entry.effect, _error(entry.rms_before), _error(entry.rms_after), p))
-    print_table(("effect", f"error before [{unit}]", f"after [{unit}]", "p"), rows)
+        rows.append((entry.effect, _error(entry.rms_before, shown), _error(entry.rms_after, shown), p))
+    print_table(("effect", f"error before [{shown.unit}]", f"after [{shown.unit}]", "p"), rows)
 
 
-def _error(rms: float) -> str:
+def _error(rms: float, shown: Scale) -> str:
     """An error; infinite where the simulated motion of an unseen recording diverges."""
-    return f"{rms:.3g}" if math.isfinite(rms) else "diverges"
+    return f"{rms * shown.factor:.3g}" if math.isfinite(rms) else "diverges"

@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Sequence
 
+import click
+
 __all__ = ["print_table"]
 
 WIDE = 1000
@@ -22,7 +24,10 @@ def print_table(columns: Sequence[str], rows: Iterable[Sequence[str]], right: Se
     table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
     for name in columns:
         justify = "right" if name in right else "left"
-        table.add_column(name, justify=justify, overflow="fold", no_wrap=name == columns[0])  # type: ignore[arg-type]
+        table.add_column(Text(name), justify=justify, overflow="fold", no_wrap=name == columns[0])  # type: ignore[arg-type]
     for row in rows:
         table.add_row(*map(Text, row))
-    Console(width=None if sys.stdout.isatty() else WIDE).print(table)
+    console = Console(width=None if sys.stdout.isatty() else WIDE)
+    with console.capture() as capture:
+        console.print(table)
+    click.echo("\n".join(map(str.rstrip, capture.get().splitlines())))

@@ -231,7 +231,7 @@ def _residual(
     name: str, base: str, predictions: Sequence[Prediction], recordings: Sequence[Recording], floor: NoiseModel
 ) -> ColumnResidual:
     """Of one column; its noise is the floor, or the noise model of the residual where that is smaller."""
-    own = [one for one in predictions if name in one.experiment.measured]
+    own = [one.at_rows_of(name) for one in predictions if name in one.experiment.measured]
     left = fit_autoregression([one.residual(name) for one in own])
     temperatures = [_temperature(one.experiment, recordings) for one in own]
     return ColumnResidual(base, name, own, temperatures, left if left.rms < floor.rms else floor)

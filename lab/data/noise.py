@@ -26,8 +26,9 @@ QUIETEST = 0.25
 SURE = 1.0
 """Standard deviations of a window's variance above which it is not noise alone."""
 CORRELATIONS = np.arange(-4, 10) / 10
-LINES = 4
-"""Number of lines that are projected out of the longest windows: of the bar and of a fan, beside those of the motion.
+LINES = {48: 4, 24: 1, 12: 0}
+"""Lines that are projected out of windows of each length: of the bar and of a fan, beside those of the motion.
+A line takes four dimensions, the polynomial eight: in windows of 12 a line would leave none for the noise.
 Of white noise of 0.2 m/s² beside a hum of 0.3 to 1.5 m/s² at 30 to 200 Hz (twelve simulated gears), two leave 0.96 to 8
 times its size, three 0.92 to 8, four 0.90 to 1.01."""
 PREDICTED_FROM, POOR = 20, 0.7
@@ -64,8 +65,10 @@ def quiet_noise(values: FloatArray) -> NoiseModel:
 
     Windows are projected off polynomials and slowly changing lines at the strongest frequencies; the quietest quarter,
     and all that are as quiet, give variance and correlation by restricted maximum likelihood.  For a signal that is
-    driven at many frequencies the error of prediction from the last 20 samples is the better bound.
+    driven at many frequencies the error of prediction from the last 20 samples is the better bound.  A column that was
+    sampled in few of the rows is one signal at its own rate.
     """
+    values = _at_own_rate(values)
     least = NoiseModel.white(resolution(values) / np.sqrt(12))
     windows = _windows(values)
     if windows is None:
@@ -95,6 +98,12 @@ def resolution(values: FloatArray) -> float:
     return float(steps.min()) if steps.size else 0.0
 
 
+def _at_own_rate(values: FloatArray) -> FloatArray:
+    """The samples (M,) without the rows between them, where the usual sample has no neighbour in the next row."""
+    at = np.flatnonzero(np.isfinite(values))
+    return values[at] if at.size > 1 and np.median(np.diff(at)) > 1 else values
+
+
 def _windows(values: FloatArray) -> FloatArray | None:
     """Windows (W, L), half overlapping; None where there are not enough."""
     segments = [values[run] for run in runs(values)]
@@ -115,7 +124,7 @@ def _lines(values: FloatArray, length: int) -> list[float]:
     frequency = np.arange(power.size) / (4 * size)
     power[frequency < 1.5 / length] = 0.0
     found = []
-    for _ in range(LINES):
+    for _ in range(LINES[length]):
         best = float(frequency[int(np.argmax(power))])
         found.append(best)
         power[np.abs(frequency - best) < 1.0 / length] = 0.0
@@ -126,7 +135,7 @@ def _complement(length: int, lines: list[float]) -> FloatArray:
     """An orthonormal basis (L, L - p) of the complement of polynomials and growing or decaying lines."""
     t = np.linspace(-1, 1, length)
     columns = [t**order for order in range(TREND_ORDER + 1)]
-    for line in lines[: 1 if length < WINDOWS[0] else LINES]:
+    for line in lines:
         angle = np.pi * line * (length - 1) * t
         columns += [np.cos(angle), np.sin(angle), t * np.cos(angle), t * np.sin(angle)]
     full, _ = np.linalg.qr(np.column_stack(columns), "complete")

@@ -36,19 +36,25 @@ def signals(traces: Sequence[Trace]) -> Section:
     )
     if any(trace.before is not None for trace in traces):
         text += " Below, what is left with what was found, and without it; tap a name to hide or show its curve."
-    places = [_place(number, trace) for number, trace in enumerate(traces)]
+    places = [_place(number, trace, _largest(traces, trace)) for number, trace in enumerate(traces)]
     return Section("signals", "Measured and modelled", Html(note(text) + "".join(places)))
 
 
 def packed(traces: Sequence[Trace]) -> str:
     """The data of those places as JSON that is safe inside a script element."""
-    text = json.dumps([_packed(number, trace) for number, trace in enumerate(traces)], ensure_ascii=False)
+    places = [_packed(number, trace, _largest(traces, trace)) for number, trace in enumerate(traces)]
+    text = json.dumps(places, ensure_ascii=False)
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
 
-def _place(number: int, trace: Trace) -> str:
+def _largest(traces: Sequence[Trace], like: Trace) -> float:
+    """The largest residual of a column in all recordings: one unit serves them all."""
+    return max(float(np.max(np.abs(trace.residual))) for trace in traces if trace.column == like.column)
+
+
+def _place(number: int, trace: Trace, largest: float) -> str:
     rms = float(np.sqrt(np.mean(trace.residual**2)))
-    (error, noise, _), unit = quantities(trace.unit, rms, trace.noise, float(np.max(np.abs(trace.residual))))
+    (error, noise, _), unit = quantities(trace.unit, rms, trace.noise, largest)
     floor = f"; noise {with_unit(noise, unit)}" if np.isfinite(trace.noise) else ""
     tools = "".join(f'<button type="button" data-do="{do}" aria-label="{label}" title="{label}">{text}</button>'
                     for do, text, label in TOOLS)  # fmt: skip
@@ -60,9 +66,9 @@ def _place(number: int, trace: Trace) -> str:
     )
 
 
-def _packed(number: int, trace: Trace) -> dict[str, Any]:
+def _packed(number: int, trace: Trace, largest: float) -> dict[str, Any]:
     shown = scale(trace.unit, float(np.max(np.abs(trace.measured))))
-    left = scale(trace.unit, float(np.max(np.abs(trace.residual))))
+    left = scale(trace.unit, largest)
     noise = trace.noise * shown.factor
     packed = {
         "id": _id(number),

@@ -118,7 +118,8 @@ def test_improve_prints_the_ladder(tmp_path: Path) -> None:
     folder = case(tmp_path, HARDENING, 0.3, 1.5)
     out = tmp_path / "better.toml"
     result = run("improve", folder, "-o", out)
-    rungs = [line for line in result.stdout.splitlines() if "m/s^2" in line]
+    head, _, *rungs = result.stdout[result.stdout.index("effects ") :].splitlines()
+    assert head.split() == ["effects", "error", "on", "unseen", "data", "[m/s²]", "noise", "[m/s²]"]
     assert rungs[0].split()[0] == "none"
     assert rungs[1].split()[0] == "hardening_spring"
     assert "active effects: hardening_spring" in result.stdout

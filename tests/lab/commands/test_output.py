@@ -11,6 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from lostmotion.daemon.cli import cli
+from lostmotion.lab.commands.table import print_table
 from tests.conftest import ROOT
 
 MODEL = """base = "servo"
@@ -39,6 +40,14 @@ def call(*arguments: object) -> Any:
     result = CliRunner().invoke(cli, [str(argument) for argument in arguments])
     assert result.exit_code == 0, result.stderr
     return result
+
+
+def test_a_unit_in_brackets_is_no_markup(capsys: pytest.CaptureFixture[str]) -> None:
+    """The name of a column keeps its unit, and no line ends in blanks."""
+    print_table(("effect", "error [rad]", "p"), [("torque_ripple", "0.1", "[bold]")])
+    first, _, last = capsys.readouterr().out.splitlines()
+    assert first == "effect          error [rad]   p"
+    assert last == "torque_ripple   0.1           [bold]"
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +67,20 @@ def test_true_model_leaves_only_noise() -> None:
     assert found.localisation is None
     assert found.fit_percent("accel") == pytest.approx(93, abs=1)
     assert "nothing is missing" in of_comparison(found)[-1]
+
+
+def test_a_servo_slower_than_its_accelerometer() -> None:
+    """What the service records, an angle in one of ten rows, is compared at its own rows: noise of 1 mrad is found."""
+    fast = measured(duration=1.5)
+    rows = np.arange(fast.time.size) % 10 == 0
+    noise = np.random.default_rng(3).normal(0, 1e-3, fast.time.size)
+    angle = np.where(rows, fast.columns["command"] + noise, np.nan)
+    found = held(build_model("play", values=GEARS), replace(fast, columns={**fast.columns, "position": angle}))
+    column = found.columns["position"]
+    assert column.noise.rms == pytest.approx(1e-3, rel=0.2)
+    assert found.rms("position") == pytest.approx(1e-3, abs=2e-3)  # the gap lies between the two gears
+    assert column.spectra.frequency_hz[-1] == pytest.approx(40)
+    assert sum(one.samples for one in column.phases) == pytest.approx(1)
 
 
 @pytest.mark.slow

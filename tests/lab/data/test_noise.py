@@ -83,6 +83,23 @@ def test_gaps_do_not_matter() -> None:
     assert quiet_noise(x).rms == pytest.approx(0.3, rel=0.1)
 
 
+def test_a_slow_column_is_seen_at_its_own_rate() -> None:
+    """The angle of a servo at 100 Hz, in one of ten rows of a sensor at 1 kHz, has the noise that it has alone:
+    0.5 mrad, not the 20 by which it moves from sample to sample."""
+    times = np.arange(3000) / 1000
+    angle = 0.6 * np.sin(2 * np.pi * times) + np.random.default_rng(7).normal(0, 5e-4, times.size)
+    rows = np.where(np.arange(times.size) % 10 == 0, angle, np.nan)
+    assert quiet_noise(rows).rms == quiet_noise(angle[::10]).rms == pytest.approx(5e-4, rel=0.2)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_second_of_an_encoder_at_100_hz(seed: int) -> None:
+    """120 samples, seen through the shortest windows: their noise of 1 mrad, not the resolution of 0.01 mrad alone."""
+    times = np.arange(120) / 100
+    angle = 0.3 * np.sin(2 * np.pi * times) + np.random.default_rng(seed).normal(0, 1e-3, 120)
+    assert quiet_noise(np.round(angle, 5)).rms == pytest.approx(1e-3, rel=0.35)
+
+
 def test_few_samples_give_a_number() -> None:
     """Ten samples are too few for windows; their differences tell the order of magnitude."""
     assert 0.03 < quiet_noise(np.random.default_rng(1).normal(5, 0.1, 10)).rms < 0.3

@@ -18,6 +18,8 @@ import pytest
 from lostmotion.detector.oscillator_id import Oscillator
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.lab.report import write_report
+from lostmotion.lab.report.signals import packed, signals
+from lostmotion.lab.report.views import Trace
 from tests.lab import report_example
 
 CHROMIUM = Path("/usr/bin/chromium")
@@ -308,3 +310,13 @@ def test_print_shows_all_recordings(found: Path, tmp_path: Path) -> None:
         assert page.evaluate("lostmotion.charts.length") == 6
         assert page.evaluate("document.documentElement.className") == ""
     assert (tmp_path / "r.pdf").stat().st_size > 50_000
+
+
+def test_residuals_of_a_column_have_one_unit() -> None:
+    """An angle that is off by 0.03 mrad in one recording and by 3 in another: both in degrees, as text and curves."""
+    time = np.arange(50) / 50
+    traces = [Trace(name, "position", time, np.full(50, size), np.zeros(50), 1e-5)
+              for name, size in (("a.csv", 3e-5), ("b.csv", 3e-3))]  # fmt: skip
+    page = signals(traces)
+    assert [text for text in ("0.0017°", "0.17°") if f"error {text}" not in page.body] == []
+    assert {one["residual_unit"] for one in json.loads(packed(traces))} == {"°"}
