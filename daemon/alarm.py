@@ -128,16 +128,17 @@ class JointMonitor:
     def request(self, request: Request, time: datetime) -> tuple[list[Change], Answer]:
         """Carries out a request; the changes, and the answer."""
         changes: list[Change] = []
+        until = time + timedelta(seconds=request.for_s)
         for alarm in [alarm for cause, alarm in self._alarms.items() if request.cause in (None, cause)]:
             if request.verb is Verb.UNSHELVE and alarm.state is AlarmState.SHELVED:
                 changes.append(self._unshelve(alarm, time, request.by))
             elif request.verb is Verb.ACK and is_possible(alarm, AlarmEvent.ACKNOWLEDGED):
                 changes.append(self._keep(happen(alarm, AlarmEvent.ACKNOWLEDGED, time, by=request.by)))
             elif request.verb is Verb.SHELVE:
-                until = time + timedelta(seconds=request.for_s)
                 changes.append(self._keep(happen(alarm, AlarmEvent.SHELVED, time, until=until, by=request.by)))
         causes = ", ".join(change.alarm.cause.value for change in changes if isinstance(change, Transition))
-        text = f"{self.row.name}: {causes or 'nothing to be'} {DONE[request.verb]}"
+        lasting = f" until {until:%Y-%m-%d %H:%M} UTC" if request.verb is Verb.SHELVE and changes else ""
+        text = f"{self.row.name}: {causes or 'nothing to be'} {DONE[request.verb]}{lasting}"
         return changes, Answer(request.id, bool(changes), text)
 
     def retire(self, time: datetime) -> list[Change]:

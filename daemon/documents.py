@@ -74,8 +74,8 @@ def attribution(origins: list[Origin]) -> dict[str, Any]:
 
 
 def learnt(rows: list[NoiseRow], flanks: list[FlankRow]) -> dict[str, Any]:
-    """The noise that each joint's windows are held against, with the bar, and how its teeth give, where these have been
-    learnt; nothing where they have not."""
+    """The noise that each joint's windows are held against, the bar, and the elasticity of the teeth, where these have
+    been learnt; nothing where they have not."""
     noises = [
         {
             "joint": row.joint,

@@ -67,7 +67,7 @@ class NoiseRow(msgspec.Struct, frozen=True):
 
 
 class FlankRow(msgspec.Struct, frozen=True):
-    """How the flanks of a joint's teeth give way (``detector.flank.FlankLaw``), after so many windows; softness: median
+    """The elasticity of a joint's tooth flanks (``detector.flank.FlankLaw``), after so many windows; softness: median
     of 1/n with the ends of its 95 % interval; servo: likelihood of each way in which its servo may follow
     (``detector.servo.ServoLaw``), delay: mean and standard deviation [s]."""
 
@@ -80,7 +80,6 @@ class FlankRow(msgspec.Struct, frozen=True):
 
     def __str__(self) -> str:
         middle, low, high = self.softness
-        late = (
-            f"; the servo follows {self.delay[0] * 1e3:.0f} ± {2e3 * self.delay[1]:.0f} ms late" if self.delay else ""
-        )
-        return f"teeth give with 1/n = {middle:.2g} ({low:.2g} to {high:.2g}), from {self.windows} windows{late}"
+        delay = f"; servo delay {self.delay[0] * 1e3:.0f} ± {2e3 * self.delay[1]:.0f} ms" if self.delay else ""
+        exponent = f"contact exponent 1/n = {middle:.2g} ({low:.2g} to {high:.2g}; 0: hard teeth)"
+        return f"{exponent}, from {self.windows} windows{delay}"

@@ -167,7 +167,7 @@ class Reader:
         return [msgspec.json.decode(row["value"], type=NoiseRow) for row in rows]
 
     def flanks(self) -> list[FlankRow]:
-        """How the flanks of each joint's teeth give way, as far as the service has learnt it."""
+        """The elasticity of each joint's tooth flanks, as far as the service has learnt it."""
         rows = self._rows(f"SELECT value FROM meta WHERE key GLOB '{FLANK}*' ORDER BY key")
         return [msgspec.json.decode(row["value"], type=FlankRow) for row in rows]
 

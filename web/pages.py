@@ -73,5 +73,6 @@ async def trouble(request: Request, error: Exception, status: int = 0) -> Respon
     else:
         text, status = f"internal error: {type(error).__name__}: {error}", 500
     if wants_html(request):
-        return page(request, "trouble.html", status, title="Something is wrong", text=text)
+        title = "Not found" if status == 404 else "Something is wrong"
+        return page(request, "trouble.html", status, title=title, text=text)
     return json({"error": text}, status)

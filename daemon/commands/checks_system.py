@@ -73,7 +73,7 @@ def check_clock(since: ClockPair, virtual: bool) -> Iterator[Check]:
     year = datetime.now(UTC).year
     yield within(SYSTEM, "year", year, "", *YEARS, "the clock was never set: no network time, and no battery")
     cause = "the clock was stepped during the pass; scores stay right, their UTC jumps"
-    yield within(SYSTEM, "clock step during the pass", abs(since.drift()), "s", None, DRIFT_S, cause)
+    yield within(SYSTEM, "clock step during the pass", round(abs(since.drift()), 6), "s", None, DRIFT_S, cause)
     if not virtual:
         ok = is_synchronised()
         cause = "" if ok else "no network time: is systemd-timesyncd or chrony running, and the network up?"
@@ -171,7 +171,7 @@ def check_learnt(config: Config) -> Iterator[Check]:
         allowed = f"within {OFF:.0%} of the file's"
         yield Check(row.joint, "bar", row.resonance, "", allowed, ok, "" if ok else cause)
     for flank in flanks:
-        yield Check(flank.joint, "teeth", str(flank), "", "", ok=True)
+        yield Check(flank.joint, "teeth and servo", str(flank), "", "", ok=True)
 
 
 def _columns(db: Database) -> set[str]:

@@ -279,8 +279,7 @@ def _forecast_lines(wear: WearTrend) -> list[str]:
     forecast = wear.forecast
     if forecast is None or forecast.likely == 0 or not math.isfinite(forecast.earliest):
         return []
-    likely, earliest, latest = _spans(forecast)
-    return [f"forecast       reached in {likely} (80 %: {earliest} to {latest}), whatever the law of wear"]
+    return [f"forecast       {_reached(forecast, '80 %', 'not reached')}, whatever the law of wear"]
 
 
 def _left(wear: WearTrend) -> str:
@@ -289,10 +288,15 @@ def _left(wear: WearTrend) -> str:
         return "not reached at this slope"
     if left.likely == 0:
         return "reached"
+    return _reached(left, "95 %", "not reached at this slope")
+
+
+def _reached(left: TimeToLimit, sure: str, never: str) -> str:
+    """When the limit is reached, with the interval of this probability; ``never`` where that is unlikely."""
     likely, earliest, latest = _spans(left)
     if likely == "never":
-        return f"not reached at this slope (95 %: not before {earliest} from now)"
-    return f"reached in {likely} (95 %: {earliest} to {latest})"
+        return f"{never} ({sure}: not before {earliest} from now)"
+    return f"reached in {likely} ({sure}: {earliest} to {latest})"
 
 
 def _spans(left: TimeToLimit) -> list[str]:

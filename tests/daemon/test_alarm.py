@@ -287,7 +287,7 @@ def test_shelved_until_a_time() -> None:
     changes, answer = joint.request(Request(1, "elbow", Verb.SHELVE, for_s=60.0), at(1))
     assert isinstance(changes[0], Transition)
     assert changes[0].alarm.shelved_until == at(61)
-    assert answer.text == "elbow: device shelved"
+    assert answer.text == "elbow: device shelved until 2026-01-31 12:01 UTC"
     assert joint.tick(at(60)) == []
     assert events(joint.tick(at(61))) == [(AlarmEvent.UNSHELVED, Severity.ERROR)]
     joint.request(Request(2, "elbow", Verb.SHELVE, for_s=60.0), at(70))

@@ -297,6 +297,17 @@ def test_trend_falls_back_to_the_score(wearing: Path) -> None:
     assert "too few" not in call("trend", "wrist", "--of", "score", "--config", wearing / "r.toml").stdout
 
 
+def test_a_limit_that_is_unlikely_to_be_reached(tmp_path: Path) -> None:
+    """A minute of a play that does not grow is told as "not reached", in the forecast too."""
+    store = Store(tmp_path / "h.db", "arm1")
+    for k, factor in enumerate(np.exp(0.2 * np.random.default_rng(1).standard_normal(60))):
+        store.add(ScoreRow("elbow", START + timedelta(seconds=k), 0.25, 50.0, 8.0, True, severity=2.5e-3 * factor))
+    store.close()
+    text = call("trend", "elbow", "--database", tmp_path / "h.db").stdout
+    assert re.search(r"forecast       not reached \(80 %: not before .+ from now\), whatever the law of wear\n", text)
+    assert "in never" not in text
+
+
 def test_trend_is_freed_of_warmth(warm: Path) -> None:
     """Scores that rise by 3 % a °C in a year that grows warmer: JSON tells the dependence, and no trend is left."""
     told = document("trend", "elbow", "--config", warm / "r.toml")

@@ -68,7 +68,7 @@ def test_bar_and_flanks_survive_a_restart(tmp_path: Path) -> None:
     assert (learner.settings.f_res_hz, learner.settings.zeta) == (61.0, 0.012)
     law, windows, follows = found.pipeline.laws["elbow"]
     assert follows.likelihood == servo
-    assert str(kept[0]).endswith("from 60 windows; the servo follows 20 ± 8 ms late")
+    assert str(kept[0]).endswith("from 60 windows; servo delay 20 ± 8 ms")
     assert (law.likelihood, windows) == (flanks.likelihood, 60)
     assert law.softness == (0.0, 0.0, 0.065)
     assert learnt.rows() == []

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from lostmotion.drivers.recording import read_recording
 from tests.web.conftest import Open, Site, overflow, violations
@@ -52,6 +52,21 @@ def test_the_page_fits_and_is_accessible(filled: tuple[Site, datetime], look: Op
     page.locator("#spectrum canvas").wait_for()
     assert overflow(page) <= 0
     assert violations(page) == []
+
+
+@pytest.mark.slow
+def test_a_limit_that_is_not_reached(filled: tuple[Site, datetime], look: Open) -> None:
+    """A forecast without a likely time is told as such, not as a limit that is reached."""
+
+    def unlikely(route: Route) -> None:
+        answer = route.fetch()
+        forecast = {"likely_s": None, "earliest_s": 864000, "latest_s": None}
+        route.fulfill(response=answer, json={**answer.json(), "forecast": forecast})
+
+    page = look(f"{filled[0].address}/joints/elbow")
+    page.route("**/trend*", unlikely)
+    page.reload()
+    expect(page.locator("#trend")).to_contain_text("The limit is not reached (80 %: not before 10 days from now).")
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ let shown = "";
 const health = (value) => element("span", { class: "health", "data-health": value }, value);
 
 function joint(one) {
-  const words = `score ${one.score} (level ${one.level}), equivalent play ${one.severity}; last window ${one.last}`;
+  const words = `score ${one.score} (level ${one.level}), severity ${one.severity}; last window ${one.last}`;
   return element("li", { "data-joint": one.joint },
     element("p", { class: "member" }, element("strong", {}, one.joint), " ", health(one.health)),
     element("p", { class: "why" }, words),

@@ -6,7 +6,7 @@ const root = document.getElementById("joint"), name = root.dataset.joint;
 const api = `/api/joints/${encodeURIComponent(name)}`;
 const arcMinutes = 60 * 180 / Math.PI;
 const QUANTITIES = {
-  severity: { label: "equivalent play (arc-minutes)", key: "severity", scale: arcMinutes },
+  severity: { label: "severity (arc-minutes)", key: "severity", scale: arcMinutes },
   score: { label: "score", key: "score", scale: 1 },
   play: { label: "play (arc-minutes)", key: "play", scale: arcMinutes },
 };
@@ -124,7 +124,10 @@ document.querySelectorAll("[data-span]").forEach((button) => button.addEventList
 
 // ---- trend
 
-const span = (s) => s == null ? "no end in sight" : s > 2 * 31557600 ? `${(s / 31557600).toFixed(1)} years` : s > 2 * 2629800 ? `${(s / 2629800).toFixed(1)} months` : s > 172800 ? `${(s / 86400).toFixed(0)} days` : `${(s / 3600).toFixed(1)} h`;
+const span = (s) => s == null ? "never" : s > 2 * 31557600 ? `${(s / 31557600).toFixed(1)} years` : s > 2 * 2629800 ? `${(s / 2629800).toFixed(1)} months` : s > 172800 ? `${(s / 86400).toFixed(0)} days` : s > 7200 ? `${(s / 3600).toFixed(1)} h` : `${Math.max(1, Math.round(s / 60))} min`;
+const reached = (left, sure) => left.likely_s === 0 ? "The limit is reached."
+  : left.likely_s == null ? `The limit is not reached (${sure} %: not before ${span(left.earliest_s)} from now).`
+  : `The limit is reached in ${span(left.likely_s)} (${sure} %: ${span(left.earliest_s)} to ${span(left.latest_s)}).`;
 
 async function loadTrend() {
   const words = document.getElementById("trend");
@@ -132,11 +135,11 @@ async function loadTrend() {
     const trend = state.trend = await ask(`${api}/trend`);
     const scale = QUANTITIES[trend.of].scale, unit = trend.of === "score" ? "" : " arc-minutes";
     const { direction, p_value } = trend.mann_kendall, slope = trend.slope;
-    const parts = [direction === "none" ? "No trend is found." : `The ${trend.of === "score" ? "score" : "equivalent play"} is ${direction} (p = ${Number(p_value.toPrecision(2))}): ${number(slope.per_month * scale)}${unit} a month (95 %: ${number(slope.low * scale)} to ${number(slope.high * scale)}).`];
+    const parts = [direction === "none" ? "No trend is found." : `The ${trend.of === "score" ? "score" : "severity"} is ${direction} (p = ${Number(p_value.toPrecision(2))}): ${number(slope.per_month * scale)}${unit} a month (95 %: ${number(slope.low * scale)} to ${number(slope.high * scale)}).`];
     parts.push(`Now ${number(trend.current * scale)}${unit}, limit ${number(trend.level * scale)}${unit}.`);
     if (trend.change_points.length) parts.push(`It changed on ${trend.change_points.map((t) => new Date(t).toLocaleDateString()).join(", ")}.`);
     const left = trend.forecast ?? trend.time_to_limit;
-    if (left) parts.push(left.likely_s > 0 ? `The limit is reached in ${span(left.likely_s)} (${trend.forecast ? 80 : 95} %: ${span(left.earliest_s)} to ${span(left.latest_s)}).` : "The limit is reached.");
+    if (left) parts.push(reached(left, trend.forecast ? 80 : 95));
     words.textContent = parts.join(" ");
   } catch (error) {
     words.textContent = error.message;
@@ -212,7 +215,7 @@ listen({
     if (!joint) return;
     const badge = root.querySelector("h1 .health");
     badge.textContent = badge.dataset.health = joint.health;
-    root.querySelector(".why").textContent = `${joint.reason}. Score ${joint.score} (level ${joint.level}), play ${joint.play}, equivalent play ${joint.severity}; last window ${joint.last}.`;
+    root.querySelector(".why").textContent = `${joint.reason}. Score ${joint.score} (level ${joint.level}), play ${joint.play}, severity ${joint.severity}; last window ${joint.last}.`;
     if (joint.window !== state.last && !state.span && !waiting) {
       waiting = setTimeout(() => { waiting = 0; load(); }, state.last ? 2000 : 60000);
     }
