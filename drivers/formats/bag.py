@@ -105,7 +105,7 @@ class Bag:
 
     def _look(self, topics: Sequence[str], kinds: dict[str, str]) -> list[Series]:
         """The series of each topic, from its first messages."""
-        found: dict[str, dict[str, None]] = {topic: {} for topic in topics}
+        found: dict[str, dict[str, bool]] = {topic: {} for topic in topics}
         seen = dict.fromkeys(topics, 0)
         left = {channel.topic: LOOKED_AT if channel.count is None else min(LOOKED_AT, channel.count)
                 for channel in self._log.channels if channel.topic in seen}  # fmt: skip
@@ -113,7 +113,8 @@ class Bag:
         for topic, _, data in self._log.messages(topics) if waiting else ():
             seen[topic] += 1
             if seen[topic] <= LOOKED_AT and (decoded := self._decoded(topic, data)):
-                found[topic].update(dict.fromkeys(decoded[1]))
+                for field, value in decoded[1].items():
+                    found[topic][field] = found[topic].get(field, False) or value != 0
             if seen[topic] >= left[topic]:
                 waiting.discard(topic)
                 if not waiting:
@@ -125,7 +126,7 @@ class Bag:
         return [
             Series(f"{topic}.{field}", _unit(field) if kinds[topic] in BEFORE else "")
             for topic in topics
-            for field in found[topic]
+            for field in _measured(found[topic])
         ]
 
     def _gather(self, names: Sequence[str]) -> dict[str, _Topic]:
@@ -169,6 +170,14 @@ def open_mcap(path: Path) -> Bag:
 def open_rosbag(path: Path) -> Bag:
     """A folder or a database.  Raises RecordingError."""
     return Bag(path, RosbagLog(path))
+
+
+def _measured(fields: dict[str, bool]) -> list[str]:
+    """The fields without those axes of an accelerometer that are exactly 0 while another is not, so that there is no
+    sensor; fields: whether each was anything but 0."""
+    axes = [field for field in fields if field.startswith("linear_acceleration.")]
+    absent = {field for field in axes if not fields[field]} if any(fields[field] for field in axes) else set()
+    return [field for field in fields if field not in absent]
 
 
 def _clock(topics: dict[str, _Topic], clock: str) -> tuple[str, list[str], dict[str, NDArray[np.int64]]]:

@@ -71,8 +71,9 @@ def _unused(explanation: Explanation) -> list[str]:
         sentences.append(f"Not tried within the time budget (--budget): {effects}.")
     used, whole = explanation.used_s or (0.0, 0.0)
     if used < whole:
+        part = number(used, 1 if used < 10 else 0)
         sentences.append(
-            f"Of {whole:.0f} s of recordings the {used:.0f} s that move most were used; a larger --budget uses more."
+            f"Of {whole:.0f} s of recordings the {part} s that move most were used; a larger --budget uses more."
         )
     left, segments = explanation.left_out
     if left:

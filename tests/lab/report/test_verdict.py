@@ -28,6 +28,12 @@ def test_what_the_judged_recording_is_free_of_is_said() -> None:
     assert said == "The recording kept for judging does not show Coulomb friction: only the other recordings do."
 
 
+def test_a_short_part_of_the_recordings_is_not_rounded_to_none() -> None:
+    """The 0.4 s that a small budget allowed are told as 0.4, not as 0."""
+    said = verdict.of_explanation(replace(report_example.explanation(), used_s=(0.4, 5.0)))[-1]
+    assert said == "Of 5 s of recordings the 0.4 s that move most were used; a larger --budget uses more."
+
+
 def test_verdict_of_nothing_missing() -> None:
     """It says so, how close to the noise, and how large each effect would have had to be."""
     explanation = report_example.nothing_missing()
