@@ -53,7 +53,7 @@ def calibrate_healthy(
 
 
 def _needed(tuned: Tuned, healthy: Cuttings) -> tuple[dict[float, float], float]:
-    """Acceleration of a 1 Hz sway [rad/s²] by play [deg], and the least ring that is detected [m/s²]."""
+    """Acceleration of a 1 Hz sine [rad/s²] by play [deg], and the least ring that is detected [m/s²]."""
     length = round((tuned.settings.window_s or LONGEST_S) * healthy.rate_hz)
     windows = healthy.accel[:, :length]
     level = max(tuned.settings.level, float(np.quantile(batch(windows, healthy.rate_hz, tuned.settings), 0.99)))
@@ -80,14 +80,14 @@ def _warnings(needed: dict[float, float], healthy: Cuttings) -> list[str]:
 
 
 def _words(tuned: Tuned, healthy: Cuttings, needed: dict[float, float], labelled: bool) -> list[str]:
-    what = "worn windows" if labelled else "rings put into them"
-    found: dict[str, Any] = {"eq. 8 as it was set": tuned.before, "eq. 8, tuned": tuned.found["band"]}
+    what = "worn windows" if labelled else "simulated ring-downs added to them"
+    found: dict[str, Any] = {"eq. 8 as configured": tuned.before, "eq. 8 tuned": tuned.found["band"]}
     found["ringdown"] = tuned.found["ringdown"]
     accelerations = ", ".join(f"{deg:g}° {acceleration:.2g}" for deg, acceleration in needed.items())
     return [
         f"{tuned.windows} healthy windows ({healthy.refused} not sound) in {healthy.duration:.0f} s",
-        f"{what} found at false alarms below 10 %: "
+        f"{what}, share detected at 10 % false alarms: "
         + ", ".join(f"{name} {share:.0%}" for name, share in found.items()),
-        f"acceleration of a 1 Hz sway [rad/s²] that makes a play detectable: {accelerations}",
+        f"acceleration of a 1 Hz sine [rad/s²] at which a play is detectable: {accelerations}",
         f"the recorded motion reached {output.number(_motion(healthy.swing))}",
     ]

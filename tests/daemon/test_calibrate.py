@@ -76,7 +76,7 @@ def test_healthy(tmp_path: Path) -> None:
     (tmp_path / "robot.toml").write_text(robot)
     assert call("config", "check", tmp_path / "robot.toml").exit_code == 0
     words = call("calibrate", "healthy", healthy, "--worn", written(tmp_path, "worn.csv", 20, 1.0, 7811)).stdout
-    assert "worn windows found" in words
+    assert "worn windows, share detected at 10 % false alarms" in words
 
 
 @pytest.mark.slow

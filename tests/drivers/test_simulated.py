@@ -24,6 +24,7 @@ from lostmotion.drivers.simulated_options import (
     SimulatedJointOptions,
     SimulatedOptions,
 )
+from lostmotion.drivers.simulated_parts import Gear
 
 Recorded = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 SETTINGS = DetectorSettings(f_res_hz=58.0)
@@ -233,6 +234,19 @@ def test_time_begins_with_the_motion() -> None:
         sensor.read()
         later = clock.utc(0) - made
         assert later == timedelta(0) if start else later > timedelta(seconds=0.29)
+
+
+def test_a_slow_start_is_not_told_as_a_compilation(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A busy computer that takes long for a model that is compiled already compiles nothing."""
+    Robot([0.0])
+    prepare = Gear.prepare
+    monkeypatch.setattr("lostmotion.drivers.simulated.LONG_COMPILE_S", 0.5)
+    monkeypatch.setattr(Gear, "prepare", lambda gear, *given: (time.sleep(0.6), prepare(gear, *given)))
+    with caplog.at_level("INFO"):
+        Robot([0.0])
+    assert "compiled" not in caplog.text
 
 
 def test_two_joints_may_share_an_accelerometer() -> None:
