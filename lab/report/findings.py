@@ -8,7 +8,7 @@ from lostmotion.lab import words
 from lostmotion.lab.quantity import Interval, quantities, scale, with_unit
 from lostmotion.lab.report import verdict
 from lostmotion.lab.report.plots import curve
-from lostmotion.lab.report.tags import Html, Section, bar, cell, figure, note, p_value, paragraphs, table
+from lostmotion.lab.report.tags import Html, Section, bar, cell, figure, note, paragraphs, probability, table
 from lostmotion.lab.results import Curve, Explanation, Finding, Ladder, Ranked, Rung
 from lostmotion.model.effects import get_effect
 
@@ -45,7 +45,7 @@ def ranking(explanation: Explanation) -> Section | None:
     largest = max((v for r in tried for v in (r.rms_before, r.rms_after) if math.isfinite(v)), default=1.0) or 1.0
     rows = [
         (_tried(explanation, entry), bar(entry.rms_after / largest, noise / largest),
-         *_errors(entry, unit), cell(p_value(entry.p_value), css="number"))
+         *_errors(entry, unit), cell(probability(entry.p_value), css="number"))
         for entry in tried
     ]  # fmt: skip
     shown = scale(unit, largest).unit

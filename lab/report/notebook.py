@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from lostmotion.lab.comparison.compare import Comparison
 from lostmotion.lab.quantity import quantities, scale, with_unit
 from lostmotion.lab.report import fitted, misfit, verdict
-from lostmotion.lab.report.tags import Html, cell, p_value, paragraphs, table
+from lostmotion.lab.report.tags import Html, cell, paragraphs, probability, table
 from lostmotion.lab.report.views import Trace, traces_of
 from lostmotion.lab.results import Displayed, Explanation, Fit, Ladder, Rung, Views, display_with
 
@@ -74,7 +74,7 @@ def _ranking(found: Explanation) -> Html:
     for one in found.ranking:
         (before, after), unit = quantities(found.error.unit, one.rms_before, one.rms_after)
         cells = [cell(with_unit(text, unit), css="number") for text in (before, after)]
-        rows.append((cell(one.effect), *cells, cell(p_value(one.p_value), css="number")))
+        rows.append((cell(one.effect), *cells, cell(probability(one.p_value), css="number")))
     return table(("effect", "error without>", "with>", "p>"), rows)
 
 

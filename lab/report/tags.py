@@ -9,7 +9,9 @@ from html import escape
 
 from lostmotion.lab.quantity import number
 
-__all__ = ["Html", "Section", "bar", "cell", "figure", "key", "more", "note", "p_value", "paragraphs", "table"]
+__all__ = [
+    "Html", "Section", "bar", "cell", "figure", "key", "more", "note", "p_value", "paragraphs", "probability", "table"
+]  # fmt: skip
 
 SMALLEST_P = 1e-12
 CHOSEN = '<tr class="chosen">'
@@ -88,9 +90,15 @@ def more(summary: str, body: str) -> Html:
 
 
 def p_value(value: float) -> str:
-    """A probability to two digits; very small ones only as a bound."""
+    """A probability with its sign, in a sentence: "p = 0.012"."""
+    text = probability(value)
+    return f"p\u00a0{text}" if text[0] in "u<" else f"p\u00a0=\u00a0{text}"
+
+
+def probability(value: float) -> str:
+    """A probability to two digits, in a table; very small ones only as a bound."""
     if not math.isfinite(value):
-        return "p unknown"
+        return "unknown"
     if value < SMALLEST_P:
-        return "p\u00a0<\u00a010⁻¹²"
-    return f"p\u00a0=\u00a0{number(value, max(2, 1 - math.floor(math.log10(value))))}"
+        return "<\u00a010⁻¹²"
+    return number(value, max(2, 1 - math.floor(math.log10(value))))

@@ -19,6 +19,7 @@ from lostmotion.detector.oscillator_id import Oscillator
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.lab.report import write_report
 from lostmotion.lab.report.signals import packed, signals
+from lostmotion.lab.report.tags import p_value, probability
 from lostmotion.lab.report.views import Trace
 from tests.lab import report_example
 
@@ -169,7 +170,7 @@ def test_headline_and_tables_tell_the_results(found: Path) -> None:
         "Move it by hand without power",
         "a sine of 0.5 Hz, 5°.",
         "hardening_spring",
-        "p\u00a0<\u00a010⁻¹²",
+        "<\u00a010⁻¹²",
         "-tau_c sign(omega)",
         "74 … 86",
         "Not identifiable from these recordings: alpha; take the values as assumed.",
@@ -320,3 +321,12 @@ def test_residuals_of_a_column_have_one_unit() -> None:
     page = signals(traces)
     assert [text for text in ("0.0017°", "0.17°") if f"error {text}" not in page.body] == []
     assert {one["residual_unit"] for one in json.loads(packed(traces))} == {"°"}
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.5, "= 0.50"), (0.0123, "= 0.012"), (0.0, "< 10⁻¹²"), (np.nan, "unknown")]
+)
+def test_a_probability_in_a_sentence_and_in_a_table(value: float, text: str) -> None:
+    """Below the head "p" stands the number alone; a sentence has the sign, too."""
+    assert p_value(value).replace("\u00a0", " ") == f"p {text}"
+    assert probability(value).replace("\u00a0", " ") == text.removeprefix("= ")
