@@ -110,7 +110,7 @@ def _explanation(
     noise: dict[str, float], pool: Executor,
 ) -> Explanation:  # fmt: skip
     """The result, with errors on the unseen recording."""
-    fits = [one.judged for one in selection.fits]
+    fits = [one.surest for one in selection.fits]
     base, best = fits[0], fits[-1]
     power = None if method is Method.MOTION else _power(selection.fits[-1], selection.added)
     missing, descent = strongest_first([error_on(fit, unseen) for fit in fits], selection, power)

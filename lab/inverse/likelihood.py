@@ -78,6 +78,15 @@ class Fitted:
         return cls(inverse, continued(inverse.model, OutputError.of(inverse.data.signals, inverse.model)))
 
     @property
+    def surest(self) -> Regression:
+        """The fit to report: of least squares and generalised least squares the one that knows the sizes of its effects
+        better.  Whitening weighs fast parts, where an angle's noise is in its speed: a joint's viscous friction of 1.0
+        was 0.31 by least squares and 0.18 N m s/rad by the other."""
+        if self.judged is self.inverse or not isinstance(self.judged.data, Data):
+            return self.judged
+        return min(self.inverse, self.judged, key=_unsure)
+
+    @property
     def model(self) -> Model:
         """The model of the fit for predictions."""
         return self.judged.model
@@ -302,6 +311,14 @@ def _least_spread(residual: FloatArray) -> float:
     of the filter at the ends of a recording."""
     spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
     return spread / (1 + 1.645 * 1.17 / math.sqrt(residual.size))
+
+
+def _unsure(fit: Regression) -> float:
+    """The sum of the logarithms of the relative standard deviations of the sizes of effects."""
+    names = {name for effect in fit.model.effects for name in amplitudes(effect, fit)}
+    deviations = zip(fit.unknowns.names, fit.deviations(blocks_of(fit)), strict=True)
+    sizes = {name: abs(fit.model.parameters[name].value) for name in names}
+    return sum(math.log(max(sd, 1e-300) / max(sizes[name], 1e-300)) for name, sd in deviations if name in names)
 
 
 def _chance_of_zero(one: Fitted, other: Fitted) -> float | None:

@@ -206,7 +206,7 @@ def test_other_bases(base: str) -> None:
     right = held(truth, recording)
     output = right.column
     if output == "torque":  # what is compared of a joint that is driven
-        noise = right.noise["torque"].rms
+        noise = right.columns["torque"].noise.rms
     else:
         assert right.rms(output) == pytest.approx(noise, rel=0.1)
     assert right.is_noise
