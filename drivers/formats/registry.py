@@ -123,5 +123,8 @@ def _is_own(start: bytes) -> bool:
     ours = set(names) & set(COLUMN_UNITS)
     if "time" in ours:
         return not any((column := column_of(name)) and column not in ours for name in names if name not in ours)
+    comments = [line for line in lines if line.startswith("#")]
+    if header and comments and not any("=" in line for line in comments):  # names behind a #, and no metadata
+        return False
     is_whole = len(lines) > 1 or len(start) == START  # a header of a thousand names is cut off here
     return not (is_whole and any(letter.isalpha() for letter in header))

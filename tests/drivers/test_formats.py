@@ -430,3 +430,13 @@ def test_a_speed_without_numbers_is_an_empty_position(tmp_path: Path) -> None:
     found = read(path, "position=wheel:rpm", "command=goal:rad")
     assert np.isnan(found.recording.columns["position"]).all()
     assert found.recording.columns["command"].tolist() == [1.0, 2.0, 3.0]
+
+
+def test_names_behind_a_hash_are_no_metadata(tmp_path: Path) -> None:
+    """A table of numbers below lines of words behind # is another program's, and says which series it has."""
+    path = tmp_path / "run.txt"
+    path.write_text("#OPEN LOOP\n#t\tu\tv\n" + "".join(f"{i / 100}\t{i % 7}\t{i}\n" for i in range(60)))
+    with pytest.raises(RecordingError, match="--map"):
+        read_recording(path)
+    found = read_recording(path, "", ["position=u", "torque=v"])
+    assert set(found.columns) >= {"position", "torque"}
