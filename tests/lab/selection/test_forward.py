@@ -144,6 +144,30 @@ def test_one_search_in_twenty_names_an_effect_that_is_not_there() -> None:
     assert sum(bool(found({}, independent(), seed).added) for seed in range(100)) <= 1
 
 
+class Followed(Regressed):
+    """A fit whose error is that of samples which it follows: more of them with more effects, and worse ones."""
+
+    @property
+    def rms(self) -> float:
+        """Grows with the number of effects."""
+        return 1.0 + self.count
+
+
+def test_errors_on_other_samples_do_not_decide() -> None:
+    """Of gears each fit loses other segments, and its error is that of the rest: an effect that predicts better is
+    named although this error grows."""
+    columns = independent()
+
+    class FollowedColumns(Columns):
+        def fit(self, effects: Sequence[str]) -> Regressed:
+            fit = super().fit(effects)
+            return Followed(fit.model, fit.left, fit.sizes)
+
+    noise = np.random.default_rng(0).standard_normal(SAMPLES)
+    search = selected(FollowedColumns(noise + 2 * columns[FIRST], columns), lambda what, part: None)
+    assert search.added == (FIRST,)
+
+
 def test_what_explains_as_much_is_confusable() -> None:
     """Two columns that differ by a hundredth: one is named, with the other beside it."""
     columns = independent()
