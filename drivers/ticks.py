@@ -71,14 +71,28 @@ def coarser(stamps: FloatArray, tick: float, period: float) -> float:
 
 def evened(times: FloatArray) -> FloatArray:
     """Times [s] that ascend, shape (N,), without the rounding to coarse ticks, where they show that they are rounded:
-    all steps are whole numbers of the shortest, and the longer ones come in a regular pattern.  Others as they are.
+    all steps are whole numbers of a tick, and the longer ones come in a regular pattern.  Others as they are.
 
-    Lost samples make longer steps, too, but not regularly.
+    Lost samples make longer steps, too, but not regularly.  Times with so many digits (10.63, 110.6) have a tick for
+    each power of ten.
     """
-    steps = np.diff(times)
-    if len(times) < LEAST_ROWS or not steps.min() >= 0 or not steps.any():
+    if len(times) < LEAST_ROWS or not np.diff(times).min() >= 0 or not times[-1] > times[0]:
         return times
-    tick = float(steps[steps > 0].min())
+    whole = _evened(times)
+    if whole is not times:
+        return whole
+    powers = 10.0 ** np.arange(math.floor(math.log10(times[-1] - times[0])) - 1, math.log10(np.abs(times).max()) + 1)
+    parts = np.split(times, np.searchsorted(times, powers))
+    found = [_evened(part) for part in parts]
+    return times if all(new is old for new, old in zip(found, parts, strict=True)) else np.concatenate(found)
+
+
+def _evened(times: FloatArray) -> FloatArray:
+    """Times of one tick."""
+    steps = np.diff(times)
+    if len(times) < LEAST_ROWS or not steps.any():
+        return times
+    tick = _tick(steps)
     counts = np.rint(steps / tick)
     usual = np.median(counts)
     near = np.abs(counts - usual) <= 1
@@ -87,6 +101,13 @@ def evened(times: FloatArray) -> FloatArray:
         return times
     even, _ = Ticks(period, tick).feed(times)
     return even - tick / 2
+
+
+def _tick(steps: FloatArray) -> float:
+    """The shortest step, or difference of two steps: 30 and 40 ms show a tick of 10."""
+    lengths = np.unique(np.concatenate([[0.0], steps]))
+    apart = np.diff(lengths)
+    return float(apart[apart > EXACT * np.median(steps[steps > 0])].min())
 
 
 def _is_regular(odd: FloatArray) -> bool:

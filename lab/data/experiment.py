@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lostmotion.drivers.recording import Recording
+from lostmotion.drivers.ticks import evened
 from lostmotion.lab.data.lost_readings import without_lost_readings
 from lostmotion.lab.data.supply import of_voltage
 from lostmotion.lab.errors import ExperimentError
@@ -114,14 +115,16 @@ def _experiment(model: Model, recording: Recording) -> Experiment:
         recording = without_lost_readings(recording)
     drive = _drive(model.base, recording)
     rows = np.any([~np.isnan(recording.columns[name]) for name in outputs], axis=0)
-    rows[1:] &= np.diff(recording.time) > 0  # a merged row may repeat a time
+    time = recording.time.copy()
+    time[rows] = evened(time[rows])
+    rows[1:] &= np.diff(time) > 0  # a merged row may repeat a time
     if isinstance(drive, Sampled):  # the input is unknown outside of its samples
-        rows &= (recording.time >= drive.time[0]) & (recording.time <= drive.time[-1])
+        rows &= (time >= drive.time[0]) & (time <= drive.time[-1])
     measured = {name: recording.columns[name][rows] for name in outputs}
     for name, values in measured.items():
         _check_output(recording.name, name, values)
     return Experiment(
-        recording.name, drive, recording.time[rows], measured, _given(model, recording), float(recording.time[0]),
+        recording.name, drive, time[rows], measured, _given(model, recording), float(recording.time[0]),
         recording.metadata.get("position_unit") in LENGTHS, _drive_unit(model.base, recording),
     )  # fmt: skip
 

@@ -102,6 +102,17 @@ def test_a_recording_with_rounded_times_is_evened(rate_hz: float, rounded: np.uf
     assert np.abs(found - written).max() <= MILLIS
 
 
+def test_times_with_so_many_digits_are_evened() -> None:
+    """Frames 1/30 s apart, written with four digits (9.967, 10.03, 110.6): the steps are even to 3 % above 10 s, where
+    they were 30, 40, 0 and 100 ms; one frame that was lost stays lost."""
+    times = np.delete(np.arange(3600) / 30, 1000)
+    found = evened(np.array([float(f"{time:.4g}") for time in times]))
+    steps = np.delete(np.diff(found)[330:], 1000 - 331)
+    steps = steps[np.abs(found[331:-1] - 100.0) > 1]
+    assert steps == pytest.approx(1 / 30, rel=0.03)
+    assert np.abs(found - times).max() < 0.1
+
+
 def test_times_that_are_not_rounded_stay_as_they_are() -> None:
     """An exact grid in milliseconds, with or without lost samples; another one; jitter; few rows; one instant."""
     rng = np.random.default_rng(3)
