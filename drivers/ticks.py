@@ -92,6 +92,8 @@ def _evened(times: FloatArray) -> FloatArray:
     steps = np.diff(times)
     if len(times) < LEAST_ROWS or not steps.any():
         return times
+    if not np.median(steps):
+        return _of_bursts(times)
     tick = _tick(steps)
     counts = np.rint(steps / tick)
     usual = np.median(counts)
@@ -101,6 +103,15 @@ def _evened(times: FloatArray) -> FloatArray:
         return times
     even, _ = Ticks(period, tick).feed(times)
     return even - tick / 2
+
+
+def _of_bursts(times: FloatArray) -> FloatArray:
+    """Times [s] of samples that mostly arrived several at once, with one stamp: even ones, where the stamps stay as
+    close to these as bursts follow each other."""
+    number = np.arange(len(times))
+    even = np.polyval(np.polyfit(number, times, 1), number)
+    steps = np.diff(times)
+    return np.asarray(even) if np.std(times - even) <= np.median(steps[steps > 0]) else times
 
 
 def _tick(steps: FloatArray) -> float:

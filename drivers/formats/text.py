@@ -19,11 +19,11 @@ from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.source import Series, check_count, shown
 from lostmotion.drivers.formats.table import Table
 from lostmotion.drivers.formats.text_layout import (
-    COMMENT,
     Layout,
     called,
     cells_of,
     date,
+    is_row,
     layout_of,
     lines_of,
     number,
@@ -60,7 +60,7 @@ def _load(path: Path, layout: Layout, indices: Sequence[int]) -> dict[str, NDArr
     lines = islice(lines_of(path, layout.encoding), layout.skipped, None)
     line, count, most = layout.skipped + 1, 0, max(min(ROWS_AT_ONCE, CELLS_AT_ONCE // len(layout.header)), 1)
     while chunk := list(islice(lines, most)):
-        numbered = [(line + i, text) for i, text in enumerate(chunk) if text.strip() and not text.startswith(COMMENT)]
+        numbered = [(line + i, text) for i, text in enumerate(chunk) if is_row(text)]
         rows = _rows(path, layout, numbered, indices)
         for index in indices:
             parts[index].append(_column([row[index] for row in rows], index, layout, path, [n for n, _ in numbered]))

@@ -26,7 +26,7 @@ from lostmotion.drivers.formats.words import SPELT, is_time
 from lostmotion.drivers.toml_text import TomlError, loads
 from lostmotion.drivers.units import to_si
 
-__all__ = ["COMMENT", "Layout", "called", "cells_of", "date", "layout_of", "lines_of", "number"]
+__all__ = ["Layout", "called", "cells_of", "date", "is_row", "layout_of", "lines_of", "number"]
 
 SEPARATORS = ",;\t|"
 COMMENT = ("#", "%", "//")
@@ -38,6 +38,8 @@ LONGEST = 100 * LONGEST_LINE
 """of a line; MOST_SERIES names of 100 characters are a tenth of it"""
 NOTHING = {"", "nan", "null", "none", "na", "n/a", "-", "--", "?"}
 """cells that stand for no number, in lower case"""
+RULER = re.compile(r"[\s+|]*[-=]{3}[-=+|\s]*")
+"""a line below the header, drawn with signs"""
 DECIMAL_COMMA = re.compile(r"\s*[+-]?\d+,\d+(?:[eE][+-]?\d+)?\s*")
 
 
@@ -65,7 +67,7 @@ def layout_of(path: Path) -> tuple[Layout, list[list[str]]]:
     for place, line in enumerate(islice(lines_of(path, encoding), 4 * LOOKED_AT), start=1):
         if not lines and line.startswith(COMMENT):
             comments.append(line)
-        elif line.strip() and len(lines) < LOOKED_AT:
+        elif is_row(line) and len(lines) < LOOKED_AT:
             lines.append(line)
             places.append(place)
     if not lines:
@@ -84,6 +86,11 @@ def layout_of(path: Path) -> tuple[Layout, list[list[str]]]:
     layout = Layout(encoding, separator, header, below, skipped, comma, dates, _metadata(comments))
     whole = rows if lines[-1].endswith("\n") else rows[:-1]
     return layout, whole[1:] if units else whole
+
+
+def is_row(line: str) -> bool:
+    """Whether a line is neither empty, nor a comment, nor drawn."""
+    return bool(line.strip()) and not line.startswith(COMMENT) and not RULER.fullmatch(line)
 
 
 def _metadata(comments: list[str]) -> dict[str, Any]:

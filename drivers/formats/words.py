@@ -63,6 +63,8 @@ UNITS = {
     "deg", "rad", "s", "ms", "us", "ns", "mm", "cm", "m", "nm", "a", "ma", "v", "mv", "c", "g", "n", "kn", "arcmin",
     "rev", *SPELT,
 }  # fmt: skip
+BRACKETED = re.compile(r"[\[(]([^\])]+)[\])]\s*(?:Run #\d+\s*)?$", re.IGNORECASE)
+"""the text in brackets at the end of a name, also before the number of a run: ``Position (m) Run #1``"""
 VOCABULARY = COMMAND | POSITION | set().union(*QUANTITIES.values()) | OTHER | GENERAL | UNITS
 
 
@@ -143,7 +145,7 @@ def unit_of(name: str, column: str) -> str:
 
     Without brackets it must suit the column: the m of ``torque_m`` is a motor, and no metre.
     """
-    if re.search(r"[\[(][^\])]+[\])]\s*$", name):
+    if BRACKETED.search(name):
         return next((unit for unit in _last(name) if to_si(unit) is not None), "")
     fits = (unit for unit in _last(name) if (si := to_si(unit)) is not None and si[0] == COLUMN_UNITS[column])
     return next(fits, "")
@@ -151,7 +153,7 @@ def unit_of(name: str, column: str) -> str:
 
 def _last(name: str) -> list[str]:
     """What may be the unit at the end of a name, as ``to_si`` knows it."""
-    if found := re.search(r"[\[(]([^\])]+)[\])]\s*$", name):
+    if found := BRACKETED.search(name):
         return [_spelt(found[1])]
     plain = name.strip()
     return [_spelt(re.split(separators, plain)[-1]) for separators in (r"[_\s,-]", r"[_\s,/-]")]

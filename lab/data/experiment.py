@@ -104,6 +104,7 @@ def experiments(model: Model, recordings: Sequence[Recording]) -> tuple[Experime
 
 
 def _experiment(model: Model, recording: Recording) -> Experiment:
+    recording = _displaced(recording) if model.base == "oscillator" else recording
     outputs = [name for name in OUTPUTS[model.base] if _sampled(recording, name)]
     if not outputs:
         raise ExperimentError(
@@ -135,6 +136,14 @@ def _drive_unit(base: str, recording: Recording) -> str:
         return ""
     unit = recording.unit("torque") if _sampled(recording, "torque") else "A"
     return "" if unit in ("N m", "N") else unit
+
+
+def _displaced(recording: Recording) -> Recording:
+    """With the position as the displacement of an oscillator, where there is no other motion; a warning reports it."""
+    if any(_sampled(recording, name) for name in OUTPUTS["oscillator"]) or not _sampled(recording, "position"):
+        return recording
+    log.warning("%s: no displacement was found; the position is taken for it", recording.name)
+    return replace(recording, columns={**recording.columns, "displacement": recording.columns["position"]})
 
 
 def _sampled(recording: Recording, column: str) -> bool:

@@ -102,6 +102,17 @@ def test_a_recording_with_rounded_times_is_evened(rate_hz: float, rounded: np.uf
     assert np.abs(found - written).max() <= MILLIS
 
 
+def test_samples_that_arrive_in_bursts_are_evened() -> None:
+    """At 260 Hz through a buffer that is emptied every 62 ms, stamped on arrival: the times are even, and right to a
+    constant; a second of samples that were lost stays lost."""
+    times = np.arange(5000) / 260
+    arrived = np.ceil(times / 0.062) * 0.062
+    found = evened(arrived)
+    assert np.diff(found) == pytest.approx(1 / 260, rel=1e-3)
+    assert np.ptp(found - times) < 5e-3
+    assert np.diff(evened(np.delete(arrived, slice(2000, 2260)))).max() == pytest.approx(1.0, abs=0.1)
+
+
 def test_times_with_so_many_digits_are_evened() -> None:
     """Frames 1/30 s apart, written with four digits (9.967, 10.03, 110.6): the steps are even to 3 % above 10 s, where
     they were 30, 40, 0 and 100 ms; one frame that was lost stays lost."""
