@@ -40,12 +40,12 @@ from lostmotion.lab.inverse.likelihood import (
 from lostmotion.lab.inverse.output_error import OutputError, initial_state
 from lostmotion.lab.inverse.problem import Data
 from lostmotion.lab.inverse.regression import Regression, blocks_of, can_run
+from lostmotion.lab.inverse.shares import shares
 from lostmotion.lab.inverse.signals import COLUMNS, Signals
 from lostmotion.lab.inverse.torques import can_invert, noise_floor
 from lostmotion.lab.results import Errors, Estimate, Explanation, Fit, Verdict
 from lostmotion.lab.selection.evidence import Candidate
 from lostmotion.lab.selection.forward import Selection, Step, selected
-from lostmotion.lab.selection.nesting import without
 from lostmotion.lab.selection.outcome import advice, ranking, strongest_first
 from lostmotion.lab.shooting.task import coarse_substep
 from lostmotion.model import Model, build_model
@@ -149,21 +149,9 @@ def _power(fit: Fitted, effects: Sequence[str]) -> dict[str, float]:
     """The squared torque of each effect, by which the squared error of a joint is divided: of two that share a torque
     the first step takes what belongs to both (viscous friction before Coulomb's, of an arm with a tenth of it), and a
     free swing with gravity alone is out of phase with the measured one and has a larger error than without."""
-    return {name: _rms(_torques(name, fit)) ** 2 for name in effects}
-
-
-def _torques(effect: str, best: Fitted) -> list[FloatArray]:
-    """What an effect of a joint adds to the torque that each motion needs [N m], at the samples that are compared (M,):
-    all of a free motion, which is simulated as a whole."""
-    data = best.inverse.data
+    data = fit.inverse.data
     assert isinstance(data, Data)
-    pairs = zip(data.needed(best.model), data.needed(without(best.model, effect)), data.signals, strict=True)
-    is_simulated = best.judged is not best.inverse
-    return [more - less if is_simulated else one.filtered(more - less) for more, less, one in pairs]
-
-
-def _rms(parts: Sequence[FloatArray]) -> float:
-    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+    return shares(fit.model, effects, data, is_whole=fit.judged is not fit.inverse)
 
 
 def _floors(noise: dict[str, float], column: str, fit: Regression, *unseen: Signals) -> dict[str, float]:

@@ -148,7 +148,9 @@ class WholeMotion:
         wide = list(candidates(now.inverse.model, added, now.inverse.data))
         with within(policy.STAGE_SHARE * remaining_s()):
             fits, failed = self._fitted_each(wide, now.inverse)
-        found = each(self.pool, lambda one: (one[0], self._for_predictions(*one, now)), fits, first=1)
+        tried = each(self.pool, lambda one: (one[0], self._for_predictions(*one, now)), fits, first=1)
+        found = [(name, fit) for name, fit in tried if fit]
+        failed += [name for name, fit in tried if fit is None]
         known = {*(effect for effect, _ in found), *failed}
         yield Proposals(found, tuple(name for name, _ in wide if name not in known), tuple(failed))
 
@@ -177,10 +179,14 @@ class WholeMotion:
         finished = each(self.pool, lambda one: (one[0], refined(one[1])), found[:many])
         return [*finished, *found[len(finished) :]], failed
 
-    def _for_predictions(self, name: str, inverse: Regression, now: Fitted) -> Fitted:
-        """With the fit that is judged.  For a free motion it begins with the estimates from the acceleration, or with
-        the present ones where these explain nothing: the acceleration does not show a small damping."""
-        found = self._fitted(inverse)
+    def _for_predictions(self, name: str, inverse: Regression, now: Fitted) -> Fitted | None:
+        """With the fit that is judged; None where its motion cannot be simulated.  For a free motion it begins with the
+        estimates from the acceleration, or with the present ones where these explain nothing: the acceleration does not
+        show a small damping."""
+        try:
+            found = self._fitted(inverse)
+        except ModelError:
+            return None
         if self.method is not Method.FREE or found.rms < math.sqrt(1 - policy.LEAST_GAIN) * now.rms:
             return found
         other = fitted_beside(name, inverse.model, now.judged)
