@@ -69,9 +69,9 @@ class Channel:
         channel = next(one for one, unsure in found if not is_identified or unsure <= policy.BAND_AS_WELL * least)
         if channel.is_turned:
             log.warning(
-                "%s: the torque is counted against the angle, as the inertia would be negative and friction would "
-                "drive; it is turned round", experiments[0].name,
-            )  # fmt: skip
+                "%s: the torque is counted against the angle, as friction would drive; it is turned round",
+                experiments[0].name,
+            )
         if channel.delay_s:
             log.warning(
                 "%s: the torque acts %.2g ms %s than it was recorded; this delay is removed",
@@ -102,19 +102,23 @@ def _check_torque(experiments: Sequence[Experiment]) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Least squares of the usual joint: its inertia [kg m²], the standard deviation of it, robust to correlation of the
-    residual within blocks (cluster-robust; Liang and Zeger 1986), and the residual (M,) [N m]."""
+    """Least squares of the usual joint: its inertia [kg m²] and the mean power that friction takes [W], their standard
+    deviations, robust to correlation of the residual within blocks (cluster-robust; Liang and Zeger 1986), and the
+    residual (M,) [N m]."""
 
     inertia: float
-    deviation: float
-    residual: FloatArray
     lost: float
-    """The mean power that friction takes [W]."""
+    deviation: float
+    lost_deviation: float
+    residual: FloatArray
 
     @property
     def is_turned(self) -> bool:
-        """Whether the torque is counted against the angle: the inertia is negative for certain, and friction drives."""
-        return self.inertia < 0 and self.lost < 0 and self.unsure < policy.INERTIA_IDENTIFIED
+        """Whether the torque is counted against the angle: friction drives, and of it and the inertia what is certain
+        is negative.  A damper on a test bench has no inertia that shows."""
+        both = ((self.inertia, self.deviation), (self.lost, self.lost_deviation))
+        certain = [value for value, deviation in both if deviation < policy.INERTIA_IDENTIFIED * abs(value)]
+        return self.lost < 0 and bool(certain) and max(certain) < 0
 
     @property
     def unsure(self) -> float:
@@ -160,10 +164,12 @@ class _Usual:
         found = self.inverse @ (self.regressors.T @ torque)
         residual = torque - self.regressors @ found
         scores = np.add.reduceat(self.regressors * residual[:, None], np.arange(BLOCKS) * torque.size // BLOCKS)
-        deviation = float(np.linalg.norm(scores @ self.inverse[0]))
-        friction = self.regressors[:, 1:3] @ found[1:3]
-        lost = float(friction @ self.regressors[:, 1] * self.size[1]) / torque.size
-        return _Fit(float(found[0] / self.size[0]), deviation / float(self.size[0]), residual, lost)
+        wanted = np.zeros((2, found.size))  # the inertia, and the power of viscous and Coulomb friction
+        wanted[0, 0] = 1 / self.size[0]
+        wanted[1, 1:3] = self.regressors[:, 1:3].T @ self.regressors[:, 1] * self.size[1] / torque.size
+        inertia, lost = (wanted @ found).tolist()
+        deviation, lost_deviation = np.linalg.norm(scores @ self.inverse @ wanted.T, axis=0).tolist()
+        return _Fit(inertia, lost, deviation, lost_deviation, residual)
 
 
 def _delayed(usual: _Usual) -> tuple[float, _Fit]:

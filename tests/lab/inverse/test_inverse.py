@@ -381,9 +381,11 @@ def test_an_effect_of_ones_own_is_tried_beside_the_catalogue(tmp_path: Path) -> 
 
 
 @pytest.mark.slow
-def test_a_damper_whose_displacement_is_given(tmp_path: Path) -> None:
-    """Force and displacement of a damper on a shaking table, under other names: viscous and Coulomb friction are
-    named through the command line with their sizes, although the motion tells no inertia."""
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_damper_whose_displacement_is_given(sign: float, tmp_path: Path) -> None:
+    """Force and displacement of a damper on a shaking table, under other names, pushing or pulling counted as positive:
+    viscous and Coulomb friction are named through the command line with their sizes, although the motion tells no
+    inertia."""
     rng = np.random.default_rng(6)
     time = np.arange(0, 20, 0.01)
     stroke, speed = np.zeros(time.size), np.zeros(time.size)
@@ -391,7 +393,7 @@ def test_a_damper_whose_displacement_is_given(tmp_path: Path) -> None:
         stroke, speed = stroke + size * np.sin(w * time + phase), speed + size * w * np.cos(w * time + phase)
     force = 1400 * speed + 50 * np.tanh(speed / 1e-3) - 130 + rng.normal(0, 2.0, time.size)
     measured = 1e3 * stroke + rng.normal(0, 0.02, time.size)
-    np.savetxt(tmp_path / "damper.csv", np.column_stack([time, measured, force]), delimiter=",",
+    np.savetxt(tmp_path / "damper.csv", np.column_stack([time, measured, sign * force]), delimiter=",",
                header="time,stroke,load", comments="")  # fmt: skip
     (tmp_path / "axis.toml").write_text('base = "joint"\n')
     files = [str(tmp_path / name) for name in ("axis.toml", "damper.csv")]
