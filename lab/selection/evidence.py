@@ -131,8 +131,9 @@ def shapes_tried(effect: str, model: Model) -> float:
 
 def are_consistent(model: Model, effects: Sequence[str]) -> bool:
     """Whether the model's values agree with the definition of each of these effects."""
+    base = {name: p.value for name, p in model.parameters.items() if "." not in name}
     own = {name: {part: p.value for part, p in model.own(name).items()} for name in effects}
-    return all(get_effect(name).is_apt(values) for name, values in own.items())
+    return all(get_effect(name).is_apt({**base, **values}) for name, values in own.items())
 
 
 def are_alike(one: Candidate[F], best: Candidate[F], tried: float, predictions: Predictions) -> bool:

@@ -87,7 +87,7 @@ class Effect(EffectInfo):
     for its own and the base's values.  delay [s] shifts the input, clock_rate stretches the sensor's time
     stamps; both are plain functions of the effect's values, outside the kernels.  defaults: other values of the
     parameters on one base.
-    is_apt: whether values of its parameters fit its name: a Stribeck friction is largest near rest.
+    is_apt: whether values of its parameters, and of the base's, fit its name: a Stribeck friction is largest near rest.
 
     For a search: amplitudes: parameters without which it vanishes; guesses: values from which it may begin in a motion
     of these scales; barely: values with which it hardly acts, one for each shape, where it has no amplitude; simpler:
