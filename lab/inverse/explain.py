@@ -157,11 +157,13 @@ def _power(fit: Fitted, effects: Sequence[str]) -> dict[str, float]:
 def _floors(noise: dict[str, float], column: str, fit: Regression, *unseen: Signals) -> dict[str, float]:
     """Noise floor of each column; for the compared one within the band, the largest of all recordings."""
     every = (*unseen, *fit.data.signals)
+    least = fit.data.accuracy if isinstance(fit.data, OutputError) else 0.0
+    noise = {**noise, column: max(noise.get(column, 0.0), least)}
     if column == "torque":
         return {**noise, column: max(noise_floor(one, fit.model) for one in every)}
     if column == "accel":
         return noise
-    return {**noise, column: min(noise[column], max(one.position_noise for one in every))}
+    return {**noise, column: min(noise[column], max(*(one.position_noise for one in every), least))}
 
 
 def fitted(model: Model, experiments: Sequence[Experiment], method: Method, noise: dict[str, float]) -> Fit:

@@ -240,8 +240,10 @@ class WholeMotion:
         )
 
     def least_gain(self, fit: Fitted, now: Fitted) -> float:
-        """The same for all."""
-        return policy.LEAST_GAIN
+        """The same for all; nothing is worth a name where the motion is followed as far as it can be computed."""
+        data = now.judged.data
+        is_followed = isinstance(data, OutputError) and now.rms < data.accuracy
+        return 1.0 if is_followed else policy.LEAST_GAIN
 
     def is_sized(self, effect: str, fit: Fitted) -> bool:
         """See the function."""

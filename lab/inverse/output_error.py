@@ -30,9 +30,6 @@ from lostmotion.model.motion import FloatArray
 
 __all__ = ["OutputError"]
 
-REST = 0.1
-"""Share of the largest speed: below it, a free recording has ended.  How a joint comes to rest depends on how its
-friction is smoothed; with 0.02 to 0.2 the same effects are found in drops of a servo, in another order."""
 SCATTERS = 3.0
 """Range of the initial state, in standard deviations of the readings about the filtered signals, of all or of those in
 the first period of the band: near its end the filter distorts the signal."""
@@ -43,6 +40,9 @@ minutes."""
 MOST_SAMPLES, PER_PERIOD = 20_000, 20
 """Largest number of samples of all recordings, beyond which they are thinned, but not below so many in a period of the
 end of the band: a search of 113 000 readings of a pendulum over two minutes did not finish in a minute."""
+ACCURACY = 1e-6
+"""Share of the motion that counts as an error of its integration: to a mass whose motion was itself computed, and that
+was followed to 1e-8, a clock that is off by 28 ppm was named."""
 STEPS = 4.0
 """Integration steps of a fit, times the model's own choice."""
 
@@ -175,6 +175,11 @@ class OutputError:
         )
 
     @property
+    def accuracy(self) -> float:
+        """The error that may be one of integration [rad, m or m/s²]."""
+        return ACCURACY * self.error_at_rest
+
+    @property
     def error_at_rest(self) -> float:
         """Root mean square of the readings' deviation from their mean [rad, m or m/s²]."""
         readings = [one.experiment.measured[one.column] for one in self.signals]
@@ -214,9 +219,8 @@ def _thinned(experiment: Experiment, every: int) -> Experiment:
 
 
 def _until_rest(signals: Signals) -> Experiment:
-    """A free recording without its end, in which the speed stays below a share of its largest."""
+    """A free recording without its end, in which the part rests."""
     if is_driven(signals.experiment):
         return signals.experiment
-    speed = np.abs(signals.velocity)
-    last = float(signals.time[np.flatnonzero(speed > REST * speed.max())[-1]])
+    last = float(signals.time[np.flatnonzero(signals.moving)[-1]])
     return signals.experiment.between(signals.experiment.time[0], last)

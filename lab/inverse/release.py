@@ -18,7 +18,7 @@ import numpy as np
 from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.fitting.identifiability import is_driven
-from lostmotion.lab.inverse.signals import LEAST_SAMPLES, REGRESSORS, Signals
+from lostmotion.lab.inverse.signals import LEAST_SAMPLES, REGRESSORS, Signals, is_moving
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["released"]
@@ -29,8 +29,6 @@ SMALL = 0.1
 """Share of the usual acceleration: the smallest error that counts."""
 PAUSE = 3.0
 """Periods of the end of the band: a longer rest is one between two motions."""
-REST = 0.05
-"""Share of the largest speed, below which a free motion has ended."""
 log = logging.getLogger(__name__)
 
 
@@ -70,13 +68,12 @@ def _release(signals: Signals) -> float | None:
 
 
 def _largest_motion(signals: Signals) -> slice:
-    """The samples of the motion, of several with rests between, with the largest integral of the squared speed.  What
-    moves freely does not begin again after a rest."""
-    speed = np.abs(signals.velocity)
-    moving = np.flatnonzero(speed > REST * speed.max())
+    """The samples of the motion, of several with rests between, with the longest way.  What moves freely does not begin
+    again after a rest."""
+    moving = np.flatnonzero(signals.moving)
     rest = PAUSE / signals.band_hz / float(signals.time[1] - signals.time[0])
     parts = np.split(moving, np.flatnonzero(np.diff(moving) > rest) + 1)
-    largest = max(parts, key=lambda part: float(np.sum(speed[part] ** 2)))
+    largest = max(parts, key=lambda part: float(np.abs(signals.velocity[part]).sum()))
     return slice(int(largest[0]), int(largest[-1]) + 1)
 
 
@@ -109,7 +106,7 @@ class _Local:
         speed = np.abs(velocity[: moved.stop])
         begin = max(moved.start, width)
         first = int(np.argmax(speed[begin:])) + begin
-        last = int(np.flatnonzero(speed > REST * speed[first])[-1]) + 1
+        last = int(np.flatnonzero(is_moving(velocity[begin : moved.stop]))[-1]) + begin + 1
         return cls(position, velocity, acceleration, width, slice(first, last))
 
     def unexplained(self, is_linear: bool) -> FloatArray:

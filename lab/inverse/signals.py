@@ -19,7 +19,7 @@ from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.frequency_response import spectral_lines
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["COLUMNS", "LEAST_SAMPLES", "Signals"]
+__all__ = ["COLUMNS", "LEAST_SAMPLES", "Signals", "is_moving"]
 
 FASTEST = 0.2
 """Share of the sampling rate: the highest end of a band, where the second derivative of the spline is accurate to 1
@@ -123,6 +123,11 @@ class Signals:
         moving = np.flatnonzero(np.abs(self.velocity) >= self._rest_speed)
         return float(self.time[moving[int(share * (moving.size - 1))]])
 
+    @cached_property
+    def moving(self) -> NDArray[np.bool_]:
+        """Where a free motion has not ended (N,)."""
+        return is_moving(self.velocity)
+
     def delayed(self, by_s: float) -> Signals:
         """With a torque that acts so much later [s]."""
         at = np.clip(self.time - by_s, *self.time[[0, -1]])
@@ -199,6 +204,14 @@ class Signals:
         of (2 pi f)^(2 order) times the noise's density."""
         power = 2 * order + 1
         return float(np.sqrt(self.position_density * (2 * np.pi) ** (2 * order) * end_hz**power / power))
+
+
+def is_moving(velocity: FloatArray) -> NDArray[np.bool_]:
+    """Where the speed is above ``policy.RESTS`` of that below which half of the way is made (N,)."""
+    speed = np.abs(velocity)
+    ordered = np.sort(speed)
+    way = np.cumsum(ordered)
+    return np.asarray(speed > policy.RESTS * ordered[np.searchsorted(way, way[-1] / 2)])
 
 
 def _integrated_twice(acceleration: FloatArray, step: float) -> FloatArray:
