@@ -32,6 +32,7 @@ from lostmotion.lab.data.noise import noise_of
 from lostmotion.lab.deadline import Progress
 from lostmotion.lab.gears.explain import explained_gears
 from lostmotion.lab.inverse.explain import explained, method_of
+from lostmotion.lab.inverse.modes import band_limited
 from lostmotion.lab.inverse.release import released
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.results import Explanation
@@ -53,7 +54,7 @@ def explain(
     all.
     """
     method = method_of(model, experiments)
-    experiments = released(experiments) if method else experiments
+    experiments = released(band_limited(model, experiments)) if method else experiments
     noise = noise_of(experiments)
     train, last = _split(experiments, method is not None)
     if method is None:

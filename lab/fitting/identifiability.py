@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.lab.results import Estimate
 from lostmotion.model import Model
 from lostmotion.model.bases import get_base
@@ -31,6 +31,8 @@ def with_scale(model: Model, experiments: Sequence[Experiment]) -> tuple[Model, 
     if any(is_driven(one) for one in experiments):
         return model, ()
     model = with_free_states(model)
+    if all(set(one.measured) == {ACCEL} for one in experiments) and "bias" in model.parameters:
+        model = held(model, ["bias"])  # where a bar rests, an accelerometer does not tell
     name = get_base(model.base).scale
     if not name or model.parameters[name].fixed:
         return model, ()

@@ -19,7 +19,7 @@ from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.frequency_response import spectral_lines
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["COLUMNS", "LEAST_SAMPLES", "Signals", "is_moving"]
+__all__ = ["COLUMNS", "LEAST_SAMPLES", "Signals", "is_moving", "lowpass"]
 
 FASTEST = 0.2
 """Share of the sampling rate: the highest end of a band, where the second derivative of the spline is accurate to 1
@@ -35,6 +35,8 @@ SPLINE = 5
 """Degree of the spline that is differentiated.  Central differences are 3 % too small at a twentieth of the rate."""
 SLOWEST = 4.0
 """Periods in the recording: the lowest end of a band taken from others, and of the band of an accelerometer."""
+RINGS = 0.25
+"""Share of the frequency of a ring-down, below which an accelerometer feels its own drift."""
 PER_PERIOD = 2.5
 """Samples that are kept per period of the end of the band."""
 EDGE = 2.0
@@ -86,7 +88,10 @@ class Signals:
         time = np.arange(at[0], at[-1] + step / 2, step)
         position = np.interp(time, at, measured)
         if column == "accel":
-            position = _integrated_twice(position, step)
+            slowest = SLOWEST / (position.size * step)
+            if experiment.drive is None:
+                slowest = max(slowest, RINGS * max(spectral_lines(position, 1 / step)[:1], default=0.0))
+            position = _integrated_twice(position, step, slowest)
         drive = experiment.drive if is_force else None
         torque = np.asarray(drive.position(np.clip(time, at[0], at[-1]))) if drive else np.zeros_like(time)
         band, density = _band(position, 1 / step)
@@ -94,12 +99,12 @@ class Signals:
         if is_disturbed:
             band = min(max(band, SLOWEST_DISTURBED / (time.size * step)), FASTEST / step)
         whole = min(WHOLE * band, FASTEST / step)
-        smooth = _lowpass(position, whole * step)
+        smooth = lowpass(position, whole * step)
         spline = make_interp_spline(time, smooth, k=SPLINE)
         velocity, acceleration = (np.asarray(spline.derivative(order)(time)) for order in (1, 2))
         noise = _torque_noise(torque, 1 / step, band)
         return cls(
-            experiment, time, smooth, velocity, acceleration, _lowpass(torque, whole * step), band, density, noise,
+            experiment, time, smooth, velocity, acceleration, lowpass(torque, whole * step), band, density, noise,
             column,
         )  # fmt: skip
 
@@ -160,7 +165,7 @@ class Signals:
 
     def smooth(self, signals: FloatArray) -> FloatArray:
         """Signals (..., N) through the filter with the cutoff at the end of the band."""
-        return _lowpass(signals, self.band_hz / self._rate)
+        return lowpass(signals, self.band_hz / self._rate)
 
     @cached_property
     def lines(self) -> tuple[float, ...]:
@@ -214,18 +219,17 @@ def is_moving(velocity: FloatArray) -> NDArray[np.bool_]:
     return np.asarray(speed > policy.RESTS * ordered[np.searchsorted(way, way[-1] / 2)])
 
 
-def _integrated_twice(acceleration: FloatArray, step: float) -> FloatArray:
-    """Position without frequencies below ``SLOWEST`` periods in the recording, where an accelerometer's offset exceeds
-    the motion."""
+def _integrated_twice(acceleration: FloatArray, step: float, slowest_hz: float) -> FloatArray:
+    """Position without frequencies below this, where an accelerometer's offset exceeds the motion."""
     frequency = np.fft.rfftfreq(acceleration.size, step)
     spectrum = np.fft.rfft(acceleration - acceleration.mean())
-    slow = frequency < SLOWEST / (acceleration.size * step)
+    slow = frequency < slowest_hz
     spectrum[~slow] /= -((2 * np.pi * frequency[~slow]) ** 2)
     spectrum[slow] = 0.0
     return np.asarray(np.fft.irfft(spectrum, acceleration.size))
 
 
-def _lowpass(values: FloatArray, band: float) -> FloatArray:
+def lowpass(values: FloatArray, band: float) -> FloatArray:
     """Zero-phase, along the last axis; band: its end in cycles per sample.
 
     As ``scipy.signal.sosfiltfilt`` does, which computes the filter's initial state at every call; this takes as long as
