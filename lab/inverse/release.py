@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lostmotion.lab import policy
-from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.lab.fitting.identifiability import is_driven
-from lostmotion.lab.inverse.signals import LEAST_SAMPLES, REGRESSORS, Signals, is_moving
+from lostmotion.lab.inverse.signals import EDGE, LEAST_SAMPLES, REGRESSORS, Signals, is_moving
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["released"]
@@ -27,6 +27,10 @@ ORDER = 5
 """Degree of a local polynomial: over a third of a period of a sine its second derivative is right to 0.5 %."""
 SMALL = 0.1
 """Share of the usual acceleration: the smallest error that counts."""
+PERIOD = 3
+"""Widths of the polynomials in a period."""
+TURNING = 0.1
+"""Share of a period: the longest time in which a free motion turns."""
 PAUSE = 3.0
 """Periods of the end of the band: a longer rest is one between two motions."""
 log = logging.getLogger(__name__)
@@ -53,9 +57,10 @@ def _release(signals: Signals) -> float | None:
 
     It is free from the last time on at which the error of the acceleration, over a third of a period, was more than
     ``policy.MISSED`` times that of the free part.  Less than a period before it is not left
-    out: a second mode that dies down looks alike.
+    out: a second mode that dies down looks alike.  The rest before a blow is, and the blow, which an
+    accelerometer feels, where the rest is longer than that of a free motion where it turns.
     """
-    motion = _Local.of(signals)
+    motion, rate = _Local.of(signals), 1 / float(signals.time[1] - signals.time[0])
     free = motion.free
     if free.stop - free.start < max(LEAST_SAMPLES, motion.width) * REGRESSORS:  # a width is as good as one sample
         return None
@@ -64,7 +69,10 @@ def _release(signals: Signals) -> float | None:
     mean = np.sqrt(np.convolve(off**2, np.ones(width) / width, mode="same"))
     wrong = np.flatnonzero(mean[width : free.start] > policy.MISSED * usual)
     release = width + int(wrong[-1]) + 1 if wrong.size else 0
-    return float(signals.time[release]) if release >= 3 * width else None
+    release = release if release >= PERIOD * width else 0
+    if signals.column == ACCEL and motion.begins > TURNING * PERIOD * width:
+        release = max(release, motion.begins + round(EDGE / signals.band_hz * rate))
+    return float(signals.time[release]) if release else None
 
 
 def _largest_motion(signals: Signals) -> slice:
@@ -80,13 +88,14 @@ def _largest_motion(signals: Signals) -> slice:
 @dataclass(frozen=True, eq=False)
 class _Local:
     """Position, speed and acceleration (N,) by local polynomials of a width in samples that is a third of a period;
-    free: from the largest speed until rest."""
+    free: from the largest speed until rest; begins: the first sample of the largest motion."""
 
     position: FloatArray
     velocity: FloatArray
     acceleration: FloatArray
     width: int
     free: slice
+    begins: int
 
     @classmethod
     def of(cls, signals: Signals) -> _Local:
@@ -107,7 +116,7 @@ class _Local:
         begin = max(moved.start, width)
         first = int(np.argmax(speed[begin:])) + begin
         last = int(np.flatnonzero(is_moving(velocity[begin : moved.stop]))[-1]) + begin + 1
-        return cls(position, velocity, acceleration, width, slice(first, last))
+        return cls(position, velocity, acceleration, width, slice(first, last), moved.start)
 
     def unexplained(self, is_linear: bool) -> FloatArray:
         """The acceleration that no function of position and speed explains (N,), fitted where the motion is free."""
