@@ -1,8 +1,8 @@
-"""The ring-down of a structure with more modes than the model has, band-limited to those that it can have.
+"""The ring-down of a structure with more modes than the catalogue has, band-limited to its strongest one.
 
-A modal analysis looks at the modes within a band and leaves the others to a residual.  The bar of the model has one
-mode, and the catalogue a second one; an accelerometer on a struck beam feels a dozen, in acceleration as large as these
-in the first tenths of a second (Ewins 2000, Modal Testing, sections 4.2 and 4.4).
+A modal analysis looks at one mode at a time, within its band, and leaves the others to a residual (Ewins 2000, Modal
+Testing, sections 4.2 and 4.4).  The bar of the model has one mode, and the catalogue a second one; an accelerometer on
+a struck beam feels a dozen, in the first tenths of a second as large as these.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from lostmotion.model import Model
 __all__ = ["band_limited"]
 
 MODES = 2
-"""Of the model and the catalogue."""
+"""Of the model and the catalogue: where there are no more, all are compared."""
 log = logging.getLogger(__name__)
 
 
 def band_limited(model: Model, experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-    """The experiments, those of an accelerometer on a bar that rings down without modes above its two strongest ones; a
-    warning reports what is left out."""
+    """The experiments, those of an accelerometer on a bar that rings down in many modes within the band of its strongest
+    one; a warning reports the others."""
     return tuple(_limited(one) if model.base == "oscillator" else one for one in experiments)
 
 
@@ -37,9 +37,9 @@ def _limited(experiment: Experiment) -> Experiment:
     if values is None or len(experiment.measured) > 1 or is_driven(experiment):
         return experiment
     lines = spectral_lines(values, rate)
-    cutoff = WHOLE * max(lines[:MODES], default=np.inf)
-    beyond = [line for line in lines[MODES:] if line > cutoff]
-    if not beyond or cutoff > FASTEST * rate:
+    cutoff = WHOLE * lines[0] if lines else np.inf
+    beyond = [line for line in lines if line > cutoff]
+    if len(beyond) < MODES or cutoff > FASTEST * rate:
         return experiment
     log.warning(
         "%s: has further modes, at %s Hz; the motion is compared below %.3g Hz",
