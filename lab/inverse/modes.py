@@ -27,8 +27,8 @@ log = logging.getLogger(__name__)
 
 
 def band_limited(model: Model, experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-    """The experiments, those of an accelerometer on a bar that rings down in many modes within the band of its strongest
-    one; a warning reports the others."""
+    """The experiments, those of an accelerometer on a bar that rings down in many modes within the band of its
+    strongest one; a warning reports the others."""
     return tuple(_limited(one) if model.base == "oscillator" else one for one in experiments)
 
 

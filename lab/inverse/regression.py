@@ -106,7 +106,8 @@ class Regression:
             damped = curvature + damping * np.diag(np.diag(curvature))
             trial = self._bounded(damped, slopes.T @ residual[inside] + variance * change, change)
             error = self._at(self._here + trial)
-            price = float(np.sum(error[inside] ** 2) + variance * trial @ trial)
+            with np.errstate(over="ignore"):  # a trial step may be far off
+                price = float(np.sum(error[inside] ** 2) + variance * trial @ trial)
             if price < cost:
                 gained, change, residual, cost = cost - price, trial, error, price
                 damping = max(damping / 10, LEAST_DAMPING)
