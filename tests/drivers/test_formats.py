@@ -440,3 +440,12 @@ def test_names_behind_a_hash_are_no_metadata(tmp_path: Path) -> None:
         read_recording(path)
     found = read_recording(path, "", ["position=u", "torque=v"])
     assert set(found.columns) >= {"position", "torque"}
+
+
+def test_a_line_below_the_header_and_numbers_of_runs(tmp_path: Path) -> None:
+    """A drawn line is no row; the unit stands in front of ``Run #1``, as a data logger of schools writes it."""
+    rows = "".join(f"{t:.2f}; {t / 5:.3f};\n" for t in T)
+    (tmp_path / "run.csv").write_text(f"Time (s) Run #1;Position (m) Run #1;Velocity\n{'-' * 30}\n{rows}")
+    found = read(tmp_path / "run.csv")
+    assert found.recording.columns["position"] == pytest.approx(T / 5, abs=1e-3)
+    assert found.recording.metadata["position_unit"] == "m"

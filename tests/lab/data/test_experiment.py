@@ -231,6 +231,22 @@ def test_free_oscillation_needs_no_input() -> None:
     assert tuple(experiment.measured) == ("accel",)
 
 
+def test_a_position_is_the_displacement_of_an_oscillator(caplog: pytest.LogCaptureFixture) -> None:
+    """Where there is no other motion, and this is told."""
+    times = np.arange(0.0, 3.0, 0.01)
+    (one,) = experiments(build_model("oscillator"), [Recording(times, {"position": np.cos(9 * times)}, name="p.csv")])
+    assert list(one.measured) == ["displacement"]
+    assert "no displacement was found; the position is taken for it" in caplog.text
+
+
+def test_rounded_times_of_the_outputs_are_evened() -> None:
+    """30 frames a second, stamped to 10 ms, give even steps."""
+    frames = np.arange(300) / 30
+    stamped = Recording(np.round(frames, 2), {"position": np.cos(frames)}, name="film.csv")
+    (one,) = experiments(build_model("joint"), [stamped])
+    assert np.diff(one.time) == pytest.approx(1 / 30, rel=0.03)
+
+
 def test_the_longest_part_without_a_gap_is_used(caplog: pytest.LogCaptureFixture) -> None:
     """Of a recording whose input is missing for 41 samples the longer part is taken, and this is said."""
     (found,) = held("play", without(300, 340, command=COMMAND, accel=ACCEL))

@@ -1,0 +1,115 @@
+"""Ring-downs as people record them: a struck beam of many modes, a mass that softens, a motion that was computed."""
+
+from __future__ import annotations
+
+import logging
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from lostmotion.drivers.recording import Recording
+from lostmotion.lab.data.experiment import Experiment, experiments
+from lostmotion.lab.inverse.modes import band_limited
+from lostmotion.lab.inverse.release import released
+from lostmotion.lab.selection.evidence import are_consistent
+from lostmotion.model import build_model
+from lostmotion.model.motion import FloatArray
+from tests.lab.inverse.test_inverse import explained
+
+BARE = 'base = "oscillator"\n'
+OTHERS = ((45.0, 0.01, 30.0), (120.0, 0.01, 40.0), (240.0, 0.005, 60.0))
+"""Frequency [Hz], damping ratio and acceleration [m/s²] of the other modes of a struck beam."""
+
+
+def bend(
+    times: FloatArray, drag: float, cubic: float, first: float, damping: float = 0.4, hz: float = 7.0
+) -> FloatArray:
+    """Displacement and acceleration (2, N) of the first mode [m, m/s²], by SciPy's LSODA; drag [1/m] and cubic
+    stiffness [1/(m² s²)] per mass."""
+    w = 2 * math.pi * hz
+
+    def slope(_: float, x: FloatArray) -> list[float]:
+        return [x[1], -(w**2) * x[0] - cubic * x[0] ** 3 - damping * x[1] - drag * x[1] * abs(x[1])]
+
+    swing = solve_ivp(slope, (0, times[-1]), [first, 0.0], "LSODA", times, rtol=1e-9, atol=1e-12).y
+    return np.array([swing[0], [slope(0.0, x)[1] for x in swing.T]])
+
+
+def beam(seed: int, drag: float) -> Recording:
+    """The accelerometer on a beam that was struck: at rest for 0.1 s, then the first mode and three others."""
+    rng = np.random.default_rng(seed)
+    times = np.arange(0.0, 8.0, 1 / 1024)
+    after = times[times >= 0.1] - 0.1
+    felt = bend(after, drag, 0.0, 0.012)[1]
+    for f, zeta, size in OTHERS:
+        turned = 2 * np.pi * f * after
+        felt = felt + size * np.exp(-zeta * turned) * np.cos(turned + rng.uniform(0, 2 * np.pi))
+    whole = np.concatenate([np.zeros(times.size - after.size), felt]) + 0.02 * rng.standard_normal(times.size)
+    return Recording(times, {"accel": whole}, name=f"beam{seed}.csv")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("drag", [3.0, 0.0])
+def test_a_struck_beam_of_many_modes(drag: float, tmp_path: Path) -> None:
+    """Of the first mode, drag is named where there is some, and no second mode or friction; the others are told."""
+    answer = explained(tmp_path, BARE, [beam(1, drag)])
+    assert answer["missing"] == (["quadratic_damping"] if drag else [])
+    assert answer["complete"] is False or not drag
+
+
+def test_the_other_modes_are_told(caplog: pytest.LogCaptureFixture) -> None:
+    """Their frequencies stand in a warning; a bar with a single other mode is compared as it is."""
+    model = build_model("oscillator")
+    (struck,) = experiments(model, [beam(2, 0.0)])
+    with caplog.at_level(logging.WARNING):
+        (found,) = band_limited(model, [struck])
+    assert found.rate_hz < struck.rate_hz / 4
+    for f, _, _ in OTHERS:
+        assert f"{f:.0f}" in caplog.text
+    two = struck.measured["accel"] * 0
+    for f, zeta, size in ((7.0, 0.01, 20.0), (45.0, 0.01, 5.0)):
+        turned = 2 * np.pi * f * struck.time
+        two = two + size * np.exp(-zeta * turned) * np.cos(turned)
+    plain = Experiment("two.csv", None, struck.time, {"accel": two + 0.01 * np.sin(1e5 * struck.time**2)})
+    assert band_limited(model, [plain]) == (plain,)
+
+
+@pytest.mark.slow
+def test_a_mass_that_softens_and_is_damped_within_few_swings(tmp_path: Path) -> None:
+    """The spring is named, and not a second mode that overlaps the first."""
+    times = np.arange(0.0, 1.5, 0.01)
+    place = bend(times, 0.0, -7000.0, 0.11, 6.0, 2.9)[0]
+    measured = np.round((place + 5e-4 * np.random.default_rng(3).standard_normal(times.size)) * 500) / 500
+    answer = explained(tmp_path, BARE, [Recording(times, {"displacement": measured}, name="soft.csv")])
+    assert answer["missing"] == ["hardening_spring"]
+    assert answer["parameters"]["hardening_spring.k3"][0] < 0
+
+
+def test_modes_that_overlap_are_no_two() -> None:
+    """Two modes are apart by more than the half-power bandwidth of either, or there is one."""
+    model = build_model("oscillator", ["second_mode"], {"m": 1.0, "k": (2 * math.pi * 2.0) ** 2, "b": 0.1})
+    for f2, zeta2, is_one in ((2.3, 0.02, True), (2.03, 0.02, False), (2.3, 0.1, False), (9.0, 0.9, False)):
+        found = model.replace({"second_mode.f2": f2, "second_mode.zeta2": zeta2})
+        assert are_consistent(found, ["second_mode"]) is is_one
+
+
+@pytest.mark.slow
+def test_a_motion_that_was_computed_lacks_nothing(tmp_path: Path) -> None:
+    """A decay in closed form, to all digits: what is left is the error of the integration."""
+    times = np.arange(0.0, 60.0, 0.1)
+    ring = 1e-3 * np.exp(-0.03 * times) * np.cos(0.9 * times)
+    answer = explained(tmp_path, BARE, [Recording(times, {"displacement": ring}, name="exact.csv")])
+    assert (answer["verdict"], answer["complete"]) == ("nothing_missing", True)
+
+
+def test_a_jerk_does_not_hide_the_release() -> None:
+    """A mass that is shifted at once, pulled slowly, held and let go moves freely from there."""
+    times = np.arange(0.0, 200.0, 0.1)
+    after = np.maximum(times - 38.0, 0.0)
+    pulled = np.interp(times, [0, 2.3, 2.4, 20, 28], [0, -2.3, 0, 0, 0.8])
+    place = np.where(times < 38.0, pulled, 0.8 * np.exp(-0.02 * after) * np.cos(0.9 * after))
+    (found,) = released([Experiment("pulled.csv", None, times, {"displacement": place})])
+    assert 38.0 <= found.time[0] < 40.0
