@@ -87,7 +87,7 @@ zero."""
 LEAST_PERIODS = 2.0
 """A torque of N periods a turn is distinguished from a slowly varying one when the motion covers so many periods."""
 
-RESTS = 0.15
+RESTS = 0.2
 """Share of the speed below which half of the way is made, below which a free motion has ended.  How a joint comes to
 rest depends on how its friction is smoothed.  The largest speed instead is that of a jerk: a mass that was shifted at
 once, then pulled slowly, held and let go, was said to move only at the jerk."""

@@ -151,7 +151,7 @@ def _power(fit: Fitted, effects: Sequence[str]) -> dict[str, float]:
     free swing with gravity alone is out of phase with the measured one and has a larger error than without."""
     data = fit.inverse.data
     assert isinstance(data, Data)
-    return shares(fit.model, effects, data, is_whole=fit.judged is not fit.inverse)
+    return shares(fit.model, effects, data, is_free=fit.judged is not fit.inverse)
 
 
 def _floors(noise: dict[str, float], column: str, fit: Regression, *unseen: Signals) -> dict[str, float]:

@@ -3,32 +3,39 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
-from lostmotion.lab.inverse.shares import _shapley
+from lostmotion.drivers.recording import Recording
+from lostmotion.lab.data.experiment import experiments
+from lostmotion.lab.inverse.problem import Data
+from lostmotion.lab.inverse.shares import shares
+from lostmotion.lab.inverse.signals import Signals
+from lostmotion.model import build_model
+from lostmotion.model.motion import FloatArray
 
-TIMES = np.linspace(0.0, 20.0, 4001)
-ONE, TWO = np.sin(2.0 * TIMES), np.sin(3.1 * TIMES)
-
-
-def test_torques_that_share_nothing_get_their_squares() -> None:
-    """Two waves of different frequency, one twice as large: 4 to 1, and both together the whole."""
-    found = _shapley(2 * ONE + TWO, [ONE, TWO], [], ["one", "two"])
-    assert found["one"] / found["two"] == pytest.approx(4.0, rel=0.05)
-    assert sum(found.values()) == pytest.approx(1.0)
+TIMES = np.arange(0.0, 20.0, 0.01)
 
 
-def test_of_two_that_are_the_same_each_gets_half() -> None:
-    """The order in which they are added decides nothing."""
-    found = _shapley(ONE, [ONE, 0.1 * ONE], [], ["one", "two"])
-    assert found == pytest.approx({"one": 0.5, "two": 0.5})
+def of(angle: FloatArray, torque: FloatArray, **values: float) -> dict[str, float]:
+    """The shares of a spring and viscous friction, and of a weight where it has a size, of this motion."""
+    effects = ["spring_torque", "viscous_friction", *(["gravity_torque"] if "gravity_torque" in str(values) else [])]
+    model = build_model("joint", effects, {name.replace("__", "."): value for name, value in values.items()})
+    (held,) = experiments(model, [Recording(TIMES, {"position": angle, "torque": torque})])
+    return shares(model, effects, Data.of([Signals.of(held)], model), is_free=False)
 
 
-def test_what_is_there_in_any_case_is_not_divided() -> None:
-    """A spring beside an inertia that swings at one frequency: their torques cancel, however large they are, and the
-    spring gets what the inertia does not explain."""
-    spring = ONE + 0.01 * TWO
-    found = _shapley(0.2 * TWO, [20 * spring, TWO], [-ONE], ["spring", "friction"])
-    assert found["friction"] == pytest.approx(found["spring"], rel=0.01)
-    found = _shapley(0.2 * np.sign(TWO), [20 * spring, np.sign(TWO), ONE * TWO], [-ONE], ["spring", "dry", "other"])
-    assert found["dry"] > found["spring"] > found["other"]
+def test_a_spring_that_cancels_an_inertia_is_small() -> None:
+    """Of one frequency, however stiff; of two frequencies it is as large as its torque."""
+    one, two = np.sin(6 * TIMES), np.sin(6 * TIMES) + 0.7 * np.sin(17 * TIMES)
+    known = {"J": 10.0, "spring_torque__k_s": 360.0, "viscous_friction__b_v": 5.0}
+    found = of(one, np.cos(6 * TIMES), **known)
+    assert found["spring_torque"] < 0.01 * found["viscous_friction"]
+    found = of(two, np.cos(6 * TIMES), **known)
+    assert found["spring_torque"] > 10 * found["viscous_friction"]
+
+
+def test_a_weight_that_is_nearly_constant_is_small() -> None:
+    """Of an arm that turns by a tenth of a radian at the side, where its weight hardly changes; the spring is first."""
+    angle = 0.1 * np.sin(6 * TIMES) + 0.05 * np.sin(17 * TIMES)
+    known = {"J": 1e-3, "spring_torque__k_s": 20.0, "viscous_friction__b_v": 0.1}
+    found = of(angle, angle, **known, gravity_torque__tau_g=9.0, gravity_torque__phi=np.pi / 2)
+    assert found["gravity_torque"] < 0.01 * found["spring_torque"]
