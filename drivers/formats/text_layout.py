@@ -32,6 +32,8 @@ SEPARATORS = ",;\t|"
 COMMENT = ("#", "%", "//")
 LOOKED_AT = 200
 """rows, to distinguish numbers from words"""
+MOST_TITLES = 5
+"""lines above the header"""
 LONGEST_NAME = 60
 """characters of a name in a comment, which may also be a sentence with commas"""
 LONGEST = 100 * LONGEST_LINE
@@ -72,6 +74,8 @@ def layout_of(path: Path) -> tuple[Layout, list[list[str]]]:
             places.append(place)
     if not lines:
         raise RecordingError(f"{path}: found no rows, expected a table of numbers with a header; the file is empty")
+    titles = _titles(lines)
+    lines, places = lines[titles:], places[titles:]
     separator = _separator(lines[0])
     comma = separator != "," and any(DECIMAL_COMMA.fullmatch(cell) for cell in cells_of(lines[-1], separator))
     rows = [cells_of(line, separator) for line in lines]
@@ -86,6 +90,17 @@ def layout_of(path: Path) -> tuple[Layout, list[list[str]]]:
     layout = Layout(encoding, separator, header, below, skipped, comma, dates, _metadata(comments))
     whole = rows if lines[-1].endswith("\n") else rows[:-1]
     return layout, whole[1:] if units else whole
+
+
+def _titles(lines: list[str]) -> int:
+    """How many lines stand above the names of the columns, which are words, as many as a row below has cells."""
+    for above, line in enumerate(lines[:MOST_TITLES]):
+        separator = _separator(line)
+        names, row = cells_of(line, separator), cells_of(lines[len(lines) // 2], separator)
+        are_words = all(number(cell, separator != ",") is None for cell in names if cell.strip())
+        if 1 < len(names) == len(row) and (are_words or not above):
+            return above
+    return 0
 
 
 def is_row(line: str) -> bool:

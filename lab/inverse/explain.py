@@ -48,7 +48,7 @@ from lostmotion.lab.selection.evidence import Candidate
 from lostmotion.lab.selection.forward import Selection, Step, selected
 from lostmotion.lab.selection.outcome import advice, ranking, strongest_first
 from lostmotion.lab.shooting.task import coarse_substep
-from lostmotion.model import Model, build_model
+from lostmotion.model import Model, ModelError, build_model
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["explained", "fitted", "method_of"]
@@ -217,7 +217,7 @@ def _fit(fit: Regression, rough: Model, noise: dict[str, float], column: str, *u
     model = sharp if can_run(sharp, fit.data.signals) else fit.model
     beside = [there for one in unseen if (there := fit_on(fit, one))]
     shown = [part for one in beside for part in _shown(one, ", not fitted")] + _shown(fit)
-    substep = coarse_substep(model, [experiment for experiment, _ in shown], 1.0)
+    substep = _substep(fit, model, [experiment for experiment, _ in shown])
     return Fit(
         model=model,
         experiments=tuple(experiment for experiment, _ in shown),
@@ -229,6 +229,17 @@ def _fit(fit: Regression, rough: Model, noise: dict[str, float], column: str, *u
         substep_s=substep,
         limit=policy.STRUCTURED,
     )
+
+
+def _substep(fit: Regression, model: Model, shown: Sequence[Experiment]) -> float:
+    """The integration step [s] of what is shown: the model's own choice from rest, or that of the fit where from there
+    the motion runs away, as that of a bar which softens."""
+    try:
+        return coarse_substep(model, shown, 1.0)
+    except ModelError:
+        if isinstance(fit.data, OutputError):
+            return fit.data.substep_s
+        raise
 
 
 def _sharp(model: Model, rough: Model) -> Model:

@@ -449,3 +449,11 @@ def test_a_line_below_the_header_and_numbers_of_runs(tmp_path: Path) -> None:
     found = read(tmp_path / "run.csv")
     assert found.recording.columns["position"] == pytest.approx(T / 5, abs=1e-3)
     assert found.recording.metadata["position_unit"] == "m"
+
+
+@pytest.mark.parametrize("title", ["mass_B\n", "Voltage, ChA, Run #1\nexported on Monday morning\n"])
+def test_lines_above_the_header(title: str, tmp_path: Path) -> None:
+    """A title above the names of the columns is no header, whatever it holds."""
+    rows = "".join(f"{t:.2f}\t{t / 5:.3f}\n" for t in T)
+    (tmp_path / "run.txt").write_text(f"{title}Time ( s )\tPosition ( m )\n{rows}")
+    assert read(tmp_path / "run.txt").recording.columns["position"] == pytest.approx(T / 5, abs=1e-3)
