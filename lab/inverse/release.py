@@ -18,7 +18,7 @@ import numpy as np
 from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.lab.fitting.identifiability import is_driven
-from lostmotion.lab.inverse.signals import EDGE, LEAST_SAMPLES, REGRESSORS, Signals, is_moving
+from lostmotion.lab.inverse.signals import LEAST_SAMPLES, REGRESSORS, Signals, is_moving
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["released"]
@@ -58,9 +58,10 @@ def _release(signals: Signals) -> float | None:
     It is free from the last time on at which the error of the acceleration, over a third of a period, was more than
     ``policy.MISSED`` times that of the free part.  Less than a period before it is not left
     out: a second mode that dies down looks alike.  The rest before a blow is, and the blow, which an
-    accelerometer feels, where the rest is longer than that of a free motion where it turns.
+    accelerometer feels, for half a period: a longer one pushes against the motion.  Such a rest is longer than that of
+    a free motion where it turns.
     """
-    motion, rate = _Local.of(signals), 1 / float(signals.time[1] - signals.time[0])
+    motion = _Local.of(signals)
     free = motion.free
     if free.stop - free.start < max(LEAST_SAMPLES, motion.width) * REGRESSORS:  # a width is as good as one sample
         return None
@@ -71,7 +72,7 @@ def _release(signals: Signals) -> float | None:
     release = width + int(wrong[-1]) + 1 if wrong.size else 0
     release = release if release >= PERIOD * width else 0
     if signals.column == ACCEL and motion.begins > TURNING * PERIOD * width:
-        release = max(release, motion.begins + round(EDGE / signals.band_hz * rate))
+        release = max(release, motion.begins + PERIOD * width // 2)
     return float(signals.time[release]) if release else None
 
 
