@@ -40,6 +40,7 @@ from lostmotion.lab.parallel import each
 from lostmotion.lab.selection.evidence import Predictions
 from lostmotion.lab.selection.forward import Proposals
 from lostmotion.lab.selection.nesting import without
+from lostmotion.lab.shooting.parameters import free_names
 from lostmotion.model import Model, ModelError
 from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray
@@ -51,6 +52,10 @@ __all__ = [
 HORIZONS = (0.2, 0.5)
 """Shares of a free swing that are fitted before the whole: a frequency error of 2 % is out of phase after ten swings,
 and a fit to the whole would end in a local minimum."""
+
+
+VANISHED = 1e-3
+"""Share of a parameter's first value, below which it is zero."""
 
 
 class Method(Enum):
@@ -265,11 +270,20 @@ def continued(model: Model, swings: OutputError) -> Regression:
     for a pendulum that goes over the top, the fit of the whole motion at once if it is better."""
     start = model
     for share in HORIZONS:
-        model = regressed(model, swings.first(share)).model
+        model = _not_vanished(regressed(model, swings.first(share)).model, start)
     found = regressed(model, swings)
     if found.rms <= swings.usual(model):
         return found
     return min(found, regressed(start, swings), key=lambda one: one.rms)
+
+
+def _not_vanished(model: Model, start: Model) -> Model:
+    """The model with the first values of those parameters that a short horizon took to zero, where a fit would stay: a
+    mass that is damped within four swings had no damping."""
+    first = {name: start.parameters[name].value for name in free_names(start)}
+    return model.replace(
+        {name: v for name, v in first.items() if v > 0 and model.parameters[name].value < VANISHED * v}
+    )
 
 
 def _with_load(model: Model, data: Problem, nuisance: FloatArray | None = None) -> Regression:

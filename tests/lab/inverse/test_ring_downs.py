@@ -20,7 +20,7 @@ from lostmotion.model.motion import FloatArray
 from tests.lab.inverse.test_inverse import explained
 
 BARE = 'base = "oscillator"\n'
-OTHERS = ((45.0, 0.01, 30.0), (120.0, 0.01, 40.0), (240.0, 0.005, 60.0))
+OTHERS = ((45.0, 0.003, 30.0), (120.0, 0.002, 40.0), (240.0, 0.001, 60.0))
 """Frequency [Hz], damping ratio and acceleration [m/s²] of the other modes of a struck beam."""
 
 
