@@ -70,7 +70,7 @@ class OutputError:
             for one, part in zip(signals, parts, strict=True)
         )
         experiments = [one.experiment for one in moving]
-        step = coarse_substep(simulable(with_friction(model, experiments), signals), experiments, STEPS)
+        step = _coarse_substep(simulable(with_friction(model, experiments), signals), moving)
         return cls(moving, step, model, () if any(map(is_driven, experiments)) else free_states(model))
 
     def first(self, share: float) -> OutputError:
@@ -157,7 +157,7 @@ class OutputError:
         experiments, needed = [one.experiment for one in self.signals], math.inf
         for one in models:
             with suppress(ModelError):  # a guess that diverges is skipped
-                needed = min(needed, coarse_substep(one, experiments, STEPS))
+                needed = min(needed, _coarse_substep(one, self.signals))
         step = min(self.substep_s, max(needed, FINEST * self.substep_s))
         names = {name: None for one in models for name in free_states(one)}
         free = self.free if any(map(is_driven, experiments)) else tuple(dict.fromkeys([*self.free, *names]))
@@ -189,6 +189,22 @@ class OutputError:
     def counts(self) -> list[int]:
         """Samples of each recording that count."""
         return [int((~np.isnan(one.experiment.measured[one.column])).sum()) for one in self.signals]
+
+
+def _coarse_substep(model: Model, signals: Sequence[Signals]) -> float:
+    """The integration step of a fit [s], of a motion from rest; where it runs away from there, as a bar that softens
+    does whose place of rest is far from zero, of the measured one.  Raises ModelError."""
+    try:
+        return coarse_substep(model, [one.experiment for one in signals], STEPS)
+    except ModelError:
+        if any(is_driven(one.experiment) for one in signals):
+            raise
+    steps = []
+    for one in signals:
+        own = one.experiment.model(model)
+        start = initial_state(own, one.experiment, np.array([one.position[0], one.velocity[0]]))
+        steps.append(own.simulate(None, one.experiment.time, start).substep_s)
+    return STEPS * min(steps)
 
 
 def _freedom(one: Signals) -> FloatArray:
