@@ -40,11 +40,12 @@ NUMERICS = {
     "inverse/candidates.py": (5, "first values and steps of a fit"),
     "inverse/explain.py": (3, "what is drawn"),
     "inverse/output_error.py": (6, "length, rate and integration step of what is simulated"),
+    "inverse/modes.py": (1, "how many modes the catalogue has"),
     "inverse/problem.py": (3, "convergence of a fixed-point iteration, freedom of an angle, a bound"),
     "inverse/regression.py": (8, "a minimiser and a bound"),
     "inverse/channel.py": (4, "grids of bands and delays, and blocks"),
-    "inverse/release.py": (4, "local polynomials, what is no error, where a motion ends"),
-    "inverse/signals.py": (11, "filters and splines"),
+    "inverse/release.py": (5, "local polynomials, what is no error, parts of a period"),
+    "inverse/signals.py": (12, "filters and splines"),
     "inverse/torques.py": (2, "integration step"),
     "inverse/likelihood.py": (2, "continuation in the horizon"),
     "models/simulate.py": (4, "a simulation's length and check"),
@@ -62,7 +63,7 @@ NUMERICS = {
     "shooting/task.py": (6, "integration steps, and the noise that hides their errors"),
 }
 """How many numbers each other module of the lab has, and what they are for."""
-MOST = 46
+MOST = 47
 
 
 def is_number(value: ast.expr) -> bool:
@@ -95,7 +96,7 @@ def numbers(path: Path) -> list[str]:
 
 
 def test_a_policy_of_few_constants() -> None:
-    """There are no more than 46, and each is one of them once."""
+    """There are no more than 47, and each is one of them once."""
     names = numbers(LAB / "policy.py")
     assert len(set(names)) == len(names) <= MOST
 
