@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, TextIO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.codec import recording_csv
@@ -90,7 +91,11 @@ class Recording:
             raise RecordingError(
                 f"{self.name}: found samples of {there}, expected {column!r}; this signal was not recorded"
             )
-        return evened(self.time[sampled]), values[sampled]
+        return self.times(sampled), values[sampled]
+
+    def times(self, rows: NDArray[np.bool_]) -> FloatArray:
+        """Times [s] of these rows (M,), evened where they were rounded to coarse ticks."""
+        return evened(self.time[rows])
 
     def number(self, key: str, default: float) -> float:
         """A number of the metadata, 0 or more, or else the default.  Raises RecordingError for anything else."""

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lostmotion.drivers.recording import Recording
-from lostmotion.drivers.ticks import evened
 from lostmotion.lab.data.lost_readings import without_lost_readings
 from lostmotion.lab.data.supply import of_voltage
 from lostmotion.lab.errors import ExperimentError
@@ -117,7 +116,7 @@ def _experiment(model: Model, recording: Recording) -> Experiment:
     drive = _drive(model.base, recording)
     rows = np.any([~np.isnan(recording.columns[name]) for name in outputs], axis=0)
     time = recording.time.copy()
-    time[rows] = evened(time[rows])
+    time[rows] = recording.times(rows)
     rows[1:] &= np.diff(time) > 0  # a merged row may repeat a time
     if isinstance(drive, Sampled):  # the input is unknown outside of its samples
         rows &= (time >= drive.time[0]) & (time <= drive.time[-1])
