@@ -125,7 +125,8 @@ def _experiment(model: Model, recording: Recording) -> Experiment:
         _check_output(recording.name, name, values)
     return Experiment(
         recording.name, drive, time[rows], measured, _given(model, recording), float(recording.time[0]),
-        recording.metadata.get("position_unit") in LENGTHS, _drive_unit(model.base, recording),
+        recording.metadata.get("position_unit") in LENGTHS,
+        _drive_unit(model.base, recording) if drive is not None else "",
     )  # fmt: skip
 
 
