@@ -27,11 +27,11 @@ from lostmotion.lab.deadline import Progress, is_over, within
 from lostmotion.lab.fitting.identifiability import is_driven, with_scale
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.describe import axis_of, described
+from lostmotion.lab.inverse.effect_sizes import amplitudes
 from lostmotion.lab.inverse.likelihood import (
     Fitted,
     Method,
     WholeMotion,
-    amplitudes,
     error_on,
     fit_on,
     is_disturbed,

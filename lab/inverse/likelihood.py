@@ -15,8 +15,6 @@ from enum import Enum
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.special import stdtr, stdtrit
 
 from lostmotion.lab import policy
 from lostmotion.lab.deadline import is_over, remaining_s, within
@@ -31,6 +29,7 @@ from lostmotion.lab.inverse.candidates import (
     starts,
     turns_of,
 )
+from lostmotion.lab.inverse.effect_sizes import chance_of_zero, is_sized, uncertainty
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import Data, Problem
 from lostmotion.lab.inverse.regression import Regression, blocks_of, generalised, regressed
@@ -42,11 +41,10 @@ from lostmotion.lab.selection.forward import Proposals
 from lostmotion.lab.selection.nesting import without
 from lostmotion.lab.shooting.parameters import free_names
 from lostmotion.model import Model, ModelError
-from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray
 
 __all__ = [
-    "Fitted", "Method", "WholeMotion", "amplitudes", "error_on", "fit_on", "is_disturbed", "is_noise", "is_sized",
+    "Fitted", "Method", "WholeMotion", "error_on", "fit_on", "is_disturbed", "is_noise",
 ]  # fmt: skip
 
 HORIZONS = (0.2, 0.5)
@@ -89,7 +87,7 @@ class Fitted:
         was 0.31 by least squares and 0.18 N m s/rad by the other."""
         if self.judged is self.inverse or not isinstance(self.judged.data, Data):
             return self.judged
-        return min(self.inverse, self.judged, key=_unsure)
+        return min(self.inverse, self.judged, key=uncertainty)
 
     @property
     def model(self) -> Model:
@@ -228,7 +226,7 @@ class WholeMotion:
         white = other.judged.data.whitened
         folds = Predictions(
             white(one.judged.predicted) ** 2, white(other.judged.predicted) ** 2, blocks_of(other.judged),
-            _chance_of_zero(one, other) if self.is_whitened else None,
+            chance_of_zero(one.model, other.judged) if self.is_whitened else None,
         )  # fmt: skip
         if self.unseen is None or not (self.is_fold or of_all):
             return folds
@@ -333,58 +331,3 @@ def _least_spread(residual: FloatArray) -> float:
     of the filter at the ends of a recording."""
     spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
     return spread / (1 + 1.645 * 1.17 / math.sqrt(residual.size))
-
-
-def _unsure(fit: Regression) -> float:
-    """The sum of the logarithms of the relative standard deviations of the sizes of effects."""
-    names = {name for effect in fit.model.effects for name in amplitudes(effect, fit)}
-    deviations = zip(fit.unknowns.names, fit.deviations(blocks_of(fit)), strict=True)
-    sizes = {name: abs(fit.model.parameters[name].value) for name in names}
-    return sum(math.log(max(sd, 1e-300) / max(sizes[name], 1e-300)) for name, sd in deviations if name in names)
-
-
-def _chance_of_zero(one: Fitted, other: Fitted) -> float | None:
-    """The p-value of Student's t of the effects that the second fit has more than the first, robust to correlation
-    within blocks (Wald); None where the models are not nested.
-
-    An effect of a few reversals changes few blocks, so that errors by blocks hardly show it; the size of white
-    residuals has a known error.  It counts twice, as it is asked after a search without whitening.
-    """
-    more = [effect for effect in other.model.effects if effect not in one.model.effects]
-    if not more or not set(one.model.effects) < set(other.model.effects):
-        return None
-    fit, block = other.judged, blocks_of(other.judged)
-    deviation = dict(zip(fit.unknowns.names, fit.deviations(block), strict=True))
-    chances = [
-        min((2 * float(stdtr(int(block.max()), -abs(fit.model.parameters[name].value) / max(deviation[name], 1e-300)))
-             for name in amplitudes(effect, fit)), default=1.0)
-        for effect in more
-    ]  # fmt: skip
-    return min(2 * max(chances), 1.0)
-
-
-def is_sized(effect: str, fit: Regression) -> bool:
-    """Whether the interval of an amplitude of the effect excludes zero.  A curve that is nearly a sum of others can
-    overfit a motion, and extrapolates badly.  The base's positive parameters are taken as given: all torques of a servo
-    share a scale that its motion does not identify."""
-    names, block = amplitudes(effect, fit), blocks_of(fit)
-    if not names:
-        return _is_shaped(effect, fit, block)
-    given = [item.name for item in fit.unknowns.items if item.logarithmic and "." not in item.name]
-    limits = -stdtrit(int(block.max()), (1 - policy.CONFIDENCE) / 2) * fit.deviations(block, given)
-    sizes = {name: abs(fit.model.parameters[name].value) for name in names}
-    return any(sizes[name] > limit for name, limit in zip(fit.unknowns.names, limits, strict=True) if name in sizes)
-
-
-def _is_shaped(effect: str, fit: Regression, block: NDArray[np.intp]) -> bool:
-    """Whether an effect without a fitted size has an identified parameter, or none at all.  A mode with free initial
-    values must have an identified frequency: to a mass on a spring with friction, one of 0.001 to 1e6 Hz was fitted."""
-    own = [at for at, name in enumerate(fit.unknowns.names) if name.startswith(f"{effect}.")]
-    deviation = np.sqrt(np.maximum(np.diag(fit.covariance(block)), 0.0))
-    return not own or any(fit.unknowns.items[at].is_identified(fit.z[at], deviation[at]) for at in own)
-
-
-def amplitudes(effect: str, fit: Regression) -> list[str]:
-    """The free parameters without which the effect vanishes, by their full names."""
-    names = (f"{effect}.{part}" for part in get_effect(effect).amplitudes)
-    return [name for name in names if name in fit.unknowns.names]

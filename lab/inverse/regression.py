@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -13,28 +13,16 @@ from scipy.optimize import least_squares
 
 from lostmotion.lab import policy
 from lostmotion.lab.data.blocks import correlation, numbered
-from lostmotion.lab.deadline import is_over
+from lostmotion.lab.inverse.free_parameters import FitEndsError, jacobian_of, prior_of, scaled
 from lostmotion.lab.inverse.problem import Data, Problem, by_recording
 from lostmotion.lab.inverse.signals import Signals
-from lostmotion.lab.inverse.torques import inertia_of
-from lostmotion.lab.shooting.parameters import Unknown, Unknowns
+from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.lab.shooting.task import coarse_substep
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["MOST_STEPS", "Regression", "blocks_of", "can_run", "generalised", "regressed"]
 
-PRIOR = 0.1
-"""Weight of the prior on the base's parameters: the cost of a factor e, in units of one sample that is off by the usual
-motion.  The prior keeps parameters that a motion does not identify at their earlier estimates: without it the inertia
-of a slow servo went to its lower bound.  Effects have no prior: their first sizes are guesses."""
-STEP = 1e-6
-"""Finite difference in numbers of order one: the torque is a smooth function of its parameters."""
-LEAST_SCALE = 0.01
-"""Share of the largest torque, or of a radian: the least scale of a parameter that may be zero."""
-LARGEST_BIAS = 2.0
-"""Share of the largest torque, the bound of a constant one: with a ripple 2000 times as large it followed a flexible
-arm (0009)."""
 MOST_STEPS = 60
 """Largest number of steps of a fit."""
 REFITS, LEAST_DAMPING, CONVERGED = 8, 1e-6, 1e-7
@@ -184,21 +172,17 @@ class Regression:
         return np.asarray(np.abs(self.unknowns.slopes(self.z)) * np.sqrt(variance))
 
 
-class _FitEndsError(Exception):
-    """A fit ends where its derivatives are known."""
-
-
 def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, steps: int = MOST_STEPS) -> Regression:
     """The model with its free parameters fitted, within their bounds, in so many steps at most, or as far as the time
     allows.  nuisance: initial values of the nuisance parameters.  Raises ModelError where the first values cannot be
     simulated."""
-    unknowns = _scaled(Unknowns.of(model), model, data)
+    unknowns = scaled(Unknowns.of(model), model, data)
     count, first = len(unknowns.items), np.clip(unknowns.z(model), *unknowns.bounds)
     beside = np.clip(data.nuisance if nuisance is None else nuisance, *_nuisance_bounds(data))
     z = np.concatenate([first, beside])
     if not z.size:
         return Regression(model, data, unknowns, z, data.residual(model, z), np.empty((sum(data.counts), 0)), z)
-    once = _minimised(model, data, unknowns, z, *_prior(unknowns, data.centre), steps)
+    once = _minimised(model, data, unknowns, z, *prior_of(unknowns, data.centre), steps)
     unidentified = _unidentified(once) if data.centre is None else np.zeros(count, dtype=bool)
     if not unidentified.any():
         return once
@@ -232,10 +216,10 @@ def _minimised(
     known: list[tuple[FloatArray, FloatArray]] = []
 
     def jacobian(at: FloatArray) -> FloatArray:  # it is evaluated at the first values and after each step
-        slopes = _jacobian(residual, at, high, data, may_end=bool(known))
+        slopes = jacobian_of(residual, at, high, data, may_end=bool(known))
         if not np.isfinite(slopes).all():  # beside these values the motion cannot be simulated
             if known:
-                raise _FitEndsError
+                raise FitEndsError
             raise ModelError("the motion cannot be simulated near the first values of the parameters")
         known[:] = [(at.copy(), slopes)]
         return slopes
@@ -246,7 +230,7 @@ def _minimised(
         with np.errstate(over="ignore"):  # a trial step may be far off: its error is compared, no more
             found = least_squares(residual, z, jacobian, (low, high), x_scale="jac", max_nfev=steps, ftol=CONVERGED)
         x, error, slopes = found.x, found.fun, np.asarray(found.jac)
-    except _FitEndsError:
+    except FitEndsError:
         x, slopes = known[0]
         error = residual(x)
     values = unknowns.put(model, x[:count])
@@ -270,39 +254,6 @@ def can_run(model: Model, signals: Sequence[Signals]) -> bool:
     except ModelError:
         return False
     return True
-
-
-def _jacobian(
-    residual: Callable[[FloatArray], FloatArray], z: FloatArray, high: FloatArray, data: Problem, *, may_end: bool
-) -> FloatArray:
-    """Forward differences (M, P + E), backward at an upper bound; the initial values of all recordings change at once,
-    as each recording has its own.  Raises _FitEndsError when the time is up, if it may."""
-    here = residual(z)
-    recordings = len(data.signals)
-    count, found = z.size - recordings * data.nuisances, np.zeros((here.size, z.size))
-    parts = by_recording(np.arange(here.size), data)
-    for at in range(count):
-        if may_end and is_over():
-            raise _FitEndsError
-        step = STEP * max(1.0, abs(z[at]))
-        step = -step if z[at] + step > high[at] else step
-        found[:, at] = (residual(z + step * (np.arange(z.size) == at)) - here) / step
-    for k in range(data.nuisances):
-        mine = count + k + data.nuisances * np.arange(recordings)
-        step = STEP * max(1.0, float(np.abs(z[mine]).max()))
-        change = (residual(z + step * np.isin(np.arange(z.size), mine)) - here) / step
-        for rows, column in zip(parts, mine, strict=True):
-            found[rows, column] = change[rows]
-    return found
-
-
-def _prior(unknowns: Unknowns, centre: Model | None) -> tuple[FloatArray, FloatArray]:
-    """Weights and values of the parameters near which a fit stays (P,) each: those of the base that are positive."""
-    weight, near = np.zeros(len(unknowns.items)), np.zeros(len(unknowns.items))
-    for at, item in enumerate(unknowns.items):
-        if centre and item.logarithmic and "." not in item.name:
-            weight[at], near[at] = PRIOR, math.log(centre.parameters[item.name].value)
-    return weight, near
 
 
 def _unidentified(fit: Regression) -> NDArray[np.bool_]:
@@ -332,27 +283,6 @@ def _unnoticed(fit: Regression, z: FloatArray, unidentified: NDArray[np.bool_]) 
         noticed = max(float(np.linalg.norm(twice - once)), 1e-300)
         found[at] = z[at] + math.log(max(fit.rms, 1e-300) / noticed)
     return found
-
-
-def _scaled(unknowns: Unknowns, model: Model, data: Problem) -> Unknowns:
-    """The unknowns with scales large enough for finite differences even near zero: a share of the torque that moves the
-    joint, and of a radian."""
-    moving = inertia_of(model) * max(float(np.abs(one.acceleration).max()) for one in data.signals)
-    torque = max(moving, *(float(np.abs(one.torque).max()) for one in data.signals))
-    usual = {"N m": LEAST_SCALE * torque, "N": LEAST_SCALE * torque, "rad": LEAST_SCALE}
-    items = [
-        item
-        if item.logarithmic
-        else replace(item, scale=max(item.scale, usual.get(model.parameters[item.name].unit, 0.0)))
-        for item in unknowns.items
-    ]
-    most = LARGEST_BIAS * torque if model.base == "joint" else math.inf
-    return replace(unknowns, items=tuple(_within(item, most) if item.name == "bias" else item for item in items))
-
-
-def _within(item: Unknown, most: float) -> Unknown:
-    """The unknown with its magnitude bounded by ``most``."""
-    return replace(item, low=max(item.low, -most), high=min(item.high, most))
 
 
 def blocks_of(regression: Regression) -> NDArray[np.intp]:

@@ -12,7 +12,7 @@ from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.fitting.identifiability import with_free_states
 from lostmotion.lab.inverse.candidates import _covers
-from lostmotion.lab.inverse.likelihood import is_sized
+from lostmotion.lab.inverse.effect_sizes import is_sized
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import Data
 from lostmotion.lab.inverse.regression import regressed

@@ -1,0 +1,71 @@
+"""How well a fit knows the sizes of its effects.  No search and no predictions here."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import stdtr, stdtrit
+
+from lostmotion.lab import policy
+from lostmotion.lab.inverse.regression import Regression, blocks_of
+from lostmotion.model import Model
+from lostmotion.model.effects import get_effect
+
+__all__ = ["amplitudes", "chance_of_zero", "is_sized", "uncertainty"]
+
+
+def uncertainty(fit: Regression) -> float:
+    """The sum of the logarithms of the relative standard deviations of the sizes of effects."""
+    names = {name for effect in fit.model.effects for name in amplitudes(effect, fit)}
+    deviations = zip(fit.unknowns.names, fit.deviations(blocks_of(fit)), strict=True)
+    sizes = {name: abs(fit.model.parameters[name].value) for name in names}
+    return sum(math.log(max(sd, 1e-300) / max(sizes[name], 1e-300)) for name, sd in deviations if name in names)
+
+
+def chance_of_zero(fewer: Model, fit: Regression) -> float | None:
+    """The p-value of Student's t of the effects that a fit has more than another model, robust to correlation within
+    blocks (Wald); None where the models are not nested.
+
+    An effect of a few reversals changes few blocks, so that errors by blocks hardly show it; the size of white
+    residuals has a known error.  It counts twice, as it is asked after a search without whitening.
+    """
+    more = set(fit.model.effects) - set(fewer.effects)
+    if not more or not set(fewer.effects) < set(fit.model.effects):
+        return None
+    block = blocks_of(fit)
+    deviation = dict(zip(fit.unknowns.names, fit.deviations(block), strict=True))
+    chances = [
+        min((2 * float(stdtr(int(block.max()), -abs(fit.model.parameters[name].value) / max(deviation[name], 1e-300)))
+             for name in amplitudes(effect, fit)), default=1.0)
+        for effect in more
+    ]  # fmt: skip
+    return min(2 * max(chances), 1.0)
+
+
+def is_sized(effect: str, fit: Regression) -> bool:
+    """Whether the interval of an amplitude of the effect excludes zero.  A curve that is nearly a sum of others can
+    overfit a motion, and extrapolates badly.  The base's positive parameters are taken as given: all torques of a servo
+    share a scale that its motion does not identify."""
+    names, block = amplitudes(effect, fit), blocks_of(fit)
+    if not names:
+        return _is_shaped(effect, fit, block)
+    given = [item.name for item in fit.unknowns.items if item.logarithmic and "." not in item.name]
+    limits = -stdtrit(int(block.max()), (1 - policy.CONFIDENCE) / 2) * fit.deviations(block, given)
+    sizes = {name: abs(fit.model.parameters[name].value) for name in names}
+    return any(sizes[name] > limit for name, limit in zip(fit.unknowns.names, limits, strict=True) if name in sizes)
+
+
+def _is_shaped(effect: str, fit: Regression, block: NDArray[np.intp]) -> bool:
+    """Whether an effect without a fitted size has an identified parameter, or none at all.  A mode with free initial
+    values must have an identified frequency: to a mass on a spring with friction, one of 0.001 to 1e6 Hz was fitted."""
+    own = [at for at, name in enumerate(fit.unknowns.names) if name.startswith(f"{effect}.")]
+    deviation = np.sqrt(np.maximum(np.diag(fit.covariance(block)), 0.0))
+    return not own or any(fit.unknowns.items[at].is_identified(fit.z[at], deviation[at]) for at in own)
+
+
+def amplitudes(effect: str, fit: Regression) -> list[str]:
+    """The free parameters without which the effect vanishes, by their full names."""
+    names = (f"{effect}.{part}" for part in get_effect(effect).amplitudes)
+    return [name for name in names if name in fit.unknowns.names]
