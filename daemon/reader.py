@@ -67,6 +67,8 @@ class ReaderError(LostmotionError):
 
 def open_readonly(path: Path) -> Reader:
     """Opens a database that a service may be writing.  Raises ReaderError."""
+    if path.is_dir():
+        raise ReaderError(f"{path}: found a folder, expected a database, such as history.db in it")
     if not path.is_file():
         raise ReaderError(f"{path}: no database there; start `lostmotion run` first, or name its configuration")
     try:

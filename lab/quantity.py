@@ -8,11 +8,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-__all__ = ["Interval", "Scale", "number", "quantities", "quantity", "readable", "scale", "with_unit"]
+__all__ = ["SMALLEST_P", "Interval", "Scale", "number", "quantities", "quantity", "readable", "scale", "with_unit"]
 
 SMALLEST = 0.1
 """The largest unit is taken in which the largest value is at least this; thousands (kN) are taken from 1 on."""
 MOST_DIGITS = 6
+SMALLEST_P = 0.003
+"""Smaller probabilities are shown as a bound: one false name in 300 searches is the smallest rate that was counted."""
 
 _SCALES: dict[str, tuple[tuple[str, float], ...]] = {
     "m": (("m", 1.0), ("mm", 1e3), ("µm", 1e6), ("nm", 1e9)),

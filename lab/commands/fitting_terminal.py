@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from lostmotion.lab.commands.table import print_table
-from lostmotion.lab.quantity import Scale, scale
+from lostmotion.lab.quantity import SMALLEST_P, Scale, scale
 from lostmotion.lab.report import verdict
 from lostmotion.lab.results import Explanation, Fit, Ladder
 
@@ -65,7 +65,7 @@ def _print_ranking(explanation: Explanation) -> None:
     shown = scale(explanation.error.unit, *(rms for entry in tried for rms in (entry.rms_before, entry.rms_after)))
     rows = []
     for entry in tried:
-        p = "< 0.003" if entry.p_value < 0.003 else f"{entry.p_value:.2g}"
+        p = f"< {SMALLEST_P:g}" if entry.p_value < SMALLEST_P else f"{entry.p_value:.2g}"
         rows.append((entry.effect, _error(entry.rms_before, shown), _error(entry.rms_after, shown), p))
     print_table(("effect", f"error before [{shown.unit}]", f"after [{shown.unit}]", "p"), rows)
 

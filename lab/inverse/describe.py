@@ -9,6 +9,7 @@ from lostmotion.lab.discrepancy.residual_maps import finding, residual_maps
 from lostmotion.lab.fitting.identifiability import is_driven
 from lostmotion.lab.inverse.problem import Data, by_recording
 from lostmotion.lab.inverse.regression import Regression
+from lostmotion.lab.quantity import quantity
 from lostmotion.lab.results import Finding
 
 __all__ = ["axis_of", "described"]
@@ -36,7 +37,7 @@ def described(fit: Regression) -> Finding:
     ]  # fmt: skip
     found = residual_maps(residuals, {name: [one[name] for one in variables] for name in variables[0]})
     what, unit = words.column("torque", *axis_of(fit))
-    return finding("joint", f"a {what} on the joint of about {fit.error:.2g} {unit} is missing", unit, found)
+    return finding("joint", f"a {what} on the joint of about {quantity(fit.error, unit, 2)} is missing", unit, found)
 
 
 def _finding_of_motion(fit: Regression) -> Finding:
@@ -53,4 +54,4 @@ def _finding_of_motion(fit: Regression) -> Finding:
         variables.append({**columns, "time": at})
     found = residual_maps(residuals, {name: [one[name] for one in variables] for name in variables[0]})
     acts_on = "joint" if "J" in fit.model.parameters else "oscillator"
-    return finding(acts_on, f"an error of the motion of about {fit.error:.2g} {unit} is left", unit, found)
+    return finding(acts_on, f"an error of the motion of about {quantity(fit.error, unit, 2)} is left", unit, found)

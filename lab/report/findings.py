@@ -10,6 +10,7 @@ from lostmotion.lab.report import verdict
 from lostmotion.lab.report.plots import curve
 from lostmotion.lab.report.tags import Html, Section, bar, cell, figure, note, paragraphs, probability, table
 from lostmotion.lab.results import Curve, Explanation, Finding, Ladder, Ranked, Rung
+from lostmotion.model import Parameter
 from lostmotion.model.effects import get_effect
 
 __all__ = ["advice", "detectable", "ladder", "left", "ranking", "remedies"]
@@ -108,8 +109,16 @@ def _errors(entry: Ranked, unit: str) -> tuple[Html, Html]:
 def _tried(explanation: Explanation, entry: Ranked) -> Html:
     known = get_effect(entry.effect).parameters_on(explanation.base.model.base)
     short = {name.removeprefix(f"{entry.effect}."): triple for name, triple in entry.parameters.items()}
-    values = (f"{name} = {Interval(*triple, known[name].unit)}" for name, triple in short.items() if name in known)
+    values = (_size(name, triple, known[name]) for name, triple in short.items() if name in known)
     return cell(words.name(entry.effect), entry.effect, *values)
+
+
+def _size(name: str, triple: tuple[float, float, float], parameter: Parameter) -> str:
+    """A parameter with its interval; one whose interval holds all of its possible values is not identified."""
+    _, low, high = triple
+    if low <= parameter.low and high >= parameter.high:
+        return f"{name} is not identifiable"
+    return f"{name} = {Interval(*triple, parameter.unit)}"
 
 
 def _shape(shape: Curve, unit: str) -> Html:

@@ -7,13 +7,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
 
-from lostmotion.lab.quantity import number
+from lostmotion.lab.quantity import SMALLEST_P, number
 
 __all__ = [
     "Html", "Section", "bar", "cell", "figure", "key", "more", "note", "p_value", "paragraphs", "probability", "table"
 ]  # fmt: skip
 
-SMALLEST_P = 1e-12
 CHOSEN = '<tr class="chosen">'
 
 
@@ -100,5 +99,5 @@ def probability(value: float) -> str:
     if not math.isfinite(value):
         return "unknown"
     if value < SMALLEST_P:
-        return "<\u00a010⁻¹²"
+        return f"<\u00a0{SMALLEST_P:g}"
     return number(value, max(2, 1 - math.floor(math.log10(value))))

@@ -521,6 +521,8 @@ def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
         Store(tmp_path, "arm1")
     with pytest.raises(ReaderError, match="no database there"):
         open_readonly(tmp_path / "nothing.db")
+    with pytest.raises(ReaderError, match="found a folder, expected a database"):
+        open_readonly(tmp_path)
 
 
 def test_rows_wait_while_the_disk_is_full(path: Path, caplog: pytest.LogCaptureFixture) -> None:

@@ -324,7 +324,7 @@ def test_residuals_of_a_column_have_one_unit() -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "text"), [(0.5, "= 0.50"), (0.0123, "= 0.012"), (0.0, "< 10⁻¹²"), (np.nan, "unknown")]
+    ("value", "text"), [(0.5, "= 0.50"), (0.0123, "= 0.012"), (0.001, "< 0.003"), (np.nan, "unknown")]
 )
 def test_a_probability_in_a_sentence_and_in_a_table(value: float, text: str) -> None:
     """Below the head "p" stands the number alone; a sentence has the sign, too."""
