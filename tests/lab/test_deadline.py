@@ -8,7 +8,7 @@ import pytest
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab import experiments, explain, open_executor
 from lostmotion.lab.deadline import is_over, remaining_s, within
-from lostmotion.lab.inverse import regression
+from lostmotion.lab.inverse import free_parameters, regression
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.shooting.parameters import Unknowns
@@ -57,7 +57,7 @@ def test_a_fit_ends_with_what_it_knows_when_the_time_is_up(monkeypatch: pytest.M
 
     residual = OutputError.residual
     monkeypatch.setattr(OutputError, "residual", counted)
-    monkeypatch.setattr(regression, "is_over", lambda: len(asked) > count + 3)
+    monkeypatch.setattr(free_parameters, "is_over", lambda: len(asked) > count + 3)
     found = regression.regressed(model, data)
     assert np.isfinite(found.rms)
     assert found.jacobian.shape == (found.residual.size, found.count + found.nuisance.size)

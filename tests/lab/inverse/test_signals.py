@@ -81,14 +81,14 @@ def test_motion_that_the_torque_does_not_make_narrows_the_band(amplitude: float)
 @pytest.mark.parametrize("until", [0, 1])
 def test_a_fit_ends_where_the_motion_can_still_be_simulated(until: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Derivatives that overflow after a step end the fit at the values before it; at the first values it is refused."""
-    model, slopes, asked = build_model("joint", ["viscous_friction"]), regression._jacobian, list[FloatArray]()
+    model, slopes, asked = build_model("joint", ["viscous_friction"]), regression.jacobian_of, list[FloatArray]()
 
     def overflowing(residual: Any, z: FloatArray, *others: Any, **more: Any) -> FloatArray:
         asked.append(z.copy())
         found = slopes(residual, z, *others, **more)
         return np.full_like(found, math.inf) if len(asked) == until + 1 else found
 
-    monkeypatch.setattr(regression, "_jacobian", overflowing)
+    monkeypatch.setattr(regression, "jacobian_of", overflowing)
     data = Data.of([Signals.of(quivering(0.0, 0))], model)
     if until == 0:
         with pytest.raises(ModelError, match="near the first values"):
