@@ -6,7 +6,6 @@ service.  Nothing here opens a port or a database.
 
 from __future__ import annotations
 
-import difflib
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -328,6 +327,8 @@ def _choice(types: Sequence[inspect.Type]) -> str:
 
 
 def _near(word: str, known: Sequence[str]) -> str:
+    import difflib  # for a mistake only
+
     close = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
     return f"; did you mean {close[0]}?" if close else f"; there are {', '.join(sorted(set(known)))}"
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -104,7 +103,7 @@ def theil_sen(t: ArrayLike, y: ArrayLike, confidence: float = 0.95, inflation: f
     if slopes.size == 0:
         raise DetectorError(f"all {time.size} points are at the time {time[0]:g} s; expected different times")
     spread = math.sqrt(inflation * _kendall_variance(time.size, time, value))
-    half = NormalDist().inv_cdf(0.5 + confidence / 2) * spread
+    half = _quantile(0.5 + confidence / 2) * spread
     low = max(round((slopes.size - half) / 2) - 1, 0)
     high = min(round((slopes.size + half) / 2), slopes.size - 1)
     slope, centre = float(np.median(slopes)), float(np.median(time))
@@ -201,6 +200,13 @@ def _clean(t: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArray]:
     return time, value
 
 
+def _quantile(share: float) -> float:
+    """Of the standard normal distribution."""
+    from statistics import NormalDist  # half a megabyte, which a service needs once there is a trend
+
+    return NormalDist().inv_cdf(share)
+
+
 def _kendall_variance(count: int, *ranked: FloatArray) -> float:
     """Variance of Kendall's S for independent values, corrected for ties in each of the variables."""
     tied = sum(_tie_term(np.unique(values, return_counts=True)[1]) for values in ranked)
@@ -220,7 +226,7 @@ def _hamed_rao(detrended: FloatArray) -> float:
     power = float(centred @ centred)
     if power == 0:
         return 1.0
-    significant = NormalDist().inv_cdf(0.975) / math.sqrt(n)
+    significant = _quantile(0.975) / math.sqrt(n)
     total = 0.0
     for lag in range(1, n - 2):
         correlation = float(centred[:-lag] @ centred[lag:]) / power
