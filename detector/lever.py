@@ -29,7 +29,8 @@ HALF_S = STEP_S / 2
 LAGS = range(-4, 5)
 """Lags of the angles behind the readings that are tried, in halves of the grid's step: servos report late."""
 LONGEST_DELAY_S = 1.0
-DELAYS = range(-100, 101, 4)
+LAST_DELAY = round(LONGEST_DELAY_S / HALF_S)
+DELAYS = range(-LAST_DELAY, LAST_DELAY + 1, 4)
 """Delays of the readings that are looked for, up to LONGEST_DELAY_S either way, in halves of the grid's step."""
 USUAL_DELAYS_S = (-0.06, 0.16)
 """Delays that the detector allows for [s]: readings 0.15 s late left the severity of a healthy joint at 0.3', 0.2 s
@@ -39,6 +40,7 @@ SURELY = 0.25
 LEAST_SPAN_S = 1.8
 """In a shorter segment theta'' and theta of a swaying arm are nearly collinear [s]."""
 INNER = slice(2, -2)
+"""The samples with two neighbours on either side: second differences are one-sided at the edges."""
 ROUNDING = 1e-10
 """Least eigenvalue of the normal equations of regressors of unit length: below it the numbers' rounding decides, as
 with theta'' and theta of a sine, and the residual of any delay would be a matter of chance."""
@@ -132,7 +134,7 @@ def _fits(
 
 
 def _regressors(times: FloatArray, joints: Sequence[tuple[FloatArray, FloatArray]]) -> FloatArray:
-    """Smoothed accelerations and angles of the joints; at the edges, which ``INNER`` leaves out, one-sided ones."""
+    """Smoothed accelerations and angles of the joints; see ``INNER``."""
     angles = [_smooth(np.interp(times, at, angle)) for at, angle in joints]
     return np.column_stack([*(np.gradient(np.gradient(angle, STEP_S), STEP_S) for angle in angles), *angles])
 

@@ -81,13 +81,15 @@ def relative_motion(
     followed = command.followed(servo)
     noise = noise_of(segment.accel, settings)
     inverted = inverse(segment.accel.size, segment.rate_hz, noise, settings)
-    basis = command.basis(np.minimum(inverted.times, command.end))
+    until = np.minimum(inverted.times, command.end)  # after its end it stands
+    basis = command.basis(until)
     accel, deviations, offset = _without_offset(segment, followed, inverted.times, basis, settings, offset)
     impulses = inverted.impulses(accel)
     wrong = mistuned(accel.size, segment.rate_hz, noise, settings, MISTUNED) @ accel.astype(np.float32)
     uncertain = (basis @ command.coefficients, wrong.astype(np.float64))
-    alternative = _path(other.followed(servo), inverted.times) if other is not command else None
-    motion = _relative_motion(inverted, impulses, followed, alternative, uncertain, deviations, servo, settings)
+    path = _path(followed, basis)
+    alternative = _path(other.followed(servo), other.basis(until)) if other is not command else None
+    motion = _relative_motion(inverted, impulses, followed, (path, alternative), uncertain, deviations, servo, settings)
     return motion, contacts(inverted, impulses, followed.derivative(basis, 2), motion.known), offset
 
 
@@ -114,15 +116,14 @@ def _without_offset(
 
 
 def _relative_motion(
-    inverted: Inverse, impulses: FloatArray, command: Commanded, alternative: Path | None,
+    inverted: Inverse, impulses: FloatArray, command: Commanded, paths: tuple[Path, Path | None],
     uncertain: tuple[FloatArray, FloatArray], deviations: tuple[float, float], servo: ServoLaw,
     settings: DetectorSettings,
 ) -> RelativeMotion:  # fmt: skip
-    """D and its covariance; uncertain: the goal [rad], for errors of the servo's response, and the angles [rad] added
-    by an error of the resonance.
+    """D and its covariance; paths: of the command, and under the other prior of its corners; uncertain: the goal [rad],
+    for errors of the servo's response, and the angles [rad] added by an error of the resonance.
     """
-    goal, astray = uncertain
-    time, path = inverted.times, _path(command, inverted.times)
+    (path, alternative), (goal, astray), time = paths, uncertain, inverted.times
     angle, whole = path.angle(slice(None)), path.covariance(slice(None))
     driven, speed, accel = angle, *(command.derivative(path.basis, order) for order in (1, 2))
     driven, speed, accel = driven - driven.mean(), speed - speed.mean(), accel - accel.mean()
@@ -142,6 +143,6 @@ def _relative_motion(
     return RelativeMotion(time, motion, covariance, path, alternative, known, lag, shape, servo.is_learnt)
 
 
-def _path(command: Commanded, times: FloatArray) -> Path:
-    """theta_1 at times from the segment's start [s]; after its end it stands."""
-    return Path(command.basis(np.minimum(times, command.end)), command.coefficients, command.covariance)
+def _path(command: Commanded, basis: FloatArray) -> Path:
+    """theta_1 at the times of a basis."""
+    return Path(basis, command.coefficients, command.covariance)

@@ -148,7 +148,9 @@ def learnt_severity(
             known = np.array(servo.likelihood)[chosen, None]
             likelihood = _summed(known + motion, 0) - float(_summed(known, 0)[0])
             servo = servo.updated(chosen, _summed(motion + impact, 1))
-    likelihood, whole = (_with_size(one, play) for one in (likelihood, likelihood + impact))
+    whole = likelihood + impact
+    if (size := _size_density(play)) is not None:
+        likelihood, whole = _with_size(likelihood, size), _with_size(whole, size)
     is_clear = speed > CORNER * swing / (2 * math.pi * settings.f_res_hz) or _excludes_zero(likelihood)
     return _interval(whole, is_clear), servo
 
@@ -174,20 +176,25 @@ def _summed(logarithms: FloatArray, axis: int) -> FloatArray:
     return np.asarray(np.squeeze(top, axis) + np.log(np.sum(np.exp(logarithms - top), axis=axis)))
 
 
-def _with_size(likelihood: FloatArray, play: tuple[float, float, float]) -> FloatArray:
-    """Log-likelihood over the grid where the size of the play is estimated, too: its own density, two halves of normal
-    ones, or where the size is wrong the given one; how likely that is, the given one decides.
+def _size_density(play: tuple[float, float, float]) -> FloatArray | None:
+    """Probability over the grid of a size of the play with its 95 % interval, two halves of normal ones; None where
+    there is none, or none on the grid."""
+    size, low, high = play
+    if not math.isfinite(size):
+        return None
+    deviation = np.where(size > GRID, size - low, high - size) / 1.959964
+    density = GRID * np.exp(-(((GRID - size) / deviation) ** 2) / 2)
+    whole = float(density.sum())
+    return density / whole if whole > 0 else None
+
+
+def _with_size(likelihood: FloatArray, density: FloatArray) -> FloatArray:
+    """Log-likelihood over the grid where the size of the play is estimated, too: that of its density, or where the size
+    is wrong the given one; how likely that is, the given one decides.
 
     The two are not multiplied: both come from the same motion, and of soft teeth the range of D is the gap under the
     motion's loads, a quarter less than the play.
     """
-    size, low, high = play
-    deviation = np.where(size > GRID, size - low, high - size) / 1.959964
-    with np.errstate(divide="ignore", invalid="ignore"):
-        density = GRID * np.exp(-(((GRID - size) / deviation) ** 2) / 2)
-    if not density.sum() > 0:
-        return likelihood
-    density /= density.sum()
     other = np.exp(likelihood - likelihood.max())
     right, wrong = (1 - WRONG) * float(density @ other), WRONG * float(other.mean())
     mixed = (right * density + wrong * other / other.sum()) / (right + wrong)
