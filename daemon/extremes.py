@@ -6,6 +6,10 @@ import sqlite3
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+import numpy as np
+
+from lostmotion.detector.median import median
+
 __all__ = ["EXTREMES", "extremes_of"]
 
 VALUES = ("score", "severity", "play")
@@ -38,7 +42,5 @@ def extremes_of(db: sqlite3.Connection, of: str, span: Mapping[str, Any], pieces
 
 
 def _median(values: Iterable[float | None]) -> float | None:
-    from statistics import median  # half a megabyte, which the service does not need
-
-    known = [value for value in values if value is not None]
-    return median(known) if known else None
+    known = np.array([value for value in values if value is not None])
+    return median(known) if known.size else None

@@ -136,11 +136,12 @@ def read_recording(
         from lostmotion.drivers.formats.read import imported
 
         found = imported(path, replace(choice, hint=joint))
+        known = set() if told is None else told
         head, *lines = found.lines()
-        if told is None or (new := [line for line in lines if line not in told]):
-            log.warning("%s", "\n".join([head, *(lines if told is None else new)]))
-        if told is not None:
-            told.update(lines)
+        new = [line for line in lines if line not in known]
+        if new or told is None:
+            log.warning("%s", "\n".join([head, *new]))
+        known.update(new)
         recording = found.recording
     _check_scale(recording)
     return recording

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from lostmotion.lab.comparison.bands import Spectra, spectra
 from lostmotion.lab.comparison.phases import phases
 from lostmotion.lab.data.autoregression import NoiseModel
-from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.data.experiment import Experiment, own_rows
 from lostmotion.lab.data.whiteness import Correlation, autocorrelation, cross_correlation
 from lostmotion.lab.discrepancy.residual_maps import ResidualMap, residual_maps
 from lostmotion.model import Model, Trajectory
@@ -48,8 +48,8 @@ class Prediction:
         A servo's position at 100 Hz stands in one of ten rows of an acceleration at 1 kHz: between the samples are no
         gaps of a signal, whose neighbours and spectrum are to be analysed.
         """
-        at = np.flatnonzero(np.isfinite(self.experiment.measured[column]))
-        if at.size < 2 or np.median(np.diff(at)) <= 1:
+        at = own_rows(self.experiment.measured[column])
+        if at is None:
             return self
         experiment, there = self.experiment, self.trajectory
         measured = {name: values[at] for name, values in experiment.measured.items()}

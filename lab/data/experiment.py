@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.lost_readings import without_lost_readings
@@ -20,7 +21,7 @@ from lostmotion.lab.errors import ExperimentError
 from lostmotion.model import Model, Motion, Sampled
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["ACCEL", "FLAT_SHARE", "INPUT", "OUTPUTS", "Experiment", "experiments"]
+__all__ = ["ACCEL", "FLAT_SHARE", "INPUT", "OUTPUTS", "Experiment", "axis_of", "experiments", "own_rows"]
 
 ACCEL = "accel"
 """the column of the accelerometer"""
@@ -95,6 +96,18 @@ class Experiment:
     def model(self, model: Model) -> Model:
         """The model with the values in the metadata of this recording."""
         return model.replace(self.given) if self.given else model
+
+
+def axis_of(experiments: Sequence[Experiment]) -> tuple[bool, str]:
+    """Whether an axis moves along a line, and the unit of what was recorded in place of its torque, or ""."""
+    return any(one.is_linear for one in experiments), next((one.drive_unit for one in experiments), "")
+
+
+def own_rows(values: FloatArray) -> NDArray[np.intp] | None:
+    """The rows of a column (N,), NaN where it was not sampled, if it was sampled more slowly than others: if the usual
+    sample has no neighbour in the next row.  None where it was not."""
+    at = np.flatnonzero(np.isfinite(values))
+    return at if at.size > 1 and np.median(np.diff(at)) > 1 else None
 
 
 def experiments(model: Model, recordings: Sequence[Recording]) -> tuple[Experiment, ...]:

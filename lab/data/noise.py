@@ -12,7 +12,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from lostmotion.lab.data.autoregression import NoiseModel, fit_autoregression, runs
-from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.data.experiment import Experiment, own_rows
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["noise_models", "noise_of", "quiet_noise", "resolution"]
@@ -68,7 +68,8 @@ def quiet_noise(values: FloatArray) -> NoiseModel:
     driven at many frequencies the error of prediction from the last 20 samples is the better bound.  A column that was
     sampled in few of the rows is one signal at its own rate.
     """
-    values = _at_own_rate(values)
+    if (rows := own_rows(values)) is not None:
+        values = values[rows]
     least = NoiseModel.white(resolution(values) / np.sqrt(12))
     windows = _windows(values)
     if windows is None:
@@ -96,12 +97,6 @@ def resolution(values: FloatArray) -> float:
     steps = np.diff(distinct)
     steps = steps[steps > 1e-9 * np.max(np.abs(distinct), initial=0.0)]
     return float(steps.min()) if steps.size else 0.0
-
-
-def _at_own_rate(values: FloatArray) -> FloatArray:
-    """The samples (M,) without the rows between them, where the usual sample has no neighbour in the next row."""
-    at = np.flatnonzero(np.isfinite(values))
-    return values[at] if at.size > 1 and np.median(np.diff(at)) > 1 else values
 
 
 def _windows(values: FloatArray) -> FloatArray | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lostmotion.lab import words
+from lostmotion.lab.data.experiment import axis_of as axis_of_experiments
 from lostmotion.lab.discrepancy.residual_maps import finding, residual_maps
 from lostmotion.lab.fitting.identifiability import is_driven
 from lostmotion.lab.inverse.problem import Data, by_recording
@@ -16,9 +17,8 @@ __all__ = ["axis_of", "described"]
 
 
 def axis_of(fit: Regression) -> tuple[bool, str]:
-    """Whether an axis moves along a line, and the unit of what was recorded in place of its torque, or ""."""
-    experiments = [one.experiment for one in fit.data.signals]
-    return any(one.is_linear for one in experiments), experiments[0].drive_unit
+    """See ``experiment.axis_of``."""
+    return axis_of_experiments([one.experiment for one in fit.data.signals])
 
 
 def described(fit: Regression) -> Finding:

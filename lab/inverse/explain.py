@@ -94,7 +94,7 @@ def explained(
         with within(policy.STAGE_SHARE * budget_s):
             selection = selected(search, progress)
             if is_disturbed(selection.fits[-1].inverse):
-                wide, also = [channel.signals(one, True, True) for one in train], channel.signals(last, True, True)
+                *wide, also = (channel.signals(one, is_disturbed=True) for one in (*train, last))
                 white = replace(search, signals=wide, unseen=also, is_whitened=True)
                 selection = selected(white, progress, selection)
         progress("judging", 0.9)

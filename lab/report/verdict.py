@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from lostmotion.lab import words
 from lostmotion.lab.comparison.compare import MENTIONED, Comparison
-from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.data.experiment import axis_of
 from lostmotion.lab.quantity import number, quantities, quantity, with_unit
 from lostmotion.lab.results import Errors, Estimate, Explanation, Finding, Fit, Ladder
 
@@ -97,18 +97,13 @@ def of_fit(fit: Fit) -> tuple[str, ...]:
     """The error of the model, column by column, and what limits the fit."""
     sentences = [] if fit.complete else ["The fit was stopped early: these are the best figures until then."]
     for column, rms in fit.rms.items():
-        what, si = words.column(column, *_axis_of(fit.experiments))
+        what, si = words.column(column, *axis_of(fit.experiments))
         (error, noise), unit = quantities(si, rms, fit.noise.get(column, math.nan))
         sentences.append(f"The error in {what} is {with_unit(error, unit)}; the noise is {noise}.")
     hidden = [e.name for e in fit.estimates if not e.identified]
     if hidden:
         sentences.append(f"Not identifiable from these recordings: {joined(hidden)}.")
     return tuple(sentences)
-
-
-def _axis_of(experiments: Sequence[Experiment]) -> tuple[bool, str]:
-    """Whether an axis moves along a line, and the unit of what was recorded in place of its torque, or ""."""
-    return any(one.is_linear for one in experiments), next((one.drive_unit for one in experiments), "")
 
 
 def of_comparison(comparison: Comparison) -> tuple[str, ...]:
