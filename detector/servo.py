@@ -21,7 +21,7 @@ __all__ = [
     "AT_ONCE",
     "DELAYS",
     "GRID_S",
-    "ORDERS",
+    "SHAPES",
     "SPAN_S",
     "UNKNOWN",
     "USUAL",
@@ -40,23 +40,20 @@ LONGEST_S, SHORTEST_LAG_S = 0.1, 0.008
 """Delays up to this are compared (servos of 20 to 80 ms were tried); shorter lags than this are pure delays."""
 _PURE = np.arange(0.0, LONGEST_S + GRID_S / 2, GRID_S)
 _LAGS = np.arange(SHORTEST_LAG_S, LONGEST_S + GRID_S / 2, GRID_S)
-DELAYS: FloatArray = np.concatenate([_PURE, *[_LAGS] * 4])
+DELAYS: FloatArray = np.concatenate([_PURE, *[_LAGS] * 5])
 """The delay of each candidate response [s], shape (G,)."""
-ORDERS: NDArray[np.intp] = np.repeat([0, 1, 2, 3, 4], [_PURE.size, *[_LAGS.size] * 4])
-"""0: pure delay, 1: first order, 2: second order, critically damped, 3: second order, damped by DAMPING, 4: the same
-after a pure delay, which is the share PURE of the whole; shape (G,)."""
-DAMPING, PURE = 0.6, 0.4
-"""A lag is its delay T and higher coefficients; the second, which is an angle in proportion to the acceleration and
-looks like play, is 0.5 T² of a pure delay, 1 of the first order, 0.75 of a critically damped second order and 0.31 of
-one damped by 0.6.  Of servos damped by 0.6 to 1.2, up to half a pure delay (26 joints of ``bench.outside``, seeds 3000
-to 3117), sizes of the play were estimated in 77 % of the windows, held in 93.0 % and were 9 % too large without orders
-3 and 4, 78, 95.7 and 8 % with order 3, 80, 95.5 and 5 % with both; of the severities 96.2, 98.7 and 98.6 % held, and
-their correlation with the play was 0.944, 0.962 and 0.964."""
-SECOND = np.array([0.5, 1.0, 0.75, 1 - 1 / (4 * DAMPING**2), 0.0])
-"""The second coefficient of each order's lag, as a share of the delay's square; the last one is that of the pure delay
-and the lag in series."""
-SECOND[4] = PURE**2 / 2 + PURE * (1 - PURE) + (1 - PURE) ** 2 * SECOND[3]
-COEFFICIENTS: FloatArray = np.column_stack([DELAYS, SECOND[ORDERS] * DELAYS**2])
+SHAPES: NDArray[np.intp] = np.repeat([0, 1, 2, 3, 4, 5], [_PURE.size, *[_LAGS.size] * 5])
+"""The shape of each candidate, an index of PURE and DAMPING; shape (G,)."""
+PURE, DAMPING = np.array([1.0, 0.0, 0.0, 0.0, 0.4, 0.4]), np.array([math.nan, math.inf, 1.0, 0.6, 0.6, 1.0])
+"""Of each shape the share of the delay that is pure, and the damping ratio of a second order behind it: a pure delay, a
+first order, and the corners of the square in which servos were tried (damped by 0.6 to 1.2, up to half a pure delay).
+
+A lag is its delay T and higher coefficients; the second is an angle in proportion to the acceleration and looks like
+play, and at 10 Hz and 70 ms no series of coefficients converges.  Without the last corner the nearest candidate was
+3.0 to 4.0 mrad from servos of 50 to 80 ms (medians of 25, by motion), now 1.5 to 2.4: docs/decisions/0013."""
+SECOND = PURE * (1 - PURE / 2) + (1 - PURE) ** 2 * np.where(PURE < 1, 1 - 1 / (4 * DAMPING**2), 0.0)
+"""The second coefficient of each shape's lag, as a share of the delay's square: 0.31 to 1."""
+COEFFICIENTS: FloatArray = np.column_stack([DELAYS, SECOND[SHAPES] * DELAYS**2])
 """Delay [s] and second coefficient [s²] of each candidate, shape (G, 2)."""
 USUAL = 0.65
 """Usual ratio of the second coefficient to the delay's square: the mean of SECOND."""
@@ -178,17 +175,17 @@ def smoothing(count: int, odds: FloatArray, chosen: NDArray[np.intp]) -> FloatAr
 
 def _step_response(since: FloatArray, way: int) -> FloatArray:
     """Response so long after a unit step of the goal [s]."""
-    delay, order = float(DELAYS[way]), int(ORDERS[way])
-    if order == 0:
-        return np.asarray(since > delay, dtype=np.float64)
-    if order == 1:
+    pure, damping = float(PURE[SHAPES[way]]), float(DAMPING[SHAPES[way]])
+    since, delay = since - pure * float(DELAYS[way]), (1 - pure) * float(DELAYS[way])
+    if pure == 1:
+        return np.asarray(since > 0, dtype=np.float64)
+    since = np.clip(since, 0.0, SETTLED * delay)  # the response is at its final value there
+    if math.isinf(damping):
         return np.asarray(-np.expm1(-since / delay))
-    if order == 4:
-        since, delay = np.maximum(since - PURE * delay, 0.0), (1 - PURE) * delay
-    since = np.minimum(since, SETTLED * delay)  # the response is at its final value there
-    if order == 2:
-        return np.asarray(1 - (1 + 2 * since / delay) * np.exp(-2 * since / delay))
-    decay, root = 2 * DAMPING**2 / delay, math.sqrt(1 / DAMPING**2 - 1)
+    decay = 2 * damping**2 / delay
+    if damping == 1:
+        return np.asarray(1 - (1 + decay * since) * np.exp(-decay * since))
+    root = math.sqrt(1 / damping**2 - 1)
     swing = root * decay * since
     return np.asarray(1 - np.exp(-decay * since) * (np.cos(swing) + np.sin(swing) / root))
 

@@ -10,7 +10,7 @@ import pytest
 from bench.joints import motion_of
 
 from lostmotion.detector.commanded import NO_CONTACTS, _lobes, alternatives, smoothed
-from lostmotion.detector.servo import DAMPING, DELAYS, ORDERS, PURE, ServoLaw
+from lostmotion.detector.servo import DAMPING, DELAYS, PURE, SHAPES, ServoLaw
 from lostmotion.detector.window import Window
 
 OMEGA = 2 * np.pi * 1.5
@@ -122,18 +122,17 @@ def test_contacts_of_many_windows_show_that_a_motion_is_smooth() -> None:
     assert not smooth.is_smooth
 
 
-@pytest.mark.parametrize("order", [0, 1, 2, 3, 4])
-def test_a_slow_servo(order: int) -> None:
+@pytest.mark.parametrize("shape", range(PURE.size))
+def test_a_slow_servo(shape: int) -> None:
     """A sine that a servo follows 20 ms late, by a pure delay or a lag of the first or second order, has the amplitude
     and the phase of that lag's frequency response."""
     times, clock = np.arange(-0.2, 0.5, 0.01), np.arange(0.05, 0.45, 1e-3)
     motion = smoothed(times, 0.3 * np.sin(OMEGA * times), Window("elbow", 0.0, 0.45, clock, np.zeros(clock.size), 1e3))
     assert motion is not None
-    way = (order == ORDERS) & np.isclose(DELAYS, 0.02)
+    way = (shape == SHAPES) & np.isclose(DELAYS, 0.02)
     late = motion.followed(ServoLaw(tuple(np.where(way, 0.0, -math.inf).tolist())))
-    delay = 0.02 * (1 - PURE) if order == 4 else 0.02
-    second = 1 / (1 + 1j * delay * OMEGA - (delay * OMEGA / (2 * DAMPING)) ** 2)
-    behind = np.exp(-1j * (0.02 - delay) * OMEGA)
-    responses = [np.exp(-0.02j * OMEGA), 1 / (1 + 0.02j * OMEGA), 1 / (1 + 0.01j * OMEGA) ** 2, second, behind * second]
-    wanted = 0.3 * np.imag(responses[order] * np.exp(1j * OMEGA * clock))
+    behind = 0.02 * PURE[shape]
+    phase = 1j * (0.02 - behind) * OMEGA
+    second = 1 if PURE[shape] == 1 else 1 / (1 + phase + (phase / (2 * DAMPING[shape])) ** 2)
+    wanted = 0.3 * np.imag(np.exp(-1j * behind * OMEGA) * second * np.exp(1j * OMEGA * clock))
     assert late.basis(clock - clock[0]) @ late.coefficients == pytest.approx(wanted, abs=2e-3)
