@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.drivers.recording import Recording
+from lostmotion.lab.data.held_readings import without_held_readings
 from lostmotion.lab.data.lost_readings import without_lost_readings
 from lostmotion.lab.data.supply import of_voltage
 from lostmotion.lab.errors import ExperimentError
@@ -126,7 +127,9 @@ def _experiment(model: Model, recording: Recording) -> Experiment:
         )
     if "position" in outputs and model.base != "play":  # there a contact may be as short as a lost reading
         recording = without_lost_readings(recording)
-    drive = _drive(model.base, recording)
+    column = _input(model.base, recording)
+    recording = without_held_readings(recording, outputs, column)
+    drive = _drive(model.base, recording, column)
     rows = np.any([~np.isnan(recording.columns[name]) for name in outputs], axis=0)
     time = recording.time.copy()
     time[rows] = recording.times(rows)
@@ -167,8 +170,7 @@ def _there(recording: Recording) -> str:
     return ", ".join(name for name in recording.columns if _sampled(recording, name)) or "no samples"
 
 
-def _drive(base: str, recording: Recording) -> Motion | None:
-    column = _input(base, recording)
+def _drive(base: str, recording: Recording, column: str) -> Motion | None:
     if not _sampled(recording, column):
         if base in NEEDS_INPUT:
             raise ExperimentError(

@@ -22,6 +22,7 @@ NUMERICS = {
     "data/excerpt.py": (1, "length of windows"),
     "data/experiment.py": (4, "what is no recording"),
     "data/frequency_response.py": (6, "estimators of first values"),
+    "data/held_readings.py": (3, "what is a reading that is repeated"),
     "data/lost_readings.py": (3, "what is a reading that was lost"),
     "data/noise.py": (11, "an estimator of the noise, each number with its measured error"),
     "data/supply.py": (3, "which of two things a voltage is; the margins are measured"),
