@@ -74,7 +74,9 @@ def sizes_of(model: Model, data: Problem) -> MotionScales:
     driving = [usual_torque(model, one.experiment) for one in signals if model.base == "servo"]
     torque = data.usual(model) if isinstance(data, Data) else max(inertia_of(model) * _rms(acceleration), *driving, 0.0)
     loudest = max(signals, key=lambda one: float(np.ptp(one.acceleration)))
-    stiffness, damping = (model.parameters[name].value if name in model.parameters else 0.0 for name in ("k", "b"))
+    stiffness, damping, bias = (
+        model.parameters[name].value if name in model.parameters else 0.0 for name in ("k", "b", "bias")
+    )
     return MotionScales(
         torque=torque, speed=_rms(speed), span=max(float(np.ptp(one)) for one in position),
         bend=_rms([one - one.mean() for one in position]), swing=_rms(speed) if stiffness else 0.0,
@@ -82,7 +84,7 @@ def sizes_of(model: Model, data: Problem) -> MotionScales:
         peak=max(float(np.nanmax(np.abs(one.experiment.measured[one.column]))) for one in signals),
         k=stiffness, b=damping, d=0.0, inertia=inertia_of(model),
         length=max(float(one.time[-1]) for one in signals), resonance=natural_frequency(model),
-        lines=loudest.lines,
+        rest=bias / stiffness if stiffness else 0.0, lines=loudest.lines,
     )  # fmt: skip
 
 
@@ -179,7 +181,8 @@ def _fitted_from_acceleration(name: str, wide: Model, now: Regression, begun: Re
     """The fit that begins with the estimates from the acceleration, of the whole model with the effect."""
     if not begun or is_over():
         return None
-    start = _with_values(wide, begun.model)
+    own = {full: p.value for full, p in begun.model.parameters.items() if full.startswith(f"{name}.")}
+    start = _with_values(wide, begun.model).replace(own)
     fit = _tried(start, now.data.suited([start]), now.data.nuisance, SHORT)
     return fit if fit and are_consistent(fit.model, [name]) else None
 

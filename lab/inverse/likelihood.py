@@ -196,11 +196,13 @@ class WholeMotion:
         return Fitted(inverse, other) if other and other.rms < found.rms else found
 
     def accepted(self, fit: Fitted, now: Fitted) -> Fitted:
-        """The fit with the added effect, and with the transmitted torque that follows from it."""
+        """The fit with the added effect, with an integration step that resolves it, and with the transmitted torque that
+        follows from it."""
+        judged = resolved(fit.judged)
         if self.method is Method.MOTION:
-            return fit
+            return Fitted(judged, judged)
         inverse = _with_load(fit.model, Data.of(self.signals, fit.model), fit.inverse.nuisance)
-        return Fitted(inverse, fit.judged) if self.method is Method.FREE else self._fitted(inverse)
+        return Fitted(inverse, judged) if self.method is Method.FREE else self._fitted(inverse)
 
     def without(self, effect: str, fit: Fitted) -> Fitted:
         """The fit without an effect; a motion is refitted from the present values."""
@@ -273,6 +275,14 @@ def continued(model: Model, swings: OutputError) -> Regression:
     if found.rms <= swings.usual(model):
         return found
     return min(found, regressed(start, swings), key=lambda one: one.rms)
+
+
+def resolved(fit: Regression) -> Regression:
+    """The fit with an integration step that is short for its residual, if the time allows."""
+    if not isinstance(fit.data, OutputError) or is_over():
+        return fit
+    data = fit.data.resolved(fit.model, fit.nuisance)
+    return fit if data is fit.data else refined(replace(fit, data=data))
 
 
 def _not_vanished(model: Model, start: Model) -> Model:

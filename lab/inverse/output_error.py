@@ -45,6 +45,9 @@ ACCURACY = 1e-6
 was followed to 1e-8, a clock that is off by 28 ppm was named."""
 STEPS = 4.0
 """Integration steps of a fit, times the model's own choice."""
+RESOLVED, HALVINGS = 0.1, 5
+"""Share of the residual that the motion changes by, when the integration step is halved, at which the step is short
+enough; and how often it is halved at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,6 +165,18 @@ class OutputError:
         names = {name: None for one in models for name in free_states(one)}
         free = self.free if any(map(is_driven, experiments)) else tuple(dict.fromkeys([*self.free, *names]))
         return replace(self, substep_s=step, free=free)
+
+    def resolved(self, model: Model, nuisance: FloatArray) -> OutputError:
+        """With an integration step that changes the residual by less than ``RESOLVED`` of it: with the step of a search
+        a mass that dry friction stops had 1.4 times the noise left, and a second mode was named for that."""
+        data, here = self, self.residual(model, nuisance)
+        for _ in range(HALVINGS):
+            finer = replace(data, substep_s=data.substep_s / 2)
+            there = finer.residual(model, nuisance)
+            if not np.linalg.norm(there - here) > RESOLVED * np.linalg.norm(there):
+                break
+            data, here = finer, there
+        return data
 
     def no_finer(self, other: OutputError) -> OutputError:
         """With an integration step within ``FINEST`` of that of other recordings of the same model: with a model that

@@ -10,7 +10,7 @@ import numpy as np
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.frequency_response import usual_torque
 from lostmotion.lab.shooting.segment import Segment, motions
-from lostmotion.model import Domain, Model, Parameter
+from lostmotion.model import Domain, Model, Parameter, build_model
 from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.guesses import MotionScales, Values
 from lostmotion.model.motion import FloatArray
@@ -98,13 +98,19 @@ def _full(effect: str, name: str, model: Model) -> str:
 
 
 def _within(model: Model, values: Values) -> Values:
-    """Values within the bounds, those of fixed parameters left out unless they are whole numbers."""
+    """Values within the bounds, those of fixed parameters left out unless they are whole numbers, or zeros of a scale
+    that no file has stated."""
     kept = {}
     for name, value in values.items():
         p = model.parameters[name]
-        if not p.fixed or p.domain is Domain.WHOLE:
+        if not p.fixed or p.domain is Domain.WHOLE or _is_default_zero(name, model):
             kept[name] = min(max(value, p.low), p.high)
     return kept
+
+
+def _is_default_zero(name: str, model: Model) -> bool:
+    p = model.parameters[name]
+    return p.value == 0.0 and p == build_model(model.base, model.effects).parameters[name]
 
 
 def _around_defaults(own: Mapping[str, Parameter]) -> list[Values]:

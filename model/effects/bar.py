@@ -45,8 +45,8 @@ def _is_resolved(values: Mapping[str, float]) -> bool:
 
 @kernel
 def hardening(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
-    """-k3 q³; p: k3."""
-    return -p[0] * s[Q] ** 3
+    """-k3 (q - q_0)³; p: k3, q_0."""
+    return -p[0] * (s[Q] - p[1]) ** 3
 
 
 @kernel
@@ -92,7 +92,8 @@ def _hardening_guesses(scales: MotionScales) -> Sequence[Values]:
     if not scales.d and scales.resonance * scales.length > 1:
         least = 1 / (math.pi * scales.resonance * scales.length)
         shares += [(least, 0.8 * least), (-least, -0.8 * least)]
-    return [{"k3": s * scales.k / (3 * scales.bend**2), "k": scales.k * (1 - part)} for s, part in shares]
+    rest = {"q_0": scales.rest} if scales.rest else {}
+    return [{"k3": s * scales.k / (3 * scales.bend**2), "k": scales.k * (1 - part), **rest} for s, part in shares]
 
 
 def _second_guesses(scales: MotionScales) -> Sequence[Values]:
@@ -109,12 +110,15 @@ def _second_rate(values: Mapping[str, float], operating: Operating) -> float:
 
 HARDENING_SPRING = Effect(
     id="hardening_spring",
-    equation="-k3 q^3",
+    equation="-k3 (q - q_0)^3",
     summary="the bar stiffens with deflection (softens for a negative k3)",
     acts_on=ActsOn.OSCILLATOR,
     bases=BARS,
-    parameters={"k3": Parameter(2e9, "N/m^3", -1e12, 1e12, False, "guess: 10 % of k q at 0.4 mm", "cubic stiffness")},
-    terms=on(BARS, Term(BAR_FORCE, hardening, ("k3",))),
+    parameters={
+        "k3": Parameter(2e9, "N/m^3", -1e12, 1e12, False, "guess: 10 % of k q at 0.4 mm", "cubic stiffness"),
+        "q_0": Parameter(0.0, "m", -1e6, 1e6, True, "chosen: the zero of q", "place of rest, about which it is symmetric"),
+    },
+    terms=on(BARS, Term(BAR_FORCE, hardening, ("k3", "q_0"))),
     amplitudes=("k3",),
     guesses=_hardening_guesses,
     words=Words(
