@@ -98,6 +98,8 @@ def _evened(times: FloatArray) -> FloatArray:
     counts = np.rint(steps / tick)
     usual = np.median(counts)
     near = np.abs(counts - usual) <= 1
+    if not near.any():
+        return times
     period = float(counts[near].mean()) * tick
     if tick < COARSE * period or np.abs(steps / tick - counts).max() > EXACT or not _is_regular(counts[near] != usual):
         return times

@@ -70,9 +70,11 @@ def _scaled(text: str) -> Term:
 
 def split_address(path: Path) -> tuple[Path, Choice]:
     """``FILE#joint=elbow,episode=3,position=/x.y:deg`` → the file, and the options for it.  Raises RecordingError."""
-    name, mark, fragment = str(path).rpartition("#")
-    if not mark or path.exists() or not Path(name).exists():
+    text = str(path)
+    marks = [at for at, letter in enumerate(text) if letter == "#" and Path(text[:at]).exists()]
+    if not marks or path.exists():
         return path, Choice()
+    name, fragment = text[: marks[0]], text[marks[0] + 1 :]
     pairs = re.split(rf",(?=(?:{'|'.join((*KEYS, *SPELT, *COLUMN_UNITS))})=)", fragment)
     parts = [pair.partition("=") for pair in pairs]
     pairs = [f"{SPELT.get(key, key)}{equals}{value}" for key, equals, value in parts]

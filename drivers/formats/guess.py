@@ -46,8 +46,9 @@ class Guess:
     notes: Sequence[str]
 
 
-def guessed(series: Sequence[Series], choice: Choice, name: str) -> Guess:
-    """The columns of a recording.  name: of the file, in errors.  Raises RecordingError."""
+def guessed(series: Sequence[Series], choice: Choice, name: str, clock: str = "") -> Guess:
+    """The columns of a recording.  name: of the file, in errors; clock: the series that is the time although its name
+    does not say so.  Raises RecordingError."""
     candidates: dict[str, list[Series]] = {}
     for one in series:
         if (column := column_of(one.name)) and column not in choice.terms:
@@ -72,8 +73,8 @@ def guessed(series: Sequence[Series], choice: Choice, name: str) -> Guess:
         notes += note
     if not chosen:
         raise RecordingError(
-            f"{name}: found {listed(series)}, and none that is clearly a column; assign them, as in {_example(series)} "
-            "(deg: the unit; rpm for the integral of a speed; *FACTOR for counts)"
+            f"{name}: found {listed(series)}, and none that is clearly a column; assign them, as in "
+            f"{_example(series, clock)} (deg: the unit; rpm for the integral of a speed; *FACTOR for counts)"
         )
     used = {one.series for one in chosen.values()}
     if left := [one for one in series if one.name not in used and not is_time(one.name)]:
@@ -86,9 +87,9 @@ def mapped(column: str, series: str, unit: str = "") -> str:
     return f"--map {shlex.quote(f'{column}={shown(series)}{unit}')}"
 
 
-def _example(series: Sequence[Series]) -> str:
+def _example(series: Sequence[Series], clock: str) -> str:
     """How the first series would be assigned; without a header the first column is most often the time."""
-    names = [one.name for one in series if not is_time(one.name)]
+    names = [one.name for one in series if not is_time(one.name) and one.name != clock]
     first = (names[1:] if names[0] == "column1" and names[1:] else names)[:2] if names else ["SERIES"]
     if column := column_of(first[0]):  # one of several, among which none was chosen
         return mapped(column, first[0])

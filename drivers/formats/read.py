@@ -16,6 +16,7 @@ from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.guess import Chosen, guessed
 from lostmotion.drivers.formats.registry import open_source
 from lostmotion.drivers.formats.source import Choice, Samples, shown
+from lostmotion.drivers.formats.table import Table
 from lostmotion.drivers.recording import Recording, merge
 from lostmotion.drivers.units import COLUMN_UNITS
 
@@ -48,7 +49,7 @@ class Imported:
 def imported(path: Path, choice: Choice) -> Imported:
     """Reads a file of any known format.  Raises RecordingError, one line."""
     source = open_source(path)
-    guess = guessed(source.series, choice, str(path))
+    guess = guessed(source.series, choice, str(path), source.clock if isinstance(source, Table) else "")
     samples = source.read([one.series for one in guess.columns], choice)
     notes = [*source.notes, *samples.notes, *guess.notes]
     parts, kept = [], []

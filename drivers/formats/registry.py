@@ -37,7 +37,16 @@ FORMATS = (
     Format("MCAP", b"\x89MCAP0\r\n", "bag:open_mcap"),
     Format("rosbag2", b"SQLite format 3\x00", "bag:open_rosbag"),
     Format("ROS 1 bag", b"#ROSBAG", advice="convert it: pip install rosbags; rosbags-convert --src x.bag --dst x"),
-    Format("ZIP or NumPy archive", b"PK\x03\x04", advice="unpack it; save arrays with scipy.io.savemat"),
+    Format(
+        "Excel, ZIP or NumPy archive",
+        b"PK\x03\x04",
+        advice="save a sheet as CSV, unpack a ZIP, save arrays with scipy.io.savemat",
+    ),
+    Format(
+        "XML, as Tracker and Logger Pro save a project",
+        b"<?xml",
+        advice="export its table as text (Tracker: File, Export, Data File; Logger Pro: File, Export As, CSV)",
+    ),
     Format("gzip", b"\x1f\x8b", advice="unpack it: gunzip"),
     Format("zstd", b"\x28\xb5\x2f\xfd", advice="unpack it: unzstd"),
     Format(

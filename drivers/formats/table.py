@@ -74,7 +74,7 @@ class Table:
                 raise RecordingError(f"{self.name}: found a rate of {choice.rate_hz:g} Hz, expected 0 to 1e9 Hz")
             return None
         found = [one for one in self.series if is_time(one.name)]
-        if not found and self._ascends():
+        if self.clock:
             return self.series[0], Term(self.series[0].name, "s")
         if not found:
             raise RecordingError(
@@ -83,6 +83,11 @@ class Table:
             )
         best = min(found, key=lambda one: time_rank(one.name))
         return best, Term(best.name)
+
+    @property
+    def clock(self) -> str:
+        """The series that is the time although its name does not say so; "" for none."""
+        return self.series[0].name if not any(is_time(one.name) for one in self.series) and self._ascends() else ""
 
     def _ascends(self) -> bool:
         """Whether the first series is a time that no name says: it ascends in steps of one size, of less than half a

@@ -80,12 +80,13 @@ def layout_of(path: Path) -> tuple[Layout, list[list[str]]]:
     comma = separator != "," and any(DECIMAL_COMMA.fullmatch(cell) for cell in cells_of(lines[-1], separator))
     rows = [cells_of(line, separator) for line in lines]
     header, rows = _header(comments, rows, separator, comma)
+    header = header[: _most_cells(rows) or None]
     if len(header) > MOST_SERIES:
         raise too_many(str(path), len(header), "columns")
     units = _units(rows[0], comma) if rows else []
     dates = frozenset(index for index, name in enumerate(header) if is_time(name) and _is_date(rows, index))
     before = len(lines) - len(rows) + bool(units)
-    skipped = places[before - 1] if before else 0
+    skipped = places[before - 1] if before else places[0] - 1
     below = [*units, *[""] * len(header)][: len(header)]
     layout = Layout(encoding, separator, header, below, skipped, comma, dates, _metadata(comments))
     whole = rows if lines[-1].endswith("\n") else rows[:-1]
@@ -100,7 +101,24 @@ def _titles(lines: list[str]) -> int:
         are_words = all(number(cell, separator != ",") is None for cell in names if cell.strip())
         if 1 < len(names) == len(row) and (are_words or not above):
             return above
+    return _titles_alone(lines)
+
+
+def _titles_alone(lines: list[str]) -> int:
+    """How many lines stand above the first numbers, where none of them names columns: each is one cell by the sign
+    that separates the numbers."""
+    for above, line in enumerate(lines[: MOST_TITLES + 1]):
+        separator = _separator(line)
+        row = cells_of(line, separator)
+        if len(row) > 1 and all(number(cell, separator != ",") is not None for cell in row):
+            return above if all(len(cells_of(title, separator)) == 1 for title in lines[:above]) else 0
     return 0
+
+
+def _most_cells(rows: list[list[str]]) -> int:
+    """How many cells all rows have, of which a header may name more; 0 where they differ."""
+    counts = {len(row) for row in rows[:-1]}
+    return counts.pop() if len(counts) == 1 else 0
 
 
 def is_row(line: str) -> bool:

@@ -65,6 +65,9 @@ UNITS = {
 }  # fmt: skip
 BRACKETED = re.compile(r"[\[(]([^\])]+)[\])]\s*(?:Run #\d+\s*)?$", re.IGNORECASE)
 """the text in brackets at the end of a name, also before the number of a run: ``Position (m) Run #1``"""
+GREEK = str.maketrans(
+    {"θ": " theta ", "Θ": " theta ", "ϑ": " theta ", "φ": " phi ", "ϕ": " phi ", "ω": " omega ", "τ": " tau "}
+)
 VOCABULARY = COMMAND | POSITION | set().union(*QUANTITIES.values()) | OTHER | GENERAL | UNITS
 
 
@@ -166,8 +169,8 @@ def _spelt(unit: str) -> str:
 
 
 def _words(name: str) -> list[str]:
-    """Words in lower case, split at signs, digits and capitals."""
-    return [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", name)]
+    """Words in lower case, split at signs, digits and capitals; Greek letters are words."""
+    return [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", name.translate(GREEK))]
 
 
 def _proper(text: str) -> str:

@@ -196,7 +196,7 @@ class WholeMotion:
         return Fitted(inverse, other) if other and other.rms < found.rms else found
 
     def accepted(self, fit: Fitted, now: Fitted) -> Fitted:
-        """The fit with the added effect, with an integration step that resolves it, and with the transmitted torque that
+        """The fit with the added effect and an integration step that resolves it, and with the transmitted torque that
         follows from it."""
         judged = resolved(fit.judged)
         if self.method is Method.MOTION:

@@ -116,7 +116,9 @@ HARDENING_SPRING = Effect(
     bases=BARS,
     parameters={
         "k3": Parameter(2e9, "N/m^3", -1e12, 1e12, False, "guess: 10 % of k q at 0.4 mm", "cubic stiffness"),
-        "q_0": Parameter(0.0, "m", -1e6, 1e6, True, "chosen: the zero of q", "place of rest, about which it is symmetric"),
+        "q_0": Parameter(
+            0.0, "m", -1e6, 1e6, True, "chosen: the zero of q", "place of rest, about which it is symmetric"
+        ),
     },
     terms=on(BARS, Term(BAR_FORCE, hardening, ("k3", "q_0"))),
     amplitudes=("k3",),

@@ -24,8 +24,8 @@ class MotionScales:
     """Usual (root mean square) and largest magnitudes in a motion, SI units; zero where a base has none.
 
     torque on the joint, its speed, the span of its angle; the bar's deflection and speed; the usual and the largest
-    reading; stiffness and damping of the bar and its natural frequency [Hz] and place of rest [m]; play; length of a record [s]; inertia;
-    lines: frequencies [Hz] of the largest lines in the spectrum of the reading, the largest first.
+    reading; stiffness and damping of the bar, its natural frequency [Hz] and place of rest [m]; play; length of a
+    record [s]; inertia; lines: frequencies [Hz] of the largest lines in the spectrum of the reading, the largest first.
     """
 
     torque: float

@@ -288,7 +288,7 @@ def test_axes_and_degrees_are_not_guessed(tmp_path: Path) -> None:
         (b"t;q\n" + b"0;1\n" * 300 + b"0;x1\n", "line 302: found 'x1' in 'q', expected a number"),
         (b"PAR1" + bytes(100), "cannot be read as Parquet"),
         (b"MATLAB 5.0 MAT-file" + bytes(300), "cannot be read as a MAT file"),
-        (b"PK\x03\x04" + bytes(50), "found ZIP or NumPy archive"),
+        (b"PK\x03\x04" + bytes(50), "found Excel, ZIP or NumPy archive"),
         (b"#ROSBAG V2.0\n" + bytes(50), "found ROS 1 bag"),
         (b"name,word\na,b\nc,d\n", "found text without a column of numbers"),
         (b"t,\x1b[31mq\x07" + b"z" * 5000 + b"\n0,1\n", "found t, ?[31mq?z"),
@@ -449,6 +449,41 @@ def test_a_line_below_the_header_and_numbers_of_runs(tmp_path: Path) -> None:
     found = read(tmp_path / "run.csv")
     assert found.recording.columns["position"] == pytest.approx(T / 5, abs=1e-3)
     assert found.recording.metadata["position_unit"] == "m"
+
+
+def test_titles_above_numbers_without_names_are_left_out(tmp_path: Path) -> None:
+    """Two lines of words above rows of tabs name no columns: these are numbered, and the first is the time."""
+    rows = "".join(f"{t:.3f}\t{0.1:.3f}\t{y:.6f}\n" for t, y in zip(T, ANGLE, strict=True))
+    (tmp_path / "swing.txt").write_text(f"--- a torsion pendulum ---\nTime.Motor.Pendulum\n{rows}")
+    assert "as in --map position=column2:deg " in refused(tmp_path / "swing.txt")
+    found = read(tmp_path / "swing.txt", "position=column3:rad").recording
+    np.testing.assert_allclose(found.columns["position"], ANGLE, atol=1e-6)
+    np.testing.assert_allclose(found.time, T, atol=1e-6)
+
+
+def test_a_header_may_name_more_than_there_is(tmp_path: Path) -> None:
+    """Names of errors that no row has, and a time that its name does not show; the error says how to go on."""
+    rows = "".join(f"{t:.3E} {y:.6E}\n" for t, y in zip(T, ANGLE, strict=True))
+    (tmp_path / "film.txt").write_text(f"x y dx dy\n{rows}")
+    message = "found x, y, and none that is clearly a column; assign them, as in --map position=y:deg ("
+    assert message in refused(tmp_path / "film.txt")
+    found = read(tmp_path / "film.txt", "position=y:rad").recording
+    np.testing.assert_allclose(found.columns["position"], ANGLE, atol=1e-6)
+
+
+def test_a_greek_letter_is_an_angle(tmp_path: Path) -> None:
+    """The angle of a pendulum is most often called by its letter."""
+    rows = "".join(f"{t:.3f}\t{y:.6f}\t0.1\n" for t, y in zip(T, ANGLE, strict=True))
+    (tmp_path / "swing.txt").write_text(f"t\tθ\tσ\n{rows}")
+    np.testing.assert_allclose(read(tmp_path / "swing.txt").recording.columns["position"], ANGLE, atol=1e-6)
+
+
+def test_the_number_of_a_run_may_stand_in_an_address(tmp_path: Path) -> None:
+    """A # in the name of a joint does not end the name of the file."""
+    path = tmp_path / "runs.csv"
+    path.write_text("Position (mm) Run #1;Position (mm) Run #2\n1,5;2,5\n")
+    file, choice = split_address(Path(f"{path}#joint=Run #2,rate_hz=50"))
+    assert (file, choice.joint, choice.rate_hz) == (path, "Run #2", 50.0)
 
 
 @pytest.mark.parametrize("title", ["mass_B\n", "Voltage, ChA, Run #1\nexported on Monday morning\n"])

@@ -88,6 +88,32 @@ def test_a_mass_that_softens_and_is_damped_within_few_swings(tmp_path: Path) -> 
     assert answer["parameters"]["hardening_spring.k3"][0] < 0
 
 
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_mass_that_friction_stops_has_no_second_mode(seed: int, tmp_path: Path) -> None:
+    """Dry friction alone slows a mass to a seventh in three periods; the error of the integration is no effect."""
+    times, w, amplitude = np.arange(0.0, 0.27, 1 / 500), 2 * math.pi * 11.7, 5.4e-3
+
+    def slope(_: float, x: FloatArray) -> list[float]:
+        return [x[1], -(w**2) * x[0] - 1.97 * math.tanh(x[1] / (1e-4 * w * amplitude))]
+
+    place = solve_ivp(slope, (0, times[-1]), [amplitude, 0.0], "Radau", times, rtol=1e-8, atol=1e-11).y[0]
+    measured = 0.54e-3 + place + 7.4e-6 * np.random.default_rng(seed).standard_normal(times.size)
+    answer = explained(tmp_path, BARE, [Recording(times, {"displacement": measured}, name="rubs.csv")])
+    assert answer["missing"] == ["coulomb_friction"]
+    assert answer["parameters"]["coulomb_friction.tau_c"][0] == pytest.approx(0.02 * 1.97, rel=0.02)
+
+
+@pytest.mark.parametrize(("cubic", "zero"), [(2.7e10, 3e-4), (2.7e10, 0.1), (-1.2e10, 0.1)])
+def test_a_spring_is_symmetric_about_its_place_of_rest(cubic: float, zero: float, tmp_path: Path) -> None:
+    """A mass on a spring that stiffens or softens, by a sensor whose zero is elsewhere, as that of a sonar."""
+    times = np.arange(0.0, 0.4, 0.003)
+    place = bend(times, 0.0, cubic, 4e-4, 6.0, 17.5)[0]
+    measured = zero + place + 3.5e-6 * np.random.default_rng(5).standard_normal(times.size)
+    answer = explained(tmp_path, BARE, [Recording(times, {"displacement": measured}, name="spring.csv")])
+    assert answer["missing"] == ["hardening_spring"]
+    assert answer["parameters"]["hardening_spring.k3"][0] == pytest.approx(0.02 * cubic, rel=0.15)
+
+
 def test_modes_that_overlap_are_no_two() -> None:
     """Two modes are apart by more than the half-power bandwidth of either, or there is one, or its harmonic."""
     model = build_model("oscillator", ["second_mode"], {"m": 1.0, "k": (2 * math.pi * 2.0) ** 2, "b": 0.1})
