@@ -167,8 +167,10 @@ class OutputError:
         return replace(self, substep_s=step, free=free)
 
     def resolved(self, model: Model, nuisance: FloatArray) -> OutputError:
-        """With an integration step that changes the residual by less than ``RESOLVED`` of it: with the step of a search
-        a mass that dry friction stops had 1.4 times the noise left, and a second mode was named for that."""
+        """With an integration step that changes the residual of a free motion by less than ``RESOLVED`` of it: with the
+        step of a search a mass that dry friction stops had 1.4 times the noise left, and a second mode was named."""
+        if any(is_driven(one.experiment) for one in self.signals):
+            return self
         data, here = self, self.residual(model, nuisance)
         for _ in range(HALVINGS):
             finer = replace(data, substep_s=data.substep_s / 2)
