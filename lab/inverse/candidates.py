@@ -72,6 +72,7 @@ def sizes_of(model: Model, data: Problem) -> MotionScales:
         [getattr(one, what) for one in signals] for what in ("position", "velocity", "acceleration")
     )
     driving = [usual_torque(model, one.experiment) for one in signals if model.base == "servo"]
+    is_moved = any(is_driven(one.experiment) for one in signals)
     torque = data.usual(model) if isinstance(data, Data) else max(inertia_of(model) * _rms(acceleration), *driving, 0.0)
     loudest = max(signals, key=lambda one: float(np.ptp(one.acceleration)))
     stiffness, damping, bias = (
@@ -84,7 +85,7 @@ def sizes_of(model: Model, data: Problem) -> MotionScales:
         peak=max(float(np.nanmax(np.abs(one.experiment.measured[one.column]))) for one in signals),
         k=stiffness, b=damping, d=0.0, inertia=inertia_of(model),
         length=max(float(one.time[-1]) for one in signals), resonance=natural_frequency(model),
-        rest=bias / stiffness if stiffness else 0.0, lines=loudest.lines,
+        rest=bias / stiffness if stiffness and not is_moved else 0.0, lines=loudest.lines,
     )  # fmt: skip
 
 
