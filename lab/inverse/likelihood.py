@@ -30,6 +30,7 @@ from lostmotion.lab.inverse.candidates import (
     turns_of,
 )
 from lostmotion.lab.inverse.effect_sizes import chance_of_zero, is_sized, uncertainty
+from lostmotion.lab.inverse.free_motion import HORIZONS, beginning, continued, resolved
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import Data, Problem
 from lostmotion.lab.inverse.regression import Regression, blocks_of, generalised, regressed
@@ -39,21 +40,12 @@ from lostmotion.lab.parallel import each
 from lostmotion.lab.selection.evidence import Predictions
 from lostmotion.lab.selection.forward import Proposals
 from lostmotion.lab.selection.nesting import without
-from lostmotion.lab.shooting.parameters import free_names
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
 __all__ = [
     "Fitted", "Method", "WholeMotion", "error_on", "fit_on", "is_disturbed", "is_noise",
 ]  # fmt: skip
-
-HORIZONS = (0.2, 0.5)
-"""Shares of a free swing that are fitted before the whole: a frequency error of 2 % is out of phase after ten swings,
-and a fit to the whole would end in a local minimum."""
-
-
-VANISHED = 1e-3
-"""Share of a parameter's first value, below which it is zero."""
 
 
 class Method(Enum):
@@ -151,6 +143,9 @@ class WholeMotion:
         wide = list(candidates(now.inverse.model, added, now.inverse.data))
         with within(policy.STAGE_SHARE * remaining_s()):
             fits, failed = self._fitted_each(wide, now.inverse)
+        if self.method is Method.FREE:
+            fits, behind = self._ahead(fits, now)
+            failed += behind
         tried = each(self.pool, lambda one: (one[0], self._for_predictions(*one, now)), fits, first=1)
         found = [(name, fit) for name, fit in tried if fit]
         failed += [name for name, fit in tried if fit is None]
@@ -181,6 +176,18 @@ class WholeMotion:
         many = min(sum(fit.rms < least for _, fit in found), policy.FINISHED)
         finished = each(self.pool, lambda one: (one[0], refined(one[1])), found[:many])
         return [*finished, *found[len(finished) :]], failed
+
+    def _ahead(
+        self, fits: Sequence[tuple[str, Regression]], now: Fitted
+    ) -> tuple[list[tuple[str, Regression]], list[str]]:
+        """The candidates that follow the beginning of a free motion about as well as the best one does, or as it is
+        followed now, and the names of the others (successive halving)."""
+        assert isinstance(now.judged.data, OutputError)
+        least = regressed(now.model, now.judged.data.first(HORIZONS[0])).rms
+        tried = each(self.pool, lambda one: (*one, beginning(one[1])), fits, first=1)
+        least = min([least, *(error for _, _, error in tried)])
+        kept = [(name, fit) for name, fit, error in tried if error <= policy.BEHIND * least]
+        return kept, [name for name, _ in fits if name not in {name for name, _ in kept}]
 
     def _for_predictions(self, name: str, inverse: Regression, now: Fitted) -> Fitted | None:
         """With the fit that is judged; None where its motion cannot be simulated.  For a free motion it begins with the
@@ -263,35 +270,6 @@ def _promising(begun: list[tuple[Model, OutputError]]) -> list[tuple[Model, Outp
         if np.mean(data.residual(start, data.nuisance) ** 2) < data.error_at_rest**2
     ]  # fmt: skip
     return near or begun
-
-
-def continued(model: Model, swings: OutputError) -> Regression:
-    """The fit of a free motion on a growing horizon (homotopy); where that ends with a larger error than no motion, as
-    for a pendulum that goes over the top, the fit of the whole motion at once if it is better."""
-    start = model
-    for share in HORIZONS:
-        model = _not_vanished(regressed(model, swings.first(share)).model, start)
-    found = regressed(model, swings)
-    if found.rms <= swings.usual(model):
-        return found
-    return min(found, regressed(start, swings), key=lambda one: one.rms)
-
-
-def resolved(fit: Regression) -> Regression:
-    """The fit with an integration step that is short for its residual, if the time allows."""
-    if not isinstance(fit.data, OutputError) or is_over():
-        return fit
-    data = fit.data.resolved(fit.model, fit.nuisance)
-    return fit if data is fit.data else refined(replace(fit, data=data))
-
-
-def _not_vanished(model: Model, start: Model) -> Model:
-    """The model with the first values of those parameters that a short horizon took to zero, where a fit would stay: a
-    mass that is damped within four swings had no damping."""
-    first = {name: start.parameters[name].value for name in free_names(start)}
-    return model.replace(
-        {name: v for name, v in first.items() if v > 0 and model.parameters[name].value < VANISHED * v}
-    )
 
 
 def _with_load(model: Model, data: Problem, nuisance: FloatArray | None = None) -> Regression:

@@ -49,7 +49,7 @@ NUMERICS = {
     "inverse/release.py": (5, "local polynomials, what is no error, parts of a period"),
     "inverse/signals.py": (12, "filters and splines"),
     "inverse/torques.py": (2, "integration step"),
-    "inverse/likelihood.py": (2, "continuation in the horizon"),
+    "inverse/free_motion.py": (2, "continuation in the horizon"),
     "models/simulate.py": (4, "a simulation's length and check"),
     "observer/filter.py": (5, "gains of observers"),
     "observer/global_search.py": (18, "an evolution: its populations, generations and widths"),
