@@ -43,11 +43,11 @@ class Answer:
         return bool(self.document) and leads and set(need) <= set(missing) and not set(never) & set(missing)
 
 
-def asked(name: str, case: dict[str, Any], folder: Path, budget: str = "60s") -> Answer:
-    """What the command line says; budget: longer on busy cores."""
+def asked(name: str, case: dict[str, Any], folder: Path, budget: str = "60s", data: Path = DATA) -> Answer:
+    """What the command line says; budget: longer on busy cores; data: the folder of the recordings."""
     model = folder / f"{name}.toml"
     model.write_text(case["model"])
-    recordings = [str(DATA / each) for each in case["recordings"]]
+    recordings = [str(data / each) for each in case["recordings"]]
     command = [sys.executable, "-c", PROGRAM, "lab", "explain", str(model), *recordings, "--json", "--budget", budget]
     began = time.monotonic()
     try:

@@ -16,6 +16,9 @@ from lostmotion.model.solve import IntArray, Plan
 
 __all__ = ["assemble", "in_order", "scope"]
 
+LAYER = 4.0
+"""Widths of the change of sign of a dry friction up to which steps are short: tanh(6) is 1 - 1.2e-5."""
+
 
 @dataclass(frozen=True)
 class _Step:
@@ -56,6 +59,7 @@ def assemble(base: Base, effects: Sequence[Effect], values: Mapping[str, float])
     rates = [state.rate for state in base.states]
     needed = [i for i, step in enumerate(steps) if step.has_states or step.target in rates]
     lengths = [len(step.values) for step in steps]
+    widths = [values[f"{effect.id}.{effect.sign_width}"] for effect in effects if effect.sign_width]
     return Plan(
         addresses=_table([step.kernel.address for step in steps]),
         targets=_table(targets),
@@ -74,6 +78,8 @@ def assemble(base: Base, effects: Sequence[Effect], values: Mapping[str, float])
         start=start,
         time=TIME,
         watch=base.watched,
+        layer=LAYER * max(widths, default=0.0),
+        sharpest=min(widths, default=0.0),
     )
 
 

@@ -122,7 +122,13 @@ class Model:
         return self._start(self._plans[drive is not None], pieces, float(time), given)
 
     def simulate(
-        self, drive: Motion | None, times: ArrayLike, state: ArrayLike | None = None, *, substep_s: float | None = None
+        self,
+        drive: Motion | None,
+        times: ArrayLike,
+        state: ArrayLike | None = None,
+        *,
+        substep_s: float | None = None,
+        shortest_s: float = 0.0,
     ) -> Trajectory:
         """The motion at the output times.
 
@@ -130,7 +136,9 @@ class Model:
         ring-down or free swing.  times: (N,) ascending [s], evenly spaced or not; the simulation starts at times[0]
         with state (n,), or moving along with the drive.  To go on from a trajectory, start at its last time with its
         ``state``.  substep_s: longest integration step [s]; chosen from the model's stiffness when left out, from the
-        force that the motion really reaches.  Give it when derivatives by finite differences are wanted.
+        force that the motion really reaches, but no shorter than ``shortest_s``.  Give it where derivatives by finite
+        differences are wanted of a motion whose errors add up.  Where dry friction changes its sign any step is halved
+        as often as the friction needs.
 
         A joint *without* play is one with a very small d; 1 µm takes about five times as long as the default 80 µm.
         Raises ModelError for times, drives and states that cannot be used, and when the motion exceeds all numbers.
@@ -142,7 +150,7 @@ class Model:
         pieces = cut(drive, float(times[0]), max(float(grid[-1]), 1e-3), self._delay)
         plan = self._plans[drive is not None]
         x0 = self._start(plan, pieces, float(times[0])) if state is None else self._checked_state(state)
-        out, states, used = self._solve(plan, pieces, x0, grid, float(times[0]), substep_s)
+        out, states, used = self._solve(plan, pieces, x0, grid, float(times[0]), substep_s, shortest_s)
         signals = dict(zip(self._base.outputs, out, strict=True))
         if sensor_clock != 1:
             here, felt = np.searchsorted(grid, local), np.searchsorted(grid, local / sensor_clock)
@@ -213,8 +221,9 @@ class Model:
         return x0
 
     def _solve(
-        self, plan: Plan, pieces: Pieces, x0: FloatArray, grid: FloatArray, origin: float, substep_s: float | None
-    ) -> tuple[FloatArray, FloatArray, float]:
+        self, plan: Plan, pieces: Pieces, x0: FloatArray, grid: FloatArray, origin: float, substep_s: float | None,
+        shortest_s: float,
+    ) -> tuple[FloatArray, FloatArray, float]:  # fmt: skip
         """Outputs (outputs, N), states (N, n), sub-step; again where the motion is harder than guessed."""
         if substep_s is not None and not (math.isfinite(substep_s) and substep_s > 0):
             raise ModelError(f"a sub-step of {substep_s} s is not possible")
@@ -223,7 +232,13 @@ class Model:
         before = substep.operating(self._base, self._values, pieces)
         length = float(pieces.knots[-1])
         interval = float(np.median(np.diff(grid))) if grid.size > 1 else 0.0
-        step = substep_s or substep.pick(self._base, self._in_order, self._values, before, None, length, interval)
+
+        def chosen(watched: float | None) -> float:
+            return max(
+                substep.pick(self._base, self._in_order, self._values, before, watched, length, interval), shortest_s
+            )
+
+        step = substep_s or chosen(None)
         for _ in range(4):
             self._kernel_errors()  # of runs before
             peak = integrate(plan, pieces.knots, pieces.coefficients, step, x0, grid, records, out, states, origin)
@@ -232,9 +247,7 @@ class Model:
             finite = math.isfinite(peak) and bool(np.all(np.isfinite(states[-1])))
             if substep_s is not None:
                 break
-            needed = step / 8
-            if finite:
-                needed = substep.pick(self._base, self._in_order, self._values, before, peak, length, interval)
+            needed = chosen(peak) if finite else max(step / 8, shortest_s)
             if needed >= step:
                 break
             step = needed

@@ -46,9 +46,11 @@ def transmitted(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
 
 
 def _rate(values: Mapping[str, float], operating: Operating) -> float:
-    """The control loop's natural frequency, three times for its phase, or the motor's own damping [rad/s]."""
+    """The control loop's natural frequency, three times for its phase, or the motor's own damping [rad/s], a quarter of
+    it: what decays that fast is over when a step ends."""
     per_volt = values["kt"] / values["R"] / values["J"]
-    return max(3 * math.sqrt(per_volt * values["U"] * values["kp"] * values["error_gain"]), per_volt * values["kt"])
+    loop = 3 * math.sqrt(per_volt * values["U"] * values["kp"] * values["error_gain"])
+    return max(loop, per_volt * values["kt"] / 4)
 
 
 def _start(values: Mapping[str, float], angle: float, rate: float, acceleration: float) -> tuple[float, ...]:

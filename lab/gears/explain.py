@@ -24,7 +24,7 @@ from lostmotion.lab.results import Errors, Estimate, Explanation, Finding, Fit, 
 from lostmotion.lab.selection.forward import Selection, selected
 from lostmotion.lab.selection.outcome import advice, ranking, strongest_first
 from lostmotion.lab.shooting.continuation import FIRST_S, Level
-from lostmotion.lab.shooting.task import Task, coarse_substep, dithered, with_friction
+from lostmotion.lab.shooting.task import Task, coarse_substep, dithered
 from lostmotion.model import Model, ModelError
 
 __all__ = ["explained_gears"]
@@ -80,7 +80,7 @@ def _used(
     model: Model, train: Sequence[Experiment], last: Experiment, budget_s: float
 ) -> tuple[list[Experiment], Experiment]:
     """The parts of the experiments to fit, and of the last one, that a search can process in this time."""
-    step = coarse_substep(with_friction(model, train), train)
+    step = coarse_substep(model, train)
     rate = max(max(one.rate_hz for one in (*train, last)), STEP_COST / step)
     most_s = policy.BUDGET_SAMPLES * budget_s / policy.BUDGET_S / rate
     return excerpts(train, most_s), excerpts([last], most_s / 2)[0]

@@ -22,8 +22,7 @@ from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.fitting.identifiability import free_states, is_driven
 from lostmotion.lab.inverse.problem import by_recording
 from lostmotion.lab.inverse.signals import Signals
-from lostmotion.lab.inverse.torques import simulable
-from lostmotion.lab.shooting.task import coarse_substep, with_friction
+from lostmotion.lab.shooting.task import coarse_substep
 from lostmotion.model import Model, ModelError
 from lostmotion.model.bases import get_base
 from lostmotion.model.motion import FloatArray
@@ -73,7 +72,7 @@ class OutputError:
             for one, part in zip(signals, parts, strict=True)
         )
         experiments = [one.experiment for one in moving]
-        step = _coarse_substep(simulable(with_friction(model, experiments), signals), moving)
+        step = _coarse_substep(model, moving)
         return cls(moving, step, model, () if any(map(is_driven, experiments)) else free_states(model))
 
     def first(self, share: float) -> OutputError:
@@ -146,7 +145,7 @@ class OutputError:
             own, measured = experiment.model(model), experiment.measured[one.column]
             state = initial_state(own, experiment, start, self.free)
             try:
-                run = own.simulate(experiment.drive, experiment.time, state, substep_s=self.substep_s)
+                run = own.simulate(experiment.drive, experiment.time, state, **self._step)
                 motion = run[one.column]
             except ModelError:
                 motion = np.full(experiment.time.size, np.inf)
@@ -154,6 +153,14 @@ class OutputError:
             has_offset = one.column == "accel" and np.isfinite(left).all()
             parts.append(left - left.mean() if has_offset else left)
         return np.concatenate(parts)
+
+    @property
+    def _step(self) -> dict[str, float]:
+        """The step of a simulation: the same in all of a fit where its errors add up.  A servo follows its command, so
+        that they do not; its stiffness changes by orders of magnitude in a fit, and its step follows."""
+        if self.centre.base == "servo":
+            return {"shortest_s": FINEST * self.substep_s}
+        return {"substep_s": self.substep_s}
 
     def suited(self, models: Sequence[Model]) -> OutputError:
         """With the integration step that these models need, too, within ``FINEST``."""

@@ -10,15 +10,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lostmotion.lab.data.experiment import Experiment
-from lostmotion.lab.data.frequency_response import from_spectra, usual_torque
+from lostmotion.lab.data.frequency_response import from_spectra
 from lostmotion.lab.shooting.continuation import first_level, tiles
 from lostmotion.model import Model, ModelError
 
-__all__ = ["Task", "coarse_substep", "dithered", "with_friction"]
+__all__ = ["Task", "coarse_substep", "dithered"]
 
 SEARCH_STEPS = {"play": 8.0, "oscillator": 2.0, "joint": 4.0, "servo": 2.0}  # times the model's own choice of step
 LONGEST_STEP_S = {"play": 5e-4}
-FRICTION_SHARE = 0.2
 LOOKED_AT_S, LOOKED_AT = 1.0, 100
 """Seconds, and least number of samples, of the motion from which the integration step follows."""
 DITHER = 5.0
@@ -50,16 +49,8 @@ class Task:
         """For these experiments, with the step of a search."""
         halvings = max(first_level(model.base, experiment) for experiment in experiments)
         rough = from_spectra(model, experiments)
-        step = coarse_substep(with_friction(rough, experiments), experiments)
+        step = coarse_substep(rough, experiments)
         return cls(rough, tuple(experiments), noise, step, halvings)
-
-
-def with_friction(model: Model, experiments: Sequence[Experiment]) -> Model:
-    """A joint or servo with friction added: candidates of the search are stiffer than the model."""
-    if model.base not in ("joint", "servo") or "coulomb_friction" in model.effects:
-        return model
-    friction = FRICTION_SHARE * max(usual_torque(model, experiment) for experiment in experiments)
-    return model.with_effect("coulomb_friction").replace({"coulomb_friction.tau_c": friction})
 
 
 def coarse_substep(model: Model, experiments: Sequence[Experiment], factor: float | None = None) -> float:

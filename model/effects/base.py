@@ -84,7 +84,8 @@ class Effect(EffectInfo):
     that no input drives, so that only their initial values set its amplitudes.  distance: of states that follow from
     the joint's motion alone, as those of a hysteresis do, the shortest way over which they change [rad].  is_searched:
     whether a search for what is missing tries it.  rate: the fastest rate [rad/s] of the effect
-    for its own and the base's values.  delay [s] shifts the input, clock_rate stretches the sensor's time
+    for its own and the base's values, apart from a change of sign with the speed; sign_width: the parameter within
+    which that is smoothed.  delay [s] shifts the input, clock_rate stretches the sensor's time
     stamps; both are plain functions of the effect's values, outside the kernels.  defaults: other values of the
     parameters on one base.
     is_apt: whether values of its parameters, and of the base's, fit its name: a Stribeck friction is largest near rest.
@@ -102,6 +103,7 @@ class Effect(EffectInfo):
     distance: Callable[[Mapping[str, float]], float] | None = None
     is_searched: bool = True
     rate: Callable[[Mapping[str, float], Operating], float] | None = None
+    sign_width: str = ""
     delay: Callable[[Mapping[str, float]], float] | None = None
     clock_rate: Callable[[Mapping[str, float]], float] | None = None
     defaults: Mapping[str, Mapping[str, Parameter]] = field(default_factory=dict)

@@ -64,20 +64,13 @@ def torque_dependent(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
     return -p[0] * abs(s[FORCE]) * math.tanh(s[OMEGA2] / p[1])
 
 
-def _dry_rate(values: Mapping[str, float], operating: Operating) -> float:
-    """Slope of the smoothed step over the inertia [rad/s]; half of it, as it is met only in passing."""
-    inertia = values["m"] if math.isnan(operating.inertia) else operating.inertia
-    return 0.5 * max(values.get("tau_c", 0.0), values.get("tau_s", 0.0)) / values["omega_0"] / inertia
+def _stribeck_rate(values: Mapping[str, float], operating: Operating) -> float:
+    """Largest slope of the fall of the friction over the inertia [rad/s]; of exp(-x²) it is 0.86."""
+    return 0.86 * abs(values["tau_s"] - values["tau_c"]) / values["omega_s"] / operating.inertia
 
 
 def _viscous_rate(values: Mapping[str, float], operating: Operating) -> float:
     return abs(values["b_v"]) / operating.inertia
-
-
-def _load_rate(values: Mapping[str, float], operating: Operating) -> float:
-    return (
-        0.5 * values["mu"] * (operating.watched or 0.0) * values.get("R2", 1.0) / values["omega_0"] / operating.inertia
-    )
 
 
 _B_V = Parameter(4e-4, "N m s/rad", 0.0, 1e-1, False, GUESS, "viscous friction", Domain.NOT_NEGATIVE)
@@ -121,7 +114,7 @@ COULOMB = Effect(
         **on(JOINTS, Term(TORQUE, coulomb, ("tau_c", "omega_0"))),
         "oscillator": (Term(BAR_FORCE, coulomb_on_oscillator, ("tau_c", "omega_0")),),
     },
-    rate=_dry_rate,
+    sign_width="omega_0",
     defaults={
         "joint": {"tau_c": joint_sized(_TAU_C), **_SLOW["joint"]},
         "servo": {"tau_c": servo_sized(_TAU_C), **_SLOW["servo"]},
@@ -144,7 +137,8 @@ STRIBECK = Effect(
     bases=JOINTS,
     parameters={"tau_c": _TAU_C, "tau_s": _TAU_S, "omega_s": _OMEGA_S, "omega_0": _FELT},
     terms=on(JOINTS, Term(TORQUE, stribeck, ("tau_c", "tau_s", "omega_s", "omega_0"))),
-    rate=_dry_rate,
+    rate=_stribeck_rate,
+    sign_width="omega_0",
     defaults={
         "joint": {"tau_c": joint_sized(_TAU_C), "tau_s": joint_sized(_TAU_S), **_SLOW["joint"]},
         "servo": {"tau_c": servo_sized(_TAU_C), "tau_s": servo_sized(_TAU_S), **_SLOW["servo"]},
@@ -181,7 +175,7 @@ LOAD_DEPENDENT = Effect(
         "play": (Term(TORQUE, load_dependent, ("mu", "omega_0", "R2")),),
         **on(("joint", "servo"), Term(TORQUE, torque_dependent, ("mu", "omega_0"))),
     },
-    rate=_load_rate,
+    sign_width="omega_0",
     defaults=_SLOW,
     is_apt=lambda values: values["mu"] <= MOST_LOST,
     amplitudes=("mu",),

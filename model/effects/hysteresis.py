@@ -40,12 +40,11 @@ def _distance(values: Mapping[str, float]) -> float:
 
 
 def _rate(values: Mapping[str, float], operating: Operating) -> float:
-    """Of the joint that sticks on its elastic friction, of the smoothed sign, or of the distance at the largest speed,
-    as after half a turn with the largest torque [rad/s]."""
+    """Of the joint that sticks on its elastic friction, or of the distance at the largest speed, as after half a turn
+    with the largest torque [rad/s]."""
     sticking = 2 * math.sqrt(values["tau_p"] / values["x_p"] / operating.inertia)
-    sign = values["tau_p"] / values["omega_0"] / operating.inertia
     speed = math.sqrt(2 * math.pi * (operating.watched or 0.0) / operating.inertia)
-    return max(sticking, 0.5 * sign, speed / values["x_p"])
+    return max(sticking, speed / values["x_p"])
 
 
 _TAU_P = Parameter(1e-5, "N m", 0.0, 1e9, False, "guess", "dry friction that comes late", Domain.NOT_NEGATIVE)
@@ -62,6 +61,7 @@ PRESLIDING_FRICTION = Effect(
     distance=_distance,
     is_searched=False,
     rate=_rate,
+    sign_width="omega_0",
     amplitudes=("tau_p",),
     words=Words(
         "elastic presliding",

@@ -1,21 +1,24 @@
 """Measurements made by others: the lab finds the effects that are known to be in them, at the error that is known.
 
-The search is driven by hand here, effect by effect; choosing between all of them is test_explain's.
+``bench.real`` asks for all of them; here are those that are answered in seconds, and two that are fitted by hand: what
+the command does not print is their error in the figures that were published.
 """
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from bench.real import asked
 
 from lostmotion.drivers.recording import Recording, read_recording
 from lostmotion.lab.data.experiment import Experiment, experiments
 from lostmotion.lab.data.noise import noise_of
-from lostmotion.lab.fitting.strategy import full_fit, grown, seeded
+from lostmotion.lab.fitting.strategy import full_fit, seeded
 from lostmotion.lab.shooting.continuation import Level, fitted
 from lostmotion.lab.shooting.initial_guess import initial_guesses, scales_of
 from lostmotion.lab.shooting.initial_state import find_start, segment_of
@@ -81,62 +84,26 @@ def test_silverbox_is_a_hardening_spring(real_data: Measurements) -> None:
     assert rms(unseen(fits["hardening_spring"].model, arrow, task)) < 0.7e-3
 
 
-def restarted(model: Model, experiment: Experiment, every: float = 1.0) -> FloatArray:
-    """Error of the position, the model starting from the measured position and speed each second."""
-    time, position = experiment.time, experiment.measured["position"]
-    errors = []
-    for begin in np.arange(time[0] + 0.005, time[-1] - every, every):
-        i, j = np.searchsorted(time, (begin, begin + every))
-        speed = (position[i + 5] - position[i - 5]) / (time[i + 5] - time[i - 5])
-        run = model.simulate(experiment.drive, time[i:j], [position[i], speed])
-        errors.append(position[i:j] - run["position"])
-    return np.concatenate(errors)
+PUBLISHED = {
+    "emps": ("coulomb_friction", {"J": (95.1, 0.03), "viscous_friction.b_v": (203.5, 0.1)}, 0.32),
+    "ur10e_joint1": ("viscous_friction coulomb_friction", {}, 0.1),
+    "lorenz_jm": ("coulomb_friction viscous_friction", {}, 0.1),
+}
+"""Of cases of ``bench.real``: what is surely in them, parameters that were published with tolerances (EMPS: Janot,
+Gautier and Brunot 2019), and the largest share of the error that may be left."""
 
 
-def test_emps_rubs_with_coulomb_friction(real_data: Measurements) -> None:
-    """On a linear axis with viscous friction Coulomb's is missing; restarted every second it is below 2.17 mm."""
-    model = build_model("joint", ["viscous_friction"])
-    train, test = loaded(real_data("emps"), model, "train", "test")
-    task = Task.of(model, [train], noise_of([train]))
-    viscous = full_fit(task.rough, task)
-    fits = with_each(viscous, task.rough, ["coulomb_friction", "load_dependent_friction"], task)
-    found = {name: p.value for name, p in fits["coulomb_friction"].model.parameters.items()}
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_machines_through_the_command(name: str, real_data: Measurements, tmp_path: Path) -> None:
+    """The command names what is surely in a machine and nothing else, with the parameters that were published."""
+    case = tomllib.loads((real_data() / "cases.toml").read_text())[name]
+    effects, parameters, left = PUBLISHED[name]
+    answer = asked(name, case, tmp_path, "300s", real_data()).document
 
-    assert best(fits) == "coulomb_friction"
-    assert rms(restarted(viscous.model, test)) > 5e-3
-    assert rms(restarted(fits["coulomb_friction"].model, test)) < 2.17e-3
-    assert found["J"] == pytest.approx(95.1, rel=0.03)  # Janot, Gautier and Brunot, from the inverse model
-    assert found["viscous_friction.b_v"] == pytest.approx(203.5, rel=0.1)
-    assert found["coulomb_friction.tau_c"] == pytest.approx(20.4, rel=0.15)
-
-
-def test_servo_pendulum_hangs_rubs_and_rubs_more_under_load(real_data: Measurements) -> None:
-    """From gains 8, 16 and 32: gravity, friction, friction that grows with the load; gain 12 within 5 mrad.
-
-    One of the eight pendulums; effects are chosen by their error at gain 12, which the parameters have not seen.
-    """
-    model, name = build_model("servo"), "m0535_l150_kp{}_up_and_down"
-    folder = real_data("servo_pendulum_sts3215")
-    train = loaded(folder, model, *(name.format(kp) for kp in ("08", "16", "32")))
-    (test,) = loaded(folder, model, name.format("12"))
-    task = Task.of(model, train, noise_of(train))
-
-    def error(level: Level) -> float:
-        return float(np.mean(np.abs(unseen(level.model, test, task))))
-
-    level = full_fit(model, task)
-    ladder, chosen = [error(level)], []
-    for rivals in (["gravity_torque", "coulomb_friction"], ["viscous_friction", "coulomb_friction"],
-                   ["viscous_friction", "load_dependent_friction"]):  # fmt: skip
-        fits = with_each(level, level.model, rivals, task, most=1)
-        chosen.append(min(fits, key=lambda effect: error(fits[effect])))
-        level = grown(fits[chosen[-1]], task)
-        ladder.append(error(level))
-
-    assert test.given == {"kp": 12.0, "error_gain": pytest.approx(0.16489), "U": 12.0}
-    assert chosen == ["gravity_torque", "coulomb_friction", "load_dependent_friction"]
-    assert ladder[0] > 25e-3
-    assert ladder[3] < 5e-3
+    assert answer["missing"] == effects.split()
+    assert answer["error"]["after"] < left * answer["error"]["before"]
+    for parameter, (value, apart) in parameters.items():
+        assert answer["parameters"][parameter][0] == pytest.approx(value, rel=apart)
 
 
 def damper(folder: Path, name: str) -> Recording:

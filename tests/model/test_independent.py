@@ -7,8 +7,10 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from lostmotion.model import HandWaved, Model, Sine, build_model, catalogue
+from lostmotion.model.motion import FloatArray
 from tests.model import independent
 
 TIMES = np.arange(0, 201) * 1e-3
@@ -114,3 +116,37 @@ def test_servo(effect: str | None) -> None:
     late = -values(model).get("command_delay.T", 0.0)
     theirs = independent.servo(values(model), command, [command(late), rate(late), command(late)], TIMES)
     assert distance(ours, theirs) < 1e-4
+
+
+def pendulum(start: float, step: float | None, rubs: float = 1.5e-4) -> tuple[FloatArray, FloatArray, float]:
+    """A pendulum with dry friction for 12 s: by SciPy's Radau, by the model, and the model's step [s]."""
+    inertia, weight, width = 2e-4, 1.4e-3, 2e-3
+    friction = {"tau_c": rubs, "omega_0": width}
+    model = build_model(
+        "joint", ["gravity_torque", "coulomb_friction"],
+        {"J": inertia, "gravity_torque.tau_g": weight} | {f"coulomb_friction.{k}": v for k, v in friction.items()},
+    )  # fmt: skip
+    times = np.arange(0.0, 12.0, 0.02)
+    exact = solve_ivp(
+        lambda t, x: [x[1], -(weight * np.sin(x[0]) + rubs * np.tanh(x[1] / width)) / inertia],
+        (0, 12), [start, 0.0], "Radau", times, rtol=1e-10, atol=1e-12,
+    )  # fmt: skip
+    run = model.simulate(None, times, [start, 0.0], substep_s=step)
+    return exact.y[0], run["position"], run.substep_s
+
+
+@pytest.mark.parametrize("step", [None, 4e-3, 16e-3])
+@pytest.mark.parametrize("start", [1.2, 0.3])
+def test_dry_friction_changes_sign_within_long_steps(start: float, step: float | None) -> None:
+    """Steps are short where the speed changes its sign, and nowhere else: a pendulum that stops by dry friction is
+    followed to 1e-4 rad in steps of 16 ms, twenty times as long as the friction's time (one of 16 ms alone: 7e-3)."""
+    exact, found, used = pendulum(start, step)
+    assert used >= 2e-3
+    assert np.abs(found - exact).max() < 1e-4
+
+
+def test_a_joint_that_sticks() -> None:
+    """Held by a friction that would stop it in 0.02 ms, it creeps as slowly as the width of the change of sign says."""
+    exact, found, _ = pendulum(1e-3, 16e-3, rubs=2e-2)
+    assert np.abs(found - exact).max() < 1e-8
+    assert found[-1] == pytest.approx(1e-3, rel=0.01)
