@@ -62,7 +62,7 @@ NUMERICS = {
     "shooting/least_squares.py": (3, "a minimiser"),
     "shooting/parameters.py": (4, "weak priors, rounding"),
     "shooting/segment.py": (4, "finite differences"),
-    "shooting/task.py": (6, "integration steps, and the noise that hides their errors"),
+    "shooting/task.py": (5, "integration steps, and the noise that hides their errors"),
 }
 """How many numbers each other module of the lab has, and what they are for."""
 MOST = 47
