@@ -200,3 +200,13 @@ def test_teeth_that_change_sides_often_are_no_larger_play() -> None:
         selected += [score for score in found if 1 < score.time < 12.6]
     assert np.median([score.severity for score in selected]) == pytest.approx(0.03, rel=0.25)
     assert np.mean([score.severity_low <= 0.03 <= score.severity_high for score in selected]) > 0.87
+
+
+@pytest.mark.parametrize(("rate_hz", "least"), [(200.0, 0.03), (1000.0, 0.06)])
+def test_a_play_that_the_motion_seldom_crosses(rate_hz: float, least: float) -> None:
+    """Stops of 100 mrad, of which a window sees a part: nearly all intervals hold it, the median is half of it or more;
+    with a D as large as the play and a noise as large as its estimate 16 % at 200 Hz and 76 %, medians of 11 and 50."""
+    found = recorded("stops", "hand-waved", 8713, 1000e-6, Bar(rate_hz=rate_hz), 0.5)
+    assert len(found) > 40
+    assert np.mean([score.severity_low <= 0.1 <= score.severity_high for score in found]) > 0.95
+    assert np.median([score.severity for score in found]) > least
