@@ -35,7 +35,7 @@ SPEED = {"velocity", "velocities", "vel", "speed", "qd", "qvel", "dq", "omega", 
 OTHER = SPEED | {
     "accelerations", "jerk", "error", "errors", "covariance", "orientation", "quaternion", "gyro", "angular", "status",
     "moving", "enabled", "enable", "mode", "flag", "index", "stamp", "limit", "limits", "min", "max", "mean", "std",
-    "id", "tolerance", "delta", "load", "pwm", "duty",
+    "id", "tolerance", "delta", "load", "pwm", "duty", "uncertainty", "uncertainties", "sigma", "err",
 }  # fmt: skip
 """words of series that are none of the columns"""
 OUTPUT = re.compile(r"(^|[/.])output[/.\[]")

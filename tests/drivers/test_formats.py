@@ -472,9 +472,9 @@ def test_a_header_may_name_more_than_there_is(tmp_path: Path) -> None:
 
 
 def test_a_greek_letter_is_an_angle(tmp_path: Path) -> None:
-    """The angle of a pendulum is most often called by its letter."""
-    rows = "".join(f"{t:.3f}\t{y:.6f}\t0.1\n" for t, y in zip(T, ANGLE, strict=True))
-    (tmp_path / "swing.txt").write_text(f"t\tθ\tσ\n{rows}")
+    """The angle of a pendulum is most often called by its letter; beside it its uncertainty, which is no angle."""
+    rows = "".join(f"{t:.3f}\t{y:.6f}\t1\n" for t, y in zip(T, ANGLE, strict=True))
+    (tmp_path / "swing.txt").write_text(f"t\tθ (rad)\tuncertainty θ (of the camera)\n{rows}")
     np.testing.assert_allclose(read(tmp_path / "swing.txt").recording.columns["position"], ANGLE, atol=1e-6)
 
 
