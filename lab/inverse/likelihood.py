@@ -15,6 +15,7 @@ from enum import Enum
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lostmotion.lab import policy
 from lostmotion.lab.deadline import is_over, remaining_s, within
@@ -233,8 +234,11 @@ class WholeMotion:
         serves as one more fold: the folds have the speeds and amplitudes of the fit, and an effect that overfits these
         by a difference of large terms extrapolates badly; one with which a motion cannot be simulated gains nothing."""
         white = other.judged.data.whitened
+        block = blocks_of(other.judged)
         folds = Predictions(
-            white(one.judged.predicted) ** 2, white(other.judged.predicted) ** 2, blocks_of(other.judged),
+            _of_new(one.judged, block) * white(one.judged.predicted) ** 2,
+            _of_new(other.judged, block) * white(other.judged.predicted) ** 2,
+            block,
             chance_of_zero(one.model, other.judged) if self.is_whitened else None,
         )  # fmt: skip
         if self.unseen is None or not (self.is_fold or of_all):
@@ -244,11 +248,12 @@ class WholeMotion:
             return replace(folds, before=np.full(folds.before.size, np.inf))
         if less is None or there is None:
             return replace(folds, after=folds.before) if there is None else folds
+        block = blocks_of(there)
         return replace(
             folds,
-            before=np.concatenate([folds.before, there.data.whitened(less.misfit) ** 2]),
-            after=np.concatenate([folds.after, there.residual**2]),
-            block=np.concatenate([folds.block, folds.block.max() + 1 + blocks_of(there)]),
+            before=np.concatenate([folds.before, _of_new(less, block) * there.data.whitened(less.misfit) ** 2]),
+            after=np.concatenate([folds.after, _of_new(there, block) * there.residual**2]),
+            block=np.concatenate([folds.block, folds.block.max() + 1 + block]),
         )
 
     def least_gain(self, fit: Fitted, now: Fitted) -> float:
@@ -260,6 +265,14 @@ class WholeMotion:
     def is_sized(self, effect: str, fit: Fitted) -> bool:
         """See the function."""
         return is_sized(effect, fit.judged)
+
+
+def _of_new(fit: Regression, block: NDArray[np.intp]) -> float:
+    """The squared error of new samples over that of those to which the initial values of a motion were fitted (final
+    prediction error; Akaike 1969): those of a second mode are its amplitude, and no fold leaves them out."""
+    own = fit.nuisance.size if isinstance(fit.data, OutputError) else 0
+    many = max(min(policy.BLOCK_CORRELATIONS * (int(block.max()) + 1), block.size), own + 1)
+    return (many + own) / (many - own)
 
 
 def _promising(begun: list[tuple[Model, OutputError]]) -> list[tuple[Model, OutputError]]:
