@@ -59,7 +59,12 @@ def is_sized(effect: str, fit: Regression) -> bool:
 
 def _is_shaped(effect: str, fit: Regression, block: NDArray[np.intp]) -> bool:
     """Whether an effect without a fitted size has an identified parameter, or none at all.  A mode with free initial
-    values must have an identified frequency: to a mass on a spring with friction, one of 0.001 to 1e6 Hz was fitted."""
+    values must have an identified frequency: to a mass on a spring with friction, one of 0.001 to 1e6 Hz was fitted;
+    and swing ``policy.LEAST_PERIODS`` times: one of a single period was fitted to the slow part of coloured noise."""
+    longest = max(one.experiment.duration for one in fit.data.signals)
+    swings = [p.value * longest for p in fit.model.own(effect).values() if p.unit == "Hz" and not p.fixed]
+    if any(many < policy.LEAST_PERIODS for many in swings):
+        return False
     own = [at for at, name in enumerate(fit.unknowns.names) if name.startswith(f"{effect}.")]
     deviation = np.sqrt(np.maximum(np.diag(fit.covariance(block)), 0.0))
     return not own or any(fit.unknowns.items[at].is_identified(fit.z[at], deviation[at]) for at in own)

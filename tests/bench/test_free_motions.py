@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench.free_motions import KINDS, drawn, recorded
+from bench.free_motions import KINDS, drawn, graded, recorded
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -20,3 +20,10 @@ def test_the_stated_share_is_left(kind: str) -> None:
     if kind == "none":
         place = next(iter(recorded(replace(swing, base="joint", amplitude=0.3)).columns.values()))
         assert np.ptp(place[-period:]) == pytest.approx(np.ptp(place[:period]), rel=0.01)
+
+
+def test_the_slow_part_of_coloured_noise_is_no_second_mode() -> None:
+    """Noise with a correlation of 0.9 beside a mass that is damped: one slow swing of it was called a mode."""
+    swing = drawn("viscous", 505)
+    assert swing.sensor == "colour"
+    assert graded(swing) == "right"
