@@ -21,7 +21,7 @@ def applied(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
 
 def _rate(values: Mapping[str, float], operating: Operating) -> float:
     """None of its own: a torque alone is integrated exactly enough by steps of 4 ms."""
-    return 62.5
+    return 60.0
 
 
 def _start(values: Mapping[str, float], torque: float, rate: float, acceleration: float) -> tuple[float, ...]:
