@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from itertools import zip_longest
 
 import numpy as np
 
-from lostmotion.model.base import Base, Fusion
+from lostmotion.model.base import Base
 from lostmotion.model.effects.base import Effect
 from lostmotion.model.effects.registry import rank
 from lostmotion.model.kernel import Kernel
@@ -22,12 +24,13 @@ LAYER = 4.0
 
 @dataclass(frozen=True)
 class _Step:
-    """One call of a kernel: its place in the order, its target, its parameters' values, where its states begin."""
+    """One call of a kernel: its place in the order, its target, the full names of its parameters, where its states
+    begin."""
 
     place: tuple[int, int]
     target: int
     kernel: Kernel
-    values: tuple[float, ...]
+    names: tuple[str, ...]
     states_at: int = 0
     has_states: bool = False
 
@@ -47,24 +50,64 @@ def scope(values: Mapping[str, float], effect: Effect | None = None) -> dict[str
 
 def assemble(base: Base, effects: Sequence[Effect], values: Mapping[str, float]) -> Plan:
     """The tables of solve.Plan for a base with effects (in_order), as without an input."""
-    steps = sorted([*_base_steps(base, effects, scope(values)), *_effect_steps(base, effects, values)], key=_place)
+    tables = _tables(_Same(base, tuple(effects)))
+    start = tables.plan.start.copy()
+    for signal, preset in base.presets.items():
+        start[signal] = values[preset] if isinstance(preset, str) else preset
+    widths = [values[f"{effect.id}.{effect.sign_width}"] for effect in effects if effect.sign_width]
+    return tables.plan._replace(
+        p=np.array([*(values[name] for name in tables.names), 0.0]),
+        preset_values=start[tables.reset],
+        start=start,
+        layer=LAYER * max(widths, default=0.0),
+        sharpest=min(widths, default=0.0),
+    )
+
+
+@dataclass(frozen=True)
+class _Tables:
+    """What does not depend on values: a plan without them, the parameters' names in its order, and which signals are
+    set again in each evaluation."""
+
+    plan: Plan
+    names: tuple[str, ...]
+    reset: list[int]
+
+
+@dataclass(frozen=True, eq=False)
+class _Same:
+    """A base with effects, equal to another one of the very same objects: an effect may be registered anew."""
+
+    base: Base
+    effects: tuple[Effect, ...]
+
+    def __hash__(self) -> int:
+        return hash((self.base.id, *map(id, self.effects)))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and all(
+            one is two for one, two in zip_longest((self.base, *self.effects), (other.base, *other.effects))
+        )
+
+
+@lru_cache(maxsize=256)  # a search evaluates a few dozen models thousands of times
+def _tables(one: _Same) -> _Tables:
+    base, effects = one.base, one.effects
+    steps = sorted([*_base_steps(base, effects), *_effect_steps(base, effects)], key=_place)
     states = [state.signal for state in base.states]
     own = sum(len(effect.states) for effect in effects)
     given = {*base.presets, *states, *(signal for signal, _ in base.input_signals)}
     targets = [step.target for step in steps]
     start = np.zeros(SIGNALS + own)
-    for signal, preset in base.presets.items():
-        start[signal] = values[preset] if isinstance(preset, str) else preset
     reset = [signal for signal in base.presets if signal in targets]
     rates = [state.rate for state in base.states]
     needed = [i for i, step in enumerate(steps) if step.has_states or step.target in rates]
-    lengths = [len(step.values) for step in steps]
-    widths = [values[f"{effect.id}.{effect.sign_width}"] for effect in effects if effect.sign_width]
-    return Plan(
+    lengths = [len(step.names) for step in steps]
+    plan = Plan(
         addresses=_table([step.kernel.address for step in steps]),
         targets=_table(targets),
         fresh=_table([t not in given and t not in targets[:i] for i, t in enumerate(targets)]),
-        p=np.array([value for step in steps for value in step.values] + [0.0]),
+        p=np.zeros(sum(lengths) + 1),
         p_at=_table(np.cumsum([0, *lengths[:-1]])),
         x_at=_table([SIGNALS + step.states_at for step in steps]),
         dx_at=_table([len(states) + step.states_at for step in steps]),
@@ -78,36 +121,31 @@ def assemble(base: Base, effects: Sequence[Effect], values: Mapping[str, float])
         start=start,
         time=TIME,
         watch=base.watched,
-        layer=LAYER * max(widths, default=0.0),
-        sharpest=min(widths, default=0.0),
+        layer=0.0,
+        sharpest=0.0,
     )
+    return _Tables(plan, tuple(name for step in steps for name in step.names), reset)
 
 
-def _base_steps(base: Base, effects: Sequence[Effect], values: Mapping[str, float]) -> Iterator[_Step]:
+def _base_steps(base: Base, effects: Sequence[Effect]) -> Iterator[_Step]:
     touched = {term.target for effect in effects for term in effect.terms.get(base.id, ())}
     fused: set[int] = set()
     for fusion in base.fusions:
         if not touched & set(fusion.covers[:-1]) and not fused & set(fusion.covers):
             fused |= set(fusion.covers)
-            yield _fused(fusion, values)
+            # It runs where the first of its terms would, so that all it sets is there for effects in between.
+            yield _Step((fusion.covers[0], -1), fusion.covers[-1], fusion.kernel, fusion.parameters)
     for term in base.terms:
         if term.target not in fused:
-            yield _Step((term.target, -1), term.target, term.kernel, tuple(values[name] for name in term.parameters))
+            yield _Step((term.target, -1), term.target, term.kernel, term.parameters)
 
 
-def _fused(fusion: Fusion, values: Mapping[str, float]) -> _Step:
-    """It runs where the first of its terms would, so that all it sets is there for effects in between."""
-    parameters = tuple(values[name] for name in fusion.parameters)
-    return _Step((fusion.covers[0], -1), fusion.covers[-1], fusion.kernel, parameters)
-
-
-def _effect_steps(base: Base, effects: Sequence[Effect], values: Mapping[str, float]) -> Iterator[_Step]:
+def _effect_steps(base: Base, effects: Sequence[Effect]) -> Iterator[_Step]:
     states_at = 0
     for place, effect in enumerate(effects):
-        seen = scope(values, effect)
         for term in effect.terms.get(base.id, ()):
-            parameters = tuple(seen[name] for name in term.parameters)
-            yield _Step((term.target, place), term.target, term.kernel, parameters, states_at, bool(effect.states))
+            names = tuple(f"{effect.id}.{name}" if name in effect.parameters else name for name in term.parameters)
+            yield _Step((term.target, place), term.target, term.kernel, names, states_at, bool(effect.states))
         states_at += len(effect.states)
 
 
