@@ -42,6 +42,7 @@ LEAST_SAMPLES = 50
 LONGEST_GAP = 20.0  # times the usual spacing of the input: over longer gaps the motion is unknown
 FLAT_SHARE = 1e-9
 RAILS_SHARE = 0.5
+COPIED, COPIED_ROWS = 0.9, 3  # share of the rows in motion, and how many rows a goal is ahead that is a copy
 LENGTHS = ("m", "mm", "µm", "um", "in")
 
 
@@ -130,6 +131,8 @@ def _experiment(model: Model, recording: Recording) -> Experiment:
     column = _input(model.base, recording)
     recording = without_held_readings(recording, outputs, column)
     drive = _drive(model.base, recording, column)
+    if model.base == "servo":
+        _check_goal(recording)
     rows = np.any([~np.isnan(recording.columns[name]) for name in outputs], axis=0)
     time = recording.time.copy()
     time[rows] = recording.times(rows)
@@ -236,6 +239,20 @@ def _without_gap(name: str, column: str, time: FloatArray) -> slice:
             name, column, spacing[widest], time[widest], LONGEST_GAP, time[first], time[last - 1],
         )  # fmt: skip
     return slice(first, last)
+
+
+def _check_goal(recording: Recording) -> None:
+    """Rejects a goal that is the angle itself, some rows ahead: what was reached, written where others write what was
+    sent, as some data sets for learning do.  A servo without delay, friction and weight was found in one."""
+    goal, position = recording.columns["command"], recording.columns["position"]
+    for ahead in range(COPIED_ROWS + 1):
+        now, then = goal[: goal.size - ahead], position[ahead:]
+        moving = np.flatnonzero(np.diff(then)) + 1
+        if moving.size >= LEAST_SAMPLES and np.mean(now[moving] == then[moving]) > COPIED:
+            raise ExperimentError(
+                f"{recording.name}: found a command that is the position {ahead} row(s) later, expected the goal that "
+                "was sent to the servo: a copy of the angle says nothing about it"
+            )
 
 
 def _check_output(name: str, column: str, values: FloatArray) -> None:

@@ -94,8 +94,13 @@ BAD = {
     ),
     "text for a number": (
         "servo",
-        recording(command=COMMAND, position=COMMAND, metadata={"kp": "stiff"}),
+        recording(command=COMMAND, position=0.9 * COMMAND, metadata={"kp": "stiff"}),
         "# kp: found 'stiff', expected a number",
+    ),
+    "a goal that is what was reached": (
+        "servo",
+        recording(command=COMMAND, position=np.concatenate([COMMAND[:1], COMMAND[:-1]])),
+        "found a command that is the position 1 row(s) later, expected the goal that was sent",
     ),
 }  # fmt: skip
 
@@ -200,7 +205,7 @@ def test_repeated_times_count_once() -> None:
 def test_metadata_set_what_is_fixed() -> None:
     """Each recording states its own gain; a free parameter is not taken from the metadata."""
     first, second = (
-        recording(command=COMMAND, position=COMMAND, metadata={"kp": gain, "J": 7.0}) for gain in (8, 16.5)
+        recording(command=COMMAND, position=0.9 * COMMAND, metadata={"kp": gain, "J": 7.0}) for gain in (8, 16.5)
     )
     model = build_model("servo")
     gains = [e.model(model).parameters["kp"].value for e in experiments(model, [first, second])]
