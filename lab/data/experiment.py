@@ -245,7 +245,7 @@ def _check_goal(recording: Recording) -> None:
     """Rejects a goal that is the angle itself, some rows ahead: what was reached, written where others write what was
     sent, as some data sets for learning do.  A servo without delay, friction and weight was found in one."""
     goal, position = recording.columns["command"], recording.columns["position"]
-    for ahead in range(COPIED_ROWS + 1):
+    for ahead in range(1, COPIED_ROWS + 1):
         now, then = goal[: goal.size - ahead], position[ahead:]
         moving = np.flatnonzero(np.diff(then)) + 1
         if moving.size >= LEAST_SAMPLES and np.mean(now[moving] == then[moving]) > COPIED:
