@@ -17,7 +17,7 @@ def made(folder: str, files: int, slow: int, quick: int) -> list[Any]:
         SimpleNamespace(
             path=ROOT / "tests" / folder / f"test_{file}.py",
             name=f"{folder} {file} {k}",
-            get_closest_marker={"slow": k < slow}.get,
+            get_closest_marker={"slow": k < slow or None}.get,
         )
         for file in range(files)
         for k in range(slow + quick)

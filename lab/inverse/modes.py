@@ -16,7 +16,8 @@ import numpy as np
 from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.lab.data.frequency_response import spectral_lines
 from lostmotion.lab.fitting.identifiability import is_driven
-from lostmotion.lab.inverse.signals import EDGE, FASTEST, PER_PERIOD, WHOLE, lowpass
+from lostmotion.lab.inverse.signals import EDGE, FASTEST, PER_PERIOD, WHOLE
+from lostmotion.lab.inverse.zero_phase import lowpass
 from lostmotion.model import Model
 
 __all__ = ["band_limited"]

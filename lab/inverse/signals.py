@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,10 @@ from scipy.interpolate import make_interp_spline
 from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.frequency_response import spectral_lines
+from lostmotion.lab.inverse.zero_phase import lowpass
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["COLUMNS", "LEAST_SAMPLES", "Signals", "is_moving", "lowpass"]
+__all__ = ["COLUMNS", "LEAST_SAMPLES", "Signals", "is_moving"]
 
 FASTEST = 0.2
 """Share of the sampling rate: the highest end of a band, where the second derivative of the spline is accurate to 1
@@ -58,8 +59,6 @@ SEGMENT = 1024
 """Samples of a segment of the power density."""
 COLUMNS = ("position", "displacement", "accel")
 """What may be measured of a moving part, the most direct first."""
-ORDER = 4
-"""Order of the Butterworth filter, which runs forwards and backwards."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,35 +246,6 @@ def _integrated_twice(acceleration: FloatArray, step: float, slowest_hz: float) 
     spectrum[~slow] /= -((2 * np.pi * frequency[~slow]) ** 2)
     spectrum[slow] = 0.0
     return np.asarray(np.fft.irfft(spectrum, acceleration.size))
-
-
-def lowpass(values: FloatArray, band: float) -> FloatArray:
-    """Zero-phase, along the last axis; band: its end in cycles per sample.
-
-    As ``scipy.signal.sosfiltfilt`` does, which computes the filter's initial state at every call; this takes as long as
-    filtering some thousand samples.
-    """
-    from scipy.signal import sosfilt  # late, as everywhere in the lab: scipy.signal takes half a second
-
-    sections, settled = _butterworth(band)
-    padding = min(values.shape[-1] - 1, round(3 / band))
-    first, last = values[..., :1], values[..., -1:]
-    filtered = np.concatenate(
-        [2 * first - values[..., padding:0:-1], values, 2 * last - values[..., -2 : -padding - 2 : -1]], axis=-1
-    )
-    for _ in range(2):  # forwards, then backwards
-        start = settled.reshape(settled.shape[0], *[1] * (values.ndim - 1), 2) * filtered[..., :1]
-        filtered = sosfilt(sections, filtered, zi=start)[0][..., ::-1]
-    return np.asarray(filtered[..., padding : padding + values.shape[-1]])
-
-
-@lru_cache(maxsize=64)
-def _butterworth(band: float) -> tuple[FloatArray, FloatArray]:
-    """Second-order sections, and their steady state (sections, 2) for a constant input of one."""
-    from scipy.signal import butter, sosfilt_zi
-
-    sections = np.asarray(butter(ORDER, 2 * band, output="sos"))
-    return sections, np.asarray(sosfilt_zi(sections))
 
 
 def _density(values: FloatArray, rate: float) -> tuple[FloatArray, FloatArray]:

@@ -170,7 +170,7 @@ def test_units_change_nothing_of_gears() -> None:
     are the same."""
     model, recordings = (
         build_model("play", values={**GEARS, "d": 7e-5}),
-        [gears(s, **{"sensor_lag.T": 1.5e-3}) for s in (4, 5)],
+        [gears(s, 1.0, **{"sensor_lag.T": 1.5e-3}) for s in (4, 5)],
     )
     other = [replace(one, columns={**one.columns, "accel": METRE * one.columns["accel"]}) for one in recordings]
     with ThreadPoolExecutor(2) as pool:
