@@ -19,7 +19,8 @@ from lostmotion.model.solve import IntArray, Plan
 __all__ = ["assemble", "in_order", "scope"]
 
 LAYER = 4.0
-"""Widths of the change of sign of a dry friction up to which steps are short: tanh(6) is 1 - 1.2e-5."""
+"""Widths of the change of sign of a dry friction up to which steps are short: tanh(4) is 1 - 7e-4.  With 6 and 10 a
+pendulum that dry friction stops is as far from Radau's (docs/decisions/0001)."""
 
 
 @dataclass(frozen=True)

@@ -188,7 +188,8 @@ class WholeMotion:
         tried = each(self.pool, lambda one: (*one, beginning(one[1])), fits, first=1)
         least = min([least, *(error for _, _, error in tried)])
         kept = [(name, fit) for name, fit, error in tried if error <= policy.BEHIND * least]
-        return kept, [name for name, _ in fits if name not in {name for name, _ in kept}]
+        ahead = {name for name, _ in kept}
+        return kept, [name for name, _ in fits if name not in ahead]
 
     def _for_predictions(self, name: str, inverse: Regression, now: Fitted) -> Fitted | None:
         """With the fit that is judged; None where its motion cannot be simulated.  For a free motion it begins with the
@@ -206,11 +207,11 @@ class WholeMotion:
     def accepted(self, fit: Fitted, now: Fitted) -> Fitted:
         """The fit with the added effect and an integration step that resolves it, and with the transmitted torque that
         follows from it."""
-        judged = resolved(fit.judged)
         if self.method is Method.MOTION:
+            judged = resolved(fit.judged)
             return Fitted(judged, judged)
         inverse = _with_load(fit.model, Data.of(self.signals, fit.model), fit.inverse.nuisance)
-        return Fitted(inverse, judged) if self.method is Method.FREE else self._fitted(inverse)
+        return Fitted(inverse, resolved(fit.judged)) if self.method is Method.FREE else self._fitted(inverse)
 
     def without(self, effect: str, fit: Fitted) -> Fitted:
         """The fit without an effect; a motion is refitted from the present values."""

@@ -19,8 +19,8 @@ ORDER = 4
 def lowpass(values: FloatArray, band: float) -> FloatArray:
     """Zero-phase, along the last axis; band: its end in cycles per sample.
 
-    As ``scipy.signal.sosfiltfilt`` does, which takes ten times as long for a thousand samples: a search filters tens of
-    thousands of signals of that length.
+    As ``scipy.signal.sosfiltfilt`` does, which takes 0.20 instead of 0.03 ms for 1250 samples, and two calls of
+    ``sosfilt`` without padding 0.07: a search of a joint's torque filters some twenty thousand such signals.
     """
     sections, settled = _butterworth(band)
     padding = min(values.shape[-1] - 1, round(3 / band))
