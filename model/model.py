@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
@@ -81,7 +81,7 @@ class Model:
         prefix = f"{effect}."
         return {name.removeprefix(prefix): p for name, p in self.parameters.items() if name.startswith(prefix)}
 
-    @property
+    @cached_property
     def state_names(self) -> tuple[str, ...]:
         """Names of the states, in the order of ``Trajectory.state``: "theta_2", "q'", "actuator_lag.0"."""
         own = (f"{effect.id}.{i}" for effect in self._in_order for i in range(len(effect.states)))
@@ -229,15 +229,7 @@ class Model:
             raise ModelError(f"a sub-step of {substep_s} s is not possible")
         records = np.array(list(self._base.outputs.values()), dtype=np.uint64)
         out, states = np.empty((records.size, grid.size)), np.empty((grid.size, x0.size))
-        before = substep.operating(self._base, self._values, pieces)
-        length = float(pieces.knots[-1])
-        interval = float(np.median(np.diff(grid))) if grid.size > 1 else 0.0
-
-        def chosen(watched: float | None) -> float:
-            return max(
-                substep.pick(self._base, self._in_order, self._values, before, watched, length, interval), shortest_s
-            )
-
+        chosen = self._steps(pieces, grid, shortest_s)
         step = substep_s or chosen(None)
         for _ in range(4):
             self._kernel_errors()  # of runs before
@@ -257,6 +249,19 @@ class Model:
                 "the start state or a parameter is far outside of what the motion allows, or the sub-step is too long"
             )
         return out, states, step
+
+    def _steps(self, pieces: Pieces, grid: FloatArray, shortest_s: float) -> Callable[[float | None], float]:
+        """The choice of a sub-step [s] for the largest magnitude of the watched signal, None before a first run."""
+
+        def chosen(watched: float | None) -> float:
+            before = substep.operating(self._base, self._values, pieces)
+            interval = float(np.median(np.diff(grid))) if grid.size > 1 else 0.0
+            length = float(pieces.knots[-1])
+            return max(
+                substep.pick(self._base, self._in_order, self._values, before, watched, length, interval), shortest_s
+            )
+
+        return chosen
 
     def _kernel_errors(self) -> list[ModelError]:
         """What functions in plain Python raised in this thread since the last time; a Ctrl-C is raised again."""
@@ -283,6 +288,7 @@ def _remade(
 def _checked_times(times: ArrayLike) -> FloatArray:
     """Output times as an array of their own.  Raises ModelError unless they are finite, ascending, at least one."""
     array = np.array(times, dtype=np.float64)
-    if array.ndim != 1 or array.size == 0 or not np.all(np.isfinite(array)) or np.any(np.diff(array) <= 0):
+    ascends = array.ndim == 1 and array.size > 0 and bool((array[1:] > array[:-1]).all())  # false beside a NaN
+    if not (ascends and math.isfinite(array[0]) and math.isfinite(array[-1])):
         raise ModelError("output times must be at least one, finite and strictly ascending")
     return array

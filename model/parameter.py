@@ -67,11 +67,10 @@ class Parameter:
     def __post_init__(self) -> None:
         object.__setattr__(self, "value", _number(self.value))
         object.__setattr__(self, "unit", "" if self.unit == "1" else self.unit)
-        given = f"{self.value:g} {self.unit}".rstrip()
-        if not math.isfinite(self.value):
-            raise ModelError(f"{given} is not possible; it must be a finite number")
-        if not self.domain.allows(self.value):
-            raise ModelError(f"{given} is not possible; it must be {self.domain.value}")
+        if not math.isfinite(self.value) or not self.domain.allows(self.value):
+            given = f"{self.value:g} {self.unit}".rstrip()
+            expected = self.domain.value if math.isfinite(self.value) else "a finite number"
+            raise ModelError(f"{given} is not possible; it must be {expected}")
         if self.low > self.high:
             raise ModelError(f"low = {self.low:g} is more than high = {self.high:g}; are the bounds swapped?")
         if not self.low <= self.value <= self.high:
@@ -93,7 +92,8 @@ class Parameter:
         """
         if not isinstance(given, Parameter):
             value = _number(given)
-            return replace(self, value=value, low=_least(self.low, value), high=-_least(-self.high, -value))
+            low, high = _least(self.low, value), -_least(-self.high, -value)
+            return Parameter(value, self.unit, low, high, self.fixed, self.source, self.meaning, self.domain)
         self.check_unit(given.unit)
         low = given.low if given.low > -math.inf else _least(self.low, given.value)
         high = given.high if given.high < math.inf else -_least(-self.high, -given.value)

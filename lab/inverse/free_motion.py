@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from contextlib import suppress
 from dataclasses import replace
 
 from lostmotion.lab.deadline import is_over
@@ -21,11 +21,13 @@ VANISHED = 1e-3
 """Share of a parameter's first value, below which it is zero."""
 
 
-def continued(model: Model, swings: OutputError) -> Regression:
+def continued(model: Model, swings: OutputError, begun: Regression | None = None) -> Regression:
     """The fit of a free motion on a growing horizon (homotopy); where that ends with a larger error than no motion, as
-    for a pendulum that goes over the top, the fit of the whole motion at once if it is better."""
-    start = model
-    for share in HORIZONS:
+    for a pendulum that goes over the top, the fit of the whole motion at once if it is better.  begun: the fit of the
+    first horizon, if there is one."""
+    start, shortest, *longer = model, *HORIZONS
+    model = _not_vanished((begun or regressed(model, swings.first(shortest))).model, start)
+    for share in longer:
         model = _not_vanished(regressed(model, swings.first(share)).model, start)
     found = regressed(model, swings)
     if found.rms <= swings.usual(model):
@@ -33,12 +35,11 @@ def continued(model: Model, swings: OutputError) -> Regression:
     return min(found, regressed(start, swings), key=lambda one: one.rms)
 
 
-def beginning(fit: Regression) -> float:
-    """The error at the beginning of a free motion of a model that was fitted to its acceleration."""
-    try:
-        return regressed(fit.model, OutputError.of(fit.data.signals, fit.model).first(HORIZONS[0])).rms
-    except ModelError:
-        return math.inf
+def beginning(fit: Regression) -> Regression | None:
+    """The fit of a model that was fitted to the acceleration to the beginning of a free motion, if it can be."""
+    with suppress(ModelError):
+        return regressed(fit.model, OutputError.of(fit.data.signals, fit.model).first(HORIZONS[0]))
+    return None
 
 
 def resolved(fit: Regression) -> Regression:

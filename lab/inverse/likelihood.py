@@ -67,11 +67,13 @@ class Fitted:
     judged: Regression
 
     @classmethod
-    def of(cls, inverse: Regression, method: Method, is_whitened: bool = False) -> Fitted:
-        """Beginning with the fit to select candidates with."""
+    def of(
+        cls, inverse: Regression, method: Method, is_whitened: bool = False, begun: Regression | None = None
+    ) -> Fitted:
+        """Beginning with the fit to select candidates with, and that to the beginning of a free motion."""
         if method is not Method.FREE:
             return cls(inverse, generalised(inverse) if is_whitened else inverse)
-        return cls(inverse, continued(inverse.model, OutputError.of(inverse.data.signals, inverse.model)))
+        return cls(inverse, continued(inverse.model, OutputError.of(inverse.data.signals, inverse.model), begun))
 
     @property
     def surest(self) -> Regression:
@@ -144,10 +146,14 @@ class WholeMotion:
         wide = list(candidates(now.inverse.model, added, now.inverse.data))
         with within(policy.STAGE_SHARE * remaining_s()):
             fits, failed = self._fitted_each(wide, now.inverse)
+        begun: dict[str, Regression] = {}
         if self.method is Method.FREE:
-            fits, behind = self._ahead(fits, now)
-            failed += behind
-        tried = each(self.pool, lambda one: (one[0], self._for_predictions(*one, now)), fits, first=1)
+            begun = self._ahead(fits, now)
+            failed += [name for name, _ in fits if name not in begun]
+            fits = [(name, fit) for name, fit in fits if name in begun]
+        tried = each(
+            self.pool, lambda one: (one[0], self._for_predictions(*one, now, begun.get(one[0]))), fits, first=1
+        )
         found = [(name, fit) for name, fit in tried if fit]
         failed += [name for name, fit in tried if fit is None]
         known = {*(effect for effect, _ in found), *failed}
@@ -178,25 +184,22 @@ class WholeMotion:
         finished = each(self.pool, lambda one: (one[0], refined(one[1])), found[:many])
         return [*finished, *found[len(finished) :]], failed
 
-    def _ahead(
-        self, fits: Sequence[tuple[str, Regression]], now: Fitted
-    ) -> tuple[list[tuple[str, Regression]], list[str]]:
-        """The candidates that follow the beginning of a free motion about as well as the best one does, or as it is
-        followed now, and the names of the others (successive halving)."""
+    def _ahead(self, fits: Sequence[tuple[str, Regression]], now: Fitted) -> dict[str, Regression]:
+        """The fits to the beginning of a free motion of the candidates that follow it about as well as the best one
+        does, or as it is followed now (successive halving)."""
         assert isinstance(now.judged.data, OutputError)
         least = regressed(now.model, now.judged.data.first(HORIZONS[0])).rms
-        tried = each(self.pool, lambda one: (*one, beginning(one[1])), fits, first=1)
-        least = min([least, *(error for _, _, error in tried)])
-        kept = [(name, fit) for name, fit, error in tried if error <= policy.BEHIND * least]
-        ahead = {name for name, _ in kept}
-        return kept, [name for name, _ in fits if name not in ahead]
+        tried = each(self.pool, lambda one: (one[0], beginning(one[1])), fits, first=1)
+        begun = {name: fit for name, fit in tried if fit}
+        least = min([least, *(fit.rms for fit in begun.values())])
+        return {name: fit for name, fit in begun.items() if fit.rms <= policy.BEHIND * least}
 
-    def _for_predictions(self, name: str, inverse: Regression, now: Fitted) -> Fitted | None:
+    def _for_predictions(self, name: str, inverse: Regression, now: Fitted, begun: Regression | None) -> Fitted | None:
         """With the fit that is judged; None where its motion cannot be simulated.  For a free motion it begins with the
         estimates from the acceleration, or with the present ones where these explain nothing: the acceleration does not
         show a small damping."""
         try:
-            found = self._fitted(inverse)
+            found = self._fitted(inverse, begun)
         except ModelError:
             return None
         if self.method is not Method.FREE or found.rms < math.sqrt(1 - policy.LEAST_GAIN) * now.rms:
@@ -226,9 +229,9 @@ class WholeMotion:
             return self._fitted(inverse)
         return Fitted(inverse, regressed(model, fit.judged.data, fit.judged.nuisance))
 
-    def _fitted(self, inverse: Regression) -> Fitted:
+    def _fitted(self, inverse: Regression, begun: Regression | None = None) -> Fitted:
         """With the fit that is judged."""
-        return Fitted.of(inverse, self.method, self.is_whitened)
+        return Fitted.of(inverse, self.method, self.is_whitened, begun)
 
     def predictions(self, one: Fitted, other: Fitted, *, of_all: bool = False) -> Predictions:
         """Squared errors of both fits in the folds, in blocks of the residual of ``other``, and in a recording that

@@ -140,7 +140,7 @@ class OutputError:
         (variable projection).
         """
         parts = []
-        for one, start in zip(self.signals, np.split(nuisance, len(self.signals)), strict=True):
+        for one, start in zip(self.signals, nuisance.reshape(len(self.signals), -1), strict=True):
             experiment = one.experiment
             own, measured = experiment.model(model), experiment.measured[one.column]
             state = initial_state(own, experiment, start, self.free)

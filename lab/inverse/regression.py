@@ -209,9 +209,13 @@ def _minimised(
     count, size, usual = len(unknowns.items), sum(data.counts), _usual(data, model)
     low, high = (np.concatenate(pair) for pair in zip(unknowns.bounds, _nuisance_bounds(data), strict=True))
 
-    def residual(at: FloatArray) -> FloatArray:
-        error = data.residual(unknowns.put(model, at[:count]), at[count:]) / usual
-        return np.concatenate([error, weight * (at[:count] - near)])
+    latest: list[tuple[FloatArray, FloatArray]] = []
+
+    def residual(at: FloatArray) -> FloatArray:  # a step is evaluated to be judged, and again for its derivatives
+        if not latest or not np.array_equal(latest[0][0], at):
+            error = data.residual(unknowns.put(model, at[:count]), at[count:]) / usual
+            latest[:] = [(at.copy(), np.concatenate([error, weight * (at[:count] - near)]))]
+        return latest[0][1]
 
     known: list[tuple[FloatArray, FloatArray]] = []
 
