@@ -160,9 +160,11 @@ def _length(shape: Any) -> int:
 
 
 def _names(names: Any, count: int) -> list[str]:
-    """Of the joints, as a list or {"motors": list}; else their numbers."""
+    """Of the joints, as a list, a list in a list (datasets of humanoids) or {"motors": list}; else their numbers."""
     lists = [*names.values()] if isinstance(names, Mapping) else [names]
     for each in lists:
+        if isinstance(each, list) and len(each) == 1 and isinstance(each[0], list):
+            each = each[0]
         if isinstance(each, list) and len(each) == count and len(set(map(str, each))) == count:
             return [str(name) for name in each]
     return [str(place) for place in range(count)]

@@ -89,11 +89,14 @@ def test_units_are_assumed_aloud(tmp_path: Path) -> None:
     np.testing.assert_allclose(said.recording.columns["position"], 0.02 * state(0)[:, 1], rtol=1e-6)
 
 
-@pytest.mark.parametrize("names", [{"motors": ["base", "elbow", "jaw"]}, ["motors"], None])
+JAWED = ["base", "elbow", "jaw"]
+
+
+@pytest.mark.parametrize("names", [{"motors": JAWED}, [JAWED], ["motors"], None])
 def test_names_come_in_several_forms(names: Any, tmp_path: Path) -> None:
-    """In an object, one name for all, none: then joints have their numbers."""
+    """In an object, in a list of lists, one name for all, none: then joints have their numbers."""
     path = dataset(tmp_path / "set", "v3.0", names, episodes=1)
-    joint = "jaw" if isinstance(names, dict) else "2"
+    joint = "jaw" if names and JAWED in [*(names.values() if isinstance(names, dict) else names)] else "2"
     np.testing.assert_allclose(read(path, joint=joint).recording.columns["position"], np.radians(50), rtol=1e-6)
 
 
