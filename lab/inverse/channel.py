@@ -90,7 +90,8 @@ class Channel:
 
 
 def _check_torque(experiments: Sequence[Experiment]) -> None:
-    """Rejects a torque that never changes: an unknown constant explains it, and no inertia is needed."""
+    """Rejects a torque that never changes: an unknown constant explains it, and no inertia is needed.  Warns of one
+    that is a magnitude: where its readings end, at zero, is the end of a range."""
     found = [one.drive.values for one in experiments if isinstance(one.drive, Sampled)]
     values = np.concatenate(found) if found else np.arange(2.0)
     if np.ptp(values) <= FLAT_SHARE * np.abs(values).max():
@@ -98,6 +99,13 @@ def _check_torque(experiments: Sequence[Experiment]) -> None:
             f"{experiments[0].name}: found a torque of {values[0]:g} at all times, expected one that changes: record "
             "steps of several sizes, or both directions"
         )
+    at_zero = int((values == 0).sum())
+    if at_zero >= policy.RAILED and (values.min() == 0 or values.max() == 0):
+        log.warning(
+            "%s: the torque is zero in %d readings and has one sign in all others, as a magnitude has; to be explained, "
+            "it needs the sign of its direction",
+            experiments[0].name, at_zero,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

@@ -80,3 +80,14 @@ def test_no_delay_where_there_is_none() -> None:
     sine = Sampled(times, B * np.cos(2 * np.pi * (times - 0.01)) + 1e-3 * rng.standard_normal(times.size))
     position = np.sin(2 * np.pi * times) / (2 * np.pi) + 1e-5 * rng.standard_normal(times.size)
     assert Channel.of([Experiment("sine.csv", sine, times, {"position": position})]).delay_s == 0.0
+
+
+@pytest.mark.parametrize("is_magnitude", [True, False])
+def test_a_torque_without_its_sign_is_told(is_magnitude: bool, caplog: pytest.LogCaptureFixture) -> None:
+    """Readings in steps of 20 mN m of a current without a sign are zero at each reversal, and never below; those with a
+    sign are not told."""
+    read = np.round(torque(0, TIMES) / 0.02) * 0.02
+    measured = Sampled(TIMES, np.abs(read) if is_magnitude else read)
+    with caplog.at_level(logging.WARNING):
+        Channel.of([Experiment("elbow.csv", measured, TIMES, {"position": angle(0)})])
+    assert ("has one sign in all others, as a magnitude has" in caplog.text) == is_magnitude
