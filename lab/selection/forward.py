@@ -254,9 +254,12 @@ def _pair(step_alone: Step[F], now: F, added: tuple[str, ...], likelihood: Likel
             continue
         both = second.judged[0]
         others = (now, *(alone[name].fit for name in (both.effect,) if name in alone))
-        if all(pairs * likelihood.predictions(one, both.fit).p_value < policy.FALSE_NAME for one in others):
+        p_value = max(pairs * likelihood.predictions(one, both.fit).p_value for one in others)
+        if p_value < policy.FALSE_NAME:
+            first, both = replace(first, p_value=p_value), replace(both, p_value=p_value)
             rest = (one for one in step_alone.judged if one.effect != first.effect)
-            found.append([Step((first, *rest), untried=step_alone.untried), second])
+            alone_first = Step((first, *rest), untried=step_alone.untried)
+            found.append([alone_first, replace(second, judged=(both, *second.judged[1:]))])
     return min(found, key=lambda two: two[1].judged[0].fit.rms, default=[])
 
 

@@ -48,15 +48,20 @@ def ranking(
     estimates: Callable[[F], Sequence[Estimate]], best: Sequence[Estimate],
 ) -> tuple[Ranked, ...]:  # fmt: skip
     """The candidates of the first step, best first, with errors on the last recording; those that were added with the
-    estimates of the last fit.  An effect that was not fitted has no gain, and p = 1."""
+    estimates of the last fit, and with the p-value of the step that added them: what a second effect takes may show
+    only beside the first, or where the misfit is whitened.  An effect that was not fitted has no gain, and p = 1."""
     first = selection.steps[0]
+    leading = [step.judged[0] for step in selection.steps if step.judged]
+    added = {one.effect: one.p_value for one in leading if one.effect in selection.added}
 
     def values(one: Candidate[F]) -> dict[str, tuple[float, float, float]]:
         found = [*estimates(one.fit), *(best if one.effect in selection.added else ())]
         own = [e for e in found if e.name.startswith(f"{one.effect}.")]
         return {e.name.removeprefix(f"{one.effect}."): (e.value, e.low, e.high) for e in own}
 
-    ranked = [Ranked(one.effect, before, error(one), one.p_value, values(one)) for one in first.judged]
+    ranked = [
+        Ranked(one.effect, before, error(one), added.get(one.effect, one.p_value), values(one)) for one in first.judged
+    ]
     fitted = {one.effect for one in ranked}
     return (*ranked, *(Ranked(name, before, before, 1.0) for name in first.rejected if name not in fitted))
 

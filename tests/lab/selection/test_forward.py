@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from lostmotion.lab import policy
 from lostmotion.lab.selection.evidence import Predictions
 from lostmotion.lab.selection.forward import Proposals, Selection, selected
 from lostmotion.lab.selection.nesting import others
+from lostmotion.lab.selection.outcome import ranking
 from lostmotion.model import Model, build_model
 from lostmotion.model.motion import FloatArray
 
@@ -185,6 +187,17 @@ def test_what_helps_only_together_is_found_as_a_pair() -> None:
     search = found({FIRST: 12.0, SECOND: 12.0}, columns)
     assert set(search.added) == {FIRST, SECOND}
     assert search.fits[-1].rms == pytest.approx(1.0, rel=0.1)
+    shown = {one.effect: one.p_value for one in ranking(search, 1.0, lambda one: one.gain, lambda fit: (), ())}
+    assert max(shown[FIRST], shown[SECOND]) < policy.FALSE_NAME < shown[THIRD]
+
+
+def test_an_effect_has_the_p_value_of_the_step_that_named_it() -> None:
+    """A column that shows only beside a louder one is not significant in the first step, and shown as it was named."""
+    search = found({FIRST: 12.0, SECOND: 1.0}, independent())
+    assert search.added == (FIRST, SECOND)
+    assert {one.effect: one.p_value for one in search.steps[0].judged}[SECOND] > policy.FALSE_NAME
+    shown = {one.effect: one.p_value for one in ranking(search, 1.0, lambda one: one.gain, lambda fit: (), ())}
+    assert max(shown[FIRST], shown[SECOND]) < policy.FALSE_NAME
 
 
 def test_what_later_effects_make_superfluous_is_taken_out() -> None:
