@@ -102,8 +102,8 @@ def _check_torque(experiments: Sequence[Experiment]) -> None:
     at_zero = int((values == 0).sum())
     if at_zero >= policy.RAILED and (values.min() == 0 or values.max() == 0):
         log.warning(
-            "%s: the torque is zero in %d readings and has one sign in all others, as a magnitude has; to be explained, "
-            "it needs the sign of its direction",
+            "%s: the torque is zero in %d readings and has one sign in all others, as a magnitude has; "
+            "to be explained, it needs the sign of its direction",
             experiments[0].name, at_zero,
         )  # fmt: skip
 
