@@ -239,20 +239,25 @@ def _halvings(stiffness: float) -> int:
 
 @jitted
 def _creep(
-    plan: Plan, s: FloatArray, c: FloatArray, knot: float, since: float, h: float, x: FloatArray, y: FloatArray,
-    dz: FloatArray, k4: FloatArray,
+    plan: Plan, s: FloatArray, c: FloatArray, knot: float, since: float, h: float, x: FloatArray, k1: FloatArray,
+    y: FloatArray, dz: FloatArray, k4: FloatArray,
 ) -> bool:  # fmt: skip
-    """One exponential Rosenbrock-Euler step of h [s] of a joint that friction holds, from x to y with slope k4, both of
-    them useless where it returns False: where the joint does not creep, or is not stiff.
+    """One exponential Rosenbrock-Euler step of h [s] of a joint that friction holds, from x with slope k1 to y with
+    slope k4, both useless where it returns False: where the joint does not creep, or is not stiff.  A lag that has a
+    state of its own takes a midpoint step.
 
     omega(t) = omega + a (1 - exp(-lambda t))/lambda, with the acceleration a and its slope lambda in the middle of the
     step (Hochbruck and Ostermann, Exponential integrators, Acta Numerica 2010).
     """
     value, rate = polynomial(c, since + h / 2)
     y[0], y[SPEED] = x[0] + h / 2 * x[SPEED], x[SPEED]
+    for j in range(SPEED + 1, x.size):
+        y[j] = x[j] + h / 2 * k1[j]
     load(plan, s, knot + since + h / 2, value, rate, y, dz, 0.0)
     rates(plan, s, dz)
     acceleration = dz[SPEED]
+    for j in range(SPEED + 1, x.size):
+        k4[j] = x[j] + h * dz[j]
     y[SPEED] += CREEP * plan.sharpest
     load(plan, s, knot + since + h / 2, value, rate, y, dz, 0.0)
     rates(plan, s, dz)
@@ -263,6 +268,8 @@ def _creep(
     if not abs(gained) < CREEP * plan.sharpest:
         return False
     y[0], y[SPEED] = x[0] + h * x[SPEED] + (h * acceleration - gained) / slope, x[SPEED] + gained
+    for j in range(SPEED + 1, x.size):
+        y[j] = k4[j]
     value, rate = polynomial(c, since + h)
     load(plan, s, knot + since + h, value, rate, y, dz, 0.0)
     rates(plan, s, k4)
@@ -332,10 +339,10 @@ def _integrate(
                         units = size = 1 << _halvings(h * slope)
                 else:
                     size = at & -at  # so that parts of each size begin at multiples of it
-                may_creep = n == 2 and abs(k1[SPEED]) < CREEP * plan.sharpest * slope
+                may_creep = n <= 3 and abs(k1[SPEED]) < CREEP * plan.sharpest * slope
                 while size > 1 and _passes(x[SPEED], k1[SPEED], h * size / units, plan.layer):
                     since, part_h = (step + at / units) * h, h * size / units
-                    creeps = may_creep and _creep(plan, s, c, origin + left, since, part_h, x, y, k2, k4)
+                    creeps = may_creep and _creep(plan, s, c, origin + left, since, part_h, x, k1, y, k2, k4)
                     if creeps:
                         break
                     size >>= 1

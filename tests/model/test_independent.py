@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from lostmotion.model import HandWaved, Model, Sine, build_model, catalogue
+from lostmotion.model import HandWaved, Model, Sampled, Sine, build_model, catalogue
 from lostmotion.model.motion import FloatArray
 from tests.model import independent
 
@@ -150,3 +150,26 @@ def test_a_joint_that_sticks() -> None:
     exact, found, _ = pendulum(1e-3, 16e-3, rubs=2e-2)
     assert np.abs(found - exact).max() < 1e-8
     assert found[-1] == pytest.approx(1e-3, rel=0.01)
+
+
+def test_a_servo_that_sticks_behind_a_lag() -> None:
+    """It holds a weight for much of six seconds while the command lags: 1e-5 rad at most from Radau."""
+    times = np.arange(0.0, 6.0, 0.02)
+    given = {
+        "coulomb_friction.tau_c": 0.5, "actuator_lag.T": 0.05, "gravity_torque.tau_g": 0.8, "kt": 2.0,
+        "coulomb_friction.omega_0": 2e-3,
+    }  # fmt: skip
+    model = build_model("servo", ["coulomb_friction", "actuator_lag", "gravity_torque"], given)
+    p = values(model)
+    goal = lambda t: 0.6 * np.sin(0.7 * t) + 0.25 * np.sin(1.9 * t)  # noqa: E731
+
+    def law(t: float, x: FloatArray) -> list[float]:
+        duty = p["kp"] * p["error_gain"] * (x[2] - x[0])
+        motor = p["kt"] * (duty * p["U"] - p["kt"] * x[1]) / p["R"]
+        held = 0.8 * np.sin(x[0]) + 0.5 * np.tanh(x[1] / 2e-3)
+        return [x[1], (motor - held) / p["J"], (goal(t) - x[2]) / 0.05]
+
+    start = [0.0, 0.0, 0.0]
+    exact = solve_ivp(law, (0, 6), start, "Radau", times, rtol=1e-10, atol=1e-12)
+    found = model.simulate(Sampled(times, goal(times)), times, start)["position"]
+    assert np.abs(found - exact.y[0]).max() < 1e-5
