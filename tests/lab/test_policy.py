@@ -39,7 +39,7 @@ NUMERICS = {
     "gears/trials.py": (1, "steps of a fit"),
     "gears/unseen.py": (2, "length of segments, steps of a fit"),
     "inverse/candidates.py": (5, "first values and steps of a fit"),
-    "inverse/explain.py": (3, "what is drawn"),
+    "inverse/explain.py": (4, "what is drawn, and which motor is told"),
     "inverse/output_error.py": (8, "length, rate and integration step of what is simulated"),
     "inverse/modes.py": (1, "how many modes the catalogue has"),
     "inverse/problem.py": (3, "convergence of a fixed-point iteration, freedom of an angle, a bound"),
