@@ -104,7 +104,7 @@ def test_what_is_named_beside_a_hum() -> None:
     """A sensor that feels the rotation beside a fan: the one is named, and that something is left is said.  A second
     mode, which explains the hum where it begins, is taken out again, as its size may be zero.  No parameter is fitted
     to the last recording, and its errors are the reported ones."""
-    recordings = [gears(seed, **{"centripetal_crosstalk.c": 2.0}) for seed in (51, 53, 52)]
+    recordings = [gears(seed, 1.2, **{"centripetal_crosstalk.c": 2.0}) for seed in (51, 53, 52)]
     for recording in recordings:
         recording.columns["accel"][:] += 0.6 * np.sin(2 * math.pi * 121.0 * recording.time + 1.0)
     model = build_model("play", values=GEARS)
@@ -170,7 +170,7 @@ def test_units_change_nothing_of_gears() -> None:
     are the same."""
     model, recordings = (
         build_model("play", values={**GEARS, "d": 7e-5}),
-        [gears(s, 1.0, **{"sensor_lag.T": 1.5e-3}) for s in (4, 5)],
+        [gears(s, 1.0, **{"sensor_lag.T": 1.5e-3}) for s in (6, 7)],
     )
     other = [replace(one, columns={**one.columns, "accel": METRE * one.columns["accel"]}) for one in recordings]
     with ThreadPoolExecutor(2) as pool:

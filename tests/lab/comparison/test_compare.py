@@ -46,11 +46,11 @@ def held(model: Model, *recordings: Recording, is_described: bool = False) -> Co
     return compare(model, experiments(model, recordings), recordings=recordings, is_described=is_described)
 
 
-def located(seed: int, hidden: Mapping[str, float]) -> Finding:
-    """How a hidden effect is described, with the base as it is."""
-    found = held(build_model("play", values=GEARS), measured(seed, **hidden), is_described=True).localisation
-    assert found is not None
-    return found
+def described(seed: int, hidden: Mapping[str, float]) -> tuple[Comparison, Finding]:
+    """The comparison with the base as it is, and how a hidden effect is described."""
+    found = held(build_model("play", values=GEARS), measured(seed, **hidden), is_described=True)
+    assert found.localisation is not None
+    return found, found.localisation
 
 
 def run(*args: object) -> Result:
@@ -109,37 +109,30 @@ HARDENING = {"hardening_spring.k3": 6e9}
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("seed", "hidden", "acts_on", "variable"),
-    [(4, LEAKAGE, "sensor", "theta_2"), (6, HARDENING, "oscillator", "q")],
+    ("seed", "hidden", "acts_on", "variable", "words"),
+    [(4, LEAKAGE, "sensor", "theta_2", "an error of the sensor"), (6, HARDENING, "oscillator", "q", "a force on the")],
     ids=["leakage", "spring"],
 )
-def test_localise(seed: int, hidden: dict[str, float], acts_on: str, variable: str) -> None:
-    """A hidden effect is located in its equation, and found to follow its variable: angle, deflection."""
-    finding = located(seed, hidden)
+def test_localise(seed: int, hidden: dict[str, float], acts_on: str, variable: str, words: str) -> None:
+    """A hidden effect is located in its equation, and found to follow its variable: angle, deflection; the comparison's
+    document and words say so, too."""
+    comparison, finding = described(seed, hidden)
     assert (finding.acts_on, finding.depends_on) == (acts_on, (variable,))
-    document = finding.document()
+    document = comparison.document()["residual"]
     assert document["acts_on"] == acts_on
     assert document["curve"]["variable"] == variable
+    assert words in " ".join(of_comparison(comparison))
 
 
 @pytest.mark.slow
 def test_size_of_the_missing_torque() -> None:
     """Of a hidden Coulomb friction the torque is found with its size, and that it follows the sign of the speed."""
-    found = located(5, FRICTION)
+    found = described(5, FRICTION)[1]
     assert (found.acts_on, found.depends_on) == ("joint", ("omega_2",))
     assert found.formula is not None
     size, *shape = found.formula.split()
     assert shape == ["sign(omega_2)"]
     assert float(size) == pytest.approx(-3e-4, rel=0.05)
-
-
-@pytest.mark.slow
-def test_compare_localises() -> None:
-    """The comparison names the equation too, from a few samples, and says so in its document and its words."""
-    found = held(build_model("play", values=GEARS), measured(4, **LEAKAGE), is_described=True)
-    assert found.localisation is not None
-    assert found.document()["residual"]["acts_on"] == "sensor"
-    assert "an error of the sensor" in " ".join(of_comparison(found))
 
 
 def test_map_of_a_sensor_that_leaks() -> None:
