@@ -183,7 +183,7 @@ class Model:
         signal, rate = self._base.outputs[output], self._clock_rate
         felt = times if rate == 1 or signal != READING else clock_zero + (times - clock_zero) / rate
         origin = float(felt[0])
-        knots, coefficients, at = observer_input(drive, origin, tuple(felt - origin), self._delay)
+        knots, coefficients, at = observer_input(drive, origin, felt - origin, self._delay)
         reading = np.array([signal], dtype=np.uint64)
         return ObserverRun(self._plans[drive is not None], knots, coefficients, at, origin, reading)
 

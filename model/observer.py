@@ -49,17 +49,15 @@ class ObserverRun:
 
 
 def observer_input(
-    drive: Motion | None, origin: float, times: tuple[float, ...], delay: float
+    drive: Motion | None, origin: float, times: FloatArray, delay: float
 ) -> tuple[FloatArray, FloatArray, IntArray]:
     """Knots, coefficients and which knots the samples are; times: (N,) from origin [s], the first of them 0."""
-    return _cut_at(cast(Hashable, drive), origin, times, delay)
+    return _cut_at(cast(Hashable, drive), origin, times.tobytes(), delay)
 
 
 @lru_cache(maxsize=128)  # a search asks for the same stretches thousands of times
-def _cut_at(
-    drive: Any, origin: float, times: tuple[float, ...], delay: float
-) -> tuple[FloatArray, FloatArray, IntArray]:
-    grid = np.array(times)
+def _cut_at(drive: Any, origin: float, times: bytes, delay: float) -> tuple[FloatArray, FloatArray, IntArray]:
+    grid = np.frombuffer(times)
     knots, coefficients = at_samples(cut(drive, origin, max(float(grid[-1]), 1e-3), delay), grid)
     return knots, coefficients, np.searchsorted(knots, grid - 1e-9).astype(np.uint64)
 

@@ -17,13 +17,13 @@ from tests.daemon.conftest import Running, wait_until
 from tests.daemon.fakes import fake_config
 from tests.daemon.zenoh_world import session
 
-KILLS = 25
-ALARM_KILLS = 15
+KILLS = 12
+ALARM_KILLS = 8
 
 
 @pytest.mark.slow
 def test_no_committed_score_is_lost(tmp_path: Path, start: Callable[..., Running]) -> None:
-    """Twenty-five kills at random moments, some while starting, most while writing (bench.alarms has more)."""
+    """Twelve kills at random moments, some while starting, most while writing (bench.alarms has more)."""
     database, seen = tmp_path / "history.db", set[tuple[str, str, float]]()
     (tmp_path / "fake.toml").write_text(fake_config(tmp_path, joints=[f"j{k}" for k in range(12)]))
     moments = random.Random(1)
@@ -50,7 +50,7 @@ def test_no_committed_score_is_lost(tmp_path: Path, start: Callable[..., Running
 def test_no_transition_of_an_alarm_is_lost_or_repeated(
     tmp_path: Path, start: Callable[..., Running], endpoint: str
 ) -> None:
-    """Fifteen kills among alarms that never rest: what was stored stays, each transition follows from the one before,
+    """Eight kills among alarms that never rest: what was stored stays, each transition follows from the one before,
     and a subscriber that recovers has heard exactly those that are stored."""
     database, path, seen = tmp_path / "history.db", tmp_path / "fake.toml", set[str]()
     path.write_text(restless_config(tmp_path, f'[alarm.zenoh]\nmode = "client"\nconnect = ["{endpoint}"]\n'))

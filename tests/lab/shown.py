@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import re
+import shlex
+from contextlib import chdir
 from pathlib import Path
 
-from tests.test_readme import commands, in_folder
+from click.testing import CliRunner
+
+from lostmotion.daemon.cli import cli
+from tests.test_readme import commands
 
 __all__ = ["check_page", "missing_lines", "shown_files", "shown_output"]
 
@@ -14,13 +19,17 @@ SPACE = re.compile(r"[\s─]+")
 
 
 def check_page(page: str, folder: Path) -> None:
-    """Writes the page's files into the folder and runs its commands there; each succeeds and prints what is shown."""
+    """Writes the page's files into the folder and runs its commands there; each succeeds and prints what is shown.
+    They run in this process, as a process of its own takes a second to begin; each command of the README has one."""
     for name, text in shown_files(page).items():
         (folder / name).write_text(text)
     printed = ""
     for command in commands(page):
-        done = in_folder(command, folder)
-        assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
+        program, *arguments = shlex.split(command)
+        assert program == "lostmotion"
+        with chdir(folder):
+            done = CliRunner().invoke(cli, arguments)
+        assert done.exit_code == 0, f"{command}\n{done.stdout}{done.stderr}"
         printed += done.stdout
     assert missing_lines(shown_output(page), printed) == []
 

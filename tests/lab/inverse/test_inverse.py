@@ -133,10 +133,11 @@ def test_intervals_hold_the_truth() -> None:
 
 @pytest.mark.slow
 def test_nothing_is_named_where_nothing_is_missing() -> None:
-    """Of 12 searches of a complete model at most two name an effect: 5 % a step for the whole catalogue."""
+    """Of four searches of a complete model at most one names an effect: 5 % a step for the whole catalogue, which
+    test_levels counts."""
     model = build_model("joint", ["viscous_friction", "coulomb_friction"])
-    false = [seed for seed in range(200, 212) if named(model, [robot(seed)])]
-    assert len(false) <= 2
+    false = [seed for seed in range(200, 204) if named(model, [robot(seed)])]
+    assert len(false) <= 1
 
 
 def test_friction_that_would_take_all_of_the_torque_is_not_load_dependent() -> None:
