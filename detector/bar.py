@@ -214,9 +214,8 @@ def _new(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -> tup
     """
     bank = ringdown.build(windows.shape[1], rate_hz, settings)
     whole = float(_log_likelihoods(windows, rate_hz, settings, bank).sum())
-    first = ringdown.Family(bank.families[0].columns[:1], bank.families[0].mixes[:1])
-    before = replace(bank, families=(first,), sizes=bank.sizes[:1], prior=bank.prior[:1] + math.log(bank.starts.size))
-    return whole, whole - float(_log_likelihoods(windows, rate_hz, settings, before).sum())
+    before = float(_log_likelihoods(windows, rate_hz, settings, bank.only(0)).sum())
+    return whole, whole - before
 
 
 def _with_line(windows: FloatArray, rate_hz: float, settings: DetectorSettings, line_hz: float) -> float:

@@ -7,7 +7,7 @@ measurements.  No level here.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import combinations
 
@@ -61,38 +61,34 @@ DUST = 1e-12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Family:
-    """Hypotheses of equally many rings: columns, (H, R), the bank's rings of each; mixes, (H, R, R), matrices to
-    orthonormal coordinates, one a row, zero where rings are nearly collinear."""
-
-    columns: NDArray[np.intp]
-    mixes: FloatArray
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Bank:
     """Templates for the windows of one length, in the space of whitened samples.
 
     slow: orthonormal basis of the arm's motion, (N, P); rings: ring-downs from each start on, without their slow parts,
-    in orthonormal pairs, (N, 2 K); starts: [s] from the window's begin, (K,); families: all hypotheses; sizes: how many
-    amplitudes each has, prior: log-prior minus penalty [nats], both (H,).
+    in orthonormal pairs, (N, 2 K); starts: [s] from the window's begin, (K,).  Of all H hypotheses of up to R
+    amplitudes: columns, (H, R), the rings of each; mixes, (H, R, R), matrices to orthonormal coordinates, one a row,
+    zero where rings are missing or nearly collinear; sizes: how many amplitudes each has, prior: log-prior minus
+    penalty [nats], both (H,).
     """
 
     slow: FloatArray
     rings: FloatArray
     starts: FloatArray
-    families: tuple[Family, ...]
+    columns: NDArray[np.intp]
+    mixes: FloatArray
     sizes: NDArray[np.intp]
     prior: FloatArray
 
     def basis(self, hypothesis: int) -> FloatArray:
         """Orthonormal basis of one hypothesis in a whitened window, (size, N)."""
-        for family in self.families:
-            if hypothesis < len(family.columns):
-                mix = family.mixes[hypothesis]
-                return np.asarray(mix[mix.any(axis=1)] @ self.rings[:, family.columns[hypothesis]].T)
-            hypothesis -= len(family.columns)
-        raise IndexError(hypothesis)
+        mix = self.mixes[hypothesis]
+        return np.asarray(mix[mix.any(axis=1)] @ self.rings[:, self.columns[hypothesis]].T)
+
+    def only(self, hypothesis: int) -> Bank:
+        """The same with one hypothesis, which is as likely as they all were."""
+        one = slice(hypothesis, hypothesis + 1)
+        prior: FloatArray = np.asarray(-PENALTY * self.sizes[one])
+        return replace(self, columns=self.columns[one], mixes=self.mixes[one], sizes=self.sizes[one], prior=prior)
 
 
 _banks: dict[tuple[int, float, DetectorSettings], Bank] = {}
@@ -121,9 +117,9 @@ def scores(windows: FloatArray, rate_hz: float, settings: DetectorSettings, chos
 @np.errstate(invalid="ignore", over="ignore")  # readings that overflow give NaN
 def _scores(windows: FloatArray, chosen: Bank, settings: DetectorSettings) -> FloatArray:
     white = whiten(windows, settings.noise_colour)
-    before = np.sum(white**2, axis=1)
+    before = _energy(white)
     white -= (white @ chosen.slow) @ chosen.slow.T
-    total = np.sum(white**2, axis=1)
+    total = _energy(white)
     silent = total <= DUST * before
     trust = 0.0 if settings.noise_ms2 is None else TRUST
     whole = np.where(silent, 1.0, total) + trust * (settings.noise_ms2 or 0.0) ** 2
@@ -141,14 +137,14 @@ def explained(white: FloatArray, chosen: Bank) -> FloatArray:
     energy = np.empty((len(white), chosen.prior.size))
     pairs = (white @ chosen.rings).T
     for i in range(0, len(white), TOGETHER):
-        done = 0
-        for family in chosen.families:
-            amplitudes = family.mixes @ pairs[:, i : i + TOGETHER][family.columns]
-            np.square(amplitudes, out=amplitudes)
-            own = slice(done, done + len(family.columns))
-            energy[i : i + TOGETHER, own] = amplitudes.sum(axis=1).T
-            done = own.stop
+        amplitudes = chosen.mixes @ pairs[:, i : i + TOGETHER][chosen.columns]
+        energy[i : i + TOGETHER] = np.einsum("hrm,hrm->mh", amplitudes, amplitudes)
     return energy
+
+
+def _energy(white: FloatArray) -> FloatArray:
+    """Sum of the squares of each window, shape (M, N) to (M,)."""
+    return np.asarray(np.einsum("mn,mn->m", white, white))
 
 
 def leftover(windows: FloatArray, rate_hz: float, settings: DetectorSettings) -> float:
@@ -157,7 +153,7 @@ def leftover(windows: FloatArray, rate_hz: float, settings: DetectorSettings) ->
     chosen = bank(windows.shape[1], rate_hz, settings)
     white = whiten(windows, settings.noise_colour)
     white -= (white @ chosen.slow) @ chosen.slow.T
-    left = np.sum(white**2, axis=1) - explained(white, chosen).max(axis=1)
+    left = _energy(white) - explained(white, chosen).max(axis=1)
     return median(left / windows.shape[1])
 
 
@@ -278,17 +274,23 @@ def _polynomials(length: int, degree: int) -> FloatArray:
     return legendre.values(np.linspace(-1, 1, length), degree)
 
 
-def _hypotheses(gram: FloatArray) -> tuple[tuple[Family, ...], NDArray[np.intp], FloatArray]:
-    """families, sizes and prior of a Bank from the products (2 K, 2 K) of its rings."""
-    families, sizes, prior = [], [], []
-    for columns in _families(gram.shape[0] // 2):
-        power, directions = np.linalg.eigh(gram[columns[:, :, None], columns[:, None, :]])
+def _hypotheses(gram: FloatArray) -> tuple[NDArray[np.intp], FloatArray, NDArray[np.intp], FloatArray]:
+    """columns, mixes, sizes and prior of a Bank from the products (2 K, 2 K) of its rings."""
+    families = _families(gram.shape[0] // 2)
+    count, most = sum(map(len, families)), max(family.shape[1] for family in families)
+    columns, mixes = np.zeros((count, most), np.intp), np.zeros((count, most, most))
+    sizes, prior, first = np.empty(count, np.intp), np.empty(count), 0
+    for family in families:
+        power, directions = np.linalg.eigh(gram[family[:, :, None], family[:, None, :]])
         significant = power > LEAST_NEW
         scale = np.where(significant, 1 / np.sqrt(np.maximum(power, LEAST_NEW)), 0.0)
-        families.append(Family(columns, np.ascontiguousarray((directions * scale[:, None, :]).transpose(0, 2, 1))))
-        sizes.append(significant.sum(axis=1))
-        prior.append(-PENALTY * sizes[-1] - math.log(len(columns)))
-    return tuple(families), np.concatenate(sizes), np.concatenate(prior)
+        own, rings = slice(first, first + len(family)), family.shape[1]
+        columns[own, :rings] = family
+        mixes[own, :rings, :rings] = (directions * scale[:, None, :]).transpose(0, 2, 1)
+        sizes[own] = significant.sum(axis=1)
+        prior[own] = -PENALTY * sizes[own] - math.log(len(family))
+        first = own.stop
+    return columns, mixes, sizes, prior
 
 
 @lru_cache(maxsize=16)
