@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from lostmotion.detector.window import FloatArray
 
@@ -122,14 +123,17 @@ def _fits(
     reading: FloatArray, grid: FloatArray, lags: range, joints: Sequence[tuple[FloatArray, FloatArray]]
 ) -> dict[int, Fit]:
     """Least squares with the angles that many halves of a step after the times ``grid`` [s], by the lag."""
-    found, wanted = {}, reading[INNER] - reading[INNER].mean()
+    found: dict[int, Fit] = {}
+    wanted = reading[INNER] - reading[INNER].mean()
     for half in {lag % 2 for lag in lags}:
         steps = [lag // 2 for lag in lags if lag % 2 == half]
         table = _regressors(grid[0] + half * HALF_S + STEP_S * np.arange(min(steps), grid.size + max(steps)), joints)
-        for step in steps:
-            part = table[step - min(steps) :][: reading.size][INNER]
-            if (solved := _solve(part - part.mean(axis=0), wanted)) is not None:
-                found[2 * step + half] = (*solved, part[:, : len(joints)].std(axis=0))
+        parts = sliding_window_view(table, reading.size, axis=0)[np.array(steps) - min(steps), :, INNER]
+        parts -= parts.mean(axis=2, keepdims=True)
+        moved = np.sqrt(np.mean(parts[:, : len(joints)] ** 2, axis=2))
+        for step, left, *fit in zip(steps, *_solve(parts, wanted), moved, strict=True):
+            if math.isfinite(left):
+                found[2 * step + half] = (float(left), *fit)
     return found
 
 
@@ -139,22 +143,21 @@ def _regressors(times: FloatArray, joints: Sequence[tuple[FloatArray, FloatArray
     return np.column_stack([*(np.gradient(np.gradient(angle, STEP_S), STEP_S) for angle in angles), *angles])
 
 
-def _solve(table: FloatArray, wanted: FloatArray) -> tuple[float, FloatArray, FloatArray] | None:
-    """Residual sum of squares, coefficients, and their errors for a residual of 1: infinite without motion."""
-    size = np.sqrt((table**2).sum(axis=0))
-    moves = size > 0
-    values, errors = np.zeros(size.size), np.full(size.size, np.inf)
-    scaled = table[:, moves] / size[moves]
+def _solve(tables: FloatArray, wanted: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Residual sums of squares (L,), coefficients and their errors for a residual of 1, (L, K) both, of regressors (L,
+    K, N) at L lags: errors are infinite without motion, and all is NaN where numbers overflow."""
+    size = np.sqrt(np.einsum("lkn,lkn->lk", tables, tables))
+    scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
+    scaled = tables * scale[:, :, None]
     try:
-        own, ways = np.linalg.eigh(scaled.T @ scaled)
+        own, ways = np.linalg.eigh(scaled @ scaled.transpose(0, 2, 1))
     except np.linalg.LinAlgError:
-        return None
-    inverse = ways / np.maximum(own, ROUNDING) @ ways.T
-    found = inverse @ (scaled.T @ wanted)
-    left = wanted - scaled @ found
-    values[moves] = found / size[moves]
-    errors[moves] = np.sqrt(np.abs(np.diag(inverse))) / size[moves]
-    return float(left @ left), values, errors
+        return np.full(len(size), np.nan), size, size
+    inverse = (ways / np.maximum(own, ROUNDING)[:, None]) @ ways.transpose(0, 2, 1)
+    found = (inverse @ (scaled @ wanted)[:, :, None])[:, :, 0]
+    left = wanted - (found[:, None] @ scaled)[:, 0]
+    errors = np.where(size > 0, np.sqrt(np.abs(np.diagonal(inverse, axis1=1, axis2=2))) * scale, np.inf)
+    return np.einsum("ln,ln->l", left, left), found * scale, errors
 
 
 def _binned(local: FloatArray, accel: FloatArray, count: int) -> FloatArray | None:
