@@ -40,6 +40,6 @@ class JumpDetector:
         if self._fit.samples:
             last = self._fit.samples[-1][1]
             height = abs(value - last)
-            if height >= least and BEFORE * height >= self._fit.reach(time - 0.5 * self._fit.span):
+            if height >= least and self._fit.stood(BEFORE * height, time - 0.5 * self._fit.span):
                 self.pending, self._time, self._from, self._to = 1, time, last, value
         return None

@@ -57,15 +57,24 @@ class LocalFit:
             return None
         return self._curvature()
 
-    def reach(self, since: float = -math.inf) -> float:
-        """Largest minus smallest value among the samples no older than ``since``; 0 when there are none."""
-        values = [value for time, value in self.samples if time >= since]
-        return max(values) - min(values) if values else 0.0
+    def stood(self, most: float, since: float) -> bool:
+        """Whether the samples no older than ``since`` differ by at most so much; usually the last two decide."""
+        high, low = -math.inf, math.inf
+        for time, value in reversed(self.samples):
+            if time < since:
+                break
+            high, low = max(high, value), min(low, value)
+            if high - low > most:
+                return False
+        return True
 
     def moves(self, least: float) -> bool:
-        """Whether ``reach`` is at least so much; usually the first and the last sample suffice."""
+        """Whether samples differ by at least so much; usually the first and the last suffice."""
         samples = self.samples
-        return abs(samples[-1][1] - samples[0][1]) >= least or self.reach() >= least
+        if abs(samples[-1][1] - samples[0][1]) >= least:
+            return True
+        values = [value for _, value in samples]
+        return max(values) - min(values) >= least
 
     def _reanchor(self) -> None:
         self._anchor, self._offset = self.samples[-1]

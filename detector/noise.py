@@ -51,12 +51,11 @@ class NoiseLevel:
             oldest = self._recent.popleft()
             del self._sorted[bisect_left(self._sorted, oldest)]
             self._sum -= oldest
-        self.level = self._clipped_mean(2 * step) / MEAN
+        nothing_to_clip = self._sorted[-1] <= 2 * step  # as nearly always
+        self.level = (self._sum / len(self._recent) if nothing_to_clip else self._clipped_mean(2 * step)) / MEAN
 
     def _clipped_mean(self, least: float) -> float:
         count = len(self._sorted)
-        if self._sorted[-1] <= least:  # nothing to clip, as nearly always
-            return self._sum / count
         usual = math.ceil(SHARE * count)
         limit = max(least, FAR * sum(self._sorted[:usual]) / (usual * TRIMMED_MEAN))
         below = bisect_left(self._sorted, limit)
