@@ -127,8 +127,8 @@ class Learner:
 
     def update(self, accel: FloatArray) -> Change | BarChange | None:
         """Takes the tip acceleration [m/s²] of a window, shape (N,); returns a change to report, or None."""
-        there = np.isfinite(accel)
-        if accel.size != self._length or there.sum() < LEAST_SHARE * accel.size or np.ptp(accel[there]) == 0:
+        values = accel[np.isfinite(accel)]
+        if accel.size != self._length or values.size < LEAST_SHARE * accel.size or values.max() == values.min():
             return None
         self.seen += 1
         if self.seen % self._stride == 0 and len(self._block) < BLOCK:

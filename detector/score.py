@@ -49,7 +49,8 @@ def score_window(window: Window, settings: DetectorSettings, range_ms2: float = 
     statistic that is not the score is NaN instead.
     """
     quality = describe(window, range_ms2, settings.gentle)
-    statistics = {name: _statistic(name, window, settings) for name in STATISTICS}
+    there = int(np.count_nonzero(np.isfinite(window.accel)))
+    statistics = {name: _statistic(name, window, there, settings) for name in STATISTICS}
     value = statistics[settings.statistic]
     return Score(
         joint=window.joint,
@@ -66,18 +67,19 @@ def score_window(window: Window, settings: DetectorSettings, range_ms2: float = 
     )
 
 
-def _statistic(name: Statistic, window: Window, settings: DetectorSettings) -> float:
-    """One statistic of a window with few missing samples; NaN where it cannot be computed, unless it is the score."""
+def _statistic(name: Statistic, window: Window, there: int, settings: DetectorSettings) -> float:
+    """One statistic of a window of which so many samples are there; NaN where it cannot be computed, unless it is the
+    score."""
     accel, rate_hz = window.accel, window.rate_hz
-    there = np.count_nonzero(np.isfinite(accel))
     if there < max(LEAST_SHARE * accel.size, 1):
         return math.nan
+    is_whole = there == accel.size
     try:
         if name == "band":
-            return _band(mended(accel), rate_hz, settings)
+            return _band(accel if is_whole else mended(accel), rate_hz, settings)
         if name != settings.statistic:
             ringdown.validate(accel.size, rate_hz, settings)
-        return _ringdown(ringdown.filled(accel, rate_hz, settings), rate_hz, settings)
+        return _ringdown(accel if is_whole else ringdown.filled(accel, rate_hz, settings), rate_hz, settings)
     except DetectorError:
         if name == settings.statistic:
             raise

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cmath
 import math
 from dataclasses import replace
 from functools import lru_cache
@@ -59,7 +58,8 @@ def cut(
     first, last = times.searchsorted((start - 1 / rate_hz, start + duration + 1 / rate_hz))
     place = (times[first:last] - start) * rate_hz
     # The stream's phase against the grid, averaged on the circle: one late sample must not shift all others.
-    phase = cmath.phase(np.exp(2j * np.pi * place).sum()) / (2 * np.pi)
+    turns = 2 * math.pi * place
+    phase = math.atan2(np.sin(turns).sum(), np.cos(turns).sum()) / (2 * math.pi)
     slot = np.rint(place - phase).astype(np.intp)
     begin, end = slot.searchsorted((0, length))
     grid = np.full(length, np.nan)
