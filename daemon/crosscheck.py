@@ -275,12 +275,12 @@ def _can(config: Config) -> None:
     """python-can knows the interface; 255 joints have an index."""
     if config.can is None:
         return
-    from can.interfaces import VALID_INTERFACES  # many do without CAN, and without a third of a second
+    from lostmotion.drivers.python_can import can  # many do without CAN, and without a third of a second
 
-    if config.can.interface not in VALID_INTERFACES:
+    if config.can.interface not in can.VALID_INTERFACES:
         raise CrossCheckError(
             f"alarm.can.interface: found {config.can.interface!r}, expected one that python-can knows: "
-            f"{', '.join(sorted(VALID_INTERFACES))}"
+            f"{', '.join(sorted(can.VALID_INTERFACES))}"
         )
     if len(config.joints) > MOST_CAN_JOINTS:
         raise CrossCheckError(f"alarm.can: found {len(config.joints)} joints, expected at most {MOST_CAN_JOINTS}")

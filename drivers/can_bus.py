@@ -82,10 +82,10 @@ def check_bus(who: str, interface: str, bitrate: int | None) -> None:
         return
     if not is_there("can"):
         raise DriverError(f"{who}: {missing('can', 'CAN')}")
-    from can.interfaces import VALID_INTERFACES
+    from lostmotion.drivers.python_can import can
 
-    if interface not in VALID_INTERFACES:
-        known = ", ".join(sorted(VALID_INTERFACES))
+    if interface not in can.VALID_INTERFACES:
+        known = ", ".join(sorted(can.VALID_INTERFACES))
         raise DriverError(f"{who}: found interface {interface!r}, expected one that python-can knows: {known}")
 
 
@@ -150,7 +150,7 @@ class LibraryBus:
     def __init__(
         self, interface: str, channel: str, bitrate: int | None, options: BusOptions, now: Callable[[], float]
     ) -> None:
-        import can
+        from lostmotion.drivers.python_can import can
 
         logging.getLogger("can").setLevel(logging.CRITICAL)  # its messages are replaced by ours
         self.broken = 0
@@ -188,7 +188,7 @@ class LibraryBus:
         return frames
 
     def send(self, id: int, data: bytes) -> None:
-        import can
+        from lostmotion.drivers.python_can import can
 
         try:
             self._bus.send(can.Message(arbitration_id=id, data=data, is_extended_id=id > 0x7FF), timeout=0.1)

@@ -15,8 +15,6 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
-import can
-
 from lostmotion.daemon.no_memory import NO_MEMORY, retry_without_memory
 from lostmotion.daemon.options import CanOptions
 from lostmotion.daemon.records import JointRow, ScoreRow, Transition
@@ -25,6 +23,7 @@ from lostmotion.daemon.sinks.emcy import BOOT_UP, OPERATIONAL, EmcyNode, Frame
 from lostmotion.daemon.sinks.node import NMT, STOPPED, Node
 from lostmotion.daemon.sinks.wakeup import Wakeup
 from lostmotion.drivers.codec.sdo import REQUEST
+from lostmotion.drivers.python_can import can
 
 __all__ = ["FAULTS", "CanSink", "open_bus"]
 

@@ -80,7 +80,7 @@ def _can(device: Path, listen_s: float) -> CanFound:
 
 def _listen(name: str, seconds: float) -> Counter[int]:
     """How many data frames of each identifier come in; a raw socket of its own receives all and sends nothing."""
-    import can
+    from lostmotion.drivers.python_can import can
 
     found, end = Counter[int](), time.monotonic() + seconds
     try:
