@@ -87,7 +87,9 @@ class JointMonitor:
         if comparisons is not None:
             self._held.append((comparisons, score, origin))
             return []
-        self._count(score, origin)
+        self._windows.append(score)
+        self._origin = origin
+        self._judge()
         return self._update(score.time)
 
     def compared(self, doubt: str, comparisons: int | None, time: datetime) -> list[Change]:
@@ -99,8 +101,9 @@ class JointMonitor:
         if not self._held or self._held[0][0] == comparisons:
             return []
         while self._held and self._held[0][0] != comparisons:
-            _, score, origin = self._held.popleft()
-            self._count(score, origin)
+            _, score, self._origin = self._held.popleft()
+            self._windows.append(score)
+        self._judge()
         return self._update(time)
 
     def trend(self, days: float, time: datetime) -> list[Change]:
@@ -156,11 +159,6 @@ class JointMonitor:
         # Before joints are suspected that another one may drown out, all the windows that count are waited for.
         least = self._options.windows if self._origin and self._origin.is_open else LEAST_WINDOWS
         return len(self._windows) >= min(least, self._options.windows)
-
-    def _count(self, score: ScoreRow, origin: Origin | None) -> None:
-        self._windows.append(score)
-        self._origin = origin
-        self._judge()
 
     def _judge(self) -> None:
         origin = self._origin

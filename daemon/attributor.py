@@ -24,9 +24,9 @@ __all__ = ["Attributor", "CommandHistory", "SharedSensor"]
 
 WINDOWS = 100
 """the last so many windows count"""
-PACE_S = 5.0
-"""once so many are known, the next one is weighed so long after the last [s]: wear is slow, and six joints that reverse
-all the time would take as much of a core as all the rest"""
+PACE_S = 20.0
+"""once so many are known, the next one is weighed so long after the last [s]: wear takes months, and the last hundred
+then span half an hour of motion.  Six joints that reverse all the time took a tenth of the main thread with 5 s"""
 GIVE_UP_S = 1.0
 """how long after its end a window waits for late samples [s]"""
 DOUBT = 0.04

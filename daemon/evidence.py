@@ -85,9 +85,11 @@ def grade(evidence: Evidence, options: AlarmOptions, before: Severity | None) ->
     its limit.
     """
     for severity, figure, limit in GRADES:
-        held = RANK[severity] <= RANK[before]
         bound = limit(options)
-        if bound is not None and figure(evidence) >= bound * (1 - options.deadband if held else 1.0):
+        if bound is None:
+            continue
+        held = RANK[severity] <= RANK[before]
+        if figure(evidence) >= bound * (1 - options.deadband if held else 1.0):
             return severity
     return None
 
