@@ -90,14 +90,16 @@ class SensorCheck:
         seen = self._windows[window.joint]
         seen.append("ok" if kinds == {"ok"} else next((kind for kind in KINDS if kind in kinds), "gappy"))
         sound = seen.count("ok")
+        if sound >= SOUND_AGAIN:
+            self._unsound.pop(window.joint, None)
+        if sound or len(seen) < LAST:
+            return
         (kind, often), *_ = Counter(seen).most_common()
         reported, _ = self._unsound.get(window.joint, ("", ""))
         # The most frequent cause is reported first; another one replaces it only when all windows have it.
-        if len(seen) == LAST and not sound and (not reported or (kind != reported and often == LAST)):
+        if not reported or (kind != reported and often == LAST):
             cause = _held(window.accel, self._ring.range_ms2) if kind == "flat" else CAUSES[kind]
             self._unsound[window.joint] = (kind, f"{self._sensor} {cause} (no sound window in {LAST})")
-        elif sound >= SOUND_AGAIN:
-            self._unsound.pop(window.joint, None)
 
     def look(self, now: float, *, is_last: bool = False) -> None:
         """Compares readings and motion when that is due, or there will be no more, at robot time ``now`` [s]."""

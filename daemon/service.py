@@ -283,7 +283,8 @@ class Service:
         """Samples to windows, windows to scores, scores to store, alarm state and sinks."""
         if self._periods.is_due(CLOCK_S):
             self._stamps.look()
-        for scored in self._barrier.call(self._robot.step) or ():
+        done = self._barrier.call(self._robot.step) or ()
+        for scored in done:
             if scored.failure is not None:
                 self._barrier.report("the size of the play", scored.failure)
             utc = self._stamps.utc(scored.score.time)
@@ -297,11 +298,11 @@ class Service:
             self._barrier.call(self._alarm_manager.scored, row, scored.origin, comparisons)
         if self._store.is_settling:
             self._alarm_manager.publish_settled()
-        if not self._store.is_settling:
-            self._barrier.call(self._robot.pipeline.learn)
+        has_learnt = not self._store.is_settling and self._barrier.call(self._robot.pipeline.learn)
         while self._robot.pipeline.is_behind:
-            self._barrier.call(self._robot.pipeline.learn)
-        self._store.add(*self._noises.rows())
+            has_learnt = self._barrier.call(self._robot.pipeline.learn)
+        if done or has_learnt:
+            self._store.add(*self._noises.rows())
 
     def _publish(self, change: Change, again: bool = False) -> None:
         for sink in self._sinks:

@@ -7,6 +7,7 @@ has the measurements.
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Generator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -248,7 +249,7 @@ def _expected(windows: FloatArray, rate_hz: float, settings: DetectorSettings, m
     found = _Moments(0.0, count * motion @ motion.T, 0.0, 0.0, 0.0)
     for i in range(0, count, TOGETHER):
         more = _moments(white[i : i + TOGETHER], model, motion, bank, columns)
-        found = found.plus(more)
+        found = _Moments(*map(operator.add, found, more))
     root = unwhitener(length, noise.colour)
     covariance = root @ found.products @ root.T * (noise.deviation**2 / count)
     lags = np.array([np.trace(covariance, lag) / (length - lag) for lag in range(_orders(length) + 1)])
@@ -269,16 +270,6 @@ class _Moments(NamedTuple):
     ringing: float
     energy: float
     amplitudes: float
-
-    def plus(self, more: _Moments) -> _Moments:
-        """The sums over both sets of windows."""
-        return _Moments(
-            self.likelihood + more.likelihood,
-            self.products + more.products,
-            self.ringing + more.ringing,
-            self.energy + more.energy,
-            self.amplitudes + more.amplitudes,
-        )
 
 
 def _moments(
