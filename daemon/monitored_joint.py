@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lostmotion.detector.flank import law_of
-from lostmotion.detector.learner import Learner, is_learning
+from lostmotion.detector.learner import BarLooks, Learner, is_learning
 from lostmotion.detector.play_size import SizeLaw
 from lostmotion.detector.servo import UNKNOWN
 from lostmotion.detector.trigger import Trigger
@@ -59,9 +59,9 @@ class PendingWindow:
 
 
 class MonitoredJoint:
-    """What is known of one joint while it runs."""
+    """What is known of one joint while it runs; looks: at the bar of its accelerometer, those of all its joints."""
 
-    def __init__(self, plan: JointPlan) -> None:
+    def __init__(self, plan: JointPlan, looks: BarLooks) -> None:
         self.plan = plan
         self.length = window_length(plan.settings, plan.rate_hz)
         self.trigger: Trigger | None = None
@@ -72,7 +72,7 @@ class MonitoredJoint:
         self._times, self._angles = array("d"), array("d")
         self.counts = Counts()
         count = round(self.length * plan.rate_hz)
-        self.learner = Learner(plan.settings, plan.rate_hz, count) if is_learning(plan.settings) else None
+        self.learner = Learner(plan.settings, plan.rate_hz, count, looks) if is_learning(plan.settings) else None
 
     @property
     def settings(self) -> DetectorSettings:

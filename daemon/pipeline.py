@@ -16,7 +16,7 @@ from lostmotion.daemon.records import Origin
 from lostmotion.daemon.ring import Ring
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.flank import FlankLaw
-from lostmotion.detector.learner import BarChange, Change, Learner
+from lostmotion.detector.learner import BarChange, BarLooks, Change, Learner
 from lostmotion.detector.play_size import HISTORY_S, learnt_play, near_part, segment_of
 from lostmotion.detector.score import score_window
 from lostmotion.detector.servo import ServoLaw
@@ -75,7 +75,8 @@ class Pipeline:
         self, plans: Iterable[JointPlan], rings: Mapping[str, Ring], virtual: bool = False,
         attributors: Iterable[Attributor] = (), together_s: float = TOGETHER_S,
     ) -> None:  # fmt: skip
-        self._joints = {plan.joint: MonitoredJoint(plan) for plan in plans}
+        looks: defaultdict[str, BarLooks] = defaultdict(BarLooks)
+        self._joints = {plan.joint: MonitoredJoint(plan, looks[plan.accelerometer]) for plan in plans}
         self._rings = rings
         self._virtual = virtual
         self._together_s = together_s

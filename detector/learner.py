@@ -15,7 +15,7 @@ from lostmotion.detector.quality import LEAST_SHARE
 from lostmotion.detector.whitening import spectrum
 from lostmotion.detector.window import DetectorSettings, FloatArray
 
-__all__ = ["BarChange", "Change", "Learner", "is_learning", "settled"]
+__all__ = ["BarChange", "BarLooks", "Change", "Learner", "is_learning", "settled"]
 
 DUE = (20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000)
 """After so many windows the noise is learnt again, then every 10 000: an hour of motion or two."""
@@ -33,7 +33,18 @@ REPORT_HZ, REPORT_ZETA = 0.02, 0.3
 ROUNDS, FIRST_ROUNDS = 1, 3
 """Rounds of ``background.learning`` with each window, so that the score of no window is delayed for long: a round of
 100 windows of 250 samples costs 8 ms, all of them 0.2 to 0.4 s.  The second value is used while no noise is known."""
+PATIENCE = 100
+"""Rounds for which a joint waits for another one's look at their bar, which takes 66: it may have come to rest."""
 POINTS = 512
+
+
+@dataclass(slots=True, eq=False)
+class BarLooks:
+    """The looks at one bar by the joints that share its accelerometer, one at a time: what one has confirmed serves all
+    of them once.  Six looks of six joints took as much time in the first minute as all the rest of the main thread."""
+
+    under_way: bool = False
+    confirmed: Bar | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,12 +107,14 @@ class Learner:
     """Noise and bar of one joint, estimated from its windows of ``length`` samples.
 
     given: the settings of the file; settings: the same with the current estimates of noise, resonance and damping;
-    seen: number of windows; background: None until it is estimated from the first 20 windows; bar: None until windows
-    show it.  The estimation proceeds in steps, one with each window, so that the noise of a block is known some 10 to
-    40 windows after it.
+    looks: those at the same bar, of all its joints; seen: number of windows; background: None until it is estimated
+    from the first 20 windows; bar: None until windows show it.  The estimation proceeds in steps, one with each window,
+    so that the noise of a block is known some 10 to 40 windows after it.
     """
 
-    def __init__(self, settings: DetectorSettings, rate_hz: float, length: int) -> None:
+    def __init__(
+        self, settings: DetectorSettings, rate_hz: float, length: int, looks: BarLooks | None = None
+    ) -> None:  # fmt: skip
         self.given = self.settings = settings
         self.background: Background | None = None
         self.bar: Bar | None = None
@@ -111,6 +124,8 @@ class Learner:
         self._usual_power = math.nan
         self._work: Generator[None, None, Change | BarChange | None] | None = None
         self._bar_due = DUE[1]
+        self._looks = looks or BarLooks()
+        self._served = self._looks.confirmed
         self._reported = (settings.f_res_hz, settings.zeta)
         self._begin_block()
 
@@ -180,13 +195,31 @@ class Learner:
         return change
 
     def _update_bar(self, windows: FloatArray) -> Generator[None, None, None]:
-        found = yield from finding(windows, self.rate_hz, self.given)
-        if found is not None:
-            if agrees(self.bar, found, self.given):
-                self._bar_due = self.seen + BAR_CHECK
-            self.bar = moved(self.bar, found, self.given)
-            bare = used(self.bar, self.given)
-            self._set_settings(replace(self.settings, f_res_hz=bare.f_res_hz, zeta=bare.zeta))
+        """Takes the bar that another joint's look has confirmed, or looks."""
+        for _ in range(PATIENCE):
+            if not self._looks.under_way:
+                break
+            yield
+        if self._looks.confirmed is not self._served:
+            self.bar, self._bar_due = self._looks.confirmed, self.seen + BAR_CHECK
+        else:
+            yield from self._look_at_bar(windows)
+        self._served = self._looks.confirmed
+        bare = used(self.bar, self.given)
+        self._set_settings(replace(self.settings, f_res_hz=bare.f_res_hz, zeta=bare.zeta))
+
+    def _look_at_bar(self, windows: FloatArray) -> Generator[None, None, None]:
+        self._looks.under_way = True
+        try:
+            found = yield from finding(windows, self.rate_hz, self.given)
+        finally:
+            self._looks.under_way = False
+        if found is None:
+            return
+        is_confirmed = agrees(self.bar, found, self.given)
+        self.bar = moved(self.bar, found, self.given)
+        if is_confirmed:
+            self._bar_due, self._looks.confirmed = self.seen + BAR_CHECK, self.bar
 
     def _change_of_bar(self) -> BarChange | None:
         f_res, zeta = self.settings.f_res_hz, self.settings.zeta

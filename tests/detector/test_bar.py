@@ -147,6 +147,35 @@ def test_what_is_found_again_is_looked_at_less_often(monkeypatch: pytest.MonkeyP
     assert finds(63.8) == [51, 101, 201, 501, 1001, 2001]
 
 
+def test_one_look_serves_all_joints_of_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of three joints that come to their look at the same time one looks, and the others take what it has confirmed;
+    a look that finds another bar, or no end, serves nobody."""
+    looked: list[float] = []
+
+    def finds(f_res_hz: float, rounds: int) -> list[float]:
+        def look(windows: FloatArray, rate_hz: float, given: DetectorSettings) -> Generator[None, None, Bar | None]:
+            looked.append(float(windows[0, 0]))
+            for _ in range(rounds if len(looked) == 1 else 1):
+                yield
+            return Bar(f_res_hz, 0.1, 0.012, 0.1, 100)
+
+        monkeypatch.setattr(learning, "finding", look)
+        monkeypatch.setattr(learning, "learning", lambda *_: iter(()))
+        looked.clear()
+        looks = learning.BarLooks()
+        learners = [Learner(GIVEN, RATE, LENGTH, looks) for _ in range(3)]
+        for window in np.random.default_rng(8907).normal(size=(95, LENGTH)):
+            for number, learner in enumerate(learners):
+                window[0] = number
+                learner.update(window)
+        assert all(learner.bar is not None for learner in learners[1:])
+        return looked.copy()
+
+    assert finds(58.1, 60) == [0]
+    assert finds(63.8, 60) == [0, 1, 2]
+    assert finds(58.1, 10_000) == [0, 1]
+
+
 @pytest.mark.slow
 def test_a_wrong_file_is_corrected_and_reported() -> None:
     """With 5 % too low a resonance in the file the learner uses one within 1.5 % of the windows' after 1000 of them,
