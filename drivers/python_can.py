@@ -1,6 +1,8 @@
-"""python-can without TLS and OpenSSL's hashes: 5 MB in a running service, which no bus needs.  Import it from here.
+"""python-can without TLS and OpenSSL's hashes: 4 MB in a running service, which no bus needs.  Import it from here.
 
-It loads its readers of log files with itself, and these load asyncio and hashlib; both do without those two libraries.
+It loads its readers of log files with itself, and these load asyncio and hashlib, which do without those two libraries
+as on a Python that was built without them.  Where another package has a driver or a sink, which may need them, they
+stay.  docs/decisions/0011-dependencies.md has the reasons.
 """
 
 from __future__ import annotations
@@ -8,16 +10,19 @@ from __future__ import annotations
 import sys
 from importlib import import_module
 
+from lostmotion.drivers import plugins
+
 __all__ = ["can"]
 
 UNUSED = ("ssl", "_hashlib")
+GROUPS = ("lostmotion.drivers", "lostmotion.sinks")
 
-_absent = [name for name in UNUSED if name not in sys.modules]
-sys.modules.update(dict.fromkeys(_absent))  # type: ignore[arg-type]  # None: whoever imports it finds it missing
+_hidden = [] if any(map(plugins.targets, GROUPS)) else [name for name in UNUSED if name not in sys.modules]
+sys.modules.update(dict.fromkeys(_hidden))  # type: ignore[arg-type]  # None: whoever imports it finds it missing
 try:
     import_module("can")
 finally:
-    for _name in _absent:
+    for _name in _hidden:
         del sys.modules[_name]
 
 import can  # noqa: E402
