@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from lostmotion.drivers.errors import RecordingError
-from lostmotion.drivers.formats.source import Choice, Series, Term, shown
+from lostmotion.drivers.formats.source import DATE, Choice, Series, Term, shown
 from lostmotion.drivers.formats.words import column_of, is_commanded, is_time, joint_of, speed_of, unit_of
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
@@ -46,14 +46,12 @@ class Guess:
     notes: Sequence[str]
 
 
-def guessed(series: Sequence[Series], choice: Choice, name: str, clock: str = "") -> Guess:
+def guessed(
+    series: Sequence[Series], choice: Choice, name: str, clock: str = "", moving: Mapping[str, str] | None = None
+) -> Guess:
     """The columns of a recording.  name: of the file, in errors; clock: the series that is the time although its name
-    does not say so.  Raises RecordingError."""
-    candidates: dict[str, list[Series]] = {}
-    for one in series:
-        if (column := column_of(one.name)) and column not in choice.terms:
-            candidates.setdefault(column, []).append(one)
-    candidates = {column: _of_topics(found, choice.topics) for column, found in candidates.items()}
+    does not say so; moving: by column the axis that moves most.  Raises RecordingError."""
+    candidates = _candidates(series, choice)
     _check_topics(series, choice.topics, name)
     joint = _joint(candidates, choice, name)
     chosen, notes = {}, []
@@ -62,7 +60,11 @@ def guessed(series: Sequence[Series], choice: Choice, name: str, clock: str = ""
             chosen[column] = _chosen(column, *named(term, series, joint, name), "given")
     for column in COLUMN_UNITS:
         found = _of_joint(candidates.get(column, []), column, joint)
-        if len(found) > 1 and column == "accel":
+        if moving and column in moving and (column == "accel" or not MOTIONS & {*chosen}):
+            chosen[column] = _chosen(
+                column, *named(Term(moving[column]), series, joint, name), "it moves most of the axes"
+            )
+        elif len(found) > 1 and column == "accel":
             notes.append(f"accel: not taken, found {listed(found)}; choose the axis with --map accel=SERIES")
         elif found:
             chosen[column] = _chosen(column, found[0], Term(found[0].name), "by its name")
@@ -71,15 +73,32 @@ def guessed(series: Sequence[Series], choice: Choice, name: str, clock: str = ""
         speed, note = _speed(series, joint)
         chosen |= speed
         notes += note
+    if not chosen and len(rest := _unnamed(series, clock)) == 1:
+        chosen["position"] = _chosen("position", rest[0], Term(rest[0].name), "the only series beside the time")
     if not chosen:
         raise RecordingError(
             f"{name}: found {listed(series)}, and none that is clearly a column; assign them, as in "
-            f"{_example(series, clock)} (deg: the unit; rpm for the integral of a speed; *FACTOR for counts)"
+            f"{_example(series, clock)} (deg, mm: units; rpm: a speed; *FACTOR: counts)"
         )
     used = {one.series for one in chosen.values()}
     if left := [one for one in series if one.name not in used and not is_time(one.name)]:
         notes.append(f"not used: {listed(left)}")
     return Guess([chosen[column] for column in COLUMN_UNITS if column in chosen], joint, notes)
+
+
+def _candidates(series: Sequence[Series], choice: Choice) -> dict[str, list[Series]]:
+    """The series that may be each column that was not given, by their names."""
+    found: dict[str, list[Series]] = {}
+    for one in series:
+        if (column := column_of(one.name)) and column not in choice.terms:
+            found.setdefault(column, []).append(one)
+    return {column: _of_topics(fits, choice.topics) for column, fits in found.items()}
+
+
+def _unnamed(series: Sequence[Series], clock: str) -> list[Series]:
+    """The series that may be a motion by their names, which say nothing."""
+    others = [one for one in series if one.name != clock and not is_time(one.name) and one.unit != DATE]
+    return [one for one in others if speed_of(one.name) is None]
 
 
 def mapped(column: str, series: str, unit: str = "") -> str:
@@ -90,11 +109,13 @@ def mapped(column: str, series: str, unit: str = "") -> str:
 def _example(series: Sequence[Series], clock: str) -> str:
     """How the first series would be assigned; without a header the first column is most often the time."""
     names = [one.name for one in series if not is_time(one.name) and one.name != clock]
-    first = (names[1:] if names[0] == "column1" and names[1:] else names)[:2] if names else ["SERIES"]
+    first = names[:2] or ["SERIES"]
     if column := column_of(first[0]):  # one of several, among which none was chosen
         return mapped(column, first[0])
     unit = "" if unit_of(first[0], "position") else ":deg"
-    return " ".join([mapped("position", first[0], unit), *(mapped("torque", one) for one in first[1:])])
+    return ", and ".join(
+        [mapped("position", first[0], unit), *(f"a torque {mapped('torque', one)}" for one in first[1:])]
+    )
 
 
 def _speed(series: Sequence[Series], joint: str) -> tuple[dict[str, Chosen], list[str]]:

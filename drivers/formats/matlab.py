@@ -6,7 +6,6 @@ import io
 import os
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,42 +14,23 @@ from numpy.typing import NDArray
 
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.needed import needed
-from lostmotion.drivers.formats.source import MOST_SERIES, MOST_VALUES, Series, check_count, shown, too_many
+from lostmotion.drivers.formats.source import shown
 from lostmotion.drivers.formats.table import Table
+from lostmotion.drivers.formats.vectors import check_size, table_of
 
 __all__ = ["open_matlab"]
 
-MOST_BYTES = 8 * MOST_VALUES
 LONGEST_S = 120.0
-"""for a file of MOST_BYTES, compressed, some 10"""
+"""for a file of 400 MB, compressed, some 10"""
 
 
 def open_matlab(path: Path) -> Table:
     """All vectors of the usual length, by name; columns of matrices as ``name[0]``.  Raises RecordingError."""
-    if path.stat().st_size > MOST_BYTES:
-        raise RecordingError(
-            f"{path}: found {path.stat().st_size / 1e6:.0f} MB, expected at most {MOST_BYTES / 1e6:.0f}; "
-            "save fewer signals"
-        )
-    vectors = _vectors(path)
-    if not vectors:
-        raise RecordingError(
-            f"{path}: found no vectors of numbers, expected signals; save objects such as timeseries as arrays: "
-            "t = ts.Time; y = ts.Data; save('x.mat', 't', 'y', '-v7')"
-        )
-    if len(vectors) > MOST_SERIES:
-        raise too_many(str(path), len(vectors), "vectors")
-    lengths = [vector.size for vector in vectors.values()]
-    usual = max(set(lengths), key=lambda length: (lengths.count(length) > 1, length))
-    check_count(str(path), usual)
-    series = [Series(name) for name, vector in vectors.items() if vector.size == usual]
-    others = len(vectors) - len(series)
-    notes = [f"{others} vectors that do not have {usual} values are left out"] if others else []
-
-    def load(names: Sequence[str]) -> Mapping[str, NDArray[Any]]:
-        return {name: vectors[name] for name in names}
-
-    return Table(str(path), "MAT", series, load, notes)
+    check_size(str(path), path.stat().st_size)
+    return table_of(
+        str(path), "MAT", _vectors(path),
+        "save objects such as timeseries as arrays: t = ts.Time; y = ts.Data; save('x.mat', 't', 'y', '-v7')",
+    )  # fmt: skip
 
 
 def _vectors(path: Path) -> dict[str, NDArray[Any]]:

@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+__all__ = ["columns_of"]
+
 MOST_MEMORY = 4_000_000_000
 DEEPEST = 16
 WIDEST = 64
@@ -52,10 +54,11 @@ def _vectors(value: Any, name: str, depth: int) -> Iterator[tuple[str, NDArray[A
         for index, inner in enumerate(value.ravel()[:WIDEST]):
             yield from _vectors(inner, f"{name}[{index}]", depth + 1)
     elif value.dtype.kind in "iuf" and value.size > 1:
-        yield from _columns(np.squeeze(value), name)
+        yield from columns_of(np.squeeze(value), name)
 
 
-def _columns(value: NDArray[Any], name: str) -> Iterator[tuple[str, NDArray[Any]]]:
+def columns_of(value: NDArray[Any], name: str) -> Iterator[tuple[str, NDArray[Any]]]:
+    """A vector, or the columns of a matrix, its shorter side, by name."""
     if value.ndim == 1:
         yield name, value
     elif value.ndim == 2:

@@ -14,7 +14,9 @@ from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.codec.recording_csv import LARGEST
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.guess import Chosen, guessed
+from lostmotion.drivers.formats.motion import liveliest, with_angle
 from lostmotion.drivers.formats.registry import open_source
+from lostmotion.drivers.formats.runs import of_one_run
 from lostmotion.drivers.formats.source import Choice, Samples, shown
 from lostmotion.drivers.formats.table import Table
 from lostmotion.drivers.recording import Recording, merge
@@ -25,6 +27,8 @@ __all__ = ["Imported", "imported"]
 ANGLES, MOTIONS = ("command", "position"), ("position", "displacement")
 INTEGRAL = {"rad/s": "rad", "m/s": "m"}
 """of a speed that is mapped to a position: encoders of motors often report nothing else"""
+SWINGS = 6
+"""crossings of the middle, of what swings"""
 MANY_TURNS = 4 * pi
 """angles beyond are doubted where no unit is known [rad]"""
 
@@ -49,7 +53,11 @@ class Imported:
 def imported(path: Path, choice: Choice) -> Imported:
     """Reads a file of any known format.  Raises RecordingError, one line."""
     source = open_source(path)
-    guess = guessed(source.series, choice, str(path), source.clock if isinstance(source, Table) else "")
+    clock, moving = "", {}
+    if isinstance(source, Table):
+        source = with_angle(of_one_run(source, choice), choice)
+        clock, moving = source.clock, liveliest(source, choice)
+    guess = guessed(source.series, choice, str(path), clock, moving)
     samples = source.read([one.series for one in guess.columns], choice)
     notes = [*source.notes, *samples.notes, *guess.notes]
     parts, kept = [], []
@@ -59,6 +67,9 @@ def imported(path: Path, choice: Choice) -> Imported:
             notes.append(f"{one.column}: left out, {shown(one.series)} holds no numbers")
             continue
         values = _converted(one, values, str(path))
+        if one.column == "position" and len(guess.columns) == 1 and _is_swing_in_degrees(one, values):
+            notes.append(f"position: no unit is given; taken as deg, as nothing swings by {np.ptp(values) / 2:.4g} rad")
+            one, values = replace(one, unit="deg", factor=np.pi / 180), values * np.pi / 180
         if one.column in MOTIONS and one.si in INTEGRAL:
             notes.append(f"{one.column}: integrated from a speed, from zero on")
             one, values = replace(one, si=INTEGRAL[one.si]), _integrated(times, values)
@@ -87,6 +98,14 @@ def _converted(one: Chosen, values: FloatArray, name: str) -> FloatArray:
 def _integrated(times: FloatArray, speed: FloatArray) -> FloatArray:
     """The position (N,) by the trapezoidal rule, zero at the first sample."""
     return np.concatenate([np.zeros_like(speed[:1]), np.cumsum(np.diff(times) * (speed[1:] + speed[:-1]) / 2)])
+
+
+def _is_swing_in_degrees(one: Chosen, values: FloatArray) -> bool:
+    """Whether an angle without a unit goes to and fro so far that a pendulum in rad would turn over."""
+    if one.unit or one.why == "given" or one.factor != 1 or not values.size:
+        return False
+    crossed = np.count_nonzero(np.diff(np.sign(values - np.median(values)))) >= SWINGS
+    return bool(crossed and np.pi < np.ptp(values) / 2 <= 360)
 
 
 def _doubts(one: Chosen, values: FloatArray) -> list[str]:

@@ -15,7 +15,11 @@ from lostmotion.drivers.units import COLUMN_UNITS
 
 __all__ = ["FORMATS", "Format", "is_foreign", "open_source"]
 
-EXPECTED = "lostmotion's CSV, PlotJuggler's or other text, MAT, Parquet, MCAP, rosbag2 or a LeRobot dataset"
+EXPECTED = (
+    "lostmotion's CSV, PlotJuggler's or other text, xlsx, MAT, NumPy, JSON, Parquet, MCAP, rosbag2 or a LeRobot dataset"
+)
+BOM = b"\xef\xbb\xbf"
+"""with which some programs begin a text in UTF-8"""
 START = 1 << 16
 """bytes that are looked at"""
 
@@ -37,24 +41,18 @@ FORMATS = (
     Format("MCAP", b"\x89MCAP0\r\n", "bag:open_mcap"),
     Format("rosbag2", b"SQLite format 3\x00", "bag:open_rosbag"),
     Format("ROS 1 bag", b"#ROSBAG", advice="convert it: pip install rosbags; rosbags-convert --src x.bag --dst x"),
+    Format("Excel, ZIP or NumPy archive", b"PK\x03\x04", "excel:open_zip"),
+    Format("NumPy array", b"\x93NUMPY", "arrays:open_numpy"),
+    Format("JSON", b"{", "arrays:open_json"),
+    Format("JSON", b"[", "arrays:open_json"),
     Format(
-        "Excel, ZIP or NumPy archive",
-        b"PK\x03\x04",
-        advice="save a sheet as CSV, unpack a ZIP, save arrays with scipy.io.savemat",
-    ),
-    Format(
-        "XML, as Tracker and Logger Pro save a project",
+        "XML, as Tracker, Logger Pro and CASSY Lab save a project",
         b"<?xml",
         advice="export its table as text (Tracker: File, Export, Data File; Logger Pro: File, Export As, CSV)",
     ),
     Format("gzip", b"\x1f\x8b", advice="unpack it: gunzip"),
     Format("zstd", b"\x28\xb5\x2f\xfd", advice="unpack it: unzstd"),
-    Format(
-        "NumPy array",
-        b"\x93NUMPY",
-        advice="save it with its times: scipy.io.savemat('x.mat', {'time': t, 'position': y})",
-    ),
-    Format("Excel 97", b"\xd0\xcf\x11\xe0", advice="save it as CSV"),
+    Format("Excel 97", b"\xd0\xcf\x11\xe0", advice="save it as xlsx or CSV"),
     Format("Rerun", b"RRF", advice="it is for looking; export it from the recording it was made of"),
 )
 
@@ -112,8 +110,9 @@ def _opener(name: str) -> Callable[[Path], Source]:
 
 
 def _format(start: bytes, path: Path) -> Format | None:
+    plain = start.removeprefix(BOM)
     for one in FORMATS:
-        if start.startswith(one.begins):
+        if plain.startswith(one.begins):
             return one
     if path.suffix == ".mat":  # version 4 begins with a number
         return Format("MAT", b"", "matlab:open_matlab")

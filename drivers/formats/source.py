@@ -11,6 +11,7 @@ from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.errors import RecordingError
 
 __all__ = [
+    "DATE",
     "MOST_SERIES",
     "MOST_VALUES",
     "Choice",
@@ -28,6 +29,8 @@ MOST_SERIES = 10_000
 """in one file; a humanoid's log with every message type has some 3000"""
 MOST_VALUES = 50_000_000
 """that are kept of one file, times included: 400 MB; ten columns at 1 kHz for an hour and more"""
+DATE = "date"
+"""the unit of a series of dates or times of day, which is a time whatever its name"""
 LONGEST_NAME = 120
 """characters of a series, in messages"""
 

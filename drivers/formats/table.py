@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.guess import listed, mapped, named
-from lostmotion.drivers.formats.source import Choice, Samples, Series, Term
-from lostmotion.drivers.formats.words import is_time, time_rank, unit_of
+from lostmotion.drivers.formats.source import DATE, Choice, Samples, Series, Term
+from lostmotion.drivers.formats.words import is_run, is_time, time_rank, unit_of
 from lostmotion.drivers.units import to_si
 
 __all__ = ["Table", "seconds"]
@@ -23,6 +23,10 @@ EPOCH_S = (1e9, 4e9)
 """2001 to 2096: times in this range count from 1970"""
 LEAST_ROWS, LONGEST_STEP_S = 20, 0.5
 """of a time axis without a name; and the rows of the recordings that stand one after another in a file"""
+COUNTED = 5.0
+"""whole numbers in such steps and larger are no seconds, but what a clock counts"""
+MOST_LOOKED_AT = 50
+"""series among which a time without a name is looked for"""
 LOOKS_LIKE = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
 """numbers beyond these count from 1970 in this unit"""
 
@@ -52,7 +56,7 @@ class Table:
         else:
             series, term = clock
             loaded = dict(self.load(list(dict.fromkeys([series.name, *names]))))
-            unit = term.unit or series.unit or unit_of(series.name, "time")
+            unit = term.unit or series.unit.replace(DATE, "") or unit_of(series.name, "time")
             times, start, clock_text = seconds(loaded[series.name], unit, term.factor, f"{self.name}: {series.name}")
             clock_text = f"{series.name} [{clock_text}]"
             part, notes = _in_order(times)
@@ -73,32 +77,34 @@ class Table:
             if not 0 < choice.rate_hz <= 1e9:
                 raise RecordingError(f"{self.name}: found a rate of {choice.rate_hz:g} Hz, expected 0 to 1e9 Hz")
             return None
-        found = [one for one in self.series if is_time(one.name)]
-        if self.clock:
-            return self.series[0], Term(self.series[0].name, "s")
+        found = self._times()
+        if clock := self.clock:
+            return next((one, Term(one.name)) for one in self.series if one.name == clock)
         if not found:
             raise RecordingError(
                 f"{self.name}: found {listed(self.series)}, and no times; choose their series, as in "
                 f"{mapped('time', self.series[0].name, ':ms')}, or give the rows a second: FILE#rate_hz=100"
             )
-        best = min(found, key=lambda one: time_rank(one.name))
+        best = min(found, key=lambda one: (time_rank(one.name), is_run(one.name)))
         return best, Term(best.name)
+
+    def _times(self) -> list[Series]:
+        """The series that are times by their names, else those of dates."""
+        named_times = [one for one in self.series if is_time(one.name)]
+        return named_times or [one for one in self.series if one.unit == DATE]
 
     @property
     def clock(self) -> str:
-        """The series that is the time although its name does not say so; "" for none."""
-        return self.series[0].name if not any(is_time(one.name) for one in self.series) and self._ascends() else ""
-
-    def _ascends(self) -> bool:
-        """Whether the first series is a time that no name says: it ascends in steps of one size, of less than half a
-        second."""
-        first = self.series[0].name
-        values = np.asarray(self.load([first])[first], dtype=np.float64)
-        steps = np.diff(values)
-        if steps.size < LEAST_ROWS or not (steps > 0).all():
-            return False
-        usual = float(np.median(steps))
-        return usual < LONGEST_STEP_S and float(np.quantile(steps, 0.9)) < 2 * usual and not self.series[0].unit
+        """The series that is the time although its name does not say so; "" for none: the first one, or the only one,
+        that ascends in steps of one size, of less than half a second, or as a clock counts ms or µs."""
+        if self._times():
+            return ""
+        names = [one.name for one in self.series if not one.unit]
+        if names[:1] and _ascends(self.load(names[:1])[names[0]]):
+            return names[0]
+        loaded = self.load(names) if len(names) <= MOST_LOOKED_AT else {}
+        found = [name for name, values in loaded.items() if _ascends(values)]
+        return found[0] if len(found) == 1 else ""
 
     def _check(self, times: FloatArray, clock: str) -> list[str]:
         known = times[~np.isnan(times)]
@@ -115,6 +121,17 @@ class Table:
             )
         lost = times.size - known.size
         return [f"{lost} rows without a time were left out"] if lost else []
+
+
+def _ascends(column: Array) -> bool:
+    """Whether numbers ascend in steps of one size, which may be those of a time."""
+    values = np.asarray(column, dtype=np.float64)
+    steps = np.diff(values)
+    if steps.size < LEAST_ROWS * (1 + np.count_nonzero(~(steps > 0))):  # it may begin anew
+        return False
+    usual = float(np.median(steps))
+    is_short = usual < LONGEST_STEP_S or _counted(values) != ""
+    return is_short and float(np.quantile(steps, 0.9)) < 2 * usual
 
 
 def _in_order(times: FloatArray) -> tuple[slice, list[str]]:
@@ -143,7 +160,9 @@ def seconds(values: Array, unit: str, factor: float | None, name: str) -> tuple[
         return np.asarray(numbers * factor, dtype=np.float64), None, f"times {factor:g}"
     largest = float(np.abs(known).max()) if known.size else 0.0
     clock_text = unit or "s"
-    if not unit and (unit := next((each for limit, each in LOOKS_LIKE if largest > limit), "")):
+    if not unit and (unit := _counted(known)):
+        clock_text = f"{unit}, by the size of its steps"
+    elif not unit and (unit := next((each for limit, each in LOOKS_LIKE if largest > limit), "")):
         clock_text = f"{unit} since 1970, by their size"
     si = to_si(unit or "s")
     if si is None or si[0] != "s":
@@ -153,13 +172,24 @@ def seconds(values: Array, unit: str, factor: float | None, name: str) -> tuple[
     return np.asarray(numbers * si[1], dtype=np.float64), None, clock_text
 
 
+def _counted(values: Array) -> str:
+    """The unit in which a clock counts whole numbers, as ``millis()`` and ``micros()`` do: the largest in which their
+    steps are shorter than half a second; "" for s, or where none can be told."""
+    if values.size < LEAST_ROWS or not (values == np.rint(values)).all():
+        return ""
+    usual = float(np.median(np.diff(values)))
+    smaller = (("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)) if usual >= COUNTED else ()
+    return next((unit for unit, size in smaller if usual * size < LONGEST_STEP_S), "")
+
+
 def _since_start(stamps: Array, factor: float, clock_text: str) -> tuple[FloatArray, datetime | None, str]:
     """Exact also in ns: the first is subtracted before a float is made."""
     known = stamps[np.isfinite(stamps) if stamps.dtype.kind == "f" else stamps != np.iinfo(np.int64).min]
     if known.size == 0:
         return np.full(stamps.shape, np.nan), None, clock_text
     first = known[0]
-    start = datetime.fromtimestamp(round(float(first) * factor, 6), UTC)
+    day = float(first) * factor
+    start = datetime.fromtimestamp(round(day, 6), UTC) if day >= 86400 else None  # else a time of day
     times = np.asarray((stamps - first) * factor, dtype=np.float64)
     if stamps.dtype.kind != "f":
         times[stamps == np.iinfo(np.int64).min] = np.nan  # NaT

@@ -5,8 +5,8 @@ text_layout.py finds the layout of a file; recording.py reads lostmotion's own C
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -16,100 +16,127 @@ from numpy.typing import NDArray
 
 from lostmotion.drivers.codec.recording_csv import ROWS_AT_ONCE
 from lostmotion.drivers.errors import RecordingError
-from lostmotion.drivers.formats.source import Series, check_count, shown
+from lostmotion.drivers.formats.cells import date, number
+from lostmotion.drivers.formats.source import DATE, Series, check_count, shown
 from lostmotion.drivers.formats.table import Table
 from lostmotion.drivers.formats.text_layout import (
+    MOST_BROKEN,
     Layout,
+    Lines,
     called,
     cells_of,
-    date,
     is_row,
     layout_of,
     lines_of,
-    number,
 )
 
-__all__ = ["open_text"]
+__all__ = ["open_lines", "open_text"]
 
 CELLS_AT_ONCE = 500_000
 """bounds the text held in memory: each cell takes some 60 bytes"""
+SHOWN = 40
+"""characters of a cell in a message"""
 
 
 def open_text(path: Path) -> Table:
     """Raises RecordingError."""
-    layout, rows = layout_of(path)
-    kind = "PlotJuggler CSV" if "__time" in layout.header else f"text separated by {called(layout.separator)}"
+    return open_lines(str(path), "", lines_of(path))
+
+
+def open_lines(name: str, kind: str, lines: Lines) -> Table:
+    """A table of lines of text, whatever file they come from.  Raises RecordingError."""
+    layout, rows = layout_of(name, lines)
+    text = "PlotJuggler CSV" if "__time" in layout.header else f"text separated by {called(layout.separator)}"
     units = [
-        layout.metadata.get(f"{name}_unit") or below for name, below in zip(layout.header, layout.units, strict=True)
+        layout.metadata.get(f"{title}_unit") or below for title, below in zip(layout.header, layout.units, strict=True)
     ]
     numeric = [index for index in range(len(layout.header)) if _is_numeric(rows, index, layout)]
-    series = [Series(layout.header[index], str(units[index])) for index in numeric]
+    series = [Series(layout.header[i], DATE if i in layout.dates else str(units[i])) for i in numeric]
     if not series:
-        raise RecordingError(f"{path}: found text without a column of numbers, expected a table; is it a recording?")
+        raise RecordingError(f"{name}: found text without a column of numbers, expected a table; is it a recording?")
+    notes: list[str] = []
 
     def load(names: Sequence[str]) -> Mapping[str, NDArray[Any]]:
-        return _load(path, layout, [layout.header.index(name) for name in names])
+        reading = _Reading(name, layout, [layout.header.index(title) for title in names])
+        loaded = reading.load(lines)
+        notes[:] = reading.notes()
+        return loaded
 
     metadata = {key: value for key, value in layout.metadata.items() if not key.endswith("_unit")}
-    return Table(str(path), kind, series, load, metadata=metadata)
+    return Table(name, kind or text, series, load, notes, metadata)
 
 
-def _load(path: Path, layout: Layout, indices: Sequence[int]) -> dict[str, NDArray[Any]]:
-    """The columns of these numbers.  Raises RecordingError."""
-    parts: dict[int, list[NDArray[Any]]] = {index: [] for index in indices}
-    lines = islice(lines_of(path, layout.encoding), layout.skipped, None)
-    line, count, most = layout.skipped + 1, 0, max(min(ROWS_AT_ONCE, CELLS_AT_ONCE // len(layout.header)), 1)
-    while chunk := list(islice(lines, most)):
-        numbered = [(line + i, text) for i, text in enumerate(chunk) if is_row(text)]
-        rows = _rows(path, layout, numbered, indices)
-        for index in indices:
-            parts[index].append(_column([row[index] for row in rows], index, layout, path, [n for n, _ in numbered]))
-        line += len(chunk)
-        count += len(rows) * len(indices)
-        check_count(str(path), count)
-    return {layout.header[index]: np.concatenate(parts[index] or [np.empty(0)]) for index in indices}
+@dataclass(slots=True)
+class _Reading:
+    """Reads the columns of these indices.  broken: the number of a line that is no row, and why."""
+
+    name: str
+    layout: Layout
+    indices: Sequence[int]
+    broken: list[tuple[int, str]] = field(default_factory=list)
+
+    def load(self, lines: Lines) -> dict[str, NDArray[Any]]:
+        """Raises RecordingError."""
+        layout = self.layout
+        parts: dict[int, list[NDArray[Any]]] = {index: [] for index in self.indices}
+        text = islice(lines(), layout.skipped, None)
+        line, count, most = layout.skipped + 1, 0, max(min(ROWS_AT_ONCE, CELLS_AT_ONCE // len(layout.header)), 1)
+        while chunk := list(islice(text, most)):
+            rows = self._rows([(line + i, one) for i, one in enumerate(chunk) if is_row(one)])
+            for index in self.indices:
+                parts[index].append(_column([row[index] for row in rows], index, layout))
+            line += len(chunk)
+            count += len(rows) * len(self.indices)
+            check_count(self.name, count)
+        if len(self.broken) > MOST_BROKEN * (line - 1 - layout.skipped):
+            number_of, why = self.broken[0]
+            raise RecordingError(f"{self.name}: line {number_of}: {why}")
+        return {layout.header[index]: np.concatenate(parts[index] or [np.empty(0)]) for index in self.indices}
+
+    def _rows(self, lines: list[tuple[int, str]]) -> list[list[str]]:
+        """Cells, as many in each row as the header has; a last line that was cut off is left out."""
+        rows = []
+        for place, text in lines:
+            row = cells_of(text, self.layout.separator)
+            if not (why := self._wrong(row)):
+                rows.append(row)
+            elif text.endswith("\n"):
+                self.broken.append((place, why))
+        return rows
+
+    def _wrong(self, row: Sequence[str]) -> str:
+        """What is wrong with a row, "" for nothing."""
+        layout = self.layout
+        width = len(layout.header)
+        if len(row) < width or any(cell.strip() for cell in row[width:]):
+            return f"found {len(row)} cells separated by {called(layout.separator)}, expected {width} as in the header"
+        for index in self.indices:
+            if index not in layout.dates and number(row[index], layout.decimal_comma) is None:
+                return f"found {row[index][:SHOWN]!r} in {shown(layout.header[index])!r}, expected a number"
+        return ""
+
+    def notes(self) -> list[str]:
+        """What a person should know of the lines that were left out."""
+        if not self.broken:
+            return []
+        place, why = self.broken[0]
+        return [f"{len(self.broken)} lines that are no rows were left out; line {place}: {why}"]
 
 
-def _rows(path: Path, layout: Layout, lines: list[tuple[int, str]], indices: Sequence[int]) -> list[list[str]]:
-    """Cells, as many in each row as the header has; a last line that was cut off is left out."""
-    width = len(layout.header)
-    rows = [cells_of(text, layout.separator) for _, text in lines]
-    if lines and not lines[-1][1].endswith("\n") and not _is_whole(rows[-1], layout, indices):
-        rows.pop()
-    for index, row in enumerate(rows):
-        if len(row) == width or (len(row) > width and not any(cell.strip() for cell in row[width:])):
-            continue
-        raise RecordingError(
-            f"{path}: line {lines[index][0]}: found {len(row)} cells separated by {called(layout.separator)}, "
-            f"expected {width} as in the header"
-        )
-    return rows
-
-
-def _is_whole(row: list[str], layout: Layout, indices: Sequence[int]) -> bool:
-    """Whether a row without its newline may still be complete."""
-    numbers = [index for index in indices if index not in layout.dates]
-    return len(row) >= len(layout.header) and all(number(row[i], layout.decimal_comma) is not None for i in numbers)
-
-
-def _column(cells: list[str], index: int, layout: Layout, path: Path, lines: Sequence[int]) -> NDArray[Any]:
+def _column(cells: list[str], index: int, layout: Layout) -> NDArray[Any]:
     if index in layout.dates:
         return np.array([date(cell) for cell in cells], dtype="datetime64[ns]")
     try:
         if not layout.decimal_comma:
-            return np.array([float(cell) if cell else math.nan for cell in cells])
+            return np.array(cells, dtype=object).astype(float)
     except ValueError:
         pass
-    numbers = [number(cell, layout.decimal_comma) for cell in cells]
-    if None in numbers:
-        row = numbers.index(None)
-        raise RecordingError(
-            f"{path}: line {lines[row]}: found {cells[row][:40]!r} in {shown(layout.header[index])!r}, "
-            "expected a number"
-        )
-    return np.array(numbers, dtype=float)
+    return np.array([number(cell, layout.decimal_comma) for cell in cells], dtype=float)
 
 
 def _is_numeric(rows: list[list[str]], index: int, layout: Layout) -> bool:
-    whole = [row for row in rows if len(row) >= len(layout.header)]
-    return index in layout.dates or all(number(row[index], layout.decimal_comma) is not None for row in whole)
+    """Whether a column holds numbers, but for a few rows that are none."""
+    if index in layout.dates:
+        return True
+    found = sum(number(row[index], layout.decimal_comma) is not None for row in rows)
+    return found >= (1 - MOST_BROKEN) * len(rows)

@@ -1,18 +1,18 @@
 """How a table as text of another program is laid out: separator, decimal comma, header, units, dates.
 
-A header may stand behind ``#``, and a line of units below it.  The columns are read by text.py.
+The rows of numbers are found first, by what separates most of their cells into numbers; what stands above them is a
+line of units, the names of the columns, or a title.  The columns are read by text.py.
 """
 
 from __future__ import annotations
 
 import csv
-import math
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -21,28 +21,32 @@ import numpy as np
 
 from lostmotion.drivers.codec.recording_csv import LONGEST_LINE
 from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.formats.cells import date, is_date, number
 from lostmotion.drivers.formats.source import MOST_SERIES, too_many
-from lostmotion.drivers.formats.words import SPELT, is_time
+from lostmotion.drivers.formats.words import SPELT, column_of, is_time
 from lostmotion.drivers.toml_text import TomlError, loads
 from lostmotion.drivers.units import to_si
 
-__all__ = ["Layout", "called", "cells_of", "date", "is_row", "layout_of", "lines_of", "number"]
+__all__ = ["MOST_BROKEN", "Layout", "Lines", "called", "cells_of", "is_row", "layout_of", "lines_of"]
 
-SEPARATORS = ",;\t|"
+SEPARATORS = ";\t|, "
+"""those first that are taken where several separate as many numbers: a comma may be a decimal one, a blank padding"""
 COMMENT = ("#", "%", "//")
 LOOKED_AT = 200
 """rows, to distinguish numbers from words"""
-MOST_TITLES = 5
-"""lines above the header"""
+MOST_BROKEN = 0.05
+"""share of the rows that may be none, as where a serial line was cut off or a program speaks in between"""
 LONGEST_NAME = 60
 """characters of a name in a comment, which may also be a sentence with commas"""
 LONGEST = 100 * LONGEST_LINE
 """of a line; MOST_SERIES names of 100 characters are a tenth of it"""
-NOTHING = {"", "nan", "null", "none", "na", "n/a", "-", "--", "?"}
-"""cells that stand for no number, in lower case"""
 RULER = re.compile(r"[\s+|]*[-=]{3}[-=+|\s]*")
 """a line below the header, drawn with signs"""
-DECIMAL_COMMA = re.compile(r"\s*[+-]?\d+,\d+(?:[eE][+-]?\d+)?\s*")
+NAME = re.compile(r"[^\s(\[]\S*(?:\s*[(\[][^)\]]*[)\]])?")
+"""among names that blanks separate, one with its unit in brackets"""
+
+Lines = Callable[[], Iterator[str]]
+"""reads the lines of a table from its beginning"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +54,6 @@ class Layout:
     """separator: " " for any blanks; header: the names; units: of a line below it, "" for none; skipped: lines before
     the rows; metadata: of ``# key = value`` lines, as in lostmotion's own files."""
 
-    encoding: str
     separator: str
     header: Sequence[str]
     units: Sequence[str]
@@ -60,65 +63,129 @@ class Layout:
     metadata: Mapping[str, Any]
 
 
-def layout_of(path: Path) -> tuple[Layout, list[list[str]]]:
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Lines as the rows of a table: cells of each line, and how many most lines have; numeric: the columns of numbers
+    or dates."""
+
+    separator: str
+    comma: bool
+    cells: list[list[str]]
+    width: int
+    numeric: frozenset[int]
+
+    def first(self) -> int:
+        """The first line that is a row of numbers."""
+        return next(i for i, row in enumerate(self.cells) if self.is_row(row))
+
+    def is_row(self, row: Sequence[str]) -> bool:
+        return len(row) == self.width and all(_is_value(row[i], self.comma) for i in self.numeric)
+
+
+def layout_of(name: str, lines: Lines) -> tuple[Layout, list[list[str]]]:
     """How the text is laid out, and its first rows.  Raises RecordingError."""
-    encoding = _encoding(path)
-    comments: list[str] = []
-    lines: list[str] = []
-    places: list[int] = []
-    for place, line in enumerate(islice(lines_of(path, encoding), 4 * LOOKED_AT), start=1):
-        if not lines and line.startswith(COMMENT):
-            comments.append(line)
-        elif is_row(line) and len(lines) < LOOKED_AT:
-            lines.append(line)
-            places.append(place)
-    if not lines:
-        raise RecordingError(f"{path}: found no rows, expected a table of numbers with a header; the file is empty")
-    titles = _titles(lines)
-    lines, places = lines[titles:], places[titles:]
-    separator = _separator(lines[0])
-    comma = separator != "," and any(DECIMAL_COMMA.fullmatch(cell) for cell in cells_of(lines[-1], separator))
-    rows = [cells_of(line, separator) for line in lines]
-    header, rows = _header(comments, rows, separator, comma)
-    header = header[: _most_cells(rows) or None]
+    numbered = list(enumerate(islice(lines(), 4 * LOOKED_AT), start=1))
+    held = [(place, line) for place, line in numbered if is_row(line)][: 2 * LOOKED_AT]
+    if not held:
+        raise RecordingError(f"{name}: found no rows, expected a table of numbers with a header; the file is empty")
+    rows = _rows([line for _, line in held])
+    first = rows.first() if rows.numeric else 1
+    before = held[first][0] - 1 if first < len(held) else held[-1][0]
+    comments = [line for place, line in numbered if line.startswith(COMMENT) and place <= before]
+    header, units = _above(held[:first], before, comments, rows)
     if len(header) > MOST_SERIES:
-        raise too_many(str(path), len(header), "columns")
-    units = _units(rows[0], comma) if rows else []
-    dates = frozenset(index for index, name in enumerate(header) if is_time(name) and _is_date(rows, index))
-    before = len(lines) - len(rows) + bool(units)
-    skipped = places[before - 1] if before else places[0] - 1
-    below = [*units, *[""] * len(header)][: len(header)]
-    layout = Layout(encoding, separator, header, below, skipped, comma, dates, _metadata(comments))
-    whole = rows if lines[-1].endswith("\n") else rows[:-1]
-    return layout, whole[1:] if units else whole
+        raise too_many(name, len(header), "columns")
+    kept = rows.cells[first:] if held[-1][1].endswith("\n") else rows.cells[first:-1]
+    dates = frozenset(i for i in range(len(header)) if is_date(kept, i, rows.comma))
+    layout = Layout(rows.separator, header, units, before, rows.comma, dates, _metadata(comments))
+    return layout, [row for row in kept if len(row) >= len(header)]
 
 
-def _titles(lines: list[str]) -> int:
-    """How many lines stand above the names of the columns, which are words, as many as a row below has cells."""
-    for above, line in enumerate(lines[:MOST_TITLES]):
-        separator = _separator(line)
-        names, row = cells_of(line, separator), cells_of(lines[len(lines) // 2], separator)
-        are_words = all(number(cell, separator != ",") is None for cell in names if cell.strip())
-        if 1 < len(names) == len(row) and (are_words or not above):
-            return above
-    return _titles_alone(lines)
+def _rows(lines: list[str]) -> Rows:
+    """The lines separated by the sign, and with the decimal sign, that makes most numbers of them."""
+    found = [_separated(lines, separator, comma) for separator in SEPARATORS for comma in (False, True)]
+    best = max(found, key=_score)
+    return best if best.numeric else _separated(lines, _separator(lines[0]), False)
 
 
-def _titles_alone(lines: list[str]) -> int:
-    """How many lines stand above the first numbers, where none of them names columns: each is one cell by the sign
-    that separates the numbers."""
-    for above, line in enumerate(lines[: MOST_TITLES + 1]):
-        separator = _separator(line)
-        row = cells_of(line, separator)
-        if len(row) > 1 and all(number(cell, separator != ",") is not None for cell in row):
-            return above if all(len(cells_of(title, separator)) == 1 for title in lines[:above]) else 0
-    return 0
+def _score(rows: Rows) -> int:
+    """How many cells are numbers, less those of columns that are not; one column is no table, if there is another."""
+    whole = sum(len(row) == rows.width for row in rows.cells)
+    return whole * (2 * len(rows.numeric) - rows.width) if rows.width > 1 else 0
 
 
-def _most_cells(rows: list[list[str]]) -> int:
-    """How many cells all rows have, of which a header may name more; 0 where they differ."""
-    counts = {len(row) for row in rows[:-1]}
-    return counts.pop() if len(counts) == 1 else 0
+def _separated(lines: list[str], separator: str, comma: bool) -> Rows:
+    cells = [cells_of(line, separator) for line in lines]
+    body = cells[len(cells) // 2 :] or cells
+    counts = Counter(len(row) for row in body)
+    width = max(counts, key=lambda each: (counts[each], each))
+    whole = [row for row in body if len(row) == width]
+    least = (1 - MOST_BROKEN) * len(whole)
+    numeric = [i for i in range(width) if sum(_is_value(row[i], comma) for row in whole) >= least]
+    is_empty = not any(row[i].strip() for row in whole for i in numeric)
+    return Rows(separator, comma, cells, width, frozenset() if is_empty else frozenset(numeric))
+
+
+def _is_value(cell: str, comma: bool) -> bool:
+    """Whether a cell is a number, or empty, or a date."""
+    return number(cell, comma) is not None or (":" in cell and not np.isnat(date(cell)))
+
+
+def _above(above: list[tuple[int, str]], before: int, comments: list[str], rows: Rows) -> tuple[list[str], list[str]]:
+    """The names of the columns and their units, of the numbered lines above the rows; before: how many all are."""
+    width = rows.width
+    units: list[str] = []
+    if above and (units := _units(_names_in(above[-1][1], rows), rows.comma)):
+        above = above[:-1]
+    for place, line in reversed(above[-2:]):
+        names = _names_in(line, rows)
+        if (
+            len(names) >= width
+            and _are_words(names, rows.comma)
+            and not _is_title(line, rows.separator, before - place)
+        ):
+            return _unique(names[:width]), [*units, *[""] * width][:width]
+    header, below = _commented(comments, rows)
+    return header, [*(below or units), *[""] * width][:width]
+
+
+def _names_in(line: str, rows: Rows) -> list[str]:
+    """The cells of a line above the rows, by their sign, or by another one where that gives too few."""
+    found = cells_of(line, rows.separator)
+    if rows.separator == " " and len(found) > rows.width:
+        joined = NAME.findall(line)
+        return joined if len(joined) == rows.width else found
+    while len(found) > rows.width and not found[-1].strip():
+        found.pop()
+    if len(found) >= rows.width:
+        return found
+    others = (NAME.findall(line) if sign == " " else cells_of(line, sign) for sign in SEPARATORS)
+    return next((cells for cells in others if len(cells) == rows.width), found)
+
+
+def _is_title(line: str, separator: str, below: int) -> bool:
+    """Whether words that blanks separate are a title: lines follow before the rows, and none of them names a column."""
+    return below > 0 and separator == " " and not any(is_time(word) or column_of(word) for word in line.split())
+
+
+def _are_words(cells: list[str], comma: bool) -> bool:
+    """Whether cells may be names: none is a number, and one is not empty."""
+    named = [cell for cell in cells if cell.strip()]
+    return bool(named) and not any(number(cell, comma) is not None for cell in named)
+
+
+def _commented(comments: list[str], rows: Rows) -> tuple[list[str], list[str]]:
+    """Names, and units below them, of the last comments that have as many cells as the rows; or numbers of columns."""
+    above = [_names_in(line.lstrip("#%/ "), rows) for line in comments]
+    above = [cells for cells in above if len(cells) == rows.width and _may_be_names(cells, rows.comma)][-2:]
+    if len(above) == 2 and all(re.fullmatch(r"\[.*\]|\(.*\)", cell.strip()) for cell in above[1]):
+        return _unique(above[0]), _units(above[1], rows.comma)
+    return _unique(above[-1]) if above else [f"column{index + 1}" for index in range(rows.width)], []
+
+
+def _may_be_names(cells: list[str], comma: bool) -> bool:
+    """Whether all cells of a comment may be names or units: short, and no numbers."""
+    return all(cell.strip() and len(cell) < LONGEST_NAME and number(cell, comma) is None for cell in cells)
 
 
 def is_row(line: str) -> bool:
@@ -135,53 +202,8 @@ def _metadata(comments: list[str]) -> dict[str, Any]:
     return metadata
 
 
-def _header(
-    comments: list[str], rows: list[list[str]], separator: str, comma: bool
-) -> tuple[list[str], list[list[str]]]:
-    """The names and the rows below them: the first line, or the last comment (the one before, where that holds units),
-    or numbers of the columns."""
-    if not all(number(cell, comma) is not None for cell in rows[0]):
-        return _unique(rows[0]), rows[1:]
-    above = [cells_of(line.lstrip("#%/ "), separator) for line in comments]
-    above = [cells for cells in above if len(cells) == len(rows[0]) and _are_names(cells, comma)][-2:]
-    if len(above) == 2 and all(re.fullmatch(r"\[.*\]|\(.*\)", cell.strip()) for cell in above[1]):
-        return _unique(above[0]), [above[1], *rows]
-    if above:
-        return _unique(above[-1]), rows
-    return [f"column{index + 1}" for index in range(len(rows[0]))], rows
-
-
-def _are_names(cells: list[str], comma: bool) -> bool:
-    """Whether all cells of a comment may be names or units: short, and no numbers."""
-    return all(cell.strip() and len(cell) < LONGEST_NAME and number(cell, comma) is None for cell in cells)
-
-
-def number(cell: str, decimal_comma: bool) -> float | None:
-    """NaN for an empty cell, None for a word."""
-    if cell.strip().lower() in NOTHING:
-        return math.nan
-    try:
-        return float(cell.replace(",", ".") if decimal_comma else cell)
-    except ValueError:
-        return None
-
-
-def date(cell: str) -> np.datetime64:
-    try:
-        time = datetime.fromisoformat(cell.strip())
-    except ValueError:
-        return np.datetime64("NaT", "ns")
-    utc = time.astimezone(UTC) if time.tzinfo else time.replace(tzinfo=UTC)
-    return np.datetime64(utc.replace(tzinfo=None), "ns")
-
-
-def _is_date(rows: list[list[str]], index: int) -> bool:
-    cells = [row[index] for row in rows if index < len(row) and row[index].strip()]
-    return bool(cells) and not any(np.isnat(date(cell)) or number(cell, False) is not None for cell in cells)
-
-
 def _units(row: list[str], comma: bool) -> list[str]:
-    """The units, where the row below the header holds nothing else; [] otherwise."""
+    """The units, where a row holds nothing else; [] otherwise."""
     units = [SPELT.get(bare.lower(), bare) for bare in (cell.strip().strip("[]()") for cell in row)]
     known = [unit for unit in units if to_si(unit) is not None]
     return units if known and not any(unit and (number(unit, comma) is not None) for unit in units) else []
@@ -190,7 +212,7 @@ def _units(row: list[str], comma: bool) -> list[str]:
 def _separator(line: str) -> str:
     """The one that stands most often outside of quotes; " " where there is none of them."""
     counts = Counter(re.sub(r'"[^"]*"', "", line))
-    best = max(SEPARATORS, key=lambda each: counts[each])
+    best = max(SEPARATORS.strip(" "), key=lambda each: counts[each])
     return best if counts[best] else " "
 
 
@@ -216,6 +238,11 @@ def _unique(names: Sequence[str]) -> list[str]:
     return found
 
 
+def lines_of(path: Path) -> Lines:
+    """The lines of a file.  Raises RecordingError."""
+    return partial(_lines, path, _encoding(path))
+
+
 def _encoding(path: Path) -> str:
     with path.open("rb") as file:
         start = file.read(LONGEST_LINE)
@@ -232,7 +259,7 @@ def _encoding(path: Path) -> str:
     return "utf-8-sig"
 
 
-def lines_of(path: Path, encoding: str) -> Iterator[str]:
+def _lines(path: Path, encoding: str) -> Iterator[str]:
     with path.open(encoding=encoding, errors="replace") as file:
         while line := file.readline(LONGEST + 1):
             if len(line) > LONGEST:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
-__all__ = ["SPELT", "column_of", "is_commanded", "is_time", "joint_of", "speed_of", "time_rank", "unit_of"]
+__all__ = [
+    "SPELT", "axis_of", "column_of", "is_commanded", "is_run", "is_time", "joint_of", "speed_of", "time_rank",
+    "unit_of",
+]  # fmt: skip
 
 COMMAND = {
     "goal", "goals", "target", "targets", "desired", "reference", "references", "ref", "command", "commands",
@@ -63,11 +67,34 @@ UNITS = {
     "deg", "rad", "s", "ms", "us", "ns", "mm", "cm", "m", "nm", "a", "ma", "v", "mv", "c", "g", "n", "kn", "arcmin",
     "rev", *SPELT,
 }  # fmt: skip
-BRACKETED = re.compile(r"[\[(]([^\])]+)[\])]\s*(?:Run #\d+\s*)?$", re.IGNORECASE)
-"""the text in brackets at the end of a name, also before the number of a run: ``Position (m) Run #1``"""
+RUN = re.compile(r"\s*(?:\bRun\s*#?\s*\d+|#\d+|\(\d+\)|(?<=[A-Za-z])_?\d+)\s*$", re.IGNORECASE)
+"""the number of a run at the end of a name: ``Position (m) Run #1``, ``t2``; of the second of its name in ``t (4)``"""
+BRACKETED = re.compile(r"[\[(]([^\])]+)[\])]\s*$")
+"""the text in brackets at the end of a name"""
 GREEK = str.maketrans(
     {"θ": " theta ", "Θ": " theta ", "ϑ": " theta ", "φ": " phi ", "ϕ": " phi ", "ω": " omega ", "τ": " tau "}
 )
+TRANSLATED = {
+    "time": "zeit tiempo temps tempo tid tijd czas",
+    "angle": "winkel angulo angolo vinkel hoek",
+    "position": "auslenkung posicion posizione posicao posisjon pozycja elongation elongacion elongazione",
+    "displacement": "weg verschiebung deplacement desplazamiento spostamento deslocamento forskyvning",
+    "velocity": "geschwindigkeit drehzahl vitesse velocidad velocita velocidade hastighet predkosc",
+    "acceleration": "beschleunigung aceleracion accelerazione aceleracao akselerasjon przyspieszenie",
+    "force": "kraft fuerza forza forca kracht",
+    "torque": "drehmoment couple coppia",
+    "current": "strom courant corriente corrente",
+    "voltage": "spannung voltaje tensione tensao",
+    "temperature": "temperatur temperatura",
+}
+"""words of other languages without their accents"""
+ENGLISH = {word: english for english, words in TRANSLATED.items() for word in words.split()}
+SIGNS = {
+    "角加速度": " angular acceleration ", "角速度": " angular velocity ", "加速度": " acceleration ",
+    "速度": " velocity ", "角度": " angle ", "位移": " displacement ", "位置": " position ", "时间": " time ",
+    "時間": " time ", "время": " time ", "угол": " angle ",
+}  # fmt: skip
+"""the longer ones first"""
 VOCABULARY = COMMAND | POSITION | set().union(*QUANTITIES.values()) | OTHER | GENERAL | UNITS
 
 
@@ -110,6 +137,17 @@ def speed_of(name: str) -> str | None:
     return found[0] if found else ""
 
 
+def is_run(name: str) -> bool:
+    """Whether a name ends with the number of a run, or of a joint."""
+    return bool(RUN.search(name))
+
+
+def axis_of(name: str) -> str:
+    """The axis that a name says, "" for none: of ``Acceleration x (m/s^2)`` and of ``x`` it is x."""
+    axes = [word for word in _words(BRACKETED.sub("", RUN.sub("", name))) if word in ("x", "y", "z")]
+    return axes[0] if len(axes) == 1 else ""
+
+
 def is_time(name: str) -> bool:
     """Whether a series of this name may be the time axis."""
     return time_rank(name) < len(TIMES) + 1
@@ -117,6 +155,7 @@ def is_time(name: str) -> bool:
 
 def time_rank(name: str) -> int:
     """The place of a name among those of the time axis, the first one at 0; beyond them all for another series."""
+    name = RUN.sub("", name)
     plain = re.sub(r"[\[(][^\])]*[\])]\s*$", "", name)
     words = ["__time"] if plain == "__time" else _words(plain)
     kept = [word for word in words if word not in UNITS | BESIDE_TIME] or words
@@ -131,6 +170,7 @@ def joint_of(name: str) -> str:
     """The joint in a name: the text in brackets, else what is left of the path without the usual words."""
     if name in COLUMN_UNITS or re.fullmatch(r"column\d+", name):
         return ""
+    name = _english(name)
     for bracket in re.findall(r"\[([^\]]+)\]", name):
         if to_si(_spelt(bracket)) is not None:
             continue
@@ -148,7 +188,7 @@ def unit_of(name: str, column: str) -> str:
 
     Without brackets it must suit the column: the m of ``torque_m`` is a motor, and no metre.
     """
-    if BRACKETED.search(name):
+    if BRACKETED.search(RUN.sub("", name)):
         return next((unit for unit in _last(name) if to_si(unit) is not None), "")
     fits = (unit for unit in _last(name) if (si := to_si(unit)) is not None and si[0] == COLUMN_UNITS[column])
     return next(fits, "")
@@ -156,7 +196,7 @@ def unit_of(name: str, column: str) -> str:
 
 def _last(name: str) -> list[str]:
     """What may be the unit at the end of a name, as ``to_si`` knows it."""
-    if found := BRACKETED.search(name):
+    if found := BRACKETED.search(RUN.sub("", name)):
         return [_spelt(found[1])]
     plain = name.strip()
     return [_spelt(re.split(separators, plain)[-1]) for separators in (r"[_\s,-]", r"[_\s,/-]")]
@@ -169,8 +209,18 @@ def _spelt(unit: str) -> str:
 
 
 def _words(name: str) -> list[str]:
-    """Words in lower case, split at signs, digits and capitals; Greek letters are words."""
-    return [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", name.translate(GREEK))]
+    """Words in lower case, in English, split at signs, digits and capitals; Greek letters are words."""
+    return [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", _english(name))]
+
+
+def _english(name: str) -> str:
+    """A name with the usual words of other languages in English, without accents, and Greek letters as words."""
+    for sign, english in SIGNS.items():
+        name = name.replace(sign, english)
+    plain = name.translate(GREEK)
+    if not plain.isascii():
+        plain = "".join(letter for letter in unicodedata.normalize("NFKD", plain) if not unicodedata.combining(letter))
+    return re.sub(r"[A-Za-z]+", lambda word: ENGLISH.get(word[0].lower(), word[0]), plain)
 
 
 def _proper(text: str) -> str:

@@ -118,7 +118,7 @@ def experiments(model: Model, recordings: Sequence[Recording]) -> tuple[Experime
 
 
 def _experiment(model: Model, recording: Recording) -> Experiment:
-    recording = _displaced(recording) if model.base == "oscillator" else recording
+    recording = _moved(recording, model.base)
     outputs = [name for name in OUTPUTS[model.base] if _sampled(recording, name)]
     if not outputs:
         raise ExperimentError(
@@ -157,12 +157,18 @@ def _drive_unit(base: str, recording: Recording) -> str:
     return "" if unit in ("N m", "N") else unit
 
 
-def _displaced(recording: Recording) -> Recording:
-    """With the position as the displacement of an oscillator, where there is no other motion; a warning reports it."""
-    if any(_sampled(recording, name) for name in OUTPUTS["oscillator"]) or not _sampled(recording, "position"):
+def _moved(recording: Recording, base: str) -> Recording:
+    """With the position as the displacement of an oscillator, or the displacement as the position of a joint, where
+    there is no other motion; a warning reports it."""
+    other, lacks = {"oscillator": ("position", "displacement"), "joint": ("displacement", "position")}.get(
+        base, ("", "")
+    )
+    if any(_sampled(recording, name) for name in OUTPUTS[base]) or not _sampled(recording, other):
         return recording
-    log.warning("%s: no displacement was found; the position is taken for it", recording.name)
-    return replace(recording, columns={**recording.columns, "displacement": recording.columns["position"]})
+    log.warning("%s: no %s was found; the %s is taken for it", recording.name, lacks, other)
+    unit = {"position_unit": "m"} if lacks == "position" else {}
+    columns = {**recording.columns, lacks: recording.columns[other]}
+    return replace(recording, columns=columns, metadata={**recording.metadata, **unit})
 
 
 def _sampled(recording: Recording, column: str) -> bool:

@@ -1,0 +1,107 @@
+"""Which of several series is the motion, where no name says it: by how they move."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lostmotion.drivers.base import FloatArray
+from lostmotion.drivers.formats.source import Choice, Series
+from lostmotion.drivers.formats.table import Table
+from lostmotion.drivers.formats.words import axis_of, column_of
+
+__all__ = ["angle_about_pivot", "liveliest", "with_angle"]
+
+UNNAMED = re.compile(r"column\d+")
+FILMED = "angle(x, y)"
+"""the series of the angle of a point that was filmed"""
+MOST = 0.75
+"""share of the variance of all axes, by which one is that of the motion: the oscillating mass of a telephone has 0.86,
+a walking person 0.4 to 0.6"""
+OFF_CIRCLE = 0.15
+"""of the height of the arc: how far points of a pendulum may be from their circle (0.04 and 0.11 of two films)"""
+
+
+def liveliest(table: Table, choice: Choice) -> dict[str, str]:
+    """Of the axes of an accelerometer the one that moves most by far, by its column; of x and y of a film the
+    displacement."""
+    found: dict[str, str] = {}
+    clock = table.clock
+    for column, axes in (("accel", _axes(table.series, "accel")), ("displacement", _axes(table.series, None))):
+        axes = [name for name in axes if name != clock]
+        if len(axes) > 1 and column not in choice.terms:
+            loaded = table.load(axes)
+            powers = [_power(np.asarray(loaded[name], dtype=float)) for name in axes]
+            if max(powers) > (MOST if column == "accel" else 0.0) * sum(powers):
+                found[column] = axes[int(np.argmax(powers))]
+    return found
+
+
+def _power(values: FloatArray) -> float:
+    """The variance of those that are numbers."""
+    known = values[np.isfinite(values)]
+    return float(np.var(known)) if known.size else 0.0
+
+
+def _axes(series: Sequence[Series], column: str | None) -> list[str]:
+    """The series of a quantity, if each is of another axis; of none, if their names are x, y or z and no more."""
+    fits = [one.name for one in series if axis_of(one.name) and column_of(one.name) == column]
+    plain = fits if column else [name for name in fits if name.split("(")[0].strip().lower() in ("x", "y", "z")]
+    return plain if len({axis_of(name) for name in plain}) == len(plain) else []
+
+
+def with_angle(table: Table, choice: Choice) -> Table:
+    """A film's table with the angle of its point about the pivot, where x and y lie on a circle; so do two columns
+    beside the time that no names tell, on less than half of one."""
+    moving = any(column_of(one.name) in ("position", "displacement") for one in table.series)
+    if moving or {"position", "displacement"} & set(choice.terms):
+        return table
+    axes = _axes(table.series, None)
+    if not axes and len(table.series) == 3 and all(UNNAMED.fullmatch(one.name) for one in table.series):
+        axes = [one.name for one in table.series]
+    axes = [name for name in axes if name != table.clock]
+    if len(axes) != 2:
+        return table
+    loaded = table.load(axes)
+    angle = angle_about_pivot(*(np.asarray(loaded[name], dtype=float) for name in axes))
+    if angle is None or (UNNAMED.fullmatch(axes[0]) and np.nanmax(np.abs(angle)) > np.pi / 2):
+        return table
+    load = partial(_load, table, axes)
+    return replace(table, series=[*table.series, Series(FILMED, "rad")], load=load)
+
+
+def _load(table: Table, axes: Sequence[str], names: Sequence[str]) -> Mapping[str, NDArray[Any]]:
+    """The columns of a film, with the angle where it is asked for."""
+    loaded = dict(table.load(list(dict.fromkeys([*(name for name in names if name != FILMED), *axes]))))
+    angle = angle_about_pivot(*(np.asarray(loaded[name], dtype=float) for name in axes))
+    return loaded | ({} if angle is None else {FILMED: angle})
+
+
+def angle_about_pivot(x: FloatArray, y: FloatArray) -> FloatArray | None:
+    """The angle [rad] of points on a circle, from its lowest point, shape (N,); None where they lie on none.
+
+    The circle is that of least squares of x² + y² = 2 a x + 2 b y + c (Kåsa 1976).  Points that are no numbers have no
+    angle.
+    """
+    there = np.isfinite(x) & np.isfinite(y)
+    if np.count_nonzero(there) < 3:
+        return None
+    middle_x, middle_y = x[there].mean(), y[there].mean()
+    u, v = x - middle_x, y - middle_y
+    table = np.column_stack([2 * u[there], 2 * v[there], np.ones(np.count_nonzero(there))])
+    (a, b, c), *_ = np.linalg.lstsq(table, u[there] ** 2 + v[there] ** 2, rcond=None)
+    radius = float(np.sqrt(max(c + a * a + b * b, 0.0)))
+    if not radius > 0 or not np.isfinite(radius):
+        return None
+    away = np.hypot(u - a, v - b)
+    towards = np.arctan2(-a, -b)  # from the centre to the mean of the points, which lies below it
+    angle = np.angle(np.exp(1j * (np.arctan2(u - a, v - b) - towards)))
+    height = radius * (1 - np.cos(np.max(np.abs(angle[there]))))
+    is_circle = float(np.sqrt(np.mean((away[there] - radius) ** 2))) < OFF_CIRCLE * height
+    return angle if is_circle else None

@@ -1,0 +1,43 @@
+"""Vectors by name, as MAT, NumPy and JSON files hold them, as a table: those of the usual length."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.formats.source import MOST_SERIES, MOST_VALUES, Series, check_count, too_many
+from lostmotion.drivers.formats.table import Table
+
+__all__ = ["MOST_BYTES", "check_size", "table_of"]
+
+MOST_BYTES = 8 * MOST_VALUES
+
+
+def check_size(name: str, size: int) -> None:
+    """Refuses what would not fit into memory.  Raises RecordingError."""
+    if size > MOST_BYTES:
+        raise RecordingError(
+            f"{name}: found {size / 1e6:.0f} MB, expected at most {MOST_BYTES / 1e6:.0f}; save fewer signals"
+        )
+
+
+def table_of(name: str, kind: str, vectors: Mapping[str, NDArray[np.generic]], advice: str) -> Table:
+    """The vectors of the length that most have; advice: where there is none.  Raises RecordingError."""
+    if not vectors:
+        raise RecordingError(f"{name}: found no vectors of numbers, expected signals; {advice}")
+    if len(vectors) > MOST_SERIES:
+        raise too_many(name, len(vectors), "vectors")
+    lengths = [vector.size for vector in vectors.values()]
+    usual = max(set(lengths), key=lambda length: (lengths.count(length) > 1, length))
+    check_count(name, usual)
+    series = [Series(title) for title, vector in vectors.items() if vector.size == usual]
+    others = len(vectors) - len(series)
+    notes = [f"{others} vectors that do not have {usual} values are left out"] if others else []
+
+    def load(names: Sequence[str]) -> Mapping[str, NDArray[np.generic]]:
+        return {title: vectors[title] for title in names}
+
+    return Table(name, kind, series, load, notes)
