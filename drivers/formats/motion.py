@@ -84,7 +84,7 @@ def _load(table: Table, axes: Sequence[str], names: Sequence[str]) -> Mapping[st
 
 
 def angle_about_pivot(x: FloatArray, y: FloatArray) -> FloatArray | None:
-    """The angle [rad] of points on a circle, from its lowest point, shape (N,); None where they lie on none.
+    """The angle [rad] of points on a circle, from the mean of them, shape (N,); None where they lie on none.
 
     The circle is that of least squares of x² + y² = 2 a x + 2 b y + c (Kåsa 1976).  Points that are no numbers have no
     angle.
@@ -100,8 +100,7 @@ def angle_about_pivot(x: FloatArray, y: FloatArray) -> FloatArray | None:
     if not radius > 0 or not np.isfinite(radius):
         return None
     away = np.hypot(u - a, v - b)
-    towards = np.arctan2(-a, -b)  # from the centre to the mean of the points, which lies below it
-    angle = np.angle(np.exp(1j * (np.arctan2(u - a, v - b) - towards)))
+    angle = np.angle(((u - a) + 1j * (v - b)) / -(a + 1j * b)) if a or b else np.arctan2(v, u)
     height = radius * (1 - np.cos(np.max(np.abs(angle[there]))))
     is_circle = float(np.sqrt(np.mean((away[there] - radius) ** 2))) < OFF_CIRCLE * height
     return angle if is_circle else None

@@ -123,7 +123,7 @@ def _is_own(start: bytes) -> bool:
     """Whether text may be lostmotion's: a header with ``time``, and a column of ours or none that looks like one.
 
     Text without any such header is left to recording.py, too, whose errors describe what is wrong, unless a header
-    of another program's follows.
+    of another program's follows, or numbers without a header.
     """
     lines = re.split(r"\r\n|\r|\n", start.decode("utf-8-sig", errors="replace"))
     header = next((line for line in lines if line.strip() and not line.startswith("#")), "")
@@ -133,6 +133,8 @@ def _is_own(start: bytes) -> bool:
         return not any((column := column_of(name)) and column not in ours for name in names if name not in ours)
     comments = [line for line in lines if line.startswith("#")]
     if header and comments and not any("=" in line for line in comments):  # names behind a #, and no metadata
+        return False
+    if len(re.findall(r"[^\s,;|]+", header)) > 1 and not re.search(r"[^\d\s,;|.eE+-]", header):
         return False
     is_whole = len(lines) > 1 or len(start) == START  # a header of a thousand names is cut off here
     return not (is_whole and any(letter.isalpha() for letter in header))
