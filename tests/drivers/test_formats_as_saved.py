@@ -1,0 +1,218 @@
+"""Files as people save them: twins of published ones, in their form.  Each is read without an option."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lostmotion.drivers.formats.cells import date, number
+from lostmotion.drivers.formats.words import column_of, is_time
+from tests.drivers.test_formats import read, refused
+
+T = np.arange(300) / 30
+SWING = 0.6 * np.exp(-T / 20) * np.cos(5 * T)
+"""an angle [rad] of eight periods, as a film of 30 frames a second shows it"""
+
+
+def rows(*columns: np.ndarray, sign: str = "\t", digits: int = 5) -> str:
+    """Lines of numbers."""
+    return "".join(sign.join(f"{value:.{digits}f}" for value in row) + "\n" for row in zip(*columns, strict=True))
+
+
+@pytest.mark.parametrize(
+    "title", ["Schwingung ohne Kopplung\n\n", "Symmetrische Eigenschwingung\n19.2\n", "boot\nsensor ok 3 of 3\n"]
+)
+def test_what_stands_above_the_numbers_is_a_title(title: str, tmp_path: Path) -> None:
+    """Words, as many as the columns or not, and a number alone do not become names."""
+    path = tmp_path / "pendel.txt"
+    path.write_text(title + rows(T, SWING, 2 + 0.3 * np.sin(3 * T), sign=" "))
+    assert "found column1, column2, column3, and none that is clearly a column" in refused(path)
+    found = read(path, "position=column2").recording
+    assert found.columns["position"] == pytest.approx(SWING, abs=1e-5)
+    assert found.time == pytest.approx(T, abs=1e-5)
+
+
+def test_the_only_series_is_the_motion_and_the_time_may_come_second(tmp_path: Path) -> None:
+    """Names behind %, the position first: what is left beside the time needs no name that is known."""
+    path = tmp_path / "oscilador.data"
+    path.write_text("%y (m)\tt (s)\r\n" + rows(SWING / 9, T).replace("\n", "\r\n"))
+    found = read(path)
+    assert found.recording.columns["position"] == pytest.approx(SWING / 9, abs=1e-5)
+    assert found.recording.metadata["position_unit"] == "m"
+    assert found.columns[0].why == "the only series beside the time"
+
+
+@pytest.mark.parametrize(("scale", "unit"), [(1e3, "ms"), (1e6, "us")])
+def test_whole_numbers_of_a_clock_and_a_swing_in_degrees(scale: float, unit: str, tmp_path: Path) -> None:
+    """Neither ``millis()`` nor ``micros()`` counts seconds, and nothing swings by 34 rad."""
+    path = tmp_path / "log.txt"
+    counted = np.round(12.9 * scale + T * scale)
+    path.write_text("".join(f"{t:.0f}\t{np.degrees(y):.2f}\n" for t, y in zip(counted, SWING, strict=True)))
+    found = read(path)
+    assert f"[{unit}, by the size of its steps]" in found.clock
+    assert found.recording.columns["position"] == pytest.approx(SWING, abs=1e-4)
+    assert np.diff(found.recording.time) == pytest.approx(1 / 30, abs=1.1 / scale)
+    assert "taken as deg, as nothing swings by 33." in "".join(found.notes)
+
+
+def test_a_turn_of_many_rad_that_does_not_swing_stays_one(tmp_path: Path) -> None:
+    """A shaft may turn on: only what goes to and fro is in degrees."""
+    path = tmp_path / "shaft.txt"
+    path.write_text("t,angle\n" + rows(T, 2 * T**2, sign=","))
+    assert read(path).recording.columns["position"][-1] == pytest.approx(2 * T[-1] ** 2, abs=1e-4)
+
+
+def test_runs_side_by_side(tmp_path: Path) -> None:
+    """Each run has times of its own, and one ends earlier: the longest is read, and the line for another one works."""
+    path = tmp_path / "agua.csv"
+    lines = [
+        f"{t:.2E};{np.degrees(y):.3f};0;" + (f"{t:.4f};{np.degrees(y) / 2:.4f};0" if t < 5 else ";;")
+        for t, y in zip(T, SWING, strict=True)
+    ]
+    path.write_text("t1;theta1;omega1;t2;theta2;omega2\n" + "\n".join(lines) + "\n")
+    found = read(path)
+    assert found.recording.columns["position"] == pytest.approx(SWING, abs=1e-4)
+    (note,) = [note for note in found.notes if "side by side" in note]
+    assert note.endswith("for another --map time=t2 --map position=theta2")
+    for other in (read(path, "time=t2", "position=theta2:deg").recording, read(path, joint="2").recording):
+        assert other.columns["position"] == pytest.approx(SWING[T < 5] / 2, abs=1e-4)
+        assert other.time == pytest.approx(T[T < 5], abs=1e-4)
+
+
+@pytest.mark.parametrize("header", ["\ufefft,x,y,vx\n", ""])
+def test_the_points_of_a_film_are_an_angle_about_the_pivot(header: str, tmp_path: Path) -> None:
+    """x and y of a filmed bob lie on a circle; so do two columns without names."""
+    path = tmp_path / "film.csv"
+    points = (830 + 400 * np.sin(SWING + 0.1), 20 - 400 * np.cos(SWING + 0.1))
+    path.write_text(header + rows(T, *points, *([T] if header else []), sign=",", digits=3))
+    angle = read(path).recording.columns["position"]
+    assert angle - angle.mean() == pytest.approx(SWING - SWING.mean(), abs=1e-4)
+
+
+def test_the_points_of_a_mass_are_a_displacement(tmp_path: Path) -> None:
+    """What moves along a line lies on no circle: of x and y the one that moves."""
+    path = tmp_path / "mass.txt"
+    path.write_text("t\tx\ty\n" + rows(T, 0.002 * np.sin(40 * T), 0.1 * SWING))
+    found = read(path).recording
+    assert found.columns["displacement"] == pytest.approx(0.1 * SWING, abs=1e-5)
+    assert "position" not in found.columns
+
+
+def test_the_axis_that_moves_most(tmp_path: Path) -> None:
+    """Of a telephone's three axes that of the motion; where two move alike, none."""
+    path = tmp_path / "Raw Data.csv"
+    header = ",".join(f'"Acceleration {axis} (m/s^2)"' for axis in "xyz")
+    path.write_text('"Time (s)",' + header + "\n" + rows(T, 0.1 * SWING, SWING, 0.3 * np.sin(9 * T) * SWING, sign=","))
+    assert read(path).recording.columns["accel"] == pytest.approx(SWING, abs=1e-5)
+    path.write_text('"Time (s)",' + header + "\n" + rows(T, np.sin(T), SWING, np.cos(T), sign=","))
+    assert "--map 'accel=Acceleration x (m/s^2)'" in refused(path)
+
+
+def test_times_of_day_and_quoted_decimal_commas(tmp_path: Path) -> None:
+    """A column of times is the time whatever its name; commas in quotes are decimal ones."""
+    path = tmp_path / "log.csv"
+    clock = [f"12:{59 + int(t // 60):02d}:{t % 60:06.3f}".replace(".", ",") for t in T]
+    path.write_text(
+        "Uhrzeit;Winkel (°)\n" + "".join(f"{c};{y:.3f}\n".replace(".", ",") for c, y in zip(clock, SWING, strict=True))
+    )
+    found = read(path).recording
+    assert np.diff(found.time) == pytest.approx(1 / 30, abs=2e-3)
+    assert found.start is None
+    path.write_text('"Zeit (s)","Auslenkung (mm)"\n' + rows(T, 100 * SWING, sign='","').replace(".", ","))
+    text = path.read_text().splitlines()
+    path.write_text("\n".join([text[0], *(f'"{line}"' for line in text[1:])]) + "\n")
+    assert read(path).recording.columns["position"] == pytest.approx(SWING / 10, abs=1e-6)
+
+
+def test_cells_are_numbers_or_times() -> None:
+    """With a decimal comma, or a day first; a comma that ends a number separates."""
+    assert (number("1,5", True), number("1.5", True), number("1,", True), number("x", False)) == (1.5, 1.5, None, None)
+    assert date("31.01.2026 12:00:01,5") == np.datetime64("2026-01-31T12:00:01.5")
+    assert date("1/31/2026 12:00:00") == np.datetime64("2026-01-31T12:00:00")
+    assert date("02:03.25") - date("0:00:00") == np.timedelta64(123_250, "ms")
+    assert np.isnat(date("elbow"))
+
+
+@pytest.mark.parametrize(
+    ("name", "column"),
+    [
+        ("Winkel", "position"), ("ángulo (°)", "position"), ("Vitesse (m/s)", None), ("Beschleunigung", "accel"),
+        ("位移 (mm)", "displacement"), ("角度", "position"), ("Kraft [N]", "force"), ("posição", "position"),
+    ],
+)  # fmt: skip
+def test_names_in_other_languages(name: str, column: str | None) -> None:
+    """The usual words are translated; a time is one in any of them."""
+    assert column_of(name) == column
+    assert all(is_time(each) for each in ("Zeit [s]", "tiempo", "Temps (s)", "时间", "время", "t1", "Time (s) (4)"))
+
+
+def test_lines_that_are_no_rows_are_left_out_and_counted(tmp_path: Path) -> None:
+    """A serial port loses half a line, a program speaks in between; where one row in twenty is broken, it is none."""
+    path = tmp_path / "serial.txt"
+    text = rows(T, SWING, sign=",").splitlines()
+    text[7], text[150] = text[7][:6], "calibrating"
+    path.write_text("t,angle\n" + "\n".join(text) + "\n")
+    found = read(path)
+    assert found.recording.time.size == T.size - 2
+    assert any(note.startswith("2 lines that are no rows were left out; line 9") for note in found.notes)
+    path.write_text("t,angle\n" + "\n".join([*text * 3, *["9,x"] * 90]) + "\n")
+    assert "line 9: found 1 cells separated by commas, expected 2 as in the header" in refused(path)
+
+
+def test_arrays_and_json(tmp_path: Path) -> None:
+    """NumPy's files, lists by name, a list of objects, and an object a line."""
+    np.savez(tmp_path / "a.npz", tiempo=T, theta=SWING, g=9.81)
+    np.save(tmp_path / "b.npy", np.column_stack([T, SWING]))
+    held = [{"t": t, "angle": y} for t, y in zip(T.tolist(), SWING.tolist(), strict=True)]
+    (tmp_path / "c.json").write_text(json.dumps({"run": {"time": T.tolist(), "angle": SWING.tolist()}, "by": "me"}))
+    (tmp_path / "d.json").write_text(json.dumps(held))
+    (tmp_path / "e.txt").write_text("".join(json.dumps(each) + "\n" for each in held))
+    for path in sorted(tmp_path.iterdir()):
+        found = read(path).recording
+        np.testing.assert_allclose(found.columns["position"], SWING)
+        np.testing.assert_allclose(found.time, T)
+    np.savez(tmp_path / "a.npz", held=np.array([{}], dtype=object))
+    assert "cannot be read as NumPy arrays" in refused(tmp_path / "a.npz")
+
+
+RICH = "<r><t>Win</t></r><r><t>kel</t></r>"
+"""a text in two fonts"""
+STYLES = (
+    '<numFmts><numFmt numFmtId="170" formatCode="hh:mm:ss.000"/></numFmts>'
+    '<cellXfs><xf numFmtId="0"/><xf numFmtId="170"/></cellXfs>'
+)
+
+
+def workbook(path: Path, days: float) -> None:
+    """A workbook of two sheets: the second one is the longer, and its times are dates, or times of day for day 0."""
+    cells = [f'<c r="A{i}" s="1"><v>{days + t / 86400!r}</v></c><c r="C{i}"><v>{y!r}</v></c>' for i, t, y in
+             zip(range(3, 400), T.tolist(), SWING.tolist(), strict=False)]  # fmt: skip
+    names = '<row r="1"><c r="A1" t="inlineStr"><is><t>a pendulum</t></is></c></row><row r="2">' + "".join(
+        f'<c r="{letter}2" t="s"><v>{index}</v></c>' for index, letter in enumerate("AC")
+    )
+    sheet = names + "</row>" + "".join(f"<row>{cell}</row>" for cell in cells)
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("xl/worksheets/sheet1.xml", "<worksheet><sheetData><row/></sheetData></worksheet>")
+        archive.writestr("xl/worksheets/sheet2.xml", f'<x:worksheet xmlns:x="y"><x:d>{sheet}</x:d></x:worksheet>')
+        archive.writestr("xl/sharedStrings.xml", f"<sst><si><t>Uhr</t></si><si>{RICH}</si></sst>")
+        archive.writestr("xl/styles.xml", f"<styleSheet>{STYLES}</styleSheet>")
+
+
+def test_a_workbook(tmp_path: Path) -> None:
+    """The sheet with most rows, whose columns have gaps; days of a sheet are dates; what is no workbook is told."""
+    path = tmp_path / "pendel.xlsx"
+    workbook(path, 46053.5)
+    found = read(path)
+    assert (found.kind, found.recording.start) == ("Excel, sheet 2 of 2", datetime(2026, 1, 31, 12, tzinfo=UTC))
+    np.testing.assert_allclose(found.recording.columns["position"], SWING, atol=1e-12)
+    np.testing.assert_allclose(found.recording.time, T, atol=1e-5)
+    workbook(path, 0.5)
+    assert read(path).recording.start is None
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("run.csv", "t,q\n0,1\n")
+    assert "found a ZIP archive without a sheet of Excel" in refused(path)
