@@ -109,6 +109,8 @@ def mapped(column: str, series: str, unit: str = "") -> str:
 def _example(series: Sequence[Series], clock: str) -> str:
     """How the first series would be assigned; without a header the first column is most often the time."""
     names = [one.name for one in series if not is_time(one.name) and one.name != clock]
+    if not clock and len(names) == len(series) > 1:
+        return f"{mapped('time', names[0], ':ms')} {mapped('position', names[1], ':deg')}"
     first = names[:2] or ["SERIES"]
     if column := column_of(first[0]):  # one of several, among which none was chosen
         return mapped(column, first[0])
