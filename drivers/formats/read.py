@@ -27,6 +27,8 @@ __all__ = ["Imported", "imported"]
 ANGLES, MOTIONS = ("command", "position"), ("position", "displacement")
 INTEGRAL = {"rad/s": "rad", "m/s": "m"}
 """of a speed that is mapped to a position: encoders of motors often report nothing else"""
+COUNTS = 90
+"""half the swing in whole numbers, beyond which they may be counts of an encoder"""
 SWINGS = 6
 """crossings of the middle, of what swings"""
 MANY_TURNS = 4 * pi
@@ -105,7 +107,8 @@ def _is_swing_in_degrees(one: Chosen, values: FloatArray) -> bool:
     if one.unit or one.why == "given" or one.factor != 1 or not values.size:
         return False
     crossed = np.count_nonzero(np.diff(np.sign(values - np.median(values)))) >= SWINGS
-    return bool(crossed and np.pi < np.ptp(values) / 2 <= 360)
+    most = COUNTS if (values == np.rint(values)).all() else 360
+    return bool(crossed and np.pi < np.ptp(values) / 2 <= most)
 
 
 def _doubts(one: Chosen, values: FloatArray) -> list[str]:

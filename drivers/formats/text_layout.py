@@ -134,19 +134,26 @@ def _is_value(cell: str, comma: bool) -> bool:
 def _above(above: list[tuple[int, str]], before: int, comments: list[str], rows: Rows) -> tuple[list[str], list[str]]:
     """The names of the columns and their units, of the numbered lines above the rows; before: how many all are."""
     width = rows.width
-    units: list[str] = []
-    if above and (units := _units(_names_in(above[-1][1], rows), rows.comma)):
-        above = above[:-1]
-    for place, line in reversed(above[-2:]):
-        names = _names_in(line, rows)
-        if (
-            len(names) >= width
-            and _are_words(names, rows.comma)
-            and not _is_title(line, rows.separator, before - place)
-        ):
-            return _unique(names[:width]), [*units, *[""] * width][:width]
+    found = [_names(line, before - place, rows) for place, line in above[-3:]]
+    units = _units(found[-1], rows.comma) if found and found[-1] else []
+    if units and len(found) > 1 and found[-2]:  # else these are names, too: of t, rad, error
+        found, units = found[:-1], [*units, *[""] * width][:width]
+    else:
+        units = []
+    if names := next((names for names in reversed(found[-2:]) if names), []):
+        return _unique(names), units or [""] * width
+    units = _units(_names_in(above[-1][1], rows), rows.comma) if above else []
     header, below = _commented(comments, rows)
     return header, [*(below or units), *[""] * width][:width]
+
+
+def _names(line: str, below: int, rows: Rows) -> list[str]:
+    """The names of all columns in a line, with so many lines between it and the rows; [] where it holds others."""
+    names, width = _names_in(line, rows), rows.width
+    if 1 < len(names) < width and rows.separator != " " and any(is_time(name) or column_of(name) for name in names):
+        names += [""] * (width - len(names))  # columns beside those with names, as of a calculation in a sheet
+    is_header = len(names) >= width and _are_words(names, rows.comma) and not _is_title(line, rows.separator, below)
+    return names[:width] if is_header else []
 
 
 def _names_in(line: str, rows: Rows) -> list[str]:
