@@ -127,7 +127,8 @@ def _ascends(column: Array) -> bool:
     """Whether numbers ascend in steps of one size, which may be those of a time."""
     values = np.asarray(column, dtype=np.float64)
     steps = np.diff(values)
-    if steps.size < LEAST_ROWS * (1 + np.count_nonzero(~(steps > 0))):  # it may begin anew
+    anew = np.count_nonzero(~(steps > 0)) if _counted(values) else 0  # a clock may begin anew
+    if steps.size < LEAST_ROWS * (1 + anew) or not (anew or (steps > 0).all()):
         return False
     usual = float(np.median(steps))
     is_short = usual < LONGEST_STEP_S or _counted(values) != ""

@@ -67,6 +67,17 @@ def test_a_turn_of_many_rad_that_does_not_swing_stays_one(tmp_path: Path) -> Non
     assert read(path).recording.columns["position"][-1] == pytest.approx(2 * T[-1] ** 2, abs=1e-4)
 
 
+def test_a_name_that_is_a_unit_and_columns_without_one(tmp_path: Path) -> None:
+    """``t rad error`` are names, no units of names above; a sheet may have columns that no name stands over."""
+    path = tmp_path / "x.csv"
+    path.write_text("t\trad\txerr\n" + rows(T, SWING, 0 * T))
+    assert read(path).recording.columns["position"] == pytest.approx(SWING, abs=1e-5)
+    path.write_text("Time (s),Angle (deg)\n" + rows(T, SWING, 0 * T, T, sign=","))
+    assert read(path).recording.columns["position"] == pytest.approx(np.radians(SWING), abs=1e-5)
+    path.write_text("t,theta\n" + "".join(f"{t},{y}\n" for t, y in zip(T, np.rint(500 * SWING), strict=True)))
+    assert "if counts of 4096 a turn" in "".join(read(path).notes)
+
+
 def test_runs_side_by_side(tmp_path: Path) -> None:
     """Each run has times of its own, and one ends earlier: the longest is read, and the line for another one works."""
     path = tmp_path / "agua.csv"
@@ -101,6 +112,8 @@ def test_the_points_of_a_mass_are_a_displacement(tmp_path: Path) -> None:
     found = read(path).recording
     assert found.columns["displacement"] == pytest.approx(0.1 * SWING, abs=1e-5)
     assert "position" not in found.columns
+    path.write_text("t,x,y,z\n" + rows(T, SWING, 0 * T, 0.1 * SWING, sign=","))
+    assert "found t, x, y, z, and none that is clearly a column" in refused(path)
 
 
 def test_the_axis_that_moves_most(tmp_path: Path) -> None:
