@@ -71,16 +71,16 @@ def test_severity_grows_with_the_play(rate_hz: float) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("simulator", ["model", "stops"])
 def test_intervals_are_as_wide_as_they_must_be(simulator: str) -> None:
-    """Of some 700 severities of 0.5 to 30 mrad under four motions, of eq. 1's gear and of hard stops with friction and
+    """Of some 350 severities of 0.5 and 30 mrad under four motions, of eq. 1's gear and of hard stops with friction and
     rebounds, 91 to 99 % of the 95 % intervals hold the play; 0.6 times as wide (in logarithms) at most 88 % would."""
     held, narrow = [], []
-    for play_m, motion in product((5e-6, 30e-6, 100e-6, 300e-6), MOTIONS):
+    for play_m, motion in product((5e-6, 300e-6), MOTIONS):
         for score in recorded(simulator, motion, 8431, play_m, Bar(), 0.5):
             middle, low, high = score.severity, score.severity_low, score.severity_high
             truth = play_m / RADIUS_M
             held.append(low <= truth <= high)
             narrow.append(middle * (low / middle) ** 0.6 <= truth <= middle * (high / middle) ** 0.6)
-    assert len(held) > 600
+    assert len(held) > 300
     assert 0.91 <= np.mean(held) <= 0.99
     assert np.mean(narrow) < 0.88
 

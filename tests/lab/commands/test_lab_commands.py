@@ -17,6 +17,7 @@ from click.testing import CliRunner, Result
 
 from lostmotion.daemon.cli import cli
 from lostmotion.drivers.recording import Recording, write_recording
+from tests.lab.inverse.test_inverse import robot
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
@@ -115,20 +116,26 @@ def test_outside_of_the_catalogue(tmp_path: Path) -> None:
 
 
 def test_improve_prints_the_ladder(tmp_path: Path) -> None:
-    """The table's errors fall to the noise, rung by rung, and the file written has the effect and fits the data."""
-    folder = case(tmp_path, HARDENING, 0.3, 1.5)
+    """The table's errors fall, rung by rung, and the file written has the effect and fits the data: of a joint, whose
+    search takes seconds."""
     out = tmp_path / "better.toml"
-    result = run("improve", folder, "-o", out)
+    for number in (1, 2):
+        write_recording(robot(number), tmp_path / f"rec{number}.csv")
+    (tmp_path / "model.toml").write_text('base = "joint"\neffects = ["viscous_friction"]\n')
+    result = run("improve", tmp_path, "-o", out)
     head, _, *rungs = result.stdout[result.stdout.index("effects ") :].splitlines()
-    assert head.split() == ["effects", "error", "on", "unseen", "data", "[m/s²]", "noise", "[m/s²]"]
-    assert rungs[0].split()[0] == "none"
-    assert rungs[1].split()[0] == "hardening_spring"
-    assert "active effects: hardening_spring" in result.stdout
-    assert 'effects = ["hardening_spring"]' in out.read_text()
+    assert head.split() == ["effects", "error", "on", "unseen", "data", "[N", "m]", "noise", "[N", "m]"]
+    before, after = ([*rung.replace(",", " ").split()] for rung in rungs[:2])
+    assert before[:-2] == ["viscous_friction"]
+    assert after[:-2] == ["viscous_friction", "coulomb_friction"], after
+    error = float(after[-2])
+    assert error < 0.2 * float(before[-2])
+    assert "active effects: viscous_friction, coulomb_friction" in result.stdout
+    assert 'effects = ["viscous_friction", "coulomb_friction"]' in out.read_text()
     compared = json.loads(
-        CliRunner().invoke(cli, ["lab", "compare", str(out), str(folder / "rec2.csv"), "--json"]).stdout
+        CliRunner().invoke(cli, ["lab", "compare", str(out), str(tmp_path / "rec2.csv"), "--json"]).stdout
     )
-    assert compared["columns"]["accel"]["rms"] == pytest.approx(0.3, rel=0.1)
+    assert compared["columns"]["torque"]["rms"] == pytest.approx(error, rel=0.1)
 
 
 def test_fit_writes_a_model(tmp_path: Path) -> None:
