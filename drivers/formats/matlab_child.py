@@ -40,8 +40,16 @@ def main(path: str) -> int:
 
 
 def _vectors(value: Any, name: str, depth: int) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Everything of numbers with more than one row, by name."""
+    """Everything of numbers with more than one row, by name; the signals of a Simulink scope by their labels."""
     if depth > DEEPEST:
+        return
+    if isinstance(value, list):
+        for index, inner in enumerate(value[:WIDEST]):
+            label = inner.get("label") if isinstance(inner, Mapping) else None
+            if isinstance(label, str) and label and "values" in inner:
+                yield from _vectors(inner["values"], f"{name}.{label}", depth + 1)
+            else:
+                yield from _vectors(inner, f"{name}[{index}]", depth + 1)
         return
     if isinstance(value, Mapping):
         for key, inner in value.items():

@@ -237,6 +237,17 @@ def test_matlab(tmp_path: Path) -> None:
     assert "save('x.mat', '-v7')" in refused(path)
 
 
+def test_what_a_simulink_scope_saves(tmp_path: Path) -> None:
+    """A structure with time: an array of signals, by their labels, whose units are read; one without is numbered."""
+    signals = np.empty(3, dtype=[("values", object), ("label", object)])
+    for index, (label, values) in enumerate((("angle [deg]", np.degrees(ANGLE)), ("torque", 2 * ANGLE), ("", T))):
+        signals[index] = (values, label)
+    scipy.io.savemat(tmp_path / "scope.mat", {"log": {"time": T, "signals": signals, "blockName": "motor/Scope"}})
+    recording = read_recording(tmp_path / "scope.mat", terms=("torque=torque",))
+    np.testing.assert_allclose(recording.columns["position"], ANGLE, atol=1e-12)
+    np.testing.assert_allclose(recording.columns["torque"], 2 * ANGLE)
+
+
 @pytest.mark.parametrize("place", [145, 176, 250, 300])
 def test_damaged_matlab_ends_no_program(place: int, tmp_path: Path) -> None:
     """A byte of a length or a type in place of another makes SciPy's reader crash: that is one line, too."""
