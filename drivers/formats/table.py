@@ -27,6 +27,8 @@ COUNTED = 5.0
 """whole numbers in such steps and larger are no seconds, but what a clock counts"""
 MOST_LOOKED_AT = 50
 """series among which a time without a name is looked for"""
+HOURS_S = 3600.0
+"""A step between two rows that is no time in seconds: a robot's log in µs with fractions has 20059.7."""
 LOOKS_LIKE = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
 """numbers beyond these count from 1970 in this unit"""
 
@@ -175,11 +177,13 @@ def seconds(values: Array, unit: str, factor: float | None, name: str) -> tuple[
 
 def _counted(values: Array) -> str:
     """The unit in which a clock counts whole numbers, as ``millis()`` and ``micros()`` do: the largest in which their
-    steps are shorter than half a second; "" for s, or where none can be told."""
-    if values.size < LEAST_ROWS or not (values == np.rint(values)).all():
+    steps are shorter than half a second; of fractions where a step in seconds would be hours.  "" for s, or where none
+    can be told."""
+    if values.size < LEAST_ROWS:
         return ""
-    usual = float(np.median(np.diff(values)))
-    smaller = (("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)) if usual >= COUNTED else ()
+    usual, is_whole = float(np.median(np.diff(values))), bool((values == np.rint(values)).all())
+    is_counted = usual >= (COUNTED if is_whole else HOURS_S)
+    smaller = (("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)) if is_counted else ()
     return next((unit for unit, size in smaller if usual * size < LONGEST_STEP_S), "")
 
 

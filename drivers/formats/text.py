@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from lostmotion.drivers.codec.recording_csv import ROWS_AT_ONCE
 from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.formats.cell_lists import unpacked
 from lostmotion.drivers.formats.cells import date, number
 from lostmotion.drivers.formats.source import DATE, Series, check_count, shown
 from lostmotion.drivers.formats.table import Table
@@ -45,6 +46,7 @@ def open_text(path: Path) -> Table:
 
 def open_lines(name: str, kind: str, lines: Lines) -> Table:
     """A table of lines of text, whatever file they come from.  Raises RecordingError."""
+    lines = unpacked(lines)
     layout, rows = layout_of(name, lines)
     text = "PlotJuggler CSV" if "__time" in layout.header else f"text separated by {called(layout.separator)}"
     units = [

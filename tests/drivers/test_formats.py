@@ -248,6 +248,17 @@ def test_what_a_simulink_scope_saves(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.columns["torque"], 2 * ANGLE)
 
 
+@pytest.mark.parametrize("row", ['{0},"[{1}, {2}]","[{3}, 0.0]"', "{0};[{1} {2}];[{3} 0.0]"])
+def test_lists_in_the_cells_of_a_table(row: str, tmp_path: Path) -> None:
+    """The numbers of all joints in one cell, as Python's csv or numpy print them, are a column each."""
+    lines = [row.format(t, angle, 2 * angle, 3 * angle) for t, angle in zip(T, ANGLE, strict=True)]
+    path = tmp_path / "state.csv"
+    path.write_text("\n".join([f"time{row[3]}positions{row[3]}efforts", *lines]) + "\n")
+    found = read_recording(path, terms=("position=positions[1]", "torque=efforts[0]"))
+    np.testing.assert_allclose(found.columns["position"], 2 * ANGLE)
+    np.testing.assert_allclose(found.columns["torque"], 3 * ANGLE)
+
+
 @pytest.mark.parametrize("place", [145, 176, 250, 300])
 def test_damaged_matlab_ends_no_program(place: int, tmp_path: Path) -> None:
     """A byte of a length or a type in place of another makes SciPy's reader crash: that is one line, too."""

@@ -47,12 +47,13 @@ def test_the_only_series_is_the_motion_and_the_time_may_come_second(tmp_path: Pa
     assert found.columns[0].why == "the only series beside the time"
 
 
-@pytest.mark.parametrize(("scale", "unit"), [(1e3, "ms"), (1e6, "us")])
-def test_whole_numbers_of_a_clock_and_a_swing_in_degrees(scale: float, unit: str, tmp_path: Path) -> None:
-    """Neither ``millis()`` nor ``micros()`` counts seconds, and nothing swings by 34 rad."""
+@pytest.mark.parametrize(("scale", "unit", "digits"), [(1e3, "ms", 0), (1e6, "us", 0), (1e6, "us", 3)])
+def test_numbers_of_a_clock_and_a_swing_in_degrees(scale: float, unit: str, digits: int, tmp_path: Path) -> None:
+    """Neither ``millis()`` nor ``micros()`` counts seconds, no log has a row in nine hours, and nothing swings by 34
+    rad."""
     path = tmp_path / "log.txt"
-    counted = np.round(12.9 * scale + T * scale)
-    path.write_text("".join(f"{t:.0f}\t{np.degrees(y):.2f}\n" for t, y in zip(counted, SWING, strict=True)))
+    counted = np.round(12.9 * scale + T * scale, digits)
+    path.write_text("".join(f"{t:.{digits}f}\t{np.degrees(y):.2f}\n" for t, y in zip(counted, SWING, strict=True)))
     found = read(path)
     assert f"[{unit}, by the size of its steps]" in found.clock
     assert found.recording.columns["position"] == pytest.approx(SWING, abs=1e-4)
