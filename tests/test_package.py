@@ -18,8 +18,9 @@ pytestmark = pytest.mark.slow
 def installed(folder: Path) -> Path:
     """An environment that has the wheel installed, with this environment's dependencies in reach."""
     wheel = build_wheel(folder)
-    venv.create(folder / "env", with_pip=True)
-    run(folder / "env/bin/pip", "install", "--no-deps", "--no-index", wheel, cwd=folder)
+    venv.create(folder / "env")
+    pip = (sys.executable, "-m", "pip", "--python", str(folder / "env/bin/python"))
+    run(*pip, "install", "--no-deps", "--no-index", wheel, cwd=folder)
     (packages,) = (folder / "env/lib").glob("python*/site-packages")
     here = [path for path in sys.path if path.endswith("site-packages")]
     (packages / "dependencies.pth").write_text("\n".join(here) + "\n")
