@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections import Counter
 from dataclasses import replace
@@ -29,6 +30,11 @@ MILLISECONDS = 0.5
 """No accelerometer is so slow [s]: a usual step of the times beyond this is one in milliseconds."""
 
 
+TURNS = 4 * math.pi
+"""Angles beyond are doubted where a recording states no unit [rad]."""
+log = logging.getLogger(__name__)
+
+
 class ScoreError(LostmotionError):
     """The recording does not fit the options."""
 
@@ -38,6 +44,7 @@ def score(path: Path, config: Path | None, asked: Asked, as_json: bool) -> None:
     if asked.column not in COLUMN_UNITS:
         raise ScoreError(f"--column: found {asked.column!r}, expected one of {', '.join(COLUMN_UNITS)}")
     recording = read_recording(path, asked.joint or "")
+    _doubt_units(recording)
     name = asked.joint or str(recording.metadata.get("joint", "joint"))
     settings = settings_for(recording, config, asked)
     scores = _scores(recording, asked.column, settings, name)
@@ -47,6 +54,18 @@ def score(path: Path, config: Path | None, asked: Asked, as_json: bool) -> None:
         output.print_json({"joint": name, "level": settings.level, "windows": windows})
     else:
         _print(name, settings, scores)
+
+
+def _doubt_units(recording: Recording) -> None:
+    """Warns of angles without a unit that may be degrees."""
+    for column in ("command", "position"):
+        angles = recording.columns.get(column, np.zeros(1))
+        largest = float(np.nanmax(np.abs(angles), initial=0.0))
+        if largest > TURNS and not {f"{column}_unit", "imported"} & set(recording.metadata):
+            log.warning(
+                '%s: %s goes to %.4g and is taken as rad; if it is degrees, write # %s_unit = "deg" at the top',
+                recording.name, column, largest, column,
+            )  # fmt: skip
 
 
 def _scores(recording: Recording, column: str, settings: DetectorSettings, joint: str) -> list[Score]:

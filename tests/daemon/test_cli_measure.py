@@ -195,6 +195,17 @@ def test_score_for_people(recording: Path) -> None:
     assert float(play[3]) <= math.degrees(80e-6 / 0.01) <= float(play[4])
 
 
+@pytest.mark.parametrize(("unit", "is_doubted"), [("", True), ('# command_unit = "deg"\n', False)])
+def test_score_doubts_degrees(unit: str, is_doubted: bool, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """A command that goes to 40 without a unit is scored as rad, and this is said with the line to write."""
+    rows = "".join(f"{t / 200},{40 * math.sin(t / 20):.3f},{t % 3 / 100}\n" for t in range(400))
+    path = tmp_path / "turned.csv"
+    path.write_text(f"{unit}time,command,accel\n{rows}")
+    assert call("score", path).exit_code == 0
+    told = 'command goes to 40 and is taken as rad; if it is degrees, write # command_unit = "deg" at the top'
+    assert (told in caplog.text) == is_doubted
+
+
 GOOD_ROWS = "time,command,accel\n" + "".join(f"{t / 200},0,0\n" for t in range(90))
 
 
