@@ -90,16 +90,6 @@ class _Touch:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Solved:
-    """Consistent contacts and points between them, the play that scales the flanks' error [rad], and the commanded
-    acceleration on the grid [rad/s²]."""
-
-    touch: _Touch
-    play: float
-    push: FloatArray
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class _Fit:
     """start, speed and play, their covariance, and the contacts' places, weights and residuals."""
 
@@ -109,6 +99,17 @@ class _Fit:
     observed: FloatArray
     left: FloatArray
     play: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solved:
+    """Consistent contacts and points between them, the play that scales the flanks' error [rad], the fit of both, and
+    the commanded acceleration on the grid [rad/s²]."""
+
+    touch: _Touch
+    play: float
+    fit: _Fit
+    push: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -150,7 +151,8 @@ def solve(relative: RelativeMotion, found: Contacts) -> Solved | PlaySize:
     outside = (beyond > np.maximum(0.15 * play, 3 * deviation)) & relative.known
     if np.mean(outside) > BEYOND:
         return unknown("contacts and command do not fit together")
-    return Solved(_bounded(relative, found, touch, play), play, found.push)
+    points = _bounded(relative, found, touch, play)
+    return Solved(points, play, _fit(relative, points, play, TIMING), found.push)
 
 
 def _range(relative: RelativeMotion) -> float:
@@ -206,14 +208,12 @@ def _lag_variance(relative: RelativeMotion, play: float) -> FloatArray:
 
 def _crossing(relative: RelativeMotion, play: float) -> float:
     """Standard deviation of the delay [s] for which crossings of the play were mistaken."""
-    speed = float(np.std(relative.lag[relative.known, 0]))
-    return CROSSING * play / max(speed, LEAST_SPEED) if relative.servo_is_learnt else 0.0
+    return CROSSING * play / max(relative.speed, LEAST_SPEED) if relative.servo_is_learnt else 0.0
 
 
 def lag_information(relative: RelativeMotion, solution: Solved) -> LagInformation:
     """The contacts' information on the errors of the servo's lag, weighted by how much of them may be play."""
-    touch = solution.touch
-    fit = _fit(relative, touch, solution.play, TIMING)
+    touch, fit = solution.touch, solution.fit
     lag = relative.lag[touch.at]
     weighted = lag.T @ fit.weight
     line = weighted @ _design(relative, touch)
@@ -302,8 +302,7 @@ def likelier_otherwise(relative: RelativeMotion, solution: Solved) -> float:
     by the restricted likelihood (Patterson, Thompson 1971); 0 where there is no other."""
     if relative.alternative is None:
         return 0.0
-    touch = solution.touch
-    fit = _fit(relative, touch, solution.play, TIMING)
+    touch, fit = solution.touch, solution.fit
     design, noise = _design(relative, touch), np.asarray(np.linalg.inv(fit.weight), np.float64)
     other = noise - relative.command.covariance(touch.at) + relative.alternative.covariance(touch.at)
     observed = fit.observed + relative.command.angle(touch.at) - relative.alternative.angle(touch.at)
@@ -319,8 +318,7 @@ def _deviance(noise: FloatArray, design: FloatArray, observed: FloatArray) -> fl
 
 def size_estimate(relative: RelativeMotion, solution: Solved) -> SizeEstimate:
     """The play for each softness of the flanks, all with the same weights so that they can be compared."""
-    touch = solution.touch
-    fit = _fit(relative, touch, solution.play, TIMING)
+    touch, fit = solution.touch, solution.fit
     step = float(relative.time[1] - relative.time[0])
     pushed = np.maximum(np.abs(solution.push[touch.at]), 1.0)
     softness, size = SOFTNESS[:, None], np.full((SOFTNESS.size, 1), fit.play)

@@ -55,8 +55,8 @@ class RelativeMotion:
     command: theta_1 as it is used; alternative: under the other prior of its corners, None where there is none.
 
     lag (K, 2): change of the angle by a delay that is 1 s too long, and by a second coefficient that is 1 s² too small;
-    shape: standard deviation of that coefficient [s²].  Neither is in the covariance; nor is the error that a play
-    causes in the estimated lag of a servo.
+    shape: standard deviation of that coefficient [s²]; speed: that of the gear's lagging speed [rad/s].  Neither error
+    is in the covariance; nor is the one that a play causes in the estimated lag of a servo.
     """
 
     time: FloatArray
@@ -67,6 +67,7 @@ class RelativeMotion:
     known: NDArray[np.bool_]
     lag: FloatArray
     shape: float
+    speed: float
     servo_is_learnt: bool
 
 
@@ -140,7 +141,8 @@ def _relative_motion(
     lag = np.column_stack([2 * USUAL * servo.delay[0] * accel - speed, accel])
     shape = SHAPE * servo.delay[0] ** 2
     known = time <= command.end
-    return RelativeMotion(time, motion, covariance, path, alternative, known, lag, shape, servo.is_learnt)
+    varied = float(np.std(lag[known, 0]))
+    return RelativeMotion(time, motion, covariance, path, alternative, known, lag, shape, varied, servo.is_learnt)
 
 
 def _path(command: Commanded, basis: FloatArray) -> Path:
