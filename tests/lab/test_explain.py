@@ -17,6 +17,8 @@ from lostmotion.lab.data.noise import noise_of
 from lostmotion.lab.fitting.strategy import full_fit
 from lostmotion.lab.gears.likelihood import SegmentFit, ShortSegments
 from lostmotion.lab.gears.unseen import Judged, Unseen
+from lostmotion.lab.observer.filter import STRONG, TIGHT, WEAK
+from lostmotion.lab.observer.objective import Follower
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model, build_model
 from tests.lab.simulated_gears import GEARS, LEAD, gears, moved
@@ -183,3 +185,19 @@ def test_units_change_nothing_of_gears() -> None:
     for which, apart in (("before", 5e-2), ("after", 1e-4)):
         ratios = [getattr(one.error, which) / one.error.noise for one in (first, found)]
         assert ratios[1] == pytest.approx(ratios[0], rel=apart)
+
+
+def test_units_change_nothing_of_the_errors_of_observers() -> None:
+    """The prediction errors that the global search minimises are the same in these units, to rounding."""
+    model, recording = (
+        build_model("play", values={**GEARS, "d": 7e-5}),
+        gears(4, 1.0, **{"coulomb_friction.tau_c": 1.5e-4}),
+    )
+    other = replace(recording, columns={**recording.columns, "accel": METRE * recording.columns["accel"]})
+    costs = []
+    for one, measured in ((model, recording), (in_units(model), other)):
+        held = experiments(one, [measured])
+        task = Task.of(one, held, noise_of(held))
+        costs.append([Follower.of(task, task.rough).cost(task.rough, coupling) for coupling in (TIGHT, STRONG, WEAK)])
+    assert costs[1] == pytest.approx(costs[0], rel=1e-3)
+    assert min(costs[0]) > 0.1
