@@ -122,8 +122,10 @@ BASE = Base(
     summary="a damped oscillator, driven by a force or ringing down (eq. 6)",
     parameters={
         **PARAMETERS,
-        "m": replace(PARAMETERS["m"], low=1e-9, fixed=False),
-        "bias": Parameter(0.0, "N", -1e3, 1e3, False, "none expected", "constant force, an offset of the input"),
+        "m": replace(PARAMETERS["m"], low=1e-12, high=1e9, fixed=False),
+        "b": replace(PARAMETERS["b"], high=1e12),
+        "k": replace(PARAMETERS["k"], low=1e-9, high=1e15),
+        "bias": Parameter(0.0, "N", -1e9, 1e9, False, "none expected", "constant force, an offset of the input"),
     },
     states=STATES,
     terms=(

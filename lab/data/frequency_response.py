@@ -25,7 +25,8 @@ ORDER: Mapping[str, Mapping[str, int]] = {
     "joint": {"J": 2, "viscous_friction.b_v": 1},
 }
 """By base, the parameters that a model may have and which derivative of the output each multiplies."""
-OUTPUT = {"oscillator": "displacement", "joint": "position"}
+OUTPUTS: Mapping[str, Mapping[str, int]] = {"oscillator": {"displacement": 0, "accel": 2}, "joint": {"position": 0}}
+"""By base, what may be recorded of the output, the most direct first, and which of its derivatives that is."""
 BESIDE: Mapping[str, Sequence[Callable[[FloatArray], FloatArray]]] = {"joint": (np.sin, np.cos)}
 """By base, further regressors of the output: gravity must not be taken for inertia, even where the model has none."""
 CLEAR = 300.0
@@ -36,14 +37,17 @@ LEAST_BINS = 6
 def from_spectra(model: Model, experiments: Sequence[Experiment]) -> Model:
     """The model with its free linear parameters estimated: m q'' + b q' + k q = F, J theta_2'' + a weight = tau.
 
+    Of an acceleration a the same equation is fitted, twice differentiated: m a'' + b a' + k a = F''.
     Unchanged where input or output was not recorded, or where the estimates are not physical.
     """
     orders = {name: order for name, order in ORDER.get(model.base, {}).items() if name in model.parameters}
-    usable = [e for e in experiments if e.drive is not None and OUTPUT.get(model.base, "") in e.measured]
+    outputs = OUTPUTS.get(model.base, {})
+    column = next((name for name in outputs if all(name in e.measured for e in experiments)), "")
+    usable = [e for e in experiments if e.drive is not None and column]
     wanted = [name for name in orders if not model.parameters[name].fixed]
     if not usable or not wanted:
         return model
-    blocks = [_spectra(e, OUTPUT[model.base], BESIDE.get(model.base, ())) for e in usable]
+    blocks = [_spectra(e, column, outputs[column], BESIDE.get(model.base, ())) for e in usable]
     force, *motion = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
     derivatives, beside = motion[:3], motion[3:]
     known = sum(
@@ -59,10 +63,10 @@ def from_spectra(model: Model, experiments: Sequence[Experiment]) -> Model:
 
 
 def _spectra(
-    experiment: Experiment, column: str, functions: Sequence[Callable[[FloatArray], FloatArray]]
+    experiment: Experiment, column: str, order: int, functions: Sequence[Callable[[FloatArray], FloatArray]]
 ) -> list[Spectrum]:
-    """Spectra of the force, the motion, its first and second derivative, and functions of it, where the motion exceeds
-    its noise.
+    """Spectra of the force's derivative of this order, of what was recorded, its first and second derivative, and
+    functions of it, where it exceeds its noise.
 
     All use the same taper w, which is zero at both ends together with its slope, so that integration by parts is exact:
     int w e^-st x'' dt = int (w'' - 2 s w' + s^2 w) e^-st x dt.
@@ -78,16 +82,16 @@ def _spectra(
     w, slope, bend = 0.5 - 0.5 * np.cos(angle), 0.5 * turn * np.sin(angle), 0.5 * turn**2 * np.cos(angle)
     s = 2j * np.pi * np.fft.rfftfreq(time.size, 1 / experiment.rate_hz)
     others = [np.fft.rfft(w * function(x)) for function in functions]
-    x = x - x.mean()
-    tapered, sloped, bent = (np.fft.rfft(weight * x) for weight in (w, slope, bend))
-    power = np.abs(tapered) ** 2
+
+    def derivatives(values: FloatArray) -> list[Spectrum]:
+        tapered, sloped, bent = (np.fft.rfft(weight * values) for weight in (w, slope, bend))
+        return [tapered, s * tapered - sloped, s**2 * tapered - 2 * s * sloped + bent]
+
+    motion = derivatives(x - x.mean())
+    power = np.abs(motion[0]) ** 2
     clear = power > CLEAR * float(np.median(power[3 * power.size // 4 :]))
     clear[:2] = False  # the main lobe of the taper, where a constant force shows
-    spectra = [
-        np.fft.rfft(w * force), tapered, s * tapered - sloped, s**2 * tapered - 2 * s * sloped + bent,
-        *others,
-    ]  # fmt: skip
-    return [spectrum[clear] for spectrum in spectra]
+    return [spectrum[clear] for spectrum in (derivatives(force)[order], *motion, *others)]
 
 
 def usual_torque(model: Model, experiment: Experiment) -> float:

@@ -28,11 +28,13 @@ def is_driven(experiment: Experiment) -> bool:
 
 def with_scale(model: Model, experiments: Sequence[Experiment]) -> tuple[Model, tuple[Estimate, ...]]:
     """The model with the scale of its forces held where no recording has an input, and the held parameters."""
+    bias = model.parameters.get("bias")
+    is_force = bias is not None and bias.unit != "m/s^2"
+    if is_force and all(set(one.measured) == {ACCEL} for one in experiments):
+        model = held(model, ["bias"])  # where a bar rests, an accelerometer does not tell
     if any(is_driven(one) for one in experiments):
         return model, ()
     model = with_free_states(model)
-    if all(set(one.measured) == {ACCEL} for one in experiments) and "bias" in model.parameters:
-        model = held(model, ["bias"])  # where a bar rests, an accelerometer does not tell
     name = get_base(model.base).scale
     if not name or model.parameters[name].fixed:
         return model, ()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 
@@ -172,9 +173,9 @@ def _fitted_from_guesses(name: str, wide: Model, now: Regression, most: int, ste
     begin = [wide.replace(values) for values in initial_guesses(wide, name, size)]
     data = now.data.suited(begin)
     promising = (entry for start in begin if not is_over() and (entry := _evaluated(name, start, now, data)))
-    ranked = sorted(promising, key=lambda one: -one[0])
-    fits = [fit for _, start, beside in ranked[:most] if not is_over() and (fit := _tried(start, data, beside, steps))]
-    possible = [one for one in fits if are_consistent(one.model, [name])]
+    ranked = sorted(promising, key=lambda one: -one[0])[:STARTS]
+    fits = (fit for _, start, beside in ranked if not is_over() and (fit := _tried(start, data, beside, steps)))
+    possible = islice((one for one in fits if are_consistent(one.model, [name])), most)
     return min(possible, key=lambda one: one.rms, default=None)
 
 

@@ -28,6 +28,9 @@ TRUST: Mapping[str, Mapping[str, float]] = {
 }
 """By base, the factor by which each parameter may differ in a search from the value of the file or the spectra."""
 LINEAR_PRIOR = 10.0
+AT_BOUND = 1e-6
+"""Distance from a bound, in numbers of order one, from which on a fit ended there: it approaches a bound from within.
+"""
 UNKNOWN = 1e9
 """Half width of an interval, in values or scales of the parameter, from which on it is infinite: rounding decides."""
 
@@ -159,7 +162,8 @@ class Unknowns:
         found = []
         for item, at, sd in zip(self.items, z.tolist(), deviation.tolist(), strict=True):
             low, high = item.ends
-            is_at_bound, unit = bool(at <= low or at >= high), model.parameters[item.name].unit
+            near = any(math.isclose(at, end, rel_tol=AT_BOUND, abs_tol=AT_BOUND) for end in (low, high))
+            is_at_bound, unit = near or not low < at < high, model.parameters[item.name].unit
             ends = item.interval(at, width * sd)
             found.append(Estimate(item.name, item.value(at), *ends, unit, item.is_identified(at, sd), is_at_bound))
         return tuple(found)

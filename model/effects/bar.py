@@ -97,10 +97,9 @@ def _hardening_guesses(scales: MotionScales) -> Sequence[Values]:
 
 
 def _second_guesses(scales: MotionScales) -> Sequence[Values]:
-    """At the lines of the spectrum; where impacts hide them, above the natural frequency."""
+    """At the lines of the spectrum, and above the natural frequency, as impacts or an input may hide its line."""
     others = [f for f in scales.lines if abs(f - scales.resonance) > 0.1 * scales.resonance]
-    lines = others or [scales.resonance * ratio for ratio in ABOVE]
-    return grid(f2=lines, zeta2=(0.02,), participation=(0.1,))
+    return grid(f2=[*others, *(scales.resonance * ratio for ratio in ABOVE)], zeta2=(0.02,), participation=(0.1,))
 
 
 def _second_rate(values: Mapping[str, float], operating: Operating) -> float:

@@ -32,7 +32,7 @@ __all__ = [
 
 JOINT_MOST = 1e9
 """[N m], or that per speed: the base ``joint`` stands for a finger as well as for a crane, in whatever unit its torque
-was recorded."""
+was recorded; the base ``oscillator`` for a tuning fork as well as for a bridge."""
 SHAFT_TURNS = 8.0
 """From so many turns on a motion is that of a shaft, and no arm's: pendulums that were swung up covered 3.0 at most,
 a screw drive 14 and more, motors 19 to 600."""
@@ -143,6 +143,7 @@ def servo_sized(torque: Parameter) -> Parameter:
     return replace(torque, value=value, low=low, high=high)
 
 
-def joint_sized(torque: Parameter) -> Parameter:
-    """A torque, or a torque per speed, within the bounds that it has on the base ``joint``."""
-    return replace(torque, low=-JOINT_MOST if torque.low < 0 else torque.low, high=JOINT_MOST)
+def joint_sized(parameter: Parameter) -> Parameter:
+    """A parameter with a unit, within the bounds that it has on the bases ``joint`` and ``oscillator``: any size."""
+    low = -JOINT_MOST if parameter.low < 0 else min(parameter.low, 1 / JOINT_MOST)
+    return replace(parameter, low=low, high=JOINT_MOST)

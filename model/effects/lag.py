@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from lostmotion.model.base import Operating, Term
-from lostmotion.model.effects.base import ActsOn, Effect, on
+from lostmotion.model.effects.base import ActsOn, Effect, joint_sized, on
 from lostmotion.model.effects.guesses import MotionScales, Values, grid
 from lostmotion.model.effects.words import Words
 from lostmotion.model.kernel import Slots, kernel
@@ -16,6 +17,7 @@ __all__ = ["ACTUATOR_LAG", "SENSOR_LAG"]
 
 COMMANDED = ("play", "servo")
 SENSED = ("play", "oscillator")
+_T = Parameter(1e-3, "s", 5e-5, 0.1, False, "guess: a 160 Hz filter", "time constant", Domain.POSITIVE)
 
 
 @kernel
@@ -75,14 +77,13 @@ SENSOR_LAG = Effect(
     summary="first-order low-pass of the accelerometer, continuous in time",
     acts_on=ActsOn.SENSOR,
     bases=SENSED,
-    parameters={
-        "T": Parameter(1e-3, "s", 5e-5, 0.1, False, "guess: a 160 Hz filter", "time constant", Domain.POSITIVE)
-    },
+    parameters={"T": _T},
+    defaults={"oscillator": {"T": joint_sized(_T)}},
     terms=on(SENSED, Term(SENSOR, low_pass, ("T",))),
     states=(TIP,),
     rate=_rate,
     amplitudes=("T",),
-    guesses=lambda scales: grid(T=(2e-4, 1e-3, 3e-3)),
+    guesses=lambda scales: grid(T=[share / (2 * math.pi * scales.resonance) for share in (0.07, 0.35, 1.0)]),
     barely=_barely,
     delays_by="T",
     words=Words(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from lostmotion.model.base import Term
-from lostmotion.model.effects.base import ActsOn, Effect, on
+from lostmotion.model.effects.base import ActsOn, Effect, joint_sized, on
 from lostmotion.model.effects.guesses import PHASES, grid
 from lostmotion.model.effects.words import Words
 from lostmotion.model.kernel import Slots, kernel
@@ -15,6 +15,8 @@ from lostmotion.model.signals import OMEGA2, READING, THETA2, TIME, TIP
 __all__ = ["BIAS_DRIFT", "CENTRIPETAL_CROSSTALK", "GRAVITY_LEAKAGE", "SENSOR_SATURATION"]
 
 SENSED = ("play", "oscillator")
+_C = Parameter(0.01, "m/s^3", -10.0, 10.0, False, "guess", "drift")
+_A_MAX = Parameter(19.6, "m/s^2", 0.1, 2000.0, False, "a 2 g range", "range", Domain.POSITIVE)
 G = 9.80665
 """Standard gravity [m/s²]."""
 
@@ -86,7 +88,8 @@ BIAS_DRIFT = Effect(
     summary="the offset drifts, as when the sensor warms up",
     acts_on=ActsOn.SENSOR,
     bases=SENSED,
-    parameters={"c": Parameter(0.01, "m/s^3", -10.0, 10.0, False, "guess", "drift")},
+    parameters={"c": _C},
+    defaults={"oscillator": {"c": joint_sized(_C)}},
     terms=on(SENSED, Term(READING, drift, ("c",))),
     amplitudes=("c",),
     guesses=lambda scales: grid(c=(scales.reading / scales.length * 0.01,)),
@@ -102,7 +105,8 @@ SENSOR_SATURATION = Effect(
     summary="the accelerometer's range is too small",
     acts_on=ActsOn.SENSOR,
     bases=SENSED,
-    parameters={"a_max": Parameter(19.6, "m/s^2", 0.1, 2000.0, False, "a 2 g range", "range", Domain.POSITIVE)},
+    parameters={"a_max": _A_MAX},
+    defaults={"oscillator": {"a_max": joint_sized(_A_MAX)}},
     terms=on(SENSED, Term(READING, saturation, ("a_max",))),
     guesses=lambda scales: grid(a_max=(0.999 * scales.peak,)),
     barely=lambda scales: [{"a_max": 0.98 * scales.peak}],
