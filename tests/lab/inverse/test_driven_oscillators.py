@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from bench.driven_motions import Case
 from bench.driven_systems import Bar
+
 from lostmotion.lab import experiments, explain
 from lostmotion.lab.data.frequency_response import from_spectra
 from lostmotion.lab.data.noise import noise_of
