@@ -50,6 +50,8 @@ fuzz: $(READY)  ## broken bytes, lines and files at random, COUNT (100000) of ea
 
 bench-hidden: $(READY)  ## recordings with a hidden effect: what lab explain makes of them (table and figure, takes long)
 	$(BIN)/python -m bench.hidden_effects run --seed $(or $(SEED),0) --figures docs/figures
+	$(BIN)/python -m bench.driven_motions --seed $(or $(SEED),400)
+	$(BIN)/python -m bench.free_motions --seed $(or $(SEED),400)
 
 bench-real: $(READY)  ## real measurements of others: what lab explain says of each, cold, through the command line
 	$(BIN)/python -m bench.real
