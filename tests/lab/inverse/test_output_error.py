@@ -153,9 +153,7 @@ def test_units_of_inertia_change_nothing_of_a_servo(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_nothing_is_missing_from_a_servo_without_dry_friction(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_nothing_is_missing_from_a_servo_without_dry_friction(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """A model that is complete is left alone, and its motor, whose kt is free, is not told as another one."""
     model = SERVO + f"kp = {GAIN}\nU = {SUPPLY}\n"
     answer = explained(tmp_path, model, [servo(seed, coulomb=0.0) for seed in (4, 5)])
