@@ -128,6 +128,7 @@ def test_size_of_the_missing_torque() -> None:
     assert float(size) == pytest.approx(-3e-4, rel=0.05)
 
 
+@pytest.mark.slow
 def test_map_of_a_sensor_that_leaks() -> None:
     """Gravity that leaks into the sensor shows as a line over the angle, of slope c g, in the first map."""
     found = held(build_model("play", values=GEARS), measured(2, **LEAKAGE))

@@ -54,6 +54,7 @@ def found(late_s: float) -> dict[str, float]:
     return {one.name: one.value for one in estimates}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late_s", [-0.006, 0.004, 0.01])
 def test_a_delay_is_found_and_removed(late_s: float, caplog: pytest.LogCaptureFixture) -> None:
     """The delay is right within 0.5 ms and reported once, and inertia and friction are right within 2 %."""

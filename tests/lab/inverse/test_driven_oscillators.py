@@ -59,6 +59,7 @@ def test_accelerometer_leaves_a_constant_force_alone() -> None:
         assert any(one.name == "bias" for one in fit.estimates) is is_estimated
 
 
+@pytest.mark.slow
 def test_drift_of_any_size_is_found() -> None:
     """A drift of 30 m/s³ and more is found, as no bound of a parameter is that of one robot."""
     case = Case("oscillator", "bias_drift", 404)

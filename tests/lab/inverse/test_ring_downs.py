@@ -103,6 +103,7 @@ def test_a_mass_that_friction_stops_has_no_second_mode(seed: int, tmp_path: Path
     assert answer["parameters"]["coulomb_friction.tau_c"][0] == pytest.approx(0.02 * 1.97, rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("cubic", "zero"), [(2.7e10, 3e-4), (2.7e10, 0.1), (-1.2e10, 0.1)])
 def test_a_spring_is_symmetric_about_its_place_of_rest(cubic: float, zero: float, tmp_path: Path) -> None:
     """A mass on a spring that stiffens or softens, by a sensor whose zero is elsewhere, as that of a sonar."""

@@ -63,6 +63,7 @@ def quivering(amplitude: float, seed: int) -> Experiment:
     return Experiment(f"arm{seed}.csv", Sampled(time, torque), time, {"position": measured})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("amplitude", [0.0, 2e-3])
 def test_motion_that_the_torque_does_not_make_narrows_the_band(amplitude: float) -> None:
     """A quiver of 2 mrad moves the arm with 26 rad/s², its torque with 30: the band ends below it, and inertia and

@@ -40,6 +40,7 @@ class Balanced(HTMLParser):
         assert self.open.pop() == tag
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", RESULTS)
 def test_results_show_themselves(kind: str) -> None:
     """As plain words with a table, and as a figure with two plots of each column of each recording."""
