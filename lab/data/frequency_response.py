@@ -42,8 +42,8 @@ def from_spectra(model: Model, experiments: Sequence[Experiment]) -> Model:
     """
     orders = {name: order for name, order in ORDER.get(model.base, {}).items() if name in model.parameters}
     outputs = OUTPUTS.get(model.base, {})
-    column = next((name for name in outputs if all(name in e.measured for e in experiments)), "")
-    usable = [e for e in experiments if e.drive is not None and column]
+    column = next((name for name in outputs if any(name in e.measured for e in experiments)), "")
+    usable = [e for e in experiments if e.drive is not None and column in e.measured]
     wanted = [name for name in orders if not model.parameters[name].fixed]
     if not usable or not wanted:
         return model

@@ -35,6 +35,16 @@ def test_acceleration_gives_first_values() -> None:
         assert values == pytest.approx([true.mass, true.damping, true.spring], rel=0.15)
 
 
+def test_first_values_come_from_what_was_recorded() -> None:
+    """Of a displacement beside an acceleration the displacement gives the values, as it is the more direct."""
+    case = Case("oscillator", "none", 404)
+    true, model = bar_of(case), build_model("oscillator")
+    one, other, _ = case.recordings()
+    other = replace(other, columns={"force": other.columns["force"], "accel": other.columns["displacement"]})
+    rough = from_spectra(model, experiments(model, [one, other]))
+    assert rough.parameters["k"].value == pytest.approx(true.spring, rel=0.15)
+
+
 def test_motion_from_rest_is_followed_to_its_noise() -> None:
     """A force that begins at once sets the bar into motion: what the filter says of the first speed is 30 times its
     noise off.  The fit leaves the noise, and its intervals hold the truth."""
