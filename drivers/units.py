@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["COLUMN_UNITS", "STANDARD_GRAVITY", "to_si"]
+__all__ = ["COLUMN_UNITS", "MANY_TURNS", "STANDARD_GRAVITY", "to_si"]
 
 COLUMN_UNITS = {
     "time": "s",
@@ -20,6 +20,8 @@ COLUMN_UNITS = {
 }
 """The columns of a recording that have a meaning, each with its unit."""
 
+MANY_TURNS = 4 * math.pi
+"""Angles beyond are doubted where no unit is known [rad]."""
 POUND_FORCE = 4.4482216152605
 """[N], exact by definition, as is"""
 STANDARD_GRAVITY = 9.80665

@@ -18,7 +18,7 @@ from lostmotion.detector.series import score_series
 from lostmotion.detector.window import DetectorSettings, Score
 from lostmotion.drivers.errors import LostmotionError
 from lostmotion.drivers.recording import Recording, read_recording
-from lostmotion.drivers.units import COLUMN_UNITS
+from lostmotion.drivers.units import COLUMN_UNITS, MANY_TURNS
 
 __all__ = ["ScoreError", "score"]
 
@@ -30,8 +30,6 @@ MILLISECONDS = 0.5
 """No accelerometer is so slow [s]: a usual step of the times beyond this is one in milliseconds."""
 
 
-TURNS = 4 * math.pi
-"""Angles beyond are doubted where a recording states no unit [rad]."""
 log = logging.getLogger(__name__)
 
 
@@ -61,7 +59,7 @@ def _doubt_units(recording: Recording) -> None:
     for column in ("command", "position"):
         angles = recording.columns.get(column, np.zeros(1))
         largest = float(np.nanmax(np.abs(angles), initial=0.0))
-        if largest > TURNS and not {f"{column}_unit", "imported"} & set(recording.metadata):
+        if largest > MANY_TURNS and not {f"{column}_unit", "imported"} & set(recording.metadata):
             log.warning(
                 '%s: %s goes to %.4g and is taken as rad; if it is degrees, write # %s_unit = "deg" at the top',
                 recording.name, column, largest, column,

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import pi
 from pathlib import Path
 from typing import Any
 
@@ -22,14 +21,13 @@ from lostmotion.drivers.formats.parquet import as_numbers, readable
 from lostmotion.drivers.formats.source import MOST_SERIES, Choice, Samples, Series, check_count, reason, shown, too_many
 from lostmotion.drivers.formats.table import Table
 from lostmotion.drivers.textfile import TextFileError, read_text
+from lostmotion.drivers.units import MANY_TURNS
 
 __all__ = ["INFO", "Dataset", "open_lerobot"]
 
 INFO = Path("meta", "info.json")
 BOOKKEEPING = ("timestamp", "frame_index", "episode_index", "index", "task_index", "next.done")
 ANGULAR = ("observation.state", "action")
-MOST_TURNS = 4 * pi
-"""numbers beyond are no angles in rad"""
 RANGE = 100.5
 """numbers beyond are not normalised"""
 ROUNDED_S = 1e-3
@@ -175,7 +173,7 @@ def _numbers(table: Any, place: _Place) -> NDArray[Any]:
 
 
 def _unit(place: _Place, largest: float | None) -> str:
-    return "" if place.column not in ANGULAR or largest is None else "deg" if largest > MOST_TURNS else "rad"
+    return "" if place.column not in ANGULAR or largest is None else "deg" if largest > MANY_TURNS else "rad"
 
 
 def _notes(largest: Mapping[str, float]) -> list[str]:
@@ -183,7 +181,7 @@ def _notes(largest: Mapping[str, float]) -> list[str]:
     most = max(largest.values(), default=0.0)
     if most > RANGE:
         return [f"LeRobot has no unit: numbers up to {most:.4g} are taken as degrees"]
-    if most > MOST_TURNS:
+    if most > MANY_TURNS:
         assumed = (
             f"LeRobot has no unit: numbers up to {most:.4g} are taken as degrees; recorded without use_degrees they "
             "are -100 to 100 of a joint's range: then use position=SERIES*FACTOR, a hundredth of half the range [rad]"

@@ -20,7 +20,7 @@ from lostmotion.drivers.formats.runs import of_one_run
 from lostmotion.drivers.formats.source import Choice, Samples, shown
 from lostmotion.drivers.formats.table import Table
 from lostmotion.drivers.recording import Recording, merge
-from lostmotion.drivers.units import COLUMN_UNITS
+from lostmotion.drivers.units import COLUMN_UNITS, MANY_TURNS
 
 __all__ = ["Imported", "imported"]
 
@@ -31,8 +31,6 @@ COUNTS = 90
 """half the swing in whole numbers, beyond which they may be counts of an encoder"""
 SWINGS = 6
 """crossings of the middle, of what swings"""
-MANY_TURNS = 4 * pi
-"""angles beyond are doubted where no unit is known [rad]"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
