@@ -38,7 +38,8 @@ def open_zip(path: Path) -> Table:
             names = archive.namelist()
             check_size(str(path), sum(each.file_size for each in archive.infolist()))
             sheets = sorted((int(found[1]), name) for name in names if (found := SHEET.fullmatch(name)))
-            rows = [_rows(archive, name) for _, name in sheets]
+            texts, dates = _shared(archive), _date_styles(archive)
+            rows = [_rows(archive, name, texts, dates) for _, name in sheets]
     except (zipfile.BadZipFile, ElementTree.ParseError, OSError, ValueError, KeyError, IndexError) as error:
         raise RecordingError(
             f"{path}: found Excel, ZIP or NumPy archive, which cannot be read: {reason(error)}; save a sheet as CSV"
@@ -53,9 +54,8 @@ def open_zip(path: Path) -> Table:
     return open_lines(str(path), f"Excel, sheet {rows.index(lines) + 1} of {len(rows)}", lambda: iter(lines))
 
 
-def _rows(archive: zipfile.ZipFile, sheet: str) -> list[str]:
-    """The rows of a sheet, their cells separated by tabs."""
-    texts, dates = _shared(archive), _date_styles(archive)
+def _rows(archive: zipfile.ZipFile, sheet: str, texts: list[str], dates: set[int]) -> list[str]:
+    """The rows of a sheet, their cells separated by tabs; texts, dates: those of the workbook."""
     lines = []
     with archive.open(sheet) as file:
         for _, element in ElementTree.iterparse(file):

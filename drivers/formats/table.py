@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -35,7 +36,7 @@ LOOKS_LIKE = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
 Array = NDArray[Any]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Table:
     """A ``Source``.  load: reads columns by name, all of one length; numbers, or times as datetime64[ns]."""
 
@@ -95,7 +96,7 @@ class Table:
         named_times = [one for one in self.series if is_time(one.name)]
         return named_times or [one for one in self.series if one.unit == DATE]
 
-    @property
+    @cached_property
     def clock(self) -> str:
         """The series that is the time although its name does not say so; "" for none: the first one, or the only one,
         that ascends in steps of one size, of less than half a second, or as a clock counts ms or µs."""
