@@ -23,6 +23,7 @@ DISTRIBUTIONS = {
     "rosbags": "mcap rosbags",
     "rerun": "rerun-sdk",
     "distributed": "distributed",
+    "python_calamine": "python-calamine",
     "matplotlib": "matplotlib",
     "plotext": "plotext",
     "rich": "rich",

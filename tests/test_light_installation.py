@@ -20,7 +20,8 @@ from lostmotion.drivers.emulator import CsvStream, Emulator, Motion, ServoLine
 from tests.conftest import ROOT
 from tests.daemon.test_service import hardware
 
-LEFT_OUT = ("numba", "llvmlite", "scipy", "matplotlib", "mpl_toolkits", "PIL", "fontTools", "kiwisolver", "contourpy")
+LEFT_OUT = ("numba", "llvmlite", "scipy", "matplotlib", "mpl_toolkits", "PIL", "fontTools", "kiwisolver", "contourpy",
+            "python_calamine")  # fmt: skip
 MOST_RESIDENT = 70e6
 """of the service alone [byte]: 50 MB at its first scores, 60 after 4 s, 66 after half a minute, when it has learnt; a
 busy machine is asked later than an idle one"""
@@ -54,12 +55,17 @@ def command(*arguments: str | Path) -> list[str]:
 
 
 def test_the_list_is_part_of_the_dependencies() -> None:
-    """Same packages, same versions as in pyproject.toml; what is left out is the model's, the lab's or pictures'."""
+    """Same packages, same versions as in pyproject.toml; the rest is the model's, lab's, pictures', workbooks'."""
     declared = {
         line.strip() for line in tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
     }
     assert listed() <= declared
-    assert {re.split("[>=]", line)[0] for line in declared - listed()} == {"numba", "scipy", "matplotlib"}
+    assert {re.split("[>=]", line)[0] for line in declared - listed()} == {
+        "numba",
+        "scipy",
+        "matplotlib",
+        "python-calamine",
+    }
 
 
 @pytest.mark.slow
@@ -85,17 +91,20 @@ def test_the_list_needs_nothing_that_is_left_out() -> None:
         (["lab", "compare", "play", "x.csv"], "this command needs the package "),
         (["simulate", "play", "-o", "x.csv"], "this command needs the package "),
         (["effects"], "this command needs the package "),
+        (["import", "x.xls"], "x.xls: reading it needs the package python_calamine, which is not installed here: "),
     ],
 )
 def test_what_is_missing_is_told_with_the_line_that_installs_it(
     light: dict[str, str], tmp_path: Path, arguments: list[str], expected: str
 ) -> None:
     """One line, status 2; the pip is that of this Python."""
+    (tmp_path / "x.xls").write_bytes(b"\xd0\xcf\x11\xe0")
     done = subprocess.run(command(*arguments), cwd=tmp_path, env=light, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2, done.stderr
     assert done.stderr.count("\n") == 1
     assert expected in done.stderr
-    assert done.stderr.endswith(f"{sys.executable} -m pip install numba scipy\n")
+    packages = "python-calamine" if "import" in arguments else "numba scipy"
+    assert done.stderr.endswith(f"{sys.executable} -m pip install {packages}\n")
 
 
 def test_a_sink_without_its_package_is_refused(light: dict[str, str], tmp_path: Path) -> None:

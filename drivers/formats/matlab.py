@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,15 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.formats.child import output_of
 from lostmotion.drivers.formats.needed import needed
-from lostmotion.drivers.formats.source import shown
 from lostmotion.drivers.formats.table import Table
 from lostmotion.drivers.formats.vectors import check_size, table_of
 
 __all__ = ["open_matlab"]
-
-LONGEST_S = 120.0
-"""for a file of 400 MB, compressed, some 10"""
 
 
 def open_matlab(path: Path) -> Table:
@@ -42,16 +36,6 @@ def _vectors(path: Path) -> dict[str, NDArray[Any]]:
         raise RecordingError(
             f"{path}: found a MAT file of version 7.3 (HDF5), expected 7 or older; in MATLAB: save('x.mat', '-v7')"
         )
-    command = [sys.executable, "-P", str(Path(__file__).with_name("matlab_child.py")), str(path)]
-    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
-    try:
-        done = subprocess.run(command, capture_output=True, env=environment, timeout=LONGEST_S, check=False)
-    except subprocess.TimeoutExpired as error:
-        raise RecordingError(f"{path}: SciPy was not done with it after {LONGEST_S:g} s; is it damaged?") from error
-    if done.returncode != 0:
-        message = done.stderr.decode(errors="replace").strip() or "SciPy crashed"
-        raise RecordingError(
-            f"{path}: cannot be read as a MAT file: {shown(' '.join(message.split()))}; is it damaged?"
-        )
-    with np.load(io.BytesIO(done.stdout), allow_pickle=False) as archive:
+    output = output_of("matlab_child.py", path, "a MAT file")
+    with np.load(io.BytesIO(output), allow_pickle=False) as archive:
         return {str(name): archive[f"arr_{index}"] for index, name in enumerate(archive["names"])}

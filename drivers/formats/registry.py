@@ -16,7 +16,8 @@ from lostmotion.drivers.units import COLUMN_UNITS
 __all__ = ["FORMATS", "Format", "is_foreign", "open_source"]
 
 EXPECTED = (
-    "lostmotion's CSV, PlotJuggler's or other text, xlsx, MAT, NumPy, JSON, Parquet, MCAP, rosbag2 or a LeRobot dataset"
+    "lostmotion's CSV, PlotJuggler's or other text, a workbook, MAT, NumPy, JSON, Parquet, MCAP, rosbag2 or a "
+    "LeRobot dataset"
 )
 BOM = b"\xef\xbb\xbf"
 """with which some programs begin a text in UTF-8"""
@@ -41,7 +42,8 @@ FORMATS = (
     Format("MCAP", b"\x89MCAP0\r\n", "bag:open_mcap"),
     Format("rosbag2", b"SQLite format 3\x00", "bag:open_rosbag"),
     Format("ROS 1 bag", b"#ROSBAG", advice="convert it: pip install rosbags; rosbags-convert --src x.bag --dst x"),
-    Format("Excel, ZIP or NumPy archive", b"PK\x03\x04", "excel:open_zip"),
+    Format("workbook, ZIP or NumPy archive", b"PK\x03\x04", "workbook:open_zip"),
+    Format("workbook of Excel 97", b"\xd0\xcf\x11\xe0", "workbook:open_workbook"),
     Format("NumPy array", b"\x93NUMPY", "arrays:open_numpy"),
     Format("JSON", b"{", "arrays:open_json"),
     Format("JSON", b"[", "arrays:open_json"),
@@ -52,7 +54,6 @@ FORMATS = (
     ),
     Format("gzip", b"\x1f\x8b", advice="unpack it: gunzip"),
     Format("zstd", b"\x28\xb5\x2f\xfd", advice="unpack it: unzstd"),
-    Format("Excel 97", b"\xd0\xcf\x11\xe0", advice="save it as xlsx or CSV"),
     Format("Rerun", b"RRF", advice="it is for looking; export it from the recording it was made of"),
 )
 

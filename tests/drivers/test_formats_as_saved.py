@@ -8,8 +8,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
+import openpyxl
 import pytest
+import xlwt
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
+from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.cells import date, number
 from lostmotion.drivers.formats.words import column_of, is_time
 from tests.drivers.test_formats import read, refused
@@ -194,27 +199,17 @@ def test_arrays_and_json(tmp_path: Path) -> None:
     assert "cannot be read as NumPy arrays" in refused(tmp_path / "a.npz")
 
 
-RICH = "<r><t>Win</t></r><r><t>kel</t></r>"
-"""a text in two fonts"""
-STYLES = (
-    '<numFmts><numFmt numFmtId="170" formatCode="hh:mm:ss.000"/></numFmts>'
-    '<cellXfs><xf numFmtId="0"/><xf numFmtId="170"/></cellXfs>'
-)
-
-
 def workbook(path: Path, days: float) -> None:
-    """A workbook of two sheets: the second one is the longer, and its times are dates, or times of day for day 0."""
-    cells = [f'<c r="A{i}" s="1"><v>{days + t / 86400!r}</v></c><c r="C{i}"><v>{y!r}</v></c>' for i, t, y in
-             zip(range(3, 400), T.tolist(), SWING.tolist(), strict=False)]  # fmt: skip
-    names = '<row r="1"><c r="A1" t="inlineStr"><is><t>a pendulum</t></is></c></row><row r="2">' + "".join(
-        f'<c r="{letter}2" t="s"><v>{index}</v></c>' for index, letter in enumerate("AC")
-    )
-    sheet = names + "</row>" + "".join(f"<row>{cell}</row>" for cell in cells)
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("xl/worksheets/sheet1.xml", "<worksheet><sheetData><row/></sheetData></worksheet>")
-        archive.writestr("xl/worksheets/sheet2.xml", f'<x:worksheet xmlns:x="y"><x:d>{sheet}</x:d></x:worksheet>')
-        archive.writestr("xl/sharedStrings.xml", f"<sst><si><t>Uhr</t></si><si>{RICH}</si></sst>")
-        archive.writestr("xl/styles.xml", f"<styleSheet>{STYLES}</styleSheet>")
+    """A workbook of two sheets: the second one is the longer, and its times are dates, or times of day for day 0; a
+    note stands beside it, and its last angle is missing."""
+    book = openpyxl.Workbook()
+    sheet = book.create_sheet("second")
+    sheet["A1"], sheet["A2"], sheet["C2"], sheet["H2"] = "a pendulum", "Uhr", "Winkel", "a note"
+    for row, (t, y) in enumerate(zip(T.tolist(), SWING.tolist(), strict=False), start=3):
+        sheet.cell(row, 1, days + t / 86400).number_format = "hh:mm:ss.000"
+        if row < T.size + 2:
+            sheet.cell(row, 3, y)
+    book.save(path)
 
 
 def test_a_workbook(tmp_path: Path) -> None:
@@ -222,11 +217,84 @@ def test_a_workbook(tmp_path: Path) -> None:
     path = tmp_path / "pendel.xlsx"
     workbook(path, 46053.5)
     found = read(path)
-    assert (found.kind, found.recording.start) == ("Excel, sheet 2 of 2", datetime(2026, 1, 31, 12, tzinfo=UTC))
-    np.testing.assert_allclose(found.recording.columns["position"], SWING, atol=1e-12)
-    np.testing.assert_allclose(found.recording.time, T, atol=1e-5)
+    assert (found.kind, found.recording.start) == ("workbook, sheet 2 of 2", datetime(2026, 1, 31, 12, tzinfo=UTC))
+    np.testing.assert_allclose(found.recording.columns["position"], SWING[:-1], atol=1e-12)
+    np.testing.assert_allclose(found.recording.time, T[:-1], atol=6e-4)
+    assert not any("left out" in note for note in found.notes)
     workbook(path, 0.5)
     assert read(path).recording.start is None
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("run.csv", "t,q\n0,1\n")
-    assert "found a ZIP archive without a sheet of Excel" in refused(path)
+    assert "found a ZIP archive without a sheet" in refused(path)
+
+
+def test_workbooks_of_other_programs(tmp_path: Path) -> None:
+    """Excel before 2007, and LibreOffice, which says how often a row is repeated."""
+    book = xlwt.Workbook()
+    sheet = book.add_sheet("run")
+    for row, cells in enumerate([("t [s]", "angle [deg]"), *zip(T.tolist(), SWING.tolist(), strict=True)]):
+        for column, cell in enumerate(cells):
+            sheet.write(row, column, cell)
+    book.save(tmp_path / "a.xls")
+    _ods(tmp_path / "a.ods", "".join(_ods_row(t, y) for t, y in zip(T.tolist(), SWING.tolist(), strict=True)))
+    for name in ("a.xls", "a.ods"):
+        found = read(tmp_path / name).recording
+        np.testing.assert_allclose(found.time, T)
+        np.testing.assert_allclose(found.columns["position"], np.radians(SWING))
+
+
+def _ods_row(*cells: float) -> str:
+    each = (f'<table:table-cell office:value-type="float" office:value="{cell!r}"/>' for cell in cells)
+    return f"<table:table-row>{''.join(each)}</table:table-row>"
+
+
+def _ods(path: Path, rows: str) -> None:
+    names = "".join(
+        f'<table:table-cell office:value-type="string"><text:p>{name}</text:p></table:table-cell>'
+        for name in ("t [s]", "angle [deg]")
+    )
+    below = '<table:table-row table:number-rows-repeated="1000000"><table:table-cell/></table:table-row>'
+    space = " ".join(
+        f'xmlns:{one}="urn:oasis:names:tc:opendocument:xmlns:{one}:1.0"' for one in ("table", "text", "office")
+    )
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("mimetype", "application/vnd.oasis.opendocument.spreadsheet")
+        archive.writestr("META-INF/manifest.xml", "<manifest/>")
+        archive.writestr(
+            "content.xml",
+            f"<office:document-content {space}><office:body><office:spreadsheet><table:table table:name='run'>"
+            f"<table:table-row>{names}</table:table-row>{rows}{below}"
+            "</table:table></office:spreadsheet></office:body></office:document-content>",
+        )
+
+
+def test_workbooks_that_ask_for_all_memory_are_refused(tmp_path: Path) -> None:
+    """Cells that are far apart, and a file of gigabytes behind a small archive: one line each."""
+    path = tmp_path / "far.xlsx"
+    book = openpyxl.Workbook()
+    sheet = book.worksheets[0]
+    sheet["A1"], sheet["XFD1048576"] = 1, 2
+    book.save(path)
+    assert "cannot be read as a workbook: memory allocation of 549755813888 bytes failed" in refused(path)
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("xl/workbook.xml", "w") as file:
+        for _ in range(41):
+            file.write(bytes(10_000_000))
+    assert "found 410 MB, expected at most 400" in refused(path)
+
+
+@settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_any_bytes_in_a_workbook_are_answered(data: st.DataObject, tmp_path: Path) -> None:
+    """Bytes in place of others in a sheet: a recording, or RecordingError in one line."""
+    row = _ods_row(0.0, 0.1)
+    begin, end = sorted(data.draw(st.tuples(*[st.integers(0, len(row))] * 2)))
+    _ods(tmp_path / "a.ods", _ods_row(0.5, 0.2) + row[:begin] + data.draw(st.text(max_size=20)) + row[end:])
+    content = (tmp_path / "a.ods").read_bytes()
+    (tmp_path / "b.ods").write_bytes(content[: data.draw(st.integers(4, len(content)))])
+    for name in ("a.ods", "b.ods"):
+        told = ""
+        try:
+            assert read(tmp_path / name).recording.time.size > 0
+        except RecordingError as error:
+            told = str(error)
+        assert "\n" not in told
