@@ -24,7 +24,7 @@ EPOCH_S = (1e9, 4e9)
 """2001 to 2096: times in this range count from 1970"""
 LEAST_ROWS, LONGEST_STEP_S = 20, 0.5
 """of a time axis without a name; and the rows of the recordings that stand one after another in a file"""
-COUNTED = 5.0
+COUNTED = 2.0
 """whole numbers in such steps and larger are no seconds, but what a clock counts"""
 MOST_LOOKED_AT = 50
 """series among which a time without a name is looked for"""

@@ -18,6 +18,7 @@ from lostmotion.drivers.codec.recording_csv import ROWS_AT_ONCE
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.cell_lists import unpacked
 from lostmotion.drivers.formats.cells import date, number
+from lostmotion.drivers.formats.labels import unlabelled
 from lostmotion.drivers.formats.source import DATE, Series, check_count, shown
 from lostmotion.drivers.formats.table import Table
 from lostmotion.drivers.formats.text_layout import (
@@ -46,7 +47,7 @@ def open_text(path: Path) -> Table:
 
 def open_lines(name: str, kind: str, lines: Lines) -> Table:
     """A table of lines of text, whatever file they come from.  Raises RecordingError."""
-    lines = unpacked(lines)
+    lines = unpacked(unlabelled(lines))
     layout, rows = layout_of(name, lines)
     text = "PlotJuggler CSV" if "__time" in layout.header else f"text separated by {called(layout.separator)}"
     units = [

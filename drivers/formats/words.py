@@ -14,7 +14,7 @@ __all__ = [
 
 COMMAND = {
     "goal", "goals", "target", "targets", "desired", "reference", "references", "ref", "command", "commands",
-    "commanded", "cmd", "setpoint", "action",
+    "commanded", "cmd", "setpoint", "action", "des",
 }  # fmt: skip
 MEASURED = {"actual", "measured", "feedback", "present"}
 """of a position where no other quantity is named, as a command is one: ``FL_1_target`` and ``FL_1_actual``"""
@@ -30,7 +30,7 @@ QUANTITIES = {
     "force": {"force"},
     "displacement": {"displacement"},
     "accel": {"accel", "acceleration", "acc", "accelerometer"},
-    "current": {"current", "amps", "iq"},
+    "current": {"current", "cur", "amps", "iq"},
 }
 COMMANDED = QUANTITIES["torque"] | QUANTITIES["force"]
 """of a controlled drive the command is as good as what was measured: ``target_torque``"""
@@ -47,7 +47,7 @@ OUTPUT = re.compile(r"(^|[/.])output[/.\[]")
 GENERAL = {
     "joint", "joints", "state", "states", "observation", "controller", "trajectory", "robot", "data", "feedback",
     "actual", "present", "measured", "linear", "interface", "values", "value", "motor", "motors", "servo", "sensor",
-    "imu", "msg", "x", "y", "z", "output", "input", "shaft",
+    "imu", "msg", "x", "y", "z", "output", "input", "shaft", "est", "estimate", "estimated",
 }  # fmt: skip
 TIMES = ("__time", "time", "timestamp", "timestamps", "t", "times", "tout", "elapsed", "datetime", "stamp")
 """words of the time axis, those first that others come after"""
@@ -95,6 +95,10 @@ SIGNS = {
     "時間": " time ", "время": " time ", "угол": " angle ",
 }  # fmt: skip
 """the longer ones first"""
+PARTS = {"joint", "motor", "servo"}
+"""in the name of a joint, but none alone where there is more"""
+WORD = r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+"
+"""one of a name, which signs, digits and capitals separate"""
 VOCABULARY = COMMAND | POSITION | set().union(*QUANTITIES.values()) | OTHER | GENERAL | UNITS
 
 
@@ -210,7 +214,7 @@ def _spelt(unit: str) -> str:
 
 def _words(name: str) -> list[str]:
     """Words in lower case, in English, split at signs, digits and capitals; Greek letters are words."""
-    return [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", _english(name))]
+    return [word.lower() for word in re.findall(WORD, _english(name))]
 
 
 def _english(name: str) -> str:
@@ -224,11 +228,14 @@ def _english(name: str) -> str:
 
 
 def _proper(text: str) -> str:
-    """The first words of a text that are not usual ones: of ``q3_tau_J_compensate`` the 3."""
-    found: list[re.Match[str]] = []
-    for word in re.finditer(r"[A-Za-z]+|\d+", text):
-        if word[0].lower() not in VOCABULARY - {"joint", "motor", "servo"}:
-            found.append(word)
-        elif found:
-            break
-    return text[found[0].start() : found[-1].end()] if found else ""
+    """The first words of a text that are not usual ones, and more than a kind of part: of ``q3_tau_J_compensate`` the
+    3, of ``motorStatePos_0`` the 0."""
+    groups: list[list[re.Match[str]]] = [[]]
+    for word in re.finditer(WORD, text):
+        if word[0].lower() not in VOCABULARY - PARTS:
+            groups[-1].append(word)
+        elif groups[-1]:
+            groups.append([])
+    found = [group for group in groups if group]
+    best = next((group for group in found if {word[0].lower() for word in group} - PARTS), [*found, []][0])
+    return text[best[0].start() : best[-1].end()] if best else ""

@@ -72,6 +72,12 @@ def refused(path: Path, *terms: str, **choice: Any) -> str:
         ("FL_1_actual", "position", "FL_1"),
         ("M1 [N]", "force", "1"),
         ("phase_a", None, "phase_a"),
+        ("motorStatePos_0", "position", "0"),
+        ("motorAction_0", "command", "0"),
+        ("motorStateCur_0", "current", "0"),
+        ("joint_pos_FL_HAA", "position", "FL_HAA"),
+        ("leftHipYawPos", "position", "leftHipYaw"),
+        ("q_des_3", "command", "3"),
     ],
 )
 def test_names_say_column_and_joint(name: str, column: str | None, joint: str) -> None:
@@ -163,6 +169,22 @@ def test_other_layouts_of_text(tmp_path: Path) -> None:
     assert read(path, "position=column2", rate_hz=50).recording.time[-1] == pytest.approx(199 / 50)
     path.write_text("pos,load\n1,2\n3,4\n")
     assert "and no times; choose their series" in refused(path)
+
+
+def test_lines_that_name_their_numbers(tmp_path: Path) -> None:
+    """As programs print them to a serial port, with titles and what they say in between; ms where steps are of 2."""
+    path = tmp_path / "x.txt"
+    rows = [f"Time: {5000 + 2 * k + k % 2} Position: {k} Current: {500 - k}\n" for k in range(60)]
+    path.write_text("".join(["Begin\n", *rows[:30], "DONE POSITIONING\n", *rows[30:]]))
+    found = read(path).recording
+    assert list(found.columns) == ["position", "current"]
+    np.testing.assert_array_equal(found.columns["position"], np.arange(60))
+    assert found.time[-1] - found.time[0] == pytest.approx(0.119)
+    path.write_text("".join(f"t={k / 100} s, angle = {k}.5 deg; setpoint (deg): -1e1\n" for k in range(30)))
+    found = read(path).recording
+    assert found.time[-1] == pytest.approx(0.29)
+    np.testing.assert_allclose(found.columns["position"], np.radians(np.arange(30) + 0.5))
+    np.testing.assert_allclose(found.columns["command"], np.radians(-10.0))
 
 
 def test_names_and_units_that_stand_behind_comment_signs(tmp_path: Path) -> None:

@@ -1,0 +1,52 @@
+"""Lines that name each of their numbers, as programs print them to a serial port: ``Time: 5001 Position: 596``."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator
+from functools import partial
+from itertools import islice
+
+from lostmotion.drivers.formats.text_layout import LOOKED_AT, Lines
+
+__all__ = ["unlabelled"]
+
+NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+LABELLED = re.compile(
+    rf"[,;|\s]*(?P<name>[^\W\d][\w .\[\]/-]*?(?:\([^)]*\))?)\s*[:=]\s*(?P<value>{NUMBER})"
+    r"(?P<unit>\s*[A-Za-zµ°%]+[\w/^²]*(?![\w ]*[:=]))?"
+)
+"""a name, a number, and perhaps its unit"""
+MOST = 0.5
+"""Share of the lines that have the usual names; others are titles, or what a program says in between."""
+
+
+def unlabelled(lines: Lines) -> Lines:
+    """The same lines; where most of them name all of their numbers, a table with these names above it."""
+    first = [line for line in islice(lines(), LOOKED_AT) if line.strip()]
+    counted = Counter(names for line in first if (names := _names(line)))
+    if not counted:
+        return lines
+    names, count = counted.most_common(1)[0]
+    return partial(_each, lines, names) if len(names) > 1 and count > MOST * len(first) else lines
+
+
+def _each(whole: Lines, names: tuple[str, ...]) -> Iterator[str]:
+    yield ";".join(names) + "\n"
+    for line in whole():
+        if _names(line) == names:
+            cells = [found["value"] for found in LABELLED.finditer(line)]
+            yield ";".join(cells) + ("\n" if line.endswith("\n") else "")
+
+
+def _names(line: str) -> tuple[str, ...]:
+    """The names of the numbers in a line, with their units in brackets; none where there is anything else."""
+    found = list(LABELLED.finditer(line))
+    ends = [0, *(one.end() for one in found)]
+    is_whole = all(one.start() == end for one, end in zip(found, ends, strict=False)) and not line[ends[-1] :].strip(
+        " ,;|\r\n\t"
+    )
+    if not found or not is_whole:
+        return ()
+    return tuple(one["name"].strip() + (f" [{one['unit'].strip()}]" if one["unit"] else "") for one in found)
