@@ -11,7 +11,7 @@ import io
 import logging
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
@@ -24,13 +24,22 @@ from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.codec import recording_csv
 from lostmotion.drivers.codec.recording_csv import toml_value
 from lostmotion.drivers.errors import RecordingError
-from lostmotion.drivers.formats.choice import parse_map, split_address
+from lostmotion.drivers.formats.choice import PLUS, parse_map, split_address
 from lostmotion.drivers.formats.registry import is_foreign
 from lostmotion.drivers.pacing import as_utc
 from lostmotion.drivers.ticks import evened
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
-__all__ = ["Recording", "merge", "read_recording", "replaced", "replacing", "toml_value", "write_recording"]
+__all__ = [
+    "Recording",
+    "merge",
+    "read_recording",
+    "read_recordings",
+    "replaced",
+    "replacing",
+    "toml_value",
+    "write_recording",
+]
 
 log = logging.getLogger(__name__)
 
@@ -145,6 +154,27 @@ def read_recording(
         recording = found.recording
     _check_scale(recording)
     return recording
+
+
+def read_recordings(paths: Sequence[str | Path], joint: str = "", terms: Sequence[str] = ()) -> list[Recording]:
+    """Reads several; what is the same of them is said once.  Files that have nothing in common but their number of
+    rows, as angles in one and torques in another, are one recording.  Raises RecordingError."""
+    told: set[str] = set()
+    whole = PLUS.join(map(str, paths))
+    try:
+        read = [read_recording(path, joint, terms, told) for path in paths]
+    except RecordingError:
+        with suppress(RecordingError):
+            if len(paths) > 1:
+                return [read_recording(whole, joint, terms)]
+        raise
+    return [read_recording(whole, joint, terms)] if _are_parts(read) else read
+
+
+def _are_parts(recordings: Sequence[Recording]) -> bool:
+    """Whether no column is in two of these recordings, and all have as many rows."""
+    columns = [name for one in recordings for name in one.columns]
+    return len(recordings) > 1 and len(columns) == len({*columns}) and len({one.time.size for one in recordings}) == 1
 
 
 def _read_own(path: Path) -> Recording:

@@ -20,8 +20,10 @@ from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.source import Choice, Term
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
-__all__ = ["parse_map", "parse_term", "split_address"]
+__all__ = ["PLUS", "parse_map", "parse_term", "parts_of", "split_address"]
 
+PLUS = "+"
+"""between the files of one recording"""
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 SCALED = re.compile(rf"(?P<name>.+?)\s*\*\s*(?P<factor>{NUMBER})\s*(?P<offset>[+-]\s*{NUMBER})?")
 KEYS = ("joint", "topic", "episode", "rate_hz")
@@ -68,11 +70,23 @@ def _scaled(text: str) -> Term:
     return Term(found["name"], factor=factor, offset=offset)
 
 
+def parts_of(path: Path) -> list[Path]:
+    """The files of a recording: of ``q.csv+tau.csv`` two; [] for a path that does not name several files."""
+    if PLUS not in str(path) or path.exists():
+        return []
+    parts = [Path(each) for each in str(path).split(PLUS)]
+    return parts if all(part.is_file() for part in parts) else []
+
+
+def _is_there(path: Path) -> bool:
+    return path.exists() or bool(parts_of(path))
+
+
 def split_address(path: Path) -> tuple[Path, Choice]:
     """``FILE#joint=elbow,episode=3,position=/x.y:deg`` → the file, and the options for it.  Raises RecordingError."""
     text = str(path)
-    marks = [at for at, letter in enumerate(text) if letter == "#" and Path(text[:at]).exists()]
-    if not marks or path.exists():
+    marks = [at for at, letter in enumerate(text) if letter == "#" and _is_there(Path(text[:at]))]
+    if not marks or _is_there(path):
         return path, Choice()
     name, fragment = text[: marks[0]], text[marks[0] + 1 :]
     pairs = re.split(rf",(?=(?:{'|'.join((*KEYS, *SPELT, *COLUMN_UNITS))})=)", fragment)

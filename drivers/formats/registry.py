@@ -9,6 +9,7 @@ from importlib import import_module
 from pathlib import Path
 
 from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.formats.choice import parts_of
 from lostmotion.drivers.formats.source import Source
 from lostmotion.drivers.formats.words import column_of
 from lostmotion.drivers.units import COLUMN_UNITS
@@ -60,7 +61,7 @@ FORMATS = (
 
 def is_foreign(path: Path) -> bool:
     """Whether a file is another program's, and not lostmotion's CSV (or a pipe, or not there)."""
-    if path.is_dir():
+    if path.is_dir() or parts_of(path):
         return True
     try:
         if not path.is_file():
@@ -77,6 +78,10 @@ def open_source(path: Path) -> Source:
     try:
         if path.is_dir():
             return _open_folder(path)
+        if parts := parts_of(path):
+            from lostmotion.drivers.formats.parts import joined
+
+            return joined(str(path), parts, open_source)
         if path.exists() and not path.is_file():
             raise RecordingError(f"{path}: found a pipe or device, expected a file, which is read more than once")
         with path.open("rb") as file:

@@ -28,11 +28,10 @@ class Files:
     terms: tuple[str, ...] = ()
 
     def read(self) -> list[Recording]:
-        """Reads all of them; what is the same of several files is said once.  Raises RecordingError."""
-        from lostmotion.drivers.recording import read_recording
+        """Raises RecordingError."""
+        from lostmotion.drivers.recording import read_recordings
 
-        told: set[str] = set()
-        return [read_recording(path, self.joint, self.terms, told) for path in self.paths]
+        return read_recordings(self.paths, self.joint, self.terms)
 
 
 def recordings_argument(command: Callable[..., None]) -> Callable[..., None]:

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.choice import parse_map, parse_term, split_address
 from lostmotion.drivers.formats.read import Imported, imported
+from lostmotion.drivers.formats.registry import open_source
 from lostmotion.drivers.formats.source import Choice, Term
 from lostmotion.drivers.formats.words import column_of, joint_of, unit_of
 from lostmotion.drivers.recording import read_recording
@@ -185,6 +186,25 @@ def test_lines_that_name_their_numbers(tmp_path: Path) -> None:
     assert found.time[-1] == pytest.approx(0.29)
     np.testing.assert_allclose(found.columns["position"], np.radians(np.arange(30) + 0.5))
     np.testing.assert_allclose(found.columns["command"], np.radians(-10.0))
+
+
+def test_a_recording_in_several_files(tmp_path: Path) -> None:
+    """Angles in one table and torques in another: names that say no quantity get that of their file, and the times of
+    the first file that has them count."""
+    q, tau = tmp_path / "q.csv", tmp_path / "tau.csv"
+    both = Path(f"{q}+{tau}")
+    pd.DataFrame({"t": T, "joint1": ANGLE, "joint2": T}).to_csv(q, index=False)
+    pd.DataFrame({"t": T + 1, "joint1": 2 * ANGLE, "joint2": -T}).to_csv(tau, index=False)
+    found = read(both, joint="joint2").recording
+    np.testing.assert_array_equal(found.time, T)
+    np.testing.assert_array_equal(found.columns["position"], T)
+    np.testing.assert_array_equal(found.columns["torque"], -T)
+    np.testing.assert_array_equal(read_recording(f"{both}#joint=joint1").columns["torque"], 2 * ANGLE)
+    np.savetxt(q, ANGLE)
+    np.savetxt(tau, np.column_stack([T, 2 * ANGLE]))
+    assert [one.name for one in open_source(both).series] == ["q", "tau[0]", "tau[1]"]
+    np.savetxt(tau, ANGLE[1:])
+    assert "200 of q, 199 of tau, expected as many rows" in refused(both, rate_hz=100)
 
 
 def test_names_and_units_that_stand_behind_comment_signs(tmp_path: Path) -> None:

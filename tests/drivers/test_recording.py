@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from lostmotion.drivers.codec.recording_csv import ROWS_AT_ONCE
 from lostmotion.drivers.errors import RecordingError
-from lostmotion.drivers.recording import Recording, merge, read_recording, write_recording
+from lostmotion.drivers.recording import Recording, merge, read_recording, read_recordings, write_recording
 from lostmotion.drivers.units import COLUMN_UNITS
 from tests.conftest import Measurements
 
@@ -257,3 +257,14 @@ def test_real_recordings(real_data: Measurements) -> None:
     assert servo.metadata["start"] == datetime(2025, 11, 9, 9, 27, 3, 748000, tzinfo=UTC)
     assert np.ptp(servo.columns["command"]) == pytest.approx(200 * 0.00153398)
     assert servo.columns["position"].size == 273
+
+
+def test_angles_and_torques_in_two_files_are_one_recording(tmp_path: Path) -> None:
+    """Three hundred samples in two tables without a column in common, read as one recording."""
+    time = np.arange(300) / 100
+    for name, values in (("position", np.sin(time)), ("torque", np.cos(time))):
+        write_recording(Recording(time, {name: values}), tmp_path / f"{name}.csv")
+    paths = [tmp_path / f"{name}.csv" for name in ("position", "torque")]
+    (found,) = read_recordings(paths)
+    assert list(found.columns) == ["position", "torque"]
+    assert len(read_recordings(paths[:1] * 2)) == 2
