@@ -11,7 +11,8 @@ from lostmotion.drivers.formats.text_layout import SEPARATORS, Lines, cells_of
 
 __all__ = ["unpacked"]
 
-LIST = re.compile(r"\s*\[([^\[\]]*)\]\s*")
+LIST = re.compile(r"\s*\[(\s*(?:[-+.\d]|nan)[^\[\]]*|\s*)\]\s*")
+"""of numbers: ``[m/s]`` is a unit"""
 LOOKED_AT = 2
 """lines: the titles and the first row"""
 

@@ -19,6 +19,7 @@ OF_JOINTS = ("command", "position", "torque", "current", "voltage", "temperature
 LINEAR = ("displacement", "force")
 MOTIONS = {"position", "displacement"}
 SHOWN = 12
+MOVES_MOST = "it moves most"
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,16 +62,14 @@ def guessed(
     for column in COLUMN_UNITS:
         found = _of_joint(candidates.get(column, []), column, joint)
         if moving and column in moving and (column == "accel" or not MOTIONS & {*chosen}):
-            chosen[column] = _chosen(
-                column, *named(Term(moving[column]), series, joint, name), "it moves most of the axes"
-            )
+            chosen[column] = _chosen(column, *named(Term(moving[column]), series, joint, name), MOVES_MOST)
         elif len(found) > 1 and column == "accel":
             notes.append(f"accel: not taken, found {listed(found)}; choose the axis with --map accel=SERIES")
         elif found:
             chosen[column] = _chosen(column, found[0], Term(found[0].name), "by its name")
             notes += [f"{column}: also found {listed(found[1:])}"] if found[1:] else []
     if not MOTIONS & {*chosen, *choice.terms}:
-        speed, note = _speed(series, joint)
+        speed, note = _speed([one for one in series if one.name in (moving or {}).get("speed", one.name)], joint)
         chosen |= speed
         notes += note
     if not chosen and len(rest := _unnamed(series, clock)) == 1:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -14,36 +13,59 @@ from numpy.typing import NDArray
 from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.formats.source import Choice, Series
 from lostmotion.drivers.formats.table import Table
-from lostmotion.drivers.formats.words import axis_of, column_of
+from lostmotion.drivers.formats.words import UNNAMED, axis_of, column_of, speed_of
 
-__all__ = ["angle_about_pivot", "liveliest", "with_angle"]
+__all__ = ["SWINGS", "angle_about_pivot", "liveliest", "power", "with_angle"]
 
-UNNAMED = re.compile(r"column\d+")
 FILMED = "angle(x, y)"
 """the series of the angle of a point that was filmed"""
 MOST = 0.75
 """share of the variance of all axes, by which one is that of the motion: the oscillating mass of a telephone has 0.86,
 a walking person 0.4 to 0.6"""
+SWINGS = 6
+"""crossings of the middle, of what swings"""
+SMOOTH = 0.5
+"""of what swings: how much of the variance the steps have; white noise has 2, a sine of eight samples a period 0.6"""
 OFF_CIRCLE = 0.15
 """of the height of the arc: how far points of a pendulum may be from their circle (0.04 and 0.11 of two films)"""
 
 
 def liveliest(table: Table, choice: Choice) -> dict[str, str]:
-    """Of the axes of an accelerometer the one that moves most by far, by its column; of x and y of a film the
-    displacement."""
+    """Of the axes of an accelerometer, or of a gyroscope (``speed``), the one that moves most by far, by its column; of
+    x and y of a film the displacement, and of columns that no name tells the position, if only one swings."""
     found: dict[str, str] = {}
-    clock = table.clock
-    for column, axes in (("accel", _axes(table.series, "accel")), ("displacement", _axes(table.series, None))):
-        axes = [name for name in axes if name != clock]
-        if len(axes) > 1 and column not in choice.terms:
-            loaded = table.load(axes)
-            powers = [_power(np.asarray(loaded[name], dtype=float)) for name in axes]
-            if max(powers) > (MOST if column == "accel" else 0.0) * sum(powers):
-                found[column] = axes[int(np.argmax(powers))]
+    speeds = [one.name for one in table.series if speed_of(one.name) and axis_of(one.name)]
+    unnamed = [one.name for one in table.series if UNNAMED.fullmatch(one.name)]
+    axes = {
+        "accel": _axes(table.series, "accel"), "displacement": _axes(table.series, None),
+        "speed": speeds if len({axis_of(name) for name in speeds}) == len(speeds) else [],
+        "position": unnamed if table.clock and len(unnamed) == len(table.series) > 3 else [],
+    }  # fmt: skip
+    for column, several in axes.items():
+        names = [name for name in several if name != table.clock]
+        if len(names) > 1 and column not in choice.terms:
+            loaded = {name: np.asarray(values, dtype=float) for name, values in table.load(names).items()}
+            if column == "position":
+                loaded = {name: values for name, values in loaded.items() if _swings(values)}
+            powers = {name: power(values) for name, values in loaded.items()}
+            best = max(powers, key=lambda name: powers[name], default="")
+            if best and (column == "displacement" or powers[best] > MOST * sum(powers.values())):
+                found[column] = best
     return found
 
 
-def _power(values: FloatArray) -> float:
+def _swings(values: FloatArray) -> bool:
+    """Whether numbers go to and fro about their middle, smoothly: from one to the next by far less than in all, and by
+    no jump, as where an angle begins anew."""
+    known = values[np.isfinite(values)]
+    if known.size < 2:
+        return False
+    steps, crossed = np.diff(known), np.count_nonzero(np.diff(np.sign(known - np.median(known))))
+    is_smooth = power(steps) < SMOOTH * power(known) and float(np.max(np.abs(steps))) < np.ptp(known) / 2
+    return bool(crossed >= SWINGS and is_smooth)
+
+
+def power(values: FloatArray) -> float:
     """The variance of those that are numbers."""
     known = values[np.isfinite(values)]
     return float(np.var(known)) if known.size else 0.0

@@ -14,7 +14,7 @@ from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.codec.recording_csv import LARGEST
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.guess import Chosen, guessed
-from lostmotion.drivers.formats.motion import liveliest, with_angle
+from lostmotion.drivers.formats.motion import SWINGS, liveliest, with_angle
 from lostmotion.drivers.formats.registry import open_source
 from lostmotion.drivers.formats.runs import of_one_run
 from lostmotion.drivers.formats.source import Choice, Samples, shown
@@ -29,8 +29,6 @@ INTEGRAL = {"rad/s": "rad", "m/s": "m"}
 """of a speed that is mapped to a position: encoders of motors often report nothing else"""
 COUNTS = 90
 """half the swing in whole numbers, beyond which they may be counts of an encoder"""
-SWINGS = 6
-"""crossings of the middle, of what swings"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

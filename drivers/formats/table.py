@@ -15,7 +15,7 @@ from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.guess import listed, mapped, named
 from lostmotion.drivers.formats.source import DATE, Choice, Samples, Series, Term
-from lostmotion.drivers.formats.words import is_run, is_time, time_rank, unit_of
+from lostmotion.drivers.formats.words import UNNAMED, is_run, is_time, time_rank, unit_of
 from lostmotion.drivers.units import to_si
 
 __all__ = ["Table", "seconds"]
@@ -99,7 +99,8 @@ class Table:
     @cached_property
     def clock(self) -> str:
         """The series that is the time although its name does not say so; "" for none: the first one, or the only one,
-        that ascends in steps of one size, of less than half a second, or as a clock counts ms or µs."""
+        that ascends in steps of one size, of less than half a second, or as a clock counts ms or µs; without a header
+        also the only one that ascends."""
         if self._times():
             return ""
         names = [one.name for one in self.series if not one.unit]
@@ -107,6 +108,10 @@ class Table:
             return names[0]
         loaded = self.load(names) if len(names) <= MOST_LOOKED_AT else {}
         found = [name for name, values in loaded.items() if _ascends(values)]
+        if not found and all(UNNAMED.fullmatch(name) for name in names):
+            found = [
+                name for name, values in loaded.items() if len(values) > LEAST_ROWS and (np.diff(values) > 0).all()
+            ]
         return found[0] if len(found) == 1 else ""
 
     def _check(self, times: FloatArray, clock: str) -> list[str]:
@@ -136,6 +141,12 @@ def _ascends(column: Array) -> bool:
     usual = float(np.median(steps))
     is_short = usual < LONGEST_STEP_S or _counted(values) != ""
     return is_short and float(np.quantile(steps, 0.9)) < 2 * usual
+
+
+def _is_uneven_time(column: Array) -> bool:
+    """Whether numbers ascend, and do not merely count the rows."""
+    steps = np.diff(np.asarray(column, dtype=np.float64))
+    return steps.size >= LEAST_ROWS and bool((steps > 0).all() and (steps != 1).any())
 
 
 def _in_order(times: FloatArray) -> tuple[slice, list[str]]:

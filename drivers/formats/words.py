@@ -8,8 +8,8 @@ import unicodedata
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
 __all__ = [
-    "SPELT", "axis_of", "column_of", "is_commanded", "is_run", "is_time", "joint_of", "speed_of", "time_rank",
-    "unit_of",
+    "SPELT", "UNNAMED", "axis_of", "column_of", "is_commanded", "is_run", "is_time", "joint_of", "speed_of",
+    "time_rank", "unit_of",
 ]  # fmt: skip
 
 COMMAND = {
@@ -28,7 +28,7 @@ QUANTITIES = {
     "voltage": {"voltage", "volt", "volts"},
     "torque": {"torque", "torques", "effort", "efforts", "tau"},
     "force": {"force"},
-    "displacement": {"displacement"},
+    "displacement": {"displacement", "distance"},
     "accel": {"accel", "acceleration", "acc", "accelerometer"},
     "current": {"current", "cur", "amps", "iq"},
 }
@@ -69,6 +69,8 @@ UNITS = {
 }  # fmt: skip
 RUN = re.compile(r"\s*(?:\bRun\s*#?\s*\d+|#\d+|\(\d+\)|(?<=[A-Za-z])_?\d+)\s*$", re.IGNORECASE)
 """the number of a run at the end of a name: ``Position (m) Run #1``, ``t2``; of the second of its name in ``t (4)``"""
+UNNAMED = re.compile(r"column\d+")
+"""what a column without a name is called"""
 BRACKETED = re.compile(r"[\[(]([^\])]+)[\])]\s*$")
 """the text in brackets at the end of a name"""
 GREEK = str.maketrans(
@@ -79,6 +81,7 @@ TRANSLATED = {
     "angle": "winkel angulo angolo vinkel hoek",
     "position": "auslenkung posicion posizione posicao posisjon pozycja elongation elongacion elongazione",
     "displacement": "weg verschiebung deplacement desplazamiento spostamento deslocamento forskyvning",
+    "distance": "abstand entfernung distancia distanza distanz",
     "velocity": "geschwindigkeit drehzahl vitesse velocidad velocita velocidade hastighet predkosc",
     "acceleration": "beschleunigung aceleracion accelerazione aceleracao akselerasjon przyspieszenie",
     "force": "kraft fuerza forza forca kracht",
@@ -159,7 +162,7 @@ def is_time(name: str) -> bool:
 
 def time_rank(name: str) -> int:
     """The place of a name among those of the time axis, the first one at 0; beyond them all for another series."""
-    name = RUN.sub("", name)
+    name = re.sub(r"(?<=[a-z]) [A-Z](?=\s*[\[(]|$)", "", RUN.sub("", name))  # a run may have a letter: Time B
     plain = re.sub(r"[\[(][^\])]*[\])]\s*$", "", name)
     words = ["__time"] if plain == "__time" else _words(plain)
     kept = [word for word in words if word not in UNITS | BESIDE_TIME] or words
@@ -172,7 +175,7 @@ def time_rank(name: str) -> int:
 
 def joint_of(name: str) -> str:
     """The joint in a name: the text in brackets, else what is left of the path without the usual words."""
-    if name in COLUMN_UNITS or re.fullmatch(r"column\d+", name):
+    if name in COLUMN_UNITS or UNNAMED.fullmatch(name):
         return ""
     name = _english(name)
     for bracket in re.findall(r"\[([^\]]+)\]", name):

@@ -298,3 +298,39 @@ def test_any_bytes_in_a_workbook_are_answered(data: st.DataObject, tmp_path: Pat
         except RecordingError as error:
             told = str(error)
         assert "\n" not in told
+
+
+def test_what_moves_is_found_without_names(tmp_path: Path) -> None:
+    """Of a telephone's gyroscope the axis that turns; of columns without names the only one that swings, not one that
+    begins anew at half a turn, drifts, or is noise; of two runs side by side that which moves."""
+    rng = np.random.default_rng(1)
+    noise = rng.normal(0, 0.02, (4, T.size))
+    path = tmp_path / "x.txt"
+    speed = np.gradient(SWING, T)
+    path.write_text("Time (s)\tGyroscope x (rad/s)\tGyroscope y (rad/s)\n" + rows(T, noise[0], speed))
+    found = read(path)
+    assert any("integrated from a speed" in note for note in found.notes)
+    np.testing.assert_allclose(found.recording.columns["position"], SWING - SWING[0], atol=0.01)
+    heading = (np.degrees(SWING) + 170 + 180) % 360 - 180
+    path.write_text(rows(np.rint(1000 * T), heading, T + noise[1], np.degrees(SWING), noise[2], digits=4))
+    np.testing.assert_allclose(read(path).recording.columns["position"], SWING, atol=1e-5)
+    path.write_text("#Time A\tPos A\tTime B\tPos B\n#[s]\t[au]\t[s]\t[au]\n" + rows(T, noise[0], T + 0.01, 200 * SWING))
+    found = read(path)
+    np.testing.assert_allclose(found.recording.columns["position"], 200 * SWING, atol=1e-4)
+    assert found.recording.time[0] == 0.01
+
+
+def test_distances_and_times_in_long_or_uneven_steps(tmp_path: Path) -> None:
+    """A sonar's distance is a displacement, its error is none; two columns without names, of which one ascends."""
+    path = tmp_path / "x.txt"
+    head = "Motion Sensor Data File\nTime (s)\tDistance (cm)\tDist Error (cm)\n"
+    path.write_text(head + rows(T, 20 + SWING, 0 * T + 0.239))
+    found = read(path).recording
+    assert list(found.columns) == ["displacement"]
+    np.testing.assert_allclose(found.columns["displacement"], 0.2 + 0.01 * SWING, atol=1e-7)
+    uneven = np.cumsum(np.random.default_rng(2).choice([0.02, 0.1, 0.3], T.size))
+    for times in (uneven, 15 * T):
+        path.write_text(rows(times, SWING, sign=","))
+        np.testing.assert_allclose(read(path).recording.time, times, atol=1e-4)
+    path.write_text(rows(uneven, uneven, sign=","))
+    assert "none that is clearly a column" in refused(path)
