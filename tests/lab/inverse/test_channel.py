@@ -21,7 +21,7 @@ J, B = 0.02, 0.15
 """kg m², N m s/rad"""
 
 
-TIMES = np.arange(0.0, 15.0, 5e-3)
+TIMES = np.arange(0.0, 10.0, 5e-3)
 
 
 def torque(seed: int, time: FloatArray) -> FloatArray:

@@ -31,16 +31,18 @@ from lostmotion.model import Model, build_model
 from lostmotion.model.effects import get_effect
 
 INERTIA, VISCOUS, COULOMB = 0.4, 2.0, 1.3
-LENGTH = 16.0
+LENGTH, LONG = 12.0, 16.0
 
 
-def robot(seed: int, viscous: float = VISCOUS, coulomb: float = COULOMB, disturbance: float = 0.2) -> Recording:
+def robot(
+    seed: int, viscous: float = VISCOUS, coulomb: float = COULOMB, disturbance: float = 0.2, length: float = LENGTH
+) -> Recording:
     """A joint held to a smooth reference by a stiff controller, whose torque follows every disturbance; dry friction
     after Karnopp, steps of 0.5 ms, a noisy encoder."""
     rng = np.random.default_rng(seed)
     frequencies, phases = rng.uniform(0.2, 1.2, 5), rng.uniform(0, 2 * np.pi, 5)
     step, every = 5e-4, 20
-    times = np.arange(0.0, LENGTH, step)
+    times = np.arange(0.0, length, step)
     w = 2 * np.pi * frequencies
     waves = np.multiply.outer(times, w) + phases
     wanted = np.sum(0.5 / frequencies * np.sin(waves), -1).tolist()
@@ -119,7 +121,7 @@ def test_intervals_hold_the_truth() -> None:
     model = build_model("joint", ["viscous_friction", "coulomb_friction"])
     off, sizes = [], []
     for seed in range(100, 124):
-        (one,) = experiments(model, [robot(seed)])
+        (one,) = experiments(model, [robot(seed, length=LONG)])
         data = Data.of([Signals.of(one)], model)
         fit = regressed(softened(model, data.signals), data)
         deviations = dict(zip(fit.unknowns.names, fit.deviations(blocks_of(fit)), strict=True))
@@ -275,7 +277,7 @@ def test_a_ripple_is_found_by_encoders_that_count_from_where_they_start(ripple: 
 @pytest.mark.slow
 def test_a_curve_that_two_speeds_do_not_tell_is_not_named(tmp_path: Path) -> None:
     """Friction of three shapes through two points bends to anything in between: drag was named beside the ripple."""
-    turned = [turning(30 + i, speed, 8e-4, 1.0, 400.0) for i, speed in enumerate((10.0, -6.0, -1.0))]
+    turned = [turning(30 + i, speed, 8e-4, 1.0, 250.0) for i, speed in enumerate((10.0, -6.0, -1.0))]
     assert explained(tmp_path, TURNED, turned)["missing"] == ["torque_ripple"]
 
 
@@ -291,7 +293,7 @@ def test_an_inertia_that_hardly_accelerates_stays_where_it_was(tmp_path: Path) -
 def test_a_comparison_of_a_driven_joint_is_one_of_torques(tmp_path: Path) -> None:
     """With the true law, what is left of the torque in a closed loop is its disturbance, and without friction ten
     times as much is left, which follows the speed; simulated with the torque as input, the joint would run away."""
-    write_recording(robot(13), tmp_path / "rec.csv")
+    write_recording(robot(13, length=LONG), tmp_path / "rec.csv")
     found = {}
     for name, effects in (("law", ["viscous_friction", "coulomb_friction"]), ("bare", [])):
         values = {"J": INERTIA, "viscous_friction.b_v": VISCOUS, "coulomb_friction.tau_c": COULOMB}
@@ -411,7 +413,7 @@ def test_a_damper_whose_displacement_is_given(sign: float, tmp_path: Path) -> No
 def ringing(seed: int, second: float) -> Recording:
     """The accelerometer on a bar that was struck, in closed form: two damped modes of 23 and 71 Hz at any phase."""
     rng = np.random.default_rng(seed)
-    times = np.arange(0.0, 1.5, 1e-3)
+    times = np.arange(0.0, 1.0, 1e-3)
     modes = ((23.0, 0.008, 3.0), (71.0, 0.012, second))
     felt = sum(
         size * np.exp((-zeta + 1j * math.sqrt(1 - zeta**2)) * 2 * np.pi * f * times + 1j * rng.uniform(0, 2 * np.pi))
@@ -460,7 +462,7 @@ def test_a_rest_that_creeps_is_no_second_mode(tmp_path: Path) -> None:
 def test_the_strongest_effect_is_named_first(tmp_path: Path) -> None:
     """A swinging arm without its weight is not even out of phase, so that what stops it takes most of its error alone;
     its weight makes most of the acceleration."""
-    found = explained(tmp_path, 'base = "joint"\n', [pendulum(seed, 0.2) for seed in (1, 2, 3)])
+    found = explained(tmp_path, 'base = "joint"\n', [pendulum(seed, 0.2) for seed in (1, 2)])
     assert found["missing"] == ["gravity_torque", "quadratic_damping"]
     assert 0.9 < sum(found["share"].values()) < 1.01
 
@@ -482,7 +484,7 @@ def test_a_joint_that_mostly_rests() -> None:
     recordings = []
     for seed in (1, 2):
         rng = np.random.default_rng(seed)
-        times = np.arange(0.0, 80.0, 0.01)
+        times = np.arange(0.0, 60.0, 0.01)
         lively = (times % 20) < 6  # 6 of 20 s
         speed = gaussian_filter1d(0.3 * np.sign(np.sin(2 * np.pi * times / rng.uniform(1.5, 2.5))) * lively, 8)
         angle = np.cumsum(speed) * 0.01

@@ -41,7 +41,7 @@ def bend(
 def beam(seed: int, drag: float) -> Recording:
     """The accelerometer on a beam that was struck: at rest for 0.1 s, then the first mode and three others."""
     rng = np.random.default_rng(seed)
-    times = np.arange(0.0, 8.0, 1 / 1024)
+    times = np.arange(0.0, 6.0, 1 / 1024)
     after = times[times >= 0.1] - 0.1
     felt = bend(after, drag, 0.0, 0.012)[1]
     for f, zeta, size in OTHERS:

@@ -18,10 +18,10 @@ INERTIA, VISCOUS, COULOMB, WEIGHT = 0.05, 0.22, 0.3, 11.0
 
 
 def slow(seed: int, weight: float = 0.0, ripple: float = 0.0, noise: float = 0.01, sign: float = 1.0) -> Recording:
-    """A joint led along sines of some ten seconds, 100 samples a second for a minute; its dry friction changes sign at
+    """A joint led along sines of some ten seconds, 50 samples a second for a minute; its dry friction changes sign at
     once.  ripple: seven a turn [N m]; sign: of the torque that is written down."""
     rng = np.random.default_rng(seed)
-    time = np.arange(0.0, 60.0, 0.01)
+    time = np.arange(0.0, 60.0, 0.02)
     rates = 2 * math.pi * np.array([0.1, 0.17])
     angle, speed, acceleration = (
         sum(0.6 * rate**order * np.sin(rate * time + order * math.pi / 2) for rate in rates) for order in (0, 1, 2)
@@ -48,7 +48,7 @@ def test_friction_near_rest_is_no_larger_than_the_motion_can_show(tmp_path: Path
 def test_a_ripple_of_a_thousandth_is_not_worth_a_name(
     least: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Beside a weight of 11 N m a ripple of 10 mN m is told by six thousand samples, and is not what is missing."""
+    """Beside a weight of 11 N m a ripple of 10 mN m is told by three thousand samples, and is not what is missing."""
     monkeypatch.setattr(policy, "LEAST_SHARE", least)
     answer = explained(tmp_path, BARE, [slow(2, WEIGHT, 0.01, 0.003)])
     assert {"gravity_torque", "viscous_friction", "coulomb_friction"} <= set(answer["missing"])
