@@ -468,7 +468,7 @@ def test_two_joints_on_one_accelerometer(tmp_path: Path) -> None:
     """Only the joint that has play is alarmed, before and after a restart, though the other's scores are as high; the
     size of its play is right within 15 %, and status tells whose it is."""
     text = SIMULATED.replace("history.db", f"{tmp_path}/history.db") + SECOND_JOINT + "levers_m = { tip = 0.25 }\n"
-    for windows in (400, 50):  # the median of 160 is 6.9 mrad, that of 400 7.1
+    for windows in (200, 50):  # the median of 160 is 6.9 mrad, that of 400 7.1
         run_until(text, tmp_path / "history.db", windows)
     with open_readonly(tmp_path / "history.db") as reader:
         assert {transition.alarm.joint for _, transition in reader.transitions()} == {"elbow"}

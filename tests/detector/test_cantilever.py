@@ -8,7 +8,6 @@ import re
 
 import numpy as np
 import pytest
-from bench import building
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.optimize import brentq, minimize_scalar
@@ -85,6 +84,8 @@ def test_the_errors_of_dunkerley_and_rayleigh_are_as_stated() -> None:
 
 def test_the_table_of_the_page() -> None:
     """Every length of docs/building.md rings at its frequency within half a millimetre, by SciPy's root."""
+    from bench import building  # late: it draws, and each worker of the tests reads this file
+
     rows = re.findall(r"^\| (.+?) \| (\d+) g \| (.+) \|$", PAGE.read_text(), re.MULTILINE)
     assert len(rows) == 9
     for name, grams, cells in rows:
