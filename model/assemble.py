@@ -14,9 +14,9 @@ from lostmotion.model.effects.base import Effect
 from lostmotion.model.effects.registry import rank
 from lostmotion.model.kernel import Kernel
 from lostmotion.model.signals import SIGNALS, TIME
-from lostmotion.model.solve import IntArray, Plan
+from lostmotion.model.solve import SPEED, IntArray, Plan
 
-__all__ = ["assemble", "in_order", "scope"]
+__all__ = ["LAYER", "assemble", "in_order", "scope"]
 
 LAYER = 4.0
 """Widths of the change of sign of a dry friction up to which steps are short: tanh(4) is 1 - 7e-4.  With 6 and 10 a
@@ -55,7 +55,9 @@ def assemble(base: Base, effects: Sequence[Effect], values: Mapping[str, float])
     start = tables.plan.start.copy()
     for signal, preset in base.presets.items():
         start[signal] = values[preset] if isinstance(preset, str) else preset
-    widths = [values[f"{effect.id}.{effect.sign_width}"] for effect in effects if effect.sign_width]
+    speed = base.states[SPEED].signal
+    every = (effect.sign_width(scope(values, effect), speed) for effect in effects if effect.sign_width)
+    widths = [width for width in every if width > 0]
     return tables.plan._replace(
         p=np.array([*(values[name] for name in tables.names), 0.0]),
         preset_values=start[tables.reset],

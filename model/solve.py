@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from lostmotion.model.kernel import OPTIONS, POINTER, compiled, jitted
 
 __all__ = [
+    "SPEED",
     "FloatArray",
     "IntArray",
     "Plan",

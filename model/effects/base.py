@@ -28,6 +28,7 @@ __all__ = [
     "omega_0",
     "on",
     "servo_sized",
+    "within_omega_0",
 ]
 
 JOINT_MOST = 1e9
@@ -83,11 +84,11 @@ class Effect(EffectInfo):
     signal's place begins where that stood *without* this effect.  free_states: whether they begin anywhere in a motion
     that no input drives, so that only their initial values set its amplitudes.  distance: of states that follow from
     the joint's motion alone, as those of a hysteresis do, the shortest way over which they change [rad].  is_searched:
-    whether a search for what is missing tries it.  rate: the fastest rate [rad/s] of the effect
-    for its own and the base's values, apart from a change of sign with the speed; sign_width: the parameter within
-    which that is smoothed.  delay [s] shifts the input, clock_rate stretches the sensor's time
-    stamps; both are plain functions of the effect's values, outside the kernels.  defaults: other values of the
-    parameters on one base.
+    whether a search for what is missing tries it.  rate: the fastest rate [rad/s] of the effect for its own and the
+    base's values, apart from a change of sign with the speed; sign_width: the speed within which that is smoothed, for
+    these values and the signal of the base's speed, 0 where its sign does not change.  delay [s] shifts the input,
+    clock_rate stretches the sensor's time stamps; both are plain functions of the effect's values, outside the kernels.
+    defaults: other values of the parameters on one base.
     is_apt: whether values of its parameters, and of the base's, fit its name: a Stribeck friction is largest near rest.
 
     For a search: amplitudes: parameters without which it vanishes; guesses: values from which it may begin in a motion
@@ -103,7 +104,7 @@ class Effect(EffectInfo):
     distance: Callable[[Mapping[str, float]], float] | None = None
     is_searched: bool = True
     rate: Callable[[Mapping[str, float], Operating], float] | None = None
-    sign_width: str = ""
+    sign_width: Callable[[Mapping[str, float], int], float] | None = None
     delay: Callable[[Mapping[str, float]], float] | None = None
     clock_rate: Callable[[Mapping[str, float]], float] | None = None
     defaults: Mapping[str, Mapping[str, Parameter]] = field(default_factory=dict)
@@ -135,6 +136,11 @@ def omega_0(value: float, low: float = 1e-5, high: float = 1.0, fixed: bool = Tr
     source = "convention: small against the speeds of the motion, large enough for the step"
     about = "speed within which sign(omega) is smoothed"
     return Parameter(value, "rad/s", low, high, fixed, source, about)
+
+
+def within_omega_0(values: Mapping[str, float], _speed: int) -> float:
+    """The ``Effect.sign_width`` of a dry friction with the parameter omega_0."""
+    return values["omega_0"]
 
 
 def servo_sized(torque: Parameter) -> Parameter:

@@ -11,7 +11,17 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from lostmotion.model.base import Operating, Term
-from lostmotion.model.effects.base import JOINT_MOST, ActsOn, Effect, Simpler, joint_sized, omega_0, on, servo_sized
+from lostmotion.model.effects.base import (
+    JOINT_MOST,
+    ActsOn,
+    Effect,
+    Simpler,
+    joint_sized,
+    omega_0,
+    on,
+    servo_sized,
+    within_omega_0,
+)
 from lostmotion.model.effects.guesses import SMALL, grid
 from lostmotion.model.effects.words import Words
 from lostmotion.model.kernel import Slots, kernel
@@ -114,7 +124,7 @@ COULOMB = Effect(
         **on(JOINTS, Term(TORQUE, coulomb, ("tau_c", "omega_0"))),
         "oscillator": (Term(BAR_FORCE, coulomb_on_oscillator, ("tau_c", "omega_0")),),
     },
-    sign_width="omega_0",
+    sign_width=within_omega_0,
     defaults={
         "joint": {"tau_c": joint_sized(_TAU_C), **_SLOW["joint"]},
         "servo": {"tau_c": servo_sized(_TAU_C), **_SLOW["servo"]},
@@ -138,7 +148,7 @@ STRIBECK = Effect(
     parameters={"tau_c": _TAU_C, "tau_s": _TAU_S, "omega_s": _OMEGA_S, "omega_0": _FELT},
     terms=on(JOINTS, Term(TORQUE, stribeck, ("tau_c", "tau_s", "omega_s", "omega_0"))),
     rate=_stribeck_rate,
-    sign_width="omega_0",
+    sign_width=within_omega_0,
     defaults={
         "joint": {"tau_c": joint_sized(_TAU_C), "tau_s": joint_sized(_TAU_S), **_SLOW["joint"]},
         "servo": {"tau_c": servo_sized(_TAU_C), "tau_s": servo_sized(_TAU_S), **_SLOW["servo"]},
@@ -175,7 +185,7 @@ LOAD_DEPENDENT = Effect(
         "play": (Term(TORQUE, load_dependent, ("mu", "omega_0", "R2")),),
         **on(("joint", "servo"), Term(TORQUE, torque_dependent, ("mu", "omega_0"))),
     },
-    sign_width="omega_0",
+    sign_width=within_omega_0,
     defaults=_SLOW,
     is_apt=lambda values: values["mu"] <= MOST_LOST,
     amplitudes=("mu",),

@@ -16,7 +16,7 @@ import math
 from collections.abc import Mapping
 
 from lostmotion.model.base import Operating, Term
-from lostmotion.model.effects.base import ActsOn, Effect, omega_0, on
+from lostmotion.model.effects.base import ActsOn, Effect, omega_0, on, within_omega_0
 from lostmotion.model.effects.words import Words
 from lostmotion.model.kernel import Slots, kernel
 from lostmotion.model.parameter import Domain, Parameter
@@ -61,7 +61,7 @@ PRESLIDING_FRICTION = Effect(
     distance=_distance,
     is_searched=False,
     rate=_rate,
-    sign_width="omega_0",
+    sign_width=within_omega_0,
     amplitudes=("tau_p",),
     words=Words(
         "elastic presliding",

@@ -20,7 +20,7 @@ from typing import Any, TypeVar
 from lostmotion.lab.errors import EffectFileError
 from lostmotion.lab.models.own.arguments import Arguments, Declared
 from lostmotion.lab.models.own.build import Built, build
-from lostmotion.lab.models.own.steepness import fastest_rate
+from lostmotion.lab.models.own.steepness import fastest_rate, sign_width
 from lostmotion.lab.models.own.trial import try_out
 from lostmotion.model import BASES, Parameter
 from lostmotion.model.base import Term
@@ -117,6 +117,7 @@ def _effect(declared: Declared, arguments: Arguments, on: tuple[str, ...], built
         terms=dict.fromkeys(on, terms),
         states=(None,) * len(arguments.states),
         rate=lambda values, operating: fastest_rate(built.function, where, arguments, values, operating),
+        sign_width=lambda values, speed: sign_width(built.function, where, arguments, values, speed),
         declared=declared,
         origin=function.__globals__.get(ORIGIN),
         note=built.note,

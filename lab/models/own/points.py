@@ -2,43 +2,57 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lostmotion.lab.models.own.arguments import Arguments
 from lostmotion.lab.models.own.readable import READABLE
+from lostmotion.model.motion import FloatArray
 from lostmotion.model.signals import FORCE, INERTIA, OMEGA2, Q_RATE
 
 __all__ = ["points"]
 
 
-def points(
-    arguments: Arguments, values: Mapping[str, float], count: int, load: float | None = None
-) -> Iterator[dict[str, float]]:
-    """Arguments by name, at rest first.
+def points(arguments: Arguments, values: Mapping[str, float], count: int, load: float | None = None) -> FloatArray:
+    """The arguments (count, K) in their order, at rest first.
 
     Every other point has zero speed, where friction is steepest; every third is at the value of a parameter of the same
     unit (the middle of a tight spot).  values: of the parameters; load: its largest magnitude, where it is known.
     """
+    drawn, chosen = _drawn(count, len(arguments.names))
+    known = {key: values[key] for key in arguments.values}
+    found = np.empty_like(drawn)
+    for at, key in enumerate(arguments.names):
+        found[:, at] = _column(key, arguments, known, drawn[:, at], chosen[:, at], load)
+    return found
+
+
+@lru_cache(maxsize=64)
+def _drawn(count: int, many: int) -> tuple[FloatArray, NDArray[np.intp]]:
+    """Random numbers from -1 to 1, and large whole ones, (count, many) each."""
     rng = np.random.default_rng(0)
-    for i in range(count):
-        yield {key: _value(key, arguments, values, rng, i, load) for key in arguments.names}
+    return rng.uniform(-1, 1, (count, many)), rng.integers(0, 1 << 30, (count, many))
 
 
-def _value(
-    key: str, arguments: Arguments, values: Mapping[str, float], rng: np.random.Generator, i: int, load: float | None
-) -> float:
-    if key in arguments.values:
-        return values[key]
+def _column(
+    key: str, arguments: Arguments, known: Mapping[str, float], drawn: FloatArray, chosen: NDArray[np.intp],
+    load: float | None,
+) -> FloatArray | float:  # fmt: skip
+    """The values of one argument (count,)."""
+    if key in known:
+        return known[key]
+    row = np.arange(drawn.size)
     if key in arguments.states:
-        return float(rng.uniform(-1, 1)) if i else 0.0
+        return np.where(row > 0, drawn, 0.0)
     signal = READABLE[key]
     usual = load if load is not None and signal.number == FORCE else signal.usual
     if signal.number == INERTIA:
         return usual
-    drawn = float(rng.uniform(-usual, usual))
-    if i == 0 or (i % 2 and signal.number in (OMEGA2, Q_RATE)):
-        return 0.0
-    marks = [values[own] for own, unit in zip(arguments.own, arguments.units, strict=True) if unit == signal.unit]
-    return float(rng.choice(marks)) if marks and i % 3 == 0 else drawn
+    marks = [known[own] for own, unit in zip(arguments.own, arguments.units, strict=True) if unit == signal.unit]
+    at_mark = np.array(marks)[chosen % len(marks)] if marks else usual * drawn
+    found = np.where(row % 3 == 0, at_mark, usual * drawn)
+    is_at_rest = (row == 0) | ((row % 2 == 1) & (signal.number in (OMEGA2, Q_RATE)))
+    return np.where(is_at_rest, 0.0, found)

@@ -21,7 +21,7 @@ TRIED = 25
 def try_out(name: str, function: Callable[..., Any], arguments: Arguments, parameters: Mapping[str, Parameter]) -> None:
     """Raises EffectFileError where the function raises or returns no finite number, at rest or at another point."""
     values = {key: parameter.value for key, parameter in parameters.items()}
-    rest, *moving = points(arguments, values, TRIED)
+    rest, *moving = (dict(zip(arguments.names, row, strict=True)) for row in points(arguments, values, TRIED).tolist())
     _try(name, function, arguments, rest)
     refused = []
     for point in moving:
