@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtr, stdtrit
+from scipy.special import fdtri, stdtr
 
 from lostmotion.lab import policy
 from lostmotion.lab.inverse.regression import Regression, blocks_of
@@ -47,12 +47,21 @@ def chance_of_zero(fewer: Model, fit: Regression) -> float | None:
 def is_sized(effect: str, fit: Regression) -> bool:
     """Whether the interval of an amplitude of the effect excludes zero.  A curve that is nearly a sum of others can
     overfit a motion, and extrapolates badly.  The base's positive parameters are taken as given: all torques of a servo
-    share a scale that its motion does not identify."""
+    share a scale that its motion does not identify.
+
+    A wave a sin(theta + phi) is zero where both a cos(phi) and a sin(phi) are.  Wald's statistic of the two is a over
+    its standard deviation for this phi, squared, and is compared with 2 F(2, n).  By the interval of a alone a weight
+    was not identified beside a constant torque: of a swing of 20 degrees one of the two components is their
+    difference, and a spring, which a hundredth as many machines have, was named in its place.
+    """
     names, block = amplitudes(effect, fit), blocks_of(fit)
     if not names:
         return _is_shaped(effect, fit, block)
     given = [item.name for item in fit.unknowns.items if item.logarithmic and "." not in item.name]
-    limits = -stdtrit(int(block.max()), (1 - policy.CONFIDENCE) / 2) * fit.deviations(block, given)
+    phases = [name for name in fit.unknowns.names if name in _phases(effect, fit.model)]
+    many = 1 + len(phases)
+    width = math.sqrt(many * float(fdtri(many, int(block.max()), policy.CONFIDENCE)))
+    limits = width * fit.deviations(block, [*given, *phases])
     sizes = {name: abs(fit.model.parameters[name].value) for name in names}
     return any(sizes[name] > limit for name, limit in zip(fit.unknowns.names, limits, strict=True) if name in sizes)
 
@@ -68,6 +77,11 @@ def _is_shaped(effect: str, fit: Regression, block: NDArray[np.intp]) -> bool:
     own = [at for at, name in enumerate(fit.unknowns.names) if name.startswith(f"{effect}.")]
     deviation = np.sqrt(np.maximum(np.diag(fit.covariance(block)), 0.0))
     return not own or any(fit.unknowns.items[at].is_identified(fit.z[at], deviation[at]) for at in own)
+
+
+def _phases(effect: str, model: Model) -> list[str]:
+    """The parameters of the effect that are angles, by their full names."""
+    return [f"{effect}.{part}" for part, parameter in model.own(effect).items() if parameter.unit == "rad"]
 
 
 def amplitudes(effect: str, fit: Regression) -> list[str]:

@@ -122,8 +122,8 @@ class WholeMotion:
 
     @property
     def firsts(self) -> int:
-        """None where a motion is simulated: each fit takes seconds."""
-        return 0 if self.method is Method.MOTION else policy.FIRSTS
+        """One where a motion is simulated: each fit takes seconds."""
+        return 1 if self.method is Method.MOTION else policy.FIRSTS
 
     @property
     def turns(self) -> float:

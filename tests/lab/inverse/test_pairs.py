@@ -1,0 +1,82 @@
+"""Effects of which none predicts anything without another: recordings simulated here, asked through the command line."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.integrate import solve_ivp
+
+from lostmotion.daemon.cli import cli
+from lostmotion.drivers.recording import Recording, write_recording
+
+WEIGHT, LOSS, NOISE_RAD = 1.7, 0.45, 8e-4
+ERROR_GAIN, SUPPLY, TORQUE_CONSTANT, WINDING, INERTIA = 0.165, 12.0, 1.2, 4.4, 0.06
+
+
+def lifting_servo(gain: int, seed: int) -> Recording:
+    """A servo with a weak gain lifts a heavy arm and lowers it for six seconds, in steps of 0.5 ms; its friction,
+    0.45 of the motor's torque, sticks (Karnopp 1985)."""
+    step, every = 5e-4, 20
+    times = np.arange(0.0, 6.0, step)
+    command = 1.57 * (1 - np.cos(math.pi * np.minimum(times, 3.0) / 3.0)) / 2
+    command -= 0.16 * (1 - np.cos(math.pi * np.maximum(times - 3.0, 0.0) / 3.0))
+    angle, speed, angles = 0.0, 0.0, []
+    for wanted in command.tolist():
+        duty = min(max(gain * ERROR_GAIN * (wanted - angle), -1.0), 1.0)
+        angles.append(angle)
+        motor = TORQUE_CONSTANT * (SUPPLY * duty - TORQUE_CONSTANT * speed) / WINDING
+        torque, friction = motor - WEIGHT * math.sin(angle), LOSS * abs(motor)
+        if speed == 0.0 and abs(torque) < friction:
+            continue
+        before = speed
+        speed += step / INERTIA * (torque - math.copysign(friction, speed or torque))
+        speed = 0.0 if before * speed < 0 else speed
+        angle += step * speed
+    noise = NOISE_RAD * np.random.default_rng(seed).standard_normal(len(angles[::every]))
+    columns = {"command": command[::every], "position": np.array(angles[::every]) + noise}
+    return Recording(times[::every], columns, {"kp": gain}, {}, 0, f"lift{gain}.csv")
+
+
+def dropped_arm(start: float, seed: int) -> Recording:
+    """An arm that is let go 20 degrees from where it hangs, with viscous and Coulomb friction; J is 0.001 kg m²."""
+    times = np.arange(0.0, 2.0, 4e-3)
+
+    def moved(t: float, x: np.ndarray) -> list[float]:
+        return [x[1], -(0.14 * math.sin(x[0]) + 1.7e-3 * x[1] + 3.4e-3 * math.tanh(x[1] / 2e-3)) / 1e-3]
+
+    angle = solve_ivp(moved, (0.0, 2.0), [start, 0.0], "LSODA", times, rtol=1e-8, atol=1e-10).y[0]
+    noise = 4e-4 * np.random.default_rng(seed).standard_normal(times.size)
+    return Recording(times, {"position": angle + noise}, {}, {}, 0, f"drop{seed}.csv")
+
+
+def explained(folder: Path, base: str, recordings: list[Recording]) -> dict[str, Any]:
+    """What the command says of a base and recordings."""
+    paths = [str(folder / recording.name) for recording in recordings]
+    for recording, path in zip(recordings, paths, strict=True):
+        write_recording(recording, path)
+    result = CliRunner().invoke(cli, ["lab", "explain", base, *paths, "--budget", "600s", "--json"])
+    assert result.exit_code == 0, result.output
+    return dict(json.loads(result.stdout))
+
+
+@pytest.mark.slow
+def test_weight_and_friction_of_a_servo_that_lifts(tmp_path: Path) -> None:
+    """Neither is named alone, as the fit with one predicts no other part of the motion; both are named as a pair."""
+    answer = explained(tmp_path, "servo", [lifting_servo(gain, gain) for gain in (8, 16, 12)])
+    assert answer["missing"] == ["gravity_torque", "load_dependent_friction"]
+    assert answer["parameters"]["load_dependent_friction.mu"][0] == pytest.approx(LOSS, rel=0.1)
+    assert answer["error"]["after"] < 2 * NOISE_RAD
+
+
+@pytest.mark.slow
+def test_weight_of_a_small_swing_is_no_spring(tmp_path: Path) -> None:
+    """Of a swing of 20 degrees a constant torque and the phase of the weight are hardly distinguished; it is the
+    weight that is named all the same."""
+    answer = explained(tmp_path, "joint", [dropped_arm(-0.34, 1), dropped_arm(0.35, 2)])
+    assert set(answer["missing"]) == {"gravity_torque", "coulomb_friction", "viscous_friction"}
