@@ -1,4 +1,4 @@
-"""Effects of which none predicts anything without another: recordings simulated here, asked through the command line."""
+"""Effects that predict nothing one without the other: recordings simulated here, asked through the command line."""
 
 from __future__ import annotations
 
