@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.held_readings import without_held_readings
 from lostmotion.lab.data.lost_readings import without_lost_readings
+from lostmotion.lab.data.power import rows_of_base
 from lostmotion.lab.data.supply import of_voltage
 from lostmotion.lab.errors import ExperimentError
 from lostmotion.model import Model, Motion, Sampled
@@ -134,6 +135,7 @@ def _experiment(model: Model, recording: Recording) -> Experiment:
     if model.base == "servo":
         _check_goal(recording)
     rows = np.any([~np.isnan(recording.columns[name]) for name in outputs], axis=0)
+    rows &= rows_of_base(recording, model.base, drive is None)
     time = recording.time.copy()
     time[rows] = recording.times(rows)
     rows[1:] &= np.diff(time) > 0  # a merged row may repeat a time

@@ -272,3 +272,13 @@ def test_gears_that_were_sampled_too_slowly(tmp_path: Path) -> None:
     assert result.exit_code == 2
     assert "slow.csv: found 10 samples a second, expected at least 32" in result.stderr
     assert "the base 'joint'" in result.stderr
+
+
+@pytest.mark.parametrize(("base", "first", "last"), [("servo", 0, 499), ("joint", 500, 800)])
+def test_a_servo_that_is_let_go(base: str, first: int, last: int, caplog: pytest.LogCaptureFixture) -> None:
+    """A servo is compared while its motor is on, a joint that moves freely while it is off; a warning says which."""
+    columns = {"position": COMMAND} | ({"command": COMMAND} if base == "servo" else {})
+    enabled = ["1"] * 500 + ["0"] * (TIMES.size - 500)
+    (found,) = held(base, Recording(TIMES, columns, extra={"torque_enabled": enabled}, name="rec.csv"))
+    assert found.time[[0, -1]] == pytest.approx(TIMES[[first, last]])
+    assert f"from {TIMES[first]:.3g} to {TIMES[last]:.3g} s" in caplog.text
