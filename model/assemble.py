@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import zip_longest
 
 import numpy as np
 
@@ -51,7 +50,7 @@ def scope(values: Mapping[str, float], effect: Effect | None = None) -> dict[str
 
 def assemble(base: Base, effects: Sequence[Effect], values: Mapping[str, float]) -> Plan:
     """The tables of solve.Plan for a base with effects (in_order), as without an input."""
-    tables = _tables(_Same(base, tuple(effects)))
+    tables = _tables(base, tuple(effects))
     start = tables.plan.start.copy()
     for signal, preset in base.presets.items():
         start[signal] = values[preset] if isinstance(preset, str) else preset
@@ -77,25 +76,8 @@ class _Tables:
     reset: list[int]
 
 
-@dataclass(frozen=True, eq=False)
-class _Same:
-    """A base with effects, equal to another one of the very same objects: an effect may be registered anew."""
-
-    base: Base
-    effects: tuple[Effect, ...]
-
-    def __hash__(self) -> int:
-        return hash((self.base.id, *map(id, self.effects)))
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and all(
-            one is two for one, two in zip_longest((self.base, *self.effects), (other.base, *other.effects))
-        )
-
-
 @lru_cache(maxsize=256)  # a search evaluates a few dozen models thousands of times
-def _tables(one: _Same) -> _Tables:
-    base, effects = one.base, one.effects
+def _tables(base: Base, effects: tuple[Effect, ...]) -> _Tables:
     steps = sorted([*_base_steps(base, effects), *_effect_steps(base, effects)], key=_place)
     states = [state.signal for state in base.states]
     own = sum(len(effect.states) for effect in effects)

@@ -56,9 +56,9 @@ class Operating:
     inertia: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Base:
-    """The body of a model, to which effects are added.
+    """The body of a model, to which effects are added; equal only to itself.
 
     states: the solver integrates them; input_signals: signals that carry the input, with the order of the derivative
     (0 or 1); presets: signals that begin at a parameter's value (the inertia) or at a number; outputs: the names under

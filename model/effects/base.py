@@ -63,9 +63,12 @@ class Simpler:
     grown: Mapping[str, tuple[str, ...]]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class EffectInfo:
-    """The description of an effect: id, equation, summary, parameters by name, where it acts, on which bases."""
+    """The description of an effect: id, equation, summary, parameters by name, where it acts, on which bases.
+
+    It equals only itself: an effect may be registered anew, with other kernels.
+    """
 
     id: str
     equation: str
@@ -75,7 +78,7 @@ class EffectInfo:
     bases: tuple[str, ...]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Effect(EffectInfo):
     """An effect with its physics.
 
