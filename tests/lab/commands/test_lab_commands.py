@@ -140,7 +140,7 @@ def test_improve_prints_the_ladder(tmp_path: Path) -> None:
 
 def test_fit_writes_a_model(tmp_path: Path) -> None:
     """The fitted file holds the true play, and compare leaves only noise with it; the document tells the intervals."""
-    folder = case(tmp_path, {}, 0.3, 1.5)
+    folder = case(tmp_path, {}, 0.3, 1.5, count=2)
     out = tmp_path / "fitted.toml"
     document = json.loads(run("fit", folder, "-o", out, "--json").stdout)
     value, low, high = document["parameters"]["d"]
