@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lostmotion.detector.errors import DetectorError
+from lostmotion.detector.median import medians
 from lostmotion.detector.window import FloatArray
 
 __all__ = ["change_points"]
@@ -36,8 +37,7 @@ def change_points(y: ArrayLike) -> list[int]:
     if there.size < 2 * SHORTEST:
         return []
     ends = np.linspace(0, there.size, min(there.size, MOST) + 1).astype(int)
-    runs = np.split(values[there], ends[1:-1])
-    series = np.array([np.median(run) for run in runs])
+    series = medians(values[there], ends)
     variance, correlation = _noise(series)
     if variance == 0:
         return []

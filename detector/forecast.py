@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from lostmotion.detector.median import median, medians
 from lostmotion.detector.window import FloatArray
 
 __all__ = ["CONFIDENCE", "TimeToLimit", "forecast"]
@@ -56,7 +57,7 @@ def forecast(times: ArrayLike, values: ArrayLike, limit: float) -> TimeToLimit |
     span = float(time[-1] - time[0])
     x = (time - time[0]) / span
     smooth = np.vander(x, 3)
-    size = np.maximum(smooth @ np.linalg.lstsq(smooth, value, rcond=None)[0], FLOOR * float(np.median(value)))
+    size = np.maximum(smooth @ np.linalg.lstsq(smooth, value, rcond=None)[0], FLOOR * median(value))
     fits = [_Fit.of(law, x, value, size) for law in _laws()]
     worth = _inflation(min(fits, key=lambda fit: float(fit.left @ fit.left)).left)
     logs = np.array([-time.size / 2 / worth * np.log(fit.variance) for fit in fits])
@@ -129,11 +130,10 @@ class _Fit:
 def _medians(time: FloatArray, value: FloatArray) -> tuple[FloatArray, FloatArray]:
     there = np.isfinite(time) & np.isfinite(value)
     time, value = time[there], value[there]
-    edges = np.linspace(0, time.size, min(time.size, MOST) + 1).astype(int)[1:-1]
     if time.size < LEAST or time[-1] <= time[0]:
         return np.empty(0), np.empty(0)
-    runs = list(zip(np.split(time, edges), np.split(value, edges), strict=True))
-    return np.array([np.median(t) for t, _ in runs]), np.array([np.median(v) for _, v in runs])
+    ends = np.linspace(0, time.size, min(time.size, MOST) + 1).astype(int)
+    return medians(time, ends), medians(value, ends)
 
 
 def _inflation(left: FloatArray) -> float:

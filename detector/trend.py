@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from lostmotion.detector.changes import change_points
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.forecast import TimeToLimit, forecast
+from lostmotion.detector.median import medians
 from lostmotion.detector.window import FloatArray
 
 __all__ = [
@@ -195,8 +196,7 @@ def _clean(t: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArray]:
         raise DetectorError(f"{time.size} usable points; a trend needs at least {LEAST}")
     if time.size > MOST:
         ends = np.linspace(0, time.size, MOST + 1).astype(int)
-        time = np.array([np.median(run) for run in np.split(time, ends[1:-1])])
-        value = np.array([np.median(run) for run in np.split(value, ends[1:-1])])
+        time, value = medians(time, ends), medians(value, ends)
     return time, value
 
 

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from lostmotion.detector.median import median
+from lostmotion.detector.median import median, medians
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 8, 247])
@@ -20,6 +20,15 @@ def test_it_is_numpys_median(count: int) -> None:
     assert median(values) == np.median(values)
     values[0] = np.nan
     assert np.isnan(median(values))
+
+
+def test_medians_of_runs() -> None:
+    """Of runs of one to hundreds of values, with equal and infinite ones, each is NumPy's median."""
+    random = np.random.default_rng(5)
+    ends = np.concatenate([[0], np.cumsum(random.integers(1, 300, 120))])
+    values = np.round(random.normal(size=ends[-1]), 1)
+    values[random.integers(0, values.size, 5)] = np.inf
+    assert np.array_equal(medians(values, ends), [np.median(run) for run in np.split(values, ends[1:-1])])
 
 
 def test_learning_imports_no_masked_arrays() -> None:
