@@ -109,7 +109,13 @@ class ShortSegments:
     def _floor(self, short: Level) -> float:
         return max(started(short.model, subset(self.task), self.task).typical, 1.0)
 
-    def proposals(self, now: SegmentFit, added: tuple[str, ...]) -> Iterator[Proposals[SegmentFit]]:
+    def opposed(self, now: SegmentFit) -> Sequence[str]:
+        """None: gears are driven."""
+        return ()
+
+    def proposals(
+        self, now: SegmentFit, added: tuple[str, ...], only: Sequence[str] = ()
+    ) -> Iterator[Proposals[SegmentFit]]:
         """What the score test proposes, then what observers propose."""
         task, pool, level = self.task, self.pool, now.short if now.is_far else now.level
         may = others(now.model)

@@ -48,6 +48,9 @@ __all__ = [
     "Fitted", "Method", "WholeMotion", "error_on", "fit_on", "is_disturbed", "is_noise",
 ]  # fmt: skip
 
+OPPOSED = ("coulomb_friction", "quadratic_damping")
+"""forces of order zero and two in the speed: together they act as one of order one"""
+
 
 class Method(Enum):
     """The error that is minimised: of the torque of a controlled joint; of a free motion, with candidates selected by
@@ -141,9 +144,15 @@ class WholeMotion:
         data = Data.of(self.signals, self.model)
         return self._fitted(_with_load(softened(self.model, self.signals), data))
 
-    def proposals(self, now: Fitted, added: tuple[str, ...]) -> Iterator[Proposals[Fitted]]:
+    def opposed(self, now: Fitted) -> Sequence[str]:
+        """Dry friction and drag beside viscous friction, where a motion dies away."""
+        is_free = self.method is not Method.TORQUE and not any(is_driven(one.experiment) for one in self.signals)
+        is_viscous = "viscous_friction" in now.model.effects or "b" in now.model.parameters
+        return OPPOSED if is_free and is_viscous else ()
+
+    def proposals(self, now: Fitted, added: tuple[str, ...], only: Sequence[str] = ()) -> Iterator[Proposals[Fitted]]:
         """All candidates, fitted as far as the time allows."""
-        wide = list(candidates(now.inverse.model, added, now.inverse.data))
+        wide = [one for one in candidates(now.inverse.model, added, now.inverse.data) if not only or one[0] in only]
         with within(policy.STAGE_SHARE * remaining_s()):
             fits, failed = self._fitted_each(wide, now.inverse)
         begun: dict[str, Regression] = {}

@@ -66,8 +66,12 @@ class Likelihood(Protocol[F]):
     def first(self) -> F:
         """The fit of the model as it is."""
 
-    def proposals(self, now: F, added: tuple[str, ...]) -> Iterable[Proposals[F]]:
-        """Fits with one more effect, in batches: a later one is asked for only where none before is accepted."""
+    def proposals(self, now: F, added: tuple[str, ...], only: Sequence[str] = ()) -> Iterable[Proposals[F]]:
+        """Fits with one more effect, in batches: a later one is asked for only where none before is accepted.  only:
+        the effects that are asked for, all for ()."""
+
+    def opposed(self, now: F) -> Sequence[str]:
+        """Two effects that together act as one of the model does, so that neither explains anything beside it."""
 
     def accepted(self, fit: F, now: F) -> F:
         """The fit with an effect that was accepted, from which the search goes on."""
@@ -168,10 +172,10 @@ def _is_slight(step: Step[F], now: F, first: F) -> bool:
     return taken < policy.LEAST_SHARE * first.rms**2
 
 
-def step(now: F, added: tuple[str, ...], likelihood: Likelihood[F]) -> Step[F]:
-    """Judges the candidates against the present fit."""
+def step(now: F, added: tuple[str, ...], likelihood: Likelihood[F], only: Sequence[str] = ()) -> Step[F]:
+    """Judges the candidates against the present fit; only: see ``proposals``."""
     found, ranked = list[tuple[str, F]](), Step[F](())
-    for batch in likelihood.proposals(now, added):
+    for batch in likelihood.proposals(now, added, only):
         found += batch.fits
         ranked = replace(
             _ranked(found, batch.rejected, now, likelihood),
@@ -239,7 +243,8 @@ def _pair(step_alone: Step[F], now: F, added: tuple[str, ...], likelihood: Likel
     With gravity, viscous and Coulomb friction the first one added leaves the other two confounded (UR10e, joint 4); one
     of two effects of gears leaves the impacts wrong.  A pair is tested against neither effect, corrected for all pairs,
     and against each effect alone.  What explains most of what proposes candidates comes first: gravity without damping
-    is out of phase after some swings, and predicts nothing.
+    is out of phase after some swings, and predicts nothing.  Dry friction and drag together damp as viscous friction
+    does: beside it neither explains anything.
     """
     alone = {one.effect: one for one in step_alone.judged}
     pairs = len(alone) * (len(alone) - 1) / 2
@@ -247,9 +252,12 @@ def _pair(step_alone: Step[F], now: F, added: tuple[str, ...], likelihood: Likel
     promising = [one for one in step_alone.judged if one.fit.screened < least]
     promising.sort(key=lambda one: one.fit.screened)
     found: list[list[Step[F]]] = []
-    for begun in promising[: likelihood.firsts]:
+    tries: list[tuple[Candidate[F], Sequence[str]]] = [(one, ()) for one in promising[: likelihood.firsts]]
+    if alone.keys() >= {*(opposed := likelihood.opposed(now))} and opposed:
+        tries.append((alone[opposed[0]], opposed[1:]))
+    for begun, only in tries:
         first = replace(begun, fit=likelihood.accepted(begun.fit, now))
-        second = step(first.fit, (*added, first.effect), likelihood)
+        second = step(first.fit, (*added, first.effect), likelihood, only)
         if not second.is_accepted:
             continue
         both = second.judged[0]

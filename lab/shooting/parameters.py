@@ -159,14 +159,20 @@ class Unknowns:
 
     def estimates(self, model: Model, z: FloatArray, deviation: FloatArray, width: float) -> tuple[Estimate, ...]:
         """The parameters with intervals of so many standard deviations on either side."""
-        found = []
+        found, bound = [], self.at_bound(z)
         for item, at, sd in zip(self.items, z.tolist(), deviation.tolist(), strict=True):
-            low, high = item.ends
-            near = any(math.isclose(at, end, rel_tol=AT_BOUND, abs_tol=AT_BOUND) for end in (low, high))
-            is_at_bound, unit = near or not low < at < high, model.parameters[item.name].unit
-            ends = item.interval(at, width * sd)
-            found.append(Estimate(item.name, item.value(at), *ends, unit, item.is_identified(at, sd), is_at_bound))
+            ends, unit = item.interval(at, width * sd), model.parameters[item.name].unit
+            is_known = item.is_identified(at, sd)
+            found.append(Estimate(item.name, item.value(at), *ends, unit, is_known, item.name in bound))
         return tuple(found)
+
+    def at_bound(self, z: FloatArray) -> tuple[str, ...]:
+        """The names of those that a fit left at a bound, or beyond."""
+        return tuple(
+            item.name for item, at in zip(self.items, z.tolist(), strict=True)
+            if any(math.isclose(at, end, rel_tol=AT_BOUND, abs_tol=AT_BOUND) for end in item.ends)
+            or not item.ends[0] < at < item.ends[1]
+        )  # fmt: skip
 
     def slopes(self, z: FloatArray) -> FloatArray:
         """d value / d z of each, (P,)."""

@@ -62,7 +62,13 @@ class Columns:
         """Without any column."""
         return self.fit([])
 
-    def proposals(self, now: Regressed, added: tuple[str, ...]) -> Iterator[Proposals[Regressed]]:
+    def opposed(self, now: Regressed) -> Sequence[str]:
+        """None."""
+        return ()
+
+    def proposals(
+        self, now: Regressed, added: tuple[str, ...], only: Sequence[str] = ()
+    ) -> Iterator[Proposals[Regressed]]:
         """All columns that are left."""
         may = [name for name in others(now.model) if name in self.columns]
         yield Proposals([(name, self.fit([*now.model.effects, name])) for name in may])
@@ -124,7 +130,9 @@ class EquallyWrong(Columns):
         left = self.measured + self.errors["".join(effects[-1:])]
         return Regressed(MODELS[tuple(effects[-1:])], left, np.zeros(len(effects)))
 
-    def proposals(self, now: Regressed, added: tuple[str, ...]) -> Iterator[Proposals[Regressed]]:
+    def proposals(
+        self, now: Regressed, added: tuple[str, ...], only: Sequence[str] = ()
+    ) -> Iterator[Proposals[Regressed]]:
         """Three at the first step, then none."""
         yield Proposals([] if added else [(name, self.fit([name])) for name in self.columns])
 
