@@ -42,29 +42,36 @@ def released(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
 
 
 def _released(experiment: Experiment) -> Experiment:
-    start = _release(Signals.of(experiment))
-    if start is None:
+    start, end = _free_part(Signals.of(experiment))
+    if start is end is None:
         return experiment
-    log.warning(
-        "%s: moves freely only from %.4g s on; what is before is left out (a hand, a motor or a blow acts there)",
-        experiment.name, start,
-    )  # fmt: skip
-    return experiment.between(start, np.inf)
+    if start is not None:
+        log.warning(
+            "%s: moves freely only from %.4g s on; what is before is left out (a hand, a motor or a blow acts there)",
+            experiment.name, start,
+        )  # fmt: skip
+    if end is not None:
+        log.warning(
+            "%s: moves freely only until %.4g s; what is after is left out (something acts on it again)",
+            experiment.name, end,
+        )  # fmt: skip
+    return experiment.between(-np.inf if start is None else start, np.inf if end is None else end)
 
 
-def _release(signals: Signals) -> float | None:
-    """The time from which the motion is free [s]; None where it is free from its beginning.
+def _free_part(signals: Signals) -> tuple[float | None, float | None]:
+    """The times between which the motion is free [s]; None where it is free from its beginning, or to its end.
 
     It is free from the last time on at which the error of the acceleration, over a third of a period, was more than
     ``policy.MISSED`` times that of the free part.  Less than a period before it is not left
     out: a second mode that dies down looks alike.  The rest before a blow is, and the blow, which an
     accelerometer feels, for half a period: a longer one pushes against the motion.  Such a rest is longer than that of
-    a free motion where it turns.
+    a free motion where it turns.  It is free until it rests, if the error is as large afterwards: a hand stops it, or
+    lets it go again.
     """
     motion = _Local.of(signals)
     free = motion.free
     if free.stop - free.start < max(LEAST_SAMPLES, motion.width) * REGRESSORS:  # a width is as good as one sample
-        return None
+        return None, None
     off, width = motion.unexplained(signals.experiment.is_linear), motion.width
     usual = np.sqrt(max(np.mean(off[free] ** 2), (SMALL * np.std(motion.acceleration[free])) ** 2))
     mean = np.sqrt(np.convolve(off**2, np.ones(width) / width, mode="same"))
@@ -73,7 +80,8 @@ def _release(signals: Signals) -> float | None:
     release = release if release >= PERIOD * width else 0
     if signals.column == ACCEL and motion.begins > TURNING * PERIOD * width:
         release = max(release, motion.begins + PERIOD * width // 2)
-    return float(signals.time[release]) if release else None
+    acts_again = bool((mean[free.stop + width : -width] > policy.MISSED * usual).any())
+    return float(signals.time[release]) if release else None, float(signals.time[free.stop - 1]) if acts_again else None
 
 
 def _largest_motion(signals: Signals) -> slice:

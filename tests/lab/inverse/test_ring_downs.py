@@ -142,3 +142,51 @@ def test_a_jerk_does_not_hide_the_release() -> None:
     place = np.where(times < 38.0, pulled, 0.8 * np.exp(-0.02 * after) * np.cos(0.9 * after))
     (found,) = released([Experiment("pulled.csv", None, times, {"displacement": place})])
     assert 38.0 <= found.time[0] < 40.0
+
+
+@pytest.mark.parametrize("second", [0.0, 0.9, 0.3])
+def test_a_second_release_is_left_out(second: float, caplog: pytest.LogCaptureFixture) -> None:
+    """A pendulum that comes to rest, is held up by a hand and let go again: the larger motion remains, and alone it is
+    free to its end."""
+    step = 0.02
+    times, place, speed, swing = np.arange(0, 70, step), 0.6, 0.0, []
+    for time in times:
+        held = second if 35 <= time < 38 else None
+        for _ in range(4):
+            speed += step / 4 * (-25 * math.sin(place) - 0.5 * speed)
+            place += step / 4 * speed
+        if held:
+            place, speed = held * min(time - 35, 1.0), 0.0
+        swing.append(place)
+    noise = np.random.default_rng(3).normal(0, 0.001, times.size)
+    whole = Experiment("twice.csv", None, times, {"position": np.array(swing) + noise})
+    (part,) = released([whole])
+    if second > 0.6:
+        assert 36 < part.time[0] < 40
+        assert part.time[-1] == times[-1]
+    elif second:
+        assert part.time[0] == 0
+        assert 8 < part.time[-1] < 35
+        assert "something acts on it again" in caplog.text
+    else:
+        assert part is whole
+
+
+@pytest.mark.parametrize("friction", [2.5e-3, 0.0])
+def test_dry_friction_and_drag_together(friction: float, tmp_path: Path) -> None:
+    """A mass that both slow as viscous friction would, to a sixth in 60 swings: beside it neither alone takes anything.
+    Viscous friction alone lacks nothing."""
+    times, w, rng = np.arange(0.0, 75.0, 0.03), 5.0, np.random.default_rng(2)
+    viscous, drag = (0.0, 0.6) if friction else (0.05, 0.0)
+
+    def slope(_: float, x: FloatArray) -> list[float]:
+        dry = friction * math.tanh(x[1] / (1e-3 * w * 0.04))
+        return [x[1], -(w**2) * x[0] - viscous * x[1] - drag * x[1] * abs(x[1]) - dry]
+
+    place = solve_ivp(slope, (0, times[-1]), [0.04, 0.0], "LSODA", times, rtol=1e-8, atol=1e-10).y[0]
+    measured = place + 1e-4 * rng.standard_normal(times.size)
+    answer = explained(tmp_path, BARE, [Recording(times, {"displacement": measured}, name="both.csv")])
+    assert sorted(answer["missing"]) == (["coulomb_friction", "quadratic_damping"] if friction else [])
+    if friction:
+        assert answer["parameters"]["coulomb_friction.tau_c"][0] == pytest.approx(0.02 * friction, rel=0.05)
+        assert answer["parameters"]["quadratic_damping.b2"][0] == pytest.approx(0.02 * drag, rel=0.05)
