@@ -75,9 +75,10 @@ def guessed(
     if not chosen and len(rest := _unnamed(series, clock)) == 1:
         chosen["position"] = _chosen("position", rest[0], Term(rest[0].name), "the only series beside the time")
     if not chosen:
+        example = _example(series, clock, (moving or {}).get("perhaps", ""))
         raise RecordingError(
-            f"{name}: found {listed(series)}, and none that is clearly a column; assign them, as in "
-            f"{_example(series, clock)} (deg, mm: units; rpm: a speed; *FACTOR: counts)"
+            f"{name}: found {listed(series)}, and none that is clearly a column; assign them, as in {example} (deg, "
+            "mm: units; rpm: a speed; *FACTOR: counts)"
         )
     used = {one.series for one in chosen.values()}
     if left := [one for one in series if one.name not in used and not is_time(one.name)]:
@@ -105,8 +106,11 @@ def mapped(column: str, series: str, unit: str = "") -> str:
     return f"--map {shlex.quote(f'{column}={shown(series)}{unit}')}"
 
 
-def _example(series: Sequence[Series], clock: str) -> str:
-    """How the first series would be assigned; without a header the first column is most often the time."""
+def _example(series: Sequence[Series], clock: str, swings: str) -> str:
+    """How the first series would be assigned, or the one that swings; without a header the first column is most often
+    the time."""
+    if swings:
+        return mapped("position", swings, ":deg")
     names = [one.name for one in series if not is_time(one.name) and one.name != clock]
     if not clock and len(names) == len(series) > 1:
         return f"{mapped('time', names[0], ':ms')} {mapped('position', names[1], ':deg')}"

@@ -32,7 +32,8 @@ OFF_CIRCLE = 0.15
 
 def liveliest(table: Table, choice: Choice) -> dict[str, str]:
     """Of the axes of an accelerometer, or of a gyroscope (``speed``), the one that moves most by far, by its column; of
-    x and y of a film the displacement, and of columns that no name tells the position, if only one swings."""
+    x and y of a film the displacement, and of columns that no name tells the position, if only one swings; if several
+    do, the one that moves most (``perhaps``)."""
     found: dict[str, str] = {}
     speeds = [one.name for one in table.series if speed_of(one.name) and axis_of(one.name)]
     unnamed = [one.name for one in table.series if UNNAMED.fullmatch(one.name)]
@@ -51,6 +52,8 @@ def liveliest(table: Table, choice: Choice) -> dict[str, str]:
             best = max(powers, key=lambda name: powers[name], default="")
             if best and (column == "displacement" or powers[best] > MOST * sum(powers.values())):
                 found[column] = best
+            elif best and column == "position":
+                found["perhaps"] = best
     return found
 
 
