@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 from pathlib import Path
 
 import hypothesis
@@ -54,16 +55,17 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     as RERUN: a thread that emulates a device answers late while the machine is busy with other tests.
     """
     for item in items:
-        if in_real_time(item):
+        if in_real_time(item.path):
             item.add_marker(pytest.mark.flaky(reruns=1))
     count = int(getattr(config, "workerinput", {}).get("workercount", 1))
     if count > 1:
         items[:] = dealt(items, count)
 
 
-def in_real_time(item: pytest.Item) -> bool:
-    """Whether it waits for devices, services or browsers, instead of computing."""
-    return any(folder in item.path.parents for folder in REAL_TIME)
+@cache
+def in_real_time(path: Path) -> bool:
+    """Whether a file's tests wait for devices, services or browsers, instead of computing."""
+    return any(path.is_relative_to(folder) for folder in REAL_TIME)
 
 
 def dealt(items: Sequence[pytest.Item], count: int) -> list[pytest.Item]:
@@ -80,7 +82,7 @@ def dealt(items: Sequence[pytest.Item], count: int) -> list[pytest.Item]:
     for item in items:
         (slow.setdefault(item.path, []) if item.get_closest_marker("slow") else quick).append(item)
     slow = dict(sorted(slow.items(), key=lambda one: -max(map(limit, one[1]))))
-    waits = {path: in_real_time(tests[0]) for path, tests in slow.items()}
+    waits = {path: in_real_time(path) for path in slow}
     computing = max(count // 3, 1)
     stretches = deal([tests for path, tests in slow.items() if not waits[path]], computing)
     stretches += deal([tests for path, tests in slow.items() if waits[path]], count - computing)
