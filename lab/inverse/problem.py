@@ -134,6 +134,8 @@ class Data:
     def whitened(self, misfit: FloatArray) -> FloatArray:
         """Innovations of the misfit (M,), of the same size as a misfit of this colour; the first sample after a gap
         has no predecessor."""
+        if not self.colour:
+            return misfit
         scale, found = math.sqrt(1 - self.colour**2), misfit.copy()
         for new, old, one in zip(by_recording(found, self), by_recording(misfit, self), self.signals, strict=True):
             new[1:] = np.where(one.is_next, (old[1:] - self.colour * old[:-1]) / scale, old[1:])

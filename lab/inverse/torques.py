@@ -85,7 +85,9 @@ def _parts(model: Model, signals: Signals) -> int:
     """The number of steps between two samples for states that follow the motion."""
     values = {name: p.value for name, p in model.parameters.items()}
     own = [effect for name in model.effects if (effect := get_effect(name)).distance]
-    shortest = min((effect.distance(scope(values, effect)) for effect in own if effect.distance), default=math.inf)
+    if not own:
+        return 1
+    shortest = min(effect.distance(scope(values, effect)) for effect in own if effect.distance)
     farthest = float(np.abs(np.diff(signals.position)).max())
     return min(max(math.ceil(farthest / (STEP * shortest)), 1), MOST_PARTS)
 
