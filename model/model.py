@@ -99,9 +99,12 @@ class Model:
     def _values(self) -> dict[str, float]:
         return {name: parameter.value for name, parameter in self.parameters.items()}
 
+    def plan(self, is_driven: bool) -> Plan:
+        """The solver's tables, without or with an input."""
+        return self._plans[is_driven]
+
     @cached_property
     def _plans(self) -> tuple[Plan, Plan]:
-        """Without and with an input."""
         free = assemble(self._base, self._in_order, self._values)
         driven = free.start.copy()
         driven[DRIVEN] = 1.0
@@ -119,7 +122,7 @@ class Model:
                 f"no state is called {', '.join(sorted(unknown))}; there are {', '.join(self.state_names)}"
             )
         pieces = cut(drive, float(time), 1e-3, self._delay)
-        return self._start(self._plans[drive is not None], pieces, float(time), given)
+        return self._start(self.plan(drive is not None), pieces, float(time), given)
 
     def simulate(
         self,
@@ -148,7 +151,7 @@ class Model:
         local = times - times[0]
         grid = local if sensor_clock == 1 else np.union1d(local, local / sensor_clock)
         pieces = cut(drive, float(times[0]), max(float(grid[-1]), 1e-3), self._delay)
-        plan = self._plans[drive is not None]
+        plan = self.plan(drive is not None)
         x0 = self._start(plan, pieces, float(times[0])) if state is None else self._checked_state(state)
         out, states, used = self._solve(plan, pieces, x0, grid, float(times[0]), substep_s, shortest_s)
         signals = dict(zip(self._base.outputs, out, strict=True))
@@ -176,7 +179,7 @@ class Model:
         origin = float(every[0])
         pieces = cut(drive, origin, max(float(every[-1]) - origin, 1e-3), self._delay)
         records = np.array(signals, dtype=np.uint64)
-        return Run(self._plans[drive is not None], pieces, every - origin, origin, records, picks)
+        return Run(self.plan(drive is not None), pieces, every - origin, origin, records, picks)
 
     def observer(self, drive: Motion | None, times: FloatArray, output: str, clock_zero: float) -> ObserverRun:
         """Ready to be run along a measurement of one output at these times, corrected by it; clock_zero as above."""
@@ -185,7 +188,7 @@ class Model:
         origin = float(felt[0])
         knots, coefficients, at = observer_input(drive, origin, felt - origin, self._delay)
         reading = np.array([signal], dtype=np.uint64)
-        return ObserverRun(self._plans[drive is not None], knots, coefficients, at, origin, reading)
+        return ObserverRun(self.plan(drive is not None), knots, coefficients, at, origin, reading)
 
     @property
     def _clock_rate(self) -> float:

@@ -17,13 +17,11 @@ from numba import njit
 from lostmotion.lab import policy
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.model import Model, build_model
-from lostmotion.model.assemble import assemble, in_order, scope
-from lostmotion.model.bases import get_base
+from lostmotion.model.assemble import scope
 from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import Effect
 from lostmotion.model.kernel import OPTIONS, compiled
 from lostmotion.model.motion import FloatArray
-from lostmotion.model.signals import DRIVEN
 from lostmotion.model.solve import load, rates
 
 __all__ = [
@@ -76,7 +74,7 @@ def acceleration(model: Model, signals: Signals, drive: FloatArray) -> FloatArra
     drive: (N,) the input at the signals' times.
     """
     found = np.empty(signals.time.size)
-    plan = _plan(model, signals.experiment.drive is not None)
+    plan = model.plan(signals.experiment.drive is not None)
     _evaluate(plan, signals.time, signals.position, signals.velocity, drive, _parts(model, signals), found)
     return found
 
@@ -90,14 +88,6 @@ def _parts(model: Model, signals: Signals) -> int:
     shortest = min(effect.distance(scope(values, effect)) for effect in own if effect.distance)
     farthest = float(np.abs(np.diff(signals.position)).max())
     return min(max(math.ceil(farthest / (STEP * shortest)), 1), MOST_PARTS)
-
-
-def _plan(model: Model, is_driven: bool) -> Any:
-    effects = in_order([get_effect(name) for name in model.effects])
-    plan = assemble(get_base(model.base), effects, {name: p.value for name, p in model.parameters.items()})
-    start = plan.start.copy()
-    start[DRIVEN] = float(is_driven)
-    return plan._replace(start=start)
 
 
 def _run(
