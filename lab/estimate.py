@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 
-from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.data.experiment import Experiment, with_one_column
 from lostmotion.lab.data.noise import noise_of
 from lostmotion.lab.deadline import Progress
 from lostmotion.lab.fitting.fit import fit_segments
@@ -31,7 +31,7 @@ def fit(
     if method is None:
         return fit_segments(model, experiments, pool, progress)
     progress("fitting", 0.0)
-    experiments = released(experiments)
+    experiments = released(with_one_column(experiments))
     found = fitted(model, experiments, method, noise_of(experiments))
     progress("done", 1.0)
     return replace(found, held=with_scale(model, experiments)[1])

@@ -27,7 +27,7 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 
 from lostmotion.lab import policy
-from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.data.experiment import Experiment, with_one_column
 from lostmotion.lab.data.noise import noise_of
 from lostmotion.lab.deadline import Progress
 from lostmotion.lab.gears.explain import explained_gears
@@ -54,7 +54,7 @@ def explain(
     all.
     """
     method = method_of(model, experiments)
-    experiments = released(band_limited(model, experiments)) if method else experiments
+    experiments = released(band_limited(model, with_one_column(experiments))) if method else experiments
     noise = noise_of(experiments)
     train, last = _split(experiments, method is not None)
     if method is None:

@@ -23,7 +23,17 @@ from lostmotion.lab.errors import ExperimentError
 from lostmotion.model import Model, Motion, Sampled
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["ACCEL", "FLAT_SHARE", "INPUT", "OUTPUTS", "Experiment", "axis_of", "experiments", "own_rows"]
+__all__ = [
+    "ACCEL",
+    "FLAT_SHARE",
+    "INPUT",
+    "OUTPUTS",
+    "Experiment",
+    "axis_of",
+    "experiments",
+    "own_rows",
+    "with_one_column",
+]
 
 ACCEL = "accel"
 """the column of the accelerometer"""
@@ -104,6 +114,21 @@ class Experiment:
 def axis_of(experiments: Sequence[Experiment]) -> tuple[bool, str]:
     """Whether an axis moves along a line, and the unit of what was recorded in place of its torque, or ""."""
     return any(one.is_linear for one in experiments), next((one.drive_unit for one in experiments), "")
+
+
+def with_one_column(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
+    """The experiments with the most direct of the columns that were measured in all of them, by which a motion that is
+    simulated whole is compared; a warning reports the others.  Raises ExperimentError where there is none."""
+    first, *rest = experiments
+    column = next((name for name in first.measured if all(name in one.measured for one in rest)), "")
+    if not column:
+        raise ExperimentError(
+            f"{experiments[-1].name}: found {', '.join(experiments[-1].measured)}, expected "
+            f"{' or '.join(first.measured)} as in {first.name}: all recordings are compared by one column"
+        )
+    if beside := sorted({name for one in experiments for name in one.measured} - {column}):
+        log.warning("%s: compared by its %s, without %s", first.name, column, ", ".join(beside))
+    return tuple(replace(one, measured={column: one.measured[column]}) for one in experiments)
 
 
 def own_rows(values: FloatArray) -> NDArray[np.intp] | None:

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.lab import policy
-from lostmotion.lab.data.experiment import Experiment
-from lostmotion.lab.data.frequency_response import from_spectra
+from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.lab.observer.filter import can_follow, states_at
 from lostmotion.lab.observer.global_search import nearest
 from lostmotion.lab.shooting.continuation import Level, fitted, merged, missing, residuals
@@ -62,12 +61,11 @@ POLISHED = 5
 
 
 def seeded(model: Model, experiments: Sequence[Experiment]) -> Model:
-    """The model with its frequency from the spectrum, where a bar is measured and its stiffness is free; with more
-    from the spectra of input and output, where both were recorded."""
-    known = from_spectra(model, experiments)
-    ringing = [one for one in experiments if {"accel", "displacement"} & set(one.measured)]
-    if known is not model or not ringing or "k" not in free_names(model):
-        return known
+    """The model with the bar's frequency from the spectrum, where its acceleration was measured and its stiffness is
+    free."""
+    ringing = [one for one in experiments if ACCEL in one.measured]
+    if not ringing or "k" not in free_names(model):
+        return model
     k, m = model.parameters["k"], model.parameters["m"].value
     rough = math.sqrt(k.value / m) / (2 * math.pi)
     lines = [ringing_hz(e, rough * (1 - FREQUENCY_SHARE), rough * (1 + FREQUENCY_SHARE)) for e in ringing]
@@ -119,7 +117,7 @@ def _near(model: Model, segment: Segment, likely: FloatArray | None, task: Task)
 
 
 def first_fit(model: Model, task: Task, pool: Executor) -> Level:
-    """The best fit on the shortest segments; for gears from the minimum of observer runs, or from a grid of plays and
+    """The best fit of gears on the shortest segments, from the minimum of observer runs, or from a grid of plays and
     dampings."""
     model = seeded(model, task.experiments)
     if can_follow(model, *task.experiments):
@@ -181,9 +179,7 @@ def doubled(level: Level, task: Task, max_missed: float = 1.0) -> Level | None:
     """The fit on segments twice as long, from where this one ended; None where there are none, or the motion
     diverges."""
     segments = _doubled(level.segments, task)
-    if not segments or level.model.base == "joint":
-        return None
-    return repaired_fit(level.model, level.unknowns, segments, task, max_missed)
+    return repaired_fit(level.model, level.unknowns, segments, task, max_missed) if segments else None
 
 
 def _doubled(segments: Sequence[Segment], task: Task) -> tuple[Segment, ...]:
@@ -194,7 +190,7 @@ def _doubled(segments: Sequence[Segment], task: Task) -> tuple[Segment, ...]:
 def predictable(level: Level, task: Task) -> float:
     """Longest segments, up to a second, over which the motion is not chaotic [s]: these distinguish models best."""
     segments, horizon = level.segments, level.horizon_s
-    while level.model.base != "joint" and (segments := _doubled(segments, task)):
+    while segments := _doubled(segments, task):
         longer = max(segment.experiment.duration for segment in segments)
         if longer > LONGEST_S or np.mean(_unpredictable(level.model, segments, task)) > DOUBTED_SHARE:
             break
@@ -227,8 +223,6 @@ def _rms(values: FloatArray) -> float:
 
 
 def _grid(model: Model) -> list[Model]:
-    if model.base != "play":
-        return [model]
     free = free_names(model)
     plays = PLAY_SHARE if "d" in free else (1.0,)
     dampings = DAMPING_SHARE if "alpha" in free else (1.0,)

@@ -67,7 +67,7 @@ def _check_rate(model: Model, experiments: Sequence[Experiment]) -> None:
     """Raises ExperimentError where the first segments of gears hold too few samples to determine their initial
     states."""
     slow = min(experiments, key=lambda one: one.rate_hz)
-    length = FIRST_S.get(model.base, math.inf)
+    length = FIRST_S[model.base]
     if slow.rate_hz * length < FIRST_LEAST:
         raise ExperimentError(
             f"{slow.name}: found {slow.rate_hz:.3g} samples a second, expected at least {FIRST_LEAST / length:.3g}: "

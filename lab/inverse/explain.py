@@ -25,6 +25,7 @@ from lostmotion.lab import policy, words
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.frequency_response import from_spectra
 from lostmotion.lab.deadline import Progress, is_over, within
+from lostmotion.lab.errors import ExperimentError
 from lostmotion.lab.fitting.identifiability import is_driven, with_scale
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.describe import axis_of, described
@@ -42,7 +43,7 @@ from lostmotion.lab.inverse.output_error import OutputError, initial_state
 from lostmotion.lab.inverse.problem import Data
 from lostmotion.lab.inverse.regression import Regression, blocks_of, can_run
 from lostmotion.lab.inverse.shares import shares
-from lostmotion.lab.inverse.signals import COLUMNS, Signals
+from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import can_invert, noise_floor
 from lostmotion.lab.results import Errors, Estimate, Explanation, Fit, Verdict
 from lostmotion.lab.selection.evidence import Candidate
@@ -70,13 +71,19 @@ log = logging.getLogger(__name__)
 
 def method_of(model: Model, experiments: Sequence[Experiment]) -> Method | None:
     """The error that is minimised: of the torque where the torque of a joint was measured, of the motion where it
-    follows from a command or a force; None for gears with play, as impacts make the whole motion unpredictable."""
-    driven = {is_driven(one) for one in experiments}
-    if len(driven) != 1 or any(len(set(one.measured) & set(COLUMNS)) != 1 for one in experiments):
+    follows from a command or a force; None for gears with play, as impacts make the whole motion unpredictable.  Raises
+    ExperimentError for a joint that is driven in some of the recordings only."""
+    if model.base == "play":
         return None
-    if model.base in SIMULATED:
+    if model.base in SIMULATED or not can_invert(model):
         return Method.MOTION
-    return (Method.TORQUE if driven == {True} else Method.FREE) if can_invert(model) else None
+    driven = {is_driven(one): one.name for one in experiments}
+    if len(driven) > 1:
+        raise ExperimentError(
+            f"found a torque in {driven[True]} and none in {driven[False]}, expected one in all recordings or in none: "
+            "ask what moves freely apart from what is driven"
+        )
+    return Method.TORQUE if True in driven else Method.FREE
 
 
 def explained(

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.lab.shooting.continuation import errors, missing
 from lostmotion.lab.shooting.least_squares import robust
 from lostmotion.lab.shooting.segment import STEP, Segment, in_motion, state_scales
@@ -149,13 +149,9 @@ def _first(segment: Segment, length: float) -> Segment:
 
 
 def ringing_hz(experiment: Experiment, low: float, high: float) -> float:
-    """The strongest line of accel (else displacement) between two frequencies [Hz], accurate to a tenth of its width.
-
-    The spectrum is weighted with the fourth power of frequency, as far as it is displacement's; none of it is needed to
-    be a ring of one impact.
-    """
-    column = "accel" if "accel" in experiment.measured else "displacement"
-    values = experiment.measured[column]
+    """The strongest line of the bar's acceleration between two frequencies [Hz], accurate to a tenth of its width; it
+    need not be a ring of one impact."""
+    values = experiment.measured[ACCEL]
     time = np.arange(experiment.time[0], experiment.time[-1], 1 / experiment.rate_hz)
     seen = ~np.isnan(values)
     even = np.interp(time, experiment.time[seen], values[seen])

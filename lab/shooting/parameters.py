@@ -21,12 +21,8 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["Unknown", "Unknowns", "free_names"]
 
 LOG_PRIOR = 1.0
-TRUST: Mapping[str, Mapping[str, float]] = {
-    "play": {"l": 1.25, "k": 1.25, "b": 3.0, "d": 1.8, "alpha": 5.0},
-    "joint": {"J": 1.5},
-    "servo": {"J": 3.0, "kt": 3.0},
-}
-"""By base, the factor by which each parameter may differ in a search from the value of the file or the spectra."""
+TRUST: Mapping[str, float] = {"l": 1.25, "k": 1.25, "b": 3.0, "d": 1.8, "alpha": 5.0}
+"""The factor by which each parameter of gears may differ in a search from the value of the file or the spectra."""
 LINEAR_PRIOR = 10.0
 AT_BOUND = 1e-6
 """Distance from a bound, in numbers of order one, from which on a fit ended there: it approaches a bound from within.
@@ -122,14 +118,13 @@ class Unknowns:
     def of(cls, model: Model, around: Model | None = None) -> Unknowns:
         """The free ones of a model.
 
-        around: a search stays near this model's values.  With impacts at the wrong time the best fit has zero amplitude
-        (regression dilution); bounds prevent this for roughly known parameters.
+        around: a search of gears stays near this model's values.  With impacts at the wrong time the best fit has zero
+        amplitude (regression dilution); bounds prevent this for roughly known parameters.
         """
         items = tuple(Unknown.of(name, model.parameters[name]) for name in free_names(model))
-        if around is not None:
-            trust = TRUST.get(model.base, {})
+        if around is not None and model.base == "play":
             items = tuple(
-                _near(item, around.parameters[item.name].value, trust[item.name]) if item.name in trust else item
+                _near(item, around.parameters[item.name].value, TRUST[item.name]) if item.name in TRUST else item
                 for item in items
             )
         return cls(items, np.array([LOG_PRIOR if item.logarithmic else LINEAR_PRIOR for item in items]))

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from lostmotion.drivers.recording import Recording
-from lostmotion.lab.data.experiment import experiments
+from lostmotion.lab.data.experiment import experiments, with_one_column
+from lostmotion.lab.errors import ExperimentError
 from lostmotion.lab.fitting.identifiability import with_free_states
 from lostmotion.lab.inverse.candidates import _covers
 from lostmotion.lab.inverse.effect_sizes import is_sized
@@ -55,6 +56,35 @@ def test_a_mass_on_a_spring_that_does_not_rub(tmp_path: Path) -> None:
     """Nothing is named."""
     found = explained(tmp_path, 'base = "oscillator"\n', [cart(seed, 0.05, 0.0) for seed in (5, 6)])
     assert found["verdict"] == "nothing_missing"
+
+
+def test_a_bar_with_both_columns_is_compared_by_its_displacement(tmp_path: Path) -> None:
+    """Of a bar that rubs, read by a displacement sensor and by an accelerometer, the friction is named, 0.02 N to 5 %;
+    on short segments, as gears are, the range of the accelerometer was."""
+    model = build_model("oscillator", ["coulomb_friction"], {"coulomb_friction.tau_c": 0.02})
+    rng, times = np.random.default_rng(5), np.arange(0, 2, 1e-3)
+    asked = []
+    for first in (1e-3, 9e-4, 8e-4):
+        motion = model.simulate(None, times, model.initial_state(None, q=first))
+        columns = {
+            "displacement": motion["displacement"] + 2e-6 * rng.standard_normal(times.size),
+            "accel": motion["accel"] + 0.2 * rng.standard_normal(times.size),
+        }
+        asked.append(Recording(times, columns, name=f"{first}.csv"))
+    found = explained(tmp_path, 'base = "oscillator"\n', asked)
+    assert found["missing"] == ["coulomb_friction"]
+    assert found["parameters"]["coulomb_friction.tau_c"][0] == pytest.approx(0.02, rel=0.05)
+    assert list(found["columns"]) == ["displacement"]
+
+
+def test_recordings_of_different_columns_are_refused() -> None:
+    """One bar's displacement and another one's acceleration are not compared together."""
+    one, other = (
+        Recording(np.arange(100) * 0.01, {column: np.sin(np.arange(100.0))}, name=f"{column}.csv")
+        for column in ("displacement", "accel")
+    )
+    with pytest.raises(ExperimentError, match=r"accel.csv: found accel, expected displacement as in displacement.csv"):
+        with_one_column(experiments(build_model("oscillator"), [one, other]))
 
 
 def one_mode() -> OutputError:

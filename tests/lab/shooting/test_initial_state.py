@@ -117,5 +117,5 @@ def test_frequency_from_the_spectrum(f_res: float, empty: int) -> None:
 def test_frequency_without_a_line_is_the_middle() -> None:
     """Between frequencies that the recording is too slow for, their geometric mean is told."""
     times = np.arange(800) / 800
-    experiment = Experiment("slow", None, times, {"displacement": np.sin(2 * math.pi * 50 * times)})
+    experiment = Experiment("slow", None, times, {"accel": np.sin(2 * math.pi * 50 * times)})
     assert ringing_hz(experiment, 500.0, 720.0) == pytest.approx(600.0)
