@@ -117,7 +117,7 @@ def _near(model: Model, segment: Segment, likely: FloatArray | None, task: Task)
 
 
 def first_fit(model: Model, task: Task, pool: Executor) -> Level:
-    """The best fit of gears on the shortest segments, from the minimum of observer runs, or from a grid of plays and
+    """The best fit on the shortest segments; for gears from the minimum of observer runs, or from a grid of plays and
     dampings."""
     model = seeded(model, task.experiments)
     if can_follow(model, *task.experiments):
@@ -223,6 +223,8 @@ def _rms(values: FloatArray) -> float:
 
 
 def _grid(model: Model) -> list[Model]:
+    if model.base != "play":
+        return [model]
     free = free_names(model)
     plays = PLAY_SHARE if "d" in free else (1.0,)
     dampings = DAMPING_SHARE if "alpha" in free else (1.0,)
