@@ -143,12 +143,6 @@ def _ascends(column: Array) -> bool:
     return is_short and float(np.quantile(steps, 0.9)) < 2 * usual
 
 
-def _is_uneven_time(column: Array) -> bool:
-    """Whether numbers ascend, and do not merely count the rows."""
-    steps = np.diff(np.asarray(column, dtype=np.float64))
-    return steps.size >= LEAST_ROWS and bool((steps > 0).all() and np.median(steps) != 1)
-
-
 def _in_order(times: FloatArray) -> tuple[slice, list[str]]:
     """The longest part in which time does not go back, where a file has a few such parts; all of it otherwise."""
     back = np.flatnonzero(np.diff(times) < 0) + 1

@@ -40,16 +40,13 @@ from lostmotion.lab.inverse.torques import softened
 from lostmotion.lab.parallel import each
 from lostmotion.lab.selection.evidence import Predictions
 from lostmotion.lab.selection.forward import Proposals
-from lostmotion.lab.selection.nesting import without
+from lostmotion.lab.selection.nesting import around, without
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
 __all__ = [
     "Fitted", "Method", "WholeMotion", "error_on", "fit_on", "is_disturbed", "is_noise",
 ]  # fmt: skip
-
-OPPOSED = ("coulomb_friction", "quadratic_damping")
-"""forces of order zero and two in the speed: together they act as one of order one"""
 
 
 class Method(Enum):
@@ -145,10 +142,9 @@ class WholeMotion:
         return self._fitted(_with_load(softened(self.model, self.signals), data))
 
     def opposed(self, now: Fitted) -> Sequence[str]:
-        """Dry friction and drag beside viscous friction, where a motion dies away."""
+        """Of a motion that dies away; a torque, or a motion that an input drives, distinguishes them."""
         is_free = self.method is not Method.TORQUE and not any(is_driven(one.experiment) for one in self.signals)
-        is_viscous = "viscous_friction" in now.model.effects or "b" in now.model.parameters
-        return OPPOSED if is_free and is_viscous else ()
+        return around(now.model) if is_free else ()
 
     def proposals(self, now: Fitted, added: tuple[str, ...], only: Sequence[str] = ()) -> Iterator[Proposals[Fitted]]:
         """All candidates, fitted as far as the time allows."""

@@ -71,7 +71,7 @@ class Likelihood(Protocol[F]):
         the effects that are asked for, all for ()."""
 
     def opposed(self, now: F) -> Sequence[str]:
-        """Two effects that together act as one of the model does, so that neither explains anything beside it."""
+        """Two effects that are tried as a pair, () for none: see ``nesting.around``."""
 
     def accepted(self, fit: F, now: F) -> F:
         """The fit with an effect that was accepted, from which the search goes on."""

@@ -9,7 +9,17 @@ from lostmotion.model import Model, build_model, catalogue
 from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import Simpler
 
-__all__ = ["contained", "in_place", "others", "wider", "with_effects", "without"]
+__all__ = ["around", "contained", "in_place", "others", "wider", "with_effects", "without"]
+
+
+def around(model: Model) -> tuple[str, ...]:
+    """The two effects proportional to the next lower and the next higher power of the speed than a damping of the
+    model; () where it has none, or one of them already.  Together they damp a swing as that does, so that neither
+    explains anything beside it."""
+    powers = {get_effect(name).speed_power for name in model.effects} | ({1} if "b" in model.parameters else set())
+    damping = {get_effect(name).speed_power: name for name in others(model)}
+    pairs = ((damping.get(power - 1), damping.get(power + 1)) for power in powers if power is not None)
+    return next(((low, high) for low, high in pairs if low and high), ())
 
 
 def with_effects(model: Model, effects: Sequence[str]) -> Model:

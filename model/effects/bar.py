@@ -152,6 +152,7 @@ QUADRATIC_DAMPING = Effect(
     amplitudes=("b2",),
     likelier="viscous_friction",
     odds=2.0,
+    speed_power=2,
     guesses=lambda scales: (
         [{"b2": share * scales.b / scales.swing, "b": scales.b * (1 - 0.6 * share)} for share in (0.3, 0.9)]
         if scales.swing

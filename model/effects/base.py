@@ -96,9 +96,10 @@ class Effect(EffectInfo):
 
     For a search: amplitudes: parameters without which it vanishes; guesses: values from which it may begin in a motion
     of these scales; barely: values with which it hardly acts, one for each shape, where it has no amplitude; simpler:
-    the effect that is a part of it; likelier, odds: another effect of its kind, which so many times as many
-    machines have; most_turns: a motion of more turns cannot have it; delays_by: its parameter T [s] where to first
-    order it makes the reading come later by T.  words: its description for a person.
+    the effect that is a part of it; likelier, odds: another effect of its kind, which so many times as many machines
+    have; speed_power: the power of the speed to which a damping is proportional; most_turns: a motion of more turns
+    cannot have it; delays_by: its parameter T [s] where to first order it makes the reading come later by T. words: its
+    description for a person.
     """
 
     terms: Mapping[str, tuple[Term, ...]] = field(default_factory=dict)
@@ -118,6 +119,7 @@ class Effect(EffectInfo):
     simpler: Simpler | None = None
     likelier: str = ""
     odds: float = 1.0
+    speed_power: int | None = None
     most_turns: float = math.inf
     delays_by: str = ""
     words: Words | None = None

@@ -106,6 +106,7 @@ VISCOUS = Effect(
     rate=_viscous_rate,
     defaults={"joint": {"b_v": joint_sized(_B_V)}, "servo": {"b_v": servo_sized(_B_V)}},
     amplitudes=("b_v",),
+    speed_power=1,
     guesses=lambda scales: grid(b_v=[scales.torque / scales.speed * share for share in SMALL]),
     words=Words(
         "viscous friction",
@@ -131,6 +132,7 @@ COULOMB = Effect(
         "oscillator": _SLIDING,
     },
     amplitudes=("tau_c",),
+    speed_power=0,
     guesses=lambda scales: grid(tau_c=[scales.torque * share for share in SMALL]),
     words=Words(
         "Coulomb friction",
