@@ -78,9 +78,14 @@ def _axes(series: Sequence[Series], column: str | None) -> list[str]:
     """The series of a quantity, if each is of another axis; of none, if their names are x and y and no more: with z
     they may be of any sensor."""
     fits = [one.name for one in series if axis_of(one.name) and column_of(one.name) == column]
-    plain = fits if column else [name for name in fits if name.split("(")[0].strip().lower() in ("x", "y", "z")]
+    plain = fits if column else [name for name in fits if _bare(name) in ("x", "y", "z")]
     axes = {axis_of(name) for name in plain}
     return plain if len(axes) == len(plain) and (column or "z" not in axes) else []
+
+
+def _bare(name: str) -> str:
+    """A name without its unit, and without the data set before a colon (``Video Analysis: X (m)``)."""
+    return name.split("(")[0].rpartition(":")[2].strip().lower()
 
 
 def with_angle(table: Table, choice: Choice) -> Table:

@@ -35,11 +35,12 @@ QUANTITIES = {
 COMMANDED = QUANTITIES["torque"] | QUANTITIES["force"]
 """of a controlled drive the command is as good as what was measured: ``target_torque``"""
 UNIT_SAYS = ("position", "torque", "current", "force")
-SPEED = {"velocity", "velocities", "vel", "speed", "qd", "qvel", "dq", "omega", "rpm"}
+SPEED = {"velocity", "velocities", "vel", "speed", "qd", "qvel", "dq", "omega", "rpm", "dot"}
 OTHER = SPEED | {
     "accelerations", "jerk", "error", "errors", "covariance", "orientation", "quaternion", "gyro", "angular", "status",
     "moving", "enabled", "enable", "mode", "flag", "index", "stamp", "limit", "limits", "min", "max", "mean", "std",
     "id", "tolerance", "delta", "load", "pwm", "duty", "uncertainty", "uncertainties", "sigma", "err",
+    "ddot", "double",
 }  # fmt: skip
 """words of series that are none of the columns"""
 OUTPUT = re.compile(r"(^|[/.])output[/.\[]")

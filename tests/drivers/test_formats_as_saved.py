@@ -332,5 +332,10 @@ def test_distances_and_times_in_long_or_uneven_steps(tmp_path: Path) -> None:
     for times in (uneven, 15 * T):
         path.write_text(rows(times, SWING, sign=","))
         np.testing.assert_allclose(read(path).recording.time, times, atol=1e-4)
+    films = [f"Video Analysis: {name}" for name in ("Time (s)", "X", "Y", "X Velocity", "Y Velocity")]
+    path.write_text(",".join(films) + "\n" + rows(T, np.sin(SWING), -np.cos(SWING), 0 * T, 0 * T, sign=","))
+    assert np.ptp(read(path).recording.columns["position"]) == pytest.approx(np.ptp(SWING), rel=0.01)
+    path.write_text("t,theta,theta_dot,theta_double_dot\n" + rows(T, SWING, 0 * T, 0 * T, sign=","))
+    np.testing.assert_allclose(read(path).recording.columns["position"], SWING, atol=1e-4)
     path.write_text(rows(uneven, uneven, sign=","))
     assert "none that is clearly a column" in refused(path)
