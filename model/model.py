@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from types import MappingProxyType
 from typing import Any
 
@@ -255,13 +255,16 @@ class Model:
 
     def _steps(self, pieces: Pieces, grid: FloatArray, shortest_s: float) -> Callable[[float | None], float]:
         """The choice of a sub-step [s] for the largest magnitude of the watched signal, None before a first run."""
+        length = float(pieces.knots[-1])
+
+        @cache
+        def interval() -> float:
+            return float(np.median(np.diff(grid))) if grid.size > 1 else 0.0
 
         def chosen(watched: float | None) -> float:
             before = substep.operating(self._base, self._values, pieces)
-            interval = float(np.median(np.diff(grid))) if grid.size > 1 else 0.0
-            length = float(pieces.knots[-1])
             return max(
-                substep.pick(self._base, self._in_order, self._values, before, watched, length, interval), shortest_s
+                substep.pick(self._base, self._in_order, self._values, before, watched, length, interval()), shortest_s
             )
 
         return chosen
