@@ -85,6 +85,14 @@ def test_version() -> None:
     assert call("--version").stdout == f"lostmotion {__version__}\n"
 
 
+def test_the_package_is_a_program(tmp_path: Path) -> None:
+    """`python -m lostmotion` is the command."""
+    done = subprocess.run(
+        [sys.executable, "-m", "lostmotion", "--version"], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert done.stdout == f"lostmotion {__version__}\n"
+
+
 def test_help_imports_nothing_heavy(tmp_path: Path) -> None:
     """Not even NumPy is loaded for the help."""
     assert imported_by("--help", folder=tmp_path) == set()
