@@ -73,7 +73,12 @@ def imported(path: Path, choice: Choice) -> Imported:
             one, values = replace(one, si=INTEGRAL[one.si]), _integrated(times, values)
         parts.append((times, values))
         kept.append(one)
-        notes += _doubts(one, parts[-1][1])
+    if _are_of_a_servo_in_degrees(kept, [values for _, values in parts]):
+        notes.append("command, position: no unit is given; taken as deg, as a servo with a goal does not turn so often")
+        degrees = [np.pi / 180 if one.column in ANGLES else 1.0 for one in kept]
+        kept = [replace(one, unit="deg") if one.column in ANGLES else one for one in kept]
+        parts = [(times, factor * values) for (times, values), factor in zip(parts, degrees, strict=True)]
+    notes += [doubt for one, (_, values) in zip(kept, parts, strict=True) for doubt in _doubts(one, values)]
     if not any(times.size for times, _ in parts):
         raise RecordingError(
             f"{path}: found no numbers in {', '.join(shown(one.series) for one in guess.columns)}, expected samples; "
@@ -105,6 +110,18 @@ def _is_swing_in_degrees(one: Chosen, values: FloatArray) -> bool:
     crossed = np.count_nonzero(np.diff(np.sign(values - np.median(values)))) >= SWINGS
     most = COUNTS if (values == np.rint(values)).all() else 360
     return bool(crossed and np.pi < np.ptp(values) / 2 <= most)
+
+
+def _are_of_a_servo_in_degrees(columns: Sequence[Chosen], values: Sequence[FloatArray]) -> bool:
+    """Whether goal and angle have no unit, and are beyond the turns of a servo in rad, but within one in degrees; whole
+    numbers may be counts."""
+    angles = [(one, numbers) for one, numbers in zip(columns, values, strict=True) if one.column in ANGLES]
+    if {one.column for one, _ in angles} != {*ANGLES} or any(
+        one.unit or one.why == "given" or one.factor != 1 for one, _ in angles
+    ):
+        return False
+    numbers = np.concatenate([each for _, each in angles])
+    return MANY_TURNS <= float(np.abs(numbers).max()) <= 360 and bool((numbers != np.rint(numbers)).any())
 
 
 def _doubts(one: Chosen, values: FloatArray) -> list[str]:

@@ -29,6 +29,7 @@ _EFFECTS: dict[str, Effect] = {
         friction.LOAD_DEPENDENT,
         hysteresis.PRESLIDING_FRICTION,
         gravity.GRAVITY_TORQUE,
+        gravity.CONSTANT_TORQUE,
         spring.SPRING_TORQUE,
         gears.TORQUE_RIPPLE,
         bar.HARDENING_SPRING,

@@ -207,6 +207,20 @@ def test_a_recording_in_several_files(tmp_path: Path) -> None:
     assert "200 of q, 199 of tau, expected as many rows" in refused(both, rate_hz=100)
 
 
+def test_a_servo_turns_in_degrees(tmp_path: Path) -> None:
+    """A goal and an angle beyond two turns in rad are degrees; whole numbers, and the angle of a motor, may be more."""
+    path = tmp_path / "x.csv"
+    table = pd.DataFrame({"t": T, "goal": 100 * ANGLE, "position": 99 * ANGLE})
+    table.to_csv(path, index=False)
+    found = read(path)
+    np.testing.assert_allclose(found.recording.columns["command"], np.radians(100 * ANGLE))
+    assert any("a servo with a goal does not turn so often" in note for note in found.notes)
+    table.round().to_csv(path, index=False)
+    np.testing.assert_allclose(read(path).recording.columns["command"], (100 * ANGLE).round())
+    table.drop(columns="goal").assign(torque=T).to_csv(path, index=False)
+    np.testing.assert_allclose(read(path).recording.columns["position"], 99 * ANGLE)
+
+
 def test_names_and_units_that_stand_behind_comment_signs(tmp_path: Path) -> None:
     """Of two comments above the rows, names and then units in brackets, each is what it is."""
     path = tmp_path / "pendulum.txt"

@@ -119,7 +119,7 @@ def joint_torque(v: Values, theta: float, omega: float, transmitted: float) -> f
         torque -= p[0] * math.sin(theta + p[1])
     if p := of("torque_ripple", "tau_r", "N", "phi"):
         torque += p[0] * math.sin(p[1] * theta + p[2])
-    torque -= v.get("spring_torque.k_s", 0.0) * theta
+    torque += v.get("constant_torque.tau_0", 0.0) - v.get("spring_torque.k_s", 0.0) * theta
     if "J" in v and (p := of("quadratic_damping", "b2")):
         torque -= p[0] * omega * abs(omega)
     return torque

@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +26,13 @@ VISCOUS, COULOMB = 0.05, 0.2
 NOISE_RAD = 4e-4
 
 
-def servo(seed: int, coulomb: float = COULOMB, sees: str = "motor", slower: float = 1.0) -> Recording:
+def servo(
+    seed: int, coulomb: float = COULOMB, sees: str = "motor", slower: float = 1.0, load: float = 0.0
+) -> Recording:
     """A servo that follows six seconds of irregular motion, in steps of 0.5 ms; its dry friction sticks (Karnopp 1985).
 
-    sees: what its voltage column holds: that of the motor, or of the supply; slower: by how much all is.
+    sees: what its voltage column holds: that of the motor, or of the supply; slower: by how much all is; load: a
+    constant torque against it [N m].
     """
     rng = np.random.default_rng(seed)
     hz, phases = rng.uniform(0.1, 1.5, 6) / slower, rng.uniform(-math.pi, math.pi, 6)
@@ -41,7 +45,7 @@ def servo(seed: int, coulomb: float = COULOMB, sees: str = "motor", slower: floa
         voltage = SUPPLY * min(max(GAIN * ERROR_GAIN * (wanted - angle), -1.0), 1.0)
         angles.append(angle)
         voltages.append(voltage)
-        torque = TORQUE_CONSTANT * (voltage - TORQUE_CONSTANT * speed) / WINDING - VISCOUS * speed
+        torque = TORQUE_CONSTANT * (voltage - TORQUE_CONSTANT * speed) / WINDING - VISCOUS * speed - load
         if speed == 0.0 and abs(torque) < coulomb:
             continue
         before = speed
@@ -133,23 +137,37 @@ def test_friction_of_a_servo_under_control(tmp_path: Path, sees: str) -> None:
 
 
 @pytest.mark.slow
-def test_units_of_inertia_change_nothing_of_a_servo(tmp_path: Path) -> None:
-    """With inertia and torques a hundred times as large, and a winding that lets the same voltage make them, the name,
-    its share and the errors over the noise are the same."""
-    recordings, found = [servo(1)], []
-    for size in (1.0, 100.0):
-        values = {"J": 0.04 * size, "R": WINDING / size, "viscous_friction.b_v": 0.04 * size}
+def test_units_change_nothing_of_a_servo(tmp_path: Path) -> None:
+    """With inertia and torques a hundred times as large, and a winding that lets the same voltage make them, and with
+    times ten times as long, the name, its share and the errors over the noise are the same."""
+    one, found = servo(1), []
+    for size, slower in ((1.0, 1.0), (100.0, 1.0), (1.0, 10.0)):
+        values = {
+            "J": 0.04 * size * slower**2,
+            "R": WINDING / size * slower,
+            "viscous_friction.b_v": 0.04 * size * slower,
+        }
         lines = "".join(f"{name} = {value}\n" for name, value in values.items())
-        folder = tmp_path / f"{size:g}"
+        folder = tmp_path / f"{size:g}_{slower:g}"
         folder.mkdir()
-        found.append(explained(folder, f"{SERVO}kt = {{ value = 1.5, fixed = true }}\n{lines}", recordings))
-    first, other = found
-    assert first["missing"] == other["missing"] == ["coulomb_friction"]
-    assert other["complete"] == first["complete"]
-    assert other["share"]["coulomb_friction"] == pytest.approx(first["share"]["coulomb_friction"], abs=1e-3)
-    assert other["error"]["after"] == pytest.approx(first["error"]["after"], rel=1e-3)
-    sizes = [answer["parameters"]["coulomb_friction.tau_c"][0] for answer in found]
-    assert sizes[1] == pytest.approx(100 * sizes[0], rel=1e-3)
+        model = f"{SERVO}kt = {{ value = {1.5 * slower}, fixed = true }}\n{lines}"
+        found.append(explained(folder, model, [replace(one, time=slower * one.time)]))
+    for other, size in zip(found, (1.0, 100.0, 1.0), strict=True):
+        assert other["missing"] == ["coulomb_friction"]
+        assert other["complete"] == found[0]["complete"]
+        assert other["share"]["coulomb_friction"] == pytest.approx(found[0]["share"]["coulomb_friction"], abs=1e-3)
+        assert other["error"]["after"] == pytest.approx(found[0]["error"]["after"], rel=1e-3)
+        first, there = (answer["parameters"]["coulomb_friction.tau_c"][0] for answer in (found[0], other))
+        assert there == pytest.approx(size * first, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_an_unbalanced_load_of_a_servo_is_no_weight(tmp_path: Path) -> None:
+    """A constant torque of 0.3 N m is named as such, and nothing else."""
+    model = f"{SERVO}kp = {GAIN}\nU = {SUPPLY}\nkt = {{ value = 1.5, fixed = true }}\n"
+    answer = explained(tmp_path, model, [servo(4, coulomb=0.0, load=0.3)])
+    assert answer["missing"] == ["constant_torque"]
+    assert answer["parameters"]["constant_torque.tau_0"][0] == pytest.approx(-0.3, rel=0.1)
 
 
 @pytest.mark.slow
