@@ -81,9 +81,6 @@ were named later had taken 30 % at least (servos and oscillators of ``bench.real
 3e-4."""
 NEAR_REST = 0.5
 """Share of the usual speed: an effect near rest that reaches further cannot be distinguished from one of all speeds."""
-DISSIPATES = 0.5
-"""Correlation of a torque and the speed, from which on it dissipates energy: of friction 0.8 and more, of a weight
-zero."""
 LEAST_PERIODS = 2.0
 """A torque of N periods a turn is distinguished from a slowly varying one when the motion covers so many periods."""
 

@@ -16,9 +16,9 @@ from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import TURN, Data, EquationError, Problem, by_recording
 from lostmotion.lab.inverse.regression import MOST_STEPS, Regression, can_run, regressed
 from lostmotion.lab.inverse.signals import Signals
-from lostmotion.lab.inverse.torques import follows_motion, inertia_of, needed, simulable, softened
+from lostmotion.lab.inverse.torques import follows_motion, inertia_of, simulable, softened
 from lostmotion.lab.selection.evidence import are_consistent
-from lostmotion.lab.selection.nesting import others, wider, without
+from lostmotion.lab.selection.nesting import others, wider
 from lostmotion.lab.shooting.initial_guess import initial_guesses, natural_frequency
 from lostmotion.lab.shooting.least_squares import projected_off
 from lostmotion.lab.shooting.parameters import free_names
@@ -30,13 +30,11 @@ from lostmotion.model.motion import FloatArray
 __all__ = [
     "by_acceleration",
     "candidates",
-    "fitted_beside",
     "fitted_by_acceleration",
     "fitted_with",
     "refined",
     "sizes_of",
     "starts",
-    "torques_of",
     "turns_of",
 ]
 
@@ -135,35 +133,6 @@ def fitted_by_acceleration(name: str, wide: Model, inverse: Regression | None) -
         return None
     begun = _with_values(softened(wide, inverse.data.signals), inverse.model)
     return _fitted_from_guesses(name, begun, inverse, STARTS, MOST_STEPS)
-
-
-def fitted_beside(name: str, wide: Model, now: Regression) -> Regression | None:
-    """The fit of a simulated motion with one more effect that begins with the present values; None where it explains
-    nothing, and for effects that dissipate no energy, which the acceleration shows."""
-    if not _dissipates(name, wide, now):
-        return None
-    short = _fitted_from_guesses(name, _with_values(wide, now.model), now, 1, SHORT)
-    return refined(short) if short and short.rms < now.rms else None
-
-
-def _dissipates(name: str, wide: Model, now: Regression) -> bool:
-    """Whether the torque of an effect correlates with the speed."""
-    guess = wide.replace(initial_guesses(wide, name, sizes_of(now.model, now.data))[0])
-    work, power = 0.0, 0.0
-    for one, torque in zip(now.data.signals, torques_of(name, guess, now.data.signals), strict=True):
-        work += float(torque @ one.velocity)
-        power += float(np.linalg.norm(torque) * np.linalg.norm(one.velocity))
-    return abs(work) > policy.DISSIPATES * power
-
-
-def torques_of(effect: str, model: Model, signals: Sequence[Signals]) -> list[FloatArray]:
-    """The torque or force of an effect in each recording (N,) [N m or N], for the measured motion."""
-    less = without(model, effect)
-
-    def without_load(law: Model, one: Signals) -> FloatArray:
-        return needed(one.experiment.model(law), one, np.zeros(one.time.size))
-
-    return [without_load(model, one) - without_load(less, one) for one in signals]
 
 
 def _fitted_from_guesses(name: str, wide: Model, now: Regression, most: int, steps: int) -> Regression | None:

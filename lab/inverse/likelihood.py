@@ -23,7 +23,6 @@ from lostmotion.lab.fitting.identifiability import held, is_driven
 from lostmotion.lab.inverse.candidates import (
     by_acceleration,
     candidates,
-    fitted_beside,
     fitted_by_acceleration,
     fitted_with,
     refined,
@@ -156,9 +155,7 @@ class WholeMotion:
             begun = self._ahead(fits, now)
             failed += [name for name, _ in fits if name not in begun]
             fits = [(name, fit) for name, fit in fits if name in begun]
-        tried = each(
-            self.pool, lambda one: (one[0], self._for_predictions(*one, now, begun.get(one[0]))), fits, first=1
-        )
+        tried = each(self.pool, lambda one: (one[0], self._for_predictions(one[1], begun.get(one[0]))), fits, first=1)
         found = [(name, fit) for name, fit in tried if fit]
         failed += [name for name, fit in tried if fit is None]
         known = {*(effect for effect, _ in found), *failed}
@@ -199,18 +196,11 @@ class WholeMotion:
         least = min([least, *(fit.rms for fit in begun.values())])
         return {name: fit for name, fit in begun.items() if fit.rms <= policy.BEHIND * least}
 
-    def _for_predictions(self, name: str, inverse: Regression, now: Fitted, begun: Regression | None) -> Fitted | None:
-        """With the fit that is judged; None where its motion cannot be simulated.  For a free motion it begins with the
-        estimates from the acceleration, or with the present ones where these explain nothing: the acceleration does not
-        show a small damping."""
-        try:
-            found = self._fitted(inverse, begun)
-        except ModelError:
-            return None
-        if self.method is not Method.FREE or found.rms < math.sqrt(1 - policy.LEAST_GAIN) * now.rms:
-            return found
-        other = fitted_beside(name, inverse.model, now.judged)
-        return Fitted(inverse, other) if other and other.rms < found.rms else found
+    def _for_predictions(self, inverse: Regression, begun: Regression | None) -> Fitted | None:
+        """With the fit that is judged; None where its motion cannot be simulated."""
+        with suppress(ModelError):
+            return self._fitted(inverse, begun)
+        return None
 
     def accepted(self, fit: Fitted, now: Fitted) -> Fitted:
         """The fit with the added effect and an integration step that resolves it, and with the transmitted torque that
