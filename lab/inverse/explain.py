@@ -61,8 +61,8 @@ SIMULATED = ("servo", "oscillator")
 PIECE_S, PIECES = 1.0, 16
 """Length and number of the pieces that are simulated to show the motion of a fit."""
 TRAILS = 2.0
-"""Factor from the file's kt, from which on the fitted one is told: no motor's is known so badly, and a delay of 60 ms
-made 4.9 N m/A of one that has 1.2."""
+"""Factor from the file's kt, from which on a warning reports the fitted one: no motor's is known so badly, and a delay
+of 60 ms made 4.9 N m/A of one that has 1.2."""
 SHARPER = 20.0
 """Largest factor by which dry friction is narrower in a simulated motion than in the fit, a fiftieth of the usual
 speed: 2 mrad/s are 1e-5 of the speed of a bare motor, and simulating 0.8 s in steps of a microsecond took over a
