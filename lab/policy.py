@@ -120,9 +120,6 @@ error."""
 BUDGET_SAMPLES = 6400
 """Samples of gears that a search of a minute can use: two recordings of 4 s at 800 Hz, in steps of 0.5 ms, take half a
 minute; three of 20 s had no answer after nine minutes."""
-BUDGET_MOTION_S = 60.0
-"""Seconds of a servo's motion that a search of a minute can simulate: of nine servos of 24 s (``bench.driven_motions``,
-seed 600) the searches took 9 to 58 s of a processor; on more than 100 s no search ended in a minute."""
 
 # Gears: evidence on unseen data
 

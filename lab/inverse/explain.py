@@ -22,7 +22,6 @@ import numpy as np
 from scipy.special import stdtrit
 
 from lostmotion.lab import policy, words
-from lostmotion.lab.data.excerpt import excerpts
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.frequency_response import from_spectra
 from lostmotion.lab.deadline import Progress, is_over, within
@@ -97,10 +96,6 @@ def explained(
     """
     progress("fitting what is there", 0.0)
     model, held = with_scale(model, train)
-    whole_s = sum(one.duration for one in (*train, last))
-    if model.base == "servo":
-        most_s = policy.BUDGET_MOTION_S * budget_s / policy.BUDGET_S
-        train, last = excerpts(train, most_s), excerpts([last], most_s / 2)[0]
     rough = from_spectra(model, train)
     is_force = model.base != "servo"
     channel = Channel.of(train) if method is Method.TORQUE else Channel()
@@ -120,8 +115,7 @@ def explained(
     fit_on.cache_clear()
     progress("done", 1.0)
     base, best = (channel.noted(fit) for fit in (found.base, found.best))
-    used_s = sum(one.duration for one in (*train, last))
-    return replace(found, held=held, base=base, best=best, used_s=(used_s, whole_s) if used_s < whole_s else None)
+    return replace(found, held=held, base=base, best=best)
 
 
 def _tell_what_trails(rough: Model, fitted: Model, name: str) -> None:
