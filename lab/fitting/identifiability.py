@@ -55,7 +55,12 @@ def with_free_states(model: Model) -> Model:
     return held(model, [f"{effect.id}.{name}" for effect in free for name in effect.amplitudes])
 
 
-def free_states(model: Model) -> tuple[str, ...]:
-    """The names of those states of effects with free initial values in a motion that no input drives."""
-    effects = {name for name in model.effects if get_effect(name).free_states}
+def free_states(model: Model, is_moved: bool) -> tuple[str, ...]:
+    """The names of those states of effects with free initial values: in a motion that an input drives the lags, whose
+    states depend on what the input was before the recording, else those that only their initial values set in
+    motion."""
+    effects = {
+        name for name in model.effects
+        if (any(one is not None for one in get_effect(name).states) if is_moved else get_effect(name).free_states)
+    }  # fmt: skip
     return tuple(name for name in model.state_names if name.split(".")[0] in effects)

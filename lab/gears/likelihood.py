@@ -86,8 +86,6 @@ class ShortSegments:
 
     short: Level
     unseen: Unseen
-    firsts: int = 1
-    """One: a step takes up to a minute."""
     turns: float = 0.0
     is_held_out: bool = True
 
@@ -108,6 +106,10 @@ class ShortSegments:
 
     def _floor(self, short: Level) -> float:
         return max(started(short.model, subset(self.task), self.task).typical, 1.0)
+
+    def firsts(self, added: tuple[str, ...]) -> int:
+        """One: a step takes up to a minute."""
+        return 1
 
     def opposed(self, now: SegmentFit) -> Sequence[str]:
         """None: gears are driven."""

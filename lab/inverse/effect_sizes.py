@@ -46,9 +46,9 @@ def chance_of_zero(fewer: Model, fit: Regression) -> float | None:
 
 def is_sized(effect: str, fit: Regression) -> bool:
     """Whether the interval of an amplitude of the effect excludes zero.  A curve that is nearly a sum of others can
-    overfit a motion, and extrapolates badly.  The base's positive parameters are taken as given: all torques of a servo
-    share a scale that its motion does not identify; so are others that ended at a bound, as a bar's viscous damping
-    where dry friction and drag are all of it.
+    overfit a motion, and extrapolates badly.  The base's positive parameters are taken as given for a torque: all
+    torques of a servo share a scale that its motion does not identify; not for a delay, of which a free kt takes the
+    most.  So are others that ended at a bound, as a bar's viscous damping where dry friction and drag are all of it.
 
     A wave a sin(theta + phi) is zero where both a cos(phi) and a sin(phi) are.  Wald's statistic of the two is a over
     its standard deviation for this phi, squared, and is compared with 2 F(2, n).  By the interval of a alone a weight
@@ -58,7 +58,8 @@ def is_sized(effect: str, fit: Regression) -> bool:
     names, block = amplitudes(effect, fit), blocks_of(fit)
     if not names:
         return _is_shaped(effect, fit, block)
-    given = [item.name for item in fit.unknowns.items if item.logarithmic and "." not in item.name]
+    is_torque = any("N" in fit.model.parameters[name].unit for name in names)
+    given = [item.name for item in fit.unknowns.items if item.logarithmic and "." not in item.name and is_torque]
     given += [name for name in fit.unknowns.at_bound(fit.z[: fit.count]) if name not in (*given, *names)]
     phases = [name for name in fit.unknowns.names if name in _phases(effect, fit.model) and name not in given]
     many = 1 + len(phases)

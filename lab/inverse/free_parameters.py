@@ -18,9 +18,11 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["FitEndsError", "jacobian_of", "prior_of", "scaled"]
 
 PRIOR = 0.1
-"""Weight of the prior on the base's parameters: the cost of a factor e, in units of one sample that is off by the usual
-motion.  The prior keeps parameters that a motion does not identify at their earlier estimates: without it the inertia
-of a slow servo went to its lower bound.  Effects have no prior: their first sizes are guesses."""
+"""Weight of the prior on the base's parameters while a fit is far off: the cost of a factor e, in units of one sample
+that is off by the usual motion.  Once the motion is followed it is one sample that is off by the usual misfit.  The
+prior keeps parameters that a motion does not identify at their earlier estimates: without it the inertia of a slow
+servo went to its lower bound; with the first weight alone the inertia of one that is followed to 0.3 mrad stayed 40 %
+too large, and its lag half as long as it is.  Effects have no prior: their first sizes are guesses."""
 STEP = 1e-6
 """Finite difference in numbers of order one: the torque is a smooth function of its parameters."""
 LEAST_SCALE = 0.01

@@ -119,10 +119,9 @@ class WholeMotion:
     is_held_out: bool = False
     is_whitened: bool = False
 
-    @property
-    def firsts(self) -> int:
-        """One where a motion is simulated: each fit takes seconds."""
-        return 1 if self.method is Method.MOTION else policy.FIRSTS
+    def firsts(self, added: tuple[str, ...]) -> int:
+        """One where a motion is simulated, and only as long as nothing is named: each fit takes seconds."""
+        return policy.FIRSTS if self.method is not Method.MOTION else int(not added)
 
     @property
     def turns(self) -> float:

@@ -57,7 +57,7 @@ class OutputError:
     substep_s: float
     centre: Model
     free: tuple[str, ...] = ()
-    """States of effects with fitted initial values, needed where no input drives the motion."""
+    """States of effects with fitted initial values."""
 
     @classmethod
     def of(cls, signals: Sequence[Signals], model: Model) -> OutputError:
@@ -70,7 +70,7 @@ class OutputError:
         )
         experiments = [one.experiment for one in moving]
         step = _coarse_substep(model, moving)
-        return cls(moving, step, model, () if any(map(is_driven, experiments)) else free_states(model))
+        return cls(moving, step, model, free_states(model, any(map(is_driven, experiments))))
 
     def first(self, share: float) -> OutputError:
         """The beginnings of the recordings."""
@@ -82,9 +82,18 @@ class OutputError:
 
     @property
     def nuisance(self) -> FloatArray:
-        """Initial angle and speed of each recording as the filtered signals have them, other states at zero (K R,)."""
-        others = [0.0] * len(self.free)
-        return np.concatenate([[one.position[0], one.velocity[0], *others] for one in self.signals])
+        """Initial angle and speed of each recording as the filtered signals have them, other states in equilibrium with
+        them (K R,)."""
+        return np.concatenate(
+            [[one.position[0], one.velocity[0], *self._settled(self.centre, one)] for one in self.signals]
+        )
+
+    def _settled(self, model: Model, one: Signals) -> list[float]:
+        """The free states in equilibrium with a motion; zero for those that the model lacks."""
+        own = one.experiment.model(model)
+        state = initial_state(own, one.experiment, np.array([one.position[0], one.velocity[0]]))
+        known = dict(zip(own.state_names, state.tolist(), strict=True))
+        return [known.get(name, 0.0) for name in self.free]
 
     @property
     def freedom(self) -> FloatArray:
@@ -109,7 +118,7 @@ class OutputError:
         states."""
         recordings = len(self.signals)
         known = nuisance.reshape(recordings, -1)
-        found = np.zeros((recordings, self.nuisances))
+        found = np.array([[0.0, 0.0, *self._settled(model, one)] for one in self.signals])
         found[:, : known.shape[1]] = known
         if found.size == nuisance.size:
             return nuisance
@@ -119,7 +128,7 @@ class OutputError:
             columns.append(by_recording(self.residual(model, (found + unit).ravel()) - here, self))
         for row, column, left in zip(found, zip(*columns, strict=True), by_recording(here, self), strict=True):
             size = -np.linalg.lstsq(np.stack(column, axis=1), left)[0]
-            row[known.shape[1] :] = size * np.ptp(self.signals[0].position)
+            row[known.shape[1] :] += size * np.ptp(self.signals[0].position)
         return np.asarray(found.ravel())
 
     def misfit(self, model: Model, nuisance: FloatArray) -> FloatArray:
@@ -166,9 +175,9 @@ class OutputError:
             with suppress(ModelError):  # a guess that diverges is skipped
                 needed = min(needed, _coarse_substep(one, self.signals))
         step = min(self.substep_s, max(needed, FINEST * self.substep_s))
-        names = {name: None for one in models for name in free_states(one)}
-        free = self.free if any(map(is_driven, experiments)) else tuple(dict.fromkeys([*self.free, *names]))
-        return replace(self, substep_s=step, free=free)
+        is_moved = any(map(is_driven, experiments))
+        names = [name for one in models for name in free_states(one, is_moved)]
+        return replace(self, substep_s=step, free=tuple(dict.fromkeys([*self.free, *names])))
 
     def resolved(self, model: Model, nuisance: FloatArray) -> OutputError:
         """With an integration step that changes the residual of a free motion by less than ``RESOLVED`` of it: with the

@@ -182,13 +182,24 @@ def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, s
     z = np.concatenate([first, beside])
     if not z.size:
         return Regression(model, data, unknowns, z, data.residual(model, z), np.empty((sum(data.counts), 0)), z)
-    once = _minimised(model, data, unknowns, z, *prior_of(unknowns, data.centre), steps)
+    most, near = prior_of(unknowns, data.centre)
+    weight = _followed(most, data.residual(unknowns.put(model, first), z[count:]), data, model)
+    once = _minimised(model, data, unknowns, z, weight, near, steps)
+    fitted = _followed(most, once.residual, data, model)
+    if steps == MOST_STEPS and (2 * fitted < weight).any():
+        return _minimised(model, data, unknowns, np.concatenate([once.z, once.nuisance]), fitted, near, steps)
     unidentified = _unidentified(once) if data.centre is None else np.zeros(count, dtype=bool)
     if not unidentified.any():
         return once
     near = np.where(unidentified, np.maximum(first, _unnoticed(once, first, unidentified)), first)
     weight = np.asarray(unidentified * once.rms / _usual(data, model))
     return _minimised(model, data, unknowns, z, weight, near, steps)
+
+
+def _followed(most: FloatArray, residual: FloatArray, data: Problem, model: Model) -> FloatArray:
+    """The weights of the prior (P,), at most these, where a fit has this residual (M,)."""
+    misfit = float(np.sqrt(np.mean(residual**2))) if np.isfinite(residual).all() else math.inf
+    return np.minimum(most, misfit / _usual(data, model))
 
 
 def generalised(fit: Regression) -> Regression:

@@ -51,14 +51,12 @@ class Proposals(Generic[F]):
 class Likelihood(Protocol[F]):
     """What the search needs: fits, and predictions of samples that they have not seen.
 
-    pool: for predictions, in parallel; firsts: how many effects are tried as the first of a pair; turns: of the motion;
+    pool: for predictions, in parallel; turns: of the motion;
     is_held_out: whether the predicted samples are of recordings that no fit has used, not of folds.
     """
 
     @property
     def pool(self) -> Executor | None: ...
-    @property
-    def firsts(self) -> int: ...
     @property
     def turns(self) -> float: ...
     @property
@@ -69,6 +67,9 @@ class Likelihood(Protocol[F]):
     def proposals(self, now: F, added: tuple[str, ...], only: Sequence[str] = ()) -> Iterable[Proposals[F]]:
         """Fits with one more effect, in batches: a later one is asked for only where none before is accepted.  only:
         the effects that are asked for, all for ()."""
+
+    def firsts(self, added: tuple[str, ...]) -> int:
+        """How many effects are tried as the first of a pair."""
 
     def opposed(self, now: F) -> Sequence[str]:
         """Two effects that are tried as a pair, () for none: see ``nesting.around``."""
@@ -252,7 +253,7 @@ def _pair(step_alone: Step[F], now: F, added: tuple[str, ...], likelihood: Likel
     promising = [one for one in step_alone.judged if one.fit.screened < least]
     promising.sort(key=lambda one: one.fit.screened)
     found: list[list[Step[F]]] = []
-    tries: list[tuple[Candidate[F], Sequence[str]]] = [(one, ()) for one in promising[: likelihood.firsts]]
+    tries: list[tuple[Candidate[F], Sequence[str]]] = [(one, ()) for one in promising[: likelihood.firsts(added)]]
     if alone.keys() >= {*(opposed := likelihood.opposed(now))} and opposed:
         tries.append((alone[opposed[0]], opposed[1:]))
     for begun, only in tries:

@@ -47,7 +47,7 @@ class Regressed:
 class Columns:
     """measured: (SAMPLES,); columns: (SAMPLES,) by effect."""
 
-    pool, firsts, turns, is_held_out = None, 3, 0.0, False
+    pool, turns, is_held_out = None, 0.0, False
 
     def __init__(self, measured: FloatArray, columns: dict[str, FloatArray]) -> None:
         self.measured, self.columns = measured, columns
@@ -61,6 +61,10 @@ class Columns:
     def first(self) -> Regressed:
         """Without any column."""
         return self.fit([])
+
+    def firsts(self, added: tuple[str, ...]) -> int:
+        """Three."""
+        return 3
 
     def opposed(self, now: Regressed) -> Sequence[str]:
         """None."""
