@@ -20,12 +20,12 @@ ERROR_GAIN, SUPPLY, TORQUE_CONSTANT, WINDING, INERTIA = 0.165, 12.0, 1.2, 4.4, 0
 
 
 def lifting_servo(gain: int, seed: int) -> Recording:
-    """A servo with a weak gain lifts a heavy arm and lowers it for six seconds, in steps of 0.5 ms; its friction,
+    """A servo with a weak gain lifts a heavy arm and lowers it for three seconds, in steps of 0.5 ms; its friction,
     0.45 of the motor's torque, sticks (Karnopp 1985)."""
     step, every = 5e-4, 20
-    times = np.arange(0.0, 6.0, step)
-    command = 1.57 * (1 - np.cos(math.pi * np.minimum(times, 3.0) / 3.0)) / 2
-    command -= 0.16 * (1 - np.cos(math.pi * np.maximum(times - 3.0, 0.0) / 3.0))
+    times = np.arange(0.0, 3.0, step)
+    command = 1.57 * (1 - np.cos(math.pi * np.minimum(times, 1.5) / 1.5)) / 2
+    command -= 0.16 * (1 - np.cos(math.pi * np.maximum(times - 1.5, 0.0) / 1.5))
     angle, speed, angles = 0.0, 0.0, []
     for wanted in command.tolist():
         duty = min(max(gain * ERROR_GAIN * (wanted - angle), -1.0), 1.0)
