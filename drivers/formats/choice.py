@@ -20,7 +20,7 @@ from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.source import Choice, Term
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
-__all__ = ["PLUS", "parse_map", "parse_term", "parts_of", "split_address"]
+__all__ = ["NUMBER", "PLUS", "parse_map", "parse_term", "parts_of", "split_address"]
 
 PLUS = "+"
 """between the files of one recording"""

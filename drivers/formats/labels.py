@@ -8,11 +8,11 @@ from collections.abc import Iterator
 from functools import partial
 from itertools import islice
 
+from lostmotion.drivers.formats.choice import NUMBER
 from lostmotion.drivers.formats.text_layout import LOOKED_AT, Lines
 
 __all__ = ["unlabelled"]
 
-NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 LABELLED = re.compile(
     rf"[,;|\s]*(?P<name>[^\W\d][\w .\[\]/-]*?(?:\([^)]*\))?)\s*[:=]\s*(?P<value>{NUMBER})"
     r"(?P<unit>\s*[A-Za-zµ°%]+[\w/^²]*(?![\w ]*[:=]))?"

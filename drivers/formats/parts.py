@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,11 +12,9 @@ from numpy.typing import NDArray
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.source import DATE, Series, Source
 from lostmotion.drivers.formats.table import Table
-from lostmotion.drivers.formats.words import column_of, is_time
+from lostmotion.drivers.formats.words import UNNAMED, column_of, is_time
 
 __all__ = ["joined"]
-
-UNNAMED = re.compile(r"column\d+")
 
 
 def joined(name: str, paths: Sequence[Path], opened: Callable[[Path], Source]) -> Table:

@@ -1,4 +1,4 @@
-"""Reads a workbook (xlsx, xls, xlsb, ods) in a process of its own, as child.py tells: two cells that are far apart ask
+"""Reads a workbook (xlsx, xls, xlsb, ods) in a process of its own, as child.py says: two cells that are far apart ask
 for the memory of all between them.
 
 It writes a line with the number of the sheet that has most rows and how many sheets there are, then its rows, their

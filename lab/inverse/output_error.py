@@ -90,6 +90,8 @@ class OutputError:
 
     def _settled(self, model: Model, one: Signals) -> list[float]:
         """The free states in equilibrium with a motion; zero for those that the model lacks."""
+        if not self.free:
+            return []
         own = one.experiment.model(model)
         state = initial_state(own, one.experiment, np.array([one.position[0], one.velocity[0]]))
         known = dict(zip(own.state_names, state.tolist(), strict=True))
@@ -118,10 +120,10 @@ class OutputError:
         states."""
         recordings = len(self.signals)
         known = nuisance.reshape(recordings, -1)
+        if known.shape[1] == self.nuisances:
+            return nuisance
         found = np.array([[0.0, 0.0, *self._settled(model, one)] for one in self.signals])
         found[:, : known.shape[1]] = known
-        if found.size == nuisance.size:
-            return nuisance
         here, columns = self.residual(model, found.ravel()), []
         for at in range(known.shape[1], self.nuisances):
             unit = np.ptp(self.signals[0].position) * (np.arange(self.nuisances) == at)

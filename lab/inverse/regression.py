@@ -183,7 +183,7 @@ def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, s
     if not z.size:
         return Regression(model, data, unknowns, z, data.residual(model, z), np.empty((sum(data.counts), 0)), z)
     most, near = prior_of(unknowns, data.centre)
-    weight = _followed(most, data.residual(unknowns.put(model, first), z[count:]), data, model)
+    weight = _followed(most, data.residual(unknowns.put(model, first), z[count:]), data, model) if most.any() else most
     once = _minimised(model, data, unknowns, z, weight, near, steps)
     fitted = _followed(most, once.residual, data, model)
     if steps == MOST_STEPS and (2 * fitted < weight).any():

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from scipy.integrate import solve_ivp
 
-from lostmotion.daemon.cli import cli
-from lostmotion.drivers.recording import Recording, write_recording
+from lostmotion.drivers.recording import Recording
+from tests.lab.inverse.test_output_error import explained
 
 WEIGHT, LOSS, NOISE_RAD = 1.7, 0.45, 8e-4
 ERROR_GAIN, SUPPLY, TORQUE_CONSTANT, WINDING, INERTIA = 0.165, 12.0, 1.2, 4.4, 0.06
@@ -55,20 +52,10 @@ def dropped_arm(start: float, seed: int) -> Recording:
     return Recording(times, {"position": angle + noise}, {}, {}, 0, f"drop{seed}.csv")
 
 
-def explained(folder: Path, base: str, recordings: list[Recording]) -> dict[str, Any]:
-    """What the command says of a base and recordings."""
-    paths = [str(folder / recording.name) for recording in recordings]
-    for recording, path in zip(recordings, paths, strict=True):
-        write_recording(recording, path)
-    result = CliRunner().invoke(cli, ["lab", "explain", base, *paths, "--budget", "600s", "--json"])
-    assert result.exit_code == 0, result.output
-    return dict(json.loads(result.stdout))
-
-
 @pytest.mark.slow
 def test_weight_and_friction_of_a_servo_that_lifts(tmp_path: Path) -> None:
     """Neither is named alone, as the fit with one predicts no other part of the motion; both are named as a pair."""
-    answer = explained(tmp_path, "servo", [lifting_servo(gain, gain) for gain in (8, 16, 12)])
+    answer = explained(tmp_path, 'base = "servo"', [lifting_servo(gain, gain) for gain in (8, 16, 12)])
     assert answer["missing"] == ["gravity_torque", "load_dependent_friction"]
     assert answer["parameters"]["load_dependent_friction.mu"][0] == pytest.approx(LOSS, rel=0.1)
     assert answer["error"]["after"] < 2 * NOISE_RAD
@@ -78,5 +65,5 @@ def test_weight_and_friction_of_a_servo_that_lifts(tmp_path: Path) -> None:
 def test_weight_of_a_small_swing_is_no_spring(tmp_path: Path) -> None:
     """Of a swing of 20 degrees a constant torque and the phase of the weight are hardly distinguished; it is the
     weight that is named all the same."""
-    answer = explained(tmp_path, "joint", [dropped_arm(-0.34, 1), dropped_arm(0.35, 2)])
+    answer = explained(tmp_path, 'base = "joint"', [dropped_arm(-0.34, 1), dropped_arm(0.35, 2)])
     assert set(answer["missing"]) == {"gravity_torque", "coulomb_friction", "viscous_friction"}
