@@ -87,7 +87,7 @@ class ClockMap:
             return
         above = self._above(sensor, offset)
         if above < -self._threshold() or sensor < self._quickest[0]:
-            self._stepped(above, sensor, offset)
+            self._stepped(self._step(sensor, offset), sensor, offset)
         elif sensor >= self._end:
             self._end_stretch(sensor, offset)
         elif above < self._above(*self._quickest):
@@ -97,10 +97,9 @@ class ClockMap:
 
     def _end_stretch(self, sensor: float, offset: float) -> None:
         assert self._quickest is not None
-        step = self._above(*self._quickest)
-        is_above = step > self._threshold()
+        is_above = self._above(*self._quickest) > self._threshold()
         if is_above and self._was_above:
-            self._stepped(step, sensor, offset)
+            self._stepped(self._step(*self._quickest), sensor, offset)
             return
         self._was_above = is_above
         if not is_above:
@@ -119,6 +118,10 @@ class ClockMap:
 
     def _above(self, sensor: float, offset: float) -> float:
         return offset - self._level - self._slope * (sensor - self._centre)
+
+    def _step(self, sensor: float, offset: float) -> float:
+        """How far the offset lies above the line over the host's time, in which the sensor's clock jumps nowhere."""
+        return offset - self._level - self._slope * (sensor + offset - self._centre - self._level)
 
     def _threshold(self) -> float:
         return self._step_s if len(self._points) >= ENOUGH else max(self._step_s, UNSURE_STEP_S)

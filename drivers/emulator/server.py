@@ -104,7 +104,7 @@ class Emulator:
         links = [link.with_name(f"{link.name}.{i}") if link else None for i in range(len(devices))]
         self._plugs = [_Plug(device, link, baudrate) for device, link in zip(devices, links, strict=True)]
         self._wake_read, self._wake_write = os.pipe()
-        self._orders: list[tuple[Callable[[], None], threading.Event]] = []
+        self._orders: list[tuple[Callable[[], object], threading.Event]] = []
         self._stop = False
         self._thread = threading.Thread(target=self._serve, name="emulator", daemon=True)
 
@@ -119,7 +119,7 @@ class Emulator:
     ) -> None:
         for index in range(len(self._plugs)):
             self.unplug(index)
-        self._order(self._halt)
+        self.order(self._halt)
         self._thread.join()
         os.close(self._wake_read)
         os.close(self._wake_write)
@@ -131,14 +131,14 @@ class Emulator:
 
     def unplug(self, index: int = 0) -> None:
         """Pulls the plug: whoever has the port open gets an error, and its link is gone."""
-        self._order(self._plugs[index].unplug)
+        self.order(self._plugs[index].unplug)
 
     def plug(self, index: int = 0) -> None:
         """Plugs the device in again: at the same path when there is a link."""
-        self._order(self._plugs[index].plug)
+        self.order(self._plugs[index].plug)
 
-    def _order(self, action: Callable[[], None]) -> None:
-        """Lets the serving thread do it, which may be waiting for the descriptors concerned."""
+    def order(self, action: Callable[[], object]) -> None:
+        """Lets the serving thread do something between bytes: it may be waiting for the descriptors concerned."""
         done = threading.Event()
         self._orders.append((action, done))
         os.write(self._wake_write, b".")

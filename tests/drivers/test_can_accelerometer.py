@@ -16,7 +16,7 @@ import pytest
 
 from lostmotion.drivers.errors import DriverError
 from tests.drivers.canbus import bus, library_robot, sensor
-from tests.drivers.rigs import block
+from tests.drivers.rigs import block, until
 
 DBC = """VERSION ""
 
@@ -64,17 +64,16 @@ def sending(
 
 
 def test_raw_frames(channel: str) -> None:
-    """Identity by rate, values by scale and offset, as many as were sent, evenly spaced on the whole."""
+    """Identity by rate, values by scale and offset, all that were sent, evenly spaced on the whole."""
     with sending(channel, lambda i: struct.pack("<Bh", 7, i % 1000 - 500)):
         tip = sensor("can", channel, id=0x181, scale=0.01, offset=1.0, signal={"start_bit": 8})
         tip.open()
         (who,) = tip.identify()
         assert who.ok, who
-        got = block(tip, 2.0)
+        got = block(tip, 1600)
         tip.close()
     raw = np.rint((got.accel - 1.0) / 0.01).astype(int)
     assert np.all((np.diff(raw) - 1) % 1000 == 0)
-    assert len(raw) == pytest.approx(2000, rel=0.2)
     assert np.median(np.diff(got.time)) == pytest.approx(1e-3, rel=0.1)
     assert tip.range_ms2 == pytest.approx(327.67)
     assert got.lost == 0
@@ -87,7 +86,7 @@ def test_a_dbc_file_tells_where_the_bits_are(channel: str, tmp_path: Path) -> No
     with sending(channel, lambda i: struct.pack(">hBxxxxx", -2000, 30)):
         tip = sensor("can", channel, **keys)
         tip.open()
-        got = block(tip, 0.5)
+        got = block(tip, 500)
         tip.close()
     assert got.accel == pytest.approx(-9.80665)
     for wrong, words in (
@@ -105,9 +104,9 @@ def test_a_counter_tells_which_frames_were_lost(channel: str) -> None:
     with sending(channel, lambda i: None if i % 100 == 50 else struct.pack("<hB", 100, i % 256)):
         tip = sensor("can", channel, id=0x181, counter={"start_bit": 16, "length": 8, "signed": False})
         tip.open()
-        got = block(tip, 2.0)
+        got = block(tip, 1600)
         tip.close()
-    assert 10 <= got.lost <= 30
+    assert abs(got.lost - len(got.time) / 100) <= 1
     assert np.count_nonzero(np.isnan(got.accel)) == got.lost
     assert got.accel[np.isfinite(got.accel)] == pytest.approx(100)
 
@@ -135,15 +134,14 @@ def test_a_process_value_of_cia_404_beside_drives_on_one_bus(channel: str) -> No
 
         thread = threading.Thread(target=listen)
         thread.start()
-        got = block(tip, 1.0)
+        got = block(tip, 500)
+        until(lambda: heard.count("j1") > 30)
         stop.set()
         thread.join()
         tip.close()
         drives.close()
-    assert got.accel.size > 500
     assert np.all((got.accel <= -0.001) & (got.accel >= -140.0))
     assert {"j1", "j2"} == set(heard)
-    assert heard.count("j1") > 30
 
 
 @pytest.mark.slow
@@ -190,7 +188,7 @@ def test_a_limit_cuts_what_lies_beyond(channel: str) -> None:
     with sending(channel, lambda i: struct.pack("<h", 5000 if i % 10 == 0 else 10)):
         tip = sensor("can", channel, id=0x181, scale=0.1, range_ms2=160.0)
         tip.open()
-        got = block(tip, 0.5)
+        got = block(tip, 500)
         tip.close()
     assert got.broken == np.count_nonzero(np.isnan(got.accel)) > 10
     assert np.nanmax(got.accel) == pytest.approx(1.0)

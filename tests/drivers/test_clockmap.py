@@ -103,3 +103,11 @@ def test_a_step_of_the_sensor_clock_is_found(step: float) -> None:
     assert clock.steps == 1
     assert clock.step == pytest.approx(-step, abs=0.12)
     assert np.abs(np.concatenate(late)).max() < 2e-3
+
+
+def test_a_large_step_is_told_to_the_tenth_of_a_second() -> None:
+    """A clock that is 1 % fast jumps by an hour: its rate has no part in the size of the step."""
+    clock = ClockMap()
+    for sensor, _, arrival in Line(ppm=10_000).bursts(12):
+        clock.feed(sensor + 3600 * (sensor[0] > 10), arrival)
+    assert (clock.steps, clock.step) == (1, pytest.approx(-3600, abs=0.1))

@@ -14,7 +14,7 @@ import pytest
 from lostmotion.drivers.base import OscillatorOptions
 from lostmotion.drivers.csv_serial import CsvFormat, CsvSerialOptions
 from lostmotion.drivers.emulator import CsvStream, Emulator, TextStream
-from tests.drivers.rigs import MOTION, accelerometer, block
+from tests.drivers.rigs import MOTION, accelerometer, block, timed_block, until
 
 
 def form(**options: object) -> CsvFormat:
@@ -39,11 +39,10 @@ def test_millis_at_800_hz_loses_nothing() -> None:
     with Emulator(MillisStream(MOTION, 800)) as emulator:
         sensor = accelerometer("csv_serial", emulator.paths[0], 800, time_column=0, time_unit="ms")
         sensor.open()
-        got = block(sensor, 1.5)
+        got = block(sensor, 950)
         sensor.close()
     assert (got.lost, got.broken) == (0, 0)
     assert np.isfinite(got.accel).all()
-    assert len(got.time) > 900
     assert np.median(np.abs(np.diff(got.time) - 1.25e-3)) < 2e-5
 
 
@@ -66,7 +65,7 @@ def test_millis_in_microseconds_loses_nothing() -> None:
         sensor = accelerometer("csv_serial", emulator.paths[0], 800, time_column=0)
         sensor.open()
         sensor.identify()
-        got = block(sensor, 1.5)
+        got = block(sensor, 950)
         sensor.close()
     assert (got.lost, got.broken) == (0, 0)
     assert np.median(np.abs(np.diff(got.time) - 1.25e-3)) < 2e-5
@@ -98,21 +97,21 @@ def test_a_column_that_is_no_clock_is_told_as_such(clock: Callable[[int], int], 
 
 @pytest.mark.parametrize("stamps", [True, False])
 def test_a_kilohertz_comes_through_whole(stamps: bool) -> None:
-    """1 kHz with or without the sensor's clock: all samples in order, at their times to 12 ms, evenly spaced."""
+    """1 kHz with or without the sensor's clock: all samples in order, evenly spaced, at their times to 12 ms, or to
+    what a busy machine is late."""
     with Emulator(CsvStream(MOTION, 1000, stamps=stamps, ppm=200)) as emulator:
         sensor = accelerometer("csv_serial", emulator.paths[0], 1000, time_column=0 if stamps else None)
         sensor.open()
-        got = block(sensor, 1.0)
+        got, late = timed_block(sensor, 800)
         sensor.close()
     assert (got.lost, got.broken) == (0, 0)
-    assert len(got.time) > 800
     table = MOTION.tip(1000)
     start = round(got.time[0] * 1000)
     near = [k % len(table) for k in range(start - 100, start + 100)]
     first = min(near, key=lambda k: np.abs(np.roll(table, -k)[:50] - got.accel[:50]).max())
     assert np.roll(table, -first)[: len(got.accel)] == pytest.approx(got.accel, abs=1e-4)
     behind = (got.time - (np.arange(len(got.time)) + first) / 1000 + 10) % 20 - 10
-    assert np.abs(behind).max() < 0.012
+    assert np.abs(behind).max() < max(0.012, late(first))
     assert np.median(np.diff(got.time)) == pytest.approx(0.001, rel=0.01)
 
 
@@ -122,10 +121,9 @@ def test_lost_samples_and_garbage_are_counted() -> None:
     with Emulator(stream) as emulator:
         sensor = accelerometer("csv_serial", emulator.paths[0], 1000, time_column=0)
         sensor.open()
-        block(sensor, 0.2)
-        stream.skip(7)
-        stream.insert(b"\x80rubbish,\n")
-        got = block(sensor, 0.4)
+        block(sensor, 200)
+        emulator.order(lambda: (stream.skip(7), stream.insert(b"\x80rubbish,\n")))
+        got = block(sensor, 400)
         sensor.close()
     assert (got.lost, got.broken) in {(7, 1), (6, 1)}
     assert np.isnan(got.accel).sum() == 7
@@ -151,10 +149,10 @@ def test_the_microcontroller_restarts() -> None:
     with Emulator(stream) as emulator:
         sensor = accelerometer("csv_serial", emulator.paths[0], 1000, time_column=0)
         sensor.open()
-        before = block(sensor, 0.2)
+        before = block(sensor, 200)
         stream.clock_us -= 3_000_000_000
         begun = time.monotonic()
-        after = block(sensor, 0.4)
+        after = block(sensor, 400)
         ended = time.monotonic()
         sensor.close()
     assert np.diff(np.concatenate([before.time, after.time])).min() > 0
@@ -167,12 +165,17 @@ def test_micros_begins_again_after_71_minutes() -> None:
     with Emulator(stream) as emulator:
         sensor = accelerometer("csv_serial", emulator.paths[0], 1000, time_column=0)
         sensor.open()
-        block(sensor, 0.2)
-        stream.clock_us = 2**32 - 1_500_000 - round(time.monotonic() * 1e6)
-        block(sensor, 0.2)  # the clock was set anew: the first reading at it costs one sample
-        assert (stream.clock_us + round(time.monotonic() * 1e6)) < 2**32
-        got = block(sensor, 1.8)
-        assert (stream.clock_us + round(time.monotonic() * 1e6)) > 2**32
+        block(sensor, 200)
+
+        def is_set_anew() -> bool:
+            """Whether the clock, 1.2 s before 0, was heard in time: the first reading at it costs one sample."""
+            stream.clock_us = 2**32 - 1_200_000 - round(time.monotonic() * 1e6)
+            block(sensor, 200)
+            return stream.clock_us + round(time.monotonic() * 1e6) < 2**32
+
+        until(is_set_anew)
+        got = block(sensor, 1500)
+        assert stream.clock_us + round(time.monotonic() * 1e6) > 2**32
         sensor.close()
     assert (got.lost, got.broken) == (0, 0)
     assert np.abs(np.diff(got.time) - 1e-3).max() < 5e-4
@@ -255,10 +258,9 @@ def test_an_overrun_that_the_device_tells_is_counted_once(stamps: bool) -> None:
     with Emulator(stream) as emulator:
         sensor = accelerometer("csv_serial", emulator.paths[0], 1000, time_column=0 if stamps else None)
         sensor.open()
-        block(sensor, 0.2)
-        stream.skip(7)
-        stream.insert(b"#lost 7\n")
-        got = block(sensor, 0.4)
+        block(sensor, 200)
+        emulator.order(lambda: (stream.skip(7), stream.insert(b"#lost 7\n")))
+        got = block(sensor, 400)
         sensor.close()
     assert (got.lost, got.broken) == (7, 0)
     assert np.isnan(got.accel).sum() == 7

@@ -13,27 +13,27 @@ from lostmotion.drivers.codec.servo_state import MODELS
 from lostmotion.drivers.dynamixel_port import BusPort
 from lostmotion.drivers.emulator import Emulator, ServoLine, TextStream, VirtualServo
 from lostmotion.drivers.errors import DriverError
-from tests.drivers.rigs import MOTION, readings, servo_bus, until
+from tests.drivers.rigs import MOTION, Polls, Witness, readings, samples, servo_bus, some, until
 
 AX_STEP, X_STEP = math.radians(300 / 1024), math.tau / 4096
 
 
 @pytest.mark.parametrize(("model", "step"), [("AX-12A", AX_STEP), ("XL330-M288", X_STEP)])
 def test_samples_follow_the_motion(model: str, step: float) -> None:
-    """Commands are the emulator's goals at the samples' times, to half a count and 5 ms of motion, at 100 Hz; a busy
-    machine may make a few exchanges longer."""
-    with Emulator(ServoLine.of(model, [1, 2], MOTION)) as emulator:
+    """Commands are the servo's goals, to half a count, when it answers what was asked at the samples' times: at 100 Hz,
+    never sooner, and what a busy machine loses is counted."""
+    line = ServoLine.of(model, [1, 2], MOTION)
+    servo = Witness(line.servos[2])
+    with Emulator(line) as emulator:
         bus = servo_bus(emulator.paths[0], [1, 2], model)
-        bus.open()
-        samples = [s for r in readings(bus, 1.0) for s in r.samples if s.joint == "2"]
+        polls = Polls(bus)
+        found = readings(bus, some(60, "1", "2"))
+        assert polls.are_counted(found, 2)
         bus.close()
     assert bus.resolution_rad == pytest.approx(step)
-    assert len(samples) > 60
-    errors = [abs(sample.command - MOTION.goal(sample.time)) for sample in samples]
-    assert np.quantile(errors, 0.8) < step / 2 + 5 * 0.005
-    for sample in samples:
+    for sample in samples(found, "2"):
+        assert servo.confirms(sample)
         assert [sample.voltage, sample.temperature] == pytest.approx([11.8, 41.0])
-    assert np.mean(np.diff([s.time for s in samples])) > 0.0099  # never faster, and not much slower: 60 samples
 
 
 def test_a_silent_servo_does_not_zero_the_sync_read() -> None:
@@ -48,12 +48,10 @@ def test_a_silent_servo_does_not_zero_the_sync_read() -> None:
         bus = servo_bus(emulator.paths[0], [1, 2, 3], "XL330-M288")
         bus.open()
         line.servos[1].silent = True
-        found = readings(bus, 1.0)
+        found = samples(readings(bus, some(50, "2", "3")))
         bus.close()
-    samples = [s for r in found for s in r.samples]
-    assert {s.joint for s in samples} == {"2", "3"}
-    assert len(samples) > 100
-    assert all(s.position == pytest.approx(326 * X_STEP) for s in samples)
+    assert {s.joint for s in found} == {"2", "3"}
+    assert all(s.position == pytest.approx(326 * X_STEP) for s in found)
 
 
 def test_mixed_protocols_on_one_line() -> None:
@@ -63,9 +61,8 @@ def test_mixed_protocols_on_one_line() -> None:
         bus = servo_bus(emulator.paths[0], [1, 2], ["AX-12A", "XL330-M288"])
         bus.open()
         assert all(identity.ok for identity in bus.identify())
-        found = readings(bus, 1.0)
+        found = readings(bus, some(20, "1", "2"))
         bus.close()
-    assert {s.joint for r in found for s in r.samples} == {"1", "2"}
     assert np.mean([r.silent == () for r in found]) > 0.5  # but for exchanges that a busy machine makes longer
 
 
@@ -84,38 +81,31 @@ def test_what_a_servo_said_before_it_fell_silent_counts() -> None:
     with Emulator(line) as emulator:
         bus = servo_bus(emulator.paths[0], [1, 2])
         bus.open()
-        reading = bus.read()
+        found = readings(bus, lambda found: found[-1].silent)
         bus.close()
-    assert sum(sample.joint == "1" for sample in reading.samples) == 3
-    assert reading.silent == ("1",)
+    assert len(samples(found, "1")) == 3
+    assert found[-1].silent == ("1",)
 
 
 def test_one_wrong_checksum_loses_one_sample() -> None:
     """Noise on the line spoils an answer: that poll is lost, the servo rests and is back, no sample is wrong."""
-
-    class Spoilt(ServoLine):
-        def emit(self, now: float) -> bytes:
-            data = super().emit(now)
-            self.corrupt = {1} if now < begin + 0.03 else set()
-            return data
-
-    begin = time.monotonic()
-    with Emulator(Spoilt.of("AX-12A", [1, 2], MOTION)) as emulator:
+    line = ServoLine.of("AX-12A", [1, 2], MOTION)
+    line.corrupt = {1}
+    servos = {str(id): Witness(servo) for id, servo in line.servos.items()}
+    with Emulator(line) as emulator:
         bus = servo_bus(emulator.paths[0], [1, 2])
         bus.open()
-        begin = time.monotonic()
         first = bus.read()
         assert first.silent == ("1",)
-        until(lambda: any(sample.joint == "1" for sample in bus.read().samples))
-        until(lambda: bus.read().silent == ())
+        assert {sample.joint for sample in first.samples} == {"2"}
+        line.corrupt = set()
+        found = [first, *readings(bus, lambda found: some(5, "1", "2")(found) and found[-1].silent == ())]
         bus.close()
-    for sample in first.samples:
-        goal = MOTION.goal(sample.time + (1.7 if sample.joint == "1" else 0.0))
-        assert sample.command == pytest.approx(goal, abs=AX_STEP / 2 + 5 * 0.005)
+    assert all(servos[sample.joint].confirms(sample) for sample in samples(found))
 
 
 def test_an_answer_in_pieces_is_put_together() -> None:
-    """An adapter may hand over an answer in two; polls still give their samples, and nobody is silent, but for a few
+    """An adapter may hand over an answer in two; polls still give their samples, and nobody is silent, but for
     exchanges that a busy machine makes longer."""
 
     class Halves(ServoLine):
@@ -125,16 +115,15 @@ def test_an_answer_in_pieces_is_put_together() -> None:
                 self._outbox.insert(0, (now + 0.0005, data[10:]))
             return data[:10]
 
-    with Emulator(Halves.of("AX-12A", [1, 2], MOTION)) as emulator:
+    line = Halves.of("AX-12A", [1, 2], MOTION)
+    servos = {str(id): Witness(servo) for id, servo in line.servos.items()}
+    with Emulator(line) as emulator:
         bus = servo_bus(emulator.paths[0], [1, 2])
         bus.open()
-        found = readings(bus, 1.0)
+        found = readings(bus, some(50, "1", "2"))
         bus.close()
     assert np.mean([r.silent == () for r in found]) > 0.5
-    samples = [s for r in found for s in r.samples]
-    goals = [MOTION.goal(sample.time + (1.7 if sample.joint == "1" else 0.0)) for sample in samples]
-    errors = [abs(sample.command - goal) for sample, goal in zip(samples, goals, strict=True)]
-    assert np.quantile(errors, 0.8) < AX_STEP / 2 + 5 * 0.005
+    assert all(servos[sample.joint].confirms(sample) for sample in samples(found))
 
 
 def test_polls_that_did_not_fit_are_counted() -> None:
@@ -196,9 +185,9 @@ def test_a_gps_receiver_instead_of_servos() -> None:
         assert not identity.ok
         assert "$GPGGA" in identity.found
         assert "another device on the port" in identity.found
-        found = readings(bus, 0.5)
+        found = readings(bus, lambda found: len(found) > 4 and found[-1].silent)
         bus.close()
-    assert not any(r.samples for r in found)
+    assert not samples(found)
     assert found[-1].silent == ("1",)
 
 
@@ -219,7 +208,7 @@ def test_a_stream_that_never_ends_holds_no_read() -> None:
         start = time.monotonic()
         _, result, _ = Protocol1PacketHandler().readTxRx(port, 1, 30, 14)
         assert result != 0
-        assert time.monotonic() - start < 10  # it takes half a second; the flood never ends
+        assert time.monotonic() - start < 60  # it takes a second; the flood never ends
         port.close()
 
 

@@ -123,7 +123,7 @@ def test_impacts_follow_the_reversals_of_the_servo_on_the_same_clock() -> None:
         sensor = accelerometer("csv_serial", emulator.paths[1], 1000, time_column=0)
         bus.open()
         sensor.open()
-        got = block(sensor, 0.8)
+        got = block(sensor, 800)
         sample = bus.read().samples[0]
         sensor.close()
         bus.close()

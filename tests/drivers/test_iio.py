@@ -18,7 +18,7 @@ from lostmotion.drivers.errors import DriverError, PortError
 from lostmotion.drivers.iio import IioOptions
 from lostmotion.drivers.timeline import Timeline
 from tests.conftest import ROOT
-from tests.drivers.rigs import MOTION, accelerometer, block
+from tests.drivers.rigs import MOTION, accelerometer, block, timed_block
 
 
 @pytest.fixture
@@ -38,24 +38,24 @@ def driver(emulator: IioEmulator, rate_hz: float = 1000.0, **options: Any) -> Ac
 def test_a_kilohertz_comes_through_whole(
     tmp_path: Path, clock: str, kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """1 kHz by either clock of the kernel: all samples in order, at their times to 1 µs (20 ms by realtime)."""
+    """1 kHz by either clock of the kernel: all samples in order, at their times to 1 µs (by realtime 20 ms, or what a
+    busy machine is late)."""
     if clock == "realtime":
         monkeypatch.setattr("lostmotion.drivers.iio_sysfs.Settings.put_if_allowed", lambda *_: None)
     with IioEmulator(IioSensor(MOTION, type=kind), tmp_path) as emulator:
         tip = driver(emulator)
         tip.open()
-        got = block(tip, 1.0)
+        got, late = timed_block(tip, 500)
         assert emulator.now("current_timestamp_clock") == clock
         tip.close()
     assert (got.lost, got.broken) == (0, 0)
-    assert len(got.time) > 500
-    near = 1e-6 if clock == "monotonic" else 0.02
     table = MOTION.tip(1000)
     start = round(got.time[0] * 1000)
-    reach = range(start - 25, start + 25)
+    reach = range(start - 200, start + 200)
     first = min(reach, key=lambda k: np.abs(np.roll(table, -(k % len(table)))[:100] - got.accel[:100]).max())
     expected = table[(first + np.arange(len(got.time))) % len(table)]
     assert got.accel == pytest.approx(expected, abs=1e-4)
+    near = 1e-6 if clock == "monotonic" else max(0.02, late(first))
     assert np.abs(got.time - (first + np.arange(len(got.time))) / 1000).max() < near
 
 
@@ -63,9 +63,9 @@ def test_an_overrun_is_counted(sensor: IioEmulator) -> None:
     """Seven samples that the kernel dropped are a gap of seven NaN and seven lost ones."""
     tip = driver(sensor)
     tip.open()
-    block(tip, 0.2)
+    block(tip, 200)
     sensor.sensor.skip = 7
-    got = block(tip, 0.4)
+    got = block(tip, 400)
     tip.close()
     assert got.lost == 7
     assert np.isnan(got.accel).sum() == 7
@@ -92,7 +92,7 @@ def test_a_buffer_left_running_is_taken_over(sensor: IioEmulator, caplog: pytest
     (sensor.folder / "buffer/enable").write_text("1\n")
     tip = driver(sensor)
     tip.open()
-    assert len(block(tip, 0.3).time) > 100
+    block(tip, 100)
     tip.close()
     assert "left running by a program that has ended" in caplog.text
     assert sensor.now("buffer/enable") == "0"
@@ -104,7 +104,7 @@ def test_the_mount_matrix_turns_the_axes(tmp_path: Path) -> None:
     with IioEmulator(IioSensor(MOTION, files=files), tmp_path) as emulator:
         tip = driver(emulator, axis="-y")
         tip.open()
-        got = block(tip, 0.5)
+        got = block(tip, 500)
         tip.close()
     index = np.rint(got.time * 1000).astype(int) % 20_000
     assert got.accel == pytest.approx(MOTION.tip(1000)[index], abs=1e-4)

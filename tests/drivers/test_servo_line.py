@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import time
 from statistics import mode
 
 import pytest
 
-from lostmotion.drivers.emulator import Emulator
-from tests.drivers.rigs import MOTION, readings, servo_bus, servo_line, until
+from lostmotion.drivers.codec.dynamixel import Packet
+from lostmotion.drivers.emulator import Emulator, VirtualServo
+from lostmotion.drivers.servo_line import FIRST_PAUSE_S
+from tests.drivers.rigs import Witness, readings, samples, servo_bus, servo_line, some
 
 every_kind = pytest.mark.parametrize("model", ["AX-12A", "XL330-M288", "STS3215", "SCS0009"])
 
@@ -20,14 +23,26 @@ def test_a_silent_servo_costs_the_others_little(model: str) -> None:
         bus = servo_bus(emulator.paths[0], [1, 2, 3], model)
         bus.open()
         line.servos[2].silent = True
-        found = readings(bus, 1.5)
+        asked, since = when_asked(line.servos[2]), time.monotonic()
+        found = readings(bus, some(50, "1", "3"))
+        assert FIRST_PAUSE_S * (2 ** (len(asked) - 1) - 1) <= time.monotonic() - since  # pauses double
         assert mode(r.silent for r in found[len(found) // 2 :]) == ("2",)
-        assert len([s for r in found for s in r.samples if s.joint == "3"]) > 50  # 42 if it were waited for each time
-        assert not [s for r in found for s in r.samples if s.joint == "2"]
+        assert not samples(found, "2")
         line.servos[2].silent = False
-        until(lambda: any(s.joint == "2" for s in bus.read().samples))
-        assert bus.read().silent == ()
+        readings(bus, lambda found: samples(found, "2") and found[-1].silent == ())
         bus.close()
+
+
+def when_asked(servo: VirtualServo) -> list[float]:
+    """When a servo is asked alone, from now on [s]."""
+    times, answer = list[float](), servo.answer
+
+    def noted(packet: Packet, now: float) -> Packet | None:
+        times.append(now)
+        return answer(packet, now)
+
+    servo.answer = noted  # type: ignore[method-assign]
+    return times
 
 
 @every_kind
@@ -39,36 +54,31 @@ def test_corrupted_and_noisy_answers(model: str) -> None:
         bus = servo_bus(emulator.paths[0], [1, 2], model)
         bus.open()
         line.corrupt = {1}
-        found = readings(bus, 0.3)
-        assert {s.joint for r in found for s in r.samples} == {"2"}
+        found = readings(bus, some(20, "2"))
+        assert {s.joint for s in samples(found)} == {"2"}
         assert (sum(r.broken for r in found) > 0) == (model != "XL330-M288")
         line.corrupt, line.garbage = set(), b"\x00\xff\x13"
-        until(lambda: bus.read().silent == ())
-        found = readings(bus, 0.3)
-        assert {s.joint for r in found for s in r.samples} == {"1", "2"}
+        readings(bus, lambda found: some(10, "1", "2")(found) and found[-1].silent == ())
         bus.close()
 
 
 @every_kind
-def test_an_answer_that_comes_too_late_is_nobody_elses(model: str) -> None:
-    """What slow servos say after their time is never another servo's, nor much older than it seems (frames have no
-    number that would tell), and reading goes on."""
+def test_an_answer_that_comes_too_late_is_nobody_elses(model: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What slow servos say after their time is never another servo's, nor older than the answer to one of the two
+    questions before (frames have no number that would tell), and reading goes on."""
+    monkeypatch.setattr("lostmotion.drivers.servo_port.LATENCY_S", 0.034)
     line = servo_line(model, [1, 2])
+    servos = {str(id): Witness(servo) for id, servo in line.servos.items()}
     with Emulator(line) as emulator:
         bus = servo_bus(emulator.paths[0], [1, 2], model)
         bus.open()
         line.delay_s = 0.045
-        found = readings(bus, 0.3)
+        found = readings(bus, lambda found: len(found) > 2 and found[-1].silent)
         line.delay_s = 0.0
-        until(lambda: bus.read().silent == ())
-        found += readings(bus, 0.3)
+        found += readings(bus, lambda found: some(20, "1", "2")(found) and found[-1].silent == ())
         bus.close()
-    samples = [s for r in found for s in r.samples]
-    assert {s.joint for s in samples} == {"1", "2"}
-    for sample in samples:
-        then = sample.time + (1.7 if sample.joint == "1" else 0.0)
-        goals = [MOTION.goal(then + age / 1000) for age in range(-150, 20)]
-        assert min(abs(sample.command - goal) for goal in goals) < bus.resolution_rad / 2 + 0.005
+    for sample in samples(found):
+        assert servos[sample.joint].confirms(sample, older=2)
 
 
 @every_kind

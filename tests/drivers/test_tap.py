@@ -18,7 +18,7 @@ from dynamixel_sdk import COMM_SUCCESS, GroupBulkWrite, GroupSyncRead, GroupSync
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lostmotion.drivers.base import ServoBus, ServoSample
+from lostmotion.drivers.base import ServoBus
 from lostmotion.drivers.clock import SystemClock
 from lostmotion.drivers.codec import feetech
 from lostmotion.drivers.codec.dynamixel import Packet, encode
@@ -28,7 +28,7 @@ from lostmotion.drivers.codec.sniffer import AccessKind, BusSniffer
 from lostmotion.drivers.emulator import Emulator, FeetechLine, MasteredLine, Motion, ServoLine, Tap, TappedLine
 from lostmotion.drivers.errors import DriverError, PortError
 from lostmotion.drivers.tap import DRIVER
-from tests.drivers.rigs import MOTION, readings, servo_bus, servo_line
+from tests.drivers.rigs import MOTION, readings, samples, servo_bus, servo_line, some, until
 
 PACKETS = st.builds(
     Packet,
@@ -88,15 +88,12 @@ def test_what_a_polling_master_hears_is_heard(model: str) -> None:
         mastered(servo_bus(port, [1, 2], model)),
     ):
         found = bus.identify()
-        samples, end = list[ServoSample](), time.monotonic() + 120.0
-        while min(sum(one.joint == name for one in samples) for name in ("1", "2")) <= 50 and time.monotonic() < end:
-            samples += [sample for reading in readings(bus, 1.0) for sample in reading.samples]
+        heard = readings(bus, some(50, "1", "2"))
     assert all(one.ok and "goals received" in one.found for one in found)
     assert tap.received == b""
     step = (MODELS | feetech.MODELS)[model].step
     for name in ("1", "2"):
-        own = [sample for sample in samples if sample.joint == name]
-        assert len(own) > 50
+        own = samples(heard, name)
         ahead = 1.7 if name == "1" else 0.0
         # a sample is as old as the line and the machine let it be
         delays = np.arange(0.0, 0.15, 0.002)
@@ -131,9 +128,9 @@ def test_all_ways_of_the_makers_sdk_to_write_and_read() -> None:
             for id in (1, 2):  # an emulated servo may answer too late for the SDK on a busy machine: it is asked again
                 assert any(packets.read4ByteTxRx(port, id, 132)[1] == COMM_SUCCESS for _ in range(20))
             time.sleep(0.02)
-            samples = [sample for _ in range(3) for sample in bus.read().samples]
+            heard = [sample for _ in range(3) for sample in bus.read().samples]
             step = MODELS["XL330-M288"].step
-            return {sample.joint: round(sample.command / step) + 2048 for sample in samples}
+            return {sample.joint: round(sample.command / step) + 2048 for sample in heard}
 
         before = goals()
         assert set(before) == {"1", "2"}  # without a goal the command is the position
@@ -156,8 +153,8 @@ def test_all_ways_of_the_makers_sdk_to_write_and_read() -> None:
         sync_read = GroupSyncRead(port, packets, 132, 4)
         sync_read.addParam(1)
         sync_read.addParam(2)
-        assert sync_read.txRxPacket() == 0
-        assert {sample.joint for sample in bus.read().samples} == {"1", "2"}
+        until(lambda: sync_read.txRxPacket() == COMM_SUCCESS)
+        readings(bus, some(1, "1", "2"))
         port.closePort()
     assert tap.received == b""
 
@@ -189,10 +186,9 @@ def test_both_protocols_on_one_line() -> None:
         bus = tap_bus(emulator.paths[0], {1: "AX-12A", 2: "XL330-M288"})
         bus.open()
         assert all(one.ok for one in bus.identify())
-        found = readings(bus, 0.6)
+        found = readings(bus, some(30, "1", "2"))
         bus.close()
     assert sum(reading.broken for reading in found) == 0
-    assert {sample.joint for reading in found for sample in reading.samples} == {"1", "2"}
 
 
 def test_a_master_that_reads_other_registers_of_a_feetech_servo() -> None:
@@ -201,7 +197,7 @@ def test_a_master_that_reads_other_registers_of_a_feetech_servo() -> None:
     line.servos[2].silent = True
     with tapped(line, {1: "STS3215", 2: "STS3215"}) as (path, bus, _):
         port, packets = sdk_port(path), PacketHandler(1.0)
-        samples = []
+        heard = []
         packets.write2ByteTxRx(port, 1, 42, 2100)
         for _ in range(5):
             for id in (1, 2):
@@ -209,12 +205,12 @@ def test_a_master_that_reads_other_registers_of_a_feetech_servo() -> None:
                 time.sleep(0.03)
                 port.is_using = False  # whatever came, the next one is asked
                 port.clearPort()
-            samples += bus.read().samples
+            heard += bus.read().samples
         assert "2" in bus.read().silent
         port.closePort()
-    assert {sample.joint for sample in samples} == {"1"}
-    assert all(math.isnan(sample.voltage) for sample in samples)
-    assert round(samples[-1].command / feetech.MODELS["STS3215"].step) + 2048 == 2100
+    assert {sample.joint for sample in heard} == {"1"}
+    assert all(math.isnan(sample.voltage) for sample in heard)
+    assert round(heard[-1].command / feetech.MODELS["STS3215"].step) + 2048 == 2100
 
 
 @pytest.mark.parametrize(

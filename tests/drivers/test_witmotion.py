@@ -10,18 +10,19 @@ from lostmotion.drivers.codec.witmotion import FULL_SCALE_MS2, WitFrame, encode
 from lostmotion.drivers.emulator import Emulator, WitMotionStream
 from lostmotion.drivers.errors import DriverError
 from lostmotion.drivers.witmotion import WitMotionFormat
-from tests.drivers.rigs import MOTION, OSCILLATOR, accelerometer, block
+from tests.drivers.rigs import MOTION, OSCILLATOR, accelerometer, timed_block
 
 COUNT = FULL_SCALE_MS2 / 32768
 
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_samples_are_those_of_the_sensor(sign: int) -> None:
-    """Along y, and with its sign turned, the signal is the emulator's to a count, at its times to 12 ms."""
+    """Along y, and with its sign turned, the signal is the emulator's to a count, at its times to 12 ms, or to what a
+    busy machine is late."""
     with Emulator(WitMotionStream(MOTION, 200, axis="y")) as emulator:
         sensor = accelerometer("witmotion", emulator.paths[0], 200, axis="y" if sign > 0 else "-y")
         sensor.open()
-        got = block(sensor, 1.0)
+        got, late = timed_block(sensor, 200, 200.0)
         sensor.close()
     assert sensor.range_ms2 == pytest.approx(156.9, abs=0.1)
     assert (got.lost, got.broken) == (0, 0)
@@ -29,7 +30,7 @@ def test_samples_are_those_of_the_sensor(sign: int) -> None:
     first = int(np.argmin([np.abs(np.roll(table, -k)[:50] - sign * got.accel[:50]).max() for k in range(len(table))]))
     assert np.roll(table, -first)[: len(got.accel)] == pytest.approx(sign * got.accel, abs=COUNT)
     behind = (got.time - (np.arange(len(got.time)) + first) / 200 + 10) % 20 - 10
-    assert np.abs(behind).max() < 0.012
+    assert np.abs(behind).max() < max(0.012, late(first))
 
 
 def test_the_rate_is_measured() -> None:
