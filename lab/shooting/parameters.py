@@ -28,7 +28,8 @@ AT_BOUND = 1e-6
 """Distance from a bound, in numbers of order one, from which on a fit ended there: it approaches a bound from within.
 """
 UNKNOWN = 1e9
-"""Half width of an interval, in values or scales of the parameter, from which on it is infinite: rounding decides."""
+"""Half width of an interval in values or scales of the parameter, or its factor for a positive one, from which on it is
+infinite: rounding decides."""
 
 
 def free_names(model: Model) -> tuple[str, ...]:
@@ -82,10 +83,10 @@ class Unknown:
         """The values at the ends of an interval of z, which may be outside of the bounds; infinite where nothing is
         known."""
         value = self.value(z)
-        if not half < UNKNOWN * max(abs(z), 1.0):
+        if not half < (math.log(UNKNOWN) if self.logarithmic else UNKNOWN * max(abs(z), 1.0)):
             return (0.0 if self.logarithmic else -math.inf), math.inf
         if self.logarithmic:
-            return value * math.exp(-min(half, 700.0)), value * math.exp(min(half, 700.0))
+            return value * math.exp(-half), value * math.exp(half)
         return value - half * self.scale, value + half * self.scale
 
     def slope(self, z: float) -> float:

@@ -106,3 +106,14 @@ def test_a_phase_goes_round() -> None:
     assert np.isinf(unknowns.bounds[0][i])
     assert np.isinf(unknowns.bounds[1][i])
     assert unknowns.put(model, z).parameters["gear_eccentricity.phi"].value == pytest.approx(3.5 - 2 * math.pi)
+
+
+@pytest.mark.parametrize(("name", "half", "expected"), [
+    ("d", 1.0, (6e-5 / math.e, 6e-5 * math.e)), ("d", 600.0, (0.0, math.inf)),
+    ("coulomb_friction.tau_c", 1e10, (-math.inf, math.inf)),
+])  # fmt: skip
+def test_what_nothing_tells_has_no_interval(name: str, half: float, expected: tuple[float, float]) -> None:
+    """An interval of a factor of 1e9 and more, or of so many scales, is infinite instead of a number like 1e-263."""
+    unknowns = Unknowns.of(MODEL)
+    item, at = unknowns.items[position(unknowns, name)], unknowns.z(MODEL)[position(unknowns, name)]
+    assert item.interval(float(at), half) == pytest.approx(expected)
