@@ -132,7 +132,7 @@ def test_the_service_scores_hardware_and_stays_small(light: dict[str, str], tmp_
         with log.open("w") as sink:
             process = subprocess.Popen(command("run", "--config", config), env=light, stderr=sink)
         try:
-            end, scores = time.monotonic() + 30, []
+            end, scores = time.monotonic() + 120, []
             while len(scores) < 5 and time.monotonic() < end and process.poll() is None:
                 time.sleep(0.5)
                 asked = command("history", "elbow", "--config", config, "--json")
@@ -141,7 +141,7 @@ def test_the_service_scores_hardware_and_stays_small(light: dict[str, str], tmp_
             pages = int(Path(f"/proc/{process.pid}/statm").read_text().split()[1])
         finally:
             process.terminate()
-            assert process.wait(20) == 0, log.read_text()
+            assert process.wait(60) == 0, log.read_text()
     assert len(scores) >= 5, log.read_text()
     print(f"{pages * os.sysconf('SC_PAGESIZE') / 1e6:.1f} MB resident")
     assert pages * os.sysconf("SC_PAGESIZE") < MOST_RESIDENT

@@ -78,7 +78,7 @@ class Running:
     def stop(self, number: int) -> int:
         """Sends a signal and waits for the end; the exit status."""
         self.process.send_signal(number)
-        return self.process.wait(20)
+        return self.process.wait(60)
 
 
 def wait_until(condition: Callable[[], object], timeout_s: float = 60.0, state: Callable[[], str] = str) -> None:

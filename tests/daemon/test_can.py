@@ -149,7 +149,7 @@ def test_states_rest_and_alarms_do_not(request: pytest.FixtureRequest, monkeypat
 def identifiers_until(bus: can.BusABC, last: int) -> list[int]:
     """The identifiers of the frames before the next one with that identifier."""
     found: list[int] = []
-    while (message := bus.recv(10.0)) is not None and message.arbitration_id != last:
+    while (message := bus.recv(60.0)) is not None and message.arbitration_id != last:
         found.append(message.arbitration_id)
     assert message is not None, f"no frame 0x{last:X}"
     return found
@@ -223,7 +223,7 @@ def test_canopen_understands_them(request: pytest.FixtureRequest) -> None:
         wait_until(lambda: [entry.code for entry in remote.emcy.active] == [0xFF03])
         assert [entry.code for entry in remote.emcy.log][-4:] == [0xFF01, 0xFF03, 0x0000, 0xFF03]
         assert remote.emcy.log[-4].data == bytes.fromhex("01 af 00 22 00")
-        assert remote.nmt.wait_for_heartbeat(timeout=5) == "OPERATIONAL"
+        assert remote.nmt.wait_for_heartbeat(timeout=60) == "OPERATIONAL"
     network.disconnect()
 
 
@@ -318,7 +318,7 @@ def test_socketcand_over_the_network() -> None:
         closing(CanSink(JOINTS, options("can0", "socketcand", host="127.0.0.1", port=server.port))) as sink,
     ):
         sink.alarm(WARNING)
-        wait_until(lambda: "< send 0A1 8 1 ff 81 1 ff ff ff ff >" in server.text, 5, lambda: server.text)
+        wait_until(lambda: "< send 0A1 8 1 ff 81 1 ff ff ff ff >" in server.text, 60, lambda: server.text)
 
 
 @pytest.mark.slow

@@ -43,7 +43,7 @@ def there(network: canopen.Network) -> canopen.RemoteNode:
     """The node, once its heartbeat says that it is on the bus."""
     remote = network.add_node(0x21, str(EDS))
     remote.sdo.RESPONSE_TIMEOUT = 5.0
-    assert remote.nmt.wait_for_heartbeat(timeout=20) == "OPERATIONAL"
+    assert remote.nmt.wait_for_heartbeat(timeout=60) == "OPERATIONAL"
     return remote
 
 

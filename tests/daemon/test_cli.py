@@ -196,7 +196,7 @@ def test_reader_that_goes_away(tmp_path: Path) -> None:
     assert process.stdout.readline().startswith("time,score,level")
     process.stdout.close()
     assert process.stderr.read() == ""
-    assert process.wait(20) == 141
+    assert process.wait(60) == 141
     process.stderr.close()
 
 
@@ -205,7 +205,7 @@ def test_full_disk_under_stdout(tmp_path: Path) -> None:
     fill(tmp_path / "h.db", 5)
     with Path("/dev/full").open("w") as full:
         command = [*PROGRAM, "history", "elbow", "--json", "--database", "h.db"]
-        done = subprocess.run(command, cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, timeout=30)
+        done = subprocess.run(command, cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
     assert done.returncode == 2
     assert done.stderr == "lostmotion: No space left on device\n"
 
@@ -225,7 +225,7 @@ def test_run_tells_where_the_database_is(tmp_path: Path) -> None:
     """The service's first word names the robot and the database, with the time in UTC; stdout stays empty."""
     (tmp_path / "robot.toml").write_text(HARDWARE)
     process = start("run", "--config", "robot.toml", "--duration", "0.2", folder=tmp_path)
-    out, err = process.communicate(timeout=30)
+    out, err = process.communicate(timeout=60)
     assert process.returncode == 0
     assert out == ""
     line = r"20\d\d-\d\d-\d\dT\d\d:\d\d:\d\d\.\d\d\dZ INFO    started: robot arm2, 1 joints, database history\.db"
@@ -241,7 +241,7 @@ def test_run_that_cannot_start_says_so_in_one_line(tmp_path: Path) -> None:
     for path, words in (("folder", "found a directory, folder"), ("photos.db", "database of another program")):
         (tmp_path / "robot.toml").write_text(HARDWARE.replace("history.db", path))
         process = start("run", "--config", "robot.toml", "--duration", "0.2", folder=tmp_path)
-        out, err = process.communicate(timeout=30)
+        out, err = process.communicate(timeout=60)
         assert (process.returncode, out, err.count("\n")) == (2, "", 1), err
         assert words in err
 
@@ -255,7 +255,7 @@ def test_interrupted_recording_is_valid(tmp_path: Path) -> None:
     while time.monotonic() < deadline and not (recording.exists() and recording.stat().st_size > 60_000):
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=30)
+    _, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert "rows of joint elbow" in err
     assert "Traceback" not in err

@@ -167,7 +167,7 @@ def test_people_and_a_running_service(tmp_path: Path, start: Callable[..., Runni
     assert states(database) == [AlarmState.SHELVED]
     wait_until(lambda: states(database) == [AlarmState.ACTIVE])
     assert service.stop(signal.SIGTERM) == 0
-    lines = watching.communicate(timeout=20)[0].splitlines()
+    lines = watching.communicate(timeout=60)[0].splitlines()
     assert [json.loads(line)["event"] for line in lines] == ["acknowledged", "shelved", "unshelved"]
     assert len({json.loads(line)["id"] for line in lines}) == 3
 

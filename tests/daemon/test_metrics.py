@@ -42,7 +42,7 @@ def free_port() -> int:
 
 def scrape(port: int) -> dict[str, Metric]:
     """What Prometheus would read, by metric."""
-    with urlopen(f"http://127.0.0.1:{port}/metrics", timeout=5) as answer:
+    with urlopen(f"http://127.0.0.1:{port}/metrics", timeout=60) as answer:
         return {family.name: family for family in text_string_to_metric_families(answer.read().decode())}
 
 

@@ -19,7 +19,7 @@ from lostmotion.daemon.notify import Notifier
 def manager(address: str) -> Iterator[socket.socket]:
     """What systemd's end of the socket is."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as end:
-        end.settimeout(2.0)
+        end.settimeout(60.0)
         end.bind(address)
         yield end
 
@@ -33,14 +33,16 @@ def test_every_state_arrives_in_systemds_words(tmp_path: Path, abstract: bool) -
         notifier.ready()
         notifier.status("2 OK")
         notifier.watchdog()
+        before = time.monotonic()
         notifier.reloading()
+        after = time.monotonic()
         notifier.stopping()
         heard = [end.recv(1000).decode() for _ in range(5)]
         notifier.close()
     assert heard[:3] == ["READY=1", "STATUS=2 OK", "WATCHDOG=1"]
     reloading = re.fullmatch(r"RELOADING=1\nMONOTONIC_USEC=(\d+)", heard[3])
     assert reloading
-    assert abs(int(reloading[1]) / 1e6 - time.monotonic()) < 5.0
+    assert before - 1e-6 <= int(reloading[1]) / 1e6 <= after
     assert heard[4] == "STOPPING=1"
 
 

@@ -17,6 +17,7 @@ from tests.daemon.cli_world import SIMULATED
 from tests.daemon.conftest import wait_until
 from tests.daemon.fakes import fake_config
 from tests.daemon.test_service import hardware
+from tests.drivers.rigs import wait_long
 
 
 def test_a_wrong_device_is_told_once(
@@ -24,6 +25,7 @@ def test_a_wrong_device_is_told_once(
 ) -> None:
     """A sensor where the servos should be says something else at each look: the joints' fault stays the same, and is
     their own only."""
+    wait_long(monkeypatch)
     monkeypatch.setattr("lostmotion.daemon.poller.WRONG_RETRY_S", 0.05)
     motion = Motion()
     with Emulator(ServoLine.of("AX-12A", [1, 2], motion), CsvStream(motion)) as emulator:
@@ -45,8 +47,11 @@ def test_a_wrong_device_is_told_once(
     assert len(errors) == len(told)
 
 
-def test_a_line_that_was_bad_for_a_moment_is_no_other_device_for_long(tmp_path: Path) -> None:
+def test_a_line_that_was_bad_for_a_moment_is_no_other_device_for_long(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Servos whose answers are spoilt while they are looked for are read again at once, and not after half a minute."""
+    wait_long(monkeypatch)
     motion = Motion()
     line = ServoLine.of("AX-12A", [1, 2], motion)
     with Emulator(line, CsvStream(motion)) as emulator:
@@ -57,7 +62,7 @@ def test_a_line_that_was_bad_for_a_moment_is_no_other_device_for_long(tmp_path: 
         thread.start()
         wait_until(lambda: poller.status.state is DeviceState.WRONG)
         line.corrupt.clear()
-        wait_until(lambda: poller.status.state is DeviceState.READING, timeout_s=10)
+        wait_until(lambda: poller.status.state is DeviceState.READING, timeout_s=25)
         robot.stop.set()
         thread.join()
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import sqlite3
-import time
 from contextlib import closing
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -18,6 +17,7 @@ from lostmotion.daemon.records import ScoreRow, micros
 from lostmotion.daemon.rollup import roll_up
 from lostmotion.daemon.store import Store
 from tests.daemon.cli_world import call
+from tests.daemon.conftest import wait_until
 
 START = datetime(2020, 1, 1, tzinfo=UTC)
 DAYS = 120
@@ -93,13 +93,13 @@ def test_a_running_store_rolls_up(tmp_path: Path, rows: list[ScoreRow]) -> None:
     """While rows come in, what has become old disappears little by little; nothing of the last days does."""
     path = stored(tmp_path / "history.db", rows)
     store = Store(path, "arm1", keep_scores_days=DAYS - 10)
-    for _ in range(200):
+
+    def is_rolled_up() -> bool:
         store.add(rows[-1])
-        time.sleep(0.02)
         with open_readonly(path) as reader:
-            if len(old := reader.scores("wrist", until=START + timedelta(days=8))) == 8 * HOURS:
-                break
-    assert len(old) == 8 * HOURS
+            return len(reader.scores("wrist", until=START + timedelta(days=8))) == 8 * HOURS
+
+    wait_until(is_rolled_up)
     with open_readonly(path) as reader:
         assert len(reader.scores("wrist", since=START + timedelta(days=11))) == (DAYS - 11) * A_DAY
     store.close()

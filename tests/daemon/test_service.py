@@ -105,7 +105,7 @@ def manager(folder: Path) -> Iterator[socket.socket]:
     """systemd's end of the notification socket, at ``folder``/notify."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as end:
         end.bind(str(folder / "notify"))
-        end.settimeout(10.0)
+        end.settimeout(60.0)
         yield end
 
 
@@ -115,7 +115,7 @@ def words(end: socket.socket, seconds: float) -> set[str]:
     with suppress(BlockingIOError):
         while end.recv(1000):
             pass
-    end.settimeout(10.0)
+    end.settimeout(60.0)
     heard, stop = set(), time.monotonic() + seconds
     while time.monotonic() < stop:
         heard.add(end.recv(1000).decode().partition("=")[0])
@@ -132,17 +132,16 @@ def test_systemd_hears_of_life_only_while_samples_arrive(tmp_path: Path, start: 
     with manager(tmp_path) as end:
         service = start(path, NOTIFY_SOCKET=str(tmp_path / "notify"), WATCHDOG_USEC="300000")
         assert end.recv(1000) == b"READY=1"
-        assert words(end, 1.2) == {"STATUS", "WATCHDOG"}
+        wait_until(lambda: words(end, 1.2) == {"STATUS", "WATCHDOG"})
         missing.touch()
         service.wait_for("the port went away", 2)
-        time.sleep(0.2)
-        assert words(end, 1.2) == {"STATUS"}
+        wait_until(lambda: words(end, 1.5) == {"STATUS"})  # ten feeds would fit
         missing.unlink()
         service.wait_for("tip: reading", 2)
-        assert "WATCHDOG" in words(end, 1.2)
+        wait_until(lambda: "WATCHDOG" in words(end, 1.2))
         hanging.touch()
         service.wait_for("tip: no sign of life for 0.3 s; the watchdog is not fed")
-        assert words(end, 1.5) == {"STATUS"}
+        wait_until(lambda: words(end, 1.5) == {"STATUS"})
         hanging.unlink()
         service.process.send_signal(signal.SIGTERM)
         wait_until(lambda: end.recv(1000) == b"STOPPING=1")
@@ -289,14 +288,18 @@ def test_a_robot_is_unplugged_and_plugged_in_again(tmp_path: Path, start: Start)
     with Emulator(line, stream, link=tmp_path / "port") as emulator, manager(tmp_path) as end:
         wait_until(lambda: count(tmp_path / "history.db") >= 5)
         service.wait_for("health joint=elbow health=OK")
+        wait_until(lambda: told(tmp_path, "elbow")[-1:] == ["cleared"])
         emulator.unplug(0)
-        wait_until(lambda: told(tmp_path, "elbow") == ["raised", "cleared", "raised"])
-        assert "WATCHDOG" in words(end, 1.5)
+        wait_until(lambda: told(tmp_path, "elbow")[-1:] == ["raised"])
+        wait_until(lambda: "WATCHDOG" in words(end, 1.5))
         before = count(tmp_path / "history.db")
         emulator.plug(0)
         wait_until(lambda: count(tmp_path / "history.db") > before + 2)
-        wait_until(lambda: told(tmp_path, "elbow") == ["raised", "cleared", "raised", "cleared"])
+        wait_until(lambda: told(tmp_path, "elbow")[-1:] == ["cleared"])
         assert service.stop(signal.SIGTERM) == 0  # before the robot goes away again
+    # twice, and once more each time that a busy machine makes an emulated servo late
+    changes = told(tmp_path, "elbow")
+    assert changes == ["raised", "cleared"] * (len(changes) // 2) != ["raised", "cleared"]
 
 
 def told(folder: Path, joint: str) -> list[str]:
@@ -329,7 +332,7 @@ def test_the_robots_controller_on_the_same_port_is_told_by_name(tmp_path: Path, 
             service.wait_for(f"is open in another program, process {controller.pid} (")
             service.wait_for("alarm joint=elbow cause=device")
             assert count(tmp_path / "history.db") == 0
-        wait_until(lambda: count(tmp_path / "history.db") > 1 and count(tmp_path / "history.db", "shoulder") > 1, 40)
+        wait_until(lambda: count(tmp_path / "history.db") > 1 and count(tmp_path / "history.db", "shoulder") > 1)
         assert service.stop(signal.SIGTERM) == 0
 
 

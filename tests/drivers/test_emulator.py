@@ -146,7 +146,7 @@ def test_the_command_line_serves_until_killed(tmp_path: Path, number: signal.Sig
         bus.close()
         sensor.close()
         process.send_signal(number)
-        assert process.wait(5) == 0
+        assert process.wait(60) == 0
     assert list(tmp_path.iterdir()) == []
 
 
@@ -159,7 +159,7 @@ def test_the_command_line_knows_feetech_servos() -> None:
             assert all(identity.ok for identity in bus.identify())
             bus.close()
         process.send_signal(signal.SIGTERM)
-        assert process.wait(5) == 0
+        assert process.wait(60) == 0
 
 
 @pytest.mark.parametrize(
@@ -175,7 +175,7 @@ def test_the_command_line_knows_feetech_servos() -> None:
 )
 def test_a_wrong_call_is_explained(arguments: list[str], message: str) -> None:
     """Exit status 2 and a line that says what was expected."""
-    done = subprocess.run([*MODULE, *arguments], capture_output=True, text=True, timeout=30, check=False)
+    done = subprocess.run([*MODULE, *arguments], capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 2
     assert message in done.stderr
 

@@ -113,10 +113,10 @@ def test_while_it_is_open_other_users_are_refused(terminal: tuple[int, str]) -> 
     port = SerialPort(path, 115200)
     port.open()
     command = [sys.executable, "-c", DROPPING + SLEEPING.replace("60", "0"), path]
-    refused = subprocess.run(command, capture_output=True, text=True, timeout=20)
+    refused = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert "Device or resource busy" in refused.stderr
     port.close()
-    assert subprocess.run(command, capture_output=True, timeout=20).returncode == 0
+    assert subprocess.run(command, capture_output=True, timeout=60).returncode == 0
 
 
 def test_a_second_reader_that_root_let_in_is_noticed(terminal: tuple[int, str]) -> None:

@@ -88,7 +88,7 @@ def test_closing_from_another_thread_ends_a_read() -> None:
         thread = threading.Thread(target=reader)
         thread.start()
         port.close()
-        thread.join(2)
+        thread.join(60)
         assert ended == [f"port {emulator.paths[0]} is not open"]
 
 

@@ -98,7 +98,7 @@ def test_machines_through_the_command(name: str, real_data: Measurements, tmp_pa
     """The command names what is surely in a machine and nothing else, with the parameters that were published."""
     case = tomllib.loads((real_data() / "cases.toml").read_text())[name]
     effects, parameters, left = PUBLISHED[name]
-    answer = asked(name, case, tmp_path, "300s", real_data()).document
+    answer = asked(name, case, tmp_path, "600s", real_data()).document
 
     assert answer["missing"] == effects.split()
     assert answer["error"]["after"] < left * answer["error"]["before"]

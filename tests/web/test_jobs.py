@@ -71,7 +71,7 @@ def test_a_stop_ends_all_its_processes(jobs: Jobs) -> None:
     pid = int(result.read_text().split()[0])
     os.kill(pid, 0)
     jobs.stop(name)
-    wait_until(lambda: not is_alive(pid), 20)
+    wait_until(lambda: not is_alive(pid), 60)
     assert jobs.find(name).state == "stopped"
     jobs.stop(name)
     jobs.remove(name)
@@ -117,7 +117,7 @@ def test_what_goes_wrong_is_said(tmp_path: Path, command: list[str], words: str)
     assert job.state == "failed"
     assert words in job.text
     assert "\n" not in job.text
-    wait_until(lambda: jobs.running() is None, 20)
+    wait_until(lambda: jobs.running() is None, 60)
 
 
 def test_a_stamp_changes_with_what_is_told(jobs: Jobs) -> None:

@@ -91,8 +91,8 @@ def asked(page: Page, *files: Path) -> None:
 
 def ended(site: Site, name: str) -> Any:
     """A run when it is over."""
-    wait_until(lambda: got(site, f"/api/lab/runs/{name}")["state"] != "running", 120)
-    wait_until(lambda: got(site, "/api/lab")["running"] is None, 20)
+    wait_until(lambda: got(site, f"/api/lab/runs/{name}")["state"] != "running", 300)
+    wait_until(lambda: got(site, "/api/lab")["running"] is None, 60)
     return got(site, f"/api/lab/runs/{name}")
 
 
@@ -276,7 +276,7 @@ def test_a_file_of_another_program_becomes_a_recording(site: Site, look: Open, t
     expect(page.locator("#words")).to_contain_text("Position is /joint_states/elbow/position")
     page.locator("#again").click()
     expect(page.locator("#recordings :checked")).to_have_value("run_b_7.csv")
-    wait_until(lambda: got(site, "/api/lab")["running"] is None, 20)
+    wait_until(lambda: got(site, "/api/lab")["running"] is None, 60)
     status, answer = sent(site, "/api/lab/recordings?name=x.csv", b"import os\nos.system('touch ran')\n")
     assert status == 202
     job = ended(site, answer["run"])

@@ -72,7 +72,7 @@ def test_an_effect_of_ones_own_that_was_found_is_told(folder: Path) -> None:
     is far above the one with it; progress begins at 0 and ends at 1."""
     path = folder / "explained.json"
     result = call(
-        "lab", "improve", folder / "model.toml", folder / "rec.csv", "-o", folder / "better.toml", "--budget", "60s",
+        "lab", "improve", folder / "model.toml", folder / "rec.csv", "-o", folder / "better.toml", "--budget", "600s",
         "--effect", f"{folder / 'tight_spot.py'}:tight_spot", "--json", "--curves", path, "--progress", "json",
     )  # fmt: skip
     found = json.loads(result.stdout)

@@ -75,7 +75,7 @@ def test_drift_of_any_size_is_found() -> None:
     case = Case("oscillator", "bias_drift", 404)
     model = build_model("oscillator")
     with ThreadPoolExecutor(1) as pool:
-        found = explain(model, experiments(model, case.recordings()[:2]), pool, budget_s=120.0)
+        found = explain(model, experiments(model, case.recordings()[:2]), pool, budget_s=600.0)
     assert found.missing == ("bias_drift",)
     assert found.best["bias_drift.c"].value > 10
     assert found.error.after < 1.3 * found.error.noise
@@ -101,6 +101,6 @@ def test_hidden_effects_are_found(hidden: str, seed: int, count: int) -> None:
     case = Case("oscillator", hidden, seed)
     model = build_model("oscillator")
     with ThreadPoolExecutor(2) as pool:
-        found = explain(model, experiments(model, case.recordings()[:count]), pool, budget_s=120.0)
+        found = explain(model, experiments(model, case.recordings()[:count]), pool, budget_s=600.0)
     assert found.missing == (hidden,)
     assert found.error.after < 1.5 * found.error.noise

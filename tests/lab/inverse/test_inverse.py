@@ -377,7 +377,7 @@ def test_an_effect_of_ones_own_is_tried_beside_the_catalogue(tmp_path: Path) -> 
         "--effect",
         f"{tmp_path / 'own.py'}:detent",
         "--budget",
-        "60s",
+        "600s",
     )
     assert "detent" in [one["effect"] for one in answer["ranking"]]
     assert "detent" not in answer["missing"]
