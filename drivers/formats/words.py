@@ -207,7 +207,9 @@ def _last(name: str) -> list[str]:
     if found := BRACKETED.search(RUN.sub("", name)):
         return [_spelt(found[1])]
     plain = name.strip()
-    return [_spelt(re.split(separators, plain)[-1]) for separators in (r"[_\s,-]", r"[_\s,/-]")]
+    fraction = "/".join(re.split(r"_(?:per_)?", plain)[-2:])
+    compound = [fraction] if to_si(_spelt(fraction)) else []  # as in speed_rad_s
+    return [_spelt(unit) for unit in (*compound, *(re.split(by, plain)[-1] for by in (r"[_\s,-]", r"[_\s,/-]")))]
 
 
 def _spelt(unit: str) -> str:

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.drivers.recording import Recording
+from lostmotion.lab.data import power
 from lostmotion.lab.data.held_readings import without_held_readings
 from lostmotion.lab.data.lost_readings import without_lost_readings
-from lostmotion.lab.data.power import rows_of_base
-from lostmotion.lab.data.supply import of_voltage
+from lostmotion.lab.data.supply import is_of_motor, of_voltage
 from lostmotion.lab.errors import ExperimentError
 from lostmotion.model import Model, Motion, Sampled
 from lostmotion.model.motion import FloatArray
@@ -48,6 +48,11 @@ OUTPUTS = {
     "servo": ("position",),
 }
 """The columns that are compared, whichever were recorded."""
+IN_PLACE = {
+    "current": ("current", "A", "KT", ""),
+    "voltage": ("voltage", "V", "KT/R", "; the back EMF counts as viscous friction"),
+}
+"""What is taken for the torque of a joint where none was recorded: its unit, the factor to a torque, and a remark."""
 log = logging.getLogger(__name__)
 LEAST_SAMPLES = 50
 LONGEST_GAP = 20.0  # times the usual spacing of the input: over longer gaps the motion is unknown
@@ -75,7 +80,8 @@ class Experiment:
     is_linear: bool = False
     """Whether the position is a length (metadata of a linear axis), not an angle."""
     drive_unit: str = ""
-    """The unit of what was recorded in place of a torque or force: "A" for a motor's current; "" where it is one."""
+    """The unit of what was recorded in place of a torque or force: "A" for a motor's current, "V" for its voltage; ""
+    where it is one."""
 
     @property
     def duration(self) -> float:
@@ -144,7 +150,7 @@ def experiments(model: Model, recordings: Sequence[Recording]) -> tuple[Experime
 
 
 def _experiment(model: Model, recording: Recording) -> Experiment:
-    recording = _moved(recording, model.base)
+    recording = _without_zeros(_moved(recording, model.base), INPUT[model.base])
     outputs = [name for name in OUTPUTS[model.base] if _sampled(recording, name)]
     if not outputs:
         raise ExperimentError(
@@ -160,7 +166,7 @@ def _experiment(model: Model, recording: Recording) -> Experiment:
     if model.base == "servo":
         _check_goal(recording)
     rows = np.any([~np.isnan(recording.columns[name]) for name in outputs], axis=0)
-    rows &= rows_of_base(recording, model.base, drive is None)
+    rows &= power.rows_of_base(recording, model.base, drive is None)
     time = recording.time.copy()
     time[rows] = recording.times(rows)
     rows[1:] &= np.diff(time) > 0  # a merged row may repeat a time
@@ -172,15 +178,15 @@ def _experiment(model: Model, recording: Recording) -> Experiment:
     return Experiment(
         recording.name, drive, time[rows], measured, _given(model, recording), float(recording.time[0]),
         recording.metadata.get("position_unit") in LENGTHS,
-        _drive_unit(model.base, recording) if drive is not None else "",
+        _drive_unit(model.base, recording, column) if drive is not None else "",
     )  # fmt: skip
 
 
-def _drive_unit(base: str, recording: Recording) -> str:
+def _drive_unit(base: str, recording: Recording, column: str) -> str:
     """See ``Experiment.drive_unit``."""
     if base != "joint":
         return ""
-    unit = recording.unit("torque") if _sampled(recording, "torque") else "A"
+    unit = recording.unit("torque") if column == "torque" else IN_PLACE[column][1]
     return "" if unit in ("N m", "N") else unit
 
 
@@ -196,6 +202,15 @@ def _moved(recording: Recording, base: str) -> Recording:
     unit = {"position_unit": "m"} if lacks == "position" else {}
     columns = {**recording.columns, lacks: recording.columns[other]}
     return replace(recording, columns=columns, metadata={**recording.metadata, **unit})
+
+
+def _without_zeros(recording: Recording, column: str) -> Recording:
+    """Without an input that is zero throughout: logs have a column of it whether or not something measures it, and a
+    gap in it is none in the motion."""
+    if column == "command" or not _sampled(recording, column) or _readings(recording, column).any():
+        return recording
+    log.warning("%s: the %s is zero throughout, and taken as not measured", recording.name, column)
+    return replace(recording, columns={name: one for name, one in recording.columns.items() if name != column})
 
 
 def _sampled(recording: Recording, column: str) -> bool:
@@ -236,25 +251,33 @@ def _drive(base: str, recording: Recording, column: str) -> Motion | None:
 
 def _input(base: str, recording: Recording) -> str:
     """The column that drives this base: of a joint without a torque the current of its motor, which is one up to a
-    factor.  A warning reports this, and that a part is taken to move freely where something drives it."""
+    factor, or else the motor's voltage, which is one up to a factor and a viscous friction.  A warning reports this,
+    and that a part is taken to move freely where something drives it."""
     column = INPUT[base]
     if base in NEEDS_INPUT or _sampled(recording, column):
         return column
-    if (
-        base == "joint"
-        and np.count_nonzero(np.nan_to_num(recording.columns.get("current", 0.0))) > recording.time.size / 2
-    ):
+    acts = {
+        "current": np.count_nonzero(_readings(recording, "current")) > recording.time.size / 2,
+        "voltage": power.COLUMN not in recording.extra and is_of_motor(_readings(recording, "voltage")),
+    }
+    if base == "joint" and (instead := next((name for name, is_one in acts.items() if is_one), "")):
         log.warning(
-            "%s: no torque was found; the motor's current is taken for it, so that torques are in A: with "
-            "--map torque=SERIES*KT they are in N m", recording.name,
+            "%s: no torque was found; the motor's %s is taken for it, so that torques are in %s: with "
+            "--map torque=SERIES*%s they are in N m%s", recording.name, instead, *IN_PLACE[instead][1:],
         )  # fmt: skip
-        return "current"
+        return instead
     if beside := [name for name in ("command", "current", "voltage") if _sampled(recording, name)]:
         log.warning(
             "%s: no %s was found beside %s; the part is taken to move freely. If a motor drives it, give its %s: "
             "--map %s=SERIES", recording.name, column, ", ".join(beside), column, column,
         )  # fmt: skip
     return column
+
+
+def _readings(recording: Recording, column: str) -> FloatArray:
+    """The readings of a column (M,), none where it was not recorded."""
+    values = recording.columns.get(column, np.empty(0))
+    return np.asarray(values[np.isfinite(values)])
 
 
 def _without_gap(name: str, column: str, time: FloatArray) -> slice:

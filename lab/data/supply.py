@@ -13,15 +13,22 @@ from lostmotion.drivers.recording import Recording
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["of_voltage"]
+__all__ = ["is_of_motor", "of_voltage"]
 
 FOLLOWS = 0.85
 """Share of the squared voltage that a line through zero takes, above which it is the motor's.  Of 12 recordings of a
 servo the least is 0.989; a supply hardly follows the error, and none of 80 fell below 0.9 of its largest value."""
+SUPPLIES = 0.5
+"""Share of its largest value below which no supply falls (see above); a motor's voltage stands at zero sometimes."""
 INSIDE = 0.9
 """Share of the largest voltage: readings below are not at the limit of the duty."""
 AT_END = 1.15
 """Times the largest voltage: the duty has a limit where the line would exceed this."""
+
+
+def is_of_motor(voltage: FloatArray) -> bool:
+    """Whether a voltage (N,) is the motor's, and not its supply; False for none."""
+    return bool(voltage.size) and float(voltage.min()) < SUPPLIES * float(voltage.max())
 
 
 def of_voltage(model: Model, recording: Recording) -> dict[str, float]:

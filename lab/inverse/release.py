@@ -63,9 +63,10 @@ def _free_part(signals: Signals) -> tuple[float | None, float | None]:
 
     It is free from the last time on at which the error of the acceleration, over a third of a period, was more than
     ``policy.MISSED`` times that of the free part.  Less than a period before it is not left
-    out: a second mode that dies down looks alike.  The rest before a blow is, and the blow, which an
-    accelerometer feels, for half a period: a longer one pushes against the motion.  Such a rest is longer than that of
-    a free motion where it turns.  It is free until it rests, if the error is as large afterwards: a hand stops it, or
+    out: a second mode that dies down looks alike.  A rest before the motion is, if it is longer than that of a free
+    motion where it turns: a pendulum that falls from the upright accelerates nowhere near its rest, and no simulation
+    from there follows it.  So is the blow after a rest, which an accelerometer feels, for half a period: a longer one
+    pushes against the motion.  It is free until it rests, if the error is as large afterwards: a hand stops it, or
     lets it go again.
     """
     motion = _Local.of(signals)
@@ -78,8 +79,8 @@ def _free_part(signals: Signals) -> tuple[float | None, float | None]:
     wrong = np.flatnonzero(mean[width : free.start] > policy.MISSED * usual)
     release = width + int(wrong[-1]) + 1 if wrong.size else 0
     release = release if release >= PERIOD * width else 0
-    if signals.column == ACCEL and motion.begins > TURNING * PERIOD * width:
-        release = max(release, motion.begins + PERIOD * width // 2)
+    if motion.begins > TURNING * PERIOD * width:
+        release = max(release, motion.begins + (PERIOD * width // 2 if signals.column == ACCEL else 0))
     acts_again = bool((mean[free.stop + width : -width] > policy.MISSED * usual).any())
     return float(signals.time[release]) if release else None, float(signals.time[free.stop - 1]) if acts_again else None
 

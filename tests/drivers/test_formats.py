@@ -19,7 +19,7 @@ from lostmotion.drivers.formats.choice import parse_map, parse_term, split_addre
 from lostmotion.drivers.formats.read import Imported, imported
 from lostmotion.drivers.formats.registry import open_source
 from lostmotion.drivers.formats.source import Choice, Term
-from lostmotion.drivers.formats.words import column_of, joint_of, unit_of
+from lostmotion.drivers.formats.words import column_of, joint_of, speed_of, unit_of
 from lostmotion.drivers.recording import read_recording
 from tests.conftest import Measurements
 
@@ -98,6 +98,8 @@ def test_names_say_units() -> None:
     for name in ("pos_deg", "Position, deg", "Position (degrees)", "angle/deg", "angle deg"):
         assert unit_of(name, "position") == "deg", name
     assert unit_of("Torque [mNm]", "torque") == "mN m"
+    assert [speed_of(name) for name in ("Speed_rad_s", "omega_deg_per_s", "speed (rpm)")] == ["rad/s", "deg/s", "rpm"]
+    assert speed_of("angle_rad") is None
 
 
 def test_map_is_understood(tmp_path: Path) -> None:

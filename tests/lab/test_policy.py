@@ -25,7 +25,7 @@ NUMERICS = {
     "data/held_readings.py": (3, "what is a reading that is repeated"),
     "data/lost_readings.py": (3, "what is a reading that was lost"),
     "data/noise.py": (11, "an estimator of the noise, each number with its measured error"),
-    "data/supply.py": (3, "which of two things a voltage is; the margins are measured"),
+    "data/supply.py": (4, "which of two things a voltage is; the margins are measured"),
     "data/whiteness.py": (3, "lags, rank of a matrix, length of a block"),
     "design/next_experiment.py": (2, "the motions that are proposed"),
     "discrepancy/basis.py": (5, "grid of an unknown function"),

@@ -229,6 +229,28 @@ def test_a_joint_may_stand_still_at_the_end_of_its_motion() -> None:
     assert held("servo", moved)[0].time.size == TIMES.size
 
 
+def test_a_torque_of_zeros_is_none(caplog: pytest.LogCaptureFixture) -> None:
+    """A robot's log has a column of it; a gap in it leaves nothing out of the motion, and a current is taken."""
+    zeros = changed(np.zeros(TIMES.size), slice(200, 400), np.nan)
+    (free,) = held("joint", recording(position=ACCEL, torque=zeros))
+    assert free.drive is None
+    assert free.time.size == TIMES.size
+    assert "the torque is zero throughout" in caplog.text
+    (driven,) = held("joint", recording(position=ACCEL, torque=zeros, current=COMMAND))
+    assert isinstance(driven.drive, Sampled)
+    assert driven.drive_unit == "A"
+
+
+def test_the_voltage_of_a_motor_is_taken_for_its_torque(caplog: pytest.LogCaptureFixture) -> None:
+    """A motor's stands at zero sometimes; a supply, which falls by a fifth, drives nothing."""
+    (driven,) = held("joint", recording(position=ACCEL, voltage=np.maximum(COMMAND, 0.0)))
+    assert isinstance(driven.drive, Sampled)
+    assert driven.drive_unit == "V"
+    assert "the motor's voltage is taken for it" in caplog.text
+    (free,) = held("joint", recording(position=ACCEL, voltage=11.0 + np.sign(ACCEL)))
+    assert free.drive is None
+
+
 def test_free_oscillation_needs_no_input() -> None:
     """An oscillator that rings by itself is an experiment without a drive."""
     (experiment,) = held("oscillator", recording(accel=ACCEL))

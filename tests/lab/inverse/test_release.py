@@ -55,6 +55,14 @@ def test_a_pendulum_that_is_free_from_its_first_sample(
     assert not caplog.text
 
 
+def test_a_pendulum_that_falls_from_the_upright(caplog: pytest.LogCaptureFixture) -> None:
+    """Its rest is left out, although it is free there, too: a thousandth of a degree decides which swing follows."""
+    (found,) = released([measured(swing(np.pi - 1e-3, 1.5, friction=0.01))])
+    assert found.time[0] - 1.5 > 0.5
+    assert abs(found.measured["position"][0]) > 2.5
+    assert "moves freely only from" in caplog.text
+
+
 def test_a_swing_without_damping_is_free_throughout() -> None:
     """Its largest speed is anywhere, by noise: a law of what little comes after it says nothing of what was before."""
     for seed in range(8):
