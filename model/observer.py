@@ -7,10 +7,11 @@ is off at the next sample is a smooth function of the parameters (a Luenberger o
 
 from __future__ import annotations
 
+import math
 from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numba import njit
@@ -20,7 +21,19 @@ from lostmotion.model.motion import FloatArray, Motion
 from lostmotion.model.pieces import Pieces, cut
 from lostmotion.model.solve import IntArray, Plan, load, polynomial, rates, record, rk4
 
-__all__ = ["ObserverRun", "at_samples", "observer_input"]
+__all__ = ["Budget", "ObserverRun", "at_samples", "observer_input"]
+
+
+class Budget(NamedTuple):
+    """A run ends where the sum of log(1 + min((e/unit)², far)) over its samples from the ``first`` exceeds ``most``."""
+
+    first: int = 0
+    unit: float = 1.0
+    far: float = math.inf
+    most: float = math.inf
+
+
+UNLIMITED = Budget()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,8 +41,8 @@ class ObserverRun:
     """Calling it with a start state (n,), gains (n,), the measured signal (N,) and a sub-step [s] gives what the run
     did not expect at each sample, e = measured - modelled (N,), and the states after gain e was added to them (N, n).
 
-    Infinite from where the motion exceeds all numbers.  knots: (K + 1,) [s] from origin, with every sample among them;
-    at: (N,) which of them the samples are; reading: the signal that is measured.
+    Infinite from where the motion exceeds all numbers, or the run its budget.  knots: (K + 1,) [s] from origin, with
+    every sample among them; at: (N,) which of them the samples are; reading: the signal that is measured.
     """
 
     plan: Plan
@@ -40,11 +53,11 @@ class ObserverRun:
     reading: IntArray
 
     def __call__(
-        self, start: FloatArray, gain: FloatArray, measured: FloatArray, substep_s: float
+        self, start: FloatArray, gain: FloatArray, measured: FloatArray, substep_s: float, budget: Budget = UNLIMITED
     ) -> tuple[FloatArray, FloatArray]:
         e, states = np.full(self.at.size, np.inf), np.full((self.at.size, start.size), np.inf)
         _follow(self.plan, self.knots, self.coefficients, self.at, substep_s, start, gain, self.reading, measured,
-                self.origin, e, states)  # fmt: skip
+                self.origin, e, states, *budget)  # fmt: skip
         return e, states
 
 
@@ -80,8 +93,10 @@ def at_samples(pieces: Pieces, times: FloatArray) -> tuple[FloatArray, FloatArra
 def _corrected(
     plan: Any, knots: FloatArray, coefficients: FloatArray, at: IntArray, substep: float, start: FloatArray,
     gain: FloatArray, reading: IntArray, measured: FloatArray, origin: float, e: FloatArray, states: FloatArray,
+    first: int, unit: float, far: float, most: float,
 ) -> None:  # fmt: skip
     n = start.size
+    spent = 0.0
     s = plan.start.copy()
     x, y = start.copy(), np.empty(n)
     k1, k2, k3, k4, scratch = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
@@ -95,7 +110,9 @@ def _corrected(
             rates(plan, s, k1)
             record(plan, s, scratch, reading, out, 0)
             error = measured[o] - out[0, 0]
-            if not abs(error) < 1e9:
+            if o >= first:
+                spent += np.log1p(min((error / unit) ** 2, far))
+            if not (abs(error) < 1e9 and spent <= most):
                 return
             e[o] = error
             for i in range(n):

@@ -17,6 +17,7 @@ from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.lab.shooting.segment import in_motion
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
+from lostmotion.model.observer import UNLIMITED, Budget
 
 __all__ = ["SETTLED_S", "STRONG", "TIGHT", "WEAK", "Observer", "can_follow", "sampled", "states_at"]
 
@@ -51,8 +52,10 @@ class Observer:
         s = float(C @ P @ C) + 1.0
         return cls(np.asarray(P @ C / s), math.sqrt(s))
 
-    def run(self, model: Model, experiment: Experiment, substep_s: float) -> tuple[FloatArray, FloatArray]:
-        """Innovations (N,) and states (N, n) along an experiment without gaps in accel.
+    def run(
+        self, model: Model, experiment: Experiment, substep_s: float, budget: Budget = UNLIMITED
+    ) -> tuple[FloatArray, FloatArray]:
+        """Innovations (N,) and states (N, n) along an experiment without gaps in accel, infinite beyond the budget.
 
         model: with the experiment's values.  Raises ModelError for a motion that is not finite.
         """
@@ -65,7 +68,7 @@ class Observer:
             if angle in names:
                 gain[names.index(angle)], gain[names.index(speed)] = -EARLIER_S * jump, jump
         run = model.observer(experiment.drive, experiment.time, ACCEL, experiment.clock_zero)
-        return run(start, gain, measured, substep_s)
+        return run(start, gain, measured, substep_s, budget)
 
 
 def can_follow(model: Model, *experiments: Experiment) -> bool:

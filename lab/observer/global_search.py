@@ -122,9 +122,19 @@ class _Population:
         z, spread = np.array([self._unknowns.z(model) for model in kept]), self._spread() * np.ones((many, 1))
         spread[: len(sure)] *= np.where(sure[:many], SURE, 1.0)[:, None]
         z = np.clip(z + spread * self._random.standard_normal(z.shape), *self._unknowns.bounds)
-        costs = np.array([self._cost(model, one) for model, one in zip(kept, z, strict=True)])
+        costs = self._first_costs(kept, z)
         order = np.argsort(costs)[:POPULATION]
         self._models, self._z, self.costs = [kept[i] for i in order], z[order], costs[order]
+
+    def _first_costs(self, models: Sequence[Model], z: FloatArray) -> FloatArray:
+        """The costs of a first population (K,), exact for those of its best that will be kept."""
+        costs = np.full(len(models), math.inf)
+        best: list[float] = []
+        for i, model in enumerate(models):
+            most = best[-1] if len(best) == POPULATION else math.inf
+            costs[i] = self._cost(model, z[i], most)
+            best = sorted([*best, costs[i]])[:POPULATION]
+        return costs
 
     def best(self, effect: str) -> Optimum:
         """The best member."""
@@ -155,7 +165,7 @@ class _Population:
                 crossed = np.where(random.random(step.size) < CROSSOVER, step, 0.0)
                 trial = np.clip(z[i] + crossed, *self._unknowns.bounds)
                 model = self._mutated(self._models[lead])
-                cost = self._cost(model, trial)
+                cost = self._cost(model, trial, self.costs[i])
                 if cost < self.costs[i]:
                     self._models[i], z[i], self.costs[i] = model, trial, cost
 
@@ -168,8 +178,8 @@ class _Population:
         return model.replace({name: min(max(p.value + step, p.low), p.high)
                               for (name, p), step in zip(values.items(), steps, strict=True)})  # fmt: skip
 
-    def _cost(self, model: Model, z: FloatArray) -> float:
-        return self._follower.cost(self._unknowns.put(model, z), self._coupling)
+    def _cost(self, model: Model, z: FloatArray, most: float = math.inf) -> float:
+        return self._follower.cost(self._unknowns.put(model, z), self._coupling, most)
 
     def _spread(self) -> FloatArray:
         """Standard deviations in z (P,): prior ones of the base, half the size of an effect."""

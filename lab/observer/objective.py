@@ -13,6 +13,7 @@ from lostmotion.lab.observer.filter import SETTLED_S, STRONG, TIGHT, WEAK, Obser
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
+from lostmotion.model.observer import Budget
 
 __all__ = ["OUTSIDE", "Follower", "settled"]
 
@@ -25,6 +26,8 @@ ROUGH = 0.03
 """Least unit of errors in ``roughly``, as a share of the signal's standard deviation."""
 OUTSIDE, FAR = 3.0, 1e6
 """Errors, in units of the expected one, above which the cost is logarithmic; and the square at which it is clipped."""
+ROUNDING = 1e-9
+"""Share by which a sum may differ from the same one in another order."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,21 +61,32 @@ class Follower:
         usual = float(np.std(self.segments[0].measured[ACCEL]))
         return replace(self.alone(), noise=max(self.noise, ROUGH * usual))
 
-    def cost(self, model: Model, coupling: float) -> float:
-        """Mean of log(1 + (e/c)²) over the samples after the first 0.2 s: the logarithm limits the weight of
-        outliers."""
+    def cost(self, model: Model, coupling: float, most: float = math.inf) -> float:
+        """Mean of log(1 + (e/c)²) over the samples after the first 0.2 s: the logarithm limits the weight of outliers.
+        most: a larger cost need not be exact, only larger, and is known the sooner the larger it is."""
         try:
-            e = self.errors(model, coupling)
+            e = self.errors(model, coupling, most)
         except ModelError:
             return math.inf
-        return float(np.mean(np.log1p(np.minimum((e / OUTSIDE) ** 2, FAR))))
+        return float(np.mean(_losses(e)))
 
-    def errors(self, model: Model, coupling: float) -> FloatArray:
-        """Innovations at the samples after the first 0.2 s (N,), over their standard deviation for the right model.
-        Raises ModelError."""
+    def errors(self, model: Model, coupling: float, most: float = math.inf) -> FloatArray:
+        """Innovations at the samples after the first 0.2 s (N,), over their standard deviation for the right model;
+        infinite from where their cost exceeds ``most``.  Raises ModelError."""
         observer = self.observers[coupling]
-        errors = [observer.run(s.model(model), s, self.substep_s)[0][settled(s)] for s in self.segments]
-        return np.asarray(np.concatenate(errors) / (observer.expected * self.noise))
+        unit = observer.expected * self.noise
+        counted = [settled(s) for s in self.segments]
+        left = most * (1 + ROUNDING) * sum(s.time[part].size for s, part in zip(self.segments, counted, strict=True))
+        errors = []
+        for s, part in zip(self.segments, counted, strict=True):
+            budget = Budget(part.start, OUTSIDE * unit, FAR, left)
+            errors.append(observer.run(s.model(model), s, self.substep_s, budget)[0][part] / unit)
+            left -= float(np.sum(_losses(errors[-1]))) if len(counted) > 1 else 0.0
+        return np.concatenate(errors)
+
+
+def _losses(e: FloatArray) -> FloatArray:
+    return np.asarray(np.log1p(np.minimum((e / OUTSIDE) ** 2, FAR)))
 
 
 def _window(experiment: Experiment, hz: float) -> Experiment:

@@ -54,7 +54,7 @@ NUMERICS = {
     "models/simulate.py": (4, "a simulation's length and check"),
     "observer/filter.py": (5, "gains of observers"),
     "observer/global_search.py": (18, "an evolution: its populations, generations and widths"),
-    "observer/objective.py": (8, "what observers are run on, and a robust cost"),
+    "observer/objective.py": (9, "what observers are run on, and a robust cost"),
     "parallel.py": (2, "waiting times"),
     "quantity.py": (3, "digits, the smallest probability that is shown"),
     "shooting/continuation.py": (4, "length of the first segments, a robust cost"),

@@ -83,6 +83,20 @@ def test_errors_are_as_large_as_expected() -> None:
     assert typical(4e-5) > 2 * typical(8e-5)
 
 
+@pytest.mark.parametrize("coupling", [STRONG, WEAK])
+def test_a_cost_beyond_what_matters_is_known_sooner(coupling: float) -> None:
+    """A cost up to the limit is the same to the last digit; above it the run ends, and what is told is above it."""
+    model = build_model("play", values=GEARS)
+    task = Task.of(model, [recorded(seed)[0] for seed in (3, 4)], {"accel": NOISE})
+    follower, poor = Follower.of(task, model), model.replace({"d": 4e-5})
+    exact = follower.cost(poor, coupling)
+    assert follower.cost(poor, coupling, exact) == exact
+    assert follower.cost(poor, coupling, 0.9 * exact) > 0.9 * exact
+    ends = np.isinf(follower.errors(poor, coupling, 0.25 * exact))
+    assert 0.5 < ends.mean() < 0.95
+    assert not np.isinf(follower.errors(poor, coupling, exact)).any()
+
+
 @pytest.mark.slow
 def test_behind_a_shaft_the_right_model_follows() -> None:
     """Where a shaft twists between teeth and bar, a model that has it misses far less than one that has not."""
