@@ -149,7 +149,8 @@ def full_fit(model: Model, task: Task, max_missed: float = 1.0) -> Level:
     """A fit on all of the shortest segments; initial states of missed ones are searched for again."""
     level = started(model, task.tiles, task)
     level = fitted(model, level.unknowns, level.segments, task.substep_s)
-    return repaired_fit(level.model, level.unknowns, level.segments, task, max_missed)
+    again = repaired(level.model, level.segments, task.substep_s, max_missed)
+    return level if again == level.segments else fitted(level.model, level.unknowns, again, task.substep_s)
 
 
 def repaired_fit(

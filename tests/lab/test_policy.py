@@ -59,7 +59,7 @@ NUMERICS = {
     "quantity.py": (3, "digits, the smallest probability that is shown"),
     "shooting/continuation.py": (4, "length of the first segments, a robust cost"),
     "shooting/initial_guess.py": (1, "a finite difference"),
-    "shooting/initial_state.py": (3, "grids of first values"),
+    "shooting/initial_state.py": (5, "grids of first values, steps of a fit"),
     "shooting/least_squares.py": (3, "a minimiser"),
     "shooting/parameters.py": (5, "weak priors, rounding"),
     "shooting/segment.py": (4, "finite differences"),
