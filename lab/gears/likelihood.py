@@ -18,7 +18,7 @@ from lostmotion.lab import policy
 from lostmotion.lab.data.clipping import RANGE, at_its_rail
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.fitting.fit import fit_of
-from lostmotion.lab.fitting.strategy import full_fit, grown, started, subset
+from lostmotion.lab.fitting.strategy import grown, started, subset
 from lostmotion.lab.gears.score_test import Scores, score_test
 from lostmotion.lab.gears.trials import (
     FEW_STEPS,
@@ -128,11 +128,8 @@ class ShortSegments:
             return
         near = near_trials(level, scores.directions[: policy.FINISHED], task, pool, FEW_STEPS)
         trials = full_trials(near, scores.directions[0].effect, task, pool)
-        if trials and trials[0].level.typical < policy.FAR:
-            yield self._judged(self._longer(trials), now, scores)
-            trials = []
-        trials += observer_trials(now.short, may, task, pool)
         yield self._judged(self._longer(trials), now, scores)
+        yield self._judged(self._longer(observer_trials(now.short, may, task, pool)), now, scores)
 
     def _longer(self, trials: Sequence[Trial]) -> list[Trial]:
         return halving(trials, self.task, self.unseen.horizon_s, self.pool)
@@ -181,9 +178,11 @@ class ShortSegments:
         return predictions.gain > policy.LEAST_GAIN and tried * predictions.p_value < policy.FALSE_NAME
 
     def without(self, effect: str, fit: SegmentFit) -> SegmentFit:
-        """The fit without an effect."""
-        short = full_fit(without(fit.model, effect), self.task, policy.LOST_SHARE)
-        level = grown(short, self.task)
+        """The fit without an effect, from the initial states of the one with it; on longer segments only where it does
+        not fall behind."""
+        short = repaired_trial("", without(fit.model, effect), fit.short, self.task).level
+        is_behind = short.typical > policy.BEHIND * max(fit.short.typical, 1.0)
+        level = short if is_behind else grown(short, self.task)
         return SegmentFit(level, short, self.unseen.judge(level.model, fit.unseen), fit.floor)
 
     def predictions(self, one: SegmentFit, other: SegmentFit, *, of_all: bool = False) -> Predictions:

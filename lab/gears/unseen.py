@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,7 +20,7 @@ from lostmotion.lab.fitting.strategy import begun, passed
 from lostmotion.lab.selection.evidence import Predictions
 from lostmotion.lab.shooting.continuation import merged, residuals, tiles
 from lostmotion.lab.shooting.initial_state import polished, repaired
-from lostmotion.lab.shooting.segment import Segment, start_with
+from lostmotion.lab.shooting.segment import Segment, start_with, state_scales
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
@@ -70,7 +70,8 @@ def compared(one: Judged, other: Judged) -> Predictions:
     """Squared errors of two models on the same segments, in blocks of the residual of the second.
 
     Lost segments count too, as segments that few models predict discriminate best; but their error counts as a multiple
-    of the usual one of the better model at most, as chaotic ones are arbitrary.
+    of the usual one of the better model at most, as chaotic ones are arbitrary.  They say nothing about how long a
+    residual is correlated: with one of four segments set to a constant, a block was as long as a segment.
     """
     most = policy.MISSED * min(one.usual, other.usual)
     before, after = (
@@ -80,7 +81,9 @@ def compared(one: Judged, other: Judged) -> Predictions:
         ])
         for judged in (one, other)
     )  # fmt: skip
-    block = numbered([part.size for part in other.parts], policy.BLOCK_CORRELATIONS * correlation(after))
+    followed = [part for part, error in zip(other.parts, other.errors, strict=True) if error < most]
+    length = policy.BLOCK_CORRELATIONS * correlation(np.concatenate(followed or [after]))
+    block = numbered([part.size for part in other.parts], length)
     return Predictions(before**2, after**2, block)
 
 
@@ -103,15 +106,12 @@ class Unseen:
     def judge(self, model: Model, *others: Judged) -> Judged:
         """Validates the model in segments of about this length, with estimated initial states; others: further initial
         guesses of these."""
-        return self.again(_judged_on(self.experiment, model, self.task, self.horizon_s), *others)
+        return self.again(_judged_on(self, model, *others), *others)
 
     def judge_each(self, models: Sequence[Model], *others: Judged) -> list[Judged]:
         """Validates several models in parallel, with the initial states of each as guesses for the others."""
         count = len(models)
-        alone = self.pool.map(
-            _judged_on, [self.experiment] * count, models, [self.task] * count, [self.horizon_s] * count
-        )
-        first = [self.again(own, *others) for own in alone]
+        first = list(self.pool.map(Unseen.judge, [self] * count, models, *([other] * count for other in others)))
         return [self.again(own, *first) for own in first]
 
     def again(self, judged: Judged, *others: Judged) -> Judged:
@@ -123,13 +123,20 @@ class Unseen:
         if not lost:
             return judged
         for i in lost:
-            own, there = segments[i].experiment.model(model), best[i].segments[i]
-            segments[i] = _polished(model, segments[i], start_with(own, there, best[i].model.state_names)[None], step)
+            segments[i] = _polished(model, segments[i], _state_of(model, best[i].segments[i], best[i].model), step)
         return Judged(model, tuple(residuals(model, segments, step)), tuple(segments))
 
 
-def _judged_on(whole: Experiment, model: Model, task: Task, horizon_s: float) -> Judged:
+def _judged_on(unseen: Unseen, model: Model, *others: Judged) -> Judged:
+    """From the states of the others where these lead to the noise in every segment: no other state is better there.
+    Else from scans of the shortest segments, on longer and longer ones."""
+    whole, task, horizon_s = unseen.experiment, unseen.task, unseen.horizon_s
     step, halvings = task.substep_s, task.halvings
+    for other in others:
+        near = [_segment_with(model, segment, other.model, step) for segment in other.segments]
+        judged = Judged(model, tuple(residuals(model, near, step)), tuple(near))
+        if np.all(judged.errors < policy.LOST):
+            return judged
     pieces = tiles(whole, halvings)
     likely = passed(model, pieces, [whole], task)
     segments = repaired(model, begun(model, pieces, likely, task), step)
@@ -139,6 +146,17 @@ def _judged_on(whole: Experiment, model: Model, task: Task, horizon_s: float) ->
         also = [likely.get((whole.name, float(segment.experiment.time[0]))) for segment in segments]
         segments = tuple(_polished(model, segment, state, step) for segment, state in zip(segments, also, strict=True))
     return Judged(model, tuple(residuals(model, segments, step)), tuple(segments))
+
+
+def _segment_with(model: Model, there: Segment, other: Model, substep_s: float) -> Segment:
+    """Another model's segment for this one, whose initial state begins at that of the other."""
+    state = _state_of(model, there, other)
+    segment = replace(there, scale=state_scales(model, there.experiment), start=state[0])
+    return _polished(model, segment, None, substep_s)
+
+
+def _state_of(model: Model, there: Segment, other: Model) -> FloatArray:
+    return start_with(there.experiment.model(model), there, other.state_names)[None]
 
 
 def _polished(model: Model, segment: Segment, also: FloatArray | None, substep_s: float) -> Segment:

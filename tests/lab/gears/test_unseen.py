@@ -70,6 +70,18 @@ def test_a_lost_segment_counts_but_not_without_end() -> None:
     assert gains == pytest.approx(2 * [1 - 1 / (0.75 + most)], abs=0.05)
 
 
+def test_a_lost_segment_makes_no_longer_blocks() -> None:
+    """One of four segments is lost by both models: of the others there are as many blocks as without it, and a third
+    of the error is as significant as before."""
+    rng = np.random.default_rng(9)
+    noise, loss = coloured(rng), np.array([1e3, 1, 1, 1])[:, None]
+    whole = compared(judged(3 * noise), judged(noise))
+    lost = compared(judged(3 * noise * loss), judged(noise * loss))
+    assert lost.block.max() == pytest.approx(whole.block.max(), rel=0.1)
+    assert whole.block.max() > 40
+    assert max(whole.p_value, lost.p_value) < 1e-15
+
+
 @pytest.mark.slow
 def test_what_is_left_is_told_by_the_segments_that_are_followed_best() -> None:
     """With its Coulomb friction nothing is left of gears, although a segment of unseen data begins a little off."""
@@ -81,6 +93,21 @@ def test_what_is_left_is_told_by_the_segments_that_are_followed_best() -> None:
         found = unseen.judge(level.model)
     assert is_structured([found.parts[i] for i in found.kept])
     assert not is_left(found)
+
+
+def test_segments_at_the_noise_are_not_searched_for_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A model that follows from the states of another one begins there, with no scan; the errors are those of a scan.
+    One that does not is searched for as well as if it were alone."""
+    (experiment,) = experiments(MODEL, [gears(64, 1.0)])
+    task = Task.of(MODEL, [experiment], {"accel": 0.2})
+    near, far = MODEL.replace({"k": 1.0005 * GEARS["k"]}), MODEL.replace({"d": 0.7 * GEARS["d"]})
+    with ThreadPoolExecutor(2) as pool:
+        unseen = Unseen(experiment, task, 0.25, pool)
+        known, alone, lost = (unseen.judge(model) for model in (MODEL, near, far))
+        assert np.all(unseen.judge(far, known).errors < 1.01 * lost.errors)
+        monkeypatch.setattr("lostmotion.lab.gears.unseen.begun", None)
+        np.testing.assert_allclose(unseen.judge(near, known).errors, alone.errors, rtol=0.01)
+    assert np.any(lost.errors > policy.LOST)
 
 
 def test_a_lost_segment_begins_where_another_model_follows_it() -> None:
