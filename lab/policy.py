@@ -74,7 +74,8 @@ FIRSTS = 3
 FINISHED = 5
 """Effects that survive the first stage of successive halving: after a few steps of every fit to a simulated motion, in
 the search with observers, and by the score test.  Of hidden effects, a true one was among the first three after the
-first generations of observers (docs/decisions/0009)."""
+first generations of observers (docs/decisions/0009); half of them are evolved to the end and fitted, as it was first or
+second after the second generations of six searches (seed 905)."""
 LEAST_PROMISE = 1e-3
 """Share of the squared error that an effect has to take in these few steps for its fit to be finished: effects that
 were named later had taken 30 % at least (servos and oscillators of ``bench.real``), those that stayed at zero less than

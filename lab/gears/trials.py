@@ -62,16 +62,17 @@ def near_trials(
 
 
 def full_trials(near: Sequence[Trial], effect: str, task: Task, pool: Executor) -> list[Trial]:
-    """Fits on all short segments that begin at those of ``near_trials``: at the one with the least error, and at that
-    with this effect, which has the largest statistic; best first."""
-    first = {*near[:1], *(trial for trial in near if trial.effect == effect)}
-    return full_fits([(trial.effect, trial.level.model) for trial in near if trial in first], task, pool)
+    """Fits on all short segments that begin at those of ``near_trials``: at the one with the least error, at that with
+    this effect, which has the largest statistic, and at those with a simpler law of which one of them is a more general
+    one; best first."""
+    asked = {effect, *(trial.effect for trial in near[:1])}
+    asked |= {part.effect for name in asked if (part := get_effect(name).simpler)}
+    return full_fits([(trial.effect, trial.level.model) for trial in near if trial.effect in asked], task, pool)
 
 
 def observer_trials(base: Level, effects: Sequence[str], task: Task, pool: Executor) -> list[Trial]:
     """Fits on all short segments with those of the effects of least prediction error of observers; best first."""
-    near = shortlist(base, effects, task, pool)[: policy.FINISHED]
-    return full_fits([(one.effect, one.model) for one in near], task, pool)
+    return full_fits([(one.effect, one.model) for one in shortlist(base, effects, task, pool)], task, pool)
 
 
 def repaired_trial(effect: str, model: Model, level: Level, task: Task) -> Trial:

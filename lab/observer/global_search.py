@@ -80,10 +80,10 @@ def shortlist(base: Level, effects: Sequence[str], task: Task, pool: Executor) -
     given = ([base.model] * count, [follower.roughly()] * count, [size] * count)
     niches = zip(effects, pool.map(_begun, effects, *given), strict=True)
     begun = [(population, effect) for effect, found in niches for population in found]
-    best = _leading(begun, NICHES)
+    best = _leading(begun, policy.FINISHED, NICHES)
     further = pool.map(_further, (population for population, _ in best), [follower] * len(best))
     best = list(zip(further, [effect for _, effect in best], strict=True))
-    best = _leading(best, NICHES_LEFT)
+    best = _leading(best, math.ceil(policy.FINISHED / 2), NICHES_LEFT)
     return sorted(pool.map(_finished, *zip(*best, strict=True)), key=lambda one: one.cost)
 
 
@@ -222,12 +222,14 @@ def _opposite(model: Model, values: dict[str, float]) -> dict[str, float]:
     return {name: -values[name] for name in may if "." in name and not name.endswith(".phi")}
 
 
-def _leading(populations: list[tuple[_Population, str]], niches: int) -> list[tuple[_Population, str]]:
-    """The populations of the best few effects, so many of each, best first."""
+def _leading(
+    populations: list[tuple[_Population, str]], effects: int, niches: int
+) -> list[tuple[_Population, str]]:  # fmt: skip
+    """The populations of so many best effects, and so many of each, best first."""
     of_effect: dict[str, list[tuple[_Population, str]]] = {}
     for pair in sorted(populations, key=lambda pair: float(pair[0].costs.min())):
         of_effect.setdefault(pair[1], []).append(pair)
-    return [pair for pairs in list(of_effect.values())[: policy.FINISHED] for pair in pairs[:niches]]
+    return [pair for pairs in list(of_effect.values())[:effects] for pair in pairs[:niches]]
 
 
 def _further(population: _Population, follower: Follower) -> _Population:
