@@ -77,12 +77,12 @@ PLAYS, QUICK_PLAYS = (5e-6, 10e-6, 20e-6, 50e-6, 200e-6, 1000e-6), (10e-6, 50e-6
 SEEDS, QUICK_SEEDS = range(8700, 8704), range(8700, 8702)
 
 
-def recorded(seed: int, play_m: float, cell: Cell, known: bool = False) -> list[Score]:
+def recorded(seed: int, play_m: float, cell: Cell, known: bool = False, seconds: float = RECORD_S) -> list[Score]:
     """The windows with an impact of one recording; known: the settings give the gear's A and n."""
     rng = np.random.default_rng([seed, round(play_m * 1e7)])
     motion: Motion = motion_of(cell.motion.split()[0], seed)
     moved = Lagging(motion, LAG_HZ).followed if "lagging" in cell.motion else motion
-    times = np.arange(round(RECORD_S * RATE_HZ)) / RATE_HZ
+    times = np.arange(round(seconds * RATE_HZ)) / RATE_HZ
     accel = tip(moved, times, play_m, cell.gear) + rng.normal(0, cell.noise, times.size) + rng.normal(0, OFFSET)
     settings = DetectorSettings(
         f_res_hz=F_RES_HZ * (1 + TUNED * rng.normal()),
@@ -93,15 +93,17 @@ def recorded(seed: int, play_m: float, cell: Cell, known: bool = False) -> list[
         soft = cell.gear.kind == "eq1"
         settings = replace(settings, flank_exponent=float(cell.gear.exponent) if soft else 1e4,
                            contact_accel=1000.0 / cell.gear.inertia)  # fmt: skip
-    polls = np.arange(0, RECORD_S, 1 / POLL_HZ)
+    polls = np.arange(0, seconds, 1 / POLL_HZ)
     commands = np.round(motion.position(polls) / STEP_RAD) * STEP_RAD
     late = rng.normal(0, DELAY_S)
     return [score for score in score_series(polls - late, commands, times, accel, settings) if score.impact]
 
 
-def summary_of(cell: Cell, play_m: float, seeds: Iterable[int], known: bool = False) -> Summary:
+def summary_of(
+    cell: Cell, play_m: float, seeds: Iterable[int], known: bool = False, seconds: float = RECORD_S
+) -> Summary:
     """The results for the windows of all recordings."""
-    scores = [score for seed in seeds for score in recorded(seed, play_m, cell, known)]
+    scores = [score for seed in seeds for score in recorded(seed, play_m, cell, known, seconds)]
     sized = [score for score in scores if math.isfinite(score.play)]
     truth = play_m / RADIUS_M
     together = pooled([s.play for s in sized], [(s.play_high - s.play_low) / 2 for s in sized])

@@ -42,7 +42,7 @@ def test_readings_that_stop_are_told_from_noise_and_from_a_gap() -> None:
 def test_an_end_that_one_segment_reaches_is_found(largest: float) -> None:
     """It is the segment that the fit misses, so that neither the score test nor the unseen recording shows anything."""
     model = build_model("play", values=GEARS)
-    held = experiments(model, [gears(102, largest=largest), gears(92), gears(93)])
+    held = experiments(model, [gears(102, 1.0, largest=largest), gears(92, 1.0), gears(96, 1.0)])
     task = Task.of(model, held[:2], noise_of(held))
     level = full_fit(model, task)
     with ThreadPoolExecutor(2) as pool:

@@ -27,9 +27,14 @@ NOISE_RAD = 4e-4
 
 
 def servo(
-    seed: int, coulomb: float = COULOMB, sees: str = "motor", slower: float = 1.0, load: float = 0.0
+    seed: int,
+    coulomb: float = COULOMB,
+    sees: str = "motor",
+    slower: float = 1.0,
+    load: float = 0.0,
+    length: float = 4.0,
 ) -> Recording:
-    """A servo that follows six seconds of irregular motion, in steps of 0.5 ms; its dry friction sticks (Karnopp 1985).
+    """A servo that follows some seconds of irregular motion, in steps of 0.5 ms; its dry friction sticks (Karnopp 1985).
 
     sees: what its voltage column holds: that of the motor, or of the supply; slower: by how much all is; load: a
     constant torque against it [N m].
@@ -37,7 +42,7 @@ def servo(
     rng = np.random.default_rng(seed)
     hz, phases = rng.uniform(0.1, 1.5, 6) / slower, rng.uniform(-math.pi, math.pi, 6)
     step, every = 5e-4 * slower, 20
-    times = np.arange(0.0, 6.0 * slower, step)
+    times = np.arange(0.0, length * slower, step)
     waves = np.sin(2 * math.pi * np.multiply.outer(times, hz) + phases)
     command = (0.25 * waves / np.sqrt(hz * slower / 0.5)).sum(-1)
     angle, speed, angles, voltages = float(command[0]), 0.0, [], []
@@ -152,7 +157,7 @@ def test_friction_of_a_servo_under_control(tmp_path: Path, sees: str) -> None:
     model = (
         f'base = "servo"\neffects = ["viscous_friction"]\n[parameters]\nkt = {{ value = 1.5, fixed = true }}\n{known}'
     )
-    answer = explained(tmp_path, model, [servo(seed, sees=sees) for seed in (1, 2)])
+    answer = explained(tmp_path, model, [servo(seed, sees=sees, length=6.0) for seed in (1, 2)])
     assert answer["missing"] == ["coulomb_friction"]
     assert answer["parameters"]["coulomb_friction.tau_c"][0] == pytest.approx(COULOMB, rel=0.1)
     assert answer["parameters"]["J"][0] == pytest.approx(INERTIA, rel=0.1)
