@@ -15,7 +15,10 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 # Devices, services and browsers that run beside a test in real time: a busy machine makes them late.
-LATE = ("bench/test_faults.py", "conformance", "daemon", "drivers", "system", "test_light_installation.py", "web")
+LATE = (
+    "bench/test_faults.py", "conformance", "daemon", "drivers", "system", "test_light_installation.py", "test_package.py",
+    "web",
+)  # fmt: skip
 REAL_TIME = tuple(ROOT / "tests" / name for name in LATE)
 RERUNS = 3
 

@@ -20,7 +20,7 @@ def installed(folder: Path) -> Path:
     wheel = build_wheel(folder)
     venv.create(folder / "env")
     pip = (sys.executable, "-m", "pip", "--python", str(folder / "env/bin/python"))
-    run(*pip, "install", "--no-deps", "--no-index", wheel, cwd=folder)
+    run(*pip, "install", "--no-compile", "--no-deps", "--no-index", wheel, cwd=folder)
     (packages,) = (folder / "env/lib").glob("python*/site-packages")
     here = [path for path in sys.path if path.endswith("site-packages")]
     (packages / "dependencies.pth").write_text("\n".join(here) + "\n")
