@@ -15,10 +15,8 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 # Devices, services and browsers that run beside a test in real time: a busy machine makes them late.
-LATE = (
-    "bench/test_faults.py", "conformance", "daemon", "drivers", "system", "test_light_installation.py", "test_package.py",
-    "web",
-)  # fmt: skip
+FILES = ("bench/test_faults.py", "test_light_installation.py", "test_package.py")
+LATE = ("conformance", "daemon", "drivers", "system", "web", *FILES)
 REAL_TIME = tuple(ROOT / "tests" / name for name in LATE)
 RERUNS = 3
 

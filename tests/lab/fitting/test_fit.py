@@ -165,7 +165,7 @@ def test_what_is_told_does_not_depend_on_the_first_value() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("keeps", [0.0, 0.7], ids=["white", "coloured"])
 def test_intervals_of_gears_are_as_wide_as_they_must_be(keeps: float) -> None:
-    """Of fourteen recordings the errors of damping, contact damping and lever are those of the intervals: their root mean
+    """Of 14 recordings the errors of damping, contact damping and lever are those of the intervals: their root mean
     square is one standard deviation within a quarter (0.6 times the width would make it 1.7)."""
     model, found = build_model("play", values=TRUE), []
     for seed in range(500, 514):

@@ -34,7 +34,7 @@ def servo(
     load: float = 0.0,
     length: float = 4.0,
 ) -> Recording:
-    """A servo that follows some seconds of irregular motion, in steps of 0.5 ms; its dry friction sticks (Karnopp 1985).
+    """A servo that follows seconds of irregular motion, in steps of 0.5 ms; its dry friction sticks (Karnopp 1985).
 
     sees: what its voltage column holds: that of the motor, or of the supply; slower: by how much all is; load: a
     constant torque against it [N m].
