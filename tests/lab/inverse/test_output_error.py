@@ -12,12 +12,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bench.driven_systems import Law, Servo
 from click.testing import CliRunner
 from scipy.integrate import solve_ivp
 
 from lostmotion.daemon.cli import cli
 from lostmotion.drivers.recording import Recording, write_recording
+from lostmotion.lab import experiments
 from lostmotion.lab.data.supply import of_voltage
+from lostmotion.lab.inverse.output_error import OutputError
+from lostmotion.lab.inverse.regression import regressed
+from lostmotion.lab.inverse.signals import Signals
 from lostmotion.model import build_model
 
 SUPPLY, GAIN, ERROR_GAIN = 11.0, 14.0, 0.165
@@ -258,3 +263,16 @@ def test_the_voltage_of_the_motor_tells_the_gain() -> None:
     capped.columns["voltage"].clip(-2.0, 2.0, out=capped.columns["voltage"])
     found = of_voltage(model, capped)
     assert found["cap"] == pytest.approx(2.0 / SUPPLY, rel=0.01)
+
+
+def test_a_fit_goes_on_until_it_ends() -> None:
+    """A servo behind a lag of 42 ms has three equal poles on the way from the file's values to its own; a fit gets past
+    them, to the noise and to within 2 % of the lag."""
+    drawn = Servo(7.345e-3, Law((), 1.0, 2.5, (), 0, 0.0), 0.0, 0.0418, 200.0, 2.5e-4, 0.45)
+    recorded = [drawn.record(np.random.default_rng((10100, at, 7)), f"{at}.csv") for at in range(2)]
+    model = build_model("servo", ["viscous_friction", "actuator_lag"])
+    parts = [one.between(0.0, 2.65) for one in experiments(model, recorded)]
+    signals = [Signals.of(one, is_force=False) for one in parts]
+    fit = regressed(model, OutputError.of(signals, model))
+    assert fit.rms == pytest.approx(2.5e-4, rel=0.1)
+    assert fit.model.parameters["actuator_lag.T"].value == pytest.approx(0.0418, rel=0.02)
