@@ -1,12 +1,14 @@
-"""What `lab explain` says of real measurements: `python -m bench.real [--budget 180s] [CASE ...]`.
+"""What `lab explain` says of real measurements: `python -m bench.real [--budget 180s] [--change mirrored] [CASE ...]`.
 
 Runs every case of ``cases.toml`` in the folder of measurements (LOSTMOTION_DATA, or ../shared/data beside the project)
 through the command line, as a user would, and prints verdict, errors and seconds.  A case states the model file's text,
-the recordings, and what must and must not be named.
+the recordings, and what must and must not be named.  With --change the recordings are changed in a way that leaves the
+physics as it is, and with it the answer: mirrored, every second row, later, or another one last.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import subprocess
@@ -14,12 +16,15 @@ import sys
 import tempfile
 import time
 import tomllib
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.table import Table
+
+from lostmotion.drivers.recording import Recording, read_recording, write_recording
 
 DATA = Path(os.environ.get("LOSTMOTION_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
 LIMIT_S = 300.0
@@ -41,6 +46,39 @@ class Answer:
         first, need, never = (case.get(key, []) for key in ("first", "need", "not"))
         leads = not first or bool(missing and missing[0] in first)
         return bool(self.document) and leads and set(need) <= set(missing) and not set(never) & set(missing)
+
+
+def mirrored(recording: Recording) -> Recording:
+    """The other way round."""
+    signed = {"command", "position", "torque", "force", "displacement", "accel", "voltage", "current"}
+    return replace(recording, columns={k: -v if k in signed else v for k, v in recording.columns.items()})
+
+
+def thinned(recording: Recording) -> Recording:
+    """Every second row."""
+    return replace(recording, time=recording.time[::2], columns={k: v[::2] for k, v in recording.columns.items()})
+
+
+def later(recording: Recording) -> Recording:
+    """With a clock that began three hours earlier."""
+    return replace(recording, time=recording.time + 12345.0)
+
+
+CHANGES: Mapping[str, Callable[[Recording], Recording]] = {
+    "mirrored": mirrored, "thinned": thinned, "later": later, "turned": lambda recording: recording,
+}  # fmt: skip
+"""By name; "turned" changes the order: the last recording, which judges, comes first."""
+
+
+def changed(case: dict[str, Any], change: str, folder: Path, data: Path = DATA) -> dict[str, Any]:
+    """The case with changed recordings, written into the folder."""
+    paths = []
+    for at, name in enumerate(case["recordings"]):
+        recording = replace(CHANGES[change](read_recording(data / name)), extra={})
+        paths.append(folder / f"{at}-{Path(name).name}")
+        write_recording(recording, paths[-1])
+    paths = paths[-1:] + paths[:-1] if change == "turned" else paths
+    return {**case, "recordings": [str(path) for path in paths]}
 
 
 def asked(name: str, case: dict[str, Any], folder: Path, budget: str = "60s", data: Path = DATA) -> Answer:
@@ -66,17 +104,21 @@ def main() -> None:
     if not file.exists():
         sys.exit(f"{file}: there are no real measurements here; set LOSTMOTION_DATA to their folder")
     cases = tomllib.loads(file.read_text())
-    given = sys.argv[1:]
-    budget = given[1] if given[:1] == ["--budget"] and given[1:] else "60s"
-    chosen = (given[2:] if given[:1] == ["--budget"] else given) or list(cases)
+    parser = argparse.ArgumentParser(prog="python -m bench.real", description=__doc__)
+    parser.add_argument("--budget", default="60s")
+    parser.add_argument("--change", choices=list(CHANGES))
+    parser.add_argument("cases", nargs="*")
+    given = parser.parse_args()
+    chosen = given.cases or list(cases)
     if unknown := sorted(set(chosen) - set(cases)):
         sys.exit(f"found {', '.join(unknown)}, expected names of cases: {', '.join(cases)}")
     table = Table("case", "right", "verdict", "missing", "error before", "after", "noise", "unit", "s", box=None)
     right = 0
     with tempfile.TemporaryDirectory() as folder:
         for name in chosen:
-            answer = asked(name, cases[name], Path(folder), budget)
-            is_right, document = answer.is_right(cases[name]), answer.document
+            case = changed(cases[name], given.change, Path(folder)) if given.change else cases[name]
+            answer = asked(name, case, Path(folder), given.budget)
+            is_right, document = answer.is_right(case), answer.document
             right += is_right
             error = document.get("error", {"before": 0.0, "after": 0.0, "noise": 0.0, "unit": ""})
             figures = [f"{error[key]:.3g}" for key in ("before", "after", "noise")]
