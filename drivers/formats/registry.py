@@ -126,7 +126,7 @@ def _format(start: bytes, path: Path) -> Format | None:
 
 
 def _is_own(start: bytes) -> bool:
-    """Whether text may be lostmotion's: a header with ``time``, and a column of ours or none that looks like one.
+    """Whether text may be lostmotion's: a header with ``time`` and a column of ours, and none that looks like another.
 
     Text without any such header is left to recording.py, too, whose errors describe what is wrong, unless a header
     of another program's follows, or numbers without a header.
@@ -136,7 +136,8 @@ def _is_own(start: bytes) -> bool:
     names = [cell.strip(' "') for cell in header.split(",")]
     ours = set(names) & set(COLUMN_UNITS)
     if "time" in ours:
-        return not any((column := column_of(name)) and column not in ours for name in names if name not in ours)
+        others = [name for name in names if name not in ours]
+        return len(ours) > 1 and not any((column := column_of(name)) and column not in ours for name in others)
     comments = [line for line in lines if line.startswith("#")]
     if header and comments and not any("=" in line for line in comments):  # names behind a #, and no metadata
         return False

@@ -2,7 +2,8 @@
 motion.
 
 The motion of a joint that swings freely, or of a bar that rings down, is unchanged when its inertia and all forces grow
-by the same factor.  The inertia is then held at its value, and forces are relative to it.
+by the same factor.  The inertia is then held at its value, and forces are relative to it.  A shaft that coasts down has
+one direction, in which dry friction is a constant torque.
 """
 
 from __future__ import annotations
@@ -17,8 +18,12 @@ from lostmotion.lab.results import Estimate
 from lostmotion.model import Model
 from lostmotion.model.bases import get_base
 from lostmotion.model.effects import get_effect
+from lostmotion.model.effects.base import SHAFT_TURNS
 
 __all__ = ["free_states", "held", "is_driven", "with_free_states", "with_scale"]
+
+PLACES, ONWARD = 100, 0.9
+"""Number of places, and the share of the way between them that leads on: a turn back of a tenth is no coasting."""
 
 
 def is_driven(experiment: Experiment) -> bool:
@@ -35,12 +40,24 @@ def with_scale(model: Model, experiments: Sequence[Experiment]) -> tuple[Model, 
     if any(is_driven(one) for one in experiments):
         return model, ()
     model = with_free_states(model)
+    if model.base == "joint" and all(map(_coasts, experiments)):
+        model = held(model, ["bias"])  # nothing is there to push it: what brakes evenly is dry friction
     name = get_base(model.base).scale
     if not name or model.parameters[name].fixed:
         return model, ()
     parameter = model.parameters[name]
     scale = Estimate(name, parameter.value, parameter.value, parameter.value, parameter.unit, identified=False)
     return held(model, [name]), (scale,)
+
+
+def _coasts(experiment: Experiment) -> bool:
+    """Whether a shaft turns freely in one direction, too far for a spring or a weight; turns of between a hundred
+    places, as noise reverses between samples."""
+    position = next(iter(experiment.measured.values()))
+    position = position[np.isfinite(position)]
+    steps = np.diff(position[np.linspace(0, position.size - 1, PLACES).astype(int)])
+    way = abs(float(steps.sum()))
+    return not experiment.is_linear and way > 2 * np.pi * SHAFT_TURNS and way > ONWARD * float(np.abs(steps).sum())
 
 
 def held(model: Model, names: Iterable[str]) -> Model:

@@ -129,7 +129,7 @@ class Regression:
         """The changes after a Newton step; those that would leave the bounds are clipped, and the others are solved for
         again."""
         low, high = self._bounds
-        held, fixed = np.zeros(change.size, dtype=bool), np.zeros(change.size)
+        held, fixed, step = np.zeros(change.size, dtype=bool), np.zeros(change.size), np.zeros(change.size)
         for _ in range(change.size):
             step, free = fixed.copy(), ~held
             right = -slope[free] - curvature[np.ix_(free, held)] @ fixed[held]

@@ -31,6 +31,11 @@ PERIOD = 3
 """Widths of the polynomials in a period."""
 TURNING = 0.1
 """Share of a period: the longest time in which a free motion turns."""
+TOP = 0.98
+"""Share of the largest speed: a shaft that something drives keeps it, but for noise, and slows down as soon as it
+coasts."""
+COASTS = 0.1
+"""Share of the time in which a shaft coasts down, as its period: it has none, and no mode that dies down."""
 PAUSE = 3.0
 """Periods of the end of the band: a longer rest is one between two motions."""
 log = logging.getLogger(__name__)
@@ -66,22 +71,23 @@ def _free_part(signals: Signals) -> tuple[float | None, float | None]:
     out: a second mode that dies down looks alike.  A rest before the motion is, if it is longer than that of a free
     motion where it turns: a pendulum that falls from the upright accelerates nowhere near its rest, and no simulation
     from there follows it.  So is the blow after a rest, which an accelerometer feels, for half a period: a longer one
-    pushes against the motion.  It is free until it rests, if the error is as large afterwards: a hand stops it, or
-    lets it go again.
+    pushes against the motion.  It is free until it rests, if the error is as large afterwards, or if a shaft
+    that coasted moves again: a hand stops it, or lets it go again.
     """
     motion = _Local.of(signals)
     free = motion.free
     if free.stop - free.start < max(LEAST_SAMPLES, motion.width) * REGRESSORS:  # a width is as good as one sample
         return None, None
     off, width = motion.unexplained(signals.experiment.is_linear), motion.width
-    usual = np.sqrt(max(np.mean(off[free] ** 2), (SMALL * np.std(motion.acceleration[free])) ** 2))
+    usual = np.sqrt(max(np.mean(off[free] ** 2), SMALL**2 * np.mean(motion.acceleration[free] ** 2)))
     mean = np.sqrt(np.convolve(off**2, np.ones(width) / width, mode="same"))
     wrong = np.flatnonzero(mean[width : free.start] > policy.MISSED * usual)
     release = width + int(wrong[-1]) + 1 if wrong.size else 0
     release = release if release >= PERIOD * width else 0
     if motion.begins > TURNING * PERIOD * width:
         release = max(release, motion.begins + (PERIOD * width // 2 if signals.column == ACCEL else 0))
-    acts_again = bool((mean[free.stop + width : -width] > policy.MISSED * usual).any())
+    after = mean[free.stop + width : -width] > policy.MISSED * usual
+    acts_again = bool(signals.moving[motion.ends :].any() if motion.coasts else after.any())
     return float(signals.time[release]) if release else None, float(signals.time[free.stop - 1]) if acts_again else None
 
 
@@ -98,7 +104,8 @@ def _largest_motion(signals: Signals) -> slice:
 @dataclass(frozen=True, eq=False)
 class _Local:
     """Position, speed and acceleration (N,) by local polynomials of a width in samples that is a third of a period;
-    free: from the largest speed until rest; begins: the first sample of the largest motion."""
+    free: from the largest speed until rest; begins, ends: the largest motion; coasts: whether that has one direction,
+    so that nothing pulls it back."""
 
     position: FloatArray
     velocity: FloatArray
@@ -106,6 +113,8 @@ class _Local:
     width: int
     free: slice
     begins: int
+    ends: int
+    coasts: bool
 
     @classmethod
     def of(cls, signals: Signals) -> _Local:
@@ -114,9 +123,13 @@ class _Local:
 
         step = float(signals.time[1] - signals.time[0])
         moved = _largest_motion(signals)
-        first = moved.start + int(np.argmax(np.abs(signals.velocity[moved])))
-        swing = signals.position[first : moved.stop] - signals.position[first : moved.stop].mean()
-        period = 2 * np.pi * np.sqrt(np.mean(swing**2) / np.mean(signals.velocity[first : moved.stop] ** 2))
+        speed = np.abs(signals.velocity[moved])
+        coasts = np.ptp(np.sign(signals.velocity[moved])) == 0
+        top = TOP if coasts else 1.0
+        free = slice(moved.start + int(np.flatnonzero(speed >= top * speed.max())[-1]), moved.stop)
+        swing = signals.position[free] - signals.position[free].mean()
+        period = 2 * np.pi * np.sqrt(np.mean(swing**2) / np.mean(signals.velocity[free] ** 2))
+        period = COASTS * step * swing.size if coasts else period
         width = max(2 * round(period / step / 6) + 1, ORDER + 3 + ORDER % 2)
         measured = signals.experiment.measured[signals.column]  # of a bar its acceleration follows the same equation
         seen = ~np.isnan(measured)
@@ -124,15 +137,15 @@ class _Local:
         position, velocity, acceleration = (savgol_filter(raw, width, ORDER, order, step) for order in range(3))
         speed = np.abs(velocity[: moved.stop])
         begin = max(moved.start, width)
-        first = int(np.argmax(speed[begin:])) + begin
+        first = int(np.flatnonzero(speed[begin:] >= top * speed[begin:].max())[-1]) + begin
         last = int(np.flatnonzero(is_moving(velocity[begin : moved.stop]))[-1]) + begin + 1
-        return cls(position, velocity, acceleration, width, slice(first, last), moved.start)
+        return cls(position, velocity, acceleration, width, slice(first, last), moved.start, moved.stop, bool(coasts))
 
     def unexplained(self, is_linear: bool) -> FloatArray:
         """The acceleration that no function of position and speed explains (N,), fitted where the motion is free."""
         q, v = self.position, self.velocity
-        laws = [q, q**3] if is_linear else [q, np.sin(q), np.cos(q), q**3]
-        inputs = np.stack([*laws, v, np.sign(v), v * np.abs(v), np.ones_like(q)], axis=1)
+        laws = [np.ones_like(q), q, q**3, *([] if is_linear else [np.sin(q), np.cos(q)])]
+        inputs = np.stack([*([] if self.coasts else laws), v, np.sign(v), v * np.abs(v)], axis=1)
         size = np.maximum(np.linalg.norm(inputs[self.free], axis=0), 1e-300)
         found = np.linalg.lstsq(inputs[self.free] / size, self.acceleration[self.free], rcond=1e-6)[0]
         return np.asarray(self.acceleration - (inputs / size) @ found)
