@@ -85,6 +85,10 @@ class Witness:
         self._read = servo.read
         servo.read = self._noted  # type: ignore[method-assign]
 
+    def commands(self) -> list[float]:
+        """All goals told [rad]."""
+        return [self._servo.state(time).command for time in self.times]
+
     def confirms(self, sample: ServoSample, older: int = 0) -> bool:
         """Whether the first state told after a sample's time is the sample's, or one of some told before, to half a
         count."""
