@@ -24,9 +24,9 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["MOST_STEPS", "Regression", "blocks_of", "can_run", "generalised", "regressed"]
 
 MOST_STEPS = 150
-"""Largest number of steps of a fit.  A servo behind a lag has three poles, which are equal on the way from three real ones
-to a pair that swings: with 60 steps a fit ended there, at 1.3 times the noise, and a delay was named in the place of the
-lag.  Of 300 fits to simulated servos 11 take more than 60."""
+"""Largest number of steps of a fit.  A servo behind a lag has three poles, which are equal on the way from three real
+ones to a pair that swings: with 60 steps a fit ended there, at 1.3 times the noise, and a delay was named in the place
+of the lag.  Of 300 fits to simulated servos 11 take more than 60."""
 REFITS, LEAST_DAMPING, CONVERGED = 8, 1e-6, 1e-7
 """Steps of a fit to some of the samples, which begins at the fit to all, their damping, and the share of the error by
 which the last step of any fit lowers it: with 1e-6 a pendulum's bare swing was off by 17 % more on unseen data, with
