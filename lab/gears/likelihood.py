@@ -128,7 +128,8 @@ class ShortSegments:
             return
         near = near_trials(level, scores.directions[: policy.FINISHED], task, pool, FEW_STEPS)
         trials = full_trials(near, scores.directions[0].effect, task, pool)
-        yield self._judged(self._longer(trials), now, scores)
+        least = math.sqrt(1 - policy.LEAST_GAIN) * level.typical
+        yield self._judged(self._longer([trial for trial in trials if trial.level.typical < least]), now, scores)
         yield self._judged(self._longer(observer_trials(now.short, may, task, pool)), now, scores)
 
     def _longer(self, trials: Sequence[Trial]) -> list[Trial]:
