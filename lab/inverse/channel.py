@@ -63,10 +63,11 @@ class Channel:
             if usual and is_turned:
                 usual = replace(usual, sign=-1.0)
             delay_s, fit = _delayed(usual) if usual else (0.0, None)
-            found.append((cls(share * widest, delay_s, is_turned), fit.unsure if fit else math.inf))
-        least = min(unsure for _, unsure in found)
+            found.append((cls(share * widest, delay_s, is_turned), fit))
+        clear = [(one, fit.unsure if fit else math.inf) for one, fit in found if not _is_blurred(fit, found)]
+        least = min(unsure for _, unsure in clear)
         is_identified = least < policy.INERTIA_IDENTIFIED
-        channel = next(one for one, unsure in found if not is_identified or unsure <= policy.BAND_AS_WELL * least)
+        channel = next(one for one, unsure in clear if not is_identified or unsure <= policy.BAND_AS_WELL * least)
         if channel.is_turned:
             log.warning(
                 "%s: the torque is counted against the angle, as friction would drive; it is turned round",
@@ -137,6 +138,14 @@ class _Fit:
     def error(self) -> float:
         """The sum of the squared residual."""
         return float(self.residual @ self.residual)
+
+
+def _is_blurred(fit: _Fit | None, found: Sequence[tuple[Channel, _Fit | None]]) -> bool:
+    """Whether a band has a surely smaller inertia than another one: noise of the acceleration, which makes least
+    squares take an inertia for smaller (errors in variables), grows with the band.  The angle's own noise does not tell
+    it where the angle is the integral of a noisy speed: a motor's inertia was 1e-5 instead of 7e-4."""
+    surely = max((one.inertia - policy.BAND_AS_WELL * one.deviation for _, one in found if one), default=0.0)
+    return fit is not None and surely > 0 and fit.inertia < (1 - policy.INERTIA_IDENTIFIED) * surely
 
 
 @dataclass(frozen=True, eq=False)

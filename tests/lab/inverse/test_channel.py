@@ -92,3 +92,20 @@ def test_a_torque_without_its_sign_is_told(is_magnitude: bool, caplog: pytest.Lo
     with caplog.at_level(logging.WARNING):
         Channel.of([Experiment("elbow.csv", measured, TIMES, {"position": angle(0)})])
     assert ("has one sign in all others, as a magnitude has" in caplog.text) == is_magnitude
+
+
+def test_the_inertia_is_not_taken_for_smaller_by_a_noisy_speed() -> None:
+    """The angle is the integral of a speed with noise (a tachometer), whose acceleration is mostly noise beyond the
+    motion: the band ends below, and the inertia is right to a tenth (a hundredth of it, in the widest band)."""
+    slow = [0.8 * np.sin(2 * np.pi * 0.6 * TIMES + phase) for phase in (0.0, 1.0)]
+    recorded = []
+    for seed, drive in enumerate(slow):
+        law = lambda t, y, u=drive: [(np.interp(t, TIMES, u) - B * y[0]) / J]  # noqa: E731
+        speed = solve_ivp(law, (0, TIMES[-1]), [0.0], "LSODA", TIMES, rtol=1e-8, max_step=0.01).y[0]
+        read = speed + 0.5 * np.random.default_rng(seed).standard_normal(TIMES.size)
+        position = np.cumsum(read) * float(TIMES[1])
+        recorded.append(Experiment(f"motor{seed}.csv", Sampled(TIMES, drive), TIMES, {"position": position}))
+    model = build_model("joint", ["viscous_friction"])
+    values = {one.name: one.value for one in fitted(model, recorded, Method.TORQUE, {"torque": 0.0}).estimates}
+    assert values["J"] == pytest.approx(J, rel=0.1)
+    assert values["viscous_friction.b_v"] == pytest.approx(B, rel=0.05)
