@@ -141,11 +141,11 @@ class _Fit:
 
 
 def _is_blurred(fit: _Fit | None, found: Sequence[tuple[Channel, _Fit | None]]) -> bool:
-    """Whether a band has a surely smaller inertia than another one: noise of the acceleration, which makes least
-    squares take an inertia for smaller (errors in variables), grows with the band.  The angle's own noise does not tell
-    it where the angle is the integral of a noisy speed: a motor's inertia was 1e-5 instead of 7e-4."""
+    """Whether a band has surely less than half of the inertia of another one: its acceleration is more noise than
+    motion then, for which least squares takes an inertia for smaller (errors in variables).  The angle's own noise does
+    not tell it where the angle is the integral of a noisy speed: a motor's inertia was 1e-5 instead of 7e-4."""
     surely = max((one.inertia - policy.BAND_AS_WELL * one.deviation for _, one in found if one), default=0.0)
-    return fit is not None and surely > 0 and fit.inertia < (1 - policy.INERTIA_IDENTIFIED) * surely
+    return fit is not None and surely > 0 and fit.inertia < surely / 2
 
 
 @dataclass(frozen=True, eq=False)
