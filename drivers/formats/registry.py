@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -126,8 +126,9 @@ def _format(start: bytes, path: Path) -> Format | None:
 
 
 def _is_own(start: bytes) -> bool:
-    """Whether text may be lostmotion's: a header with ``time`` and a column of ours, and none that looks like another.
+    """Whether text may be lostmotion's: a header with ``time``, and a column of ours or none that looks like one.
 
+    Numbers below ``time`` and names that nobody knows, without metadata of ours, are another program's.
     Text without any such header is left to recording.py, too, whose errors describe what is wrong, unless a header
     of another program's follows, or numbers without a header.
     """
@@ -135,13 +136,20 @@ def _is_own(start: bytes) -> bool:
     header = next((line for line in lines if line.strip() and not line.startswith("#")), "")
     names = [cell.strip(' "') for cell in header.split(",")]
     ours = set(names) & set(COLUMN_UNITS)
+    comments = [line for line in lines if line.startswith("#")]
     if "time" in ours:
         others = [name for name in names if name not in ours]
-        return len(ours) > 1 and not any((column := column_of(name)) and column not in ours for name in others)
-    comments = [line for line in lines if line.startswith("#")]
+        if ours == {"time"} and others and not comments and _is_numeric(lines[lines.index(header) + 1 :]):
+            return False
+        return not any((column := column_of(name)) and column not in ours for name in others)
     if header and comments and not any("=" in line for line in comments):  # names behind a #, and no metadata
         return False
     if len(re.findall(r"[^\s,;|]+", header)) > 1 and not re.search(r"[^\d\s,;|.eE+-]", header):
         return False
     is_whole = len(lines) > 1 or len(start) == START  # a header of a thousand names is cut off here
     return not (is_whole and any(letter.isalpha() for letter in header))
+
+
+def _is_numeric(lines: Sequence[str]) -> bool:
+    """Whether the first of these lines has several cells, all of them numbers."""
+    return bool(lines) and re.fullmatch(r"[\d\s.eE+-]+(,[\d\s.eE+-]+)+", lines[0]) is not None
