@@ -66,8 +66,10 @@ class SegmentFit:
 
     @property
     def screened(self) -> float:
-        """The usual error of the segments that were fitted."""
-        return self.level.typical
+        """The usual error of the segments that propose candidates: of the shortest ones far from the noise, where
+        longer ones are lost, whatever the model."""
+        is_near = math.isfinite(self.floor) and not self.is_far
+        return self.level.typical if is_near else self.short.typical
 
     @property
     def count(self) -> int:
@@ -147,7 +149,10 @@ class ShortSegments:
         if is_over():
             trials = sorted(trials, key=lambda trial: trial.level.typical)[:1]
         judged = self.unseen.judge_each([trial.level.model for trial in trials], now.unseen)
-        fits = [(one.effect, SegmentFit(one.level, one.level, own)) for one, own in zip(trials, judged, strict=True)]
+        fits = [
+            (one.effect, SegmentFit(one.level, one.short or one.level, own))
+            for one, own in zip(trials, judged, strict=True)
+        ]
         rest = tuple(d.effect for d in scores.directions if d.effect not in {trial.effect for trial in trials})
         return Proposals(
             [(effect, fit) for effect, fit in fits if np.isfinite(fit.rms)],
@@ -161,7 +166,7 @@ class ShortSegments:
         if math.isfinite(fit.floor):
             return fit
         fit = self._of_delays(fit, now)
-        return SegmentFit(grown(fit.level, self.task), fit.level, fit.unseen, self._floor(fit.level))
+        return replace(fit, level=grown(fit.level, self.task), floor=self._floor(fit.short))
 
     def _of_delays(self, fit: SegmentFit, now: SegmentFit) -> SegmentFit:
         """The best of the effects that delay: the search takes the first one that it tries."""
@@ -181,8 +186,8 @@ class ShortSegments:
     def without(self, effect: str, fit: SegmentFit) -> SegmentFit:
         """The fit without an effect, from the initial states of the one with it; on longer segments only where it does
         not fall behind."""
-        short = repaired_trial("", without(fit.model, effect), fit.short, self.task).level
-        is_behind = short.typical > policy.BEHIND * max(fit.short.typical, 1.0)
+        short = repaired_trial("", without(fit.model, effect), fit.level, self.task).level
+        is_behind = short.typical > policy.BEHIND * max(fit.level.typical, 1.0)
         level = short if is_behind else grown(short, self.task)
         return SegmentFit(level, short, self.unseen.judge(level.model, fit.unseen), fit.floor)
 

@@ -46,10 +46,11 @@ FEW_STEPS = 6
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A fit with one more effect."""
+    """A fit with one more effect; short: the one on the shortest segments that it grew from, where there is one."""
 
     effect: str
     level: Level
+    short: Level | None = None
 
 
 def near_trials(
@@ -86,7 +87,7 @@ def repaired_trial(effect: str, model: Model, level: Level, task: Task) -> Trial
 def full_fits(begin: Sequence[tuple[str, Model]], task: Task, pool: Executor) -> list[Trial]:
     """The models with their effects fitted on all short segments, best first."""
     levels = pool.map(full_fit, [model for _, model in begin], [task] * len(begin), [policy.LOST_SHARE] * len(begin))
-    return _ordered([Trial(effect, level) for (effect, _), level in zip(begin, levels, strict=True)])
+    return _ordered([Trial(effect, level, level) for (effect, _), level in zip(begin, levels, strict=True)])
 
 
 def halving(full: Sequence[Trial], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
@@ -99,7 +100,7 @@ def halving(full: Sequence[Trial], task: Task, horizon_s: float, pool: Executor)
         levels = pool.map(
             doubled, [trial.level for trial in running], [task] * len(running), [policy.LOST_SHARE] * len(running)
         )
-        longer = [Trial(t.effect, level) for t, level in zip(running, levels, strict=True) if level is not None]
+        longer = [replace(t, level=level) for t, level in zip(running, levels, strict=True) if level is not None]
         if not longer:
             break
         trials = _ordered(longer)
@@ -132,7 +133,7 @@ def _recounted(trial: Trial, task: Task, pool: Executor) -> Trial:
             if not level.typical < best.typical:
                 break
             best, known = level, known | near
-    return Trial(trial.effect, best)
+    return Trial(trial.effect, best, best)
 
 
 def _repaired(level: Level, task: Task) -> Level:
