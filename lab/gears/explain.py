@@ -51,12 +51,12 @@ def explained_gears(
     (*train, last), noise = dithered(model, [*train, last], noise)
     task = Task.of(model, train, noise)
     progress("fitting what is there", 0.0)
-    with within(policy.SEARCH_SHARE * budget_s):
+    with within(policy.STAGE_SHARE * budget_s):
         short = first_fit(model, task, pool)
         unseen = Unseen(last, task, predictable(short, task), pool)
         selection = selected(ShortSegments(short, unseen), progress)
     progress("refining", 0.9)
-    with within((1 - policy.SEARCH_SHARE) * budget_s):
+    with within((1 - policy.STAGE_SHARE) * budget_s):
         found = _explanation(selection, task, pool)
     progress("done", 1.0)
     used_s = sum(one.duration for one in (*train, last)), whole_s
