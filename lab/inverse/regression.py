@@ -23,10 +23,8 @@ from lostmotion.model.motion import FloatArray
 
 __all__ = ["MOST_STEPS", "Regression", "blocks_of", "can_run", "generalised", "regressed"]
 
-MOST_STEPS = 150
-"""Largest number of steps of a fit.  A servo behind a lag has three poles, which are equal on the way from three real
-ones to a pair that swings: with 60 steps a fit ended there, at 1.3 times the noise, and a delay was named in the place
-of the lag.  Of 300 fits to simulated servos 11 take more than 60."""
+MOST_STEPS = 60
+"""Largest number of steps of a fit."""
 REFITS, LEAST_DAMPING, CONVERGED = 8, 1e-6, 1e-7
 """Steps of a fit to some of the samples, which begins at the fit to all, their damping, and the share of the error by
 which the last step of any fit lowers it: with 1e-6 a pendulum's bare swing was off by 17 % more on unseen data, with
@@ -188,7 +186,7 @@ def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, s
     weight = _followed(most, data.residual(unknowns.put(model, first), z[count:]), data, model) if most.any() else most
     once = _minimised(model, data, unknowns, z, weight, near, steps)
     fitted = _followed(most, once.residual, data, model)
-    if steps == MOST_STEPS and (2 * fitted < weight).any():
+    if steps >= MOST_STEPS and (2 * fitted < weight).any():
         return _minimised(model, data, unknowns, np.concatenate([once.z, once.nuisance]), fitted, near, steps)
     unidentified = _unidentified(once) if data.centre is None else np.zeros(count, dtype=bool)
     if not unidentified.any():

@@ -39,7 +39,7 @@ NUMERICS = {
     "gears/score_test.py": (1, "draws of a bootstrap"),
     "gears/trials.py": (1, "steps of a fit"),
     "gears/unseen.py": (2, "length of segments, steps of a fit"),
-    "inverse/candidates.py": (5, "first values and steps of a fit"),
+    "inverse/candidates.py": (6, "first values and steps of a fit"),
     "inverse/explain.py": (4, "what is drawn, and which motor is told"),
     "inverse/output_error.py": (7, "length, rate and integration step of what is simulated"),
     "inverse/modes.py": (1, "how many modes the catalogue has"),

@@ -20,6 +20,7 @@ from lostmotion.daemon.cli import cli
 from lostmotion.drivers.recording import Recording, write_recording
 from lostmotion.lab import experiments
 from lostmotion.lab.data.supply import of_voltage
+from lostmotion.lab.inverse.candidates import SHORT, refined
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.regression import regressed
 from lostmotion.lab.inverse.signals import Signals
@@ -273,6 +274,6 @@ def test_a_fit_goes_on_until_it_ends() -> None:
     model = build_model("servo", ["viscous_friction", "actuator_lag"])
     parts = [one.between(0.0, 2.65) for one in experiments(model, recorded)]
     signals = [Signals.of(one, is_force=False) for one in parts]
-    fit = regressed(model, OutputError.of(signals, model))
+    fit = refined(regressed(model, OutputError.of(signals, model), None, SHORT))
     assert fit.rms == pytest.approx(2.5e-4, rel=0.1)
     assert fit.model.parameters["actuator_lag.T"].value == pytest.approx(0.0418, rel=0.02)
