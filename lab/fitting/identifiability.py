@@ -19,8 +19,9 @@ from lostmotion.model import Model
 from lostmotion.model.bases import get_base
 from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import SHAFT_TURNS
+from lostmotion.model.motion import FloatArray
 
-__all__ = ["free_states", "held", "is_driven", "with_free_states", "with_scale"]
+__all__ = ["coasts", "free_states", "held", "is_driven", "with_free_states", "with_scale"]
 
 PLACES, ONWARD = 100, 0.9
 """Number of places, and the share of the way between them that leads on: a turn back of a tenth is no coasting."""
@@ -40,7 +41,7 @@ def with_scale(model: Model, experiments: Sequence[Experiment]) -> tuple[Model, 
     if any(is_driven(one) for one in experiments):
         return model, ()
     model = with_free_states(model)
-    if model.base == "joint" and all(map(_coasts, experiments)):
+    if model.base == "joint" and all(coasts(next(iter(one.measured.values())), one.is_linear) for one in experiments):
         model = held(model, ["bias"])  # nothing is there to push it: what brakes evenly is dry friction
     name = get_base(model.base).scale
     if not name or model.parameters[name].fixed:
@@ -50,14 +51,13 @@ def with_scale(model: Model, experiments: Sequence[Experiment]) -> tuple[Model, 
     return held(model, [name]), (scale,)
 
 
-def _coasts(experiment: Experiment) -> bool:
-    """Whether a shaft turns freely in one direction, too far for a spring or a weight; turns of between a hundred
-    places, as noise reverses between samples."""
-    position = next(iter(experiment.measured.values()))
+def coasts(position: FloatArray, is_linear: bool) -> bool:
+    """Whether a shaft at these angles (N,) turns freely in one direction, too far for a spring or a weight; turns of
+    between a hundred places, as noise reverses between samples.  is_linear: the position is a length."""
     position = position[np.isfinite(position)]
     steps = np.diff(position[np.linspace(0, position.size - 1, PLACES).astype(int)])
     way = abs(float(steps.sum()))
-    return not experiment.is_linear and way > 2 * np.pi * SHAFT_TURNS and way > ONWARD * float(np.abs(steps).sum())
+    return not is_linear and way > 2 * np.pi * SHAFT_TURNS and way > ONWARD * float(np.abs(steps).sum())
 
 
 def held(model: Model, names: Iterable[str]) -> Model:

@@ -17,7 +17,7 @@ import numpy as np
 
 from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import ACCEL, Experiment
-from lostmotion.lab.fitting.identifiability import is_driven
+from lostmotion.lab.fitting.identifiability import coasts, is_driven
 from lostmotion.lab.inverse.signals import LEAST_SAMPLES, REGRESSORS, Signals, is_moving
 from lostmotion.model.motion import FloatArray
 
@@ -101,11 +101,17 @@ def _largest_motion(signals: Signals) -> slice:
     return slice(int(largest[0]), int(largest[-1]) + 1)
 
 
+def _last_fastest(velocity: FloatArray, share: float) -> int:
+    """The last of these samples (N,) at this share of the largest speed, or above."""
+    speed = np.abs(velocity)
+    return int(np.flatnonzero(speed >= share * speed.max())[-1])
+
+
 @dataclass(frozen=True, eq=False)
 class _Local:
     """Position, speed and acceleration (N,) by local polynomials of a width in samples that is a third of a period;
-    free: from the largest speed until rest; begins, ends: the largest motion; coasts: whether that has one direction,
-    so that nothing pulls it back."""
+    free: from the largest speed until rest; begins, ends: the largest motion; coasts: whether that is a shaft's,
+    which nothing pulls back."""
 
     position: FloatArray
     velocity: FloatArray
@@ -123,23 +129,21 @@ class _Local:
 
         step = float(signals.time[1] - signals.time[0])
         moved = _largest_motion(signals)
-        speed = np.abs(signals.velocity[moved])
-        coasts = np.ptp(np.sign(signals.velocity[moved])) == 0
-        top = TOP if coasts else 1.0
-        free = slice(moved.start + int(np.flatnonzero(speed >= top * speed.max())[-1]), moved.stop)
+        is_coast = coasts(signals.position[moved], signals.experiment.is_linear)
+        top = TOP if is_coast else 1.0
+        free = slice(moved.start + _last_fastest(signals.velocity[moved], top), moved.stop)
         swing = signals.position[free] - signals.position[free].mean()
         period = 2 * np.pi * np.sqrt(np.mean(swing**2) / np.mean(signals.velocity[free] ** 2))
-        period = COASTS * step * swing.size if coasts else period
+        period = COASTS * step * swing.size if is_coast else period
         width = max(2 * round(period / step / 6) + 1, ORDER + 3 + ORDER % 2)
         measured = signals.experiment.measured[signals.column]  # of a bar its acceleration follows the same equation
         seen = ~np.isnan(measured)
         raw = np.interp(signals.time, signals.experiment.time[seen], measured[seen])
         position, velocity, acceleration = (savgol_filter(raw, width, ORDER, order, step) for order in range(3))
-        speed = np.abs(velocity[: moved.stop])
         begin = max(moved.start, width)
-        first = int(np.flatnonzero(speed[begin:] >= top * speed[begin:].max())[-1]) + begin
+        first = _last_fastest(velocity[begin : moved.stop], top) + begin
         last = int(np.flatnonzero(is_moving(velocity[begin : moved.stop]))[-1]) + begin + 1
-        return cls(position, velocity, acceleration, width, slice(first, last), moved.start, moved.stop, bool(coasts))
+        return cls(position, velocity, acceleration, width, slice(first, last), moved.start, moved.stop, is_coast)
 
     def unexplained(self, is_linear: bool) -> FloatArray:
         """The acceleration that no function of position and speed explains (N,), fitted where the motion is free."""
