@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.source import DATE, Choice, Series, Term, shown
-from lostmotion.drivers.formats.words import column_of, is_commanded, is_time, joint_of, speed_of, unit_of
+from lostmotion.drivers.formats.words import column_of, is_commanded, is_input, is_time, joint_of, speed_of, unit_of
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
 __all__ = ["Chosen", "Guess", "guessed", "listed", "mapped", "named"]
@@ -18,6 +18,7 @@ __all__ = ["Chosen", "Guess", "guessed", "listed", "mapped", "named"]
 OF_JOINTS = ("command", "position", "torque", "current", "voltage", "temperature")
 LINEAR = ("displacement", "force")
 MOTIONS = {"position", "displacement"}
+DRIVES = {"command", "torque", "force", "current", "voltage"}
 SHOWN = 12
 MOVES_MOST = "it moves most"
 
@@ -62,7 +63,8 @@ def guessed(
     for column in COLUMN_UNITS:
         found = _of_joint(candidates.get(column, []), column, joint)
         if moving and column in moving and (column == "accel" or not MOTIONS & {*chosen}):
-            chosen[column] = _chosen(column, *named(Term(moving[column]), series, joint, name), MOVES_MOST)
+            term = Term(moving[column], moving.get("unit", ""))
+            chosen[column] = _chosen(column, *named(term, series, joint, name), moving.get("why", MOVES_MOST))
         elif len(found) > 1 and column == "accel":
             notes.append(f"accel: not taken, found {listed(found)}; choose the axis with --map accel=SERIES")
         elif found:
@@ -72,13 +74,15 @@ def guessed(
         speed, note = _speed([one for one in series if one.name in (moving or {}).get("speed", one.name)], joint)
         chosen |= speed
         notes += note
+    if MOTIONS & {*chosen} and not DRIVES & {*chosen, *choice.terms}:
+        driven, note = _input(series, joint)
+        chosen |= driven
+        notes += note
     if not chosen and len(rest := _unnamed(series, clock)) == 1:
         chosen["position"] = _chosen("position", rest[0], Term(rest[0].name), "the only series beside the time")
     if not chosen:
-        example = _example(series, clock, (moving or {}).get("perhaps", ""))
         raise RecordingError(
-            f"{name}: found {listed(series)}, and none that is clearly a column; assign them, as in {example} (deg, "
-            "mm: units; rpm: a speed; *FACTOR: counts)"
+            f"{name}: found {listed(series)}, and none that is clearly a column; {_advice(series, clock, moving or {})}"
         )
     used = {one.series for one in chosen.values()}
     if left := [one for one in series if one.name not in used and not is_time(one.name)]:
@@ -104,6 +108,18 @@ def _unnamed(series: Sequence[Series], clock: str) -> list[Series]:
 def mapped(column: str, series: str, unit: str = "") -> str:
     """The option that assigns a series, as a shell takes it."""
     return f"--map {shlex.quote(f'{column}={shown(series)}{unit}')}"
+
+
+def _advice(series: Sequence[Series], clock: str, moving: Mapping[str, str]) -> str:
+    """What to type where no column was found."""
+    if rows := moving.get("rows"):
+        address = shlex.quote(f"FILE#rate-hz={rows},position={shown(moving['perhaps'])}")
+        return f"{moving['why']}, if there are {rows} rows a second: {address}, and a torque as torque=SERIES"
+    if why := moving.get("why"):
+        position, torque = mapped("position", moving["perhaps"]), mapped("torque", "SERIES")
+        return f"{why}: assign one of them, as in {position}, and what drives it, as in {torque}"
+    example = _example(series, clock, moving.get("perhaps", ""))
+    return f"assign them, as in {example} (deg, mm: units; rpm: a speed; *FACTOR: counts)"
 
 
 def _example(series: Sequence[Series], clock: str, swings: str) -> str:
@@ -132,6 +148,18 @@ def _speed(series: Sequence[Series], joint: str) -> tuple[dict[str, Chosen], lis
         option = mapped("position", one.name, ":rpm")
         return {}, [f"position: none; {option} (or :rad/s) integrates a speed"] if one.name else []
     return {"position": _chosen("position", one, Term(one.name, one.unit or unit), "a speed, as there is no angle")}, []
+
+
+def _input(series: Sequence[Series], joint: str) -> tuple[dict[str, Chosen], list[str]]:
+    """The input of a motor, of which no name says the quantity, as its voltage; and what a person should know."""
+    found = [one for one in series if is_input(one.name)]
+    own = [one for one in found if joint_of(one.name) in (joint, "")]
+    own = [one for one in own if one.name.islower() and one.name.isalpha()] or own  # the plainest name
+    if len(one := own or found) == 1:
+        return {"voltage": _chosen("voltage", one[0], Term(one[0].name), "the motor's input, by its name")}, []
+    return {}, [
+        f"voltage: found several inputs, {listed(one)}; choose with {mapped('voltage', one[0].name)}"
+    ] if one else []
 
 
 def named(term: Term, series: Sequence[Series], joint: str, name: str) -> tuple[Series, Term]:

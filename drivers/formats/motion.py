@@ -11,9 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.drivers.base import FloatArray
-from lostmotion.drivers.formats.source import Choice, Series
-from lostmotion.drivers.formats.table import Table
-from lostmotion.drivers.formats.words import UNNAMED, axis_of, column_of, speed_of
+from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.formats.guess import MOTIONS
+from lostmotion.drivers.formats.rates import Rate, rates
+from lostmotion.drivers.formats.source import DATE, Choice, Series, shown
+from lostmotion.drivers.formats.table import MOST_LOOKED_AT, Table
+from lostmotion.drivers.formats.words import UNNAMED, axis_of, column_of, is_time, speed_of
 
 __all__ = ["SWINGS", "angle_about_pivot", "liveliest", "power", "with_angle"]
 
@@ -22,6 +25,8 @@ FILMED = "angle(x, y)"
 MOST = 0.75
 """share of the variance of all axes, by which one is that of the motion: the oscillating mass of a telephone has 0.86,
 a walking person 0.4 to 0.6"""
+MOST_SHOWN = 3
+"""pairs of a position and its speed, in a message"""
 SWINGS = 6
 """crossings of the middle, of what swings"""
 SMOOTH = 0.5
@@ -33,8 +38,18 @@ OFF_CIRCLE = 0.15
 def liveliest(table: Table, choice: Choice) -> dict[str, str]:
     """Of the axes of an accelerometer, or of a gyroscope (``speed``), the one that moves most by far, by its column; of
     x and y of a film the displacement, and of columns that no name tells the position, if only one swings; if several
-    do, the one that moves most (``perhaps``)."""
+    do, the one that moves most (``perhaps``).  Before that the only one of which another one is the speed, with its
+    ``unit``, and ``why``."""
     found: dict[str, str] = {}
+    changing, is_timed = _changing(table, choice)
+    if is_timed and len(changing) == 1:
+        (rate,) = changing
+        return {"position": rate.of, "unit": rate.unit, "why": f"{shown(rate.speed)} is how fast it changes"}
+    if changing:
+        told = ", ".join(f"{shown(rate.speed)} is how fast {shown(rate.of)} changes" for rate in changing[:MOST_SHOWN])
+        return {"perhaps": changing[0].of, "why": told} | (
+            {} if is_timed else {"rows": f"{float(f'{1 / changing[0].factor:.3g}'):g}"}
+        )
     speeds = [one.name for one in table.series if speed_of(one.name) and axis_of(one.name)]
     unnamed = [one.name for one in table.series if UNNAMED.fullmatch(one.name)]
     axes = {
@@ -55,6 +70,21 @@ def liveliest(table: Table, choice: Choice) -> dict[str, str]:
             elif best and column == "position":
                 found["perhaps"] = best
     return found
+
+
+def _changing(table: Table, choice: Choice) -> tuple[list[Rate], bool]:
+    """The series of which others are the speed, where no name tells the motion; and whether the times are known."""
+    names = [one.name for one in table.series if one.unit != DATE and not is_time(one.name) and one.name != table.clock]
+    is_told = any(column_of(name) in MOTIONS for name in names) or MOTIONS & {*choice.terms}
+    if is_told or not 1 < len(names) <= MOST_LOOKED_AT:
+        return [], False
+    try:
+        read = table.read(names, choice).values
+    except RecordingError:
+        return rates(table.load(names), None), False
+    most = max(times.size for times, _ in read.values())
+    whole = {name: values for name, (times, values) in read.items() if times.size == most}
+    return rates(whole, next(times for times, _ in read.values() if times.size == most)), True
 
 
 def _swings(values: FloatArray) -> bool:

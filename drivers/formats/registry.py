@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -22,6 +22,8 @@ EXPECTED = (
 )
 BOM = b"\xef\xbb\xbf"
 """with which some programs begin a text in UTF-8"""
+NUMBERS = re.compile(r"[\s,;|.eE+-]*\d[\d\s,;|.eE+-]*")
+"""a row without names"""
 START = 1 << 16
 """bytes that are looked at"""
 
@@ -139,17 +141,14 @@ def _is_own(start: bytes) -> bool:
     comments = [line for line in lines if line.startswith("#")]
     if "time" in ours:
         others = [name for name in names if name not in ours]
-        if ours == {"time"} and others and not comments and _is_numeric(lines[lines.index(header) + 1 :]):
+        below = "".join(lines[lines.index(header) + 1 :][:1])
+        is_full = NUMBERS.fullmatch(below) and all(cell.strip() for cell in below.split(","))
+        if ours == {"time"} and others and not comments and is_full:
             return False
         return not any((column := column_of(name)) and column not in ours for name in others)
     if header and comments and not any("=" in line for line in comments):  # names behind a #, and no metadata
         return False
-    if len(re.findall(r"[^\s,;|]+", header)) > 1 and not re.search(r"[^\d\s,;|.eE+-]", header):
+    if NUMBERS.fullmatch(header):
         return False
     is_whole = len(lines) > 1 or len(start) == START  # a header of a thousand names is cut off here
     return not (is_whole and any(letter.isalpha() for letter in header))
-
-
-def _is_numeric(lines: Sequence[str]) -> bool:
-    """Whether the first of these lines has several cells, all of them numbers."""
-    return bool(lines) and re.fullmatch(r"[\d\s.eE+-]+(,[\d\s.eE+-]+)+", lines[0]) is not None

@@ -84,9 +84,10 @@ class Table:
         if clock := self.clock:
             return next((one, Term(one.name)) for one in self.series if one.name == clock)
         if not found:
+            several = f"choose their series, as in {mapped('time', self.series[0].name, ':ms')}, or "
             raise RecordingError(
-                f"{self.name}: found {listed(self.series)}, and no times; choose their series, as in "
-                f"{mapped('time', self.series[0].name, ':ms')}, or give the rows a second: FILE#rate_hz=100"
+                f"{self.name}: found {listed(self.series)}, and no times; {several if len(self.series) > 1 else ''}"
+                "give the rows a second, if there are 100: FILE#rate-hz=100"
             )
         best = min(found, key=lambda one: (time_rank(one.name), is_run(one.name)))
         return best, Term(best.name)

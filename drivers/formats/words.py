@@ -8,7 +8,7 @@ import unicodedata
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
 __all__ = [
-    "SPELT", "UNNAMED", "axis_of", "column_of", "is_commanded", "is_run", "is_time", "joint_of", "speed_of",
+    "SPELT", "UNNAMED", "axis_of", "column_of", "is_commanded", "is_input", "is_run", "is_time", "joint_of", "speed_of",
     "time_rank", "unit_of",
 ]  # fmt: skip
 
@@ -43,6 +43,8 @@ OTHER = SPEED | {
     "ddot", "double",
 }  # fmt: skip
 """words of series that are none of the columns"""
+INPUT = {"u", "pwm", "duty", "input", "inputs", "control", "ctrl"}
+"""what drives a motor, in a unit of its own: a share of the voltage, most often"""
 OUTPUT = re.compile(r"(^|[/.])output[/.\[]")
 """A part of a ROS message: what a controller puts out, and no angle of an output shaft."""
 GENERAL = {
@@ -103,7 +105,7 @@ PARTS = {"joint", "motor", "servo"}
 """in the name of a joint, but none alone where there is more"""
 WORD = r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+"
 """one of a name, which signs, digits and capitals separate"""
-VOCABULARY = COMMAND | POSITION | set().union(*QUANTITIES.values()) | OTHER | GENERAL | UNITS
+VOCABULARY = COMMAND | POSITION | set().union(*QUANTITIES.values()) | OTHER | INPUT | GENERAL | UNITS
 
 
 def column_of(name: str) -> str | None:
@@ -134,6 +136,12 @@ def _column_of_unit(name: str) -> str | None:
 def is_commanded(name: str) -> bool:
     """Whether a series is what was asked for, and not what was measured."""
     return bool(set(_words(name)) & COMMAND)
+
+
+def is_input(name: str) -> bool:
+    """Whether a series is the input of a motor, of no quantity that has a column: ``u``, ``pwm``, ``control_input``."""
+    words = set(_words(name))
+    return bool(words & INPUT) and column_of(name) is None and not words & (OTHER - INPUT | COMMAND)
 
 
 def speed_of(name: str) -> str | None:

@@ -360,7 +360,7 @@ def test_axes_and_degrees_are_not_guessed(tmp_path: Path) -> None:
         (b"", "found an empty file"),
         (b"\n\n", "the file is empty"),
         (b"t,q\n", "found no time in 't'"),
-        (b"t;q\n0;1\n1;2\n2026-01-01T00:00:00Z;3\n", "found q, and no times; choose their series"),
+        (b"t;q\n0;1\n1;2\n2026-01-01T00:00:00Z;3\n", "found q, and no times; give the rows a second"),
         (b"t,q\n0,nan\n1,\n", "found no numbers in q"),
         (b"t,q\n0,inf\n1,2\n", "found inf in 'q', expected finite numbers"),
         (b"t,q\n0,1\n2,2\n1,3\n", "found the time 1 s after 2 s in row 3, expected rows in time order"),

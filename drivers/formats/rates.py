@@ -1,0 +1,91 @@
+"""Which series is how fast another one changes: what numbers say of positions and speeds that no name tells."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lostmotion.drivers.base import FloatArray
+from lostmotion.drivers.formats.words import UNNAMED, column_of, is_input, speed_of
+
+__all__ = ["Rate", "rates"]
+
+BLOCKS = 200
+"""pieces of a recording, in each of which the way is compared with the sum of the speed: noise averages out"""
+LEAST_ROWS = 20
+ALIKE = 0.9
+"""Correlation of way and speed: a joint's speed by a filter of its own has 0.92, encoders 0.98 to 0.9999."""
+EVEN = 0.05
+"""share of its size by which a speed must change: a counter ascends evenly, and every constant is its speed"""
+ROWS = (5.0, 1e5)
+"""rows a second of a log"""
+EXACT = 0.02
+"""how far the factor between columns without names may be from one: a torque is how fast a speed changes, too, but not
+in the same unit"""
+
+
+IN_DEGREES = (180 / np.pi, 6.0)
+"""the factor between an angle in degrees and a speed in rad/s, and one in rpm"""
+OFF = 0.1
+"""of such a factor, that the filter of a speed may be off (0.03 of one)"""
+
+
+@dataclass(frozen=True, slots=True)
+class Rate:
+    """speed: the series that is how fast ``of`` changes; factor: [of/s]/[speed], or the length of a row [s] where the
+    times are unknown."""
+
+    of: str
+    speed: str
+    factor: float
+
+    @property
+    def unit(self) -> str:
+        """The unit of an angle, as the factor says it; "" where it does not."""
+        return "deg" if any(abs(self.factor / one - 1) < OFF for one in IN_DEGREES) else ""
+
+
+def rates(columns: Mapping[str, NDArray[Any]], times: FloatArray | None) -> list[Rate]:
+    """By the first of each chain, as of angle, speed and acceleration, the series that is how fast it changes: a speed
+    by its name, or one without a name where both have the same unit.  times: (N,) [s], None where they are unknown,
+    for which ``factor`` is the length of a row [s]."""
+    known = {name: np.asarray(values, dtype=float) for name, values in columns.items()}
+    rows = next(iter(known.values())).size
+    if rows < LEAST_ROWS:
+        return []
+    steps = np.ones(rows) if times is None else np.gradient(times)
+    found = [rate for of in known for speed in known if of != speed and (rate := _rate(known, of, speed, steps))]
+    speeds = {rate.speed for rate in found}
+    best: dict[str, Rate] = {}
+    for rate in found:
+        if times is None:
+            fits = ROWS[0] <= 1 / rate.factor <= ROWS[1]
+        else:
+            fits = not UNNAMED.fullmatch(rate.speed) or abs(rate.factor - 1) <= EXACT
+        if rate.of not in speeds and fits:
+            best.setdefault(rate.of, rate)
+    return list(best.values())
+
+
+def _rate(columns: Mapping[str, FloatArray], of: str, speed: str, steps: FloatArray) -> Rate | None:
+    is_speed = UNNAMED.fullmatch(speed) or speed_of(speed) is not None
+    if not is_speed or speed_of(of) is not None or column_of(of) or is_input(of):
+        return None
+    position, velocity = columns[of], columns[speed] * steps
+    fine = np.isfinite(position) & np.isfinite(velocity)
+    if np.count_nonzero(fine) < LEAST_ROWS:
+        return None
+    position, velocity = position[fine], velocity[fine]
+    ends = np.arange(0, position.size, max(position.size // BLOCKS, 1))
+    way = np.diff(position[ends])
+    total = np.concatenate([[0.0], np.cumsum((velocity[1:] + velocity[:-1]) / 2)])
+    sums = np.diff(total[ends])
+    if any(np.std(one) <= EVEN * np.sqrt(np.mean(one**2)) for one in (way, sums)):
+        return None
+    factor = float(way @ sums / (sums @ sums))
+    is_alike = float(np.corrcoef(way, sums)[0, 1]) > ALIKE and factor > 0
+    return Rate(of, speed, factor) if is_alike else None

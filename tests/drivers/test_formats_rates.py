@@ -1,0 +1,87 @@
+"""Motors and arms as people log them: no name tells the angle, or what drives it, but the numbers do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+
+from lostmotion.drivers.formats.rates import rates
+from lostmotion.drivers.formats.words import is_input
+from tests.drivers.test_formats import read, refused
+from tests.drivers.test_formats_as_saved import rows
+
+T = np.arange(600) / 100
+INPUT = np.sign(np.sin(1.3 * T)) * 40.0
+SPEED = 30 * np.sin(1.3 * T) + 4 * np.sin(7 * T)
+"""of a motor [rad/s]"""
+ANGLE = np.concatenate([[0.0], np.cumsum((SPEED[1:] + SPEED[:-1]) / 200)])
+
+
+def arm() -> list[np.ndarray]:
+    """Three angles, their speeds and torques, as a robot's interface logs them."""
+    angles = [np.sin((1 + 0.3 * joint) * T) + 0.3 * np.cos((3 + joint) * T) for joint in range(3)]
+    speeds = [np.gradient(angle, 0.01) for angle in angles]
+    return [*angles, *speeds, *(np.sign(speed) + 5 * np.gradient(speed, 0.01) for speed in speeds)]
+
+
+@pytest.mark.parametrize("factor", [1.0, 180 / np.pi, 6.0])
+def test_the_angle_of_a_motor_is_what_its_speed_changes(factor: float, tmp_path: Path) -> None:
+    """``alpha`` may be anything, but ``vel`` is how fast it changes, and in which unit; ``final_u`` drives it."""
+    path = tmp_path / "motor.mat"
+    scipy.io.savemat(path, {"alpha": factor * ANGLE, "final_u": INPUT, "t": T, "vel": SPEED})
+    found = read(path)
+    unit = 1.0 if factor == 1 else np.pi / 180
+    assert found.recording.columns["position"] == pytest.approx(unit * factor * ANGLE)
+    assert found.recording.columns["voltage"] == pytest.approx(INPUT)
+    assert [one.why for one in found.columns] == ["vel is how fast it changes", "the motor's input, by its name"]
+
+
+def test_an_input_is_taken_once_and_beside_a_motion_only(tmp_path: Path) -> None:
+    """Of two inputs the plainest, or none; none where a torque is known; and alone it is a motion."""
+    path = tmp_path / "log.csv"
+    for header, series in (("t,q,pwm,data.input", "pwm"), ("t,q,tau,u", ""), ("t,q,left_pwm,right_pwm", "")):
+        path.write_text(header + "\n" + rows(T, ANGLE, INPUT, INPUT / 2, sign=","))
+        found = read(path)
+        assert [one.series for one in found.columns if one.column == "voltage"] == ([series] if series else [])
+    assert "voltage: found several inputs, left_pwm, right_pwm; choose with --map" in "".join(found.notes)
+    path.write_text("t,u\n" + rows(T, 0.3 * np.sin(8 * T), sign=","))
+    assert [one.column for one in read(path).columns] == ["position"]
+    assert [name for name in ("u", "U1", "control_input", "control_mode", "input_voltage") if is_input(name)] == [
+        "u", "U1", "control_input",
+    ]  # fmt: skip
+
+
+def test_positions_of_an_arm_without_names_are_told(tmp_path: Path) -> None:
+    """Six columns are three positions and their speeds: the line to type names them, and the rate."""
+    path = tmp_path / "arm.csv"
+    columns = arm()
+    path.write_text(rows(*columns, sign=","))
+    told = refused(path)
+    assert "column4 is how fast column1 changes, column5 is how fast column2 changes, column6 is how fast" in told
+    assert told.endswith(
+        "if there are 100 rows a second: 'FILE#rate-hz=100,position=column1', and a torque as torque=SERIES"
+    )
+    found = read(path, "position=column1", "torque=column7", rate_hz=100).recording
+    assert found.columns["position"] == pytest.approx(columns[0], abs=1e-5)
+    path.write_text(rows(T, *columns, sign=","))
+    assert "assign one of them, as in --map position=column2, and what drives it" in refused(path)
+
+
+def test_a_speed_and_a_torque_are_no_position() -> None:
+    """A torque is how fast a speed changes, too, but not in its unit: without names nothing is taken."""
+    speed = np.cumsum(INPUT) / 100
+    assert [rate.of for rate in rates({"column2": speed, "column3": INPUT}, T)] == ["column2"]
+    assert not rates({"column2": 7 * speed, "column3": INPUT}, T)
+
+
+def test_numbers_in_a_column_alone_need_a_rate(tmp_path: Path) -> None:
+    """No header and no times: the one option that is missing is told."""
+    path = tmp_path / "data0000.txt"
+    path.write_text(rows(0.03 * np.cos(8 * T), sign=","))
+    assert refused(path).endswith(
+        "found column1, and no times; give the rows a second, if there are 100: FILE#rate-hz=100"
+    )
+    assert read(path, rate_hz=200).recording.time[-1] == pytest.approx(599 / 200)
