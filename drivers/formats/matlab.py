@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.child import output_of
+from lostmotion.drivers.formats.clocks import on_one_clock
 from lostmotion.drivers.formats.needed import needed
 from lostmotion.drivers.formats.table import Table
 from lostmotion.drivers.formats.vectors import check_size, table_of
@@ -21,10 +23,12 @@ __all__ = ["open_matlab"]
 def open_matlab(path: Path) -> Table:
     """All vectors of the usual length, by name; columns of matrices as ``name[0]``.  Raises RecordingError."""
     check_size(str(path), path.stat().st_size)
-    return table_of(
-        str(path), "MAT", _vectors(path),
+    vectors, notes = on_one_clock(_vectors(path))
+    table = table_of(
+        str(path), "MAT", vectors,
         "save objects such as timeseries as arrays: t = ts.Time; y = ts.Data; save('x.mat', 't', 'y', '-v7')",
     )  # fmt: skip
+    return replace(table, notes=[*table.notes, *notes])
 
 
 def _vectors(path: Path) -> dict[str, NDArray[Any]]:

@@ -55,7 +55,9 @@ class Channel:
         has a fixed frequency: a share of each band left 7 of 94 samples of a slow pendulum beside a rattling one.
         """
         _check_torque(experiments)
-        widest = max(Signals.of(one).band_hz for one in experiments)
+        whole = [Signals.of(one) for one in experiments]
+        _check_sizes(whole)
+        widest = max(one.band_hz for one in whole)
         found = []
         for share in SHARES:
             usual = _Usual.of([Signals.of(one, True, share * widest) for one in experiments])
@@ -107,6 +109,20 @@ def _check_torque(experiments: Sequence[Experiment]) -> None:
             "to be explained, it needs the sign of its direction",
             experiments[0].name, at_zero,
         )  # fmt: skip
+
+
+def _check_sizes(signals: Sequence[Signals]) -> None:
+    """Rejects a torque of one size that acts along the motion wherever that is compared: dry friction of this size
+    explains it to all digits, and no inertia is needed."""
+    torque = np.concatenate([np.asarray(one.experiment.drive.position(one.time[one.kept])) for one in signals
+                             if isinstance(one.experiment.drive, Sampled)] or [np.arange(2.0)])  # fmt: skip
+    velocity = np.concatenate([one.velocity[one.kept] for one in signals])
+    sizes = np.abs(torque)
+    if velocity.size == torque.size and np.ptp(sizes) <= FLAT_SHARE * sizes.max() and (torque * velocity > 0).all():
+        raise ExperimentError(
+            f"{signals[0].experiment.name}: found a torque of {sizes[0]:g} along the motion at all times, expected one "
+            "that changes: record steps of several sizes, or reversals in motion"
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,7 @@ import numpy as np
 
 from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import ACCEL, Experiment
+from lostmotion.lab.errors import ExperimentError
 from lostmotion.lab.fitting.identifiability import coasts, is_driven
 from lostmotion.lab.inverse.signals import LEAST_SAMPLES, REGRESSORS, Signals, is_moving
 from lostmotion.model.motion import FloatArray
@@ -77,6 +78,8 @@ def _free_part(signals: Signals) -> tuple[float | None, float | None]:
     motion = _Local.of(signals)
     free = motion.free
     if free.stop - free.start < max(LEAST_SAMPLES, motion.width) * REGRESSORS:  # a width is as good as one sample
+        if motion.coasts and _gains_speed(signals.position[motion.begins : motion.ends]):
+            raise _driven(signals)
         return None, None
     off, width = motion.unexplained(signals.experiment.is_linear), motion.width
     usual = np.sqrt(max(np.mean(off[free] ** 2), SMALL**2 * np.mean(motion.acceleration[free] ** 2)))
@@ -89,6 +92,21 @@ def _free_part(signals: Signals) -> tuple[float | None, float | None]:
     after = mean[free.stop + width : -width] > policy.MISSED * usual
     acts_again = bool(signals.moving[motion.ends :].any() if motion.coasts else after.any())
     return float(signals.time[release]) if release else None, float(signals.time[free.stop - 1]) if acts_again else None
+
+
+def _gains_speed(angle: FloatArray) -> bool:
+    """Whether a shaft (N,) turns farther in the second half of a time than in the first."""
+    first, second = np.abs(np.diff(angle[[0, angle.size // 2, -1]]))
+    return bool(first < TOP * second)
+
+
+def _driven(signals: Signals) -> ExperimentError:
+    """The error for a shaft that gains speed, as nothing does that is free."""
+    turns = np.ptp(signals.position) / (2 * np.pi)
+    return ExperimentError(
+        f"{signals.experiment.name}: found {turns:.3g} turns that gain speed, and nothing that drives them; expected "
+        "what does, or a shaft that coasts: choose its series with --map torque=SERIES (or current=, voltage=)"
+    )
 
 
 def _largest_motion(signals: Signals) -> slice:

@@ -85,3 +85,17 @@ def test_numbers_in_a_column_alone_need_a_rate(tmp_path: Path) -> None:
         "found column1, and no times; give the rows a second, if there are 100: FILE#rate-hz=100"
     )
     assert read(path, rate_hz=200).recording.time[-1] == pytest.approx(599 / 200)
+
+
+def test_structures_with_times_of_their_own(tmp_path: Path) -> None:
+    """Simulink's "Structure With Time": an input that is known once a second holds, and ``time`` is no joint."""
+    path = tmp_path / "base.mat"
+    seconds = np.arange(6)
+    scope = {"time": T, "signals": {"values": ANGLE, "dimensions": 1, "label": "Angle"}, "blockName": "ip/Angle"}
+    speed = {"time": T + 1e-9, "signals": {"values": SPEED, "dimensions": 1}}
+    test = {"motorAngle": scope, "motorSpeed": speed, "voltage": {"PWM": 10 * seconds, "time": seconds}}
+    scipy.io.savemat(path, {"test": test})
+    found = read(path)
+    assert found.recording.columns["position"] == pytest.approx(ANGLE)
+    assert found.recording.columns["voltage"] == pytest.approx(10 * np.floor(T + 1e-9))
+    assert "test.voltage.PWM: sampled at other times; each value is held until the next one" in found.notes

@@ -10,6 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.errors import ExperimentError
 from lostmotion.lab.inverse import channel
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.explain import fitted
@@ -109,3 +110,21 @@ def test_the_inertia_is_not_taken_for_smaller_by_a_noisy_speed() -> None:
     values = {one.name: one.value for one in fitted(model, recorded, Method.TORQUE, {"torque": 0.0}).estimates}
     assert values["J"] == pytest.approx(J, rel=0.1)
     assert values["viscous_friction.b_v"] == pytest.approx(B, rel=0.05)
+
+
+@pytest.mark.parametrize("reverses", [False, True])
+def test_a_torque_of_one_size_along_the_motion_is_refused(reverses: bool) -> None:
+    """A motor by full voltage, forwards and back: dry friction of that size is exact; steps that brake tell more."""
+    volts = np.where(TIMES < 5, 1.0, -1.0) if reverses else np.where(TIMES % 5 < 4, np.where(TIMES < 5, 1.0, -1.0), 0.0)
+    held = np.where(TIMES % 5 < 4, volts, np.sign(volts))
+    speed = np.zeros_like(TIMES)
+    for i in range(1, TIMES.size):
+        is_on = volts[i] != 0
+        speed[i] = speed[i - 1] + 5e-3 * (volts[i] - 0.15 * speed[i - 1]) / 0.05 if is_on else 0.0
+    angle_rad = np.cumsum(speed) * 5e-3 + 1e-4 * np.random.default_rng(0).standard_normal(TIMES.size)
+    recorded = Experiment("motor.csv", Sampled(TIMES, held), TIMES, {"position": angle_rad})
+    if reverses:
+        assert Channel.of([recorded]).band_hz > 0
+        return
+    with pytest.raises(ExperimentError, match="found a torque of 1 along the motion at all times"):
+        Channel.of([recorded])

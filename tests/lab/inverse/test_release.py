@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.errors import ExperimentError
 from lostmotion.lab.inverse.release import released
 from lostmotion.model.motion import FloatArray
 
@@ -96,3 +97,15 @@ def test_a_mass_on_a_spring_that_is_struck(column: str, struck_s: float) -> None
     found = released([measured(ring, column)])[0].time[0]
     assert struck_s <= found < struck_s + 0.2
     assert found == 0.0 or struck_s
+
+
+@pytest.mark.parametrize(("gained", "is_refused"), [(30.0, True), (0.0, False), (-20.0, False)])
+def test_a_shaft_that_gains_speed_is_driven(gained: float, is_refused: bool) -> None:
+    """A motor that runs up is not free, whatever it is called; one that keeps its speed may be."""
+    speed = 40 + gained * (1 - np.exp(-TIMES / 2))
+    shaft = measured(np.cumsum(speed) / RATE_HZ)
+    if not is_refused:
+        assert released([shaft])[0].time[-1] == TIMES[-1]
+        return
+    with pytest.raises(ExperimentError, match=r"found 1\d\d turns that gain speed, and nothing that drives them"):
+        released([shaft])
