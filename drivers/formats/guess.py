@@ -13,7 +13,7 @@ from lostmotion.drivers.formats.source import DATE, Choice, Series, Term, shown
 from lostmotion.drivers.formats.words import column_of, is_commanded, is_input, is_time, joint_of, speed_of, unit_of
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
-__all__ = ["Chosen", "Guess", "guessed", "listed", "mapped", "named"]
+__all__ = ["Chosen", "Guess", "guessed", "listed", "mapped", "named", "speeds_told"]
 
 OF_JOINTS = ("command", "position", "torque", "current", "voltage", "temperature")
 LINEAR = ("displacement", "force")
@@ -145,9 +145,14 @@ def _speed(series: Sequence[Series], joint: str) -> tuple[dict[str, Chosen], lis
     own = [(one, unit) for one, unit in found if joint_of(one.name) in (joint, "") or len(found) == 1]
     one, unit = (own or found or [(Series(""), "")])[0]
     if len(own) != 1 or not (one.unit or unit):
-        option = mapped("position", one.name, ":rpm")
-        return {}, [f"position: none; {option} (or :rad/s) integrates a speed"] if one.name else []
+        return {}, [f"position: none; {hint}" for hint in speeds_told([one])]
     return {"position": _chosen("position", one, Term(one.name, one.unit or unit), "a speed, as there is no angle")}, []
+
+
+def speeds_told(series: Sequence[Series]) -> list[str]:
+    """What to type for the first of the speeds among these, in a list; none for none."""
+    found = [one for one in series if speed_of(one.name) is not None]
+    return [f"{mapped('position', one.name, ':rpm')} (or :rad/s) integrates a speed" for one in found[:1]]
 
 
 def _input(series: Sequence[Series], joint: str) -> tuple[dict[str, Chosen], list[str]]:

@@ -13,11 +13,11 @@ import numpy as np
 from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.codec.recording_csv import LARGEST
 from lostmotion.drivers.errors import RecordingError
-from lostmotion.drivers.formats.guess import Chosen, guessed
+from lostmotion.drivers.formats.guess import Chosen, guessed, speeds_told
 from lostmotion.drivers.formats.motion import SWINGS, liveliest, with_angle
 from lostmotion.drivers.formats.registry import open_source
 from lostmotion.drivers.formats.runs import of_one_run
-from lostmotion.drivers.formats.source import Choice, Samples, shown
+from lostmotion.drivers.formats.source import Choice, Samples, Series, shown
 from lostmotion.drivers.formats.table import Table
 from lostmotion.drivers.recording import Recording, merge
 from lostmotion.drivers.units import COLUMN_UNITS, MANY_TURNS
@@ -78,7 +78,7 @@ def imported(path: Path, choice: Choice) -> Imported:
         degrees = [np.pi / 180 if one.column in ANGLES else 1.0 for one in kept]
         kept = [replace(one, unit="deg") if one.column in ANGLES else one for one in kept]
         parts = [(times, factor * values) for (times, values), factor in zip(parts, degrees, strict=True)]
-    notes += [doubt for one, (_, values) in zip(kept, parts, strict=True) for doubt in _doubts(one, values)]
+    notes += [doubt for one, (_, q) in zip(kept, parts, strict=True) for doubt in _doubts(one, q, source.series)]
     if not any(times.size for times, _ in parts):
         raise RecordingError(
             f"{path}: found no numbers in {', '.join(shown(one.series) for one in guess.columns)}, expected samples; "
@@ -124,8 +124,10 @@ def _are_of_a_servo_in_degrees(columns: Sequence[Chosen], values: Sequence[Float
     return MANY_TURNS <= float(np.abs(numbers).max()) <= 360 and bool((numbers != np.rint(numbers)).any())
 
 
-def _doubts(one: Chosen, values: FloatArray) -> list[str]:
-    """A warning where the size of the numbers contradicts the assumed unit."""
+def _doubts(one: Chosen, values: FloatArray, series: Sequence[Series]) -> list[str]:
+    """A warning where the size of the numbers contradicts the assumed unit, or an angle does not change."""
+    if one.column in MOTIONS and one.why == "by its name" and values.size and not np.ptp(values) > 0:
+        return [f"{one.column}: {shown(one.series)} does not change; {hint}" for hint in speeds_told(series)]
     if one.column not in ANGLES or one.unit or one.why == "given" or np.abs(values).max(initial=0.0) < MANY_TURNS:
         return []
     span = f"{values.min():.4g} to {values.max():.4g}"

@@ -121,6 +121,11 @@ class Table:
             raise RecordingError(f"{self.name}: found no time in {clock!r}, expected numbers; is the table empty?")
         if not np.isfinite(known).all():
             raise RecordingError(f"{self.name}: found an infinite time in {clock!r}, expected numbers")
+        if known.size > LEAST_ROWS and np.ptp(known) == 0:
+            raise RecordingError(
+                f"{self.name}: found the same time in {clock!r} in all {known.size} rows, expected times that ascend; "
+                "give the rows a second, if there are 100: FILE#rate-hz=100"
+            )
         back = np.flatnonzero(np.diff(known) < 0)
         if back.size:
             row = int(back[0]) + 2

@@ -19,6 +19,7 @@ from lostmotion.lab.data import power
 from lostmotion.lab.data.held_readings import without_held_readings
 from lostmotion.lab.data.lost_readings import without_lost_readings
 from lostmotion.lab.data.supply import is_of_motor, of_voltage
+from lostmotion.lab.data.wrapped import without_wraps
 from lostmotion.lab.errors import ExperimentError
 from lostmotion.model import Model, Motion, Sampled
 from lostmotion.model.motion import FloatArray
@@ -158,6 +159,8 @@ def _experiment(model: Model, recording: Recording) -> Experiment:
             f"the base {model.base!r} is compared with these: choose its series with "
             f"--map {OUTPUTS[model.base][-1]}=SERIES (lostmotion import {recording.name} lists them)"
         )
+    if "position" in outputs and recording.metadata.get("position_unit") not in LENGTHS:
+        recording = without_wraps(recording)
     if "position" in outputs and model.base != "play":  # there a contact may be as short as a lost reading
         recording = without_lost_readings(recording)
     column = _input(model.base, recording)

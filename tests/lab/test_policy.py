@@ -26,6 +26,7 @@ NUMERICS = {
     "data/lost_readings.py": (3, "what is a reading that was lost"),
     "data/noise.py": (11, "an estimator of the noise, each number with its measured error"),
     "data/supply.py": (4, "which of two things a voltage is; the margins are measured"),
+    "data/wrapped.py": (4, "what is a jump of a counter or a turn"),
     "data/whiteness.py": (3, "lags, rank of a matrix, length of a block"),
     "design/next_experiment.py": (2, "the motions that are proposed"),
     "discrepancy/basis.py": (5, "grid of an unknown function"),
