@@ -50,7 +50,7 @@ OUTPUT = re.compile(r"(^|[/.])output[/.\[]")
 GENERAL = {
     "joint", "joints", "state", "states", "observation", "controller", "trajectory", "robot", "data", "feedback",
     "actual", "present", "measured", "linear", "interface", "values", "value", "motor", "motors", "servo", "sensor",
-    "imu", "msg", "x", "y", "z", "output", "input", "shaft", "est", "estimate", "estimated",
+    "imu", "msg", "x", "y", "z", "output", "input", "shaft", "est", "estimate", "estimated", "meas",
 }  # fmt: skip
 TIMES = ("__time", "time", "timestamp", "timestamps", "t", "times", "tout", "elapsed", "datetime", "stamp")
 """words of the time axis, those first that others come after"""

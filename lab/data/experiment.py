@@ -147,10 +147,11 @@ def own_rows(values: FloatArray) -> NDArray[np.intp] | None:
 
 def experiments(model: Model, recordings: Sequence[Recording]) -> tuple[Experiment, ...]:
     """The recordings for this model's base.  Raises ExperimentError for one that cannot be used."""
-    return tuple(_experiment(model, recording) for recording in recordings)
+    of_motor = is_of_motor(np.concatenate([_readings(one, "voltage") for one in recordings] or [np.empty(0)]))
+    return tuple(_experiment(model, recording, of_motor) for recording in recordings)
 
 
-def _experiment(model: Model, recording: Recording) -> Experiment:
+def _experiment(model: Model, recording: Recording, of_motor: bool) -> Experiment:
     recording = _without_zeros(_moved(recording, model.base), INPUT[model.base])
     outputs = [name for name in OUTPUTS[model.base] if _sampled(recording, name)]
     if not outputs:
@@ -163,7 +164,7 @@ def _experiment(model: Model, recording: Recording) -> Experiment:
         recording = without_wraps(recording)
     if "position" in outputs and model.base != "play":  # there a contact may be as short as a lost reading
         recording = without_lost_readings(recording)
-    column = _input(model.base, recording)
+    column = _input(model.base, recording, of_motor)
     recording = without_held_readings(recording, outputs, column)
     drive = _drive(model.base, recording, column)
     if model.base == "servo":
@@ -252,16 +253,16 @@ def _drive(base: str, recording: Recording, column: str) -> Motion | None:
     return Sampled(time[longest], values[longest])
 
 
-def _input(base: str, recording: Recording) -> str:
+def _input(base: str, recording: Recording, of_motor: bool) -> str:
     """The column that drives this base: of a joint without a torque the current of its motor, which is one up to a
     factor, or else the motor's voltage, which is one up to a factor and a viscous friction.  A warning reports this,
-    and that a part is taken to move freely where something drives it."""
+    and that a part is taken to move freely where something drives it.  of_motor: whether the voltage is the motor's."""
     column = INPUT[base]
     if base in NEEDS_INPUT or _sampled(recording, column):
         return column
     acts = {
         "current": np.count_nonzero(_readings(recording, "current")) > recording.time.size / 2,
-        "voltage": power.COLUMN not in recording.extra and is_of_motor(_readings(recording, "voltage")),
+        "voltage": power.COLUMN not in recording.extra and of_motor and bool(_readings(recording, "voltage").any()),
     }
     if base == "joint" and (instead := next((name for name, is_one in acts.items() if is_one), "")):
         log.warning(

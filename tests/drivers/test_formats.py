@@ -79,6 +79,7 @@ def refused(path: Path, *terms: str, **choice: Any) -> str:
         ("joint_pos_FL_HAA", "position", "FL_HAA"),
         ("leftHipYawPos", "position", "leftHipYaw"),
         ("q_des_3", "command", "3"),
+        ("pos_meas1", "position", "1"),
     ],
 )
 def test_names_say_column_and_joint(name: str, column: str | None, joint: str) -> None:

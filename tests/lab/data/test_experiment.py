@@ -241,6 +241,13 @@ def test_a_torque_of_zeros_is_none(caplog: pytest.LogCaptureFixture) -> None:
     assert driven.drive_unit == "A"
 
 
+def test_a_voltage_that_differs_between_recordings_is_the_motors() -> None:
+    """A step from rest in each, of sizes of its own and both signs: no supply; of one size it may be one."""
+    steps = [recording(position=ACCEL, voltage=np.full(ACCEL.size, size)) for size in (6.0, -2.0, 12.0)]
+    assert [one.drive_unit for one in experiments(build_model("joint"), steps)] == ["V"] * 3
+    assert [one.drive for one in experiments(build_model("joint"), steps[:1] * 2)] == [None] * 2
+
+
 def test_the_voltage_of_a_motor_is_taken_for_its_torque(caplog: pytest.LogCaptureFixture) -> None:
     """A motor's stands at zero sometimes; a supply, which falls by a fifth, drives nothing."""
     (driven,) = held("joint", recording(position=ACCEL, voltage=np.maximum(COMMAND, 0.0)))
