@@ -65,6 +65,7 @@ class ZenohSink:
         self._waiting: deque[tuple[str, bytes]] = deque(maxlen=CACHED)
         self._published: deque[tuple[float, str, bytes]] = deque(maxlen=CACHED)  # when [s, monotonic], what
         self._publishers: dict[str, AdvancedPublisher] = {}
+        self._score_publishers: dict[str, zenoh.Publisher] = {}
         self._condition = Condition(reported="")
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="zenoh", daemon=True)
@@ -84,7 +85,7 @@ class ZenohSink:
                 return
             try:
                 # In batches: of a burst that is sent one by one, Zenoh drops what finds both batches on their way.
-                self._session.put(f"{self._prefix}/{row.joint}/score", payload(values), encoding=JSON)
+                self._score_publisher(self._session, row.joint).put(payload(values))
             except zenoh.ZError as error:
                 self._log_problem(f"cannot publish: {brief(error)}")
             else:
@@ -107,7 +108,7 @@ class ZenohSink:
         self._closing.set()
         with self._lock:
             session, self._session = self._session, None
-            self._publishers.clear()
+            self._forget_publishers()
         if self._link_monitor is not None:
             self._link_monitor.close()
         if self._ros2 is not None:
@@ -134,6 +135,17 @@ class ZenohSink:
             self._waiting.popleft()
             self._published.append((time.monotonic(), key, content))
             self._log_problem("")
+
+    def _score_publisher(self, session: zenoh.Session, joint: str) -> zenoh.Publisher:
+        """A session's ``put`` looks for the way to the subscribers each time, which takes twice as long."""
+        if joint not in self._score_publishers:
+            key = f"{self._prefix}/{joint}/score"
+            self._score_publishers[joint] = session.declare_publisher(key, encoding=JSON)
+        return self._score_publishers[joint]
+
+    def _forget_publishers(self) -> None:
+        self._publishers.clear()
+        self._score_publishers.clear()
 
     def _publisher(self, session: zenoh.Session, key: str) -> AdvancedPublisher:
         if key not in self._publishers:
@@ -209,7 +221,7 @@ class ZenohSink:
         with self._lock:
             self._give_up(self._session)  # where there is no memory for that either, it is tried again
             self._session = None
-            self._publishers.clear()
+            self._forget_publishers()
             unconfirmed = [(key, content) for at, key, content in self._published if at >= linked_at - LOOK_S]
             self._waiting.extendleft(reversed(unconfirmed))
             self._published.clear()
