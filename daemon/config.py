@@ -240,12 +240,12 @@ def _driver(table: Table, path: str, role: str) -> Driver:
     name = table.get("driver")
     if not isinstance(name, str):
         raise ConfigError(f"{path}.driver: found {_shown(name)}, expected one of {', '.join(_drivers_of(role))}")
-    if name not in registry.names():
-        raise ConfigError(f"{path}.driver: no driver is called {name!r}{_near(name, _drivers_of(role))}")
     try:
         driver = registry.get_driver(name)
     except UnknownDriverError as error:
-        raise ConfigError(f"{path}.driver: {error}") from error
+        if name in registry.names():  # another package's, which is broken
+            raise ConfigError(f"{path}.driver: {error}") from error
+        raise ConfigError(f"{path}.driver: no driver is called {name!r}{_near(name, _drivers_of(role))}") from error
     if getattr(driver, role) is None:
         there = ", ".join(_drivers_of(role))
         raise ConfigError(f"{path}.driver: found {name!r}, which is no {role} ({driver.summary}); there are {there}")

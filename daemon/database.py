@@ -52,6 +52,9 @@ BUSY_S = 2.0
 """how long another program's lock is waited for [s]"""
 WAL_BYTES = 16_000_000
 """the log does not stay larger than this, once a reader has let SQLite write it back"""
+CACHE_KB = 400
+"""SQLite's own 2 MB are no quicker, neither for a reader nor for the writer (266 instead of 295 µs for the rows of 0.2
+s), and the service would fill them over its first half hour"""
 FULL = (errno.ENOSPC, errno.EDQUOT)
 DAMAGE = ("SQLITE_CORRUPT", "SQLITE_NOTADB")
 UNREADABLE = (sqlite3.Error, UnicodeDecodeError)
@@ -282,6 +285,7 @@ def _open(path: Path) -> sqlite3.Connection:
         db.execute("PRAGMA synchronous = NORMAL")
         db.execute(f"PRAGMA journal_size_limit = {WAL_BYTES}")
         _migrate(db, path)
+        db.execute(f"PRAGMA cache_size = -{CACHE_KB}")
     except BaseException:
         db.close()
         raise

@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from lostmotion.daemon.database import UNREADABLE, is_damage, newer
+from lostmotion.daemon.database import CACHE_KB, UNREADABLE, is_damage, newer
 from lostmotion.daemon.extremes import extremes_of
 from lostmotion.daemon.learnt import FlankRow, NoiseRow
 from lostmotion.daemon.migrations import ADDED, AS_ALARM, CURRENT, MIGRATIONS
@@ -51,8 +51,6 @@ NUMBERS = (
 """the columns of a series, in the order of its fields"""
 WINDOW_OF = " WHERE joint_id = (SELECT id FROM joint WHERE name = ?)"
 BATCH = 5000
-CACHE_KB = 400
-"""SQLite's own 2 MB are no quicker here, and the service would fill them over its first half hour"""
 Bounds = tuple[datetime | None, datetime | None, int | None]
 """since, until, and how many of the newest; None: no bound"""
 NOISE = "noise/"

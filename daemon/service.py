@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from datetime import datetime
 from typing import TYPE_CHECKING
 
-from lostmotion.daemon import counters, database, logs
+from lostmotion.daemon import counters, database, heap, logs
 from lostmotion.daemon.alarm import Change
 from lostmotion.daemon.alarm_manager import AlarmManager, is_over
 from lostmotion.daemon.config import Config
@@ -50,7 +50,7 @@ LOOK_S = 1.0
 CLOCK_S = 0.25
 """how often the system's clock is looked at [s]: stamps go on by the monotonic one in between"""
 COUNTS_S = 10.0
-"""how often the devices' counts go to the database [s]"""
+"""how often the devices' counts go to the database, and unused memory to the system [s]"""
 SUMMARY_S = 300.0
 NOTICE_S = 60.0
 """how long the alarm about a database that was replaced is active; then it waits to be acknowledged [s]"""
@@ -328,6 +328,7 @@ class Service:
             self._notifier.status(counters.status_line(self._robot, self._store, self._alarm_manager.healths))
         if self._periods.is_due(COUNTS_S):
             self._store.add(*counters.rows(self._robot, self._utc()), *self._stamps.rows)
+            heap.give_back()
         if self._periods.is_due(SUMMARY_S):
             counters.log_summary(self._robot, self._store)
         self._watchdog.feed(self._robot)

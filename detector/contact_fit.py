@@ -177,7 +177,8 @@ def _bounded(relative: RelativeMotion, found: Contacts, touch: _Touch, play: flo
     flank[touch.at], impulse[touch.at] = touch.flank, touch.impulse
     arrived = _arrived(found, impulse * flank, play, float(relative.time[1] - relative.time[0]))
     flank[free] = -RESTING * (np.sign(found.push) * arrived)[free]
-    at = np.union1d(touch.at, np.flatnonzero(free))
+    free[touch.at] = True
+    at = np.flatnonzero(free)
     return _Touch(at, flank[at], impulse[at])
 
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from lostmotion.detector.median import median, medians
 from lostmotion.detector.window import FloatArray
 
 __all__ = ["normalised"]
@@ -47,7 +48,7 @@ def normalised(values: FloatArray, quantities: Mapping[str, FloatArray]) -> tupl
     result = values.copy()
     for slope, x in zip(slopes, known.values(), strict=True):
         there = np.isfinite(x)
-        result[there] *= np.exp(-slope * (x[there] - np.median(x[there])))
+        result[there] *= np.exp(-slope * (x[there] - median(x[there])))
     return result, dict(zip(known, slopes.tolist(), strict=True))
 
 
@@ -57,13 +58,13 @@ def _dependence(value: FloatArray, columns: FloatArray) -> tuple[FloatArray, Flo
     pieces = min(count // LEAST_POINTS, PIECES)
     if pieces == 0:
         return np.zeros(many), np.full(many, math.inf)
-    ends = np.linspace(0, count, pieces + 1).astype(int)[1:-1]
-    left = np.concatenate([run - np.median(run) for run in np.split(value, ends)])
-    centred = np.concatenate([run - np.median(run, axis=0) for run in np.split(columns, ends)])
+    ends = np.linspace(0, count, pieces + 1).astype(int)
+    left, *others = (x - np.repeat(medians(x, ends), np.diff(ends)) for x in (value, *columns.T))
+    centred = np.column_stack(others)
     slopes = np.zeros(many)
     for _ in range(3):  # outliers are clipped
         rest = left - centred @ slopes
-        spread = 1.4826 * float(np.median(np.abs(rest))) + 1e-12
+        spread = 1.4826 * median(np.abs(rest)) + 1e-12
         inverse = np.linalg.pinv(centred.T @ centred)
         slopes = slopes + inverse @ (centred.T @ np.clip(rest, -CLIP * spread, CLIP * spread))
     rest = left - centred @ slopes

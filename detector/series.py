@@ -10,6 +10,7 @@ from lostmotion.detector.commanded import BEFORE_S
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.flank import law_of
 from lostmotion.detector.learner import settled
+from lostmotion.detector.median import median
 from lostmotion.detector.play_size import HISTORY_S, SizeLaw, learnt_play, near_part, segment_of
 from lostmotion.detector.score import score_window, validate
 from lostmotion.detector.servo import SPAN_S, UNKNOWN
@@ -96,7 +97,7 @@ def rate_of(times: FloatArray, what: str) -> float:
     steps = np.diff(times)
     if steps.size < 2:
         raise DetectorError(f"found {times.size} {what}, expected at least 3 to find their rate")
-    period = float(np.median(steps))
+    period = median(steps)
     if not period > 0:
         raise DetectorError(
             f"the times of the {what} do not ascend (median step {period:g} s, from {times[0]:g} s on); "

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from lostmotion.detector.changes import change_points
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.forecast import TimeToLimit, forecast
-from lostmotion.detector.median import medians
+from lostmotion.detector.median import median, medians
 from lostmotion.detector.window import FloatArray
 
 __all__ = [
@@ -107,8 +107,8 @@ def theil_sen(t: ArrayLike, y: ArrayLike, confidence: float = 0.95, inflation: f
     half = _quantile(0.5 + confidence / 2) * spread
     low = max(round((slopes.size - half) / 2) - 1, 0)
     high = min(round((slopes.size + half) / 2), slopes.size - 1)
-    slope, centre = float(np.median(slopes)), float(np.median(time))
-    intercept = float(np.median(value)) - slope * centre
+    slope, centre = median(slopes), median(time)
+    intercept = median(value) - slope * centre
     return Slope(slope, float(slopes[low]), float(slopes[high]), intercept, centre)
 
 

@@ -32,12 +32,14 @@ def test_medians_of_runs() -> None:
 
 
 def test_learning_imports_no_masked_arrays() -> None:
-    """Noise, bar and severity are learnt without ``numpy.ma``."""
+    """Noise, bar and severity are learnt, and a trend is found, without ``numpy.ma``."""
     program = """if True:
         import sys
         import numpy as np
         from lostmotion.detector.learner import Learner
+        from lostmotion.detector.normalise import normalised
         from lostmotion.detector.severity import severity
+        from lostmotion.detector.trend import mann_kendall, theil_sen
         from lostmotion.detector.window import DetectorSettings, Window
         settings, random = DetectorSettings(f_res_hz=58.0), np.random.default_rng(1)
         learner = Learner(settings, 1000.0, 250)
@@ -47,6 +49,9 @@ def test_learning_imports_no_masked_arrays() -> None:
         assert learner.background is not None
         time = np.arange(450) / 1000
         assert severity(Window("j", 0.0, 0.45, time, random.normal(size=450), 1000.0), (), (), 9.0, settings).high > 0
+        ages = np.arange(300.0)
+        scores, _ = normalised(np.exp(ages / 300), {"excitation": random.normal(size=300)})
+        assert mann_kendall(scores).direction == "rising" and theil_sen(ages, scores).low > 0
         sys.exit("numpy.ma" in sys.modules)
     """
     assert subprocess.run([sys.executable, "-c", program], timeout=60, check=False).returncode == 0
