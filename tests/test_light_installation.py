@@ -23,8 +23,8 @@ from tests.daemon.test_service import hardware
 LEFT_OUT = ("numba", "llvmlite", "scipy", "matplotlib", "mpl_toolkits", "PIL", "fontTools", "kiwisolver", "contourpy",
             "python_calamine")  # fmt: skip
 MOST_RESIDENT = 65e6
-"""of the service alone [byte]: 48 MB at its first scores, 59 after 15 s, 62 after two minutes, when it has learnt; a busy
-machine is asked later than an idle one"""
+"""of the service alone [byte]: 48 MB at its first scores, 59 after 15 s, 62 after two minutes, when it has learnt; a
+busy machine is asked later than an idle one"""
 
 
 def listed() -> set[str]:
