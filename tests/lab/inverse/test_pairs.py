@@ -17,12 +17,12 @@ ERROR_GAIN, SUPPLY, TORQUE_CONSTANT, WINDING, INERTIA = 0.165, 12.0, 1.2, 4.4, 0
 
 
 def lifting_servo(gain: int, seed: int) -> Recording:
-    """A servo with a weak gain lifts a heavy arm and lowers it for three seconds, in steps of 0.5 ms; its friction,
-    0.45 of the motor's torque, sticks (Karnopp 1985)."""
+    """A servo with a weak gain lifts a heavy arm and lowers it for 2.5 seconds, in steps of 0.5 ms; its friction,
+    0.45 of the motor's torque, sticks (Karnopp 1985).  Of two seconds the weight would be named alone."""
     step, every = 5e-4, 20
-    times = np.arange(0.0, 3.0, step)
-    command = 1.57 * (1 - np.cos(math.pi * np.minimum(times, 1.5) / 1.5)) / 2
-    command -= 0.16 * (1 - np.cos(math.pi * np.maximum(times - 1.5, 0.0) / 1.5))
+    times = np.arange(0.0, 2.5, step)
+    command = 1.57 * (1 - np.cos(math.pi * np.minimum(times, 1.25) / 1.25)) / 2
+    command -= 0.16 * (1 - np.cos(math.pi * np.maximum(times - 1.25, 0.0) / 1.25))
     angle, speed, angles = 0.0, 0.0, []
     for wanted in command.tolist():
         duty = min(max(gain * ERROR_GAIN * (wanted - angle), -1.0), 1.0)
@@ -42,12 +42,12 @@ def lifting_servo(gain: int, seed: int) -> Recording:
 
 def dropped_arm(start: float, seed: int) -> Recording:
     """An arm that is let go 20 degrees from where it hangs, with viscous and Coulomb friction; J is 0.001 kg m²."""
-    times = np.arange(0.0, 2.0, 4e-3)
+    times = np.arange(0.0, 1.2, 4e-3)
 
     def moved(t: float, x: np.ndarray) -> list[float]:
         return [x[1], -(0.14 * math.sin(x[0]) + 1.7e-3 * x[1] + 3.4e-3 * math.tanh(x[1] / 2e-3)) / 1e-3]
 
-    angle = solve_ivp(moved, (0.0, 2.0), [start, 0.0], "LSODA", times, rtol=1e-8, atol=1e-10).y[0]
+    angle = solve_ivp(moved, (0.0, 1.2), [start, 0.0], "LSODA", times, rtol=1e-8, atol=1e-10).y[0]
     noise = 4e-4 * np.random.default_rng(seed).standard_normal(times.size)
     return Recording(times, {"position": angle + noise}, {}, {}, 0, f"drop{seed}.csv")
 
