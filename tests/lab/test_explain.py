@@ -67,7 +67,7 @@ def test_what_only_the_recordings_of_the_fit_hold() -> None:
     """One recording reaches the end of the sensor's range, the one that is kept for judging never does: the range is
     found all the same, and said to be of the others alone."""
     model = build_model("play", values={**GEARS, "d": 7e-5})
-    recordings = [gears(seed, largest=30.0) for seed in (41, 44, 49)]
+    recordings = [gears(seed, 1.2, largest=30.0) for seed in (49, 44, 42)]
     assert [float(np.max(r.columns["accel"])) == 30.0 for r in recordings] == [False, True, False]
     with ThreadPoolExecutor(2) as pool:
         found = explain(model, experiments(model, recordings), pool, budget_s=600.0)
@@ -124,7 +124,7 @@ def test_what_is_named_beside_a_hum() -> None:
 def test_gears_with_an_encoder_on_either_side() -> None:
     """Without an accelerometer the angles before and behind the gear tell the play and what is missing; the bar, of
     which nothing was recorded, is not told."""
-    runs = [moved(seed, **{"coulomb_friction.tau_c": 2e-4}) for seed in (51, 52)]
+    runs = [moved(seed, 1.6, **{"coulomb_friction.tau_c": 2e-4}) for seed in (51, 52)]
     recordings = [
         Recording(
             run.time, {"command": run.command.at(run.time + LEAD), "position": run.states[:, 0] + 2e-4 * run.noise}

@@ -79,7 +79,7 @@ def test_hidden_friction(tmp_path: Path) -> None:
 
 def test_hidden_hardening_spring(tmp_path: Path) -> None:
     """A spring that hardens so faintly that the error rises by 1 % only is named, significantly for all candidates."""
-    found = explained(case(tmp_path, HARDENING, 0.3, 1.5))
+    found = explained(case(tmp_path, HARDENING, 0.3, 1.5, count=2))
     assert found["verdict"] == "missing"
     assert found["missing"] == ["hardening_spring"]
     assert found["effects"] == ["hardening_spring"]
@@ -93,7 +93,7 @@ def test_hidden_hardening_spring(tmp_path: Path) -> None:
 
 def test_nothing_missing(tmp_path: Path) -> None:
     """The true base: nothing is added, and the sizes that would have been seen are told, as finite numbers."""
-    found = explained(case(tmp_path, {}, 0.3, 1.5))
+    found = explained(case(tmp_path, {}, 0.3, 1.5, count=2))
     assert found["verdict"] == "nothing_missing"
     assert found["missing"] == []
     assert found["effects"] == []
@@ -140,7 +140,7 @@ def test_improve_prints_the_ladder(tmp_path: Path) -> None:
 
 def test_fit_writes_a_model(tmp_path: Path) -> None:
     """The fitted file holds the true play, and compare leaves only noise with it; the document tells the intervals."""
-    folder = case(tmp_path, {}, 0.3, 1.5, count=2)
+    folder = case(tmp_path, {}, 0.3, 1.0, count=2)
     out = tmp_path / "fitted.toml"
     document = json.loads(run("fit", folder, "-o", out, "--json").stdout)
     value, low, high = document["parameters"]["d"]
