@@ -53,7 +53,7 @@ def test_error_and_intervals(play_um: int) -> None:
     together at most 12 %; 94 % of the intervals hold: radius 10 mm, 0.29° steps of the command, motions that were never
     used to choose a constant."""
     truth, known = play_um * 1e-6 / 0.01, replace(SETTINGS, flank_exponent=11.0, contact_accel=1000.0)
-    scores = [score for seed in range(8200, 8204) for score in score_series(*recording(seed, play_um * 1e-6), known)]
+    scores = [score for seed in range(8200, 8203) for score in score_series(*recording(seed, play_um * 1e-6), known)]
     sized = [score for score in scores if math.isfinite(score.play)]
     assert len(sized) > 0.5 * len(scores)
     assert np.median([abs(score.play / truth - 1) for score in sized]) < 0.15
@@ -105,7 +105,7 @@ def test_intervals_hold_whatever_the_gear(cause: str) -> None:
     """Of 95 % intervals at least 90 % hold 3 mrad and 8 mrad, of a gear that no setting describes; hard stops have a
     size in half of the windows and to 20 % by all together."""
     for play, seed in ((30e-6, 8220), (80e-6, 8222)):
-        found = summary_of(CAUSES[cause], play, [seed], seconds=8.0)
+        found = summary_of(CAUSES[cause], play, [seed], seconds=5.0)
         assert found.values >= 10
         assert found.covered >= 0.9
         if CAUSES[cause].gear.kind == "stops":
@@ -115,14 +115,14 @@ def test_intervals_hold_whatever_the_gear(cause: str) -> None:
 
 @pytest.mark.slow
 def test_intervals_are_as_wide_as_they_must_be() -> None:
-    """Of some 490 intervals of hard stops 92 to 99.5 % hold, when the settings are for hard stops: 89 % would, were
+    """Of some 350 intervals of hard stops 92 to 99.5 % hold, when the settings are for hard stops: 86 % would, were
     they 0.6 times as wide.  They are wide because lever and delay are allowed twice the error that they have here."""
     causes = ("motion up to 6 Hz, a bar of 5 g", "motion up to 10 Hz", "noise", "friction")
     tried = product(causes, (30e-6, 80e-6))
     every = np.concatenate(
-        [shares(recorded(8221, play, CAUSES[cause], known=True, seconds=10.0), play / 0.01) for cause, play in tried]
+        [shares(recorded(8221, play, CAUSES[cause], known=True, seconds=7.0), play / 0.01) for cause, play in tried]
     )
-    assert every.size > 400
+    assert every.size > 300
     assert 0.92 <= np.mean(every < 1) <= 0.995
 
 
@@ -284,10 +284,10 @@ def test_a_window_tells_what_its_sensor_reads_beside_motion() -> None:
 
 @pytest.mark.slow
 def test_corners_of_the_command_are_no_play() -> None:
-    """Trapezoids with steps of 5 mrad, hard stops of 1 mrad, ten recordings: two thirds of the windows give a size, of
+    """Trapezoids with steps of 5 mrad, hard stops of 1 mrad, six recordings: two thirds of the windows give a size, of
     which 90 % or more hold; of white jerk 68 % held, and the others lay above."""
     scores = [
-        score for seed in range(8600, 8610) for score in recorded_moves("stops", "trapezoids", seed, 1e-5, Bar(), 0.2)
+        score for seed in range(8600, 8606) for score in recorded_moves("stops", "trapezoids", seed, 1e-5, Bar(), 0.2)
     ]
     sized = [score for score in scores if math.isfinite(score.play)]
     assert len(sized) > 0.65 * len(scores)

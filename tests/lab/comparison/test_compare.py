@@ -48,7 +48,7 @@ def held(model: Model, *recordings: Recording, is_described: bool = False) -> Co
 
 def described(seed: int, hidden: Mapping[str, float]) -> tuple[Comparison, Finding]:
     """The comparison with the base as it is, and how a hidden effect is described."""
-    found = held(build_model("play", values=GEARS), measured(seed, 1.2, **hidden), is_described=True)
+    found = held(build_model("play", values=GEARS), measured(seed, 0.8, **hidden), is_described=True)
     assert found.localisation is not None
     return found, found.localisation
 

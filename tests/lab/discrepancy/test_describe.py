@@ -21,7 +21,7 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.signals import SENSOR, TORQUE
 from tests.lab.simulated_gears import moved
 
-NOISE, LENGTH = 0.1, 0.8
+NOISE, LENGTH = 0.1, 0.6
 
 
 def finding(model: Model, recordings: list[Recording]) -> Finding | None:

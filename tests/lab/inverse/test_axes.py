@@ -37,9 +37,9 @@ def damper(seed: int, seconds: float = 5.0) -> Recording:
 
 def swing(seed: int, is_wire: bool, start: float) -> Recording:
     """A free swing of 1 rad/s² per radian times seven: of a wheel on a wire, or of a weight."""
-    times = np.arange(0.0, 14.0, 0.02)
+    times = np.arange(0.0, 9.0, 0.02)
     law = solve_ivp(
-        lambda t, x: [x[1], -7.0 * (x[0] if is_wire else np.sin(x[0])) - 0.08 * x[1]], (0, 14), [start, 0.0], "DOP853",
+        lambda t, x: [x[1], -7.0 * (x[0] if is_wire else np.sin(x[0])) - 0.08 * x[1]], (0, 9), [start, 0.0], "DOP853",
         times, rtol=1e-9, atol=1e-11,
     )  # fmt: skip
     angle = law.y[0] + 1e-3 * start * np.random.default_rng(seed).standard_normal(times.size)

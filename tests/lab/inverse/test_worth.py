@@ -17,11 +17,13 @@ BARE = 'base = "joint"\n'
 INERTIA, VISCOUS, COULOMB, WEIGHT = 0.05, 0.22, 0.3, 11.0
 
 
-def slow(seed: int, weight: float = 0.0, ripple: float = 0.0, noise: float = 0.01, sign: float = 1.0) -> Recording:
-    """A joint led along sines of some ten seconds, 50 samples a second for a minute; its dry friction changes sign at
+def slow(
+    seed: int, weight: float = 0.0, ripple: float = 0.0, noise: float = 0.01, sign: float = 1.0, length: float = 60.0
+) -> Recording:
+    """A joint led along sines of some ten seconds, 50 samples a second; its dry friction changes sign at
     once.  ripple: seven a turn [N m]; sign: of the torque that is written down."""
     rng = np.random.default_rng(seed)
-    time = np.arange(0.0, 60.0, 0.02)
+    time = np.arange(0.0, length, 0.02)
     rates = 2 * math.pi * np.array([0.1, 0.17])
     angle, speed, acceleration = (
         sum(0.6 * rate**order * np.sin(rate * time + order * math.pi / 2) for rate in rates) for order in (0, 1, 2)
@@ -58,7 +60,7 @@ def test_a_ripple_of_a_thousandth_is_not_worth_a_name(
 @pytest.mark.slow
 def test_a_torque_with_the_other_sign_is_turned_round(tmp_path: Path) -> None:
     """An inertia is positive and friction takes energy; a torque that says otherwise is counted against the angle."""
-    answers = [explained(tmp_path, BARE, [slow(3, sign=sign)]) for sign in (1.0, -1.0)]
+    answers = [explained(tmp_path, BARE, [slow(3, sign=sign, length=30.0)]) for sign in (1.0, -1.0)]
     assert answers[0]["missing"] == answers[1]["missing"] != []
     for name, (value, _, _) in answers[0]["parameters"].items():
         assert answers[1]["parameters"][name][0] == pytest.approx(value, rel=1e-3), name

@@ -161,12 +161,12 @@ def test_the_hidden_effect_is_first_of_the_shortlist() -> None:
 @pytest.mark.slow
 def test_few_are_followed_to_the_end() -> None:
     """Of ten effects three, the one that is there first."""
-    task = Task.of(rough(8e-5), [recorded(11, length=1.5)[0]], {"accel": NOISE})
+    task = Task.of(rough(8e-5), [recorded(11, length=1.0)[0]], {"accel": NOISE})
     base = full_fit(nearest(seeded(task.rough, task.experiments), task), task)
     effects = ["bias_drift", "clock_skew", "second_mode", "sensor_saturation", "gravity_leakage", "sensor_lag",
                "centripetal_crosstalk", "quadratic_damping", "load_dependent_friction", "gravity_torque"]  # fmt: skip
     half = task.experiments[0].measured["accel"].max() / 2
-    clipped = Task.of(rough(8e-5), experiments(build_model("play"), [gears(11, 1.5, largest=half)]), {"accel": NOISE})
+    clipped = Task.of(rough(8e-5), experiments(build_model("play"), [gears(11, 1.0, largest=half)]), {"accel": NOISE})
     with ThreadPoolExecutor(2) as pool:
         found = shortlist(base, effects, clipped, pool)
     assert found[0].effect == "sensor_saturation"

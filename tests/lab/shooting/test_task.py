@@ -40,7 +40,7 @@ def test_readings_finer_than_the_integration_are_dithered() -> None:
 def test_nothing_is_missing_from_the_model_that_made_the_recording(tmp_path: Path) -> None:
     """``simulate --noise`` makes noise of the acceleration alone; position and force are as exact as the simulation."""
     path = str(tmp_path / "worn.csv")
-    made = CliRunner().invoke(cli, ["simulate", "play", "-o", path, "--duration", "3", "--noise", "0.1"])
+    made = CliRunner().invoke(cli, ["simulate", "play", "-o", path, "--duration", "1.5", "--noise", "0.1"])
     assert made.exit_code == 0, made.stderr
     found = json.loads(CliRunner().invoke(cli, ["lab", "explain", "play", path, "--json"]).stdout)
     assert (found["verdict"], found["missing"], found["residual"]) == ("nothing_missing", [], None)
