@@ -167,6 +167,13 @@ def record(plan: Plan, s: FloatArray, scratch: FloatArray, records: IntArray, ou
 
 
 @jitted
+def _keep(states: FloatArray, o: int, x: FloatArray) -> None:
+    """states[o] = x, element by element: numba compiles the words of an error of shapes otherwise, for seconds."""
+    for i in range(x.size):
+        states[o, i] = x[i]
+
+
+@jitted
 def _hermite(
     x: FloatArray, dx: FloatArray, y: FloatArray, dy: FloatArray, h: float, part: float, z: FloatArray
 ) -> None:
@@ -323,7 +330,7 @@ def _integrate(
     peak, o = abs(s[plan.watch]), 0
     while o < times.size and times[o] <= knots[0]:
         record(plan, s, scratch, records, out, o)
-        states[o] = x
+        _keep(states, o, x)
         o += 1
     for interval in range(knots.size - 1):
         c, left = coefficients[interval], knots[interval]
@@ -369,9 +376,9 @@ def _integrate(
                     value, rate = polynomial(c, times[o] - left)
                     load(plan, s, origin + times[o], value, rate, z, k4, 0.0)
                     _run(plan, s, scratch, 0, plan.live)
-                    states[o] = z
+                    _keep(states, o, z)
                 else:
-                    states[o] = y
+                    _keep(states, o, y)
                 record(plan, s, scratch, records, out, o)
                 o += 1
             x, y = y, x

@@ -29,6 +29,7 @@ def in_folder(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
         "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
         "PYTHONPATH": "",
         "NO_COLOR": "1",
+        "OPENBLAS_NUM_THREADS": "1",  # as the page says: a script takes several times the processor time without it
     }
     return subprocess.run(command, shell=True, cwd=folder, env=environment, capture_output=True, text=True, timeout=500)
 
