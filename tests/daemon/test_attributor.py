@@ -71,6 +71,7 @@ def test_pipeline_names_the_joint(worn: str) -> None:
     assert attributor.origin.windows >= 20
 
 
+@pytest.mark.slow
 def test_two_accelerometers() -> None:
     """One more on the first link, which the elbow does not move: six windows are enough to be sure of both joints."""
     listeners = shared({"elbow": 0.1, "shoulder": 0.25}, {"shoulder": 0.1})

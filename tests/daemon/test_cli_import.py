@@ -63,6 +63,7 @@ def scores(path: str | Path) -> list[float]:
     return [window["score"] for window in json.loads(result.stdout)["windows"]]
 
 
+@pytest.mark.slow
 def test_import_makes_the_same_recording(own: Path, foreign: Path, tmp_path: Path) -> None:
     """What is mapped comes out in SI, with what it was made of; the scores are those of the original."""
     result = call(

@@ -92,6 +92,7 @@ def test_the_service_runs_on_it(folder: Path, sending: str) -> None:
     assert sum(score["impact"] for score in scores) >= len(scores) / 2
 
 
+@pytest.mark.slow
 def test_a_driver_that_breaks_a_rule_is_told() -> None:
     """The simulated robot passes; the same with commands said to lie on a coarse grid do not."""
     subject = Subject("simulated", joints=[{}])

@@ -268,6 +268,7 @@ def _ods(path: Path, rows: str) -> None:
         )
 
 
+@pytest.mark.slow
 def test_workbooks_that_ask_for_all_memory_are_refused(tmp_path: Path) -> None:
     """Cells that are far apart, and a file of gigabytes behind a small archive: one line each."""
     path = tmp_path / "far.xlsx"

@@ -93,6 +93,7 @@ def test_play_is_heard_and_its_absence_is_not() -> None:
     assert np.median(worn) > 10 * np.median(sound)
 
 
+@pytest.mark.slow
 def test_samples_lie_on_the_devices_own_grids() -> None:
     """10 s bring 1000 commands at 100 Hz and 10,000 accelerations at 1 kHz, none twice and none missing."""
     times, commands, accel_times, accel = Robot([5e-5]).record(20)["a"]

@@ -64,6 +64,7 @@ def test_the_page_fits_and_is_accessible(tmp_path: Path, serve: Serve, look: Ope
     assert violations(page) == []
 
 
+@pytest.mark.slow
 def test_news_comes_while_the_page_is_open(tmp_path: Path, serve: Serve, look: Open) -> None:
     """A new score, a change of health and an alarm appear without anybody's doing."""
     fill(tmp_path / "history.db", count=40)

@@ -1,4 +1,4 @@
-"""The delay between torque and motion, on joints whose motion another simulator made (SciPy's Radau)."""
+"""The delay between torque and motion, on joints whose motion another simulator made (SciPy's LSODA)."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def torque(seed: int, time: FloatArray) -> FloatArray:
 def angle(seed: int) -> FloatArray:
     """How a joint with viscous friction follows it [rad]."""
     law = lambda t, y: (y[1], (torque(seed, t) - B * y[1]) / J)  # noqa: E731
-    solved = solve_ivp(law, (0, TIMES[-1]), (0.0, 0.0), "Radau", TIMES, rtol=1e-8, atol=1e-10)
+    solved = solve_ivp(law, (0, TIMES[-1]), (0.0, 0.0), "LSODA", TIMES, rtol=1e-9, atol=1e-11)
     return np.asarray(solved.y[0])
 
 

@@ -28,6 +28,7 @@ def turned(viscous: float, dry: float, released_s: float = 0.0, speed: float = 4
     return np.asarray(np.round(angle / COUNT) * COUNT)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dry", [1.0, 1.5])
 def test_dry_friction_of_a_bearing_is_named(dry: float, tmp_path: Path) -> None:
     """Both frictions, right to 1 % (J is held at 0.0002 kg m²)."""

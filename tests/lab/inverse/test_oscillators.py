@@ -58,6 +58,7 @@ def test_a_mass_on_a_spring_that_does_not_rub(tmp_path: Path) -> None:
     assert found["verdict"] == "nothing_missing"
 
 
+@pytest.mark.slow
 def test_a_bar_with_both_columns_is_compared_by_its_displacement(tmp_path: Path) -> None:
     """Of a bar that rubs, read by a displacement sensor and by an accelerometer, the friction is named, 0.02 N to 5 %;
     on short segments, as gears are, the range of the accelerometer was."""

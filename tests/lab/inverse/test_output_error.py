@@ -266,6 +266,7 @@ def test_the_voltage_of_the_motor_tells_the_gain() -> None:
     assert found["cap"] == pytest.approx(2.0 / SUPPLY, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_fit_goes_on_until_it_ends() -> None:
     """A servo behind a lag of 42 ms has three equal poles on the way from the file's values to its own; a fit gets past
     them, to the noise and to within 2 % of the lag."""

@@ -172,6 +172,7 @@ def test_a_second_release_is_left_out(second: float, caplog: pytest.LogCaptureFi
         assert part is whole
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("friction", [2.5e-3, 0.0])
 def test_dry_friction_and_drag_together(friction: float, tmp_path: Path) -> None:
     """A mass that both slow as viscous friction would, to a sixth in 60 swings: beside it neither alone takes anything.

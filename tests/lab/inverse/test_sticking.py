@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.inverse.channel import Channel
@@ -51,6 +52,7 @@ def fit_of(seed: int) -> Regression:
     return regressed(softened(model, signals), Data.of(signals, model))
 
 
+@pytest.mark.slow
 def test_friction_of_a_joint_that_sticks() -> None:
     """The mean errors of six fits are below 0.5 % (viscous friction) and 1 % (Coulomb): 1.1 and 2.3 % with the samples
     beside a reversal."""

@@ -148,6 +148,7 @@ class EquallyWrong(Columns):
 MODELS = {effects: build_model("joint", effects) for effects in ((), (FIRST,), (SECOND,), (THIRD,))}
 
 
+@pytest.mark.slow
 def test_one_search_in_twenty_names_an_effect_that_is_not_there() -> None:
     """Of 2000 searches among models that are equally wrong 3 to 5 % name one of three effects (at a level of 10 % it
     would be 8 %).  In noise alone fewer do, as what is fitted to noise predicts worse: of 100 one at most."""
