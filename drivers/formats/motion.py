@@ -25,6 +25,8 @@ FILMED = "angle(x, y)"
 MOST = 0.75
 """share of the variance of all axes, by which one is that of the motion: the oscillating mass of a telephone has 0.86,
 a walking person 0.4 to 0.6"""
+TWIN = 0.98
+"""correlation of two columns, of which one may be the goal of the other"""
 MOST_SHOWN = 3
 """pairs of a position and its speed, in a message"""
 SWINGS = 6
@@ -42,11 +44,12 @@ def liveliest(table: Table, choice: Choice) -> dict[str, str]:
     ``unit``, and ``why``."""
     found: dict[str, str] = {}
     changing, is_timed = _changing(table, choice)
-    if is_timed and len(changing) == 1:
+    if is_timed and len(changing) == 1 and not (twins := _alike(table, changing[0])):
         (rate,) = changing
         return {"position": rate.of, "unit": rate.unit, "why": f"{shown(rate.speed)} is how fast it changes"}
     if changing:
         told = ", ".join(f"{shown(rate.speed)} is how fast {shown(rate.of)} changes" for rate in changing[:MOST_SHOWN])
+        told += f", as {', '.join(map(shown, twins))} does" if len(changing) == 1 and is_timed else ""
         return {"perhaps": changing[0].of, "why": told} | (
             {} if is_timed else {"rows": f"{float(f'{1 / changing[0].factor:.3g}'):g}"}
         )
@@ -85,6 +88,16 @@ def _changing(table: Table, choice: Choice) -> tuple[list[Rate], bool]:
     most = max(times.size for times, _ in read.values())
     whole = {name: values for name, (times, values) in read.items() if times.size == most}
     return rates(whole, next(times for times, _ in read.values() if times.size == most)), True
+
+
+def _alike(table: Table, rate: Rate) -> list[str]:
+    """Of columns without names those that move as the position of this rate does: one of them may be the goal."""
+    if not UNNAMED.fullmatch(rate.of):
+        return []
+    names = [one.name for one in table.series if one.name not in (table.clock, rate.of)]
+    loaded = {name: np.asarray(values, dtype=float) for name, values in table.load([rate.of, *names]).items()}
+    moved = {name: values for name, values in loaded.items() if name in names and np.ptp(values) > 0}
+    return [name for name, values in moved.items() if np.corrcoef(loaded[rate.of], values)[0, 1] > TWIN]
 
 
 def _swings(values: FloatArray) -> bool:

@@ -11,7 +11,7 @@ from pathlib import Path
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.choice import parts_of
 from lostmotion.drivers.formats.source import Source
-from lostmotion.drivers.formats.words import column_of
+from lostmotion.drivers.formats.words import column_of, is_input
 from lostmotion.drivers.units import COLUMN_UNITS
 
 __all__ = ["FORMATS", "Format", "is_foreign", "open_source"]
@@ -143,7 +143,8 @@ def _is_own(start: bytes) -> bool:
         others = [name for name in names if name not in ours]
         below = "".join(lines[lines.index(header) + 1 :][:1])
         is_full = NUMBERS.fullmatch(below) and all(cell.strip() for cell in below.split(","))
-        if ours == {"time"} and others and not comments and is_full:
+        is_driven = ours & {"position", "displacement"} and any(is_input(name) for name in others)
+        if not comments and is_full and ((ours == {"time"} and others) or is_driven):
             return False
         return not any((column := column_of(name)) and column not in ours for name in others)
     if header and comments and not any("=" in line for line in comments):  # names behind a #, and no metadata

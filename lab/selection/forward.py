@@ -269,7 +269,18 @@ def _pair(step_alone: Step[F], now: F, added: tuple[str, ...], likelihood: Likel
             rest = (one for one in step_alone.judged if one.effect != first.effect)
             alone_first = Step((first, *rest), untried=step_alone.untried)
             found.append([alone_first, replace(second, judged=(both, *second.judged[1:]))])
-    return min(found, key=lambda two: two[1].judged[0].fit.rms, default=[])
+    return _of_pairs(found, likelihood.turns) if found else []
+
+
+def _of_pairs(found: Sequence[list[Step[F]]], turns: float) -> list[Step[F]]:
+    """Of several pairs the one that explains most; of those that explain as much, as the weight of an arm and a torque
+    that ripples once a turn, beside the same friction, the one whose first effect is ``_preferred``."""
+    error = {id(two): two[1].judged[0].fit.rms ** 2 for two in found}
+    best = [two for two in found if error[id(two)] * (1 - policy.LEAST_GAIN) <= min(error.values())]
+    two = min(best, key=lambda two: (*_preferred(two[0].judged[0], turns), error[id(two)]))
+    named, second = (step.judged[0].effect for step in two)
+    alike = [one[0].judged[0].effect for one in best if one[1].judged[0].effect == second]
+    return [replace(two[0], confusable=tuple(name for name in alike if name != named)), two[1]]
 
 
 def _eliminated(found: Selection[F], likelihood: Likelihood[F]) -> Selection[F]:

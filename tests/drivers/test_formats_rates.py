@@ -9,7 +9,10 @@ import pytest
 import scipy.io
 
 from lostmotion.drivers.formats.rates import rates
+from lostmotion.drivers.formats.read import imported
+from lostmotion.drivers.formats.source import Choice
 from lostmotion.drivers.formats.words import is_input
+from lostmotion.drivers.recording import read_recording
 from tests.drivers.test_formats import read, refused
 from tests.drivers.test_formats_as_saved import rows
 
@@ -110,3 +113,22 @@ def test_an_angle_that_does_not_change_and_times_that_do_not(tmp_path: Path) -> 
     path.write_text("Timestamp,pos\n" + "".join(f"13/05/2024 0:53,{angle:.4f}\n" for angle in ANGLE))
     assert "found the same time in 'Timestamp' in all 600 rows" in refused(path)
     assert read(path, rate_hz=100).recording.columns["position"] == pytest.approx(ANGLE, abs=1e-4)
+
+
+def test_a_goal_and_its_speed_are_no_angle_without_a_name(tmp_path: Path) -> None:
+    """What was measured moves as the goal does, but its speed is too rough to tell: one of them must be named."""
+    path = tmp_path / "friction.txt"
+    rough = np.degrees(ANGLE) + 3 * np.random.default_rng(3).standard_normal(T.size)
+    path.write_text(rows(T, rough, ANGLE, SPEED, INPUT, sign=" "))
+    told = refused(path)
+    assert "column4 is how fast column3 changes, as column2 does: assign one of them, as in --map position=" in told
+
+
+def test_a_header_as_ours_with_the_input_of_a_motor(tmp_path: Path) -> None:
+    """``time`` and ``position`` may be another program's, too: what drives the motor is not left out."""
+    path = tmp_path / "cart.csv"
+    path.write_text("time,position,angle,control_input\n" + rows(T, ANGLE, 0 * T, INPUT, sign=","))
+    assert [one.series for one in imported(path, Choice()).columns] == ["position", "control_input"]
+    assert read_recording(path).columns["voltage"] == pytest.approx(INPUT)
+    path.write_text("time,position,note\n" + rows(T, ANGLE, 0 * T, sign=","))
+    assert set(read_recording(path).columns) == {"position"}

@@ -204,6 +204,21 @@ def test_what_helps_only_together_is_found_as_a_pair() -> None:
     assert max(shown[FIRST], shown[SECOND]) < policy.FALSE_NAME < shown[THIRD]
 
 
+@pytest.mark.parametrize(("turns", "name"), [(0.4, "gravity_torque"), (40.0, "torque_ripple")])
+def test_of_two_pairs_that_explain_as_much_the_likely_one_is_named(turns: float, name: str) -> None:
+    """The weight of an arm is a ripple once a turn: beside viscous friction a pendulum has a weight, a shaft a ripple,
+    and the other one is told."""
+    columns = independent() | {"torque_ripple": independent()[THIRD] * (1 + 1e-9)}
+    columns[SECOND][1::2] = 0.1 * columns[SECOND][1::2] - columns[THIRD][1::2]
+    del columns[FIRST]
+    noise = np.random.default_rng(0).standard_normal(SAMPLES)
+    likelihood = Columns(noise + 12.0 * (columns[SECOND] + columns[THIRD]), columns)
+    likelihood.turns = turns
+    search = selected(likelihood, lambda what, part: None)
+    assert set(search.added) == {name, SECOND}
+    assert [set(group) for group in search.confusable] == [{THIRD, "torque_ripple"}]
+
+
 def test_an_effect_has_the_p_value_of_the_step_that_named_it() -> None:
     """A column that shows only beside a louder one is not significant in the first step, and shown as it was named."""
     search = found({FIRST: 12.0, SECOND: 1.0}, independent())
