@@ -94,7 +94,7 @@ def _alike(table: Table, rate: Rate) -> list[str]:
     """Of columns without names those that move as the position of this rate does: one of them may be the goal."""
     if not UNNAMED.fullmatch(rate.of):
         return []
-    names = [one.name for one in table.series if one.name not in (table.clock, rate.of)]
+    names = [one.name for one in table.series if one.unit != DATE and one.name not in (table.clock, rate.of)]
     loaded = {name: np.asarray(values, dtype=float) for name, values in table.load([rate.of, *names]).items()}
     moved = {name: values for name, values in loaded.items() if name in names and np.ptp(values) > 0}
     return [name for name, values in moved.items() if np.corrcoef(loaded[rate.of], values)[0, 1] > TWIN]
