@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
@@ -266,11 +267,14 @@ def _covers(name: str, model: Model, data: Problem) -> bool:
 
 
 def _travel(signals: Signals, fastest: float) -> float:
-    """The range of a motion [rad], or the distance travelled if that is less, at speeds up to this [rad/s]."""
+    """The range of a motion [rad] at speeds up to this [rad/s], or that of a sine with its standard deviation (a motion
+    that dies away), or the distance travelled, whichever is least."""
     slow = np.abs(signals.velocity) < fastest
+    if not slow.any():
+        return 0.0
     step = float(signals.time[1] - signals.time[0])
     way = float(np.abs(signals.velocity[slow]).sum() * step)
-    return min(float(np.ptp(signals.position[slow])), way) if slow.any() else 0.0
+    return min(float(np.ptp(signals.position[slow])), math.sqrt(8) * float(signals.position.std()), way)
 
 
 def refined(fit: Regression) -> Regression:

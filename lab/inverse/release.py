@@ -10,8 +10,10 @@ long as it explains the acceleration.
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,50 +50,64 @@ def released(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
 
 
 def _released(experiment: Experiment) -> Experiment:
-    start, end = _free_part(Signals.of(experiment))
-    if start is end is None:
-        return experiment
-    if start is not None:
+    part = _free_part(Signals.of(experiment))
+    if part.begins > experiment.time[0]:
         log.warning(
             "%s: moves freely only from %.4g s on; what is before is left out (a hand, a motor or a blow acts there)",
-            experiment.name, start,
+            experiment.name, part.begins,
         )  # fmt: skip
-    if end is not None:
+    if part.acts_again:
         log.warning(
             "%s: moves freely only until %.4g s; what is after is left out (something acts on it again)",
-            experiment.name, end,
+            experiment.name, part.ends,
         )  # fmt: skip
-    return experiment.between(-np.inf if start is None else start, np.inf if end is None else end)
+    return experiment.between(part.begins, part.ends)
 
 
-def _free_part(signals: Signals) -> tuple[float | None, float | None]:
-    """The times between which the motion is free [s]; None where it is free from its beginning, or to its end.
+class _Part(NamedTuple):
+    """The times between which a motion is free [s], and whether something acts again after it."""
+
+    begins: float = -math.inf
+    ends: float = math.inf
+    acts_again: bool = False
+
+
+def _free_part(signals: Signals) -> _Part:
+    """The part in which the motion is free, with a rest after it that is no longer than the motion: the noise of a long
+    one narrows the band (six simulated arms, each dropped three times in 6 s: none was right, all are).
 
     It is free from the last time on at which the error of the acceleration, over a third of a period, was more than
     ``policy.MISSED`` times that of the free part.  Less than a period before it is not left
     out: a second mode that dies down looks alike.  A rest before the motion is, if it is longer than that of a free
     motion where it turns: a pendulum that falls from the upright accelerates nowhere near its rest, and no simulation
     from there follows it.  So is the blow after a rest, which an accelerometer feels, for half a period: a longer one
-    pushes against the motion.  It is free until it rests, if the error is as large afterwards, or if a shaft
-    that coasted moves again: a hand stops it, or lets it go again.
+    pushes against the motion.  It is free until it rests: afterwards a hand holds it, or lets it go again.
     """
-    motion = _Local.of(signals)
-    free = motion.free
-    if free.stop - free.start < max(LEAST_SAMPLES, motion.width) * REGRESSORS:  # a width is as good as one sample
-        if motion.coasts and _gains_speed(signals.position[motion.begins : motion.ends]):
-            raise _driven(signals)
-        return None, None
-    off, width = motion.unexplained(signals.experiment.is_linear), motion.width
+    motion, time = _Local.of(signals), signals.time
+    free, width, release, acts_again = motion.free, motion.width, 0, False
+    if free.stop - free.start >= max(LEAST_SAMPLES, width) * REGRESSORS:  # a width is as good as one sample
+        release, acts_again = _by_acceleration(signals, motion)
+    elif motion.coasts and _gains_speed(signals.position[motion.whole]):
+        raise _driven(signals)
+    begins, ends = motion.whole.start, motion.whole.stop
+    if begins > TURNING * motion.period:
+        release = max(release, begins + (motion.period // 2 if signals.column == ACCEL else 0))
+    end = free.stop - 1 if acts_again else 2 * ends - begins
+    return _Part(
+        float(time[release]) if release else -math.inf, float(time[end]) if end < time.size else math.inf, acts_again
+    )
+
+
+def _by_acceleration(signals: Signals, motion: _Local) -> tuple[int, bool]:
+    """The sample of the release by the error of the acceleration, and whether something acts again after the motion."""
+    free, width, off = motion.free, motion.width, motion.unexplained(signals.experiment.is_linear)
     usual = np.sqrt(max(np.mean(off[free] ** 2), SMALL**2 * np.mean(motion.acceleration[free] ** 2)))
     mean = np.sqrt(np.convolve(off**2, np.ones(width) / width, mode="same"))
     wrong = np.flatnonzero(mean[width : free.start] > policy.MISSED * usual)
     release = width + int(wrong[-1]) + 1 if wrong.size else 0
-    release = release if release >= PERIOD * width else 0
-    if motion.begins > TURNING * PERIOD * width:
-        release = max(release, motion.begins + (PERIOD * width // 2 if signals.column == ACCEL else 0))
     after = mean[free.stop + width : -width] > policy.MISSED * usual
-    acts_again = bool(signals.moving[motion.ends :].any() if motion.coasts else after.any())
-    return float(signals.time[release]) if release else None, float(signals.time[free.stop - 1]) if acts_again else None
+    acts_again = bool(signals.moving[motion.whole.stop :].any() if motion.coasts else after.any())
+    return release if release >= PERIOD * width else 0, acts_again
 
 
 def _gains_speed(angle: FloatArray) -> bool:
@@ -125,19 +141,25 @@ def _last_fastest(velocity: FloatArray, share: float) -> int:
     return int(np.flatnonzero(speed >= share * speed.max())[-1])
 
 
+def _period(signals: Signals, part: slice) -> float:
+    """The period of a sine with the same mean squares of angle and speed as this part of a motion [s]."""
+    swing = signals.position[part] - signals.position[part].mean()
+    return float(2 * np.pi * np.sqrt(np.mean(swing**2) / np.mean(signals.velocity[part] ** 2)))
+
+
 @dataclass(frozen=True, eq=False)
 class _Local:
     """Position, speed and acceleration (N,) by local polynomials of a width in samples that is a third of a period;
-    free: from the largest speed until rest; begins, ends: the largest motion; coasts: whether that is a shaft's,
-    which nothing pulls back."""
+    free: from the largest speed until rest; whole: the largest motion; period: its period, in samples; coasts: whether
+    it is a shaft's, which nothing pulls back."""
 
     position: FloatArray
     velocity: FloatArray
     acceleration: FloatArray
     width: int
     free: slice
-    begins: int
-    ends: int
+    whole: slice
+    period: int
     coasts: bool
 
     @classmethod
@@ -150,10 +172,9 @@ class _Local:
         is_coast = coasts(signals.position[moved], signals.experiment.is_linear)
         top = TOP if is_coast else 1.0
         free = slice(moved.start + _last_fastest(signals.velocity[moved], top), moved.stop)
-        swing = signals.position[free] - signals.position[free].mean()
-        period = 2 * np.pi * np.sqrt(np.mean(swing**2) / np.mean(signals.velocity[free] ** 2))
-        period = COASTS * step * swing.size if is_coast else period
-        width = max(2 * round(period / step / 6) + 1, ORDER + 3 + ORDER % 2)
+        coast = COASTS * (free.stop - free.start)
+        period = coast if is_coast else _period(signals, free) / step
+        width = max(2 * round(period / 6) + 1, ORDER + 3 + ORDER % 2)
         measured = signals.experiment.measured[signals.column]  # of a bar its acceleration follows the same equation
         seen = ~np.isnan(measured)
         raw = np.interp(signals.time, signals.experiment.time[seen], measured[seen])
@@ -161,7 +182,8 @@ class _Local:
         begin = max(moved.start, width)
         first = _last_fastest(velocity[begin : moved.stop], top) + begin
         last = int(np.flatnonzero(is_moving(velocity[begin : moved.stop]))[-1]) + begin + 1
-        return cls(position, velocity, acceleration, width, slice(first, last), moved.start, moved.stop, is_coast)
+        whole = round(coast if is_coast else _period(signals, moved) / step)
+        return cls(position, velocity, acceleration, width, slice(first, last), moved, whole, is_coast)
 
     def unexplained(self, is_linear: bool) -> FloatArray:
         """The acceleration that no function of position and speed explains (N,), fitted where the motion is free."""

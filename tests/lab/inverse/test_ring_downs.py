@@ -147,7 +147,7 @@ def test_a_jerk_does_not_hide_the_release() -> None:
 @pytest.mark.parametrize("second", [0.0, 0.9, 0.3])
 def test_a_second_release_is_left_out(second: float, caplog: pytest.LogCaptureFixture) -> None:
     """A pendulum that comes to rest, is held up by a hand and let go again: the larger motion remains, and alone it is
-    free to its end."""
+    free until it rests."""
     step = 0.02
     times, place, speed, swing = np.arange(0, 70, step), 0.6, 0.0, []
     for time in times:
@@ -163,13 +163,15 @@ def test_a_second_release_is_left_out(second: float, caplog: pytest.LogCaptureFi
     (part,) = released([whole])
     if second > 0.6:
         assert 36 < part.time[0] < 40
-        assert part.time[-1] == times[-1]
+        assert part.time[-1] > 45
     elif second:
         assert part.time[0] == 0
         assert 8 < part.time[-1] < 35
         assert "something acts on it again" in caplog.text
     else:
-        assert part is whole
+        assert part.time[0] == 0
+        assert 8 < part.time[-1] < 35
+        assert not caplog.text
 
 
 @pytest.mark.slow
