@@ -67,9 +67,15 @@ def held(model: Model, names: Iterable[str]) -> Model:
 
 def with_free_states(model: Model) -> Model:
     """The model of a motion that no input drives, in which the initial values of an effect's free states are its
-    amplitudes: those among its parameters are held."""
+    amplitudes: those among its parameters are held.  Nothing is there to push a joint whose weight has an angle of
+    rest: a constant torque would be the dry friction of an arm that falls in one direction."""
     free = [get_effect(name) for name in model.effects if get_effect(name).free_states]
-    return held(model, [f"{effect.id}.{name}" for effect in free for name in effect.amplitudes])
+    model = held(model, [f"{effect.id}.{name}" for effect in free for name in effect.amplitudes])
+    rests_by = {get_effect(name).rests_by for name in model.effects} - {""}
+    bias = model.parameters.get("bias")
+    if not rests_by or not bias or bias.fixed == ("bias" not in rests_by):
+        return model
+    return model.replace({"bias": replace(bias, value=0.0, fixed=not bias.fixed)})
 
 
 def free_states(model: Model, is_moved: bool) -> tuple[str, ...]:

@@ -98,7 +98,8 @@ class Effect(EffectInfo):
     of these scales; barely: values with which it hardly acts, one for each shape, where it has no amplitude; simpler:
     the effect that is a part of it; likelier, odds: another effect of its kind, which so many times as many machines
     have; speed_power: the power of the speed to which a damping is proportional; most_turns: a motion of more turns
-    cannot have it; delays_by: its parameter T [s] where to first order it makes the reading come later by T. words: its
+    cannot have it; delays_by: its parameter T [s] where to first order it makes the reading come later by T; rests_by: the
+    parameter, of its own or of the base, by which the place where a torque pulls the joint to is fitted. words: its
     description for a person.
     """
 
@@ -122,6 +123,7 @@ class Effect(EffectInfo):
     speed_power: int | None = None
     most_turns: float = math.inf
     delays_by: str = ""
+    rests_by: str = ""
     words: Words | None = None
 
     def parameters_on(self, base: str) -> dict[str, Parameter]:

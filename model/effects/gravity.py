@@ -53,6 +53,7 @@ GRAVITY_TORQUE = Effect(
     defaults={"joint": {"tau_g": joint_sized(_TAU_G)}, "servo": {"tau_g": servo_sized(_TAU_G)}},
     amplitudes=("tau_g",),
     guesses=lambda scales: grid(tau_g=[scales.torque * share for share in (0.02, 0.1)], phi=PHASES),
+    rests_by="phi",
     words=Words(
         "the weight of the arm",
         "The arm is out of balance: its weight turns the joint with up to {tau_g}.",

@@ -45,6 +45,7 @@ SPRING_TORQUE = Effect(
     likelier="gravity_torque",
     odds=100.0,
     most_turns=SHAFT_TURNS,
+    rests_by="bias",
     words=Words(
         "a spring",
         "A spring pulls the joint back: its stiffness is {k_s}.",
