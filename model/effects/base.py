@@ -94,13 +94,13 @@ class Effect(EffectInfo):
     defaults: other values of the parameters on one base.
     is_apt: whether values of its parameters, and of the base's, fit its name: a Stribeck friction is largest near rest.
 
-    For a search: amplitudes: parameters without which it vanishes; guesses: values from which it may begin in a motion
-    of these scales; barely: values with which it hardly acts, one for each shape, where it has no amplitude; simpler:
-    the effect that is a part of it; likelier, odds: another effect of its kind, which so many times as many machines
-    have; speed_power: the power of the speed to which a damping is proportional; most_turns: a motion of more turns
-    cannot have it; delays_by: its parameter T [s] where to first order it makes the reading come later by T; rests_by: the
-    parameter, of its own or of the base, by which the place where a torque pulls the joint to is fitted. words: its
-    description for a person.
+    For a search: amplitudes: parameters without which it vanishes; guesses: values from which it may begin in a
+    motion of these scales; barely: values with which it hardly acts, one for each shape, where it has no amplitude;
+    simpler: the effect that is a part of it; likelier, odds: another effect of its kind, which so many times as many
+    machines have; speed_power: the power of the speed to which a damping is proportional; most_turns: a motion of
+    more turns cannot have it; delays_by: its parameter T [s] where to first order it makes the reading come later by
+    T; rests_by: the parameter, of its own or of the base, by which the place where a torque pulls the joint to is
+    fitted. words: its description for a person.
     """
 
     terms: Mapping[str, tuple[Term, ...]] = field(default_factory=dict)
