@@ -21,14 +21,16 @@ TIMES = np.arange(0.0, LENGTH_S, 1 / RATE_HZ)
 
 
 def swing(start: float, at_s: float, friction: float = 0.05) -> FloatArray:
-    """The angle of a pendulum of one hertz [rad] that a hand holds at ``start`` until a time, by SciPy's Radau."""
+    """The angle of a pendulum of one hertz [rad] that a hand holds at ``start`` until a time, by SciPy's LSODA."""
 
     def slope(_: float, y: FloatArray) -> list[float]:
         return [y[1], -39.0 * np.sin(y[0]) - 0.05 * y[1] - friction * np.tanh(y[1] / 0.02)]
 
     free = TIMES[at_s <= TIMES]
     angle = np.full(TIMES.size, start)
-    angle[at_s <= TIMES] = solve_ivp(slope, (free[0], LENGTH_S), [start, 0.0], "Radau", free, rtol=1e-7, atol=1e-9).y[0]
+    angle[at_s <= TIMES] = solve_ivp(slope, (free[0], LENGTH_S), [start, 0.0], "LSODA", free, rtol=1e-8, atol=1e-10).y[
+        0
+    ]
     return np.asarray(angle)
 
 

@@ -16,7 +16,7 @@ RATE_HZ, LENGTH_S, FRICTION = 25.0, 16.0, 0.3
 
 
 def moved(seed: int) -> Experiment:
-    """Four moves of a controlled joint with dry friction of 0.3 N m, each followed by a rest, by SciPy's Radau."""
+    """Four moves of a controlled joint with dry friction of 0.3 N m, each followed by a rest, by SciPy's LSODA."""
     rng = np.random.default_rng(seed)
     times = np.arange(0.0, LENGTH_S, 1 / RATE_HZ)
     goal = np.zeros_like(times)
@@ -30,7 +30,7 @@ def moved(seed: int) -> Experiment:
     def slope(t: float, y: FloatArray) -> list[float]:
         return [y[1], (torque(t, y) - 0.05 * y[1] - FRICTION * np.tanh(y[1] / 0.004)) / 0.02]
 
-    found = solve_ivp(slope, (0, LENGTH_S), [0, 0], "Radau", times, rtol=1e-6, atol=1e-8, max_step=0.05)
+    found = solve_ivp(slope, (0, LENGTH_S), [0, 0], "LSODA", times, rtol=1e-8, atol=1e-10, max_step=0.05)
     given = np.array([torque(t, y) for t, y in zip(times, found.y.T, strict=True)])
     angle = found.y[0] + rng.normal(0, 2e-4, times.size)
     return Experiment(
