@@ -5,6 +5,7 @@ web stands above all of them."""
 from __future__ import annotations
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -28,6 +29,7 @@ LAB = (
 HEAVY = ("scipy", "numba", "matplotlib", "rich", "plotext", "pandas", "llvmlite")
 
 
+@cache
 def imports(path: Path) -> list[tuple[str, bool]]:
     """Every module that the file imports, and whether it does so at its top level."""
     tree = ast.parse(path.read_text())

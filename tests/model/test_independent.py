@@ -118,21 +118,27 @@ def test_servo(effect: str | None) -> None:
     assert distance(ours, theirs) < 1e-4
 
 
+INERTIA, WEIGHT, WIDTH = 2e-4, 1.4e-3, 2e-3
+SWING = np.arange(0.0, 12.0, 0.02)
+
+
+@lru_cache
+def by_radau(start: float, rubs: float) -> FloatArray:
+    """Such a pendulum's angle (N,), solved once for all steps of the model."""
+    law = lambda t, x: [x[1], -(WEIGHT * np.sin(x[0]) + rubs * np.tanh(x[1] / WIDTH)) / INERTIA]  # noqa: E731
+    found = solve_ivp(law, (0, SWING[-1]), [start, 0.0], "Radau", SWING, rtol=1e-10, atol=1e-12)
+    return np.asarray(found.y[0])
+
+
 def pendulum(start: float, step: float | None, rubs: float = 1.5e-4) -> tuple[FloatArray, FloatArray, float]:
     """A pendulum with dry friction for 12 s: by SciPy's Radau, by the model, and the model's step [s]."""
-    inertia, weight, width = 2e-4, 1.4e-3, 2e-3
-    friction = {"tau_c": rubs, "omega_0": width}
+    friction = {"tau_c": rubs, "omega_0": WIDTH}
     model = build_model(
         "joint", ["gravity_torque", "coulomb_friction"],
-        {"J": inertia, "gravity_torque.tau_g": weight} | {f"coulomb_friction.{k}": v for k, v in friction.items()},
+        {"J": INERTIA, "gravity_torque.tau_g": WEIGHT} | {f"coulomb_friction.{k}": v for k, v in friction.items()},
     )  # fmt: skip
-    times = np.arange(0.0, 12.0, 0.02)
-    exact = solve_ivp(
-        lambda t, x: [x[1], -(weight * np.sin(x[0]) + rubs * np.tanh(x[1] / width)) / inertia],
-        (0, 12), [start, 0.0], "Radau", times, rtol=1e-10, atol=1e-12,
-    )  # fmt: skip
-    run = model.simulate(None, times, [start, 0.0], substep_s=step)
-    return exact.y[0], run["position"], run.substep_s
+    run = model.simulate(None, SWING, [start, 0.0], substep_s=step)
+    return by_radau(start, rubs), run["position"], run.substep_s
 
 
 @pytest.mark.parametrize("step", [None, 4e-3, 16e-3])
