@@ -105,7 +105,7 @@ def test_intervals_hold_whatever_the_gear(cause: str) -> None:
     """Of 95 % intervals at least 90 % hold 3 mrad and 8 mrad, of a gear that no setting describes; hard stops have a
     size in half of the windows and to 20 % by all together."""
     for play, seed in ((30e-6, 8220), (80e-6, 8222)):
-        found = summary_of(CAUSES[cause], play, [seed], seconds=5.0)
+        found = summary_of(CAUSES[cause], play, [seed], seconds=6.0)
         assert found.values >= 10
         assert found.covered >= 0.9
         if CAUSES[cause].gear.kind == "stops":
