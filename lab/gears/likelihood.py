@@ -120,7 +120,8 @@ class ShortSegments:
     def proposals(
         self, now: SegmentFit, added: tuple[str, ...], only: Sequence[str] = ()
     ) -> Iterator[Proposals[SegmentFit]]:
-        """What the score test proposes, then what observers propose."""
+        """What the score test proposes; then what observers propose, or where the shortest segments are near the noise
+        the best of the full fits of all effects: there each has its minimum beside the values without it."""
         task, pool, level = self.task, self.pool, now.short if now.is_far else now.level
         may = others(now.model)
         scores = score_test(level, may, task.substep_s, pool, np.random.default_rng(0))
@@ -128,11 +129,18 @@ class ShortSegments:
             asked = [d for d in scores.directions[: policy.FINISHED] if d.statistic > scores.limit]
             yield self._judged(self._with_range(near_trials(level, asked, task, pool), level, may), now, scores)
             return
-        near = near_trials(level, scores.directions[: policy.FINISHED], task, pool, FEW_STEPS)
-        trials = full_trials(near, scores.directions[0].effect, task, pool)
+        few, rest = scores.directions[: policy.FINISHED], scores.directions[policy.FINISHED :]
+        near = near_trials(level, few, task, pool, FEW_STEPS)
+        trials = full_trials(near, few[0].effect, task, pool)
         least = math.sqrt(1 - policy.LEAST_GAIN) * level.typical
         yield self._judged(self._longer([trial for trial in trials if trial.level.typical < least]), now, scores)
-        yield self._judged(self._longer(observer_trials(now.short, may, task, pool)), now, scores)
+        if level.typical > policy.FAR:
+            yield self._judged(self._longer(observer_trials(now.short, may, task, pool)), now, scores)
+            return
+        near += near_trials(level, rest, task, pool, FEW_STEPS)
+        fitted = {trial.effect for trial in trials}
+        more = full_fits([(one.effect, one.level.model) for one in near if one.effect not in fitted], task, pool)
+        yield self._judged(self._longer(more[: policy.FINISHED]), now, scores)
 
     def _longer(self, trials: Sequence[Trial]) -> list[Trial]:
         return halving(trials, self.task, self.unseen.horizon_s, self.pool)
