@@ -29,6 +29,7 @@ from lostmotion.model.effects.guesses import MotionScales
 from lostmotion.model.motion import FloatArray
 
 __all__ = [
+    "SHORT",
     "by_acceleration",
     "candidates",
     "fitted_by_acceleration",

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from lostmotion.lab import policy
 from lostmotion.lab.deadline import is_over, remaining_s, within
-from lostmotion.lab.fitting.identifiability import held, is_driven
+from lostmotion.lab.fitting.identifiability import held, is_driven, with_free_states
 from lostmotion.lab.inverse.candidates import (
+    SHORT,
     by_acceleration,
     candidates,
     fitted_by_acceleration,
@@ -41,6 +42,7 @@ from lostmotion.lab.selection.evidence import Predictions
 from lostmotion.lab.selection.forward import Proposals
 from lostmotion.lab.selection.nesting import around, without
 from lostmotion.model import Model, ModelError
+from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray
 
 __all__ = [
@@ -218,10 +220,13 @@ class WholeMotion:
             if isinstance(data, OutputError):
                 data, nuisance = data.trimmed(model, nuisance)
             return self._fitted(regressed(model, data, nuisance))
+        if self.method is Method.FREE and get_effect(effect).rests_by:  # the constant torque may stand for it
+            model = with_free_states(model.replace({"bias": self.model.parameters["bias"]}))
         inverse = _with_load(model, Data.of(fit.inverse.data.signals, model, nuisance), nuisance)
         if self.method is not Method.FREE:
             return self._fitted(inverse)
-        return Fitted(inverse, regressed(model, fit.judged.data, fit.judged.nuisance))
+        less = regressed(model, fit.judged.data, fit.judged.nuisance, SHORT)
+        return Fitted(inverse, less if less.rms > policy.BEHIND * fit.rms else refined(less))
 
     def _fitted(self, inverse: Regression, begun: Regression | None = None) -> Fitted:
         """With the fit that is judged."""

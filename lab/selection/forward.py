@@ -285,14 +285,20 @@ def _of_pairs(found: Sequence[list[Step[F]]], turns: float) -> list[Step[F]]:
 
 def _eliminated(found: Selection[F], likelihood: Likelihood[F]) -> Selection[F]:
     """Eliminates effects that later ones have made superfluous, that only led a fit out of another minimum, or whose
-    size is no longer identified, as long as the estimates of the others agree with their definitions."""
+    size is no longer identified, as long as the estimates of the others agree with their definitions.
+
+    One without which the fit falls far behind is needed, whatever it would predict: a swing without its weight took 15
+    s of processor time for that.
+    """
     fits, labels = list(found.fits), list(found.labels)
     for effect in found.added:
         if is_over():
             break
         now, less = fits[-1], likelihood.without(effect, fits[-1])
         others = [name for name in labels if name != effect]
-        is_needed = likelihood.predictions(less, now).p_value < policy.FALSE_NAME and likelihood.is_sized(effect, now)
+        is_needed = likelihood.is_sized(effect, now) and (
+            less.rms > policy.BEHIND * now.rms or likelihood.predictions(less, now).p_value < policy.FALSE_NAME
+        )
         if not is_needed and are_consistent(less.model, others):
             fits = [fits[0], *compress(fits[1:], [name != effect for name in labels])]
             fits[-1], labels = less, others
