@@ -158,4 +158,5 @@ reach 4.7 to 40 times, those that are free from the first sample 1.2 at most."""
 
 BEHIND = 1.8
 """Times the error of the best on segments of one length, above which another effect, or the model without one, is not
-fitted on longer ones, and the effect is needed.  True effects came to 1.2 times the best one's at most (docs/decisions/0009)."""
+fitted on longer ones, and the effect is needed.  True effects came to 1.2 times the best one's at most
+(docs/decisions/0009)."""
