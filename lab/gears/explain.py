@@ -104,7 +104,7 @@ def _explanation(selection: Selection[SegmentFit], task: Task, pool: Executor) -
     return Explanation(
         verdict=verdict,
         missing=missing,
-        confusable=selection.confusable,
+        confusable=_confusable(selection),
         ranking=ranking(selection, descent[0], lambda one: one.fit.unseen.of(column), _values, best_fit.estimates),
         error=columns[column],
         residual=residual,
@@ -123,6 +123,15 @@ def _explanation(selection: Selection[SegmentFit], task: Task, pool: Executor) -
         ),
         untried=selection.untried,
     )
+
+
+def _confusable(selection: Selection[SegmentFit]) -> tuple[tuple[str, ...], ...]:
+    """The groups of the search, with what delays as well as an effect that was named."""
+    groups = {group[0]: group for group in selection.confusable}
+    for named, other in selection.fits[-1].alike:
+        if named in selection.added and other not in (group := groups.get(named, (named,))):
+            groups[named] = (*group, other)
+    return tuple(groups.values())
 
 
 def _with_unseen(fit: Fit, judged: Judged) -> Fit:

@@ -53,6 +53,8 @@ class SegmentFit:
     unseen: Judged
     floor: float = math.nan
     """Not known of a candidate."""
+    alike: tuple[tuple[str, str], ...] = ()
+    """Effects that delay, each with another one that predicts as well in its place."""
 
     @property
     def model(self) -> Model:
@@ -177,7 +179,8 @@ class ShortSegments:
         return replace(fit, level=grown(fit.level, self.task), floor=self._floor(fit.short))
 
     def _of_delays(self, fit: SegmentFit, now: SegmentFit) -> SegmentFit:
-        """The best of the effects that delay: the search takes the first one that it tries."""
+        """The best of the effects that delay, as the search takes the first one that it tries, with those that predict
+        as well: to first order they are the same."""
         swapped = list(with_other_delays(fit.model, self.task))
         new = [effect for effect in fit.model.effects if effect not in now.model.effects]
         if not swapped or not (now.is_far or any(get_effect(effect).delays_by for effect in new)):
@@ -185,7 +188,9 @@ class ShortSegments:
         trials = self._longer(full_fits([("", fit.model), *swapped], self.task, self.pool))
         tried = [one for _, one in self._judged(trials, fit, Scores()).fits]
         better = [one for one in tried if self._is_better(one, fit, len(tried))]
-        return min(better, key=lambda one: one.rms, default=fit)
+        best = min(better, key=lambda one: one.rms, default=fit)
+        alike = [_exchanged(best.model, one.model) for one in tried if not self._is_better(best, one, len(tried))]
+        return replace(best, alike=tuple(pair for pair in alike if pair))
 
     def _is_better(self, one: SegmentFit, fit: SegmentFit, tried: int) -> bool:
         predictions = self.predictions(fit, one)
@@ -197,7 +202,7 @@ class ShortSegments:
         short = repaired_trial("", without(fit.model, effect), fit.level, self.task).level
         is_behind = short.typical > policy.BEHIND * max(fit.level.typical, 1.0)
         level = short if is_behind else grown(short, self.task)
-        return SegmentFit(level, short, self.unseen.judge(level.model, fit.unseen), fit.floor)
+        return SegmentFit(level, short, self.unseen.judge(level.model, fit.unseen), fit.floor, fit.alike)
 
     def predictions(self, one: SegmentFit, other: SegmentFit, *, of_all: bool = False) -> Predictions:
         """Errors of unseen segments, each with the better of the initial states that both have found.  A limit of the
@@ -223,3 +228,10 @@ class ShortSegments:
         names = [f"{effect}.{name}" for name in get_effect(effect).amplitudes]
         own = [e for e in fit_of(fit.level, self.task).estimates if e.name in names]
         return not own or any(abs(e.value) > policy.UNSIZED * (e.high - e.low) / 2 for e in own)
+
+
+def _exchanged(model: Model, other: Model) -> tuple[str, str] | None:
+    """The effect that another model has another one for, and that; None where they are the same or differ by more."""
+    own = [effect for effect in model.effects if effect not in other.effects]
+    new = [effect for effect in other.effects if effect not in model.effects]
+    return (own[0], new[0]) if len(own) == len(new) == 1 else None
