@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.drivers.base import FloatArray
+from lostmotion.drivers.formats.table import LEAST_ROWS
 from lostmotion.drivers.formats.words import UNNAMED, column_of, is_input, speed_of
 
 __all__ = ["Rate", "rates"]
 
 BLOCKS = 200
 """pieces of a recording, in each of which the way is compared with the sum of the speed: noise averages out"""
-LEAST_ROWS = 20
 ALIKE = 0.9
 """Correlation of way and speed: a joint's speed by a filter of its own has 0.92, encoders 0.98 to 0.9999."""
 EVEN = 0.05

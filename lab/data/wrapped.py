@@ -34,10 +34,10 @@ def without_wraps(recording: Recording) -> Recording:
         if found is not None:
             columns[name] = np.array(values)
             columns[name][seen] = found
-            count = np.count_nonzero(np.abs(np.diff(values[seen])) > WHOLE * np.ptp(values[seen]))
+            added = np.abs(np.diff(found - values[seen]))
             log.warning(
-                "%s: %s begins anew %d times, after %.4g rad each: it is taken to turn on", recording.name, name, count,
-                abs((found - values[seen])[np.argmax(np.abs(found - values[seen]) > 0)]),
+                "%s: %s begins anew %d times, after %.4g rad each: it is taken to turn on", recording.name, name,
+                np.count_nonzero(added > added.max() / 2), added.max(),
             )  # fmt: skip
     return replace(recording, columns=columns)
 
@@ -61,6 +61,4 @@ def turned_on(values: FloatArray) -> FloatArray | None:
     is_turn = abs(whole - TURN) < OFF * TURN
     if np.abs(ranges - whole).max() > BESIDE * whole or not (is_turn or (onward * steps[jumps] < 0).all()):
         return None
-    back = np.zeros_like(values)
-    back[jumps + 1] = -np.sign(steps[jumps]) * (TURN if is_turn else whole)
-    return np.asarray(values + np.cumsum(back))
+    return np.unwrap(values, period=TURN if is_turn else whole)

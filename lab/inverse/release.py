@@ -67,9 +67,9 @@ def _released(experiment: Experiment) -> Experiment:
 class _Part(NamedTuple):
     """The times between which a motion is free [s], and whether something acts again after it."""
 
-    begins: float = -math.inf
-    ends: float = math.inf
-    acts_again: bool = False
+    begins: float
+    ends: float
+    acts_again: bool
 
 
 def _free_part(signals: Signals) -> _Part:
