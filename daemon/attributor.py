@@ -25,10 +25,10 @@ __all__ = ["Attributor", "CommandHistory", "SharedSensor"]
 WINDOWS = 100
 """the last so many windows count"""
 PACE_S = 20.0
-"""once so many are known, the next one is weighed so long after the last [s]: wear takes months, and the last hundred
-then span half an hour of motion.  Six joints that reverse all the time took a tenth of the main thread with 5 s.  Of
-two joints that have moved for longer than that, play of the other one is sure after 7 to 37 min of motion in 20 trials
-each (medians of four arms 7 to 24), an exchange after 10 to 43 (17 to 32), a repair after 23 to 29 (24 to 28)"""
+"""once so many are known, the next one is evaluated so long after the last [s]. Wear takes months, and the last
+hundred then span half an hour of motion.  With 5 s six joints that reverse all the time took a tenth of the main
+thread.  After half an hour of motion of two joints, play of the second one is certain after 7 to 37 min in 20 trials
+each (medians of four arms: 7 to 24), an exchange after 10 to 43 (17 to 32), a repair after 23 to 29 (24 to 28)"""
 GIVE_UP_S = 1.0
 """how long after its end a window waits for late samples [s]"""
 DOUBT = 0.04

@@ -29,10 +29,10 @@ BEFORE_S = 0.2
 COVERED = 0.7
 """Share of the segment that commands must cover; the part after the last command is left out."""
 FASTEST_HZ = 25.0
-"""Polynomials follow a motion up to 2 / pi of this in their middle, faster ones near their ends.  Commands in steps of
-5 mrad at 100 Hz determine white jerk up to some 13 Hz.  With 25 and with 35, 78 % of the windows above 30 dB gave a
-size, 95.4 and 94.9 % of the intervals held (every third of the seeds 7000 to 7119 of ``bench.outside``); with 15 60 and
-96 % (all of them).  Windows were not pooled then."""
+"""Polynomials follow a motion up to 2 / pi of this in their middle, faster ones near their ends.  Commands in steps
+of 5 mrad at 100 Hz determine white jerk up to some 13 Hz.  With 25 and with 35 Hz 78 % of the windows above 30 dB
+gave a size, and 95.4 and 94.9 % of the intervals held (every third of the seeds 7000 to 7119 of ``bench.outside``);
+with 15 Hz 60 % gave a size, and 96 % held (all of these seeds; single windows, not pooled)."""
 CORNERS_HZ = 60.0
 """The same where the motion may have corners."""
 BIN_S, WIDE = 0.006, 3

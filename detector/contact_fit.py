@@ -45,12 +45,12 @@ LEAST_SHAPE, LEAST_SPEED = 1e-7, 1e-3
 FIRST_TIMING = 0.3
 """The same before the fit has found which of three steps comes closest to the flank."""
 BETWEEN, BOUND, RESTING = 14, 3.0, 0.85
-"""Every BETWEEN steps without a contact, D is constrained to lie between the flanks, with a standard deviation of BOUND
-halves of the play: a joint rests on a flank most of the time, so points are not independent.  It is expected at 0 in
-flight, and at RESTING halves on the flank where the joint may rest: means and standard deviations were -0.08 and 0.74
-of half the play before arrival, 0.84 and 0.23 after it (20 joints of ``bench.outside``, seeds 7000 to 7118).  With 0
-everywhere plays were up to 28 % too small.  With BOUND 1.5 of the intervals 90.9 % held, with 2 93.7 %, with 3 95.7 %,
-without 94.6 % (52 joints, seeds 3000 to 3059, all expected at 0)."""
+"""Every BETWEEN steps without a contact, D is constrained to lie between the flanks, with a standard deviation of
+BOUND halves of the play: a joint rests on a flank most of the time, so points are not independent.  It is expected at
+0 in flight, and at RESTING halves on the flank where the joint may rest: means and standard deviations were -0.08
+and 0.74 of half the play before arrival, 0.84 and 0.23 after it (20 joints of ``bench.outside``, seeds 7000 to
+7118).  With an expectation of 0 everywhere plays were up to 28 % too small; 90.9, 93.7 and 95.7 % of the intervals
+then held with a BOUND of 1.5, 2 and 3, and 94.6 % without these points (52 joints, seeds 3000 to 3059)."""
 THIN = 3
 """Of rests every third step is used; the others add no information."""
 ROUNDS = 8

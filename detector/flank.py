@@ -22,16 +22,18 @@ SOFTNESS = np.array([0.0, 0.02, 0.04, 0.065, 1 / 11, 0.12, 0.16, 0.2])
 CONTACT_ACCEL = 1000.0
 """A of the model [rad/s²]: beta R2 / J2 = 20 N * 10 mm / 2e-4 kg m²."""
 DECADES = (-2.0, 1.5)
-"""A lies between so many decades below and above that: a gear stiffer or lighter than the model's, or one whose teeth
-are springs, so that the play is the gap under the loads of the motion itself.  With one decade above, of a tenth of the
-model's inertia and 80 um, at that very edge, 88 % of the intervals held (seed 8231); with 1.5 94.1 %, with two 95.9 %
-(seeds 8220 and 8222), but hard stops of 30 um were then estimated 21 % too large instead of less than 20 %."""
+"""The range of A, in decades from the model's: a gear may be stiffer or lighter, or its teeth may be springs, so
+that the play is the gap under the loads of the motion itself.  For a gear with a tenth of the model's inertia, whose
+A is ten times as large, and a play of 80 um, 88 % of the intervals held with one decade above (seed 8231), 94.1 %
+with 1.5, and 95.9 % with two (seeds 8220 and 8222).  With two, hard stops of 30 um were estimated 21 % too large
+instead of less than 20 %."""
 MEMORY = 0.998
 """Weight of earlier windows in the estimate of 1/n after each window: worn teeth change, over some 500 windows."""
 OVERLAP = 0.3
-"""Weight of a window's likelihood: segments of 0.85 s that end after reversals 0.1 to 0.4 s apart share two thirds of
-their samples and more.  Counted whole, 1/n of eq. 1 (a tenth of the inertia, n = 11, 80 um) was 0.065 ± 0.013 after 80
-windows, and 84 % of the intervals held; with 0.3 99 % hold, and those of hard stops are as wide as before."""
+"""Weight of a window's likelihood: segments of 0.85 s that end after reversals 0.1 to 0.4 s apart share two thirds
+of their samples and more.  With a weight of 1 the estimate of 1/n on a gear of eq. 1 (a tenth of the inertia, n = 11,
+80 um) was 0.065 ± 0.013 after 80 windows, and 84 % of the intervals of the play held.  With 0.3 99 % hold, and the
+intervals of hard stops are no wider."""
 PLACES = 7
 """Number of values of A that are averaged over."""
 

@@ -26,8 +26,9 @@ CHECK = 500
 MOVED = 1.3
 """The noise is learnt at once if its power has changed by this factor."""
 BAR_CHECK = 2000
-"""After so many windows resonance and damping are estimated again; until an estimate confirms the known values, also
-whenever the noise is due except the first time: those of the first ten minutes were 28 % of the main thread's work."""
+"""After so many windows resonance and damping are estimated again.  Until an estimate confirms the known values, they
+are also estimated whenever the noise is, except for the first time. (They take time: those of the first ten minutes
+were 28 % of the main thread's work.)"""
 REPORT_HZ, REPORT_ZETA = 0.02, 0.3
 """Relative changes of resonance or damping that are reported."""
 ROUNDS, FIRST_ROUNDS = 1, 3

@@ -28,12 +28,12 @@ FIRST_DEGREE, LAST_DEGREE = 3, 12
 HALF_WAVES = (1.1, 1.4, 1.8, 2.25, 2.75, 3.25, 4.0, 5.2)
 SHARES = (0.081, 0.105, 0.123, 0.128, 0.137, 0.158, 0.123, 0.110)
 FALLS = (1.15, 1.16, 1.12, 1.09, 0.92, 0.98, 0.65, 0.45)
-"""The standard deviation of coefficient k of D is SHARE (3 / k)^FALL of the play, by how many half-waves the commanded
-motion makes during the segment: with frequent changes of the flank these coefficients hold a larger part of D, and more
-of it at high degrees.  Measured on 1850 segments of joints with 3 to 100 mrad (``bench.outside``, seeds 3000 to 3059
-and 4000 to 4059); the energy, 0.016 to 0.070 of the play's square, is similar for trapezoids, moves of minimum jerk and
-sines.  With 0.10 and 1.2 for all motions, as before, severities were 1.30 times too large in the median, now 1.02 times
-(seeds 5000 to 5047)."""
+"""The standard deviation of coefficient k of D is SHARE (3 / k)^FALL of the play, by how many half-waves the
+commanded motion makes during the segment: with frequent changes of the flank these coefficients hold a larger part
+of D, and more of it at high degrees.  Measured on 1850 segments of joints with 3 to 100 mrad (``bench.outside``,
+seeds 3000 to 3059 and 4000 to 4059); the energy, 0.016 to 0.070 of the play's square, is similar for trapezoids,
+moves of minimum jerk and sines.  With 0.10 and 1.2 for all motions severities were 1.30 times too large in the
+median, with these values 1.02 times (seeds 5000 to 5047)."""
 CLEAR = 3.0
 """Coefficients of the command below so many standard deviations are ignored in the number of half-waves."""
 TEMPER = 0.5
@@ -149,8 +149,8 @@ def _coefficient_log_likelihood(
     """Log-likelihood over the grid, shape (C, STEPS), of coefficients (C, K); their covariance is
     ``error_covariance`` (C, K, K) plus that of each play; follows: those of theta_1, (C, K).
 
-    In flight theta_2 goes straight on, D = - theta_1: D has the energy of a play that is crossed or that of theta_1,
-    whichever is less, here half their harmonic mean."""
+    In flight theta_2 goes straight on, and D = -theta_1.  D therefore has the energy of a play that is crossed or
+    that of theta_1, whichever is less; half of their harmonic mean stands for this."""
     count = difference.shape[1]
     first, fall = float(np.interp(half_waves, HALF_WAVES, SHARES)), float(np.interp(half_waves, HALF_WAVES, FALLS))
     share = first * (FIRST_DEGREE / np.arange(FIRST_DEGREE, FIRST_DEGREE + count)) ** fall

@@ -33,8 +33,8 @@ from lostmotion.detector.windows import cut, last_part
 __all__ = ["HISTORY_S", "SizeLaw", "learnt_play", "near_part", "play_size", "segment_of", "with_play"]
 
 HISTORY_S = 0.6
-"""A segment begins so long before the reversal [s], so that it holds several crossings of the gap: with 0.2 s of the
-windows above 30 dB 65 % gave a size, with 0.4 s 76 %, with 0.6 s 81 %; 95.6, 94.4 and 94.1 % of the intervals held (52
+"""A segment begins so long before the reversal [s], so that it contains several crossings of the gap.  With 0.2, 0.4
+and 0.6 s 65, 76 and 81 % of the windows above 30 dB gave a size, and 95.6, 94.4 and 94.1 % of the intervals held (52
 joints of ``bench.outside``, seeds 3000 to 3059)."""
 LEAST_RATE = 8.0
 """Samples a period of the bar: with fewer, impulses cannot be separated."""

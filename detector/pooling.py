@@ -16,10 +16,10 @@ __all__ = ["NO_EVIDENCE", "PlayEvidence", "PlaySize", "Z", "pooled", "unknown"]
 Z = 1.959964
 """Standard deviations at the ends of a 95 % interval."""
 COMMON = 0.4
-"""Standard deviation of the error common to all windows, as a share of a window's own.  With 0.25, 0.35, 0.4 and 0.5
-91, 89, 88 and 86 % of the windows above 30 dB give a size, and 25, 7, 3 and 1 of 2748 of healthy joints do, most of
-them under trapezoids; 97 % of the intervals hold with each (40 joints of ``bench.outside``, seeds 7000 to 7117, and 45
-of seeds 9000 to 9116 without their play)."""
+"""Standard deviation of the error common to all windows, as a share of a window's own.  With 0.25, 0.35, 0.4 and 0.5,
+91, 89, 88 and 86 % of the windows above 30 dB give a size; of 2748 windows of healthy joints 25, 7, 3 and 1 do, most
+of them under trapezoids.  With each value 97 % of the intervals hold (40 joints of ``bench.outside``, seeds 7000 to
+7117, and 45 of seeds 9000 to 9116 without their play)."""
 MEMORY = 0.95
 """Weight of earlier windows after each window: plays grow, motions change.  With COMMON = 0.5, values of 0.8, 0.95 and
 0.99 give a size in 85, 86 and 87 % of those windows, and in 7, 1 and 1 healthy ones."""

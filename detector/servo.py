@@ -49,8 +49,8 @@ PURE, DAMPING = np.array([1.0, 0.0, 0.0, 0.0, 0.4, 0.4]), np.array([math.nan, ma
 first order, and the corners of the square in which servos were tried (damped by 0.6 to 1.2, up to half a pure delay).
 
 A lag is its delay T and higher coefficients; the second is an angle in proportion to the acceleration and looks like
-play, and at 10 Hz and 70 ms no series of coefficients converges.  Without the last corner the nearest candidate was
-3.0 to 4.0 mrad from servos of 50 to 80 ms (medians of 25, by motion), now 1.5 to 2.4: docs/decisions/0013."""
+play, and at 10 Hz and 70 ms no series of coefficients converges.  The nearest candidate is 1.5 to 2.4 mrad from
+servos of 50 to 80 ms (medians of 25, by motion), without the last corner 3.0 to 4.0: docs/decisions/0013."""
 SECOND = PURE * (1 - PURE / 2) + (1 - PURE) ** 2 * np.where(PURE < 1, 1 - 1 / (4 * DAMPING**2), 0.0)
 """The second coefficient of each shape's lag, as a share of the delay's square: 0.31 to 1."""
 COEFFICIENTS: FloatArray = np.column_stack([DELAYS, SECOND[SHAPES] * DELAYS**2])
@@ -58,10 +58,10 @@ COEFFICIENTS: FloatArray = np.column_stack([DELAYS, SECOND[SHAPES] * DELAYS**2])
 USUAL = 0.65
 """Usual ratio of the second coefficient to the delay's square: the mean of SECOND."""
 ALIKE = 0.006
-"""Standard deviation of the error that is common to the lag from contacts in all windows [s], of the delay and, times
-the delay, of the second coefficient: 1.3 ms times the root of the 20 windows that MEMORY keeps.  With 0.003, 0.006 and
-0.012 s of the intervals of the size of the play 95.0, 95.5 and 95.3 % held, above 20 mrad 96.2, 97.4 and 96.7 % (60
-joints of ``bench.outside`` that lag or have more than 10 mrad, seeds 7000 to 7119)."""
+"""Standard deviation of the error that is common to the lag from contacts in all windows [s], of the delay and,
+times the delay, of the second coefficient: 1.3 ms times the root of the 20 windows that MEMORY keeps.  With 0.003,
+0.006 and 0.012 s 95.0, 95.5 and 95.3 % of the intervals of the size of the play held, and 96.2, 97.4 and 96.7 %
+above 20 mrad (60 joints of ``bench.outside`` that lag or have more than 10 mrad, seeds 7000 to 7119)."""
 SETTLED = 100.0
 """Delays after which a step response is 1 to the last bit."""
 TRIED = 8.0

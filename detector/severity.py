@@ -46,13 +46,15 @@ CORNER = 2.0
 """A corner in the command, a step of its acceleration by the swing, excites the bar by up to swing / omega_res; below
 so many times that speed the ring is no evidence of play, and the interval begins at 0."""
 WRONG = 0.4
-"""Prior weight of the size of ``play_size`` being wrong, so that a wrong one does not decide alone.  With 0.1, 0.2 and
-0.4 of the severities' 95 % intervals 92.6, 93.2 and 94.2 % hold on eq. 1's gears, 91.8, 92.6 and 93.4 % on hard stops,
-91.0, 91.8 and 92.8 % on MuJoCo's (0.2 to 100 mrad, seed 8712); of 30 mrad they are 0.56, 0.60 and 0.71 plays wide."""
+"""Prior probability that the size of ``play_size`` is wrong, so that a wrong one does not decide alone.  With 0.1,
+0.2 and 0.4 the severities' 95 % intervals hold in 92.6, 93.2 and 94.2 % of the windows on eq. 1's gears, in 91.8,
+92.6 and 93.4 % on hard stops, and in 91.0, 91.8 and 92.8 % on MuJoCo's (0.2 to 100 mrad, seed 8712).  For a play of
+30 mrad they are 0.56, 0.60 and 0.71 plays wide."""
 BOUNDS = np.array([1.0, 0.1])
-"""The noise, as shares of its estimate, where that is an upper bound: with few samples a period fourth differences
-contain the ring, and hard stops of 100 mrad never rest (5 to 20 instead of 0.5 m/s² at 200 Hz).  Of 30 and 100 mrad
-there 93 and 94 % of the intervals hold instead of 85 and 86 %, of 1 mrad on eq. 1 90 instead of 97 % (seed 8720)."""
+"""Noises that are compared, as shares of the estimate, where that is an upper bound only: with few samples a period
+the fourth differences contain the ring, and a joint between stops 100 mrad apart never rests (an estimate of 5 to 20
+instead of 0.5 m/s² at 200 Hz).  With these two 93 and 94 % of the intervals of 30 and 100 mrad hold there, instead of
+85 and 86 %, but 90 instead of 97 % of 1 mrad on eq. 1 (seed 8720)."""
 PRESENT = 0.95
 """Share of a segment's samples that have to be there: an acceleration drawn over a gap integrates to a false motion."""
 UNLIKELY = 2.0
@@ -153,11 +155,12 @@ def _size_density(play: tuple[float, float, float]) -> FloatArray | None:
 
 
 def _with_size(likelihood: FloatArray, density: FloatArray) -> FloatArray:
-    """Log-likelihood over the grid where the size of the play is estimated, too: that of its density, or where the size
-    is wrong the given one; how likely that is, the given one decides.
+    """Log-likelihood over the grid if the size of the play is estimated, too: a mixture of the density of that size,
+    and of the given likelihood in case the size is wrong.  How likely the given one makes the size decides between the
+    two.
 
-    The two are not multiplied: both come from the same motion, and of soft teeth the range of D is the gap under the
-    motion's loads, a quarter less than the play.
+    The two are not multiplied, because both come from the same motion, and because the range of D of soft teeth is
+    the gap under the motion's loads, a quarter less than the play.
     """
     other = np.exp(likelihood - likelihood.max())
     right, wrong = (1 - WRONG) * float(density @ other), WRONG * float(other.mean())

@@ -24,9 +24,9 @@ TAPER = 0.25
 """Share of the window in the two cosine slopes of the Tukey window."""
 LEAST_NORM_BINS = 3
 DUST = 3e-8
-"""Share of the largest value below which the norm band's mean amplitude is rounding, of a column that is no
-acceleration, and not noise: of a clock in microseconds with 4 µs of jitter up to 2e-8 after ten seconds, of one in
-milliseconds 1.5e-8 after one, of one value 1e-16; a noise of 1 mm/s² under gravity leaves 1.3e-5."""
+"""Share of the largest value below which the norm band's mean amplitude is not noise but rounding, as in a column
+that is no acceleration.  Clocks have up to 2e-8 (in microseconds with 4 µs of jitter, after ten seconds) and 1.5e-8
+(in milliseconds, after one second), a constant value has 1e-16; a noise of 1 mm/s² under gravity has 1.3e-5."""
 EDGE = 1e-9
 """A band's edge that falls on a bin up to rounding is that bin."""
 
