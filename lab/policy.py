@@ -24,8 +24,8 @@ SPREAD = 1.6
 noise of a few hundred blocks stays within 1.3."""
 IDENTIFIED = 0.5
 """A parameter is identified when its standard deviation is below this share of its value (its 95 % interval then
-excludes zero), or of its scale.  By the scale alone, which is the initial value, a drift of 0.48 ± 0.10 was identified
-from an initial value of 0.4 and not from 0.05."""
+excludes zero), or of its scale.  By the scale alone, which is the initial value, a drift of 0.48 ± 0.10 was
+identified when the fit began at 0.4, and not when it began at 0.05."""
 FOLLOWS_STATE = 0.25
 """Share of the residual variance that a function of a state must explain for the residual to be described by it."""
 FOLLOWS_ALSO = 0.8
@@ -33,8 +33,8 @@ FOLLOWS_ALSO = 0.8
 GOOD = 1.15
 """Times the noise: up to here the error of a comparison counts as noise."""
 WORTH_RECORDING, SEEN = 1.5, 5.0
-"""Times what the recordings show already, for a motion to be worth recording; and standard deviations by which models
-must differ there over the length of a recording, to be distinguished."""
+"""A motion is worth recording if models differ there by this factor more than in the recordings; and they are
+distinguished if they differ by so many standard deviations over the length of a recording."""
 RAILED = 6
 """So many readings of exactly the same largest magnitude, in one recording, mark the end of a range: noise rarely
 repeats a value so often."""
@@ -47,13 +47,13 @@ has such a jump that comes back within five samples; pneumatic cylinders jump by
 
 LEAST_GAIN = 0.05
 """Share of the squared error, or of a cost, that an effect has to take to be named, however significant it is.  The
-effects known to be in the sets of ``bench.real`` take a quarter and more at their step; load-dependent friction that
-took 2 % of a TX40's error (p = 0.001) halved the viscous and the Coulomb friction, which are published."""
+effects known to be in the sets of ``bench.real`` take a quarter and more at their step.  Load-dependent friction that
+took 2 % of a TX40's error (p = 0.001) halved the estimates of viscous and Coulomb friction, which are published."""
 LEAST_SHARE = 1e-4
-"""Share of the squared error of the model as it was, a hundredth of its amplitude, that an effect has to take: of a
-robot's shoulder gravity and three kinds of friction left 1e-4, and a ripple and a spring that took 7e-6 and -1e-5 of
-the error on unseen data were significant.  Of 60 real cases the smallest that is known to be there takes 4e-4 (viscous
-friction of a damper)."""
+"""Share of the first model's squared error that an effect has to take: a hundredth of its amplitude.  On a robot's
+shoulder gravity and three kinds of friction left 1e-4; a ripple and a spring that took 7e-6 and -1e-5 of the error
+on unseen data were then significant.  The smallest effect that is known to be there in 60 real cases takes 4e-4
+(viscous friction of a damper)."""
 STRUCTURED = 1.6
 """Times the noise within the band, above which the residual is more than noise.  It covers the error of the noise
 floor, which is extrapolated from above the band."""
@@ -64,22 +64,23 @@ BLOCK_CORRELATIONS = 4.0
 LEAST_BLOCKS = 12
 """Fewest blocks, in all recordings together, for a t-test."""
 ENOUGH_RECORDINGS = 2
-"""Recordings of the fit from which on the selection uses their folds alone.  A single one has too little motion for
-that: Coulomb friction that takes the error of a pendulum's second recording from 0.28 to 0.10 N m had p = 0.96 by the
-first.  With the last recording as a fold always, nothing is named of a servo (XL330) within the time."""
+"""With so many recordings of the fit or more the selection uses their folds alone.  A single one has too little
+motion for that: Coulomb friction that lowers the error on a pendulum's second recording from 0.28 to 0.10 N m had p
+= 0.96 by the first.  If the last recording always were a fold, nothing would be named for a servo (XL330) within the
+time."""
 MOST_EFFECTS = 6
 """Largest number of effects that are added."""
 FIRSTS = 3
 """Number of effects tried as the first of a pair: those that explain most alone."""
 FINISHED = 5
-"""Effects that survive the first stage of successive halving: after a few steps of every fit to a simulated motion, in
-the search with observers, and by the score test.  Of hidden effects, a true one was among the first three after the
-first generations of observers (docs/decisions/0009); half of them are evolved to the end and fitted, as it was first or
-second after the second generations of six searches (seed 905)."""
+"""Effects that survive the first stage of successive halving: after a few steps of every fit to a simulated motion,
+in the search with observers, and by the score test.  A hidden effect was among the first three after the first
+generations of observers (docs/decisions/0009).  Half of the five are evolved to the end and fitted, as the hidden
+effect was first or second after the second generations of six searches (seed 905)."""
 LEAST_PROMISE = 1e-3
 """Share of the squared error that an effect has to take in these few steps for its fit to be finished: effects that
-were named later had taken 30 % at least (servos and oscillators of ``bench.real``), those that stayed at zero less than
-3e-4."""
+were named later had then taken 30 % or more (servos and oscillators of ``bench.real``), effects that stayed at zero
+less than 3e-4."""
 NEAR_REST = 0.5
 """Share of the usual speed: an effect near rest that reaches further cannot be distinguished from one of all speeds."""
 LEAST_PERIODS = 2.0
@@ -87,8 +88,8 @@ LEAST_PERIODS = 2.0
 
 RESTS = 0.2
 """Share of the speed below which half of the way is made, below which a free motion has ended.  How a joint comes to
-rest depends on how its friction is smoothed.  The largest speed instead is that of a jerk: a mass that was shifted at
-once, then pulled slowly, held and let go, was said to move only at the jerk."""
+rest depends on how its friction is smoothed.  A share of the largest speed would be that of a jerk: a mass that was
+shifted at once, then pulled slowly, held and let go, would count as moving during the jerk only."""
 
 # The band in which a motion is compared
 
@@ -98,10 +99,10 @@ factor of five there; the acceleration's error is largest at the end of the band
 BAND_MOTION = 0.9
 """Least share of the power of the speed that lies within the band: below it a swing contains nothing but noise."""
 BAND_AS_WELL, INERTIA_IDENTIFIED = 3.0, 0.1
-"""Times the smallest relative standard deviation of the inertia, up to which a wider band is used, and the largest at
-which the inertia counts as identified.  For an arm that vibrated at 18 Hz, not caused by its torque, this deviation was
-60 times smaller below 10 Hz than below 80 Hz (0.0635 instead of 0.0073 kg m²), for a cart 57 times; in ten other sets
-that identify the inertia the widest band was within 1.8 of the best."""
+"""Times the smallest relative standard deviation of the inertia, up to which a wider band is used, and the largest
+at which the inertia counts as identified.  For an arm that vibrated at 18 Hz, not caused by its torque, this
+deviation was 60 times smaller with a band to 10 Hz (J = 0.0635 kg m²) than with one to 80 Hz (0.0073), for a cart 57
+times.  In ten other sets that identify the inertia the widest band was within a factor of 1.8 of the best."""
 UNSURE_SPEED, SURE_SPEED, SLOW_SPEED = 0.02, 3.0, 0.25
 """A part is at rest below this share of its usual speed, or below so many standard deviations of the speed's noise, but
 never above this share of the usual speed: there dry friction may have any value up to its largest.  A robot's joint
@@ -113,9 +114,10 @@ BUDGET_S = 60.0
 """Default time budget of a search [s]."""
 STAGE_SHARE = 0.9
 """Share of the remaining time for each stage of a search; the rest is for the validation, the elimination and the
-report.  Without a share for the elimination a viscous friction that drag and Coulomb friction had made superfluous was
-named of a pendulum whose search took all of a minute; servos on busy cores took 77 to 92 s.  With 0.75 for the search
-of gears a pair that needs 47 s of it was cut off, and one that is cut off took no less in all (66 s; seed 5300)."""
+report.  Without a share for the elimination, a pendulum whose search took the whole minute kept a viscous friction
+that drag and Coulomb friction had made superfluous, and servos on busy cores took 77 to 92 s.  With a share of 0.75
+for the search of gears a pair that needs 47 s was cut off, and a search that is cut off took no less in all (66 s;
+seed 5300)."""
 BUDGET_SAMPLES = 6400
 """Samples of gears that a search of a minute can use: two recordings of 4 s at 800 Hz, in steps of 0.5 ms, take half a
 minute; three of 20 s had no answer after nine minutes."""
@@ -123,40 +125,42 @@ minute; three of 20 s had no answer after nine minutes."""
 # Gears: evidence on unseen data
 
 FAR = 1.6
-"""Times the error of the same model on the shortest segments; below, the model is linear enough in the missing effects
-for the score test alone to lead the search.  The free initial states of short segments follow any motion, so that their
-error is what is added to the readings: noise and hum.  Hums leave 0.7 to 1.9 times as much of a second as of these; of
-17 other effects 15 leave 1.8 to 19 times as much, a compliant shaft 1.4 and a second mode 0.8, whose errors are below
-1.7 times the noise in any case (seeds 310 and 1210 of ``bench.hidden_effects``).  Relative to segments of a second,
-which also show the second of two effects, nine times the noise counted as near: that lost two pairs of seed 1444."""
+"""Times the error of the same model on the shortest segments; below, the model is linear enough in the missing
+effects for the score test alone to lead the search.  The free initial states of short segments follow any motion, so
+that their error is what is added to the readings: noise and hum.  On segments of a second a model without a hum
+leaves 0.7 to 1.9 times as much as on the shortest ones.  Without one of 17 other effects it leaves 1.8 to 19 times as
+much in 15 cases; the two others, a compliant shaft (1.4) and a second mode (0.8), have errors below 1.7 times the
+noise in any case (seeds 310 and 1210 of ``bench.hidden_effects``).  Relative to segments of a second, which also show
+the second of two effects, nine times the noise would count as near: that lost two pairs of seed 1444."""
 FAR_GAIN = 0.64
 """Share of the squared error that an effect of gears has to take where the error stays far above the noise: a wrong
-effect can imitate a missing one a little.  Those that are there took 0.67 to 0.86 (docs/decisions/0009), viscous
-friction in the place of one with the cube of the speed 0.25 (p = 0.002), Coulomb friction of a bar with hysteresis
-0.08."""
+effect can imitate a missing one a little.  Effects that are there took 0.67 to 0.86 (docs/decisions/0009); viscous
+friction in the place of one with the cube of the speed took 0.25 (p = 0.002), Coulomb friction on a bar with
+hysteresis 0.08."""
 UNLIKE_NOISE = 2.0
 """Times the noise, above which the residual is not noise, whatever its shape: a steady hum can be fitted as coloured
-noise.  Right models leave 0.8 to 1.6 times the noise as it was estimated; one of a pair without the other left 2.3,
-without structure in the segments with the smallest errors."""
+noise.  Right models leave 0.8 to 1.6 times the noise as it was estimated.  A model with one effect of a pair left 2.3
+times, without structure in the segments with the smallest errors."""
 UNSIZED = 1.5
-"""An amplitude smaller than so many half widths of its interval may be zero: three standard deviations.  A second mode
-that was fitted to a hum of 1.5 m/s² had an amplitude of 1.01 of them, one of a participation of 0.15 one of 47."""
+"""An amplitude smaller than so many half widths of its interval may be zero: three standard deviations.  The
+amplitude of a second mode that was fitted to a hum of 1.5 m/s² was 1.01 half widths, that of a true one with a
+participation of 0.15 was 47."""
 LOST, LOST_SHARE = 1.3, 0.4
 """Times the usual error, above which an unseen segment is lost, to chaos or because its initial state was not found;
-and the largest share of segments that are left out as lost, or whose initial states are searched for again.  The other
-segments are surely followed: with all of them gears with Coulomb friction and nothing else show a false structure
-(test_unseen).  Of 18 validations (docs/decisions/0009) two lead to another effect, one of them a wrong one, where
-only segments lost by a factor of three begin in the state of another model."""
+and the largest share of segments that are left out as lost, or whose initial states are searched for again.  The
+other segments are surely followed.  If all count, gears with Coulomb friction and nothing else show a false structure
+(test_unseen).  If only segments that are lost by a factor of three begin in the state of another model, two of 18
+validations (docs/decisions/0009) lead to another effect, one of them a wrong one."""
 MISSED = 3.0
 """Times the usual error, above which a segment is missed: it has no weight in the parameters, its initial state is
-searched for again, and its error is clipped there, as the error of a motion that cannot be simulated is infinite; and
-times the noise, or the error of the shortest segments, above which a fit has lost the motion.  A free motion is not
-free where the error of its acceleration is that large: simulated pendulums that are held for half a second and more
-reach 4.7 to 40 times, those that are free from the first sample 1.2 at most."""
+searched for again, and its error is clipped there, as the error of a motion that cannot be simulated is infinite;
+and times the noise, or the error of the shortest segments, above which a fit has lost the motion.  A motion counts as
+not yet free where the error of its acceleration is that large: simulated pendulums that are held for half a second
+and more reach 4.7 to 40 times, those that are free from the first sample at most 1.2."""
 
 # Gears: which effects are tried, and how far
 
 BEHIND = 1.8
-"""Times the error of the best on segments of one length, above which another effect, or the model without one, is not
-fitted on longer ones, and the effect is needed.  True effects came to 1.2 times the best one's at most
-(docs/decisions/0009)."""
+"""Times the error of the best on segments of one length, above which another effect, or the model without one, is
+not fitted on longer ones, and the effect is needed.  The errors of true effects were at most 1.2 times that of the
+best one (docs/decisions/0009)."""
