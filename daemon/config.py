@@ -225,6 +225,8 @@ def _list_of_tables(tables: Table, name: str) -> list[Table]:
     if name not in tables:
         raise ConfigError(f"[[{name}]] is missing; expected at least one such table")
     found = tables[name]
+    if isinstance(found, dict):
+        raise ConfigError(f"{name}: found [{name}], expected [[{name}]]: such a table may stand several times")
     if not isinstance(found, list) or not found or not all(isinstance(item, dict) for item in found):
         raise ConfigError(f"{name}: found {_shown(found)}, expected at least one [[{name}]] table")
     return found
@@ -287,6 +289,8 @@ def _explain(message: str, value: object, kind: type, path: str) -> str:
         return f"{path}{inner}.{missing[1]}: is missing"
     if what.startswith("Invalid enum value"):
         what = f"expected {_choice(_types_at(kind, inner))}"
+    if not what.startswith(("Expected", "Invalid", "Object", "expected")):  # the options' own check
+        return f"{path}{inner}: {what}"
     what = re.sub("`(.+?)`", _in_words, re.sub(", got `.*`$", "", what))
     return f"{path}{inner}: found {_shown(_at(value, inner))}; {what[0].lower()}{what[1:]}"
 
@@ -340,10 +344,7 @@ def _at(value: object, path: str) -> object:
 
 
 def _shown(value: object) -> str:
-    return (
-        "nothing"
-        if value is None
-        else f"{value!r}"
-        if isinstance(value, str | int | float | bool)
-        else type(value).__name__
-    )
+    """A value as TOML writes it, or its kind."""
+    if isinstance(value, str | int | float):
+        return str(value).lower() if isinstance(value, bool) else repr(value)
+    return {"NoneType": "nothing", "dict": "a table", "list": "a list"}.get(type(value).__name__, type(value).__name__)

@@ -46,6 +46,11 @@ class CsvSerialOptions(AccelerometerOptions, frozen=True, kw_only=True, forbid_u
     time_column: int | None = None
     time_unit: Literal["s", "ms", "us"] = "us"
 
+    def __post_init__(self) -> None:
+        """Refuses a scale that makes every reading zero."""
+        if self.scale == 0.0:
+            raise ValueError("scale: found 0, expected m/s² per unit of the reading, such as 1 or 9.81")
+
 
 class CsvFormat:
     """One column of the lines as acceleration, another one as the sensor's clock."""

@@ -20,6 +20,20 @@ YEARS = (2, 9998)
 WHOLE = 2**63
 """TOML's whole numbers have 64 bits, with their sign"""
 PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
+PLACE = re.compile(r" \(at (?:line (?P<line>\d+), column (?P<column>\d+)|end of document)\)$")
+LINE = 60
+"""characters of a wrong line that its error shows"""
+SLIPS = (
+    (r"[^=]*=\s*\{[^}]*$", "a table in braces stands on one line"),
+    (r"[^=:\"']*:", "a key and its value are joined by ="),
+    (r"[^=]*=\s*[-+]?\d+,\d", "a number has a decimal point"),
+    (r"[^=]*=\s*[-+]?[\d.]+\s*[^\W\d]", "a number stands without its unit"),
+    (r"[^=]*=\s*[-+]?\d+ \d", "a number holds no spaces"),
+    (r"[^=]*=\s*[\"'][^\"']*$", "a quotation mark is missing"),
+    (r"[^=]*=\s*[^\W\d]|[^=]*=\s*[/~“”„‘’«»]", 'text stands between straight quotation marks, as in "arm1"'),
+    (r"\s*\[\w", "a table that stands several times is written [[name]]"),
+)
+"""Beginnings of lines as people write them by mistake, and what TOML expects there; the first that fits is told."""
 LONG_KEY = re.compile(rf"""(?<![\w"'\\-])(?:{PART}[ \t]*+\.[ \t]*+){{{MOST_LEVELS},}}+""")
 
 
@@ -34,13 +48,24 @@ def loads(text: str) -> dict[str, Any]:
     try:
         tables = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise TomlError(f"no valid TOML: {error}") from error
+        raise TomlError(f"no valid TOML: {_told(text, str(error))}") from error
     except RecursionError as error:
         raise TomlError(f"found values that are nested too deeply, expected at most {MOST_LEVELS} levels") from error
     except (ValueError, OverflowError) as error:  # Python converts no number of more than 4300 digits
         raise TomlError("found a number that is too long, expected whole numbers of at most 64 bits") from error
     _check(tables)
     return tables
+
+
+def _told(text: str, message: str) -> str:
+    """A parser's message with the line that it is about, and what is usually wrong with such a line."""
+    place = PLACE.search(message)
+    if place is None or place["line"] is None:
+        return message
+    line = text.split("\n")[int(place["line"]) - 1].strip()
+    shown = line if len(line) <= LINE else f"{line[:LINE]}…"
+    slip = next((f"; {hint}" for pattern, hint in SLIPS if re.match(pattern, line)), "")
+    return f"line {place['line']} is {shown!r}: {message[: place.start()]} (at column {place['column']}){slip}"
 
 
 def _check(tables: dict[str, Any]) -> None:

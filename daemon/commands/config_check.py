@@ -76,4 +76,6 @@ def _print(path: Path, config: Config) -> None:
 def _shown(value: object) -> str:
     if isinstance(value, tuple):
         return " ".join(f"{one:.3g}" for one in value) or "white"
+    if isinstance(value, bool):
+        return str(value).lower()
     return f"{value:g}" if isinstance(value, float) else "auto" if value is None else str(value)

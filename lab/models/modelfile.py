@@ -70,7 +70,12 @@ def load(path: str | Path) -> ModelFile:
         text = read_text(Path(path))
     except TextFileError as error:
         raise ModelFileError(f"{error}; expected a model file or a base ({', '.join(BASES)})") from error
-    return loads(text, str(path), Path(path).parent)
+    try:
+        return loads(text, str(path), Path(path).parent)
+    except ModelFileError as error:
+        if Path(path).suffix.lower() == ".toml":
+            raise
+        raise ModelFileError(f"{error}; expected the model first, then the recordings") from error
 
 
 def loads(text: str, where: str, folder: Path = Path()) -> ModelFile:

@@ -103,8 +103,8 @@ def _near(unknown: Unknown, value: float, factor: float) -> Unknown:
 
 
 def _size(low: float, high: float) -> float:
-    """A scale for a parameter that starts at zero: a twentieth of its finite range, or 1."""
-    return (high - low) / 20 if math.isfinite(high - low) and high - low < 1e3 else 1.0
+    """A scale for a parameter that starts at zero: a twentieth of its finite range, or 1, also where it has none."""
+    return (high - low) / 20 if 0.0 < high - low < 1e3 else 1.0
 
 
 @dataclass(frozen=True, eq=False)

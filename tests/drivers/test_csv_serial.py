@@ -265,3 +265,9 @@ def test_an_overrun_that_the_device_tells_is_counted_once(stamps: bool) -> None:
     assert (got.lost, got.broken) == (7, 0)
     assert np.isnan(got.accel).sum() == 7
     assert np.diff(got.time).min() > 0
+
+
+def test_a_scale_of_zero_is_refused() -> None:
+    """It would make every reading zero, which looks like a dead sensor."""
+    with pytest.raises(ValueError, match="scale: found 0, expected m/s² per unit"):
+        form(scale=0.0)

@@ -122,6 +122,13 @@ def test_written_file_is_readable(tmp_path: Path) -> None:
         save(loads(PAGE, "page"), tmp_path / "none" / "m.toml")
 
 
+def test_a_recording_in_the_place_of_the_model(tmp_path: Path) -> None:
+    """MODEL and REC in the wrong order: the error tells the order."""
+    (tmp_path / "rec.csv").write_text("time,accel\n0,1\n")
+    with pytest.raises(ModelFileError, match=r"line 1 is 'time,accel'.*expected the model first, then the recordings"):
+        load(tmp_path / "rec.csv")
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

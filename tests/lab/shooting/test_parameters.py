@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from lostmotion.lab.shooting.parameters import Unknowns, free_names
+from lostmotion.lab.shooting.parameters import Unknown, Unknowns, free_names
 from lostmotion.model import Model, Parameter, build_model
 
 MODEL = build_model(
@@ -94,6 +94,12 @@ def test_a_share_keeps_off_its_ends() -> None:
     i = position(unknowns, "shaft_compliance.share")
     item = unknowns.items[i]
     assert 0.01 <= item.value(-1e9) < item.value(1e9) <= 0.99
+
+
+def test_a_parameter_without_a_range_has_a_scale() -> None:
+    """Bounds that meet at zero, as of a torque that nothing shows, leave z at 0 and divide by nothing."""
+    unknown = Unknown.of("a", Parameter(0.0, "N m", 0.0, 0.0))
+    assert (unknown.z(0.0), unknown.value(1.0), unknown.ends) == (0.0, 0.0, (0.0, 0.0))
 
 
 def test_a_phase_goes_round() -> None:
