@@ -14,7 +14,7 @@ from lostmotion.daemon.commands.reasons import present_reason
 from lostmotion.daemon.config import ConfigError
 from lostmotion.daemon.database import is_held
 from lostmotion.daemon.reader import Reader
-from lostmotion.daemon.records import AlarmRow, AlarmState, DeviceRow, ScoreRow, Severity, iso
+from lostmotion.daemon.records import AlarmRow, AlarmState, DeviceRow, Origin, ScoreRow, Severity, iso
 from lostmotion.web.site import Site
 
 __all__ = ["Alarm", "Card", "Cards", "Trouble", "cards", "micrometres"]
@@ -80,11 +80,11 @@ def cards(site: Site, reader: Reader) -> Cards:
     now = datetime.now(UTC)
     radii = _radii(site)
     living = reader.alarms(living=True)
-    windows = site.alarm.windows
+    windows, origins = site.alarm.windows, reader.origins()
     joints = tuple(
         _card(
             row.name, row.health.value, present_reason(reader, row, _of(row.name, living), windows),
-            reader.last_window(row.name), radii.get(row.name, math.nan), now,
+            reader.last_window(row.name), radii.get(row.name, math.nan), now, _others(row.name, origins),
         )
         for row in reader.joints()
     )  # fmt: skip
@@ -107,14 +107,21 @@ def _of(joint: str, alarms: list[AlarmRow]) -> list[AlarmRow]:
     return [alarm for alarm in alarms if alarm.joint == joint]
 
 
-def _card(joint: str, health: str, reason: str, last: ScoreRow | None, radius_m: float, now: datetime) -> Card:
+def _others(joint: str, origins: list[Origin]) -> str:
+    """Whose play the impacts in a joint's windows are, "" where they may be its own."""
+    return next((str(one) for one in origins if joint in one.probabilities and one.spares(joint)), "")
+
+
+def _card(
+    joint: str, health: str, reason: str, last: ScoreRow | None, radius_m: float, now: datetime, others: str
+) -> Card:
     if last is None:
         return Card(joint, health, reason, "–", "–", 0.0, False, "–", "–", "no window yet", "")
     ratio = last.score / last.level if math.isfinite(last.score) else 0.0
     return Card(
         joint,
         health,
-        reason or ("no impact detected" if not last.impact else "impact at the last reversal"),
+        reason or ("no impact detected" if not last.impact else _impact(others)),
         output.number(last.score) if math.isfinite(last.score) else "–",
         f"{last.level:.4g}",
         min(max(ratio, 0.0), FULL_SCALE) / FULL_SCALE,
@@ -124,6 +131,10 @@ def _card(joint: str, health: str, reason: str, last: ScoreRow | None, radius_m:
         times.ago(last.time, now),
         iso(last.time),
     )
+
+
+def _impact(others: str) -> str:
+    return f"impact at the last reversal, {others}" if others else "impact at the last reversal"
 
 
 def _alarm(row: AlarmRow, now: datetime) -> Alarm:

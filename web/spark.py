@@ -43,7 +43,7 @@ def spark(reader: Reader, joint: str, span: timedelta, limit: float) -> Spark:
     known = np.isfinite(value)
     if np.count_nonzero(known) < 2:
         return Spark("", "too little history for a curve")
-    words = f"{of} over the last {_days(extent[1] - since)}"
+    words = f"{of} over the last {_span(extent[1] - since)}"
     top = limit if of == SEVERITY else float(np.max(columns["level"]))
     return Spark(_path(time[known], value[known], top), words)
 
@@ -55,6 +55,12 @@ def _path(time: FloatArray, value: FloatArray, top: float) -> str:
     return "M" + " L".join(f"{a:.1f} {b:.1f}" for a, b in zip(x, y, strict=True))
 
 
-def _days(span: timedelta) -> str:
-    days = span.total_seconds() / 86400
-    return f"{days:.0f} days" if days >= 2 else f"{max(days * 24, 0.1):.2g} hours"
+def _span(span: timedelta) -> str:
+    """A span in the largest unit of which there are two at least, rounded."""
+    minutes = span.total_seconds() / 60
+    days, hours = minutes / 1440, minutes / 60
+    if days >= 2:
+        return f"{days:.0f} days"
+    if hours >= 2:
+        return f"{hours:.0f} hours"
+    return f"{minutes:.0f} minutes" if minutes >= 2 else f"{max(minutes * 60, 1):.0f} s"

@@ -55,6 +55,22 @@ def test_the_page_fits_and_is_accessible(filled: tuple[Site, datetime], look: Op
 
 
 @pytest.mark.slow
+def test_changes_of_one_day_have_their_times(filled: tuple[Site, datetime], look: Open) -> None:
+    """In a history of hours the moments of changes are told to the minute, not twice as the same date."""
+
+    def short(route: Route) -> None:
+        answer = route.fetch()
+        times = {"first": "2026-01-31T12:00:00Z", "last": "2026-01-31T14:00:00Z"}
+        changes = ["2026-01-31T12:31:00Z", "2026-01-31T13:47:00Z"]
+        route.fulfill(response=answer, json={**answer.json(), **times, "change_points": changes})
+
+    page = look(f"{filled[0].address}/joints/elbow")
+    page.route("**/trend*", short)
+    page.reload()
+    expect(page.locator("#trend")).to_contain_text(re.compile(r"It changed on .*:31.*:47"))
+
+
+@pytest.mark.slow
 def test_a_limit_that_is_not_reached(filled: tuple[Site, datetime], look: Open) -> None:
     """A forecast without a likely time is told as such, not as a limit that is reached."""
 
