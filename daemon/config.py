@@ -41,9 +41,6 @@ __all__ = ["Config", "ConfigError", "default", "load", "loads"]
 
 T = TypeVar("T")
 Table = dict[str, Any]
-WORDS = {"float": "a number", "int": "a whole number", "str": "a text", "bool": "true or false", "object": "a table",
-         "array": "a list"}  # fmt: skip
-"""what msgspec's names of types mean to a person"""
 OWN_TABLES = ("robot", "store", "accelerometer", "joint", "detector", "alarm", "metrics", "web")
 
 
@@ -291,13 +288,8 @@ def _explain(message: str, value: object, kind: type, path: str) -> str:
         what = f"expected {_choice(_types_at(kind, inner))}"
     if not what.startswith(("Expected", "Invalid", "Object", "expected")):  # the options' own check
         return f"{path}{inner}: {what}"
-    what = re.sub("`(.+?)`", _in_words, re.sub(", got `.*`$", "", what))
+    what = toml_text.in_words(what)
     return f"{path}{inner}: found {_shown(_at(value, inner))}; {what[0].lower()}{what[1:]}"
-
-
-def _in_words(types: re.Match[str]) -> str:
-    """msgspec's names of types, in a person's words."""
-    return " or ".join(WORDS.get(name, name) for name in types[1].split(" | "))
 
 
 def _types_at(kind: type, path: str) -> list[inspect.Type]:
@@ -324,7 +316,7 @@ def _choice(types: Sequence[inspect.Type]) -> str:
     names = [
         ", ".join(map(repr, t.values))
         if isinstance(t, inspect.LiteralType)
-        else WORDS.get(type(t).__name__[:-4].lower())
+        else toml_text.WORDS.get(type(t).__name__[:-4].lower())
         for t in types
     ]
     return " or ".join(name for name in names if name)

@@ -11,7 +11,7 @@ import tomllib
 from datetime import datetime
 from typing import Any
 
-__all__ = ["TomlError", "loads"]
+__all__ = ["WORDS", "TomlError", "in_words", "loads"]
 
 MOST_LEVELS = 64
 """of tables and lists within each other, and of parts in a key"""
@@ -34,6 +34,9 @@ SLIPS = (
     (r"\s*\[\w", "a table that stands several times is written [[name]]"),
 )
 """Beginnings of lines as people write them by mistake, and what TOML expects there; the first that fits is told."""
+WORDS = {"float": "a number", "int": "a whole number", "str": "a text", "bool": "true or false", "object": "a table",
+         "array": "a list"}  # fmt: skip
+"""what msgspec's names of types mean to a person"""
 LONG_KEY = re.compile(rf"""(?<![\w"'\\-])(?:{PART}[ \t]*+\.[ \t]*+){{{MOST_LEVELS},}}+""")
 
 
@@ -55,6 +58,15 @@ def loads(text: str) -> dict[str, Any]:
         raise TomlError("found a number that is too long, expected whole numbers of at most 64 bits") from error
     _check(tables)
     return tables
+
+
+def in_words(message: str) -> str:
+    """What msgspec expected, in a person's words and without the type that was found."""
+    return re.sub("`(.+?)`", _types_in_words, re.sub(", got `.*`$", "", message))
+
+
+def _types_in_words(types: re.Match[str]) -> str:
+    return " or ".join(WORDS.get(name, name) for name in types[1].split(" | "))
 
 
 def _told(text: str, message: str) -> str:

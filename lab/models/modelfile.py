@@ -14,6 +14,7 @@ Missing entries take the documented default, also whether a parameter is fixed. 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -90,7 +91,7 @@ def loads(text: str, where: str, folder: Path = Path()) -> ModelFile:
         given = {name: _parameter(name, value, defaults) for name, value in _flat(file.parameters)}
         model = ModelFile(file.base, effects, given)
         model.build()
-    except (toml_text.TomlError, msgspec.ValidationError, ModelError, EffectFileError) as error:
+    except (toml_text.TomlError, ModelError, EffectFileError) as error:
         raise ModelFileError(f"{where}: {shortened(error)}") from error
     return model
 
@@ -130,15 +131,31 @@ def _flat(parameters: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def _converted(table: object, kind: type[T]) -> T:
-    """Raises ModelError for a key that is not known, else msgspec.ValidationError."""
+    """Raises ModelError."""
     known = msgspec.structs.fields(kind)
     if isinstance(table, dict) and (unknown := [key for key in table if key not in {field.name for field in known}]):
         raise ModelError(f"unknown key {unknown[0]!r}, expected some of {', '.join(field.name for field in known)}")
-    return msgspec.convert(table, kind)
+    try:
+        return msgspec.convert(table, kind)
+    except msgspec.ValidationError as error:
+        raise ModelError(_told(str(error), table)) from error
+
+
+def _told(message: str, found: Any) -> str:
+    """msgspec's message as ours: the key, what was found and what was expected."""
+    what, _, path = message.partition(" - at `")
+    if missing := re.match(r"Object missing required field `(.+)`", what):
+        choice = f"; expected one of {', '.join(BASES)}" if missing[1] == "base" else ""
+        return f"{missing[1]} is missing{choice}"
+    for key in re.findall(r"\w+", path):
+        found = found[int(key)] if isinstance(found, list) else found[key]
+    expected = "a number, or a table such as { value = 1.5 }" if not path else toml_text.in_words(what)
+    key = path.rstrip("`").removeprefix("$.") + ": " if path else ""
+    return f"{key}found {found!r:.60}, expected {expected.removeprefix('Expected ')}"
 
 
 def _parameter(name: str, given: object, defaults: Mapping[str, Parameter]) -> Parameter:
-    """Raises ModelError or msgspec.ValidationError."""
+    """Raises ModelError."""
     if name not in defaults:
         raise ModelError(f"no parameter is called {name!r}; there are {', '.join(defaults)}")
     default = defaults[name]
@@ -150,7 +167,7 @@ def _parameter(name: str, given: object, defaults: Mapping[str, Parameter]) -> P
         default.check_unit(unit)  # first: in the wrong unit the value is likely out of bounds as well
         parameter = Parameter(read.value, unit, read.low, read.high, fixed)
         default.updated(parameter)
-    except (msgspec.ValidationError, ModelError) as error:
+    except ModelError as error:
         raise ModelError(f"{name}: {error}") from error
     return parameter
 
