@@ -19,7 +19,7 @@ class Domain(Enum):
     NOT_NEGATIVE = "0 or more"
     SHARE = "more than 0 and less than 1"
     RATE = "more than -1 (a clock does not run backwards)"
-    WHOLE = "a whole number from 1 to 60"
+    WHOLE = "a whole number of at least 1"
     ODD = "an odd whole number from 1 to 101"
 
     @property
@@ -41,7 +41,7 @@ class Domain(Enum):
             case Domain.RATE:
                 return value > -1
             case Domain.WHOLE:
-                return value.is_integer() and 1 <= value <= 60
+                return value.is_integer() and value >= 1
             case Domain.ODD:
                 return value.is_integer() and 1 <= value <= 101 and value % 2 == 1
 

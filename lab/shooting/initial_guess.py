@@ -68,10 +68,11 @@ def initial_guesses(model: Model, effect: str, size: MotionScales) -> list[Value
     """Values to begin from, by the names of the model's parameters; the model has the effect already.
 
     An effect without guesses, such as a user-defined one, begins at its defaults, smaller, larger, and with the other
-    sign.
+    sign.  What the bounds make equal is tried once.
     """
     found = get_effect(effect).guesses(size) or _around_defaults(model.own(effect))
-    return [_within(model, {_full(effect, name, model): value for name, value in each.items()}) for each in found]
+    named = ({_full(effect, name, model): value for name, value in each.items()} for each in found)
+    return list({tuple(values.items()): values for values in (_within(model, each) for each in named)}.values())
 
 
 def faint(model: Model, effect: str, size: MotionScales) -> list[Model]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 from lostmotion.model.base import Operating, Term
 from lostmotion.model.effects.base import ActsOn, Effect, joint_sized, on, servo_sized
@@ -16,6 +17,11 @@ from lostmotion.model.signals import FORCE, GAP, GAP_RATE, OMEGA1, THETA1, THETA
 __all__ = ["CONTACT_ASYMMETRY", "GEAR_ECCENTRICITY", "TORQUE_RIPPLE"]
 
 JOINTS = ("joint", "servo")
+MOST_TEETH, MOST_RIPPLES = 60, 300
+"""Periods a turn, at most: of what turns with a gear or a servo's output, whose motion is simulated for each, and of a
+torque that was measured.  A motor's cogging has as many as the least common multiple of its slots and poles (36 and 42:
+252), a strain wave gear of 100 to 1 has 200; what a motion is too fast for is not tried.  With 60 a motor that cogs 72
+times a turn had one of 18, with a fifth of the amplitude."""
 _PHI = Parameter(0.0, "rad", -math.pi, math.pi, False, "guess", "phase")
 
 
@@ -56,12 +62,12 @@ GEAR_ECCENTRICITY = Effect(
     bases=("play",),
     parameters={
         "e": Parameter(1e-5, "m", -1e-3, 1e-3, False, "guess: an eighth of the play", "amplitude"),
-        "N": Parameter(12.0, "", 1, 60, True, "guess", "periods a turn of gear 1", Domain.WHOLE),
+        "N": Parameter(12.0, "", 1, MOST_TEETH, True, "guess", "periods a turn of gear 1", Domain.WHOLE),
         "phi": _PHI,
     },
     terms=on(("play",), Term(GAP, eccentric_gap, ("e", "N", "phi")), Term(GAP_RATE, eccentric_rate, ("e", "N", "phi"))),
     amplitudes=("e",),
-    guesses=lambda scales: grid(e=[0.1 * scales.d, 0.03 * scales.d], N=turns(scales), phi=PHASES[:2]),
+    guesses=lambda scales: grid(e=[0.1 * scales.d, 0.03 * scales.d], N=turns(scales, MOST_TEETH), phi=PHASES[:2]),
     words=Words(
         "a gear out of true",
         "The driving gear runs out of true, {N} times a turn, by {e.size}.",
@@ -93,6 +99,7 @@ CONTACT_ASYMMETRY = Effect(
     ),
 )
 _TAU_R = Parameter(2e-4, "N m", -0.1, 0.1, False, "guess", "amplitude")
+_RIPPLES = Parameter(12.0, "", 1, MOST_RIPPLES, True, "guess", "periods a turn", Domain.WHOLE)
 TORQUE_RIPPLE = Effect(
     id="torque_ripple",
     equation="tau_r sin(N theta_2 + phi)",
@@ -101,14 +108,17 @@ TORQUE_RIPPLE = Effect(
     bases=JOINTS,
     parameters={
         "tau_r": _TAU_R,
-        "N": Parameter(12.0, "", 1, 60, True, "guess", "periods a turn", Domain.WHOLE),
+        "N": _RIPPLES,
         "phi": _PHI,
     },
     terms=on(JOINTS, Term(TORQUE, ripple, ("tau_r", "N", "phi"))),
     rate=_ripple_rate,
-    defaults={"joint": {"tau_r": joint_sized(_TAU_R)}, "servo": {"tau_r": servo_sized(_TAU_R)}},
+    defaults={
+        "joint": {"tau_r": joint_sized(_TAU_R)},
+        "servo": {"tau_r": servo_sized(_TAU_R), "N": replace(_RIPPLES, high=MOST_TEETH)},
+    },
     amplitudes=("tau_r",),
-    guesses=lambda scales: grid(tau_r=[0.05 * scales.torque], N=turns(scales), phi=PHASES[:2]),
+    guesses=lambda scales: grid(tau_r=[0.05 * scales.torque], N=turns(scales, MOST_RIPPLES), phi=PHASES[:2]),
     words=Words(
         "a torque that ripples",
         "The torque ripples {N} times a turn, by {tau_r.size}.",

@@ -49,8 +49,6 @@ Guesses = Callable[[MotionScales], Sequence[Values]]
 PHASES = (0.0, math.pi / 2, math.pi, -math.pi / 2)
 SMALL = (0.015, 0.05, 0.15)
 """Shares of the usual torque that a friction may have."""
-MOST_TURNS = 60
-"""Periods a turn: the most that the catalogue has."""
 
 
 def no_guesses(scales: MotionScales) -> Sequence[Values]:
@@ -63,7 +61,8 @@ def grid(**values: Sequence[float]) -> list[Values]:
     return [dict(zip(values, each, strict=True)) for each in itertools.product(*values.values())]
 
 
-def turns(scales: MotionScales) -> list[float]:
-    """Numbers of periods a turn that differ over the span of angle by less than a third of a turn of the phase."""
+def turns(scales: MotionScales, most: float) -> list[float]:
+    """Numbers of periods a turn, up to this one, that differ over the span of angle by less than a third of a turn of
+    the phase."""
     step = min(max(2.0 / max(scales.span, 1e-3), 1.0), 12.0)
-    return [float(n) for n in np.unique(np.round(np.arange(1.0, MOST_TURNS + 0.5, step)))]
+    return [float(n) for n in np.unique(np.round(np.arange(1.0, most + 0.5, step)))]

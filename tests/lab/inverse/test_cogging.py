@@ -1,0 +1,48 @@
+"""A bare motor that cogs, under the control of its speed: simulated by LSODA with its own equations."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from lostmotion.drivers.recording import Recording
+from tests.lab.inverse.test_inverse import explained
+
+INERTIA, VISCOUS, COGGING, COGS = 2e-4, 1e-3, 0.18, 84
+"""[kg m²], [N m s/rad], [N m], times a turn: twelve slots and fourteen poles."""
+MODEL = f'base = "joint"\n[parameters]\nJ = {{ value = {INERTIA}, fixed = true }}\n'
+"""A steady speed does not tell the inertia, which is known."""
+
+
+def cogging(cogs: int = COGS, seconds: float = 4.0) -> Recording:
+    """A speed of 6 rad/s, held by a proportional and integral controller, a thousand samples a second."""
+
+    def torque(t: float, x: np.ndarray) -> float:
+        return float(0.2 * (6.0 - x[1]) + 2.0 * (6.0 * t - x[0]))
+
+    def moves(t: float, x: np.ndarray) -> list[float]:
+        cogged = COGGING * math.sin(cogs * x[0] + 0.7)
+        return [x[1], (torque(t, x) - VISCOUS * x[1] - cogged) / INERTIA]
+
+    time = np.arange(0.0, seconds, 1e-3)
+    x = solve_ivp(moves, (0.0, seconds), [0.0, 6.0], "LSODA", time, rtol=1e-8, atol=1e-10).y
+    rng = np.random.default_rng(4)
+    driven = np.array([torque(*each) for each in zip(time.tolist(), x.T, strict=True)])
+    columns = {
+        "position": x[0] + 2e-5 * rng.standard_normal(time.size),
+        "torque": driven + 2e-3 * rng.standard_normal(time.size),
+    }
+    return Recording(time, columns, {}, {}, 0, "cogging.csv")
+
+
+@pytest.mark.slow
+def test_a_motor_cogs_as_often_as_its_slots_and_poles_say(tmp_path: Path) -> None:
+    """84 periods a turn are named with their number and size; a catalogue that ended at 60 had one of 14 or none."""
+    answer = explained(tmp_path, MODEL, [cogging()])
+    assert answer["missing"][0] == "torque_ripple"
+    assert "84 times a turn" in " ".join(answer["words"])
+    assert abs(answer["parameters"]["torque_ripple.tau_r"][0]) == pytest.approx(COGGING, rel=0.05)
