@@ -70,9 +70,9 @@ class WearTrend:
     """The trend of months of scores.
 
     count: scores used; first, last: their times [s]; slope, trend: over all of them; change_points: times [s] at which
-    level or slope changed; recent: the slope since the last change; current: its value at ``last``; limit: the level;
-    time_to_limit: by ``recent``, None when it does not reach the limit; forecast: from the scores since the last
-    repair, over several laws of wear, None for too few of them.
+    level or slope changed; recent: the slope since the last change; current: its value at ``last``, at least 0; limit:
+    the level; time_to_limit: by ``recent``, None when it does not reach the limit; forecast: from the scores since the
+    last repair, over several laws of wear, None for too few of them.
     """
 
     count: int
@@ -172,7 +172,9 @@ def summarise(times: ArrayLike, scores: ArrayLike, level: float) -> WearTrend:
     at = tuple(float(time[i]) for i in changes)
     worn = slice(_repair(score, changes), None)
     predicted = forecast(time[worn], score[worn], level)
-    return WearTrend(score.size, first, last, slope, trend, at, recent, recent.at(last), level, left, predicted)
+    return WearTrend(
+        score.size, first, last, slope, trend, at, recent, max(recent.at(last), 0.0), level, left, predicted
+    )
 
 
 def _repair(score: FloatArray, changes: list[int]) -> int:

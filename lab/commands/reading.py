@@ -51,12 +51,15 @@ def recordings_argument(command: Callable[..., None]) -> Callable[..., None]:
 @contextmanager
 def used(model: str, recordings: Files) -> Iterator[tuple[Model, tuple[Experiment, ...], list[Recording]]]:
     """The model, the recordings prepared for it, and as they are; rejects in one line what cannot be used together."""
+    from lostmotion.lab.data.doubtful_units import warn_of_units
     from lostmotion.lab.data.experiment import experiments
     from lostmotion.lab.errors import ExperimentError
     from lostmotion.lab.models import modelfile
     from lostmotion.model import ModelError
 
     built, read = modelfile.load(model).build(), recordings.read()
+    for recording in read:
+        warn_of_units(recording)
     try:
         yield built, experiments(built, read), read
     except ModelError as error:

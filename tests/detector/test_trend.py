@@ -163,6 +163,14 @@ def test_summary_of_growing_wear() -> None:
     assert wear.time_to_limit.likely == pytest.approx(66.7 * DAY, rel=0.05)
 
 
+def test_no_value_is_below_zero() -> None:
+    """A line through severities that end in a few small ones runs below zero at its end; no play is negative."""
+    time = np.arange(40.0)
+    wear = summarise(time, np.where(time < 25, 40 - 2 * time, 0.01), 60.0)
+    assert wear.recent.at(wear.last) < -1.0
+    assert wear.current == 0.0
+
+
 def test_summary_looks_at_what_came_after_a_change() -> None:
     """Healthy for 60 days, then growing by 0.1 a day: the time left goes by the slope since the change."""
     rng = np.random.default_rng(49)
