@@ -1,11 +1,16 @@
 #!/bin/sh
 # The main job on the simulated robot: a year of wear in 40 seconds, then the commands that evaluate it.
 # The shoulder has no play; the elbow's grows.  DEMO_WEB=1: the page is served meanwhile, and afterwards until Ctrl-C.
-# Everything lies in a folder of its own, which is removed at the end.
+# Everything lies in a folder of its own, which is removed at the end; DEMO_DIR=FOLDER: in this new folder, which stays.
 set -eu
 PATH="$(cd "${BIN:-.venv/bin}" && pwd):$PATH"
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
+if [ -n "${DEMO_DIR:-}" ]; then
+    mkdir "$DEMO_DIR" 2>/dev/null || { echo "DEMO_DIR: expected a folder that can be made and does not exist yet" >&2; exit 2; }
+    folder=$(cd "$DEMO_DIR" && pwd) passing=""
+else
+    folder=$(mktemp -d) passing=$folder
+fi
+trap 'rm -rf "$passing"' EXIT
 trap 'exit 130' INT TERM
 cd "$folder"
 
@@ -63,7 +68,7 @@ show score new.csv --config robot.toml
 if [ "${DEMO_WEB:-}" = 1 ]; then
     lostmotion web --config robot.toml &
     page=$!
-    trap 'kill "$page" 2>/dev/null || true; rm -rf "$folder"' EXIT
+    trap 'kill "$page" 2>/dev/null || true; rm -rf "$passing"' EXIT
 fi
 show run --config robot.toml --duration 36
 show status --config robot.toml
@@ -71,6 +76,12 @@ show alarms ack elbow --config robot.toml
 show history shoulder --config robot.toml --limit 5
 show history elbow --config robot.toml --limit 5
 show trend elbow --config robot.toml
+
+if [ -n "$passing" ]; then
+    printf '\nrobot.toml and its history are removed at the end; DEMO_DIR=/tmp/demo make demo keeps them in that folder.\n'
+else
+    printf '\nrobot.toml and its history are in %s\n' "$folder"
+fi
 
 if [ "${DEMO_WEB:-}" = 1 ]; then
     printf '\nThe page is at http://127.0.0.1:8737/ until Ctrl-C.\n'
