@@ -213,7 +213,8 @@ def row(name: str, some: Iterable[Drawn]) -> str:
     held = np.mean([s["play_low"] <= play <= s["play_high"] for play, s in sized]) if sized else math.nan
     sure = np.mean([s["severity_low"] <= play <= s["severity_high"] for play, s in known]) if known else math.nan
     off = np.median([s["play"] / play - 1 for play, s in sized]) if sized else math.nan
-    order = spearmanr([p for p, _ in known], [s["severity"] for _, s in known])[0] if len(known) > 9 else math.nan
+    ranked = len(known) > 9 and len({play for play, _ in known}) > 1
+    order = spearmanr([p for p, _ in known], [s["severity"] for _, s in known])[0] if ranked else math.nan
     found = np.mean([s["impact"] for _, s, _ in worn]) if worn else math.nan
     return (f"| {name} | {len(worn)} | {found:.0%} | {np.mean(clear) if clear else math.nan:.0%} of {len(clear)} "
             f"| {held:.1%} of {len(sized)} | {off:+.0%} | {sure:.1%} | {order:.3f} |")  # fmt: skip
