@@ -35,7 +35,7 @@ from lostmotion.detector.window import DetectorSettings
 from lostmotion.drivers import registry, toml_text
 from lostmotion.drivers.base import AccelerometerOptions, Driver, JointOptions, RobotOptions
 from lostmotion.drivers.errors import LostmotionError, UnknownDriverError
-from lostmotion.drivers.textfile import TextFileError, read_text, shortened
+from lostmotion.drivers.textfile import TextFileError, near, read_text, shortened
 
 __all__ = ["Config", "ConfigError", "default", "load", "loads"]
 
@@ -207,7 +207,7 @@ def _sinks(table: object) -> tuple[object, dict[SinkType, SinkOptions]]:
         if name not in own:
             row = sink_registry.get_sink(name)
             if row is None:
-                raise ConfigError(f"alarm.{name}: unknown key{_near(name, [*own, *sink_registry.names()])}")
+                raise ConfigError(f"alarm.{name}: unknown key{near(name, sorted({*own, *sink_registry.names()}))}")
             sinks[row] = _convert(value, row.options, f"alarm.{name}")
     return {name: value for name, value in table.items() if name in own}, sinks
 
@@ -244,7 +244,9 @@ def _driver(table: Table, path: str, role: str) -> Driver:
     except UnknownDriverError as error:
         if name in registry.names():  # another package's, which is broken
             raise ConfigError(f"{path}.driver: {error}") from error
-        raise ConfigError(f"{path}.driver: no driver is called {name!r}{_near(name, _drivers_of(role))}") from error
+        raise ConfigError(
+            f"{path}.driver: no driver is called {name!r}{near(name, sorted(_drivers_of(role)))}"
+        ) from error
     if getattr(driver, role) is None:
         there = ", ".join(_drivers_of(role))
         raise ConfigError(f"{path}.driver: found {name!r}, which is no {role} ({driver.summary}); there are {there}")
@@ -265,7 +267,11 @@ def _refuse_unknown_tables(tables: Table, drivers: Mapping[str, Driver]) -> None
     known = [*OWN_TABLES, *drivers]
     for name in tables:
         if name not in known:
-            hint = "; no joint or accelerometer uses that driver" if name in registry.names() else _near(name, known)
+            hint = (
+                "; no joint or accelerometer uses that driver"
+                if name in registry.names()
+                else near(name, sorted(known))
+            )
             raise ConfigError(f"{name}: unknown key{hint}")
 
 
@@ -281,7 +287,7 @@ def _explain(message: str, value: object, kind: type, path: str) -> str:
     what, _, inner = message.partition(" - at `")
     inner = inner.rstrip("`").removeprefix("$")
     if unknown := re.match(r"Object contains unknown field `(.+)`", what):
-        return f"{path}{inner}.{unknown[1]}: unknown key{_near(unknown[1], _keys(_types_at(kind, inner)))}"
+        return f"{path}{inner}.{unknown[1]}: unknown key{near(unknown[1], sorted(_keys(_types_at(kind, inner))))}"
     if missing := re.match(r"Object missing required field `(.+)`", what):
         return f"{path}{inner}.{missing[1]}: is missing"
     if what.startswith("Invalid enum value"):
@@ -320,13 +326,6 @@ def _choice(types: Sequence[inspect.Type]) -> str:
         for t in types
     ]
     return " or ".join(name for name in names if name)
-
-
-def _near(word: str, known: Sequence[str]) -> str:
-    import difflib  # for a mistake only
-
-    close = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
-    return f"; did you mean {close[0]}?" if close else f"; there are {', '.join(sorted(set(known)))}"
 
 
 def _at(value: object, path: str) -> object:

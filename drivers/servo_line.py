@@ -17,6 +17,7 @@ from lostmotion.drivers.codec.dynamixel import Question
 from lostmotion.drivers.codec.servo_state import Model, ServoState
 from lostmotion.drivers.errors import DriverError
 from lostmotion.drivers.servo_port import ServoPort
+from lostmotion.drivers.textfile import near
 
 __all__ = ["LineBus", "LineOptions", "Reply", "Servo", "check_line", "silence_s"]
 
@@ -284,7 +285,7 @@ def check_line(joints: Sequence[LineOptions], models: Mapping[str, Model]) -> No
     seen: dict[int, str] = {}
     for joint in joints:
         if joint.model not in models:
-            raise DriverError(f"joint {joint.name}: no model {joint.model!r} is known; there are {', '.join(models)}")
+            raise DriverError(f"joint {joint.name}: no model {joint.model!r} is known{near(joint.model, models)}")
         if not 0 <= joint.id <= MAX_ID:
             raise DriverError(f"joint {joint.name}: id is {joint.id}; expected 0 to {MAX_ID}")
         if joint.poll_hz <= 0:

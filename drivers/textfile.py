@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["TextFileError", "read_text", "shortened"]
+__all__ = ["TextFileError", "near", "read_text", "shortened"]
 
 MOST_CHARACTERS = 1_000_000
 """a configuration of 1000 joints takes a fifth of it"""
@@ -37,3 +38,12 @@ def shortened(message: object) -> str:
     """What is wrong with a file, without the middle of a key or name that is a page long."""
     text = str(message)
     return text if len(text) <= LONGEST_LINE else f"{text[: LONGEST_LINE // 2]} … {text[-LONGEST_LINE // 4 :]}"
+
+
+def near(word: str, known: Iterable[str]) -> str:
+    """What may be meant by an unknown word, whichever case it is in; else all that are known, in their order."""
+    import difflib  # for a mistake only
+
+    names = {name.casefold(): name for name in known}
+    close = difflib.get_close_matches(word.casefold(), names, n=1, cutoff=0.6)
+    return f"; did you mean {names[close[0]]}?" if close else f"; there are {', '.join(names.values())}"

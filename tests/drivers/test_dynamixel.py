@@ -215,7 +215,9 @@ def test_a_stream_that_never_ends_holds_no_read() -> None:
 @pytest.mark.parametrize(
     ("ids", "models", "message"),
     [
-        ([1], "AX-13", "no model 'AX-13' is known; there are AX-12A"),
+        ([1], "STS", "no model 'STS' is known; there are AX-12A, AX-12W"),
+        ([1], "ax12a", "no model 'ax12a' is known; did you mean AX-12A"),
+        ([1], "XL330-288", "no model 'XL330-288' is known; did you mean XL330-M288"),
         ([4, 4], "AX-12A", "have the same id 4"),
         ([300], "AX-12A", "id is 300; expected 0 to 252"),
     ],
