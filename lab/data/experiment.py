@@ -15,11 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.drivers.recording import Recording
-from lostmotion.lab.data import power
-from lostmotion.lab.data.held_readings import without_held_readings
-from lostmotion.lab.data.lost_readings import without_lost_readings
+from lostmotion.lab.data import readings
 from lostmotion.lab.data.supply import is_of_motor, of_voltage
-from lostmotion.lab.data.wrapped import without_wraps
 from lostmotion.lab.errors import ExperimentError
 from lostmotion.model import Model, Motion, Sampled
 from lostmotion.model.motion import FloatArray
@@ -161,16 +158,16 @@ def _experiment(model: Model, recording: Recording, of_motor: bool) -> Experimen
             f"--map {OUTPUTS[model.base][-1]}=SERIES (lostmotion import {recording.name} lists them)"
         )
     if "position" in outputs and recording.metadata.get("position_unit") not in LENGTHS:
-        recording = without_wraps(recording)
+        recording = readings.without_wraps(recording)
     if "position" in outputs and model.base != "play":  # there a contact may be as short as a lost reading
-        recording = without_lost_readings(recording)
+        recording = readings.without_lost_readings(recording)
     column = _input(model.base, recording, of_motor)
-    recording = without_held_readings(recording, outputs, column)
+    recording = readings.without_held_readings(recording, outputs, column)
     drive = _drive(model.base, recording, column)
     if model.base == "servo":
         _check_goal(recording)
     rows = np.any([~np.isnan(recording.columns[name]) for name in outputs], axis=0)
-    rows &= power.rows_of_base(recording, model.base, drive is None)
+    rows &= readings.rows_of_base(recording, model.base, drive is None)
     time = recording.time.copy()
     time[rows] = recording.times(rows)
     rows[1:] &= np.diff(time) > 0  # a merged row may repeat a time
@@ -262,7 +259,9 @@ def _input(base: str, recording: Recording, of_motor: bool) -> str:
         return column
     acts = {
         "current": np.count_nonzero(_readings(recording, "current")) > recording.time.size / 2,
-        "voltage": power.COLUMN not in recording.extra and of_motor and bool(_readings(recording, "voltage").any()),
+        "voltage": readings.MOTOR_ON not in recording.extra
+        and of_motor
+        and bool(_readings(recording, "voltage").any()),
     }
     if base == "joint" and (instead := next((name for name, is_one in acts.items() if is_one), "")):
         log.warning(

@@ -14,7 +14,7 @@ from lostmotion.lab.data.frequency_response import usual_torque
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.fitting.identifiability import is_driven, with_free_states
 from lostmotion.lab.inverse.output_error import OutputError
-from lostmotion.lab.inverse.problem import TURN, Data, EquationError, Problem, by_recording
+from lostmotion.lab.inverse.problem import Data, EquationError, Problem, by_recording
 from lostmotion.lab.inverse.regression import MOST_STEPS, Regression, can_run, regressed
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import follows_motion, inertia_of, simulable, softened
@@ -117,7 +117,7 @@ def candidates(model: Model, added: tuple[str, ...], data: Problem) -> Iterator[
 
 def turns_of(signals: Sequence[Signals]) -> float:
     """The largest number of turns that the motion of a recording covers."""
-    return max(float(np.ptp(one.position)) for one in signals) / TURN
+    return max(float(np.ptp(one.position)) for one in signals) / math.tau
 
 
 def fitted_with(name: str, wide: Model, now: Regression, begun: Regression | None) -> Regression | None:
@@ -230,10 +230,10 @@ def _zeros(name: str, start: Model, now: Regression, data: Problem) -> FloatArra
         return data.begun(start, now.nuisance)
     if not isinstance(data, Data) or not now.nuisance.size or now.jacobian[:, now.count :].any():
         return now.nuisance
-    grid = np.arange(ANGLES) / ANGLES * TURN / getattr(start.parameters.get(f"{name}.N"), "value", 1.0)
+    grid = np.arange(ANGLES) / ANGLES * math.tau / getattr(start.parameters.get(f"{name}.N"), "value", 1.0)
     alike = [_explained_shares(data.residual(start, zero + now.nuisance) - now.residual, now) for zero in grid]
     found = grid[np.argmax(alike, axis=0)]
-    return np.asarray(np.where(data.freedom < TURN, now.nuisance, found))
+    return np.asarray(np.where(data.freedom < math.tau, now.nuisance, found))
 
 
 def _explained_shares(column: FloatArray, now: Regression) -> list[float]:
@@ -263,7 +263,7 @@ def _covers(name: str, model: Model, data: Problem) -> bool:
     turns = model.parameters.get(f"{name}.N")
     if turns is None or turns.value == 1:
         return True
-    period = TURN / turns.value
+    period = math.tau / turns.value
     return max(_travel(one, period * one.band_hz) for one in data.signals) > policy.LEAST_PERIODS * period
 
 

@@ -16,14 +16,14 @@ from lostmotion.lab.inverse.torques import acceleration, inertia_of, needed
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["TURN", "Data", "EquationError", "Problem", "by_recording"]
+__all__ = ["Data", "EquationError", "Problem", "by_recording"]
 
 MOST_ROUNDS, LOAD_CONVERGED = 40, 1e-3
 """Rounds in which the transmitted torque is found, and the relative change that ends them."""
 LARGEST_COLOUR = 0.99
 """The correlation of neighbouring samples is at most this, so that a constant keeps a tenth of its weight."""
-TURN, HELD = 2 * math.pi, 1e-9
-"""Freedom of a zero angle that is not known, and of one that is [rad]."""
+HELD = 1e-9
+"""Freedom of a zero angle that is known [rad]."""
 
 
 class Problem(Protocol):
@@ -99,7 +99,7 @@ class Data:
     @property
     def freedom(self) -> FloatArray:
         """How far a zero angle may be from its initial value, (R,) or (0,) [rad]."""
-        free = np.full(self.nuisance.size, TURN)
+        free = np.full(self.nuisance.size, math.tau)
         if self.is_anchored:
             free[:1] = HELD
         return free

@@ -10,7 +10,7 @@ import pytest
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.experiment import experiments
-from lostmotion.lab.data.held_readings import held_for
+from lostmotion.lab.data.readings import held_for
 from lostmotion.lab.inverse.explain import fitted
 from lostmotion.lab.inverse.likelihood import Method
 from lostmotion.model import Sampled, build_model

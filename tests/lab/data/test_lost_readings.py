@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.experiment import experiments
-from lostmotion.lab.data.lost_readings import lost_readings
+from lostmotion.lab.data.readings import lost_readings
 from lostmotion.model import build_model
 from lostmotion.model.motion import FloatArray
 from tests.lab.inverse.test_inverse import explained

@@ -9,7 +9,7 @@ import pytest
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.experiment import experiments
-from lostmotion.lab.data.wrapped import turned_on
+from lostmotion.lab.data.readings import turned_on
 from lostmotion.model import build_model
 
 T = np.arange(2000) / 200

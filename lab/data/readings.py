@@ -1,0 +1,219 @@
+"""Readings that a model cannot explain, as they are no samples of its motion: repeated or lost ones, angles that begin
+anew, rows in which a motor is on or off.  Each is removed with a warning.  Nothing is fitted here.
+
+All of the lab's likelihoods suppose that a reading belongs to its time, with errors of about one size, and one law for
+the whole recording:
+
+- A log repeats the readings of a slower sensor or bus on its faster clock until the next one comes.  A repeated one is
+  late: a staircase, whose speed is zero on the steps.  Its spectrum has images of the motion at multiples of the true
+  rate, far above its noise, which pass for motion: the band of a robot arm of 100 Hz logged at 1 kHz ended at 200 Hz,
+  and the viscous friction of its joints was a third of what it is.
+- A bus that got no answer puts a zero, or the end of the range, in its place.  A joint cannot jump and come back within
+  a few samples: 11 of 9321 lost readings of a robot arm hid the viscous friction of its waist, and left a third of the
+  torque of other joints.
+- Encoders and ``atan2`` begin anew after a turn, and counters where they are full.
+- A servo that is let go after two seconds has an error of a radian afterwards.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lostmotion.drivers.recording import Recording
+from lostmotion.lab import policy
+from lostmotion.model.motion import FloatArray
+
+__all__ = [
+    "MOTOR_ON",
+    "held_for",
+    "lost_readings",
+    "rows_of_base",
+    "turned_on",
+    "without_held_readings",
+    "without_lost_readings",
+    "without_wraps",
+]
+
+LEAST_CHANGES = 20
+"""Changes of a column, by which its rate is judged."""
+EVEN, STEPS = 0.8, 1.2
+"""Least share of the changes of a column that come at even intervals, or with those of another one: 0.88 and 0.97 of a
+camera's and an arm's held readings, 0.5 of a servo's current in steps.  Least ratio of the quartiles of its steps: 2.4
+and more of seven held columns of 260 public tables, 1 of a slow motion in the steps of an encoder."""
+USUAL = 0.95
+"""Quantile of the steps between two samples that stands for the motion: as many as 2 % of readings may be lost."""
+MOST_LOST = 5
+"""Consecutive readings; ``policy.LOST_JUMP`` has the measurement."""
+WRAPS = 0.01
+"""A jump this close to whole turns, in turns, is that of an angle that wraps."""
+ANGLES = ("position", "command")
+WHOLE, BESIDE = 0.8, 0.2
+"""Shares of the range: the least jump of an angle that begins anew, and the largest step beside such jumps."""
+NEAR = 3
+"""samples before and after a jump, which go on in the same direction"""
+OFF = 0.02
+"""of a turn: how far a jump may be from one"""
+MOTOR_ON = "torque_enabled"
+"""A column of logs of servos: 1 while the motor holds its goal, 0 after it was let go."""
+DRIVEN = {"servo": True, "joint": False}
+"""Whether the base describes a motor that holds its goal, or a part that moves freely."""
+NO = ("0", "0.0", "false", "off")
+log = logging.getLogger(__name__)
+
+
+def without_held_readings(recording: Recording, outputs: Sequence[str], driver: str) -> Recording:
+    """The recording with empty cells where readings of the outputs repeat the one before; those of the input too where
+    it was held with them.  One that is held alone is what the input was: a command.  A warning says it."""
+    columns, seen = dict(recording.columns), None
+    for name in outputs:
+        at = np.flatnonzero(~np.isnan(columns[name]))
+        rows = held_for(columns[name][at])
+        if rows == 1:
+            continue
+        new = at[_new(columns[name][at], rows)]
+        log.warning(
+            "%s: readings of %s are repeated until the next one comes, %d rows as a rule: the first of each is used",
+            recording.name, name, rows,
+        )  # fmt: skip
+        columns[name] = _only(columns[name], new)
+        seen = new if seen is None else seen
+    if seen is not None and driver in columns and _changes_with(columns[driver], seen):
+        columns[driver] = _only(columns[driver], seen)
+    return replace(recording, columns=columns)
+
+
+def held_for(values: FloatArray) -> int:
+    """The number of samples for which each value (N,) is held; 1 where they are not.
+
+    Held readings change at even intervals, by steps of all sizes.  Those of a slow motion in the steps of an encoder
+    repeat, too, but change by one size.
+    """
+    at = np.flatnonzero(np.diff(values))
+    if at.size < LEAST_CHANGES:
+        return 1
+    gaps, steps = np.diff(at), np.abs(np.diff(values)[at])
+    usual = int(np.median(gaps))
+    low, high = np.quantile(steps, (0.25, 0.75))
+    is_even = np.mean(np.abs(gaps - usual) <= max(usual // 4, 1)) >= EVEN
+    return usual if usual > 1 and is_even and high > STEPS * low else 1
+
+
+def _new(values: FloatArray, rows: int) -> NDArray[np.intp]:
+    """The samples that are readings: the first, each change, and where nothing changes one in so many rows."""
+    found = [0]
+    for at in [*(np.flatnonzero(np.diff(values)) + 1).tolist(), values.size]:
+        found += range(found[-1] + rows, at - rows // 2, rows)
+        found += [at] if at < values.size else []
+    return np.array(found)
+
+
+def _only(values: FloatArray, rows: NDArray[np.intp]) -> FloatArray:
+    """The column with empty cells everywhere but in these rows."""
+    kept = np.full_like(values, np.nan)
+    kept[rows] = values[rows]
+    return kept
+
+
+def _changes_with(values: FloatArray, rows: NDArray[np.intp]) -> bool:
+    """Whether a column changes in these rows only, as a rule."""
+    changes = np.flatnonzero(np.diff(values)) + 1
+    return changes.size > 0 and float(np.mean(np.isin(changes, rows))) >= EVEN
+
+
+def without_lost_readings(recording: Recording) -> Recording:
+    """The recording with empty cells where readings of the angle were lost; what came with them is as unsure.  A
+    warning says how many."""
+    values = recording.columns["position"]
+    seen = np.flatnonzero(~np.isnan(values))
+    lost = seen[lost_readings(values[seen])]
+    if not lost.size:
+        return recording
+    log.warning(
+        "%s: %d of %d readings of position jump away and come back within %d samples, the first at %g s: left out",
+        recording.name, lost.size, seen.size, MOST_LOST, recording.time[lost[0]],
+    )  # fmt: skip
+    blank = np.isin(np.arange(values.size), lost)
+    columns = {name: np.where(blank, np.nan, samples) for name, samples in recording.columns.items()}
+    return replace(recording, columns=columns)
+
+
+def lost_readings(values: FloatArray) -> NDArray[np.bool_]:
+    """Which values (N,) lie between two jumps, or between one and an end, and are ``MOST_LOST`` at most."""
+    step, lost = np.abs(np.diff(values)), np.zeros(values.size, dtype=bool)
+    if not step.any():
+        return lost
+    limit = policy.LOST_JUMP * max(float(np.quantile(step, USUAL)), float(step[step > 0].min()))
+    turns = step / math.tau
+    jumps = np.flatnonzero((step > limit) & ~((turns > 0.5) & (np.abs(turns - np.round(turns)) < WRAPS)))
+    ends = np.concatenate([[-1], jumps, [values.size - 1]])
+    for first, last in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
+        inner = first >= 0 and last + 1 < values.size
+        back = not inner or abs(values[last + 1] - values[first]) <= limit
+        if last - first <= MOST_LOST and back and jumps.size and not lost[max(first, 0)]:
+            lost[first + 1 : last + 1] = True
+    return lost
+
+
+def without_wraps(recording: Recording) -> Recording:
+    """The recording with angles that turn on where they began anew.  A warning says how often."""
+    columns = dict(recording.columns)
+    for name in ANGLES:
+        values = columns.get(name, np.empty(0))
+        seen = np.flatnonzero(~np.isnan(values))
+        found = turned_on(values[seen])
+        if found is not None:
+            columns[name] = np.array(values)
+            columns[name][seen] = found
+            added = np.abs(np.diff(found - values[seen]))
+            log.warning(
+                "%s: %s begins anew %d times, after %.4g rad each: it is taken to turn on", recording.name, name,
+                np.count_nonzero(added > added.max() / 2), added.max(),
+            )  # fmt: skip
+    return replace(recording, columns=columns)
+
+
+def turned_on(values: FloatArray) -> FloatArray | None:
+    """The angle (N,) without its jumps by one size, a turn or the range of a counter; None where it has none.
+
+    What begins anew goes on in the direction from which it came, against the jump; a servo that jumps between two goals
+    faster than it is read rests before and after.  Near a turn the readings of a shaft at rest may jump, too.
+    """
+    steps = np.diff(values)
+    size = np.abs(steps)
+    jumps = np.flatnonzero(size > WHOLE * np.ptp(values)) if values.size > 2 * NEAR else np.empty(0, dtype=int)
+    others = np.delete(size, jumps)
+    if not jumps.size or not others.size or others.max() > BESIDE * np.ptp(values):
+        return None
+    around = [np.r_[steps[max(at - NEAR, 0) : at], steps[at + 1 : at + 1 + NEAR]] for at in jumps]
+    onward = np.array([np.median(near[np.abs(near) <= others.max()]) if near.size else 0.0 for near in around])
+    ranges = np.abs(steps[jumps] - onward)
+    whole = float(np.median(ranges))
+    is_turn = abs(whole - math.tau) < OFF * math.tau
+    if np.abs(ranges - whole).max() > BESIDE * whole or not (is_turn or (onward * steps[jumps] < 0).all()):
+        return None
+    return np.unwrap(values, period=math.tau if is_turn else whole)
+
+
+def rows_of_base(recording: Recording, base: str, is_free: bool) -> NDArray[np.bool_]:
+    """The rows (N,) to use: the longest part in which the motor is on (``servo``) or off (a ``joint`` without torque,
+    is_free), all rows where the recording does not say or is of one kind.  A warning reports the rest."""
+    every = np.ones(recording.time.size, dtype=bool)
+    said = recording.extra.get(MOTOR_ON)
+    if said is None or base not in DRIVEN or (base == "joint" and not is_free):
+        return every
+    fits = np.array([(cell.strip().lower() in NO) != DRIVEN[base] for cell in said], dtype=bool)
+    if fits.all() or not fits.any():
+        return every
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], fits, [False]]).astype(int)))
+    begin, end = max(zip(ends[::2], ends[1::2], strict=True), key=lambda part: part[1] - part[0])
+    log.warning(
+        "%s: the motor is %s from %.3g to %.3g s (%s): the rest is left out",
+        recording.name, "on" if DRIVEN[base] else "off", recording.time[begin], recording.time[end - 1], MOTOR_ON,
+    )  # fmt: skip
+    return np.asarray((np.arange(fits.size) >= begin) & (np.arange(fits.size) < end))
