@@ -9,10 +9,9 @@ from lostmotion.lab import policy
 
 LAB = Path(policy.__file__).parent
 NUMERICS = {
-    "commands/compare_terminal.py": (2, "size of a plot"),
-    "commands/curves.py": (1, "digits of a file"),
+    "commands/output.py": (1, "digits of a file"),
     "commands/options.py": (1, "units of time"),
-    "commands/fitting_terminal.py": (1, "rows of a table"),
+    "commands/terminal.py": (3, "size of a plot, rows of a table"),
     "commands/table.py": (1, "width of a table"),
     "comparison/bands.py": (3, "resolution of a spectrum that is shown"),
     "comparison/compare.py": (2, "what is described, what is worth a word in a sentence"),

@@ -14,7 +14,7 @@ from bench.hidden_effects.physics import follow, simulate
 from click.testing import CliRunner, Result
 
 from lostmotion.drivers.recording import Recording, read_recording, write_recording
-from lostmotion.lab.commands.compare import compare as command
+from lostmotion.lab.commands.group import compare as command
 from lostmotion.lab.comparison.compare import Comparison, compare
 from lostmotion.lab.comparison.phases import phases
 from lostmotion.lab.data.experiment import experiments

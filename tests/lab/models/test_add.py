@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from lostmotion.lab.commands.add import add
+from lostmotion.lab.commands.group import add
 from lostmotion.lab.errors import EffectFileError, ModelFileError
 from lostmotion.lab.models.modelfile import dumps, load, loads, save
 from lostmotion.model import Sine, build_model

@@ -1,7 +1,12 @@
-"""``lostmotion lab fit | explain | improve``: arguments, progress and text only."""
+"""The commands ``lostmotion lab compare | fit | explain | add | improve``: arguments, progress and text only.
+
+What computes is imported late, so that help and errors are quick.
+"""
 
 from __future__ import annotations
 
+import json
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,9 +26,11 @@ from lostmotion.lab.commands.options import (
     progress_option,
     report_option,
 )
-from lostmotion.lab.commands.progress import shown
 from lostmotion.lab.commands.reading import Files, recordings_argument, used
 from lostmotion.lab.deadline import Progress
+from lostmotion.lab.models.add import Added
+from lostmotion.lab.models.add import add as add_effect
+from lostmotion.model import Parameter
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -32,10 +39,35 @@ if TYPE_CHECKING:
     from lostmotion.lab.results import Explanation
     from lostmotion.model import Model
 
-__all__ = ["explain", "fit", "improve"]
+__all__ = ["lab"]
 
 
-@click.command(short_help="The free parameters, with intervals.")
+@click.group()
+def lab() -> None:
+    """Compare a model with measurements, find the missing effect, and add it."""
+
+
+@lab.command(short_help="The error of a model, and where it arises.")
+@model_argument
+@recordings_argument
+@report_option
+@curves_option
+@json_option
+def compare(model: str, recordings: Files, report: Path | None, curves: Path | None, as_json: bool) -> None:
+    """Compare MODEL with recordings: its error, where it fails, and in which equation.
+
+    MODEL is a model file, or the name of a base.  No parameter is fitted; the initial state of each recording is
+    estimated.
+    """
+    from lostmotion.lab.commands.output import write_output
+    from lostmotion.lab.comparison.compare import compare as compared
+
+    with used(model, recordings) as (built, experiments, read):
+        found = compared(built, experiments, recordings=read)
+    write_output(found, report, curves, as_json=as_json)
+
+
+@lab.command(short_help="The free parameters, with intervals.")
 @model_argument
 @recordings_argument
 @output_option
@@ -55,14 +87,10 @@ def fit(
     with _prepared(model, recordings, executor, progress) as (built, experiments, pool, callback):
         found = fitted(built, experiments, pool, callback)
     _save(found.model, output)
-    if write_output(found, "fit", report, curves, as_json=as_json):
-        return
-    from lostmotion.lab.commands.fitting_terminal import show_fit
-
-    show_fit(found, output)
+    write_output(found, report, curves, output, as_json=as_json)
 
 
-@click.command(short_help="Which physical effect is missing.")
+@lab.command(short_help="Which physical effect is missing.")
 @model_argument
 @recordings_argument
 @executor_option
@@ -80,14 +108,10 @@ def explain(
     from lostmotion.lab.commands.output import write_output
 
     with _explained(model, recordings, executor, progress, budget_s, effects) as found:
-        if write_output(found, "explanation", report, curves, as_json=as_json):
-            return
-        from lostmotion.lab.commands.fitting_terminal import show_explanation
-
-        show_explanation(found)
+        write_output(found, report, curves, as_json=as_json)
 
 
-@click.command(short_help="Explain, add and fit until nothing is missing.")
+@lab.command(short_help="Explain, add and fit until nothing is missing.")
 @model_argument
 @recordings_argument
 @output_option
@@ -107,13 +131,28 @@ def improve(
     from lostmotion.lab.results import ladder_of
 
     with _explained(model, recordings, executor, progress, budget_s, effects) as explanation:
-        found = ladder_of(explanation)
         _save(explanation.best.model, output)
-        if write_output(found, "ladder", report, curves, as_json=as_json):
-            return
-        from lostmotion.lab.commands.fitting_terminal import show_ladder
+        write_output(ladder_of(explanation), report, curves, output, as_json=as_json)
 
-        show_ladder(found, output)
+
+@lab.command(short_help="A model with one more effect.")
+@click.argument("model")
+@click.argument("effect")
+@output_option
+@json_option
+def add(model: str, effect: str, output: Path, as_json: bool) -> None:
+    """Write MODEL2: MODEL with one more effect, its parameters at their defaults, for you to edit.
+
+    MODEL is a model file, or the name of a base (play, oscillator, joint, servo).  EFFECT is an id of the catalogue
+    (lostmotion effects), or your own as file.py:function; that file is run, now and whenever MODEL2 is used.
+    """
+    added = add_effect(model, effect, output)
+    if as_json:
+        click.echo(json.dumps({"model": str(output), **added.document()}, ensure_ascii=False))
+    else:
+        click.echo(_message(added, output))
+    if added.note:
+        click.echo(f"{added.effect.id} runs in plain Python, ten to twenty times as slowly: {added.note}", err=True)
 
 
 @contextmanager
@@ -156,7 +195,7 @@ def _prepared(
     with (
         used(model, recordings) as (built, experiments, _),
         open_executor(executor) as pool,
-        shown(progress) as callback,
+        _shown(progress) as callback,
     ):
         yield built, experiments, pool, callback
 
@@ -165,3 +204,44 @@ def _save(model: Model, output: Path) -> None:
     from lostmotion.lab.models import modelfile
 
     modelfile.save(modelfile.ModelFile(model.base, model.effects, model.parameters), output)
+
+
+@contextmanager
+def _shown(how: str) -> Iterator[Progress]:
+    """Yields the callback of progress; how: "bar", which shows nothing where stderr is no terminal, or "json"."""
+    if how == "json":
+        yield _line
+    elif not sys.stderr.isatty():
+        yield lambda what, part: None
+    else:
+        with _bar() as progress:
+            yield progress
+
+
+def _line(what: str, part: float) -> None:
+    sys.stderr.write(json.dumps({"progress": what, "part": round(part, 4)}, ensure_ascii=False) + "\n")
+    sys.stderr.flush()
+
+
+@contextmanager
+def _bar() -> Iterator[Progress]:
+    from rich.console import Console
+    from rich.progress import Progress as Bar
+
+    with Bar(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("starting", total=1.0)
+        yield lambda what, part: bar.update(task, description=what, completed=part)
+
+
+def _message(added: Added, output: Path) -> str:
+    lines = [
+        f"{output}: base {added.model.base}, active effects: {', '.join(added.model.effects)}",
+        f"added {added.effect.id} on the {added.effect.acts_on}: {added.effect.equation}",
+    ]
+    return "\n".join(lines + [_row(name, parameter) for name, parameter in added.parameters.items()])
+
+
+def _row(name: str, parameter: Parameter) -> str:
+    unit = f" {parameter.unit}" if parameter.unit else ""
+    free = "fixed" if parameter.fixed else f"{parameter.low:g} to {parameter.high:g}{unit}"
+    return f"  {name} = {parameter.value:g}{unit} ({free}){': ' if parameter.meaning else ''}{parameter.meaning}"
