@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
 
 from lostmotion.lab.data.experiment import Experiment, with_one_column
 from lostmotion.lab.data.noise import noise_of
 from lostmotion.lab.deadline import Progress
 from lostmotion.lab.fitting.fit import fit_segments
-from lostmotion.lab.fitting.identifiability import with_scale
 from lostmotion.lab.inverse.explain import fitted, method_of
 from lostmotion.lab.inverse.release import released
 from lostmotion.lab.results import Fit
@@ -34,4 +32,4 @@ def fit(
     experiments = released(with_one_column(experiments))
     found = fitted(model, experiments, method, noise_of(experiments))
     progress("done", 1.0)
-    return replace(found, held=with_scale(model, experiments)[1])
+    return found

@@ -32,8 +32,7 @@ from lostmotion.lab.data.noise import noise_of
 from lostmotion.lab.deadline import Progress
 from lostmotion.lab.gears.explain import explained_gears
 from lostmotion.lab.inverse.explain import explained, method_of
-from lostmotion.lab.inverse.modes import band_limited
-from lostmotion.lab.inverse.release import released
+from lostmotion.lab.inverse.release import band_limited, released
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.results import Explanation
 from lostmotion.model import Model

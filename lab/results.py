@@ -228,8 +228,6 @@ class Explanation(Displayed):
     best: Fit
     descent: tuple[float, ...] = ()
     """Errors on unseen data with none, one, two, … of the missing effects."""
-    unshown: tuple[str, ...] = ()
-    """Missing effects that do not lower the error on unseen data: only the data of the fit show them."""
     complete: bool = False
     """Whether the residual of ``best`` is noise."""
     columns: Mapping[str, Errors] = field(default_factory=dict)
@@ -250,6 +248,14 @@ class Explanation(Displayed):
         first = squares[0] if squares else 0.0
         falls = (before - after for before, after in itertools.pairwise(squares))
         return {effect: fall / first if first > 0 else 0.0 for effect, fall in zip(self.missing, falls, strict=False)}
+
+    @property
+    def unshown(self) -> tuple[str, ...]:
+        """Missing effects that take less of the squared error on unseen data than is worth a name: only the data of the
+        fit show them."""
+        pairs = zip(self.missing, itertools.pairwise(self.descent), strict=False)
+        least = 1 - policy.LEAST_GAIN
+        return tuple(effect for effect, (before, after) in pairs if after**2 > least * before**2)
 
     def document(self) -> dict[str, Any]:
         """The keys of ``lab explain --json``."""

@@ -161,28 +161,14 @@ def _explained(
 ) -> Iterator[Explanation]:
     """What is missing; the user-defined effects stay known in the block, as the output uses their names and words."""
     from lostmotion.lab.explain import explain
+    from lostmotion.lab.models.own.file import load_effect
+    from lostmotion.model.effects.registry import registered
 
     until = monotonic() + budget_s
-    with _beside(effects):
+    with registered([load_effect(reference) for reference in effects]):
         with _prepared(model, recordings, executor, progress) as (built, experiments, pool, callback):
             found = explain(built, experiments, pool, callback, budget_s=until - monotonic())
         yield found
-
-
-@contextmanager
-def _beside(references: tuple[str, ...]) -> Iterator[None]:
-    """Adds user-defined effects to the candidates."""
-    from lostmotion.lab.models.own.file import load_effect
-    from lostmotion.model.effects import register, unregister
-
-    loaded = [load_effect(reference) for reference in references]
-    for effect in loaded:
-        register(effect)
-    try:
-        yield
-    finally:
-        for effect in loaded:
-            unregister(effect.id)
 
 
 @contextmanager

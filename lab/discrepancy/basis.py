@@ -8,8 +8,7 @@ friction changes its sign.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count
 
@@ -19,13 +18,12 @@ from numpy.typing import NDArray
 from lostmotion.lab.shooting.segment import Segment, motions
 from lostmotion.model import Domain, Model, Parameter
 from lostmotion.model.base import Term
-from lostmotion.model.effects import register, unregister
 from lostmotion.model.effects.base import ActsOn, Effect
 from lostmotion.model.kernel import Kernel, Slots, jitted, kernel
 from lostmotion.model.motion import FloatArray
 from lostmotion.model.signals import BAR_FORCE, FORCE, GAP, OMEGA2, Q_RATE, SENSOR, THETA1, THETA2, TIME, TIP, TORQUE, Q
 
-__all__ = ["KNOTS", "Guess", "guesses", "registered", "wave_guess"]
+__all__ = ["KNOTS", "Guess", "guesses", "wave_guess"]
 
 KNOTS = 13
 WIDEST = 0.995
@@ -101,18 +99,6 @@ class Guess:
     def heights(self) -> list[str]:
         """Names of the model's parameters that define the curve."""
         return [f"{self.effect.id}.c{i}" for i in range(len(self.x))]
-
-
-@contextmanager
-def registered(found: Sequence[Guess]) -> Iterator[None]:
-    """Registers the effects by their ids within a block."""
-    for guess in found:
-        register(guess.effect)
-    try:
-        yield
-    finally:
-        for guess in found:
-            unregister(guess.effect.id)
 
 
 def guesses(model: Model, segments: Sequence[Segment], size: Mapping[int, float], substep_s: float) -> list[Guess]:

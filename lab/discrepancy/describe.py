@@ -16,7 +16,7 @@ from operator import attrgetter
 import numpy as np
 
 from lostmotion.lab import policy, words
-from lostmotion.lab.discrepancy.basis import Guess, guesses, registered, wave_guess
+from lostmotion.lab.discrepancy.basis import Guess, guesses, wave_guess
 from lostmotion.lab.discrepancy.fit import Descent, best_wave
 from lostmotion.lab.fitting.fit import fit_of
 from lostmotion.lab.fitting.strategy import full_fit
@@ -30,6 +30,7 @@ from lostmotion.lab.shooting.initial_guess import scales_of
 from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model
+from lostmotion.model.effects.registry import registered
 from lostmotion.model.motion import FloatArray
 from lostmotion.model.signals import BAR_FORCE, GAP, SENSOR, TORQUE
 
@@ -72,7 +73,7 @@ def described(level: Level, task: Task) -> Finding | None:
     size = scales_of(level.model, level.segments, task.substep_s)
     acting = {TORQUE: size.torque, BAR_FORCE: size.k * size.bend, SENSOR: size.reading, GAP: size.d}
     found = guesses(level.model, level.segments, acting, task.substep_s)
-    with registered(found), Threads(cores()) as pool:
+    with registered([guess.effect for guess in found]), Threads(cores()) as pool:
         if not can_follow(level.model, *task.experiments):
             fits = list(pool.map(_direct, found, [level] * len(found), [task] * len(found)))
             fit, guess = min(zip(fits, found, strict=True), key=lambda pair: pair[0].typical)
@@ -111,7 +112,7 @@ def _nearest(
     tight = Descent.of(model, alone, TIGHT)
     waves = [wave_guess(model.base, target, best_wave(tight.model, alone, target), acting[target])
              for target in (TORQUE, SENSOR)]  # fmt: skip
-    with registered(waves):
+    with registered([wave.effect for wave in waves]):
         tried += _compared(model, tight, waves, alone, pool)
     return max(tried, key=lambda trial: trial.gain, default=None)
 

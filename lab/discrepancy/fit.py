@@ -12,11 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from lostmotion.lab.deadline import is_over
-from lostmotion.lab.discrepancy.basis import registered, wave_guess
+from lostmotion.lab.discrepancy.basis import wave_guess
 from lostmotion.lab.observer.filter import STRONG, TIGHT
 from lostmotion.lab.observer.objective import OUTSIDE, Follower, settled
 from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.model import Model, ModelError
+from lostmotion.model.effects.registry import registered
 from lostmotion.model.motion import FloatArray
 from lostmotion.model.signals import TORQUE
 
@@ -92,7 +93,7 @@ def best_wave(model: Model, follower: Follower, target: int) -> float:
 def _torque_wave(model: Model, follower: Follower, hz: float, e: FloatArray) -> FloatArray:
     """The derivative of the errors (N, 2) by the amplitudes of a sine of torque."""
     guess = wave_guess(model.base, TORQUE, hz, 1.0)
-    with registered([guess]):
+    with registered([guess.effect]):
         own = model.with_effect(guess.effect.id)
         moved = [_errors(own.replace({f"{guess.effect.id}.{part}": FAINT}), follower, TIGHT) for part in "ab"]
     return np.asarray((np.array(moved) - e).T)

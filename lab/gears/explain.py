@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import replace
-from itertools import pairwise
 
 from lostmotion.lab import policy, words
 from lostmotion.lab.data.excerpt import excerpts
@@ -116,11 +115,6 @@ def _explanation(selection: Selection[SegmentFit], task: Task, pool: Executor) -
         columns=columns,
         descent=descent,
         left_out=(after.errors.size - len(after.kept), after.errors.size),
-        unshown=tuple(
-            effect
-            for effect, (less, more) in zip(missing, pairwise(descent), strict=True)
-            if more**2 > (1 - policy.LEAST_GAIN) * less**2
-        ),
         untried=selection.untried,
     )
 

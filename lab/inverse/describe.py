@@ -24,34 +24,22 @@ def axis_of(fit: Regression) -> tuple[bool, str]:
 def described(fit: Regression) -> Finding:
     """Describes on what the residual torque or motion depends."""
     data = fit.data
-    if not isinstance(data, Data):
-        return _finding_of_motion(fit)
-    residuals = by_recording(fit.misfit, data)
-    variables = [
-        {
-            "theta_2": one.position[one.kept], "omega_2": one.velocity[one.kept],
-            "acceleration": one.acceleration[one.kept], "time": one.time[one.kept],
-            **({"torque": one.filtered(load)} if is_driven(one.experiment) else {}),
-        }
-        for one, load in zip(data.shifted(fit.nuisance), data.transmitted, strict=True)
-    ]  # fmt: skip
-    found = residual_maps(residuals, {name: [one[name] for one in variables] for name in variables[0]})
-    what, unit = words.column("torque", *axis_of(fit))
-    return finding("joint", f"a {what} on the joint of about {quantity(fit.error, unit, 2)} is missing", unit, found)
-
-
-def _finding_of_motion(fit: Regression) -> Finding:
-    """Describes on what the residual motion depends."""
-    unit = words.column(fit.data.signals[0].column, *axis_of(fit))[1]
-    residuals = by_recording(fit.misfit, fit.data)
-    names = ("theta_2", "omega_2", "acceleration") if "J" in fit.model.parameters else ("q", "q'", "q''")
+    is_joint, is_torque = "J" in fit.model.parameters, isinstance(data, Data)
+    names = ("theta_2", "omega_2", "acceleration") if is_joint else ("q", "q'", "q''")
     variables = []
-    for one in fit.data.signals:
-        seen = ~np.isnan(one.experiment.measured[one.column])
-        at = one.experiment.time[seen]
-        states = (one.position, one.velocity, one.acceleration)
-        columns = {name: np.interp(at, one.time, values) for name, values in zip(names, states, strict=True)}
-        variables.append({**columns, "time": at})
+    for at, one in enumerate(data.shifted(fit.nuisance) if isinstance(data, Data) else data.signals):
+        seen = one.time[one.kept] if is_torque else one.experiment.time[~np.isnan(one.experiment.measured[one.column])]
+        states = zip(names, (one.position, one.velocity, one.acceleration), strict=True)
+        variables.append({name: np.interp(seen, one.time, values) for name, values in states} | {"time": seen})
+        if isinstance(data, Data) and is_driven(one.experiment):
+            variables[-1]["torque"] = one.filtered(data.transmitted[at])
+    residuals = by_recording(fit.misfit, data)
     found = residual_maps(residuals, {name: [one[name] for one in variables] for name in variables[0]})
-    acts_on = "joint" if "J" in fit.model.parameters else "oscillator"
-    return finding(acts_on, f"an error of the motion of about {quantity(fit.error, unit, 2)} is left", unit, found)
+    what, unit = words.column("torque" if is_torque else data.signals[0].column, *axis_of(fit))
+    size = quantity(fit.error, unit, 2)
+    text = (
+        f"a {what} on the joint of about {size} is missing"
+        if is_torque
+        else f"an error of the motion of about {size} is left"
+    )
+    return finding("joint" if is_joint else "oscillator", text, unit, found)

@@ -1,19 +1,26 @@
-"""How well a fit knows the sizes of its effects.  No search and no predictions here."""
+"""The sizes of the effects of a fit: how well it knows them, and the share of each in the torque that a motion needs.
+No search and no predictions here."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtri, stdtr
 
 from lostmotion.lab import policy
+from lostmotion.lab.inverse.problem import Data
 from lostmotion.lab.inverse.regression import Regression, blocks_of
+from lostmotion.lab.inverse.torques import inertia_of
+from lostmotion.lab.selection.nesting import without
+from lostmotion.lab.shooting.least_squares import projected_off
 from lostmotion.model import Model
 from lostmotion.model.effects import get_effect
+from lostmotion.model.motion import FloatArray
 
-__all__ = ["amplitudes", "chance_of_zero", "is_sized", "uncertainty"]
+__all__ = ["amplitudes", "chance_of_zero", "is_sized", "shares", "uncertainty"]
 
 
 def uncertainty(fit: Regression) -> float:
@@ -91,3 +98,29 @@ def amplitudes(effect: str, fit: Regression) -> list[str]:
     """The free parameters without which the effect vanishes, by their full names."""
     names = (f"{effect}.{part}" for part in get_effect(effect).amplitudes)
     return [name for name in names if name in fit.unknowns.names]
+
+
+def shares(model: Model, effects: Sequence[str], data: Data, is_free: bool) -> dict[str, float]:
+    """By effect, the square of its torque [(N m)²], less what the model's inertia, a constant torque and the effects
+    beside these explain of it.
+
+    A spring of a motion of one frequency needs the same torque as an inertia, and the weight of an arm that hardly
+    turns is a constant one: such torques cancel, and may be as large as you like.  is_free: of a free motion all
+    samples until it rests count.
+    """
+
+    def joined(parts: Sequence[FloatArray]) -> FloatArray:
+        pairs = zip(parts, data.signals, strict=True)
+        return np.concatenate([part[one.moving] if is_free else one.filtered(part) for part, one in pairs])
+
+    whole = data.needed(model)
+    torques = {
+        name: joined([more - less for more, less in zip(whole, data.needed(without(model, name)), strict=True)])
+        for name in model.effects
+    }
+    moving = joined([inertia_of(model) * one.acceleration for one in data.signals])
+    beside = [np.ones(moving.size), *(torque for name, torque in torques.items() if name not in effects)]
+    if any(one.torque.any() for one in data.signals):
+        beside.append(moving)
+    known = np.stack([column / max(float(np.linalg.norm(column)), 1e-300) for column in beside], axis=1)
+    return {name: float(np.mean(projected_off(known, torques[name]) ** 2)) for name in effects}

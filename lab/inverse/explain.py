@@ -16,7 +16,6 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 from scipy.special import stdtrit
@@ -29,7 +28,7 @@ from lostmotion.lab.errors import ExperimentError
 from lostmotion.lab.fitting.identifiability import is_driven, with_scale
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.describe import axis_of, described
-from lostmotion.lab.inverse.effect_sizes import amplitudes
+from lostmotion.lab.inverse.effect_sizes import amplitudes, shares
 from lostmotion.lab.inverse.likelihood import (
     Fitted,
     Method,
@@ -42,7 +41,6 @@ from lostmotion.lab.inverse.likelihood import (
 from lostmotion.lab.inverse.output_error import OutputError, initial_state
 from lostmotion.lab.inverse.problem import Data
 from lostmotion.lab.inverse.regression import Regression, blocks_of, can_run
-from lostmotion.lab.inverse.shares import shares
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import can_invert, noise_floor
 from lostmotion.lab.results import Errors, Estimate, Explanation, Fit, Verdict
@@ -167,7 +165,6 @@ def _explanation(
         descent=descent,
         complete=complete,
         columns={column: errors},
-        unshown=tuple(effect for effect, (less, more) in zip(missing, pairwise(descent), strict=True) if more >= less),
         untried=selection.untried,
     )
 
@@ -195,12 +192,12 @@ def _floors(noise: dict[str, float], column: str, fit: Regression, *unseen: Sign
 
 def fitted(model: Model, experiments: Sequence[Experiment], method: Method, noise: dict[str, float]) -> Fit:
     """The model with its free parameters fitted to all of these experiments; noise: floor of each column."""
-    model, _ = with_scale(model, experiments)
+    model, held = with_scale(model, experiments)
     channel = Channel.of(experiments) if method is Method.TORQUE else Channel()
     signals = [channel.signals(one, model.base != "servo") for one in experiments]
     fit = WholeMotion(method, from_spectra(model, experiments), signals).first().judged
     column = "torque" if method is Method.TORQUE else signals[0].column
-    return channel.noted(_fit(fit, model, _floors(noise, column, fit), column))
+    return replace(channel.noted(_fit(fit, model, _floors(noise, column, fit), column)), held=held)
 
 
 def _error(one: Candidate[Fitted], unseen: Signals, before: float) -> float:

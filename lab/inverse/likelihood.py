@@ -67,15 +67,6 @@ class Fitted:
     inverse: Regression
     judged: Regression
 
-    @classmethod
-    def of(
-        cls, inverse: Regression, method: Method, is_whitened: bool = False, begun: Regression | None = None
-    ) -> Fitted:
-        """Beginning with the fit to select candidates with, and that to the beginning of a free motion."""
-        if method is not Method.FREE:
-            return cls(inverse, generalised(inverse) if is_whitened else inverse)
-        return cls(inverse, continued(inverse.model, OutputError.of(inverse.data.signals, inverse.model), begun))
-
     @property
     def surest(self) -> Regression:
         """The fit to report: of least squares and generalised least squares the one that knows the sizes of its effects
@@ -229,8 +220,10 @@ class WholeMotion:
         return Fitted(inverse, less if less.rms > policy.BEHIND * fit.rms else refined(less))
 
     def _fitted(self, inverse: Regression, begun: Regression | None = None) -> Fitted:
-        """With the fit that is judged."""
-        return Fitted.of(inverse, self.method, self.is_whitened, begun)
+        """With the fit that is judged; begun: that to the beginning of a free motion, if there is one."""
+        if self.method is not Method.FREE:
+            return Fitted(inverse, generalised(inverse) if self.is_whitened else inverse)
+        return Fitted(inverse, continued(inverse.model, OutputError.of(inverse.data.signals, inverse.model), begun))
 
     def predictions(self, one: Fitted, other: Fitted, *, of_all: bool = False) -> Predictions:
         """Squared errors of both fits in the folds, in blocks of the residual of ``other``, and in a recording that
@@ -325,13 +318,11 @@ def is_disturbed(fit: Regression) -> bool:
 
 
 def is_noise(residual: FloatArray, floor: float) -> bool:
-    """Whether a residual (M,) is no larger than the noise that the sensors leave within the band."""
-    return _least_spread(residual) < policy.STRUCTURED * floor
+    """Whether a residual (M,) is no larger than the noise that the sensors leave within the band.
 
-
-def _least_spread(residual: FloatArray) -> float:
-    """Lower end of a 95 % interval of the standard deviation, by the median absolute deviation: its relative standard
-    error is 1.17 / sqrt(N) for N independent normal values (asymptotic efficiency 37 %), and it is robust to transients
-    of the filter at the ends of a recording."""
+    What counts is the lower end of a 95 % interval of its standard deviation, by the median absolute deviation, whose
+    relative standard error is 1.17 / sqrt(N) for N independent normal values (asymptotic efficiency 37 %), and which is
+    robust to transients of the filter at the ends of a recording.
+    """
     spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
-    return spread / (1 + 1.645 * 1.17 / math.sqrt(residual.size))
+    return spread / (1 + 1.645 * 1.17 / math.sqrt(residual.size)) < policy.STRUCTURED * floor

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.lab.inverse.signals import Signals
-from lostmotion.lab.inverse.torques import acceleration, inertia_of, needed
+from lostmotion.lab.inverse.torques import acceleration, inertia_of
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
@@ -80,10 +80,12 @@ class Data:
         return data
 
     def needed(self, model: Model, zeros: FloatArray | None = None) -> list[FloatArray]:
-        """The torque that the motion of each recording needs of a model, (N,) each [N m]."""
-        shifted = self.signals if zeros is None else self.shifted(zeros)
-        pairs = zip(shifted, self.transmitted, strict=True)
-        return [needed(one.experiment.model(model), one, torque) for one, torque in pairs]
+        """The torque that each motion needs of a model, J theta_2'' less that of bias and effects, (N,) each [N m]."""
+        found = []
+        for one, load in zip(self.signals if zeros is None else self.shifted(zeros), self.transmitted, strict=True):
+            own = one.experiment.model(model)
+            found.append(inertia_of(own) * (one.acceleration - acceleration(own, one, load)) + load)
+        return found
 
     def shifted(self, zeros: FloatArray) -> tuple[Signals, ...]:
         """The recordings with angles relative to these zeros (R,) [rad]."""

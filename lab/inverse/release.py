@@ -1,10 +1,14 @@
-"""The part of a free recording in which the part moves freely: after the hand, the motor or the blow that set it in
-motion.
+"""What of a free recording is compared: the time after the hand, the motor or the blow that set the part in motion, and
+of a structure with more modes than the catalogue has the band of the strongest one.
 
 A free motion has an acceleration that is a function of its position and speed.  Before the release something else acts:
 a hand holds a pendulum up (the acceleration is zero where its weight would accelerate it), a motor still drives, a beam
 is struck.  The function is fitted where the motion is surely free, from its largest speed on, and followed back for as
 long as it explains the acceleration.
+
+A modal analysis looks at one mode at a time, within its band, and leaves the others to a residual (Ewins 2000, Modal
+Testing, sections 4.2 and 4.4).  The bar of the model has one mode, and the catalogue a second one; an accelerometer on
+a struck beam feels a dozen, in the first tenths of a second as large as these.
 """
 
 from __future__ import annotations
@@ -12,19 +16,31 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import ACCEL, Experiment
+from lostmotion.lab.data.frequency_response import spectral_lines
 from lostmotion.lab.errors import ExperimentError
 from lostmotion.lab.fitting.identifiability import coasts, is_driven
-from lostmotion.lab.inverse.signals import LEAST_SAMPLES, REGRESSORS, Signals, is_moving
+from lostmotion.lab.inverse.signals import (
+    EDGE,
+    FASTEST,
+    LEAST_SAMPLES,
+    PER_PERIOD,
+    REGRESSORS,
+    WHOLE,
+    Signals,
+    is_moving,
+)
+from lostmotion.lab.inverse.zero_phase import lowpass
+from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["released"]
+__all__ = ["band_limited", "released"]
 
 ORDER = 5
 """Degree of a local polynomial: over a third of a period of a sine its second derivative is right to 0.5 %."""
@@ -41,6 +57,8 @@ COASTS = 0.1
 """Share of the time in which a shaft coasts down, as its period: it has none, and no mode that dies down."""
 PAUSE = 3.0
 """Periods of the end of the band: a longer rest is one between two motions."""
+MODES = 2
+"""Of the model and the catalogue: where there are no more, all are compared."""
 log = logging.getLogger(__name__)
 
 
@@ -193,3 +211,29 @@ class _Local:
         size = np.maximum(np.linalg.norm(inputs[self.free], axis=0), 1e-300)
         found = np.linalg.lstsq(inputs[self.free] / size, self.acceleration[self.free], rcond=1e-6)[0]
         return np.asarray(self.acceleration - (inputs / size) @ found)
+
+
+def band_limited(model: Model, experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
+    """The experiments, those of an accelerometer on a bar that rings down in many modes within the band of its
+    strongest one; a warning reports the others."""
+    return tuple(_limited(one) if model.base == "oscillator" else one for one in experiments)
+
+
+def _limited(experiment: Experiment) -> Experiment:
+    rate, values = experiment.rate_hz, experiment.measured.get(ACCEL)
+    if values is None or len(experiment.measured) > 1 or is_driven(experiment):
+        return experiment
+    lines = spectral_lines(values, rate)
+    cutoff = WHOLE * lines[0] if lines else np.inf
+    beyond = [line for line in lines if line > cutoff]
+    if len(beyond) < MODES or cutoff > FASTEST * rate:
+        return experiment
+    log.warning(
+        "%s: has further modes, at %s Hz; the motion is compared below %.3g Hz",
+        experiment.name, ", ".join(f"{line:.4g}" for line in sorted(beyond)), cutoff,
+    )  # fmt: skip
+    seen = ~np.isnan(values)
+    time = np.arange(experiment.time[seen][0], experiment.time[seen][-1], 1 / rate)
+    smooth = lowpass(np.interp(time, experiment.time[seen], values[seen]), cutoff / rate)
+    kept = slice(round(EDGE * rate / cutoff), None, max(int(rate / cutoff / (WHOLE * PER_PERIOD)), 1))
+    return replace(experiment, time=time[kept], measured={ACCEL: smooth[kept]})

@@ -25,8 +25,7 @@ from lostmotion.model.motion import FloatArray
 from lostmotion.model.solve import load, rates
 
 __all__ = [
-    "acceleration", "can_invert", "follows_motion", "inertia_of",
-    "needed", "noise_floor", "simulable", "softened",
+    "acceleration", "can_invert", "follows_motion", "inertia_of", "noise_floor", "simulable", "softened",
 ]  # fmt: skip
 
 
@@ -60,15 +59,6 @@ def inertia_of(model: Model) -> float:
 def noise_floor(signals: Signals, model: Model) -> float:
     """Root mean square of the noise of torque and needed torque within the band [N m]."""
     return math.hypot(signals.torque_noise, inertia_of(model) * signals.acceleration_noise)
-
-
-def needed(model: Model, signals: Signals, transmitted: FloatArray) -> FloatArray:
-    """The torque that the motion needs of a joint, J theta_2'' less that of bias and effects (N,) [N m].
-
-    transmitted: (N,) the torque [N m] on which load-dependent friction depends.  It is a modelled one: the measured
-    torque contains this friction.
-    """
-    return inertia_of(model) * (signals.acceleration - acceleration(model, signals, transmitted)) + transmitted
 
 
 def acceleration(model: Model, signals: Signals, drive: FloatArray) -> FloatArray:

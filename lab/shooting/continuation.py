@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import Experiment
-from lostmotion.lab.shooting.least_squares import Problem, Solution, minimise
+from lostmotion.lab.shooting.least_squares import Problem, minimise
 from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.lab.shooting.segment import Segment
 from lostmotion.model import Model
@@ -29,8 +29,6 @@ __all__ = [
     "first_level",
     "fitted",
     "followed",
-    "huber_of",
-    "level_of",
     "merged",
     "missing",
     "residuals",
@@ -89,20 +87,12 @@ def merged(segments: Sequence[Segment], experiments: Sequence[Experiment], halvi
     return tuple(longer)
 
 
-def level_of(problem: Problem, solution: Solution) -> Level:
-    """A solution with its error."""
-    model = problem.unknowns.put(problem.model, solution.z)
-    r = np.concatenate(residuals(model, solution.segments, problem.substep_s))
-    rms, typical = float(np.sqrt(np.mean(r**2))), 1.4826 * float(np.median(np.abs(r)))
-    return Level(model, problem.unknowns, solution.z, solution.segments, rms, typical)
-
-
 def residuals(model: Model, segments: Sequence[Segment], substep_s: float) -> list[FloatArray]:
     """r of each segment, in units of the noise."""
     return [s.residual(s.experiment.model(model), s.start, substep_s) for s in segments]
 
 
-def huber_of(model: Model, segments: Sequence[Segment], substep_s: float) -> float:
+def _huber_of(model: Model, segments: Sequence[Segment], substep_s: float) -> float:
     """The bound of Huber's cost, from the present residuals."""
     r = np.concatenate(residuals(model, segments, substep_s))
     middle = float(np.median(np.abs(r[np.isfinite(r)]))) if np.any(np.isfinite(r)) else LEAST_HUBER
@@ -125,12 +115,15 @@ def fitted(
     z = unknowns.z(model)
     missed = missing(model, segments, substep_s)
     good = [segment for segment, out in zip(segments, missed, strict=True) if not out]
-    huber = math.inf if quadratic else huber_of(model, good, substep_s)
+    huber = math.inf if quadratic else _huber_of(model, good, substep_s)
     problem = Problem(model, unknowns, z, substep_s, huber)
     solution = minimise(problem, z, good, iterations=iterations)
     better = iter(solution.segments)
     every = tuple(segment if out else next(better) for segment, out in zip(segments, missed, strict=True))
-    return level_of(problem, Solution(solution.z, every, solution.cost))
+    found = unknowns.put(model, solution.z)
+    r = np.concatenate(residuals(found, every, substep_s))
+    rms, typical = float(np.sqrt(np.mean(r**2))), 1.4826 * float(np.median(np.abs(r)))
+    return Level(found, unknowns, solution.z, every, rms, typical)
 
 
 def errors(model: Model, segments: Sequence[Segment], substep_s: float) -> FloatArray:

@@ -64,7 +64,7 @@ def segment_of(model: Model, experiment: Experiment, noise: dict[str, float]) ->
 
 
 def find_start(
-    model: Model, segment: Segment, substep_s: float, also: Sequence[FloatArray] = (), effort: Effort | None = None
+    model: Model, segment: Segment, substep_s: float, also: Sequence[FloatArray] = (), effort: Effort = QUICK
 ) -> Segment:
     """The segment with the initial state that minimises the error, with the parameters held.
 
@@ -74,7 +74,6 @@ def find_start(
     if model.base != "play":
         found = polished(own, segment, np.array([_measured_state(own, segment), *also]), substep_s, 6)
         return segment.starting(found[0])
-    effort = effort or QUICK
     states = np.array([*_scan(own, _first(segment, SCAN_S), substep_s, effort), *also])
     for length, kept, iterations in effort.stages:
         if length < segment.experiment.duration:

@@ -6,13 +6,14 @@ register come last, by id, so that the order is the same in every process.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 
 from lostmotion.model.effects import bar, clock, friction, gears, gravity, hysteresis, lag, sensor, shaft, spring
 from lostmotion.model.effects.base import Effect, EffectInfo
 from lostmotion.model.errors import ModelError
 
-__all__ = ["catalogue", "find", "get_effect", "own", "rank", "register", "unregister"]
+__all__ = ["catalogue", "find", "get_effect", "own", "rank", "register", "registered", "unregister"]
 
 _EFFECTS: dict[str, Effect] = {
     effect.id: effect
@@ -62,6 +63,18 @@ def unregister(name: str) -> None:
     """Takes a registered effect out again; lostmotion's own stay."""
     if name not in _PLACES:
         _EFFECTS.pop(name, None)
+
+
+@contextmanager
+def registered(effects: Sequence[Effect]) -> Iterator[None]:
+    """Adds effects of one's own within a block."""
+    for effect in effects:
+        register(effect)
+    try:
+        yield
+    finally:
+        for effect in effects:
+            unregister(effect.id)
 
 
 def find(name: str) -> Effect | None:

@@ -17,7 +17,7 @@ from lostmotion.daemon.cli import cli
 from lostmotion.drivers.recording import Recording, write_recording
 from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.inverse.signals import Signals
-from lostmotion.lab.inverse.torques import needed
+from lostmotion.lab.inverse.torques import acceleration
 from lostmotion.model import build_model
 
 INERTIA, VISCOUS, COULOMB = 0.05, 0.3, 1.0
@@ -98,7 +98,7 @@ def test_torque_along_a_measured_motion() -> None:
     model = build_model("joint", ["coulomb_friction", "presliding_friction"], values)
     (experiment,) = experiments(model, [measured(1)])
     signals = Signals.of(experiment)
-    found = needed(model, signals, np.zeros(signals.time.size)) - INERTIA * signals.acceleration
+    found = -INERTIA * acceleration(model, signals, np.zeros(signals.time.size))
     t, angle, *_ = moved(1)
     off = (found - np.interp(signals.time, t, COULOMB * dahl(angle, RISE)))[signals.time > 2.0]
     assert np.sqrt(np.mean(off**2)) < 0.03

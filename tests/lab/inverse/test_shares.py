@@ -6,8 +6,8 @@ import numpy as np
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.experiment import experiments
+from lostmotion.lab.inverse.effect_sizes import shares
 from lostmotion.lab.inverse.problem import Data
-from lostmotion.lab.inverse.shares import shares
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.model import build_model
 from lostmotion.model.motion import FloatArray

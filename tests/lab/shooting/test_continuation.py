@@ -11,14 +11,12 @@ from lostmotion.lab.shooting.continuation import (
     errors,
     first_level,
     fitted,
-    level_of,
     merged,
     outliers,
     residuals,
     tiles,
 )
 from lostmotion.lab.shooting.initial_state import segment_of
-from lostmotion.lab.shooting.least_squares import Problem, Solution
 from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.lab.shooting.segment import Segment
 from lostmotion.model import HandWaved, Parameter, build_model
@@ -144,10 +142,9 @@ def test_missed_segment_of_gears_has_no_say() -> None:
 def test_level_tells_the_error_of_its_solution() -> None:
     """rms over all samples, and 1.48 medians, which one bad segment does not change much."""
     unknowns = Unknowns.of(MODEL)
-    problem = Problem(MODEL, unknowns, unknowns.z(MODEL), 1e-4)
     segments = tuple(segments_of(ringing(), 3))
     bad = (*segments[:-1], segments[-1].starting(np.array([1e-3, 0.0])))
-    good, spoilt = (level_of(problem, Solution(unknowns.z(MODEL), s, 0.0)) for s in (segments, bad))
+    good, spoilt = (fitted(MODEL, unknowns, s, 1e-4, iterations=0) for s in (segments, bad))
     r = np.concatenate(residuals(MODEL, segments, 1e-4))
     assert good.rms == pytest.approx(float(np.sqrt(np.mean(r**2))), rel=1e-12)
     assert good.typical == pytest.approx(good.rms, rel=0.1)
