@@ -11,6 +11,7 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -50,8 +51,7 @@ def what_to_record(models: Sequence[Model], task: Task, pool: Executor) -> str:
         return ""
     here = min(_separation(one.drive, models, task) for one in task.experiments if one.drive)
     proposals = _proposals(models[0].base, task.experiments)
-    count = len(proposals)
-    apart = list(pool.map(_separation, [p.motion for p in proposals], [models] * count, [task] * count))
+    apart = list(pool.map(partial(_separation, models=models, task=task), [p.motion for p in proposals]))
     if is_over():  # some were not simulated to the end
         return ""
     best = int(np.argmax(apart))

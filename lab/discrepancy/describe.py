@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 from operator import attrgetter
 
 import numpy as np
@@ -75,7 +76,7 @@ def described(level: Level, task: Task) -> Finding | None:
     found = guesses(level.model, level.segments, acting, task.substep_s)
     with registered([guess.effect for guess in found]), Threads(cores()) as pool:
         if not can_follow(level.model, *task.experiments):
-            fits = list(pool.map(_direct, found, [level] * len(found), [task] * len(found)))
+            fits = list(pool.map(partial(_direct, level=level, task=task), found))
             fit, guess = min(zip(fits, found, strict=True), key=lambda pair: pair[0].typical)
             return _finding(guess, _heights(fit, task)) if _clear(fit, level) else _unclear(guess)
         trial = _nearest(level.model, found, acting, task, pool)
@@ -129,11 +130,11 @@ def _compared(
     if not math.isfinite(base.cost):
         return []
     models = [base.model.with_effect(guess.effect.id) for guess in found]
-    tight = pool.map(Descent.of, models, [follower] * len(models), [TIGHT] * len(models))
+    tight = pool.map(partial(Descent.of, follower=follower, coupling=TIGHT), models)
     best = sorted(zip(tight, found, models, strict=True), key=lambda one: one[0].cost)[: policy.FINISHED]
-    many = [follower] * len(best)
-    direct = pool.map(Descent.of, [model for *_, model in best], many)
-    after = pool.map(Descent.of, [much.model for much, *_ in best], many)
+    loose = partial(Descent.of, follower=follower)
+    direct = pool.map(loose, [model for *_, model in best])
+    after = pool.map(loose, [much.model for much, *_ in best])
     trials = []
     for (much, guess, _), *little in zip(best, direct, after, strict=True):
         less = min(little, key=attrgetter("cost"))

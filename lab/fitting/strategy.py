@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,13 +122,10 @@ def first_fit(model: Model, task: Task, pool: Executor) -> Level:
     dampings."""
     model = seeded(model, task.experiments)
     if can_follow(model, *task.experiments):
-        fits = pool.map(nearest_fit, [model] * SEEDS, [task] * SEEDS, range(SEEDS))
-        return best_of(fits, 1)[0]
-    grid = _grid(model)
-    few = subset(task)
-    scanned = best_of(pool.map(started, grid, [few] * len(grid), [task] * len(grid)), SCANNED)
-    rough = best_of(pool.map(refined, scanned, [task] * len(scanned)), KEPT)
-    return best_of(pool.map(full_fit, [level.model for level in rough], [task] * len(rough)), 1)[0]
+        return best_of(pool.map(partial(nearest_fit, model, task), range(SEEDS)), 1)[0]
+    scanned = best_of(pool.map(partial(started, segments=subset(task), task=task), _grid(model)), SCANNED)
+    rough = best_of(pool.map(partial(refined, task=task), scanned), KEPT)
+    return best_of(pool.map(partial(full_fit, task=task), [level.model for level in rough]), 1)[0]
 
 
 def nearest_fit(model: Model, task: Task, seed: int) -> Level:

@@ -12,6 +12,7 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -75,26 +76,25 @@ def score_test(
 ) -> Scores:
     """Tests effects on a fit, without its missed segments."""
     segments = followed(level, substep_s)
-    count = len(segments)
-    every = list(pool.map(_linearised, segments, [level] * count, [substep_s] * count))
+    linearised = partial(Segment.linearised, model=level.model, unknowns=level.unknowns, z=level.z, substep_s=substep_s)
+    every = list(pool.map(linearised, segments))
     segments = [segment for segment, block in zip(segments, every, strict=True) if block.finite]
     blocks = [block for block in every if block.finite]
     if not blocks:
         return Scores()
     project = _Projection(blocks)
-    noise = fit_autoregression([block.r for block in blocks])
-    r = project([block.r for block in blocks])
+    residuals = [block.r for block in blocks]
+    noise, r = fit_autoregression(residuals), project(residuals)
     size = scales_of(level.model, segments, substep_s)
     models = [(effect, model) for effect in effects for model in faint(level.model, effect, size)]
-    count, r_before = len(models), [block.r for block in blocks]
-    columns = pool.map(_columns, [model for _, model in models], [level.model] * count, [segments] * count,
-                       [r_before] * count, [substep_s] * count)  # fmt: skip
+    before = partial(_columns, before=level.model, segments=segments, residuals=residuals, substep_s=substep_s)
+    columns = pool.map(before, [model for _, model in models])
     usable = [(e, m, project(c)) for (e, m), c in zip(models, columns, strict=True) if c is not None]
     usable = [entry for entry in usable if entry[2] @ entry[2] > 1e-12]
     if not usable:
         return Scores()
     C = np.array([column / np.linalg.norm(column) for *_, column in usable])
-    counts = [block.r.size for block in blocks]
+    counts = [part.size for part in residuals]
     series = noise.simulate(rng, DRAWS, sum(counts)).T
     null = (C @ project(np.split(series, np.cumsum(counts)[:-1]))).T
     spread = np.maximum(null.std(axis=0), 1e-9)
@@ -106,10 +106,6 @@ def score_test(
         found[effect] = max(found.get(effect, direction), direction, key=lambda d: (d.possible, d.statistic))
     ordered = tuple(sorted(found.values(), key=lambda direction: -direction.statistic))
     return Scores(ordered, np.max((null / spread) ** 2, axis=1))
-
-
-def _linearised(segment: Segment, level: Level, substep_s: float) -> Linearised:
-    return segment.linearised(level.model, level.unknowns, level.z, substep_s)
 
 
 def _columns(

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -57,8 +58,7 @@ def near_trials(
     level: Level, directions: Sequence[Direction], task: Task, pool: Executor, iterations: int = 15
 ) -> list[Trial]:
     """Fits on the same segments, each beginning at the amplitude of the score test; best first."""
-    count = len(directions)
-    levels = pool.map(_with_direction, directions, [level] * count, [task] * count, [iterations] * count)
+    levels = pool.map(partial(_with_direction, level=level, task=task, iterations=iterations), directions)
     return _ordered([Trial(d.effect, fit) for d, fit in zip(directions, levels, strict=True)])
 
 
@@ -86,7 +86,7 @@ def repaired_trial(effect: str, model: Model, level: Level, task: Task) -> Trial
 
 def full_fits(begin: Sequence[tuple[str, Model]], task: Task, pool: Executor) -> list[Trial]:
     """The models with their effects fitted on all short segments, best first."""
-    levels = pool.map(full_fit, [model for _, model in begin], [task] * len(begin), [policy.LOST_SHARE] * len(begin))
+    levels = pool.map(partial(full_fit, task=task, max_missed=policy.LOST_SHARE), [model for _, model in begin])
     return _ordered([Trial(effect, level, level) for (effect, _), level in zip(begin, levels, strict=True)])
 
 
@@ -97,9 +97,8 @@ def halving(full: Sequence[Trial], task: Task, horizon_s: float, pool: Executor)
     while trials and trials[0].level.horizon_s * LONGER < horizon_s:
         limit = policy.BEHIND * max(trials[0].level.typical, 1.0)
         running = [trial for trial in trials if trial.level.typical < limit]
-        levels = pool.map(
-            doubled, [trial.level for trial in running], [task] * len(running), [policy.LOST_SHARE] * len(running)
-        )
+        longer_fit = partial(doubled, task=task, max_missed=policy.LOST_SHARE)
+        levels = pool.map(longer_fit, [trial.level for trial in running])
         longer = [replace(t, level=level) for t, level in zip(running, levels, strict=True) if level is not None]
         if not longer:
             break
@@ -128,8 +127,7 @@ def _recounted(trial: Trial, task: Task, pool: Executor) -> Trial:
             p = best.model.parameters[name]
             near = {p.value + step for step in (-3, -2, -1, 1, 2, 3) if p.low <= p.value + step <= p.high}
             others = [replace(best, model=best.model.replace({name: count})) for count in sorted(near - known)]
-            levels = pool.map(_repaired, others, [task] * len(others))
-            level = min(levels, key=lambda level: level.typical, default=best)
+            level = min(pool.map(partial(_repaired, task=task), others), key=lambda level: level.typical, default=best)
             if not level.typical < best.typical:
                 break
             best, known = level, known | near

@@ -110,8 +110,7 @@ class Unseen:
 
     def judge_each(self, models: Sequence[Model], *others: Judged) -> list[Judged]:
         """Validates several models in parallel, with the initial states of each as guesses for the others."""
-        count = len(models)
-        first = list(self.pool.map(Unseen.judge, [self] * count, models, *([other] * count for other in others)))
+        first = list(self.pool.map(self.judge, models, *([other] * len(models) for other in others)))
         return [self.again(own, *first) for own in first]
 
     def again(self, judged: Judged, *others: Judged) -> Judged:

@@ -12,6 +12,7 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -75,13 +76,12 @@ def shortlist(base: Level, effects: Sequence[str], task: Task, pool: Executor) -
     """
     if is_over() or not can_follow(task.rough, *task.experiments):
         return []
-    follower, count = _follower(base.model, task), len(effects)
-    size = scales_of(base.model, base.segments, task.substep_s)
-    given = ([base.model] * count, [follower.roughly()] * count, [size] * count)
-    niches = zip(effects, pool.map(_begun, effects, *given), strict=True)
+    follower, size = _follower(base.model, task), scales_of(base.model, base.segments, task.substep_s)
+    begin = partial(_begun, base=base.model, follower=follower.roughly(), size=size)
+    niches = zip(effects, pool.map(begin, effects), strict=True)
     begun = [(population, effect) for effect, found in niches for population in found]
     best = _leading(begun, policy.FINISHED, NICHES)
-    further = pool.map(_further, (population for population, _ in best), [follower] * len(best))
+    further = pool.map(partial(_further, follower=follower), (population for population, _ in best))
     best = list(zip(further, [effect for _, effect in best], strict=True))
     best = _leading(best, math.ceil(policy.FINISHED / 2), NICHES_LEFT)
     return sorted(pool.map(_finished, *zip(*best, strict=True)), key=lambda one: one.cost)
