@@ -216,7 +216,6 @@ class Explanation(Displayed):
     nothing is missing; base, best: the fits without and with the missing effects.
     """
 
-    verdict: Verdict
     missing: tuple[str, ...]
     confusable: tuple[tuple[str, ...], ...]
     ranking: tuple[Ranked, ...]
@@ -248,6 +247,11 @@ class Explanation(Displayed):
         first = squares[0] if squares else 0.0
         falls = (before - after for before, after in itertools.pairwise(squares))
         return {effect: fall / first if first > 0 else 0.0 for effect, fall in zip(self.missing, falls, strict=False)}
+
+    @property
+    def verdict(self) -> Verdict:
+        """What was found."""
+        return "missing" if self.missing else "nothing_missing" if self.complete else "outside_catalogue"
 
     @property
     def unshown(self) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ from lostmotion.lab.fitting.identifiability import with_scale
 from lostmotion.lab.fitting.strategy import first_fit, full_fit, predictable
 from lostmotion.lab.gears.likelihood import SegmentFit, ShortSegments
 from lostmotion.lab.gears.unseen import Judged, Unseen, is_left
-from lostmotion.lab.results import Errors, Estimate, Explanation, Finding, Fit, Verdict
+from lostmotion.lab.results import Errors, Estimate, Explanation, Finding, Fit
 from lostmotion.lab.selection.forward import Selection, selected
 from lostmotion.lab.selection.outcome import advice, ranking, strongest_first
 from lostmotion.lab.shooting.continuation import FIRST_S, Level
@@ -92,7 +92,6 @@ def _explanation(selection: Selection[SegmentFit], task: Task, pool: Executor) -
     missing, descent = strongest_first([one.unseen.of(column) for one in selection.fits], selection)
     refined = pool.submit(refined_fit, best.level, task)  # runs on one core while the residual is described
     left = is_left(after)
-    verdict: Verdict = "missing" if missing else "outside_catalogue" if left else "nothing_missing"
     columns = {
         name: Errors(before.of(name), after.of(name), noise, words.column(name)[1])
         for name, noise in task.noise.items()
@@ -101,7 +100,6 @@ def _explanation(selection: Selection[SegmentFit], task: Task, pool: Executor) -
     residual = _residual(best.short, best.model, task) if left else None
     best_fit = refined.result()
     return Explanation(
-        verdict=verdict,
         missing=missing,
         confusable=_confusable(selection),
         ranking=ranking(selection, descent[0], lambda one: one.fit.unseen.of(column), _values, best_fit.estimates),
@@ -109,7 +107,7 @@ def _explanation(selection: Selection[SegmentFit], task: Task, pool: Executor) -
         residual=residual,
         complete=not left,
         advice=advice(selection, task.experiments, task.noise, pool),
-        detectable=selection.steps[-1].detectable if verdict == "nothing_missing" else {},
+        detectable=selection.steps[-1].detectable if not (missing or left) else {},
         base=_with_unseen(fit_of(base.level, task), before),
         best=_with_unseen(best_fit, after),
         columns=columns,

@@ -43,7 +43,7 @@ from lostmotion.lab.inverse.problem import Data
 from lostmotion.lab.inverse.regression import Regression, blocks_of, can_run
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import can_invert, noise_floor
-from lostmotion.lab.results import Errors, Estimate, Explanation, Fit, Verdict
+from lostmotion.lab.results import Errors, Estimate, Explanation, Fit
 from lostmotion.lab.selection.evidence import Candidate
 from lostmotion.lab.selection.forward import Selection, Step, selected
 from lostmotion.lab.selection.outcome import advice, ranking, strongest_first
@@ -143,10 +143,8 @@ def _explanation(
     floors = _floors(noise, column, best, unseen)
     left = [best.misfit, *(there.misfit for there in (fit_on(best, unseen),) if there)]
     complete = all(is_noise(one, floors[column]) for one in left)
-    verdict: Verdict = "missing" if missing else "nothing_missing" if complete else "outside_catalogue"
     errors = Errors(descent[0], error_on(best, unseen), floors[column], words.column(column, *axis_of(best))[1])
     return Explanation(
-        verdict=verdict,
         missing=missing,
         confusable=selection.confusable,
         ranking=ranking(
@@ -159,7 +157,7 @@ def _explanation(
         error=errors,
         residual=None if complete else described(selection.fits[-1].inverse),
         advice="" if method is Method.FREE else advice(selection, train, noise, pool),
-        detectable=_detectable(selection.steps[-1]) if verdict == "nothing_missing" else {},
+        detectable=_detectable(selection.steps[-1]) if complete and not missing else {},
         base=_fit(base, model, floors, column, unseen),
         best=_fit(best, model, floors, column, unseen),
         descent=descent,

@@ -69,7 +69,7 @@ def explanation() -> Explanation:
         *(Ranked(name, 4.1, 1.0 + 0.15 * i, 1e-5 * 1.7**i) for i, name in enumerate(others)),
     )
     return Explanation(
-        "missing", ("coulomb_friction",), (("coulomb_friction", "stribeck_friction"),), ranking,
+        ("coulomb_friction",), (("coulomb_friction", "stribeck_friction"),), ranking,
         Errors(4.1, 0.41, NOISE, "m/s^2"), None, "Move slowly through rest, again and again: a sine of 0.5 Hz, 5°.",
         {}, fit(), fit("coulomb_friction", **{"coulomb_friction.tau_c": TAU_C}),
     )  # fmt: skip
@@ -80,8 +80,8 @@ def nothing_missing() -> Explanation:
     best = fit("coulomb_friction", **{"coulomb_friction.tau_c": TAU_C})
     detectable = {"viscous_friction": ("b_v", 2.1e-5), "hardening_spring": ("k3", 3e8), "clock_skew": ("s", 2e-5)}
     ranking = (Ranked("viscous_friction", 0.41, 0.409, 0.31, {"b_v": (1e-6, -1e-5, 1.2e-5)}),)
-    return Explanation("nothing_missing", (), (), ranking, Errors(0.41, 0.41, NOISE, "m/s^2"), None, "", detectable,
-                       best, best)  # fmt: skip
+    return Explanation((), (), ranking, Errors(0.41, 0.41, NOISE, "m/s^2"), None, "", detectable,
+                       best, best, complete=True)  # fmt: skip
 
 
 def tight_spot() -> Finding:
@@ -96,7 +96,7 @@ def tight_spot() -> Finding:
 def outside_catalogue() -> Explanation:
     """Nothing of the catalogue is named."""
     left = Errors(3.2, 3.2, NOISE, "m/s^2")
-    return Explanation("outside_catalogue", (), (), (), left, tight_spot(), "", {}, fit(), fit())
+    return Explanation((), (), (), left, tight_spot(), "", {}, fit(), fit())
 
 
 def ladder() -> Ladder:
