@@ -16,15 +16,14 @@ from typing import TYPE_CHECKING
 import click
 
 from lostmotion.lab.commands.options import (
-    budget_option,
     curves_option,
-    effect_option,
     executor_option,
     json_option,
     model_argument,
     output_option,
     progress_option,
     report_option,
+    search_options,
 )
 from lostmotion.lab.commands.reading import Files, recordings_argument, used
 from lostmotion.lab.deadline import Progress
@@ -93,13 +92,7 @@ def fit(
 @lab.command(short_help="Which physical effect is missing.")
 @model_argument
 @recordings_argument
-@executor_option
-@report_option
-@curves_option
-@budget_option
-@effect_option
-@progress_option
-@json_option
+@search_options
 def explain(
     model: str, recordings: Files, executor: str | None, report: Path | None, curves: Path | None,
     budget_s: float, effects: tuple[str, ...], progress: str, as_json: bool,
@@ -115,13 +108,7 @@ def explain(
 @model_argument
 @recordings_argument
 @output_option
-@executor_option
-@report_option
-@curves_option
-@budget_option
-@effect_option
-@progress_option
-@json_option
+@search_options
 def improve(
     model: str, recordings: Files, output: Path, executor: str | None, report: Path | None,
     curves: Path | None, budget_s: float, effects: tuple[str, ...], progress: str, as_json: bool,

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import click
 
 __all__ = [
-    "budget_option", "curves_option", "effect_option", "executor_option", "json_option",
-    "model_argument", "output_option", "progress_option", "report_option",
+    "curves_option", "executor_option", "json_option",
+    "model_argument", "output_option", "progress_option", "report_option", "search_options",
 ]  # fmt: skip
 
 UNITS_S = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0}
@@ -60,3 +61,11 @@ progress_option = click.option(
     "--progress", type=click.Choice(["bar", "json"]), default="bar", show_default=True,
     help="On stderr: a bar on a terminal, or for programs a line of JSON at the beginning of each stage.",
 )  # fmt: skip
+
+
+def search_options(command: Callable[..., None]) -> Callable[..., None]:
+    """The options of a search for what is missing."""
+    every = (executor_option, report_option, curves_option, budget_option, effect_option, progress_option, json_option)
+    for option in reversed(every):  # the last one that is added comes first in the help
+        command = option(command)
+    return command
