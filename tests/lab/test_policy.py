@@ -18,7 +18,7 @@ NUMERICS = {
     "comparison/phases.py": (9, "what the phases of a motion are called"),
     "comparison/residual_analysis.py": (1, "resolution of what is shown"),
     "data/autoregression.py": (8, "a robust regression"),
-    "data/doubtful_units.py": (3, "which units of a recording are doubtful"),
+    "data/doubtful_units.py": (1, "times that are hardly in seconds"),
     "data/excerpt.py": (1, "length of windows"),
     "data/experiment.py": (6, "what is no recording"),
     "data/frequency_response.py": (7, "estimators of first values"),
