@@ -68,7 +68,9 @@ def _unused(explanation: Explanation) -> list[str]:
     sentences = []
     if explanation.untried:
         effects = joined([words.name(effect) for effect in explanation.untried])
-        sentences.append(f"Not tried within the time budget (--budget): {effects}.")
+        beside = joined([words.name(effect) for effect in explanation.missing])
+        where = f" beside {beside}" if beside else ""
+        sentences.append(f"Not tried{where} within the time budget (--budget): {effects}.")
     used, whole = explanation.used_s or (0.0, 0.0)
     if used < whole:
         part = number(used, 1 if used < 10 else 0)

@@ -34,6 +34,12 @@ def test_a_short_part_of_the_recordings_is_not_rounded_to_none() -> None:
     assert said == "Of 5 s of recordings the 0.4 s that move most were used; a larger --budget uses more."
 
 
+def test_what_the_time_did_not_allow_was_not_tried_beside_what_is_named() -> None:
+    """The table shows an effect's figures alone; beside the named one it was not tried."""
+    said = verdict.of_explanation(replace(report_example.explanation(), untried=("actuator_lag",)))[-1]
+    assert said == "Not tried beside Coulomb friction within the time budget (--budget): an actuator that lags."
+
+
 def test_verdict_of_nothing_missing() -> None:
     """It says so, how close to the noise, and how large each effect would have had to be."""
     explanation = report_example.nothing_missing()
