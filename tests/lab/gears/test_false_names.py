@@ -127,13 +127,13 @@ class Draw:
         )
         return cls(motion, fitted, unseen)
 
-    def linearised(self, segment: Segment, level: Level, substep_s: float) -> Linearised:
+    def linearised(self, segment: Segment, **rest: object) -> Linearised:
         """The noise, with the derivatives of a segment that is fitted."""
         at = next(i for i, one in enumerate(self.motion.fitted) if one.segment is segment)
         own = self.motion.fitted[at]
         return Linearised(self.fitted[at], own.by_parameter, own.by_state)
 
-    def by_effect(self, model: Model, *rest: object) -> list[FloatArray] | None:
+    def by_effect(self, model: Model, **rest: object) -> list[FloatArray] | None:
         """What the effect of a model changes in each segment."""
         (effect,) = model.effects
         return [one.by_effect[effect] for one in self.motion.fitted] if effect in self.motion.effects else None
@@ -211,7 +211,7 @@ def motion(monkeypatch: pytest.MonkeyPatch) -> Motion:
 def search(motion: Motion, seed: int, monkeypatch: pytest.MonkeyPatch) -> Selection[SegmentFit]:
     """A search in noise of its own."""
     draw = Draw.of(motion, seed)
-    monkeypatch.setattr(score_test, "_linearised", draw.linearised)
+    monkeypatch.setattr(Segment, "linearised", draw.linearised)
     monkeypatch.setattr(score_test, "_columns", draw.by_effect)
     monkeypatch.setattr(likelihood, "near_trials", draw.tried)
     unknowns = Unknowns.of(MODEL)
