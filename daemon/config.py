@@ -295,7 +295,7 @@ def _explain(message: str, value: object, kind: type, path: str) -> str:
     if not what.startswith(("Expected", "Invalid", "Object", "expected")):  # the options' own check
         return f"{path}{inner}: {what}"
     what = toml_text.in_words(what)
-    return f"{path}{inner}: found {_shown(_at(value, inner))}; {what[0].lower()}{what[1:]}"
+    return f"{path}{inner}: found {_shown(toml_text.at(value, inner))}; {what[0].lower()}{what[1:]}"
 
 
 def _types_at(kind: type, path: str) -> list[inspect.Type]:
@@ -326,12 +326,6 @@ def _choice(types: Sequence[inspect.Type]) -> str:
         for t in types
     ]
     return " or ".join(name for name in names if name)
-
-
-def _at(value: object, path: str) -> object:
-    for key in re.findall(r"\w+", path):
-        value = value[int(key)] if isinstance(value, list) else cast(Table, value)[key]
-    return value
 
 
 def _shown(value: object) -> str:

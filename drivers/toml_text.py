@@ -11,7 +11,7 @@ import tomllib
 from datetime import datetime
 from typing import Any
 
-__all__ = ["WORDS", "TomlError", "in_words", "loads"]
+__all__ = ["WORDS", "TomlError", "at", "in_words", "loads"]
 
 MOST_LEVELS = 64
 """of tables and lists within each other, and of parts in a key"""
@@ -58,6 +58,13 @@ def loads(text: str) -> dict[str, Any]:
         raise TomlError("found a number that is too long, expected whole numbers of at most 64 bits") from error
     _check(tables)
     return tables
+
+
+def at(value: Any, path: str) -> Any:
+    """What stands at a path such as ``$.joint[2].port`` within a table or list; msgspec's messages have one."""
+    for key in re.findall(r"\w+", path):
+        value = value[int(key)] if isinstance(value, list) else value[key]
+    return value
 
 
 def in_words(message: str) -> str:

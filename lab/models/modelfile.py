@@ -141,17 +141,15 @@ def _converted(table: object, kind: type[T]) -> T:
         raise ModelError(_told(str(error), table)) from error
 
 
-def _told(message: str, found: Any) -> str:
+def _told(message: str, table: Any) -> str:
     """msgspec's message as ours: the key, what was found and what was expected."""
     what, _, path = message.partition(" - at `")
     if missing := re.match(r"Object missing required field `(.+)`", what):
         choice = f"; expected one of {', '.join(BASES)}" if missing[1] == "base" else ""
         return f"{missing[1]} is missing{choice}"
-    for key in re.findall(r"\w+", path):
-        found = found[int(key)] if isinstance(found, list) else found[key]
     expected = "a number, or a table such as { value = 1.5 }" if not path else toml_text.in_words(what)
     key = path.rstrip("`").removeprefix("$.") + ": " if path else ""
-    return f"{key}found {found!r:.60}, expected {expected.removeprefix('Expected ')}"
+    return f"{key}found {toml_text.at(table, path)!r:.60}, expected {expected.removeprefix('Expected ')}"
 
 
 def _parameter(name: str, given: object, defaults: Mapping[str, Parameter]) -> Parameter:
