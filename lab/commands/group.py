@@ -1,7 +1,4 @@
-"""The commands ``lostmotion lab compare | fit | explain | add | improve``: arguments, progress and text only.
-
-What computes is imported late, so that help and errors are quick.
-"""
+"""The commands ``lostmotion lab compare | fit | explain | add | improve``: arguments, progress and text only."""
 
 from __future__ import annotations
 

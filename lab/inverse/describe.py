@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from lostmotion.lab import words
@@ -10,8 +12,10 @@ from lostmotion.lab.discrepancy.residual_maps import finding, residual_maps
 from lostmotion.lab.fitting.identifiability import is_driven
 from lostmotion.lab.inverse.problem import Data, by_recording
 from lostmotion.lab.inverse.regression import Regression
+from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.quantity import quantity
 from lostmotion.lab.results import Finding
+from lostmotion.model.motion import FloatArray
 
 __all__ = ["axis_of", "described"]
 
@@ -24,22 +28,27 @@ def axis_of(fit: Regression) -> tuple[bool, str]:
 def described(fit: Regression) -> Finding:
     """Describes on what the residual torque or motion depends."""
     data = fit.data
-    is_joint, is_torque = "J" in fit.model.parameters, isinstance(data, Data)
+    is_joint = "J" in fit.model.parameters
     names = ("theta_2", "omega_2", "acceleration") if is_joint else ("q", "q'", "q''")
-    variables = []
-    for at, one in enumerate(data.shifted(fit.nuisance) if isinstance(data, Data) else data.signals):
-        seen = one.time[one.kept] if is_torque else one.experiment.time[~np.isnan(one.experiment.measured[one.column])]
-        states = zip(names, (one.position, one.velocity, one.acceleration), strict=True)
-        variables.append({name: np.interp(seen, one.time, values) for name, values in states} | {"time": seen})
-        if isinstance(data, Data) and is_driven(one.experiment):
-            variables[-1]["torque"] = one.filtered(data.transmitted[at])
+    if isinstance(data, Data):
+        variables = [
+            _states(one, names, one.time[one.kept])
+            | ({"torque": one.filtered(load)} if is_driven(one.experiment) else {})
+            for one, load in zip(data.shifted(fit.nuisance), data.transmitted, strict=True)
+        ]
+        what, unit = words.column("torque", *axis_of(fit))
+        text = f"a {what} on the joint of about {quantity(fit.error, unit, 2)} is missing"
+    else:
+        times = [one.experiment.time[~np.isnan(one.experiment.measured[one.column])] for one in data.signals]
+        variables = [_states(one, names, time) for one, time in zip(data.signals, times, strict=True)]
+        unit = words.column(data.signals[0].column, *axis_of(fit))[1]
+        text = f"an error of the motion of about {quantity(fit.error, unit, 2)} is left"
     residuals = by_recording(fit.misfit, data)
     found = residual_maps(residuals, {name: [one[name] for one in variables] for name in variables[0]})
-    what, unit = words.column("torque" if is_torque else data.signals[0].column, *axis_of(fit))
-    size = quantity(fit.error, unit, 2)
-    text = (
-        f"a {what} on the joint of about {size} is missing"
-        if is_torque
-        else f"an error of the motion of about {size} is left"
-    )
     return finding("joint" if is_joint else "oscillator", text, unit, found)
+
+
+def _states(signals: Signals, names: Sequence[str], time: FloatArray) -> dict[str, FloatArray]:
+    """Position, speed and acceleration under these names, and the time, at these times (N,) [s]."""
+    states = zip(names, (signals.position, signals.velocity, signals.acceleration), strict=True)
+    return {name: np.interp(time, signals.time, values) for name, values in states} | {"time": time}
