@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 from lostmotion.lab.commands.options import (
+    SearchOptions,
     curves_option,
     executor_option,
     json_option,
@@ -90,15 +91,12 @@ def fit(
 @model_argument
 @recordings_argument
 @search_options
-def explain(
-    model: str, recordings: Files, executor: str | None, report: Path | None, curves: Path | None,
-    budget_s: float, effects: tuple[str, ...], progress: str, as_json: bool,
-) -> None:  # fmt: skip
+def explain(model: str, recordings: Files, search: SearchOptions) -> None:
     """Find the physical effect that MODEL lacks, validated on the last recording, which is not fitted."""
     from lostmotion.lab.commands.output import write_output
 
-    with _explained(model, recordings, executor, progress, budget_s, effects) as found:
-        write_output(found, report, curves, as_json=as_json)
+    with _explained(model, recordings, search) as found:
+        write_output(found, search.report, search.curves, as_json=search.as_json)
 
 
 @lab.command(short_help="Explain, add and fit until nothing is missing.")
@@ -106,17 +104,14 @@ def explain(
 @recordings_argument
 @output_option
 @search_options
-def improve(
-    model: str, recordings: Files, output: Path, executor: str | None, report: Path | None,
-    curves: Path | None, budget_s: float, effects: tuple[str, ...], progress: str, as_json: bool,
-) -> None:  # fmt: skip
+def improve(model: str, recordings: Files, output: Path, search: SearchOptions) -> None:
     """Explain, add and fit until nothing significant is missing; print how the error falls; write MODEL2."""
     from lostmotion.lab.commands.output import write_output
     from lostmotion.lab.results import ladder_of
 
-    with _explained(model, recordings, executor, progress, budget_s, effects) as explanation:
+    with _explained(model, recordings, search) as explanation:
         _save(explanation.best.model, output)
-        write_output(ladder_of(explanation), report, curves, output, as_json=as_json)
+        write_output(ladder_of(explanation), search.report, search.curves, output, as_json=search.as_json)
 
 
 @lab.command(short_help="A model with one more effect.")
@@ -140,17 +135,16 @@ def add(model: str, effect: str, output: Path, as_json: bool) -> None:
 
 
 @contextmanager
-def _explained(
-    model: str, recordings: Files, executor: str | None, progress: str, budget_s: float, effects: tuple[str, ...]
-) -> Iterator[Explanation]:
-    """What is missing; the user-defined effects stay known in the block, as the output uses their names and words."""
+def _explained(model: str, recordings: Files, search: SearchOptions) -> Iterator[Explanation]:
+    """The result of the search.  Within the block the user-defined effects stay registered, as the output uses their
+    names and words."""
     from lostmotion.lab.explain import explain
     from lostmotion.lab.models.own.file import load_effect
     from lostmotion.model.effects.registry import registered
 
-    until = monotonic() + budget_s
-    with registered([load_effect(reference) for reference in effects]):
-        with _prepared(model, recordings, executor, progress) as (built, experiments, pool, callback):
+    until = monotonic() + search.budget_s
+    with registered([load_effect(reference) for reference in search.effects]):
+        with _prepared(model, recordings, search.executor, search.progress) as (built, experiments, pool, callback):
             found = explain(built, experiments, pool, callback, budget_s=until - monotonic())
         yield found
 

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import wraps
 from pathlib import Path
+from typing import Any
 
 import click
 
 __all__ = [
-    "curves_option", "executor_option", "json_option",
+    "SearchOptions", "curves_option", "executor_option", "json_option",
     "model_argument", "output_option", "progress_option", "report_option", "search_options",
 ]  # fmt: skip
 
@@ -63,9 +66,30 @@ progress_option = click.option(
 )  # fmt: skip
 
 
+@dataclass(frozen=True)
+class SearchOptions:
+    """The options that ``explain`` and ``improve`` share.  executor, progress: see their help; report, curves: files to
+    write; budget_s: time limit of the search [s]; effects: user-defined ones, as file.py:function; as_json: whether to
+    print JSON."""
+
+    executor: str | None
+    report: Path | None
+    curves: Path | None
+    budget_s: float
+    effects: tuple[str, ...]
+    progress: str
+    as_json: bool
+
+
 def search_options(command: Callable[..., None]) -> Callable[..., None]:
-    """The options of a search for what is missing."""
+    """The options of a search for missing effects, which the command gets as ``search``, of type SearchOptions."""
+
+    @wraps(command)
+    def with_options(**given: Any) -> None:
+        options = {field.name: given.pop(field.name) for field in fields(SearchOptions)}
+        command(search=SearchOptions(**options), **given)
+
     every = (executor_option, report_option, curves_option, budget_option, effect_option, progress_option, json_option)
-    for option in reversed(every):  # the last one that is added comes first in the help
-        command = option(command)
-    return command
+    for option in reversed(every):  # the help lists the option that is added last first
+        with_options = option(with_options)
+    return with_options
