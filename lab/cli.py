@@ -1,4 +1,4 @@
-"""The lab's commands: arguments and tables only.  daemon/cli.py imports this module when one of them is called."""
+"""The commands ``lostmotion simulate | effects``: arguments and tables only.  What computes is imported late."""
 
 from __future__ import annotations
 
@@ -6,16 +6,17 @@ import json
 import sys
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from lostmotion.drivers.recording import Recording, write_recording
 from lostmotion.lab.commands.options import json_option
 from lostmotion.lab.commands.table import print_table
-from lostmotion.lab.models import modelfile
-from lostmotion.lab.models.simulate import Simulation
-from lostmotion.model import EffectInfo, Trajectory, catalogue
+
+if TYPE_CHECKING:
+    from lostmotion.drivers.recording import Recording
+    from lostmotion.lab.models.simulate import Simulation
+    from lostmotion.model import EffectInfo, Trajectory
 
 __all__ = ["effects", "simulate"]
 
@@ -38,6 +39,10 @@ def simulate(model: str, output: Path, as_json: bool, **options: Any) -> None:
 
     An existing REC is replaced, once all is simulated.
     """
+    from lostmotion.drivers.recording import write_recording
+    from lostmotion.lab.models import modelfile
+    from lostmotion.lab.models.simulate import Simulation
+
     simulation = Simulation(modelfile.load(model), **options)
     recording = simulation.recording(list(_progress(simulation)))
     write_recording(recording, output)
@@ -57,6 +62,8 @@ def simulate(model: str, output: Path, as_json: bool, **options: Any) -> None:
 @json_option
 def effects(as_json: bool) -> None:
     """List the catalogue of effects: id, equation, parameters with units, what each acts on."""
+    from lostmotion.model import catalogue
+
     if as_json:
         click.echo(json.dumps([_effect(effect) for effect in catalogue()], indent=1, ensure_ascii=False))
     else:

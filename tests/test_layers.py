@@ -23,7 +23,7 @@ ALLOWED = {
 LAB = (
     ("errors", "policy", "quantity", "deadline"), ("parallel", "data"), ("results",), ("words", "models"),
     ("shooting",), ("observer",), ("fitting",), ("design",), ("selection",), ("discrepancy",), ("inverse", "gears"),
-    ("comparison",), ("explain", "estimate"), ("report",), ("commands",), ("cli", "__init__"),
+    ("comparison",), ("explanation", "estimate"), ("report",), ("commands",), ("cli", "__init__"),
 )  # fmt: skip
 """the rooms of the lab from the lowest up"""
 HEAVY = ("scipy", "numba", "matplotlib", "rich", "plotext", "pandas", "llvmlite")

@@ -1,4 +1,7 @@
-"""The commands ``lostmotion lab compare | fit | explain | add | improve``: arguments, progress and text only."""
+"""The commands ``lostmotion lab compare | fit | explain | add | improve``: arguments, progress and text only.
+
+What computes is imported late, so that help and the shell's completion are quick.
+"""
 
 from __future__ import annotations
 
@@ -25,16 +28,14 @@ from lostmotion.lab.commands.options import (
 )
 from lostmotion.lab.commands.reading import Files, recordings_argument, used
 from lostmotion.lab.deadline import Progress
-from lostmotion.lab.models.add import Added
-from lostmotion.lab.models.add import add as add_effect
-from lostmotion.model import Parameter
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
     from lostmotion.lab.data.experiment import Experiment
+    from lostmotion.lab.models.add import Added
     from lostmotion.lab.results import Explanation
-    from lostmotion.model import Model
+    from lostmotion.model import Model, Parameter
 
 __all__ = ["lab"]
 
@@ -125,6 +126,8 @@ def add(model: str, effect: str, output: Path, as_json: bool) -> None:
     MODEL is a model file, or the name of a base (play, oscillator, joint, servo).  EFFECT is an id of the catalogue
     (lostmotion effects), or your own as file.py:function; that file is run, now and whenever MODEL2 is used.
     """
+    from lostmotion.lab.models.add import add as add_effect
+
     added = add_effect(model, effect, output)
     if as_json:
         click.echo(json.dumps({"model": str(output), **added.document()}, ensure_ascii=False))
@@ -138,7 +141,7 @@ def add(model: str, effect: str, output: Path, as_json: bool) -> None:
 def _explained(model: str, recordings: Files, search: SearchOptions) -> Iterator[Explanation]:
     """The result of the search.  Within the block the user-defined effects stay registered, as the output uses their
     names and words."""
-    from lostmotion.lab.explain import explain
+    from lostmotion.lab.explanation import explain
     from lostmotion.lab.models.own.file import load_effect
     from lostmotion.model.effects.registry import registered
 

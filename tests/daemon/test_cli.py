@@ -93,9 +93,10 @@ def test_the_package_is_a_program(tmp_path: Path) -> None:
     assert done.stdout == f"lostmotion {__version__}\n"
 
 
-def test_help_imports_nothing_heavy(tmp_path: Path) -> None:
-    """Not even NumPy is loaded for the help."""
-    assert imported_by("--help", folder=tmp_path) == set()
+@pytest.mark.parametrize("command", [[], ["lab"], ["lab", "explain"], ["simulate"], ["effects"]], ids=" ".join)
+def test_help_imports_nothing_heavy(command: list[str], tmp_path: Path) -> None:
+    """Not even NumPy is loaded for the help, nor by the shell's completion, which makes the same commands."""
+    assert imported_by(*command, "--help", folder=tmp_path) == set()
 
 
 def test_run_on_hardware_loads_no_heavy_package(tmp_path: Path) -> None:

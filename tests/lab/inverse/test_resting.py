@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from lostmotion.lab.data.experiment import Experiment
-from lostmotion.lab.explain import explain
+from lostmotion.lab.explanation import explain
 from lostmotion.lab.parallel import open_executor
 from lostmotion.model import Sampled, build_model
 from lostmotion.model.motion import FloatArray
