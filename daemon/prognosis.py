@@ -9,13 +9,11 @@ import numpy as np
 
 from lostmotion.daemon.reader import Reader
 from lostmotion.detector.normalise import normalised
-from lostmotion.detector.trend import mann_kendall, theil_sen, time_to_limit
+from lostmotion.detector.trend import LEAST_SPAN_S, mann_kendall, theil_sen, time_to_limit
 
 __all__ = ["days_to_limit"]
 
 LOOK_BACK = timedelta(days=180)
-LEAST_SPAN_S = 7 * 86400.0
-"""a slope over less is weather (a warm gearbox, another job), not wear [s]"""
 SAMPLES = 250
 """scores that speak for all: their pairs take 5 ms, which the main thread may be away"""
 LEAST_SCORES = 30

@@ -19,6 +19,7 @@ from lostmotion.detector.median import median, medians
 from lostmotion.detector.window import FloatArray
 
 __all__ = [
+    "LEAST_SPAN_S",
     "MOST",
     "Slope",
     "Trend",
@@ -37,6 +38,8 @@ REPAIRED = 0.7
 """A change after which scores are below this share of those before is a repair."""
 LEAST_RECENT = 10
 """Least points since the last change for a separate slope."""
+LEAST_SPAN_S = 7 * 86400.0
+"""A slope over less is weather (a warm gearbox, another job), not wear [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +75,8 @@ class WearTrend:
     count: scores used; first, last: their times [s]; slope, trend: over all of them; change_points: times [s] at which
     level or slope changed; recent: the slope since the last change; current: its value at ``last``, at least 0; limit:
     the level; time_to_limit: by ``recent``, None when it does not reach the limit; forecast: from the scores since the
-    last repair, over several laws of wear, None for too few of them.
+    last repair, over several laws of wear, None for too few of them; no_forecast: why both are None although the limit
+    lies ahead, "" where they may be told.
     """
 
     count: int
@@ -86,6 +90,7 @@ class WearTrend:
     limit: float
     time_to_limit: TimeToLimit | None
     forecast: TimeToLimit | None
+    no_forecast: str
 
 
 def theil_sen(t: ArrayLike, y: ArrayLike, confidence: float = 0.95, inflation: float = 1.0) -> Slope:
@@ -155,6 +160,8 @@ def time_to_limit(slope: Slope, now: float, limit: float) -> TimeToLimit | None:
 def summarise(times: ArrayLike, scores: ArrayLike, level: float) -> WearTrend:
     """The trend of a joint's history: times [s], ascending, and scores, shape (N,), against the level.
 
+    The time until the level is told only where wear can be seen: a significant rise, over at least ``LEAST_SPAN_S``.
+
     Raises DetectorError for fewer than 3 scores that are numbers.
     """
     time, score = np.asarray(times, dtype=float), np.asarray(scores, dtype=float)
@@ -168,13 +175,27 @@ def summarise(times: ArrayLike, scores: ArrayLike, level: float) -> WearTrend:
         since = slice(changes[-1], None)
         recent = theil_sen(time[since], score[since], inflation=mann_kendall(score[since]).inflation)
     first, last = float(time[0]), float(time[-1])
-    left = time_to_limit(recent, last, level)
+    current, left, predicted, doubt = recent.at(last), None, None, ""
+    if current < level:
+        doubt = _doubt(trend, recent, last - first)
+    if not doubt:
+        left = time_to_limit(recent, last, level)
+        worn = slice(_repair(score, changes), None)
+        predicted = forecast(time[worn], score[worn], level)
     at = tuple(float(time[i]) for i in changes)
-    worn = slice(_repair(score, changes), None)
-    predicted = forecast(time[worn], score[worn], level)
     return WearTrend(
-        score.size, first, last, slope, trend, at, recent, max(recent.at(last), 0.0), level, left, predicted
+        score.size, first, last, slope, trend, at, recent, max(current, 0.0), level, left, predicted, doubt
     )
+
+
+def _doubt(trend: Trend, recent: Slope, span: float) -> str:
+    """Why no time until the limit is told, "" where one may be.  A rise since the last change counts, too: the interval
+    of its slope excludes zero where Kendall's test is significant."""
+    if trend.direction != "rising" and recent.low <= 0:
+        return "no rise is found"
+    if span < LEAST_SPAN_S:
+        return f"the history is shorter than {LEAST_SPAN_S / 86400:.0f} days"
+    return ""
 
 
 def _repair(score: FloatArray, changes: list[int]) -> int:

@@ -17,7 +17,7 @@ from lostmotion.daemon.reader import Reader
 from lostmotion.daemon.records import AlarmRow, AlarmState, DeviceRow, Origin, ScoreRow, Severity, iso
 from lostmotion.web.site import Site
 
-__all__ = ["Alarm", "Card", "Cards", "Trouble", "cards", "micrometres"]
+__all__ = ["Alarm", "Card", "Cards", "Trouble", "cards", "micrometres", "radii"]
 
 FULL_SCALE = 2.0
 """a bar is full at so many times the level"""
@@ -78,13 +78,13 @@ class Cards:
 def cards(site: Site, reader: Reader) -> Cards:
     """The cards from the database now.  Raises ReaderError, or what a damaged database raises."""
     now = datetime.now(UTC)
-    radii = _radii(site)
+    gears = radii(site)
     living = reader.alarms(living=True)
     windows, origins = site.alarm.windows, reader.origins()
     joints = tuple(
         _card(
             row.name, row.health.value, present_reason(reader, row, _of(row.name, living), windows),
-            reader.last_window(row.name), radii.get(row.name, math.nan), now, _others(row.name, origins),
+            reader.last_window(row.name), gears.get(row.name, math.nan), now, _others(row.name, origins),
         )
         for row in reader.joints()
     )  # fmt: skip
@@ -178,7 +178,7 @@ def _places(site: Site) -> dict[str, str]:
         return {}
 
 
-def _radii(site: Site) -> dict[str, float]:
+def radii(site: Site) -> dict[str, float]:
     """The radius of each joint's gear [m], as far as it is configured."""
     try:
         return {joint.name: joint.gear_radius_m for joint in site.config().joints if joint.gear_radius_m}

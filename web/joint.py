@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -12,14 +13,14 @@ from starlette.routing import Route
 
 from lostmotion.daemon import documents
 from lostmotion.daemon.commands import times
-from lostmotion.daemon.commands.trend import RADIANS, document, history_of
+from lostmotion.daemon.commands.trend import RADIANS, document, history_of, words
 from lostmotion.daemon.config import ConfigError
 from lostmotion.daemon.extremes import EXTREMES
 from lostmotion.daemon.reader import Reader
 from lostmotion.daemon.records import AlarmEvent, ScoreRow
 from lostmotion.detector.trend import MOST
 from lostmotion.detector.window import DetectorSettings
-from lostmotion.web.cards import cards
+from lostmotion.web.cards import cards, radii
 from lostmotion.web.pages import json, page, site_of
 from lostmotion.web.site import Site
 from lostmotion.web.windows import Picture, csv, picture
@@ -77,15 +78,20 @@ def series(request: Request) -> Response:
 
 
 def trend(request: Request) -> Response:
-    """The trend of severities (of scores where there are none) with its forecast, as ``lostmotion trend`` has it."""
+    """The trend of severities (of scores where there are none) with its forecast, as ``lostmotion trend`` has it, in
+    numbers and in words."""
     site, name = site_of(request), request.path_params["joint"]
     with _open(site, name) as reader:
         columns = reader.series(name, most=MOST)
     history = history_of(name, columns, site.config_file, None, None, RADIANS)
     line = history.wear.slope
+    shown = history_of(name, columns, site.config_file, None, None)
     return json(
         document(history)
-        | {"line": {"start": history.start.timestamp(), "slope": line.slope, "intercept": line.intercept}}
+        | {
+            "line": {"start": history.start.timestamp(), "slope": line.slope, "intercept": line.intercept},
+            "words": words(shown, radii(site).get(name, math.nan)),
+        }
     )
 
 

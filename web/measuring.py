@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lostmotion.daemon.commands import times
 from lostmotion.daemon.commands.calibrate_windows import Cuttings, read_all
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.learner import settled
@@ -136,15 +137,11 @@ def _missing(cut: Cuttings, needed: int, reached: float, wanted: float) -> list[
             f"Brisker: it reaches {reached:.2g} rad/s², but {wanted:.2g} make {SMALL_PLAY_DEG:g}° of play detectable."
         )
     if count < needed:
-        left = f" about {_span(cut.duration * (needed - count) / count)} more of this motion" if count else ""
+        left = f" about {times.span(cut.duration * (needed - count) / count)} more of this motion" if count else ""
         found.append(f"Longer: {needed - count} more windows are needed,{left}." if left else "Longer.")
     if cut.refused > MANY_REFUSED * max(count + cut.refused, 1):
         found.append(f"{cut.refused} windows are not sound: clipped, with gaps, or too gentle.")
     return found
-
-
-def _span(seconds: float) -> str:
-    return f"{max(round(seconds), 1)} s" if seconds < 90 else f"{math.ceil(seconds / 60)} min"
 
 
 def _cause(path: Path, error: LostmotionError) -> str:

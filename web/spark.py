@@ -7,6 +7,7 @@ from datetime import timedelta
 
 import numpy as np
 
+from lostmotion.daemon.commands import times
 from lostmotion.daemon.extremes import EXTREMES
 from lostmotion.daemon.reader import Reader
 from lostmotion.detector.window import FloatArray
@@ -43,7 +44,7 @@ def spark(reader: Reader, joint: str, span: timedelta, limit: float) -> Spark:
     known = np.isfinite(value)
     if np.count_nonzero(known) < 2:
         return Spark("", "too little history for a curve")
-    words = f"{of} over the last {_span(extent[1] - since)}"
+    words = f"{of} over the last {times.span((extent[1] - since).total_seconds())}"
     top = limit if of == SEVERITY else float(np.max(columns["level"]))
     return Spark(_path(time[known], value[known], top), words)
 
@@ -53,14 +54,3 @@ def _path(time: FloatArray, value: FloatArray, top: float) -> str:
     x = (time - time[0]) / max(time[-1] - time[0], 1) * WIDTH
     y = (1 - value / highest) * (HEIGHT - 2) + 1
     return "M" + " L".join(f"{a:.1f} {b:.1f}" for a, b in zip(x, y, strict=True))
-
-
-def _span(span: timedelta) -> str:
-    """A span in the largest unit of which there are two at least, rounded."""
-    minutes = span.total_seconds() / 60
-    days, hours = minutes / 1440, minutes / 60
-    if days >= 2:
-        return f"{days:.0f} days"
-    if hours >= 2:
-        return f"{hours:.0f} hours"
-    return f"{minutes:.0f} minutes" if minutes >= 2 else f"{max(minutes * 60, 1):.0f} s"

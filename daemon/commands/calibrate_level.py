@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from lostmotion.daemon.commands import times
 from lostmotion.daemon.commands.asked import Asked
 from lostmotion.daemon.commands.calibrate_windows import read_all, read_settings
 from lostmotion.daemon.commands.calibrated import CalibrationError, lines_of, report
@@ -94,7 +94,7 @@ def _check(count: int, false_alarm: float, duration: float) -> None:
     needed = windows_needed(false_alarm)
     if count >= needed:
         return
-    longer = f" (about {math.ceil(duration * needed / count / 60)} min of this motion)" if count else ""
+    longer = f" (about {times.span(duration * needed / count)} of this motion)" if count else ""
     raise CalibrationError(
         f"found {count} sound healthy windows, expected at least {needed}{longer} to promise a false-alarm rate of "
         f"{false_alarm:g}: record longer, or promise less with --false-alarm"

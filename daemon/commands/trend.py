@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any, Literal
 
@@ -35,6 +35,7 @@ __all__ = [
     "history_of",
     "table_row",
     "trend",
+    "words",
 ]
 
 Of = Literal["score", "play", "severity"]
@@ -134,8 +135,8 @@ def trend(
         [] if asked or of == "severity" else ["too few of these scores have a severity: the trend is that of scores"]
     )
     is_ours = config is not None or database is None  # else the robot of the database is unknown
-    size = _sizes(history, _radius(config, joint) if is_ours else math.nan) if of != "score" else []
-    output.print_lines([*notes, *_words(history), *size, "", plot(history), *([f"picture: {png}"] if png else [])])
+    lines = [f"{name:15}{text}" for name, text in words(history, _radius(config, joint) if is_ours else math.nan)]
+    output.print_lines([*notes, _heading(history), *lines, "", plot(history), *([f"picture: {png}"] if png else [])])
 
 
 def history_of(
@@ -157,17 +158,6 @@ def _best(series: Series) -> Of:
 def _radius(config: Path | None, joint: str) -> float:
     """The radius of the joint's gear [m], NaN where it is not given."""
     return next((j.gear_radius_m for j in find_config(config).joints if j.name == joint), None) or math.nan
-
-
-def _sizes(history: History, radius_m: float) -> list[str]:
-    """How large the play was at first and is now: medians of the first and last tenth [arc-minutes]."""
-    tenth = max(history.value.size // 10, 1)
-    ends = [float(np.median(part)) / ARC_MINUTES for part in (history.value[:tenth], history.value[-tenth:])]
-    words = [f"{output.arcmin(end)}" for end in ends]
-    if math.isfinite(radius_m):
-        words = [f"{word} ({end * radius_m * 1e6:.3g} µm)" for word, end in zip(words, ends, strict=True)]
-        words[1] += f" on a gear of {radius_m * 1e3:g} mm"
-    return [f"wear           from {words[0]} to {words[1]}"]
 
 
 def _limit(config: Path | None, of: Of) -> float:
@@ -220,6 +210,7 @@ def document(history: History) -> dict[str, Any]:
         "recent_slope": _per_month(wear.recent),
         "time_to_limit": _wait(wear.time_to_limit),
         "forecast": _wait(wear.forecast),
+        "no_forecast": wear.no_forecast or None,
         "normalised": history.laws,
     }
 
@@ -232,32 +223,53 @@ def _per_month(slope: Slope) -> dict[str, float]:
     return {"per_month": slope.slope * MONTH, "low": slope.low * MONTH, "high": slope.high * MONTH}
 
 
-def _words(history: History) -> list[str]:
+def words(history: History, radius_m: float = math.nan) -> list[tuple[str, str]]:
+    """The trend as people read it, in the terminal and on the page: a name and a text for each of its lines.
+
+    radius_m: that of the joint's gear, NaN where it is unknown; the history is in arc-minutes.
+    """
     wear = history.wear
-    first, last = (f"{history.utc(time).astimezone(UTC):%Y-%m-%d %H:%M}" for time in (wear.first, wear.last))
     found = f"{wear.trend.direction} (p = {wear.trend.p_value:.2g})" if wear.trend.direction != "none" else "none found"
     lines = [
-        f"{history.joint}: {wear.count} {history.many}, {first} to {last} UTC",
         *_laws(history.laws),
-        f"trend          {found}, Mann-Kendall tau {wear.trend.tau:+.2f}",
-        f"slope          {_slope(wear.slope, history)}",
+        ("trend", f"{found}, Mann-Kendall tau {wear.trend.tau:+.2f}"),
+        ("slope", _slope(wear.slope, history)),
     ]
     if wear.change_points:
         when = ", ".join(f"{history.utc(time):%Y-%m-%d %H:%M}" for time in wear.change_points)
-        lines += [f"changed        {when} UTC", f"since then     {_slope(wear.recent, history)}"]
+        lines += [("changed", f"{when} UTC"), ("since then", _slope(wear.recent, history))]
     return [
         *lines,
-        f"now            {wear.current:.2f}{history.mark}, level {wear.limit:.2f}{history.mark}",
-        f"limit          {_left(wear)}",
+        ("now", f"{wear.current:.2f}{history.mark}, level {wear.limit:.2f}{history.mark}"),
+        ("limit", _left(wear)),
         *_forecast_lines(wear),
+        *_sizes(history, radius_m),
     ]
 
 
-def _laws(laws: dict[str, float]) -> list[str]:
+def _heading(history: History) -> str:
+    first, last = (f"{history.utc(time):%Y-%m-%d %H:%M}" for time in (history.wear.first, history.wear.last))
+    return f"{history.joint}: {history.wear.count} {history.many}, {first} to {last} UTC"
+
+
+def _laws(laws: dict[str, float]) -> list[tuple[str, str]]:
     """What the values were freed of."""
-    words = {"excitation": "excitation^{:+.2f}", "temperature": "{:+.2%} a °C"}
-    found = [words[name].format(slope) for name, slope in laws.items()]
-    return [f"freed of       {', '.join(found)}: values at the median motion and temperature"] if found else []
+    texts = {"excitation": "excitation^{:+.2f}", "temperature": "{:+.2%} a °C"}
+    found = [texts[name].format(slope) for name, slope in laws.items()]
+    return [("freed of", f"{', '.join(found)}: values at the median motion and temperature")] if found else []
+
+
+def _sizes(history: History, radius_m: float) -> list[tuple[str, str]]:
+    """How large the play was at first and is now: medians of the first and last tenth [arc-minutes]."""
+    if history.of == "score":
+        return []
+    tenth = max(history.value.size // 10, 1)
+    ends = [float(np.median(part)) / ARC_MINUTES for part in (history.value[:tenth], history.value[-tenth:])]
+    sizes = [f"{output.arcmin(end)}" for end in ends]
+    if math.isfinite(radius_m):
+        sizes = [f"{size} ({end * radius_m * 1e6:.3g} µm)" for size, end in zip(sizes, ends, strict=True)]
+        sizes[1] += f" on a gear of {radius_m * 1e3:g} mm"
+    return [("wear", f"from {sizes[0]} to {sizes[1]}")]
 
 
 def table_row(history: History) -> list[str]:
@@ -274,16 +286,18 @@ def _slope(slope: Slope, history: History) -> str:
     return f"{per} per {name} (95 %: {low} to {high})"
 
 
-def _forecast_lines(wear: WearTrend) -> list[str]:
+def _forecast_lines(wear: WearTrend) -> list[tuple[str, str]]:
     """The forecast, where the limit still lies ahead."""
     forecast = wear.forecast
     if forecast is None or forecast.likely == 0 or not math.isfinite(forecast.earliest):
         return []
-    return [f"forecast       {_reached(forecast, '80 %', 'not reached')}, whatever the law of wear"]
+    return [("forecast", f"{_reached(forecast, '80 %', 'not reached')}, whatever the law of wear")]
 
 
 def _left(wear: WearTrend) -> str:
     left = wear.time_to_limit
+    if wear.no_forecast:
+        return f"no forecast: {wear.no_forecast}"
     if left is None:
         return "not reached at this slope"
     if left.likely == 0:

@@ -97,7 +97,9 @@ def test_level_by_promise_and_by_labels(tmp_path: Path) -> None:
     assert labelled["false_negative"] <= 1
     assert labelled["false_positive"] <= 3
     refused = call("calibrate", "level", healthy)
-    assert is_one_line(refused, "sound healthy windows, expected at least 1599", "min of this motion", "--false-alarm")
+    assert is_one_line(
+        refused, "sound healthy windows, expected at least 1599", " of this motion) to promise", "--false-alarm"
+    )
 
 
 def test_windows_say_what_is_wrong(tmp_path: Path) -> None:

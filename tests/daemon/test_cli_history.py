@@ -297,15 +297,25 @@ def test_trend_falls_back_to_the_score(wearing: Path) -> None:
     assert "too few" not in call("trend", "wrist", "--of", "score", "--config", wearing / "r.toml").stdout
 
 
-def test_a_limit_that_is_unlikely_to_be_reached(tmp_path: Path) -> None:
-    """A minute of a play that does not grow is told as "not reached", in the forecast too."""
+@pytest.mark.parametrize(
+    ("days", "growth", "told"),
+    [(30.0, 0.0, "no rise is found"), (60 / 86400, 1.0, "the history is shorter than 7 days")],
+)
+def test_a_limit_that_nobody_can_foresee(tmp_path: Path, days: float, growth: float, told: str) -> None:
+    """A month without a rise, and a rise within a minute, which is not that of wear: no time until the limit is told,
+    in words or in JSON, and the reason is."""
     store = Store(tmp_path / "h.db", "arm1")
     for k, factor in enumerate(np.exp(0.2 * np.random.default_rng(1).standard_normal(60))):
-        store.add(ScoreRow("elbow", START + timedelta(seconds=k), 0.25, 50.0, 8.0, True, severity=2.5e-3 * factor))
+        severity = 2.5e-3 * factor * (1 + growth * k / 60)
+        time = START + timedelta(days=days * k / 60)
+        store.add(ScoreRow("elbow", time, 0.25, 50.0, 8.0, True, severity=severity))
     store.close()
     text = call("trend", "elbow", "--database", tmp_path / "h.db").stdout
-    assert re.search(r"forecast       not reached \(80 %: not before .+ from now\), whatever the law of wear\n", text)
-    assert "in never" not in text
+    assert re.search(rf"^limit +no forecast: {told}$", text, re.MULTILINE)
+    assert "reached in" not in text
+    assert not re.search("^forecast", text, re.MULTILINE)
+    trend = document("trend", "elbow", "--database", tmp_path / "h.db")
+    assert (trend["time_to_limit"], trend["forecast"], trend["no_forecast"]) == (None, None, told)
 
 
 def test_trend_is_freed_of_warmth(warm: Path) -> None:

@@ -181,3 +181,25 @@ def test_summary_looks_at_what_came_after_a_change() -> None:
     assert wear.recent.slope * DAY == pytest.approx(0.1, rel=0.05)
     assert wear.time_to_limit is not None
     assert wear.time_to_limit.likely / DAY == pytest.approx(10, abs=1)
+
+
+def test_a_rise_since_the_last_change_is_drawn_on() -> None:
+    """Falling for 60 days to a repair, then growing: the whole has no rise, what came after the change has one."""
+    rng = np.random.default_rng(50)
+    days = np.arange(1000) / 10
+    values = np.where(days < 60, 8 - 0.02 * days, 1 + 0.05 * (days - 60)) + rng.normal(0, 0.1, 1000)
+    wear = summarise(days * DAY, values, 10.0)
+    assert wear.trend.direction != "rising"
+    assert wear.no_forecast == ""
+    assert wear.time_to_limit is not None
+    assert wear.time_to_limit.likely / DAY == pytest.approx((9 - 2) / 0.05, rel=0.1)
+
+
+@pytest.mark.parametrize("rate", [0.0, -0.01])
+def test_a_limit_that_is_reached_needs_no_rise(rate: float) -> None:
+    """Above the limit all the time, within an hour or falling: reached, not "no forecast"."""
+    time = np.arange(100.0)
+    wear = summarise(time, 20 + rate * time, 10.0)
+    assert wear.no_forecast == ""
+    assert wear.time_to_limit is not None
+    assert wear.time_to_limit.likely == 0.0

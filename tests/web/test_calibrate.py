@@ -151,7 +151,7 @@ def test_a_gentle_motion_is_told(tmp_path: Path) -> None:
     assert found.needed == 1599
     assert found.missing[0].startswith("Brisker")
     assert found.missing[1].startswith("Longer")
-    assert "min more of this motion" in found.missing[1]
+    assert " more of this motion." in found.missing[1]
 
 
 VALUES = {"level": 5.25, "noise_colour": [0.1, -0.2], "statistic": "ringdown"}

@@ -38,13 +38,13 @@ def test_an_impact_of_another_joint_is_told_as_its(tmp_path: Path, sure: float, 
     ("span", "words"),
     [
         (timedelta(seconds=40), "40 s"),
-        (timedelta(minutes=5), "5 minutes"),
-        (timedelta(hours=5), "5 hours"),
-        (timedelta(days=40), "40 days"),
+        (timedelta(minutes=5), "5 min"),
+        (timedelta(hours=5), "5 h"),
+        (timedelta(days=40), "40 d"),
     ],
 )
 def test_a_curve_says_how_long_it_is(tmp_path: Path, span: timedelta, words: str) -> None:
-    """The span of a curve is told in a unit of which there are two and more, not as 0.1 hours."""
+    """The span of a curve is told as every length of time is, not as 0.1 hours."""
     database, now = tmp_path / "history.db", datetime.now(UTC)
     with closing(Store(database, "arm1")) as store:
         for k in range(5):

@@ -11,9 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import Page, Route, expect
+from playwright.sync_api import Page, expect
 
 from lostmotion.drivers.recording import read_recording
+from tests.daemon.cli_world import call
 from tests.web.conftest import Open, Site, overflow, violations
 from tests.web.world import F_RES_HZ, fill, robot
 
@@ -45,7 +46,7 @@ def test_the_page_fits_and_is_accessible(filled: tuple[Site, datetime], look: Op
     """History, trend and newest window are there; nothing overflows; axe-core finds nothing."""
     page = look(f"{filled[0].address}/joints/elbow", width=width, dark=dark)
     ready(page)
-    expect(page.locator("#trend")).to_contain_text("is rising")
+    expect(page.locator("#trend")).to_contain_text("rising (p = ")
     expect(page.locator("#history-words")).to_contain_text("400 windows")
     expect(page.locator("#window-words")).to_contain_text("an impact")
     page.locator("#wave canvas").wait_for()
@@ -55,34 +56,17 @@ def test_the_page_fits_and_is_accessible(filled: tuple[Site, datetime], look: Op
 
 
 @pytest.mark.slow
-def test_changes_of_one_day_have_their_times(filled: tuple[Site, datetime], look: Open) -> None:
-    """In a history of hours the moments of changes are told to the minute, not twice as the same date."""
-
-    def short(route: Route) -> None:
-        answer = route.fetch()
-        times = {"first": "2026-01-31T12:00:00Z", "last": "2026-01-31T14:00:00Z"}
-        changes = ["2026-01-31T12:31:00Z", "2026-01-31T13:47:00Z"]
-        route.fulfill(response=answer, json={**answer.json(), **times, "change_points": changes})
-
-    page = look(f"{filled[0].address}/joints/elbow")
-    page.route("**/trend*", short)
-    page.reload()
-    expect(page.locator("#trend")).to_contain_text(re.compile(r"It changed on .*:31.*:47"))
-
-
-@pytest.mark.slow
-def test_a_limit_that_is_not_reached(filled: tuple[Site, datetime], look: Open) -> None:
-    """A forecast without a likely time is told as such, not as a limit that is reached."""
-
-    def unlikely(route: Route) -> None:
-        answer = route.fetch()
-        forecast = {"likely_s": None, "earliest_s": 864000, "latest_s": None}
-        route.fulfill(response=answer, json={**answer.json(), "forecast": forecast})
-
-    page = look(f"{filled[0].address}/joints/elbow")
-    page.route("**/trend*", unlikely)
-    page.reload()
-    expect(page.locator("#trend")).to_contain_text("The limit is not reached (80 %: not before 10 days from now).")
+def test_the_trend_is_told_as_in_the_terminal(filled: tuple[Site, datetime], look: Open) -> None:
+    """The lines of ``lostmotion trend`` are those of the page, name and text, to the size in micrometres."""
+    site, _ = filled
+    text = call(
+        "trend", "elbow", "--config", site.folder / "robot.toml", "--database", site.folder / "history.db"
+    ).stdout
+    expected = [(line[:15].strip(), line[15:]) for line in text.split("\n\n")[0].splitlines()[1:]]
+    assert {"trend", "slope", "limit", "forecast", "wear"} <= dict(expected).keys()
+    page = look(f"{site.address}/joints/elbow")
+    expect(page.locator("#trend dt")).to_have_text([name for name, _ in expected])
+    expect(page.locator("#trend dd")).to_have_text([told for _, told in expected])
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ from click.testing import CliRunner
 from playwright.sync_api import Page, expect
 
 from lostmotion.daemon.cli import cli
+from lostmotion.daemon.commands import times
 from tests.daemon.conftest import wait_until
 from tests.web.conftest import Open, Site, overflow, violations
 from tests.web.world import fill, robot
@@ -332,3 +333,12 @@ def test_without_the_token_nothing_changes(site: Site) -> None:
         "runs/x/remove",
     ):
         assert site.ask("POST", f"/api/lab/{path}", TINY)[0] == 403, path
+
+
+@pytest.mark.slow
+def test_a_length_of_time_is_told_alike(site: Site, look: Open) -> None:
+    """The script of the lab's pages and ``times.span`` have the same words for every time that a run may take."""
+    seconds = [0, 1, 59, 119, 120, 200, 899, 900, 5000, 7199, 7200, 30_000, 172_799]
+    page = look(f"{site.address}/lab")
+    script = "async (all) => { const { duration } = await import('/static/labshared.js'); return all.map(duration); }"
+    assert page.evaluate(script, seconds) == [times.span(one) for one in seconds]

@@ -1,5 +1,5 @@
 // A joint's history and the windows behind it.
-import { actOnAlarms, ask, listen, showAlarms } from "./common.js";
+import { actOnAlarms, ask, element, listen, showAlarms } from "./common.js";
 import { axis, chart, colour, line, number, onTheme, shade, stroke, timeAxis, upright } from "./plot.js";
 
 const root = document.getElementById("joint"), name = root.dataset.joint;
@@ -124,25 +124,12 @@ document.querySelectorAll("[data-span]").forEach((button) => button.addEventList
 
 // ---- trend
 
-const span = (s) => s == null ? "never" : s > 2 * 31557600 ? `${(s / 31557600).toFixed(1)} years` : s > 2 * 2629800 ? `${(s / 2629800).toFixed(1)} months` : s > 172800 ? `${(s / 86400).toFixed(0)} days` : s > 7200 ? `${(s / 3600).toFixed(1)} h` : `${Math.max(1, Math.round(s / 60))} min`;
-// one list of moments: to the day, or to the minute where the history is shorter than two days
-const moments = (times, length) => times.map((t) => length > 172800 ? new Date(t).toLocaleDateString() : new Date(t).toLocaleString([], { dateStyle: "short", timeStyle: "short" })).join(", ");
-const reached = (left, sure) => left.likely_s === 0 ? "The limit is reached."
-  : left.likely_s == null ? `The limit is not reached (${sure} %: not before ${span(left.earliest_s)} from now).`
-  : `The limit is reached in ${span(left.likely_s)} (${sure} %: ${span(left.earliest_s)} to ${span(left.latest_s)}).`;
-
 async function loadTrend() {
   const words = document.getElementById("trend");
   try {
     const trend = state.trend = await ask(`${api}/trend`);
-    const scale = QUANTITIES[trend.of].scale, unit = trend.of === "score" ? "" : " arc-minutes";
-    const { direction, p_value } = trend.mann_kendall, slope = trend.slope;
-    const parts = [direction === "none" ? "No trend is found." : `The ${trend.of === "score" ? "score" : "severity"} is ${direction} (p = ${Number(p_value.toPrecision(2))}): ${number(slope.per_month * scale)}${unit} a month (95 %: ${number(slope.low * scale)} to ${number(slope.high * scale)}).`];
-    parts.push(`Now ${number(trend.current * scale)}${unit}, limit ${number(trend.level * scale)}${unit}.`);
-    if (trend.change_points.length) parts.push(`It changed on ${moments(trend.change_points, (Date.parse(trend.last) - Date.parse(trend.first)) / 1000)}.`);
-    const left = trend.forecast ?? trend.time_to_limit;
-    if (left) parts.push(reached(left, trend.forecast ? 80 : 95));
-    words.textContent = parts.join(" ");
+    words.replaceChildren(element("dl", { class: "found" },
+      ...trend.words.map(([name, text]) => element("div", {}, element("dt", {}, name), element("dd", {}, text)))));
   } catch (error) {
     words.textContent = error.message;
   }

@@ -4,7 +4,11 @@ const csrf = document.querySelector('meta[name="csrf"]').content;
 
 export const bytes = (count) => count < 1e3 ? `${count} bytes` : count < 1e6 ? `${(count / 1e3).toPrecision(3)} kB` : `${(count / 1e6).toPrecision(3)} MB`;
 export const moment = (seconds) => new Date(1000 * seconds).toLocaleString([], { dateStyle: "medium", timeStyle: "short" });
-export const duration = (seconds) => seconds < 90 ? `${Math.round(seconds)} s` : `${Math.round(seconds / 60)} min`;
+// As times.span of daemon/commands; no run takes days.
+export function duration(seconds) {
+  const [unit, length] = [["h", 3600], ["min", 60]].find(([, one]) => seconds >= 2 * one) ?? ["s", 1];
+  return `${Math.round(seconds / length)} ${unit}`;
+}
 
 // Where a unit of the format is not one that people read.
 export function shown(unit) {
