@@ -33,22 +33,32 @@ def is_driven(experiment: Experiment) -> bool:
 
 
 def with_scale(model: Model, experiments: Sequence[Experiment]) -> tuple[Model, tuple[Estimate, ...]]:
-    """The model with the scale of its forces held where no recording has an input, and the held parameters."""
-    bias = model.parameters.get("bias")
-    is_force = bias is not None and bias.unit != "m/s^2"
-    if is_force and all(set(one.measured) == {ACCEL} for one in experiments):
-        model = held(model, ["bias"])  # where a bar rests, an accelerometer does not tell
-    if any(is_driven(one) for one in experiments):
-        return model, ()
-    model = with_free_states(model)
-    if model.base == "joint" and all(coasts(next(iter(one.measured.values())), one.is_linear) for one in experiments):
-        model = held(model, ["bias"])  # nothing is there to push it: what brakes evenly is dry friction
+    """The model without the parameters that no fit to these experiments can identify: where no input was recorded, the
+    scale of its forces is held at its value, and so is a constant force that looks like something else.  Also returns
+    the held scale, as an estimate that is not identified."""
+    is_driven_once = any(map(is_driven, experiments))
+    if not is_driven_once:
+        model = with_free_states(model)
+    if "bias" in model.parameters and not _is_bias_identified(model, experiments, is_driven_once):
+        model = held(model, ["bias"])
     name = get_base(model.base).scale
-    if not name or model.parameters[name].fixed:
+    if is_driven_once or not name or model.parameters[name].fixed:
         return model, ()
     parameter = model.parameters[name]
     scale = Estimate(name, parameter.value, parameter.value, parameter.value, parameter.unit, identified=False)
     return held(model, [name]), (scale,)
+
+
+def _is_bias_identified(model: Model, experiments: Sequence[Experiment], is_driven_once: bool) -> bool:
+    """Whether these experiments distinguish the constant force of a base from all else.  An accelerometer does not feel
+    where a bar rests, and a shaft that coasts down in one direction is braked by a constant force as by dry friction.
+    The bias of an accelerometer is always distinguished."""
+    if model.parameters["bias"].unit == "m/s^2":
+        return True
+    if all(set(one.measured) == {ACCEL} for one in experiments):
+        return False
+    shafts = model.base == "joint" and not is_driven_once
+    return not (shafts and all(coasts(next(iter(one.measured.values())), one.is_linear) for one in experiments))
 
 
 def coasts(position: FloatArray, is_linear: bool) -> bool:
