@@ -25,7 +25,8 @@ __all__ = ["Budget", "ObserverRun", "at_samples", "observer_input"]
 
 
 class Budget(NamedTuple):
-    """A run ends where the sum of log(1 + min((e/unit)², far)) over its samples from the ``first`` exceeds ``most``."""
+    """The loss of a run, the sum of log(1 + min((e/unit)², far)) over its samples from the ``first`` on, and the loss
+    ``most`` above which the run ends; samples after that count with the largest loss, log(1 + far)."""
 
     first: int = 0
     unit: float = 1.0
@@ -38,11 +39,13 @@ UNLIMITED = Budget()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ObserverRun:
-    """Calling it with a start state (n,), gains (n,), the measured signal (N,) and a sub-step [s] gives what the run
-    did not expect at each sample, e = measured - modelled (N,), and the states after gain e was added to them (N, n).
+    """Calling it with a start state (n,), gains (n,), the measured signal (N,) and a sub-step [s] gives the innovation
+    at each sample, e = measured - modelled (N,), the states after gain e was added to them (N, n), and the loss of the
+    run (see Budget).
 
-    Infinite from where the motion exceeds all numbers, or the run its budget.  knots: (K + 1,) [s] from origin, with
-    every sample among them; at: (N,) which of them the samples are; reading: the signal that is measured.
+    Innovations and states are infinite from where the motion diverges or the loss exceeds the budget.  knots:
+    (K + 1,) [s] from origin, with every sample among them; at: (N,) which of them the samples are; reading: the signal
+    that is measured.
     """
 
     plan: Plan
@@ -54,11 +57,11 @@ class ObserverRun:
 
     def __call__(
         self, start: FloatArray, gain: FloatArray, measured: FloatArray, substep_s: float, budget: Budget = UNLIMITED
-    ) -> tuple[FloatArray, FloatArray]:
+    ) -> tuple[FloatArray, FloatArray, float]:
         e, states = np.full(self.at.size, np.inf), np.full((self.at.size, start.size), np.inf)
-        _follow(self.plan, self.knots, self.coefficients, self.at, substep_s, start, gain, self.reading, measured,
-                self.origin, e, states, *budget)  # fmt: skip
-        return e, states
+        loss = _follow(self.plan, self.knots, self.coefficients, self.at, substep_s, start, gain, self.reading,
+                       measured, self.origin, e, states, *budget)  # fmt: skip
+        return e, states, float(loss)
 
 
 def observer_input(
@@ -94,14 +97,13 @@ def _corrected(
     plan: Any, knots: FloatArray, coefficients: FloatArray, at: IntArray, substep: float, start: FloatArray,
     gain: FloatArray, reading: IntArray, measured: FloatArray, origin: float, e: FloatArray, states: FloatArray,
     first: int, unit: float, far: float, most: float,
-) -> None:  # fmt: skip
-    n = start.size
-    spent = 0.0
+) -> float:  # fmt: skip
+    """See ObserverRun; writes e and states, and returns the loss."""
+    n, o, spent = start.size, 0, 0.0
     s = plan.start.copy()
     x, y = start.copy(), np.empty(n)
     k1, k2, k3, k4, scratch = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
     out = np.empty((1, 1))
-    o = 0
     for interval in range(knots.size):
         c, left = coefficients[interval], knots[interval]
         if o < at.size and at[o] == interval:
@@ -110,10 +112,10 @@ def _corrected(
             rates(plan, s, k1)
             record(plan, s, scratch, reading, out, 0)
             error = measured[o] - out[0, 0]
-            if o >= first:
-                spent += np.log1p(min((error / unit) ** 2, far))
-            if not (abs(error) < 1e9 and spent <= most):
-                return
+            loss = math.log1p(min((error / unit) ** 2, far)) if o >= first else 0.0
+            if not (abs(error) < 1e9 and spent + loss <= most):
+                return spent + (at.size - max(o, first)) * math.log1p(far)
+            spent += loss
             e[o] = error
             for i in range(n):
                 x[i] += gain[i] * error
@@ -122,13 +124,14 @@ def _corrected(
             load(plan, s, origin + left, value, rate, x, k1, 0.0)
             rates(plan, s, k1)
         if o == at.size:
-            return
+            break
         steps = max(1, int(np.ceil((knots[interval + 1] - left) / substep - 1e-9)))
         h = (knots[interval + 1] - left) / steps
         for step in range(steps):
             rk4(plan, s, c, origin + left, step * h, h, x, k1, k2, k3, k4, y)
             x, y = y, x
             k1, k4 = k4, k1
+    return spent
 
 
 _follow = compiled(lambda **options: njit(nogil=True, **OPTIONS, **options)(_corrected))

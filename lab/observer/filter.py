@@ -54,8 +54,9 @@ class Observer:
 
     def run(
         self, model: Model, experiment: Experiment, substep_s: float, budget: Budget = UNLIMITED
-    ) -> tuple[FloatArray, FloatArray]:
-        """Innovations (N,) and states (N, n) along an experiment without gaps in accel, infinite beyond the budget.
+    ) -> tuple[FloatArray, FloatArray, float]:
+        """Innovations (N,) [m/s²] and corrected states (N, n) along an experiment without gaps in accel, and the loss
+        of the innovations; see ``model.observer.ObserverRun``.
 
         model: with the experiment's values.  Raises ModelError for a motion that is not finite.
         """

@@ -62,31 +62,40 @@ class Follower:
         return replace(self.alone(), noise=max(self.noise, ROUGH * usual))
 
     def cost(self, model: Model, coupling: float, most: float = math.inf) -> float:
-        """Mean of log(1 + (e/c)²) over the samples after the first 0.2 s: the logarithm limits the weight of outliers.
-        most: a larger cost need not be exact, only larger, and is known the sooner the larger it is."""
+        """The mean of log(1 + min((e/c)², FAR)) over the innovations e in units of their expected deviation, with c =
+        OUTSIDE; the logarithm limits the weight of outliers.  Infinite where the model cannot be run.
+
+        most: a cost above this one is not computed exactly; the runs end as soon as it is exceeded.
+        """
         try:
-            e = self.errors(model, coupling, most)
+            _, loss = self._run(model, coupling, most)
         except ModelError:
             return math.inf
-        return float(np.mean(_losses(e)))
+        return loss / self._samples
 
     def errors(self, model: Model, coupling: float, most: float = math.inf) -> FloatArray:
-        """Innovations at the samples after the first 0.2 s (N,), over their standard deviation for the right model;
-        infinite from where their cost exceeds ``most``.  Raises ModelError."""
-        observer = self.observers[coupling]
+        """The innovations of all segments one after the other (N,), in units of the standard deviation that they have
+        for the right model, without those of the settling time; infinite from where the cost exceeds ``most``.  Raises
+        ModelError."""
+        return self._run(model, coupling, most)[0]
+
+    @property
+    def _samples(self) -> int:
+        """N, the number of innovations that count."""
+        return sum(one.time[settled(one)].size for one in self.segments)
+
+    def _run(self, model: Model, coupling: float, most: float) -> tuple[FloatArray, float]:
+        """The innovations (N,), see ``errors``, and the sum of their losses, see ``cost``."""
+        observer, errors, loss = self.observers[coupling], [], 0.0
         unit = observer.expected * self.noise
-        counted = [settled(s) for s in self.segments]
-        left = most * (1 + ROUNDING) * sum(s.time[part].size for s, part in zip(self.segments, counted, strict=True))
-        errors = []
-        for s, part in zip(self.segments, counted, strict=True):
-            budget = Budget(part.start, OUTSIDE * unit, FAR, left)
-            errors.append(observer.run(s.model(model), s, self.substep_s, budget)[0][part] / unit)
-            left -= float(np.sum(_losses(errors[-1]))) if len(counted) > 1 else 0.0
-        return np.concatenate(errors)
-
-
-def _losses(e: FloatArray) -> FloatArray:
-    return np.asarray(np.log1p(np.minimum((e / OUTSIDE) ** 2, FAR)))
+        largest = most * (1 + ROUNDING) * self._samples
+        for one in self.segments:
+            counted = settled(one)
+            budget = Budget(counted.start, OUTSIDE * unit, FAR, largest - loss)
+            e, _, own = observer.run(one.model(model), one, self.substep_s, budget)
+            errors.append(e[counted] / unit)
+            loss += own
+        return np.concatenate(errors), loss
 
 
 def _window(experiment: Experiment, hz: float) -> Experiment:

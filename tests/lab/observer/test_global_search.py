@@ -48,7 +48,7 @@ def test_without_a_gain_it_is_a_simulation() -> None:
     model = build_model("play", values=GEARS)
     start = model.initial_state(experiment.drive, float(experiment.time[0]))
     run = model.observer(experiment.drive, experiment.time, "accel", experiment.clock_zero)
-    e, states = run(start, np.zeros(4), experiment.measured["accel"], 1e-4)
+    e, states, _ = run(start, np.zeros(4), experiment.measured["accel"], 1e-4)
     free = model.simulate(experiment.drive, experiment.time, start, substep_s=1e-4)
     early = slice(0, 200)  # later, chaos makes much of a knot more or less
     assert e[early] == pytest.approx(experiment.measured["accel"][early] - free["accel"][early], abs=1e-5)
@@ -76,7 +76,7 @@ def test_errors_are_as_large_as_expected() -> None:
     assert 1.0 < observer.expected < Observer.of(build_model("play", values=GEARS), 1 / RATE_HZ, STRONG).expected < 2.0
 
     def typical(d: float) -> float:
-        e, _ = observer.run(build_model("play", values={**GEARS, "d": d}), experiment, SUBSTEP)
+        e, *_ = observer.run(build_model("play", values={**GEARS, "d": d}), experiment, SUBSTEP)
         return float(np.median(np.abs(e[200:]))) * 1.4826 / NOISE / observer.expected
 
     assert typical(8e-5) < 2.0
