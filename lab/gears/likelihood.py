@@ -175,25 +175,28 @@ class ShortSegments:
         """The fit on longer segments, with another effect that delays where that explains more."""
         if math.isfinite(fit.floor):
             return fit
-        fit = self._of_delays(fit, now)
+        fit = self._with_best_delay(fit, now)
         return replace(fit, level=grown(fit.level, self.task), floor=self._floor(fit.short))
 
-    def _of_delays(self, fit: SegmentFit, now: SegmentFit) -> SegmentFit:
-        """The best of the effects that delay, as the search takes the first one that it tries, with those that predict
-        as well: to first order they are the same."""
+    def _with_best_delay(self, fit: SegmentFit, now: SegmentFit) -> SegmentFit:
+        """The fit with the effect that predicts best of those that delay a signal, and the effects that predict as well
+        in its place: to first order in their time constants all of them are the same.  The fit is kept where it is one
+        of those."""
         swapped = list(with_other_delays(fit.model, self.task))
         new = [effect for effect in fit.model.effects if effect not in now.model.effects]
         if not swapped or not (now.is_far or any(get_effect(effect).delays_by for effect in new)):
             return fit
         trials = self._longer(full_fits([("", fit.model), *swapped], self.task, self.pool))
-        tried = [one for _, one in self._judged(trials, fit, Scores()).fits]
-        better = [one for one in tried if self._is_better(one, fit, len(tried))]
-        best = min(better, key=lambda one: one.rms, default=fit)
-        alike = [_exchanged(best.model, one.model) for one in tried if not self._is_better(best, one, len(tried))]
-        return replace(best, alike=tuple(pair for pair in alike if pair))
+        others = [one for _, one in self._judged(trials, fit, Scores()).fits]
+        best = min([fit, *others], key=lambda one: one.rms)
+        alike = [one for one in [fit, *others] if not self._is_better(best, one, len(others))]
+        kept = fit if fit in alike else best
+        pairs = (_exchanged(kept.model, one.model) for one in alike)
+        return replace(kept, alike=tuple(pair for pair in pairs if pair))
 
-    def _is_better(self, one: SegmentFit, fit: SegmentFit, tried: int) -> bool:
-        predictions = self.predictions(fit, one)
+    def _is_better(self, one: SegmentFit, other: SegmentFit, tried: int) -> bool:
+        """Whether one fit predicts better than another, significantly for so many that were tried."""
+        predictions = self.predictions(other, one)
         return predictions.gain > policy.LEAST_GAIN and tried * predictions.p_value < policy.FALSE_NAME
 
     def without(self, effect: str, fit: SegmentFit) -> SegmentFit:
