@@ -67,11 +67,10 @@ def is_sized(effect: str, fit: Regression) -> bool:
         return _is_shaped(effect, fit, block)
     is_torque = any("N" in fit.model.parameters[name].unit for name in names)
     given = [item.name for item in fit.unknowns.items if item.logarithmic and "." not in item.name and is_torque]
-    given += [name for name in fit.unknowns.at_bound(fit.z[: fit.count]) if name not in (*given, *names)]
     phases = [name for name in fit.unknowns.names if name in _phases(effect, fit.model) and name not in given]
     many = 1 + len(phases)
     width = math.sqrt(many * float(fdtri(many, int(block.max()), policy.CONFIDENCE)))
-    limits = width * fit.deviations(block, [*given, *phases])
+    limits = width * np.abs(fit.unknowns.slopes(fit.z)) * fit.deviations_within_bounds(block, [*given, *phases])
     sizes = {name: abs(fit.model.parameters[name].value) for name in names}
     return any(sizes[name] > limit for name, limit in zip(fit.unknowns.names, limits, strict=True) if name in sizes)
 

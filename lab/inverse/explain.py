@@ -222,15 +222,10 @@ def _detectable(step: Step[Fitted]) -> dict[str, tuple[str, float]]:
 
 
 def _estimates(fit: Regression) -> tuple[Estimate, ...]:
-    """Estimates with intervals that are robust to correlation of the residual within blocks; what ended at a bound is
-    given for the others, as in ``is_sized``."""
-    block, bound = blocks_of(fit), fit.unknowns.at_bound(fit.z[: fit.count])
-    variance = np.where(
-        np.isin(fit.unknowns.names, bound), np.diag(fit.covariance(block)), np.diag(fit.covariance(block, bound))
-    )
-    deviation = np.sqrt(np.maximum(variance, 0.0))
+    """The parameters with confidence intervals that are robust to correlation of the residual within blocks."""
+    block = blocks_of(fit)
     width = float(-stdtrit(max(int(block.max()), 1), (1 - policy.CONFIDENCE) / 2))
-    found = fit.unknowns.estimates(fit.model, fit.z, deviation, width)
+    found = fit.unknowns.estimates(fit.model, fit.z, fit.deviations_within_bounds(block), width)
     return tuple(replace(one, unit=words.of_axis(one.unit, *axis_of(fit))) for one in found)
 
 

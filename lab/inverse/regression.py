@@ -171,6 +171,12 @@ class Regression:
         variance = np.maximum(np.diag(self.covariance(block, given)), 0.0)
         return np.asarray(np.abs(self.unknowns.slopes(self.z)) * np.sqrt(variance))
 
+    def deviations_within_bounds(self, block: NDArray[np.intp], given: Sequence[str] = ()) -> FloatArray:
+        """Standard deviations of z (P,), in which a parameter that ended at a bound is given for all others."""
+        bound = self.unknowns.at_bound(self.z)
+        own, inside = (np.diag(self.covariance(block, known)) for known in (given, (*given, *bound)))
+        return np.sqrt(np.maximum(np.where(np.isin(self.unknowns.names, bound), own, inside), 0.0))
+
 
 def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, steps: int = MOST_STEPS) -> Regression:
     """The model with its free parameters fitted, within their bounds, in so many steps at most, or as far as the time
