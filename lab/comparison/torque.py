@@ -21,7 +21,7 @@ from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.fitting.identifiability import held
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.describe import described
-from lostmotion.lab.inverse.problem import Data
+from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import regressed
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import noise_floor
@@ -44,7 +44,7 @@ def needed_torques(
     where the filter has transients, and at rest, where dry friction may have any value up to its largest.
     """
     signals = [channel.signals(one) for one in experiments]
-    data = Data.of(signals, model)
+    data = InverseModel.of(signals, model)
     fit = regressed(held(model, model.parameters), data)  # of the zeros of encoders that count from where they start
     pairs = zip(data.shifted(fit.nuisance), data.needed(model, fit.nuisance), strict=True)
     predictions = [_prediction(one, torque) for one, torque in pairs]

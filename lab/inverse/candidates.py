@@ -14,7 +14,7 @@ from lostmotion.lab.data.frequency_response import usual_torque
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.fitting.identifiability import is_driven, with_free_states
 from lostmotion.lab.inverse.output_error import OutputError
-from lostmotion.lab.inverse.problem import Data, EquationError, Problem, by_recording
+from lostmotion.lab.inverse.problem import EquationError, InverseModel, Problem, by_recording
 from lostmotion.lab.inverse.regression import MOST_STEPS, Regression, can_run, regressed
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import follows_motion, inertia_of, simulable, softened
@@ -76,7 +76,11 @@ def sizes_of(model: Model, data: Problem) -> MotionScales:
     )
     driving = [usual_torque(model, one.experiment) for one in signals if model.base == "servo"]
     is_moved = any(is_driven(one.experiment) for one in signals)
-    torque = data.usual(model) if isinstance(data, Data) else max(inertia_of(model) * _rms(acceleration), *driving, 0.0)
+    torque = (
+        data.signal_rms(model)
+        if isinstance(data, InverseModel)
+        else max(inertia_of(model) * _rms(acceleration), *driving, 0.0)
+    )
     loudest = max(signals, key=lambda one: float(np.ptp(one.acceleration)))
     stiffness, damping, bias = (
         model.parameters[name].value if name in model.parameters else 0.0 for name in ("k", "b", "bias")
@@ -194,7 +198,7 @@ def _blurred_speed(data: Problem) -> float:
     five simulated arms with Coulomb friction and a weight were said to have Stribeck friction at 2 to 5 % of their
     usual speed; with this bound one of six.
     """
-    if not isinstance(data, Data):
+    if not isinstance(data, InverseModel):
         return 0.0
     return max(_rms([one.acceleration]) / (2 * np.pi * one.band_hz) for one in data.signals)
 
@@ -228,12 +232,12 @@ def _zeros(name: str, start: Model, now: Regression, data: Problem) -> FloatArra
     recording best."""
     if isinstance(data, OutputError):
         return data.begun(start, now.nuisance)
-    if not isinstance(data, Data) or not now.nuisance.size or now.jacobian[:, now.count :].any():
+    if not isinstance(data, InverseModel) or not now.nuisance.size or now.jacobian[:, now.count :].any():
         return now.nuisance
     grid = np.arange(ANGLES) / ANGLES * math.tau / getattr(start.parameters.get(f"{name}.N"), "value", 1.0)
     alike = [_explained_shares(data.residual(start, zero + now.nuisance) - now.residual, now) for zero in grid]
     found = grid[np.argmax(alike, axis=0)]
-    return np.asarray(np.where(data.freedom < math.tau, now.nuisance, found))
+    return np.asarray(np.where(data.nuisance_range < math.tau, now.nuisance, found))
 
 
 def _explained_shares(column: FloatArray, now: Regression) -> list[float]:

@@ -10,7 +10,7 @@ from lostmotion.lab import words
 from lostmotion.lab.data.experiment import axis_of as axis_of_experiments
 from lostmotion.lab.discrepancy.residual_maps import finding, residual_maps
 from lostmotion.lab.fitting.identifiability import is_driven
-from lostmotion.lab.inverse.problem import Data, by_recording
+from lostmotion.lab.inverse.problem import InverseModel, by_recording
 from lostmotion.lab.inverse.regression import Regression
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.quantity import quantity
@@ -30,7 +30,7 @@ def described(fit: Regression) -> Finding:
     data = fit.data
     is_joint = "J" in fit.model.parameters
     names = ("theta_2", "omega_2", "acceleration") if is_joint else ("q", "q'", "q''")
-    if isinstance(data, Data):
+    if isinstance(data, InverseModel):
         variables = [
             _states(one, names, one.time[one.kept])
             | ({"torque": one.filtered(load)} if is_driven(one.experiment) else {})

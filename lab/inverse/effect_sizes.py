@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.special import fdtri, stdtr
 
 from lostmotion.lab import policy
-from lostmotion.lab.inverse.problem import Data
+from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import Regression, blocks_of
 from lostmotion.lab.inverse.torques import inertia_of
 from lostmotion.lab.selection.nesting import without
@@ -99,7 +99,7 @@ def amplitudes(effect: str, fit: Regression) -> list[str]:
     return [name for name in names if name in fit.unknowns.names]
 
 
-def shares(model: Model, effects: Sequence[str], data: Data, is_free: bool) -> dict[str, float]:
+def shares(model: Model, effects: Sequence[str], data: InverseModel, is_free: bool) -> dict[str, float]:
     """By effect, the square of its torque [(N m)²], less what the model's inertia, a constant torque and the effects
     beside these explain of it.
 

@@ -39,7 +39,7 @@ from lostmotion.lab.inverse.likelihood import (
     is_noise,
 )
 from lostmotion.lab.inverse.output_error import OutputError, initial_state
-from lostmotion.lab.inverse.problem import Data
+from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import Regression, blocks_of, can_run
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import can_invert, noise_floor
@@ -172,7 +172,7 @@ def _power(fit: Fitted, effects: Sequence[str]) -> dict[str, float]:
     the first step takes what belongs to both (viscous friction before Coulomb's, of an arm with a tenth of it), and a
     free swing with gravity alone is out of phase with the measured one and has a larger error than without."""
     data = fit.inverse.data
-    assert isinstance(data, Data)
+    assert isinstance(data, InverseModel)
     return shares(fit.model, effects, data, is_free=fit.judged is not fit.inverse)
 
 
@@ -279,7 +279,7 @@ def _sharp(model: Model, rough: Model) -> Model:
 def _shown(fit: Regression, remark: str = "") -> list[tuple[Experiment, FloatArray | None]]:
     """The recordings of a fit, each with its fitted initial state where their motion is simulated."""
     experiments = [replace(one.experiment, name=f"{one.experiment.name}{remark}") for one in fit.data.signals]
-    if isinstance(fit.data, Data):
+    if isinstance(fit.data, InverseModel):
         return [(one, None) for one in experiments]
     assert isinstance(fit.data, OutputError)
     states = np.split(fit.nuisance, len(experiments))
@@ -302,7 +302,7 @@ def _pieces(signals: Signals) -> list[tuple[Experiment, FloatArray]]:
 
 def _motion_rms(fit: Regression, model: Model, substep: float) -> dict[str, float]:
     """Error of the motion where the torque was fitted, for segments that start in the filtered state [rad or m]."""
-    if not isinstance(fit.data, Data):
+    if not isinstance(fit.data, InverseModel):
         return {}
     column, parts = fit.data.signals[0].column, []
     pieces = [piece for one in fit.data.shifted(fit.nuisance) for piece in _pieces(one)]

@@ -1,4 +1,7 @@
-"""The fit of a free motion: on a growing horizon, with an integration step that resolves it.  No selection here."""
+"""The fit of a simulated free motion: on a growing horizon, with an integration step that is short enough.
+
+The likelihood of motions that no input drives uses it (likelihood.py).  No selection here.
+"""
 
 from __future__ import annotations
 
@@ -18,32 +21,37 @@ HORIZONS = (0.2, 0.5)
 """Shares of a free swing that are fitted before the whole: a frequency error of 2 % is out of phase after ten swings,
 and a fit to the whole would end in a local minimum."""
 VANISHED = 1e-3
-"""Share of a parameter's first value, below which it is zero."""
+"""Share of its initial value below which a parameter counts as zero."""
 
 
 def continued(model: Model, swings: OutputError, begun: Regression | None = None) -> Regression:
-    """The fit of a free motion on a growing horizon (homotopy); where that ends with a larger error than no motion, as
-    for a pendulum that goes over the top, the fit of the whole motion at once if it is better.  begun: the fit of the
-    first horizon, if there is one."""
+    """Fits a free motion on a growing horizon (a homotopy): the shares ``HORIZONS`` of it, then the whole.
+
+    Where this fit ends with a larger error than a model at rest, as that of a pendulum that goes over the top may, the
+    whole motion is also fitted at once, and the better fit is returned.  begun: the fit on the first horizon, if it is
+    known.
+    """
     start, shortest, *longer = model, *HORIZONS
     model = _not_vanished((begun or regressed(model, swings.first(shortest))).model, start)
     for share in longer:
         model = _not_vanished(regressed(model, swings.first(share)).model, start)
     found = regressed(model, swings)
-    if found.rms <= swings.usual(model):
+    if found.rms <= swings.signal_rms(model):
         return found
     return min(found, regressed(start, swings), key=lambda one: one.rms)
 
 
 def beginning(fit: Regression) -> Regression | None:
-    """The fit of a model that was fitted to the acceleration to the beginning of a free motion, if it can be."""
+    """The fit of a simulated free motion on the first horizon, from the values of a fit to the acceleration; None where
+    the motion cannot be simulated."""
     with suppress(ModelError):
         return regressed(fit.model, OutputError.of(fit.data.signals, fit.model).first(HORIZONS[0]))
     return None
 
 
 def resolved(fit: Regression) -> Regression:
-    """The fit with an integration step that is short for its residual, if the time allows."""
+    """The fit with an integration step whose error is small against the residual, if the time allows; see
+    ``OutputError.resolved``."""
     if not isinstance(fit.data, OutputError) or is_over():
         return fit
     data = fit.data.resolved(fit.model, fit.nuisance)
@@ -51,8 +59,8 @@ def resolved(fit: Regression) -> Regression:
 
 
 def _not_vanished(model: Model, start: Model) -> Model:
-    """The model with the first values of those parameters that a short horizon took to zero, where a fit would stay: a
-    mass that is damped within four swings had no damping."""
+    """The model with the initial values of those parameters that a short horizon took to zero, as a later fit would not
+    leave zero.  Without this, a mass that is damped within four swings had no damping."""
     first = {name: start.parameters[name].value for name in free_names(start)}
     return model.replace(
         {name: v for name, v in first.items() if v > 0 and model.parameters[name].value < VANISHED * v}

@@ -1,4 +1,7 @@
-"""The free parameters of a regression: their scales, the prior on them, and the derivatives of the residual by them."""
+"""The free parameters of a regression: their scales, the prior on them, and the derivatives of the residual by them.
+
+``regression.regressed`` uses these functions; the mapping between parameters and vectors is shooting/parameters.py.
+"""
 
 from __future__ import annotations
 
@@ -18,32 +21,36 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["FitEndsError", "jacobian_of", "prior_of", "scaled"]
 
 PRIOR = 0.1
-"""Weight of the prior on the base's parameters while a fit is far off: the cost of a factor e, in units of one sample
-that is off by the usual motion.  Once the motion is followed it is one sample that is off by the usual misfit.  The
-prior keeps parameters that a motion does not identify at their earlier estimates: without it the inertia of a slow
-servo went to its lower bound; with the first weight alone the inertia of one that is followed to 0.3 mrad stayed 40 %
-too large, and its lag half as long as it is.  Effects have no prior: their first sizes are guesses."""
+"""Weight of the prior on the base's parameters while a fit is far off: a factor e costs as much as one sample with an
+error of this share of the signal's root mean square.  Once the motion is followed, it costs as much as one sample with
+the usual misfit.  The prior keeps parameters that a motion does not identify at their earlier estimates: without it the
+inertia of a slow servo went to its lower bound; with the first weight alone the inertia of one that is followed to 0.3
+mrad stayed 40 % too large, and its lag half as long as it is.  Effects have no prior: their first sizes are guesses."""
 STEP = 1e-6
 """Finite difference in numbers of order one: the torque is a smooth function of its parameters."""
 LEAST_SCALE = 0.01
 """Share of the largest torque, or of a radian: the least scale of a parameter that may be zero."""
 LARGEST_BIAS = 2.0
-"""Share of the largest torque, the bound of a constant one: with a ripple 2000 times as large it followed a flexible
-arm (0009)."""
+"""Largest constant torque, as a share of the largest torque.  Without this bound a constant torque and a ripple 2000
+times as large as the torque followed the motion of a flexible arm (docs/decisions/0009)."""
 
 
 class FitEndsError(Exception):
-    """A fit ends where its derivatives are known."""
+    """Ends a fit at the last point at which its derivatives are known."""
 
 
 def jacobian_of(
     residual: Callable[[FloatArray], FloatArray], z: FloatArray, high: FloatArray, data: Problem, *, may_end: bool
 ) -> FloatArray:
-    """Forward differences (M, P + E), backward at an upper bound; the initial values of all recordings change at once,
-    as each recording has its own.  Raises FitEndsError when the time is up, if it may."""
+    """The Jacobian (M, P + E) of the residual at z (P + E,), by forward differences, or backward ones at the upper
+    bound ``high`` (P + E,).
+
+    The k-th nuisance parameters of all recordings are changed at once, as a recording depends on its own only.
+    may_end: whether to raise FitEndsError when the time is up.
+    """
     here = residual(z)
     recordings = len(data.signals)
-    count, found = z.size - recordings * data.nuisances, np.zeros((here.size, z.size))
+    count, found = z.size - recordings * data.nuisance_count, np.zeros((here.size, z.size))
     parts = by_recording(np.arange(here.size), data)
     for at in range(count):
         if may_end and is_over():
@@ -51,8 +58,8 @@ def jacobian_of(
         step = STEP * max(1.0, abs(z[at]))
         step = -step if z[at] + step > high[at] else step
         found[:, at] = (residual(z + step * (np.arange(z.size) == at)) - here) / step
-    for k in range(data.nuisances):
-        mine = count + k + data.nuisances * np.arange(recordings)
+    for k in range(data.nuisance_count):
+        mine = count + k + data.nuisance_count * np.arange(recordings)
         step = STEP * max(1.0, float(np.abs(z[mine]).max()))
         change = (residual(z + step * np.isin(np.arange(z.size), mine)) - here) / step
         for rows, column in zip(parts, mine, strict=True):
@@ -61,7 +68,8 @@ def jacobian_of(
 
 
 def prior_of(unknowns: Unknowns, centre: Model | None) -> tuple[FloatArray, FloatArray]:
-    """Weights and values of the parameters near which a fit stays (P,) each: those of the base that are positive."""
+    """The weights and the centres of the prior in z, (P,) each.  Only positive parameters of the base have a prior;
+    without a centre none has."""
     weight, near = np.zeros(len(unknowns.items)), np.zeros(len(unknowns.items))
     for at, item in enumerate(unknowns.items):
         if centre and item.logarithmic and "." not in item.name:
@@ -70,8 +78,8 @@ def prior_of(unknowns: Unknowns, centre: Model | None) -> tuple[FloatArray, Floa
 
 
 def scaled(unknowns: Unknowns, model: Model, data: Problem) -> Unknowns:
-    """The unknowns with scales large enough for finite differences even near zero: a share of the torque that moves the
-    joint, and of a radian."""
+    """The unknowns with scales that are large enough for finite differences near zero: at least ``LEAST_SCALE`` of the
+    largest torque, or of a radian.  The constant torque of a joint is bounded by ``LARGEST_BIAS``."""
     moving = inertia_of(model) * max(float(np.abs(one.acceleration).max()) for one in data.signals)
     torque = max(moving, *(float(np.abs(one.torque).max()) for one in data.signals))
     usual = {"N m": LEAST_SCALE * torque, "N": LEAST_SCALE * torque, "rad": LEAST_SCALE}

@@ -33,7 +33,7 @@ from lostmotion.lab.inverse.candidates import (
 from lostmotion.lab.inverse.effect_sizes import chance_of_zero, is_sized, uncertainty
 from lostmotion.lab.inverse.free_motion import HORIZONS, beginning, continued, resolved
 from lostmotion.lab.inverse.output_error import OutputError
-from lostmotion.lab.inverse.problem import Data, Problem
+from lostmotion.lab.inverse.problem import InverseModel, Problem
 from lostmotion.lab.inverse.regression import Regression, blocks_of, generalised, regressed
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import softened
@@ -72,7 +72,7 @@ class Fitted:
         """The fit to report: of least squares and generalised least squares the one that knows the sizes of its effects
         better.  Whitening weighs fast parts, where an angle's noise is in its speed: a joint's viscous friction of 1.0
         was 0.31 by least squares and 0.18 N m s/rad by the other."""
-        if self.judged is self.inverse or not isinstance(self.judged.data, Data):
+        if self.judged is self.inverse or not isinstance(self.judged.data, InverseModel):
             return self.judged
         return min(self.inverse, self.judged, key=uncertainty)
 
@@ -129,7 +129,7 @@ class WholeMotion:
             begun = [(start, OutputError.of(self.signals, start)) for start in starts(self.model, self.signals)]
             best = min((fit(*entry) for entry in _promising(begun)), key=lambda one: one.rms)
             return Fitted(best, best)
-        data = Data.of(self.signals, self.model)
+        data = InverseModel.of(self.signals, self.model)
         return self._fitted(_with_load(softened(self.model, self.signals), data))
 
     def opposed(self, now: Fitted) -> Sequence[str]:
@@ -200,7 +200,7 @@ class WholeMotion:
         if self.method is Method.MOTION:
             judged = resolved(fit.judged)
             return Fitted(judged, judged)
-        inverse = _with_load(fit.model, Data.of(self.signals, fit.model), fit.inverse.nuisance)
+        inverse = _with_load(fit.model, InverseModel.of(self.signals, fit.model), fit.inverse.nuisance)
         return Fitted(inverse, resolved(fit.judged)) if self.method is Method.FREE else self._fitted(inverse)
 
     def without(self, effect: str, fit: Fitted) -> Fitted:
@@ -213,7 +213,7 @@ class WholeMotion:
             return self._fitted(regressed(model, data, nuisance))
         if self.method is Method.FREE and get_effect(effect).rests_by:  # the constant torque may stand for it
             model = with_free_states(model.replace({"bias": self.model.parameters["bias"]}))
-        inverse = _with_load(model, Data.of(fit.inverse.data.signals, model, nuisance), nuisance)
+        inverse = _with_load(model, InverseModel.of(fit.inverse.data.signals, model, nuisance), nuisance)
         if self.method is not Method.FREE:
             return self._fitted(inverse)
         less = regressed(model, fit.judged.data, fit.judged.nuisance, SHORT)
@@ -284,7 +284,7 @@ def _promising(begun: list[tuple[Model, OutputError]]) -> list[tuple[Model, Outp
 def _with_load(model: Model, data: Problem, nuisance: FloatArray | None = None) -> Regression:
     """The model fitted to the torque, then again with the transmitted torque of that fit."""
     once = regressed(model, data, nuisance)
-    return regressed(once.model, Data.of(data.signals, once.model, once.nuisance), once.nuisance)
+    return regressed(once.model, InverseModel.of(data.signals, once.model, once.nuisance), once.nuisance)
 
 
 def error_on(fit: Regression, unseen: Signals) -> float:
@@ -302,8 +302,10 @@ def fit_on(fit: Regression, unseen: Signals) -> Regression | None:
     with suppress(ModelError), within(math.inf):  # two numbers: a fit cut short would be reported as the effect's error
         if isinstance(fit.data, OutputError):
             return regressed(known, OutputError.of([unseen], known).no_finer(fit.data))
-        colour = fit.data.colour if isinstance(fit.data, Data) else 0.0
-        return regressed(known, replace(Data.of([unseen], known), is_anchored=fit.nuisance.size == 0, colour=colour))
+        colour = fit.data.colour if isinstance(fit.data, InverseModel) else 0.0
+        return regressed(
+            known, replace(InverseModel.of([unseen], known), is_anchored=fit.nuisance.size == 0, colour=colour)
+        )
     return None
 
 
@@ -311,7 +313,7 @@ def is_disturbed(fit: Regression) -> bool:
     """Whether as much of a measured torque is left as an effect has to take, as where the neighbours of a joint move
     it: two joints of arms have 0.36 and 0.9 of its variance left, six others and motors 0.02 at most."""
     data = fit.data
-    if not isinstance(data, Data) or not any(one.torque.any() for one in data.signals):
+    if not isinstance(data, InverseModel) or not any(one.torque.any() for one in data.signals):
         return False
     torque = np.concatenate([one.filtered(one.torque) for one in data.signals])
     return fit.error**2 > policy.LEAST_GAIN * float(torque.var())

@@ -1,8 +1,8 @@
-"""The measured motion of whole recordings, simulated from an initial state of each: the output-error method.
+"""The output error: the measured motion of whole recordings less the motion simulated from an initial state of each.
 
-It is unbiased where the input does not follow the disturbances: the command of a servo (the controller is a part of the
-model), the force on an oscillator, and a joint that swings freely.  The effect of a damping on one swing is too small
-to show in the acceleration; over all swings it adds up.  No selection here.
+Its estimates are unbiased where the input does not follow the disturbances: the command of a servo (the controller is a
+part of the model), the force on an oscillator, and a joint that swings freely.  Over many swings it also shows a
+damping that is too small to show in the acceleration of one.  No selection here.
 
 References: L. Ljung, System Identification (1999), section 4.3; J. Schoukens and L. Ljung, "Nonlinear system
 identification: a user-oriented road map", IEEE Control Systems 39 (2019).
@@ -48,20 +48,23 @@ enough; and how often it is halved at most."""
 
 @dataclass(frozen=True, eq=False)
 class OutputError:
-    """Recordings with a simulated motion.
+    """The error of the simulated motion of R recordings, with K initial values of each as nuisance parameters:
+    position, speed, and the free states of effects; see ``Problem``.
 
-    substep_s: integration step of a fit [s]; centre: the model near which unidentified parameters stay.
+    substep_s: integration step of a fit [s]; prior_centre: the model near which parameters stay that are not
+    identified.
     """
 
     signals: tuple[Signals, ...]
     substep_s: float
-    centre: Model
+    prior_centre: Model
     free: tuple[str, ...] = ()
-    """States of effects with fitted initial values."""
+    """The names of the states of effects whose initial values are fitted."""
 
     @classmethod
     def of(cls, signals: Sequence[Signals], model: Model) -> OutputError:
-        """With the step that this model needs, without the time after a joint has come to rest."""
+        """The problem with the integration step that this model needs, without the time after a joint has come to
+        rest."""
         parts = [_until_rest(one) for one in signals]
         surplus = sum(part.time.size for part in parts) // MOST_SAMPLES
         moving = tuple(
@@ -73,7 +76,7 @@ class OutputError:
         return cls(moving, step, model, free_states(model, any(map(is_driven, experiments))))
 
     def first(self, share: float) -> OutputError:
-        """The beginnings of the recordings."""
+        """The problem for the first part of each recording; share: of its duration."""
         parts = [
             replace(one, experiment=one.experiment.between(one.time[0], one.time[0] + share * one.experiment.duration))
             for one in self.signals
@@ -82,14 +85,14 @@ class OutputError:
 
     @property
     def nuisance(self) -> FloatArray:
-        """Initial angle and speed of each recording as the filtered signals have them, other states in equilibrium with
-        them (K R,)."""
+        """The initial position and speed of each recording in the filtered signals, and its free states in equilibrium
+        with them (K R,)."""
         return np.concatenate(
-            [[one.position[0], one.velocity[0], *self._settled(self.centre, one)] for one in self.signals]
+            [[one.position[0], one.velocity[0], *self._settled(self.prior_centre, one)] for one in self.signals]
         )
 
     def _settled(self, model: Model, one: Signals) -> list[float]:
-        """The free states in equilibrium with a motion; zero for those that the model lacks."""
+        """The free states in equilibrium with the start of a recording; zero for those that the model lacks."""
         if not self.free:
             return []
         own = one.experiment.model(model)
@@ -98,35 +101,35 @@ class OutputError:
         return [known.get(name, 0.0) for name in self.free]
 
     @property
-    def freedom(self) -> FloatArray:
-        """How far the initial values may be from these (K R,): anywhere.  The readings determine them; filtered signals
-        do not near an end, where the transient of the filter is many times their noise.  A bar that a force sets into
-        motion from rest had 14 times the noise left where its initial speed was bounded by their scatter."""
+    def nuisance_range(self) -> FloatArray:
+        """Infinite (K R,): the initial values may be anywhere.  The readings determine them.  The filtered signals do
+        not, as near an end the transient of the filter is many times their noise.  A bar that a force sets into motion
+        from rest had 14 times the noise left where its initial speed was bounded by their scatter."""
         return np.full(self.nuisance.size, np.inf)
 
     @property
-    def nuisances(self) -> int:
-        """K, the initial values of one recording."""
+    def nuisance_count(self) -> int:
+        """K, the number of initial values of one recording."""
         return 2 + len(self.free)
 
     def trimmed(self, model: Model, nuisance: FloatArray) -> tuple[OutputError, FloatArray]:
-        """Without the free states that the model lacks, and the initial values without theirs."""
+        """The problem without the free states that the model lacks, and the nuisance parameters (K R,) without them."""
         has = [name in model.state_names for name in self.free]
-        rows = nuisance.reshape(len(self.signals), self.nuisances)[:, [True, True, *has]]
+        rows = nuisance.reshape(len(self.signals), self.nuisance_count)[:, [True, True, *has]]
         return replace(self, free=tuple(compress(self.free, has))), np.asarray(rows.ravel())
 
     def begun(self, model: Model, nuisance: FloatArray) -> FloatArray:
-        """Initial values (K R,) of the model's free states that reduce the residual most; nuisance: (K' R,), of fewer
-        states."""
+        """Nuisance parameters (K R,) with initial values of additional free states that reduce the residual most, by
+        linear least squares; nuisance: (K' R,), those without the additional states."""
         recordings = len(self.signals)
         known = nuisance.reshape(recordings, -1)
-        if known.shape[1] == self.nuisances:
+        if known.shape[1] == self.nuisance_count:
             return nuisance
         found = np.array([[0.0, 0.0, *self._settled(model, one)] for one in self.signals])
         found[:, : known.shape[1]] = known
         here, columns = self.residual(model, found.ravel()), []
-        for at in range(known.shape[1], self.nuisances):
-            unit = np.ptp(self.signals[0].position) * (np.arange(self.nuisances) == at)
+        for at in range(known.shape[1], self.nuisance_count):
+            unit = np.ptp(self.signals[0].position) * (np.arange(self.nuisance_count) == at)
             columns.append(by_recording(self.residual(model, (found + unit).ravel()) - here, self))
         for row, column, left in zip(found, zip(*columns, strict=True), by_recording(here, self), strict=True):
             size = -np.linalg.lstsq(np.stack(column, axis=1), left)[0]
@@ -164,14 +167,16 @@ class OutputError:
 
     @property
     def _step(self) -> dict[str, float]:
-        """The step of a simulation: the same in all of a fit where its errors add up.  A servo follows its command, so
-        that they do not; its stiffness changes by orders of magnitude in a fit, and its step follows."""
-        if self.centre.base == "servo":
+        """The argument of ``simulate`` for the integration step.  The step is constant within a fit, as its errors add
+        up. Those of a servo do not, as it follows its command.  Its stiffness changes by orders of magnitude within a
+        fit, and its step follows the stiffness."""
+        if self.prior_centre.base == "servo":
             return {"shortest_s": FINEST * self.substep_s}
         return {"substep_s": self.substep_s}
 
     def suited(self, models: Sequence[Model]) -> OutputError:
-        """With the integration step that these models need, too, within ``FINEST``."""
+        """The problem with an integration step that these models need as well, but at least ``FINEST`` of the present
+        one, and with their free states."""
         experiments, needed = [one.experiment for one in self.signals], math.inf
         for one in models:
             with suppress(ModelError):  # a guess that diverges is skipped
@@ -182,8 +187,9 @@ class OutputError:
         return replace(self, substep_s=step, free=tuple(dict.fromkeys([*self.free, *names])))
 
     def resolved(self, model: Model, nuisance: FloatArray) -> OutputError:
-        """With an integration step that changes the residual of a free motion by less than ``RESOLVED`` of it: with the
-        step of a search a mass that dry friction stops had 1.4 times the noise left, and a second mode was named."""
+        """The problem with the longest integration step (of repeated halvings) whose halving changes the residual of a
+        free motion by less than the share ``RESOLVED``.  With the step of a search, a mass that dry friction stops had
+        1.4 times the noise left, and a second mode was named."""
         if any(is_driven(one.experiment) for one in self.signals):
             return self
         data, here = self, self.residual(model, nuisance)
@@ -196,11 +202,11 @@ class OutputError:
         return data
 
     def no_finer(self, other: OutputError) -> OutputError:
-        """With an integration step within ``FINEST`` of that of other recordings of the same model: with a model that
+        """The problem with an integration step of at least ``FINEST`` of that of other recordings.  With a model that
         is far off, a pendulum that a fit made spin, a single simulation took minutes."""
         return replace(self, substep_s=max(self.substep_s, FINEST * other.substep_s))
 
-    def usual(self, model: Model) -> float:
+    def signal_rms(self, model: Model) -> float:
         """Root mean square of the motion's deviation from its mean [rad or m]."""
         return float(
             np.sqrt(np.mean(np.concatenate([one.position - one.position.mean() for one in self.signals]) ** 2))
@@ -219,13 +225,14 @@ class OutputError:
 
     @property
     def counts(self) -> list[int]:
-        """Samples of each recording that count."""
+        """The number of samples of each recording that are compared."""
         return [int((~np.isnan(one.experiment.measured[one.column])).sum()) for one in self.signals]
 
 
 def _coarse_substep(model: Model, signals: Sequence[Signals]) -> float:
-    """The integration step of a fit [s], of a motion from rest; where it runs away from there, as a bar that softens
-    does whose place of rest is far from zero, of the measured one.  Raises ModelError."""
+    """The integration step of a fit [s].  It is chosen from a motion that begins at rest, or, where that motion
+    diverges, from one that begins in the measured state: a bar that softens diverges if its equilibrium is far from
+    zero.  Raises ModelError."""
     try:
         return coarse_substep(model, [one.experiment for one in signals], STEPS)
     except ModelError:
@@ -240,15 +247,15 @@ def _coarse_substep(model: Model, signals: Sequence[Signals]) -> float:
 
 
 def initial_state(model: Model, experiment: Experiment, start: FloatArray, free: Sequence[str] = ()) -> FloatArray:
-    """The state with this position and speed, and these values of the model's free states; other states of effects
-    begin in equilibrium with them."""
+    """The initial state (n,) of an experiment, from position, speed and the free states: start (K,), the names of the
+    latter in ``free``.  Other states of effects begin in equilibrium with them."""
     names = [*(state.name for state in get_base(model.base).states), *free]
     given = {name: value for name, value in zip(names, start.tolist(), strict=True) if name in model.state_names}
     return model.initial_state(experiment.drive, float(experiment.time[0]), **given)
 
 
 def _thinned(experiment: Experiment, every: int) -> Experiment:
-    """One sample of so many."""
+    """The experiment with every n-th sample; every: n."""
     if every < 2:
         return experiment
     measured = {name: values[::every] for name, values in experiment.measured.items()}
@@ -256,7 +263,7 @@ def _thinned(experiment: Experiment, every: int) -> Experiment:
 
 
 def _until_rest(signals: Signals) -> Experiment:
-    """A free recording without its end, in which the part rests."""
+    """A free motion until it comes to rest; an experiment with an input is unchanged."""
     if is_driven(signals.experiment):
         return signals.experiment
     last = float(signals.time[np.flatnonzero(signals.moving)[-1]])

@@ -1,4 +1,8 @@
-"""The residuals to minimise: of the torque that a motion needs, or of its acceleration.  Nothing is fitted here."""
+"""The residuals that a regression minimises: of the torque that a motion needs, or of its acceleration.
+
+``Problem`` is the interface between a residual and the least squares of regression.py.  Its implementations are here
+and in output_error.py.  Nothing is fitted here.
+"""
 
 from __future__ import annotations
 
@@ -16,46 +20,71 @@ from lostmotion.lab.inverse.torques import acceleration, inertia_of
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Data", "EquationError", "Problem", "by_recording"]
+__all__ = ["EquationError", "InverseModel", "Problem", "by_recording"]
 
 MOST_ROUNDS, LOAD_CONVERGED = 40, 1e-3
-"""Rounds in which the transmitted torque is found, and the relative change that ends them."""
+"""Largest number of iterations for the transmitted torque, and the relative change at which they end."""
 LARGEST_COLOUR = 0.99
 """The correlation of neighbouring samples is at most this, so that a constant keeps a tenth of its weight."""
 HELD = 1e-9
-"""Freedom of a zero angle that is known [rad]."""
+"""Half range of a zero angle that is known [rad]."""
 
 
 class Problem(Protocol):
-    """The interface of a residual that is minimised."""
+    """A residual of R recordings with M samples in all, and E nuisance parameters: values of single recordings that are
+    estimated beside the parameters of the model, such as initial states."""
 
     @property
-    def signals(self) -> tuple[Signals, ...]: ...
+    def signals(self) -> tuple[Signals, ...]:
+        """The recordings."""
+
     @property
-    def nuisance(self) -> FloatArray: ...
+    def nuisance(self) -> FloatArray:
+        """Initial values of the nuisance parameters (E,), recording by recording."""
+
     @property
-    def nuisances(self) -> int: ...
+    def nuisance_count(self) -> int:
+        """The number of nuisance parameters of one recording, E / R."""
+
     @property
-    def freedom(self) -> FloatArray: ...
+    def nuisance_range(self) -> FloatArray:
+        """The largest distances of the nuisance parameters from their initial values (E,)."""
+
     @property
-    def counts(self) -> list[int]: ...
+    def counts(self) -> list[int]:
+        """The number of samples of each recording; their sum is M."""
+
     @property
-    def centre(self) -> Model | None: ...
-    def misfit(self, model: Model, nuisance: FloatArray) -> FloatArray: ...
-    def whitened(self, misfit: FloatArray) -> FloatArray: ...
-    def residual(self, model: Model, nuisance: FloatArray) -> FloatArray: ...
-    def usual(self, model: Model) -> float: ...
-    def suited(self, models: Sequence[Model]) -> Problem: ...
+    def prior_centre(self) -> Model | None:
+        """The model near which a prior keeps parameters that are not identified; None for no prior."""
+
+    def misfit(self, model: Model, nuisance: FloatArray) -> FloatArray:
+        """Measured less modelled signal, all recordings one after the other (M,)."""
+
+    def whitened(self, misfit: FloatArray) -> FloatArray:
+        """A misfit (M,) without the correlation of neighbouring samples, where the problem has a noise model."""
+
+    def residual(self, model: Model, nuisance: FloatArray) -> FloatArray:
+        """The whitened misfit (M,), the sum of whose squares is minimised."""
+
+    def signal_rms(self, model: Model) -> float:
+        """Root mean square of the signal that is compared, in the unit of the residual."""
+
+    def suited(self, models: Sequence[Model]) -> Problem:
+        """The same problem with an integration step that these models need, where motions are simulated."""
 
 
 @dataclass(frozen=True, eq=False)
-class Data:
-    """Recordings and, for each, the transmitted torque [N m] (N,), on which load-dependent friction depends.
+class InverseModel:
+    """The error of the torque, with the motion given: tau - (J theta_2'' - torques of bias and effects) [N m].
 
-    An incremental encoder, zero at the start of a recording, does not measure the absolute angle: its zero angle is a
-    nuisance parameter of each recording but the first, or with ``is_anchored`` false of all.  colour: correlation of
-    the misfit of neighbouring samples, an autoregression of order one that is removed before squares are taken
-    (generalised least squares: Aitken 1935, Cochrane and Orcutt 1949).
+    transmitted: for each recording the transmitted torque (N,) [N m], on which load-dependent friction depends.
+
+    An incremental encoder that is zero at the start of a recording does not measure the absolute angle.  The angle of
+    its zero is a nuisance parameter of each recording but the first, or of all of them where ``is_anchored`` is false.
+
+    colour: correlation of the misfit of neighbouring samples.  This autoregression of order one is removed before
+    squares are taken (generalised least squares: Aitken 1935, Cochrane and Orcutt 1949).
     """
 
     signals: tuple[Signals, ...]
@@ -64,11 +93,11 @@ class Data:
     colour: float = 0.0
 
     @classmethod
-    def of(cls, signals: Sequence[Signals], model: Model, zeros: FloatArray | None = None) -> Data:
-        """With the transmitted torque that a model needs for the motion, a fixed point where friction depends on it.
+    def of(cls, signals: Sequence[Signals], model: Model, zeros: FloatArray | None = None) -> InverseModel:
+        """The problem with the transmitted torque that a model needs for the motion.
 
-        The measured torque is not used: it contains this friction, and noise.  With friction mu |load| each iteration
-        reduces the error by the factor mu.
+        The measured torque is not used for it, as it contains noise and the friction that depends on it.  With a
+        friction mu |load| the transmitted torque is a fixed point; each iteration reduces its error by the factor mu.
         """
         data = cls(tuple(signals), tuple(np.zeros(one.time.size) for one in signals))
         for _ in range(MOST_ROUNDS):
@@ -80,7 +109,8 @@ class Data:
         return data
 
     def needed(self, model: Model, zeros: FloatArray | None = None) -> list[FloatArray]:
-        """The torque that each motion needs of a model, J theta_2'' less that of bias and effects, (N,) each [N m]."""
+        """The torque that each motion needs with this model: J theta_2'' less the torques of bias and effects, (N,)
+        each [N m]."""
         found = []
         for one, load in zip(self.signals if zeros is None else self.shifted(zeros), self.transmitted, strict=True):
             own = one.experiment.model(model)
@@ -88,7 +118,7 @@ class Data:
         return found
 
     def shifted(self, zeros: FloatArray) -> tuple[Signals, ...]:
-        """The recordings with angles relative to these zeros (R,) [rad]."""
+        """The recordings with these zero angles (R,) [rad] added to their positions."""
         if not zeros.any():
             return self.signals
         return tuple(one.shifted(zero) for one, zero in zip(self.signals, zeros.tolist(), strict=True))
@@ -99,21 +129,21 @@ class Data:
         return np.zeros(len(self.signals) if all(one.counts_from_start for one in self.signals) else 0)
 
     @property
-    def freedom(self) -> FloatArray:
-        """How far a zero angle may be from its initial value, (R,) or (0,) [rad]."""
+    def nuisance_range(self) -> FloatArray:
+        """The largest distances of the zero angles from their initial values, (R,) or (0,) [rad]."""
         free = np.full(self.nuisance.size, math.tau)
         if self.is_anchored:
             free[:1] = HELD
         return free
 
     @property
-    def nuisances(self) -> int:
-        """The number of nuisance parameters of one recording."""
+    def nuisance_count(self) -> int:
+        """One where zero angles are estimated, else zero."""
         return int(self.nuisance.size > 0)
 
     @property
-    def centre(self) -> None:
-        """None: the torque identifies all parameters of a joint."""
+    def prior_centre(self) -> None:
+        """None, as the torque identifies all parameters of a joint."""
         return None
 
     def misfit(self, model: Model, nuisance: FloatArray) -> FloatArray:
@@ -126,7 +156,7 @@ class Data:
         return self.whitened(self.misfit(model, nuisance))
 
     def coloured(self, misfit: FloatArray) -> Self:
-        """With the colour of this misfit (M,)."""
+        """The problem with the colour of this misfit (M,): the correlation of its neighbouring samples."""
         parts = zip(by_recording(misfit, self), self.signals, strict=True)
         before, after = np.concatenate([np.stack([part[:-1], part[1:]])[:, one.is_next] for part, one in parts], axis=1)
         power = float(before @ before)
@@ -134,8 +164,8 @@ class Data:
         return replace(self, colour=min(max(colour, 0.0), LARGEST_COLOUR))
 
     def whitened(self, misfit: FloatArray) -> FloatArray:
-        """Innovations of the misfit (M,), of the same size as a misfit of this colour; the first sample after a gap
-        has no predecessor."""
+        """The innovations of a misfit (M,), scaled to the variance of the misfit.  The first sample after a gap is
+        unchanged, as it has no predecessor."""
         if not self.colour:
             return misfit
         scale, found = math.sqrt(1 - self.colour**2), misfit.copy()
@@ -143,38 +173,39 @@ class Data:
             new[1:] = np.where(one.is_next, (old[1:] - self.colour * old[:-1]) / scale, old[1:])
         return found
 
-    def suited(self, models: Sequence[Model]) -> Data:
-        """Unchanged for other models: nothing is integrated."""
+    def suited(self, models: Sequence[Model]) -> InverseModel:
+        """The problem itself, as nothing is integrated."""
         return self
 
-    def usual(self, model: Model) -> float:
-        """Root mean square of the torque [N m], or of the inertia torque where the joint swings freely."""
+    def signal_rms(self, model: Model) -> float:
+        """Root mean square of the measured torque [N m], or of the inertia torque where the joint swings freely."""
         inertia = inertia_of(model)
         moving = [np.where(one.torque.any(), one.torque, inertia * one.acceleration) for one in self.signals]
         return float(np.sqrt(np.mean(np.concatenate(moving) ** 2)))
 
     @cached_property
     def counts(self) -> list[int]:
-        """Samples of each recording that count."""
+        """The number of samples of each recording that are compared."""
         return [one.kept.size for one in self.signals]
 
 
 @dataclass(frozen=True, eq=False)
-class EquationError(Data):
-    """Recordings with a measured acceleration that is compared with that of the equation of motion at the measured
-    position and speed; transmitted: the input of each (N,), a command or a force.
+class EquationError(InverseModel):
+    """The equation error: the measured acceleration less that of the equation of motion at the measured position and
+    speed [rad/s² or m/s²].
 
-    Noise of the position biases it, but it has no local minima: it gives the initial values for a simulated motion.
+    transmitted: the input of each recording (N,), a command or a force.  Noise of the position biases the estimates,
+    but the error has no local minima.  Its minimum is the start of a fit to the simulated motion.
     """
 
     @classmethod
     def driven(cls, signals: Sequence[Signals]) -> EquationError:
-        """With the inputs as they were recorded."""
+        """The problem with the inputs as they were recorded."""
         return cls(tuple(signals), tuple(one.driving for one in signals))
 
     @cached_property
     def nuisance(self) -> FloatArray:
-        """Empty: there are no nuisance parameters."""
+        """Empty, as there are no nuisance parameters."""
         return np.empty(0)
 
     def misfit(self, model: Model, nuisance: FloatArray) -> FloatArray:
@@ -185,7 +216,7 @@ class EquationError(Data):
             for one, drive in pairs
         ])  # fmt: skip
 
-    def usual(self, model: Model) -> float:
+    def signal_rms(self, model: Model) -> float:
         """Root mean square of the acceleration [rad/s² or m/s²]."""
         return float(np.sqrt(np.mean(np.concatenate([one.acceleration for one in self.signals]) ** 2)))
 

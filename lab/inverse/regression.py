@@ -1,4 +1,7 @@
-"""Least squares of the torque or the motion, confidence intervals, and cross-validated residuals."""
+"""Nonlinear least squares of a residual (problem.py, output_error.py), with covariances and cross-validated residuals.
+
+Every fit of the search for missing effects is a ``Regression``, apart from those of gears.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ from scipy.optimize import least_squares
 from lostmotion.lab import policy
 from lostmotion.lab.data.blocks import correlation, numbered
 from lostmotion.lab.inverse.free_parameters import FitEndsError, jacobian_of, prior_of, scaled
-from lostmotion.lab.inverse.problem import Data, Problem, by_recording
+from lostmotion.lab.inverse.problem import InverseModel, Problem, by_recording
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.lab.shooting.task import coarse_substep
@@ -26,17 +29,18 @@ __all__ = ["MOST_STEPS", "Regression", "blocks_of", "can_run", "generalised", "r
 MOST_STEPS = 60
 """Largest number of steps of a fit."""
 REFITS, LEAST_DAMPING, CONVERGED = 8, 1e-6, 1e-7
-"""Steps of a fit to some of the samples, which begins at the fit to all, their damping, and the share of the error by
-which the last step of any fit lowers it: with 1e-6 a pendulum's bare swing was off by 17 % more on unseen data, with
-1e-8 real servos and oscillators took a tenth to a third longer and named the same."""
+"""Largest number of steps of a fit to some of the samples, which begins at the fit to all of them; the least damping of
+these steps; and the relative decrease of the error below which any fit ends.  With 1e-6 the swing of a pendulum was off
+by 17 % more on unseen data; with 1e-8 real servos and oscillators took a tenth to a third longer and named the same."""
 
 
 @dataclass(frozen=True, eq=False)
 class Regression:
-    """A model fitted to the torque or the angle of some recordings.
+    """A model fitted to some recordings by least squares.
 
-    unknowns, z: its free parameters, (P,); residual: measured less modelled (M,) [N m or rad]; jacobian: its
-    derivatives by z and by the nuisance parameters (M, P + E).
+    data: the residual that was minimised; unknowns, z: the P free parameters, and the vector (P,) of their values, see
+    ``Unknowns``; residual: at the minimum (M,), in the unit of the problem; jacobian: its derivatives by z and by the
+    nuisance parameters (M, P + E).
     """
 
     model: Model
@@ -50,17 +54,17 @@ class Regression:
 
     @property
     def rms(self) -> float:
-        """Root mean square of the residual [N m]."""
+        """Root mean square of the residual."""
         return float(np.sqrt(np.mean(self.residual**2)))
 
     @cached_property
     def misfit(self) -> FloatArray:
-        """The residual (M,) before it was whitened [N m or rad]."""
+        """The residual before it was whitened (M,)."""
         return self.data.misfit(self.model, self.nuisance)
 
     @property
     def error(self) -> float:
-        """Root mean square of the misfit [N m or rad]."""
+        """Root mean square of the misfit."""
         return float(np.sqrt(np.mean(self.misfit**2)))
 
     @property
@@ -70,7 +74,7 @@ class Regression:
 
     @cached_property
     def predicted(self) -> FloatArray:
-        """The misfit of each sample (M,) of a fit to the samples of the other folds."""
+        """The cross-validated misfit (M,): that of each sample after a fit to the samples of the other folds."""
         counts = self.data.counts
         length = sum(counts) / policy.LEAST_BLOCKS
         if self._refits_nuisance:  # all folds have samples that identify it
@@ -82,10 +86,12 @@ class Regression:
         return found
 
     def _refitted(self, inside: NDArray[np.bool_]) -> FloatArray:
-        """The misfit (M,) with parameters fitted to these samples, by Levenberg-Marquardt steps with the Jacobian of
-        all; each parameter stays within about a factor e, or its scale, of its value, so that one that the samples do
-        not identify stays unchanged.  Initial states stay unchanged, too: the samples that identify them may all be
-        outside."""
+        """The misfit of all samples (M,) after a fit to some of them; inside: (M,) which ones.
+
+        The fit takes Levenberg-Marquardt steps with the Jacobian of the fit to all samples.  A prior of a factor e, or
+        of the scale of a parameter, keeps parameters unchanged that these samples do not identify.  Initial states are
+        not fitted again, as the samples that identify them may all be outside.
+        """
         slopes, variance = self.jacobian[inside, : self._here.size], self.rms**2
         curvature = slopes.T @ slopes + variance * np.eye(self._here.size)
         change, residual, damping = np.zeros(self._here.size), self.residual, LEAST_DAMPING
@@ -107,11 +113,11 @@ class Regression:
 
     @property
     def _refits_nuisance(self) -> bool:
-        return isinstance(self.data, Data) and self.nuisance.size > 0
+        return isinstance(self.data, InverseModel) and self.nuisance.size > 0
 
     @cached_property
     def _here(self) -> FloatArray:
-        """The values that a refit changes, (P,) or (P + E,)."""
+        """The values that a refit changes: z (P,), and the nuisance parameters of a torque (P + E,)."""
         return np.concatenate([self.z, self.nuisance]) if self._refits_nuisance else self.z
 
     @cached_property
@@ -124,8 +130,8 @@ class Regression:
         return np.concatenate([low, least]), np.concatenate([high, most])
 
     def _bounded(self, curvature: FloatArray, slope: FloatArray, change: FloatArray) -> FloatArray:
-        """The changes after a Newton step; those that would leave the bounds are clipped, and the others are solved for
-        again."""
+        """The change of the refitted values from this one by a Newton step.  Values that would leave their bounds are
+        set to them, and the step of the others is solved for again."""
         low, high = self._bounds
         held, fixed, step = np.zeros(change.size, dtype=bool), np.zeros(change.size), np.zeros(change.size)
         for _ in range(change.size):
@@ -141,19 +147,20 @@ class Regression:
         return np.asarray(change + step)
 
     def _at(self, values: FloatArray) -> FloatArray:
-        """The residual (M,) of other parameters."""
+        """The residual (M,) at these values of what a refit changes."""
         return self.data.residual(*self._values(values))
 
     def _values(self, values: FloatArray) -> tuple[Model, FloatArray]:
-        """The model and the nuisance parameters of other parameters, within their bounds."""
+        """The model and the nuisance parameters (E,) at these values of what a refit changes, within their bounds."""
         low, high = self._bounds
         values = np.clip(values, low, high)
         nuisance = values[self.count :] if self._refits_nuisance else self.nuisance
         return self.unknowns.put(self.model, values[: self.count]), nuisance
 
     def covariance(self, block: NDArray[np.intp], given: Sequence[str] = ()) -> FloatArray:
-        """Covariance of z (P, P), robust to correlation within blocks of samples (cluster-robust; Liang and Zeger
-        1986); zero for parameters that are given."""
+        """Covariance of z (P, P), robust to correlation of the residual within blocks of samples (cluster-robust: Liang
+        and Zeger 1986).  block: the block of each sample (M,); given: the names of parameters that are taken as known,
+        whose rows and columns are zero."""
         known = np.isin(np.arange(self.jacobian.shape[1]), [self.unknowns.names.index(name) for name in given])
         jacobian = np.where(known, 0.0, self.jacobian)
         size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-100)
@@ -179,51 +186,58 @@ class Regression:
 
 
 def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, steps: int = MOST_STEPS) -> Regression:
-    """The model with its free parameters fitted, within their bounds, in so many steps at most, or as far as the time
-    allows.  nuisance: initial values of the nuisance parameters.  Raises ModelError where the first values cannot be
-    simulated."""
+    """Fits the free parameters of a model within their bounds, from its values, by nonlinear least squares.
+
+    nuisance: initial values of the nuisance parameters (E,), by default those of the problem; steps: largest number of
+    steps, which may be fewer where the time of the search is up.  Positive parameters of the base have a prior: around
+    ``data.prior_centre``, or, where they turn out not to be identified, around their initial values.  Raises ModelError
+    where the model cannot be run with its initial values.
+    """
     unknowns = scaled(Unknowns.of(model), model, data)
     count, first = len(unknowns.items), np.clip(unknowns.z(model), *unknowns.bounds)
     beside = np.clip(data.nuisance if nuisance is None else nuisance, *_nuisance_bounds(data))
     z = np.concatenate([first, beside])
     if not z.size:
         return Regression(model, data, unknowns, z, data.residual(model, z), np.empty((sum(data.counts), 0)), z)
-    most, near = prior_of(unknowns, data.centre)
-    weight = _followed(most, data.residual(unknowns.put(model, first), z[count:]), data, model) if most.any() else most
+    most, near = prior_of(unknowns, data.prior_centre)
+    weight = (
+        _prior_weights(most, data.residual(unknowns.put(model, first), z[count:]), data, model) if most.any() else most
+    )
     once = _minimised(model, data, unknowns, z, weight, near, steps)
-    fitted = _followed(most, once.residual, data, model)
+    fitted = _prior_weights(most, once.residual, data, model)
     if steps >= MOST_STEPS and (2 * fitted < weight).any():
         return _minimised(model, data, unknowns, np.concatenate([once.z, once.nuisance]), fitted, near, steps)
-    unidentified = _unidentified(once) if data.centre is None else np.zeros(count, dtype=bool)
+    unidentified = _unidentified(once) if data.prior_centre is None else np.zeros(count, dtype=bool)
     if not unidentified.any():
         return once
     near = np.where(unidentified, np.maximum(first, _unnoticed(once, first, unidentified)), first)
-    weight = np.asarray(unidentified * once.rms / _usual(data, model))
+    weight = np.asarray(unidentified * once.rms / _signal_rms(data, model))
     return _minimised(model, data, unknowns, z, weight, near, steps)
 
 
-def _followed(most: FloatArray, residual: FloatArray, data: Problem, model: Model) -> FloatArray:
-    """The weights of the prior (P,), at most these, where a fit has this residual (M,)."""
+def _prior_weights(most: FloatArray, residual: FloatArray, data: Problem, model: Model) -> FloatArray:
+    """The weights of the prior (P,) for a fit with this residual (M,): the misfit relative to the signal, but at most
+    ``most`` (P,)."""
     misfit = float(np.sqrt(np.mean(residual**2))) if np.isfinite(residual).all() else math.inf
-    return np.minimum(most, misfit / _usual(data, model))
+    return np.minimum(most, misfit / _signal_rms(data, model))
 
 
 def generalised(fit: Regression) -> Regression:
-    """The fit by generalised least squares: again, with a residual whitened by the colour of its misfit.
+    """The fit repeated with a residual that is whitened by the colour of its misfit (generalised least squares).
 
-    A joint that its neighbours move has a misfit of their slow torques, larger than its friction, which is known by its
-    steps at the reversals.
+    Where neighbours move a joint, their slow torques are a misfit larger than its friction.  The friction is then known
+    by its steps at the reversals.
     """
-    assert isinstance(fit.data, Data)
+    assert isinstance(fit.data, InverseModel)
     return regressed(fit.model, fit.data.coloured(fit.misfit), fit.nuisance)
 
 
 def _minimised(
     model: Model, data: Problem, unknowns: Unknowns, z: FloatArray, weight: FloatArray, near: FloatArray, steps: int
 ) -> Regression:
-    """The fit that begins at parameters and nuisance z (P + E,); weight, near: (P,), weights and centres of the
-    prior."""
-    count, size, usual = len(unknowns.items), sum(data.counts), _usual(data, model)
+    """The least-squares fit from z (P + E,), the parameters and the nuisance parameters; weight, near: (P,), weights
+    and centres of the prior."""
+    count, size, usual = len(unknowns.items), sum(data.counts), _signal_rms(data, model)
     low, high = (np.concatenate(pair) for pair in zip(unknowns.bounds, _nuisance_bounds(data), strict=True))
 
     latest: list[tuple[FloatArray, FloatArray]] = []
@@ -258,18 +272,18 @@ def _minimised(
     return Regression(values, data, unknowns, x[:count], error[:size] * usual, slopes[:size] * usual, x[count:])
 
 
-def _usual(data: Problem, model: Model) -> float:
-    """The unit of errors, above zero."""
-    return max(data.usual(model), 1e-300)
+def _signal_rms(data: Problem, model: Model) -> float:
+    """The root mean square of the signal as a unit of errors, above zero."""
+    return max(data.signal_rms(model), 1e-300)
 
 
 def _nuisance_bounds(data: Problem) -> tuple[FloatArray, FloatArray]:
     """The bounds of the nuisance parameters, (E,) each."""
-    return data.nuisance - data.freedom, data.nuisance + data.freedom
+    return data.nuisance - data.nuisance_range, data.nuisance + data.nuisance_range
 
 
 def can_run(model: Model, signals: Sequence[Signals]) -> bool:
-    """Whether the motion can be simulated; not where friction has reduced the inertia to zero."""
+    """Whether the model can be simulated, which it cannot where a fit has reduced its inertia to zero."""
     try:
         coarse_substep(model, [one.experiment for one in signals])
     except ModelError:
@@ -278,20 +292,20 @@ def can_run(model: Model, signals: Sequence[Signals]) -> bool:
 
 
 def _unidentified(fit: Regression) -> NDArray[np.bool_]:
-    """Which positive parameters of the base (P,) change the residual insignificantly over a factor e, such as an
-    inertia that hardly accelerates; a fit takes them to zero or anywhere."""
+    """Which positive parameters of the base (P,) change the residual insignificantly over a factor e, such as the
+    inertia of a joint that hardly accelerates.  Least squares leaves them at zero or at any value."""
     noticed = np.linalg.norm(fit.jacobian[:, : fit.count], axis=0) > fit.rms
     own = [item.logarithmic and "." not in item.name for item in fit.unknowns.items]
     return np.asarray(np.array(own, dtype=bool) & ~noticed)
 
 
 def _unnoticed(fit: Regression, z: FloatArray, unidentified: NDArray[np.bool_]) -> FloatArray:
-    """The largest values (P,) of these positive parameters of the base with an insignificant change of the residual;
-    see ``_unidentified``.
+    """The largest z (P,) of unidentified parameters at which they change the residual insignificantly; see
+    ``_unidentified``.
 
-    The torque is proportional to an inertia, so that its derivative by the logarithm at z is what a doubling adds;
-    where a fit ended at nearly zero, the Jacobian is rounding.  Smaller values explain the samples as well, but a joint
-    whose friction is large for its inertia is slow to simulate.
+    The torque is proportional to an inertia, so that its derivative by the logarithm is what a doubling adds.  The
+    Jacobian is not used, as it is rounding where a fit ended at nearly zero.  Smaller values explain the samples as
+    well, but a joint whose friction is large for its inertia is slow to simulate.
     """
     found = z.copy()
     for at in np.flatnonzero(unidentified):
@@ -307,7 +321,8 @@ def _unnoticed(fit: Regression, z: FloatArray, unidentified: NDArray[np.bool_]) 
 
 
 def blocks_of(regression: Regression) -> NDArray[np.intp]:
-    """The block number of each sample (M,); blocks are about four correlation times of the residual long."""
+    """The number of the block of each sample (M,).  Blocks are about four correlation times of the residual long, and
+    there are at least ``policy.LEAST_BLOCKS``."""
     counts, parts = regression.data.counts, by_recording(regression.residual, regression.data)
     length = policy.BLOCK_CORRELATIONS * max(correlation(part) for part in parts)
     return numbered(counts, min(max(length, 1.0), sum(counts) / policy.LEAST_BLOCKS))

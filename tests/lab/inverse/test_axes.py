@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.blocks import chance
 from lostmotion.lab.data.experiment import experiments
-from lostmotion.lab.inverse.problem import Data
+from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import regressed
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.selection.evidence import Candidate
@@ -94,7 +94,7 @@ def test_a_constant_torque_is_no_larger_than_what_was_measured() -> None:
     }
     model = build_model("joint", ["torque_ripple"], {"torque_ripple.N": 1, "torque_ripple.phi": 1.5})
     (one,) = experiments(model, [Recording(t, columns, {}, name="parabola.csv")])
-    fit = regressed(model, Data.of([Signals.of(one)], model))
+    fit = regressed(model, InverseModel.of([Signals.of(one)], model))
     assert abs(fit.model.parameters["bias"].value) <= 2.001 * 10
     assert abs(fit.model.parameters["torque_ripple.tau_r"].value) < 50
 

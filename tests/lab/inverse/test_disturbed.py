@@ -11,7 +11,7 @@ import pytest
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.experiment import experiments
-from lostmotion.lab.inverse.problem import Data
+from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import generalised, regressed
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.model import build_model
@@ -46,7 +46,7 @@ def test_the_steps_of_dry_friction_are_seen_beside_slow_torques() -> None:
     model = build_model("joint", ["coulomb_friction"])
     plain, white = [], []
     for one in experiments(model, [led(seed, COULOMB, 2.0) for seed in range(20, 26)]):
-        fit = regressed(model, Data.of([Signals.of(one, is_disturbed=True)], model))
+        fit = regressed(model, InverseModel.of([Signals.of(one, is_disturbed=True)], model))
         plain.append(abs(fit.model.parameters["coulomb_friction.tau_c"].value - COULOMB))
         white.append(abs(generalised(fit).model.parameters["coulomb_friction.tau_c"].value - COULOMB))
     assert np.mean(white) < 0.5 * np.mean(plain), (white, plain)

@@ -20,7 +20,7 @@ from lostmotion.lab.data.experiment import Experiment, experiments
 from lostmotion.lab.fitting.identifiability import with_scale
 from lostmotion.lab.inverse.explain import method_of
 from lostmotion.lab.inverse.likelihood import Method, WholeMotion
-from lostmotion.lab.inverse.problem import Data
+from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import blocks_of, regressed
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import softened
@@ -122,7 +122,7 @@ def test_intervals_hold_the_truth() -> None:
     off, sizes = [], []
     for seed in range(100, 124):
         (one,) = experiments(model, [robot(seed, length=LONG)])
-        data = Data.of([Signals.of(one)], model)
+        data = InverseModel.of([Signals.of(one)], model)
         fit = regressed(softened(model, data.signals), data)
         deviations = dict(zip(fit.unknowns.names, fit.deviations(blocks_of(fit)), strict=True))
         values = {name: fit.model.parameters[name].value for name in truth}

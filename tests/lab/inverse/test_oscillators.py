@@ -15,7 +15,7 @@ from lostmotion.lab.fitting.identifiability import with_free_states
 from lostmotion.lab.inverse.candidates import _covers
 from lostmotion.lab.inverse.effect_sizes import is_sized
 from lostmotion.lab.inverse.output_error import OutputError
-from lostmotion.lab.inverse.problem import Data
+from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import regressed
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.model import build_model
@@ -99,7 +99,7 @@ def test_a_mode_whose_frequency_nothing_tells_is_none() -> None:
     """A second mode that does not swing has any frequency, and is not told.  (Fitted to the noise it may have one: of
     twenty such swings in ten; then unseen samples decide.)"""
     data = one_mode()
-    fit = regressed(data.centre, data, steps=1)
+    fit = regressed(data.prior_centre, data, steps=1)
     assert not is_sized("second_mode", fit)
 
 
@@ -113,4 +113,4 @@ def test_a_ripple_faster_than_the_band_is_no_candidate(speed: float, is_seen: bo
     (held,) = experiments(model, [Recording(times, {"position": turned, "torque": np.ones(times.size)})])
     ripple = model.with_effect("torque_ripple").replace({"torque_ripple.N": 18.0})
     signals = replace(Signals.of(held), band_hz=10.0)
-    assert _covers("torque_ripple", ripple, Data.of([signals], model)) is is_seen
+    assert _covers("torque_ripple", ripple, InverseModel.of([signals], model)) is is_seen

@@ -13,7 +13,7 @@ from lostmotion.lab.inverse import regression
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.explain import fitted
 from lostmotion.lab.inverse.likelihood import Method
-from lostmotion.lab.inverse.problem import Data
+from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import regressed
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.model import ModelError, Sampled, build_model
@@ -90,7 +90,7 @@ def test_a_fit_ends_where_the_motion_can_still_be_simulated(until: int, monkeypa
         return np.full_like(found, math.inf) if len(asked) == until + 1 else found
 
     monkeypatch.setattr(regression, "jacobian_of", overflowing)
-    data = Data.of([Signals.of(quivering(0.0, 0))], model)
+    data = InverseModel.of([Signals.of(quivering(0.0, 0))], model)
     if until == 0:
         with pytest.raises(ModelError, match="near the first values"):
             regressed(model, data)

@@ -9,7 +9,7 @@ import pytest
 
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.inverse.channel import Channel
-from lostmotion.lab.inverse.problem import Data
+from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import Regression, regressed
 from lostmotion.lab.inverse.torques import softened
 from lostmotion.model import Sampled, build_model
@@ -49,7 +49,7 @@ def fit_of(seed: int) -> Regression:
     """The usual joint fitted to one recording."""
     recorded, model = sticking(seed), build_model("joint", ["viscous_friction", "coulomb_friction"])
     signals = [Channel.of([recorded]).signals(recorded)]
-    return regressed(softened(model, signals), Data.of(signals, model))
+    return regressed(softened(model, signals), InverseModel.of(signals, model))
 
 
 @pytest.mark.slow
