@@ -1,4 +1,5 @@
-"""Describes the residual of a predictable motion by the state on which it depends.  Nothing is fitted here."""
+"""Describes the residual of a predictable motion by the states on which it depends: the last stage of the search,
+where no effect explains it.  Nothing is fitted here."""
 
 from __future__ import annotations
 
@@ -21,12 +22,12 @@ __all__ = ["axis_of", "described"]
 
 
 def axis_of(fit: Regression) -> tuple[bool, str]:
-    """See ``experiment.axis_of``."""
+    """Whether the axis of a fit is linear, and the unit recorded in place of its torque; see ``experiment.axis_of``."""
     return axis_of_experiments([one.experiment for one in fit.data.signals])
 
 
 def described(fit: Regression) -> Finding:
-    """Describes on what the residual torque or motion depends."""
+    """The size of the residual torque or motion, and the states on which it depends (residual_maps.py)."""
     data = fit.data
     is_joint = "J" in fit.model.parameters
     names = ("theta_2", "omega_2", "acceleration") if is_joint else ("q", "q'", "q''")

@@ -1,5 +1,7 @@
-"""The sizes of the effects of a fit: how well it knows them, and the share of each in the torque that a motion needs.
-No search and no predictions here."""
+"""The sizes of the effects of a fit: their uncertainty, tests of whether they are zero, and the torque of each effect.
+
+The likelihood uses them to decide whether an effect is named.  No search and no predictions here.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,7 @@ __all__ = ["amplitudes", "chance_of_zero", "is_sized", "shares", "uncertainty"]
 
 
 def uncertainty(fit: Regression) -> float:
-    """The sum of the logarithms of the relative standard deviations of the sizes of effects."""
+    """The sum of log(sd/|size|) over the amplitudes of all effects of a fit."""
     names = {name for effect in fit.model.effects for name in amplitudes(effect, fit)}
     deviations = zip(fit.unknowns.names, fit.deviations(blocks_of(fit)), strict=True)
     sizes = {name: abs(fit.model.parameters[name].value) for name in names}
@@ -32,11 +34,11 @@ def uncertainty(fit: Regression) -> float:
 
 
 def chance_of_zero(fewer: Model, fit: Regression) -> float | None:
-    """The p-value of Student's t of the effects that a fit has more than another model, robust to correlation within
-    blocks (Wald); None where the models are not nested.
+    """The p-value of the hypothesis that the effects that a fit has beyond a smaller model are zero (Wald's test,
+    robust to correlation within blocks); None where the models are not nested.
 
-    An effect of a few reversals changes few blocks, so that errors by blocks hardly show it; the size of white
-    residuals has a known error.  It counts twice, as it is asked after a search without whitening.
+    The test is for whitened residuals.  An effect that acts at a few reversals changes few blocks, so that a comparison
+    of errors block by block hardly shows it.  The p-value is doubled, as this search follows one without whitening.
     """
     more = set(fit.model.effects) - set(fewer.effects)
     if not more or not set(fewer.effects) < set(fit.model.effects):
@@ -52,15 +54,19 @@ def chance_of_zero(fewer: Model, fit: Regression) -> float | None:
 
 
 def is_sized(effect: str, fit: Regression) -> bool:
-    """Whether the interval of an amplitude of the effect excludes zero.  A curve that is nearly a sum of others can
-    overfit a motion, and extrapolates badly.  The base's positive parameters are taken as given for a torque: all
-    torques of a servo share a scale that its motion does not identify; not for a delay, of which a free kt takes the
-    most.  So are others that ended at a bound, as a bar's viscous damping where dry friction and drag are all of it.
+    """Whether the confidence interval of an amplitude of the effect excludes zero, as a curve that is nearly a sum of
+    others can overfit a motion and extrapolates badly.
 
-    A wave a sin(theta + phi) is zero where both a cos(phi) and a sin(phi) are.  Wald's statistic of the two is a over
-    its standard deviation for this phi, squared, and is compared with 2 F(2, n).  By the interval of a alone a weight
-    was not identified beside a constant torque: of a swing of 20 degrees one of the two components is their
-    difference, and a spring, which a hundredth as many machines have, was named in its place.
+    For an effect with a torque the positive parameters of the base are taken as given, as all torques of a servo share
+    a scale that its motion does not identify.  For a delay they are not, as a free kt imitates most of it.  Parameters
+    that ended at a bound are given for the others, as the viscous damping of a bar where dry friction and drag are all
+    of it.
+
+    A wave a sin(theta + phi) is zero where both a cos(phi) and a sin(phi) are.  Wald's statistic of the two is the
+    square of a over its standard deviation for this phi, and is compared with 2 F(2, n).  By the interval of a alone a
+    weight was not identified beside a constant torque: over a swing of 20 degrees one of the two components is the
+    difference of weight and constant torque, and a spring, which a hundredth as many machines have, was named in its
+    place.
     """
     names, block = amplitudes(effect, fit), blocks_of(fit)
     if not names:
@@ -76,9 +82,12 @@ def is_sized(effect: str, fit: Regression) -> bool:
 
 
 def _is_shaped(effect: str, fit: Regression, block: NDArray[np.intp]) -> bool:
-    """Whether an effect without a fitted size has an identified parameter, or none at all.  A mode with free initial
-    values must have an identified frequency: to a mass on a spring with friction, one of 0.001 to 1e6 Hz was fitted;
-    and swing ``policy.LEAST_PERIODS`` times: one of a single period was fitted to the slow part of coloured noise."""
+    """Whether an effect without fitted amplitudes has an identified parameter, or no free parameter at all.
+
+    An effect with a frequency must also cover ``policy.LEAST_PERIODS`` periods in the longest recording: a mode of a
+    single period was fitted to the slow part of coloured noise.  Its frequency must be identified: to a mass on a
+    spring with friction, a mode of any frequency from 0.001 to 1e6 Hz could be fitted.
+    """
     longest = max(one.experiment.duration for one in fit.data.signals)
     swings = [p.value * longest for p in fit.model.own(effect).values() if p.unit == "Hz" and not p.fixed]
     if any(many < policy.LEAST_PERIODS for many in swings):
@@ -100,12 +109,12 @@ def amplitudes(effect: str, fit: Regression) -> list[str]:
 
 
 def shares(model: Model, effects: Sequence[str], data: InverseModel, is_free: bool) -> dict[str, float]:
-    """By effect, the square of its torque [(N m)²], less what the model's inertia, a constant torque and the effects
-    beside these explain of it.
+    """The mean squared torque of each of these effects [(N m)²], projected off the torques of the inertia (where a
+    torque was measured), of a constant, and of the other effects of the model.
 
-    A spring of a motion of one frequency needs the same torque as an inertia, and the weight of an arm that hardly
-    turns is a constant one: such torques cancel, and may be as large as you like.  is_free: of a free motion all
-    samples until it rests count.
+    At a single frequency a spring needs the same torque as an inertia, and the weight of an arm that hardly turns is
+    constant.  Such torques can cancel each other, and so may be arbitrarily large.  is_free: whether all samples until
+    the part rests count, and not only those that are compared.
     """
 
     def joined(parts: Sequence[FloatArray]) -> FloatArray:

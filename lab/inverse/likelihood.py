@@ -1,7 +1,8 @@
-"""The likelihood of motions that can be predicted: of the torque that they need, or of the whole simulated motion.
+"""The likelihood of predictable motions, which the search of selection/forward.py asks for fits and predictions.
 
-Each of three folds of blocks is predicted by a fit to the other two, and another recording, where there are few, by the
-fit to all three.  What is searched and what decides is selection/forward.py.
+A fit minimises the error of the torque or of the whole simulated motion.  Predictions are cross-validated: the blocks
+of samples form three folds, and each fold is predicted by a fit to the other two.  Where there are few recordings,
+another recording is predicted by the fit to all of them as one more fold.
 """
 
 from __future__ import annotations
@@ -51,8 +52,9 @@ __all__ = [
 
 
 class Method(Enum):
-    """The error that is minimised: of the torque of a controlled joint; of a free motion, with candidates selected by
-    the acceleration; of a motion with an input that follows no disturbance."""
+    """The error that is minimised.  TORQUE: of the torque of a joint.  FREE: of the simulated motion of a joint that
+    swings freely, with candidates selected by the error of its inertia torque.  MOTION: of the simulated motion of a
+    servo or an oscillator."""
 
     TORQUE = "torque"
     FREE = "free"
@@ -61,17 +63,22 @@ class Method(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """inverse: the fit to select candidates with, by least squares; judged: the fit for predictions, of the simulated
-    motion where a joint swings freely, by generalised least squares where the misfit is whitened, else the same."""
+    """A model of the search with its fits.
+
+    inverse: the least-squares fit by which candidates are selected; judged: the fit that predicts unseen samples.  It
+    is a fit to the simulated motion where a joint swings freely, a generalised least-squares fit where the misfit of
+    the torque is whitened, and else the same fit.
+    """
 
     inverse: Regression
     judged: Regression
 
     @property
     def surest(self) -> Regression:
-        """The fit to report: of least squares and generalised least squares the one that knows the sizes of its effects
-        better.  Whitening weighs fast parts, where an angle's noise is in its speed: a joint's viscous friction of 1.0
-        was 0.31 by least squares and 0.18 N m s/rad by the other."""
+        """The fit to report: of the least-squares and the generalised least-squares fit of a torque the one with the
+        smaller relative deviations of its effects; else the fit for predictions.  Whitening gives more weight to high
+        frequencies, where the noise of an angle dominates its speed: a viscous friction of 1.0 N m s/rad was 0.31 by
+        least squares and 0.18 by generalised least squares."""
         if self.judged is self.inverse or not isinstance(self.judged.data, InverseModel):
             return self.judged
         return min(self.inverse, self.judged, key=uncertainty)
@@ -99,9 +106,13 @@ class Fitted:
 
 @dataclass(frozen=True, eq=False)
 class WholeMotion:
-    """method: the error that is minimised; unseen: a recording that is not fitted, and decides between effects that
-    explain the others equally well; is_fold: whether it also serves as one more fold, as there are few others; pool:
-    threads, if any; is_whitened: whether the colour of the misfit of a torque is removed."""
+    """The ``Likelihood`` of recordings that are fitted as a whole.
+
+    method: the error that is minimised; model: the model as it is; signals: the recordings of the fit; unseen: a
+    recording that is not fitted and that decides between effects that predict the others equally well; is_fold: whether
+    it is also one more fold of every prediction; pool: executor for fits, if any; is_held_out: false, as folds are
+    predicted; is_whitened: whether the misfit of a torque is whitened.
+    """
 
     method: Method
     model: Model
@@ -113,7 +124,8 @@ class WholeMotion:
     is_whitened: bool = False
 
     def firsts(self, added: tuple[str, ...]) -> int:
-        """One where a motion is simulated, and only as long as nothing is named: each fit takes seconds."""
+        """``policy.FIRSTS``; where a motion is simulated one, and none once an effect was added, as fits take
+        seconds."""
         return policy.FIRSTS if self.method is not Method.MOTION else int(not added)
 
     @property
@@ -133,12 +145,13 @@ class WholeMotion:
         return self._fitted(_with_load(softened(self.model, self.signals), data))
 
     def opposed(self, now: Fitted) -> Sequence[str]:
-        """Of a motion that dies away; a torque, or a motion that an input drives, distinguishes them."""
+        """The effects of ``nesting.around`` for a motion that dies away; none for a motion that an input drives, which
+        distinguishes them."""
         is_free = self.method is not Method.TORQUE and not any(is_driven(one.experiment) for one in self.signals)
         return around(now.model) if is_free else ()
 
     def proposals(self, now: Fitted, added: tuple[str, ...], only: Sequence[str] = ()) -> Iterator[Proposals[Fitted]]:
-        """All candidates, fitted as far as the time allows."""
+        """Fits with each of the candidates in one batch, as far as the time allows."""
         wide = [one for one in candidates(now.inverse.model, added, now.inverse.data) if not only or one[0] in only]
         with within(policy.STAGE_SHARE * remaining_s()):
             fits, failed = self._fitted_each(wide, now.inverse)
@@ -156,10 +169,11 @@ class WholeMotion:
     def _fitted_each(
         self, wide: Sequence[tuple[str, Model]], now: Regression
     ) -> tuple[list[tuple[str, Regression]], list[str]]:
-        """The candidates with their fits, as far as the time allowed, and those that cannot be fitted.
+        """The fits of the candidates by which they are selected, as far as the time allows, and the names of the
+        candidates that cannot be fitted.
 
-        Fits to a simulated motion are ordered by how well they explain the acceleration, which needs no simulation, and
-        the best of them are finished.
+        Fits to a simulated motion are made in the order of the errors of their fits to the acceleration, which need no
+        simulation.  They take a few steps; the best of them are continued to the end.
         """
         is_simulated = self.method is Method.MOTION
         inverse = by_acceleration(now.model, now.data.signals) if is_simulated else None
@@ -179,8 +193,8 @@ class WholeMotion:
         return [*finished, *found[len(finished) :]], failed
 
     def _ahead(self, fits: Sequence[tuple[str, Regression]], now: Fitted) -> dict[str, Regression]:
-        """The fits to the beginning of a free motion of the candidates that follow it about as well as the best one
-        does, or as it is followed now (successive halving)."""
+        """The fits of candidates to the beginning of a free motion, by name, without those whose error is
+        ``policy.BEHIND`` times that of the best candidate or of the present model (successive halving)."""
         assert isinstance(now.judged.data, OutputError)
         least = regressed(now.model, now.judged.data.first(HORIZONS[0])).rms
         tried = each(self.pool, lambda one: (one[0], beginning(one[1])), fits, first=1)
@@ -189,14 +203,14 @@ class WholeMotion:
         return {name: fit for name, fit in begun.items() if fit.rms <= policy.BEHIND * least}
 
     def _for_predictions(self, inverse: Regression, begun: Regression | None) -> Fitted | None:
-        """With the fit that is judged; None where its motion cannot be simulated."""
+        """The candidate with its fit for predictions; None where its motion cannot be simulated."""
         with suppress(ModelError):
             return self._fitted(inverse, begun)
         return None
 
     def accepted(self, fit: Fitted, now: Fitted) -> Fitted:
-        """The fit with the added effect and an integration step that resolves it, and with the transmitted torque that
-        follows from it."""
+        """The fit of the model with the accepted effect, with an integration step that is short enough for it, or with
+        the transmitted torque that the model needs with it."""
         if self.method is Method.MOTION:
             judged = resolved(fit.judged)
             return Fitted(judged, judged)
@@ -204,7 +218,7 @@ class WholeMotion:
         return Fitted(inverse, resolved(fit.judged)) if self.method is Method.FREE else self._fitted(inverse)
 
     def without(self, effect: str, fit: Fitted) -> Fitted:
-        """The fit without an effect; a motion is refitted from the present values."""
+        """The fit of the model without one of its effects, from the present values."""
         model, nuisance = without(fit.model, effect), fit.inverse.nuisance
         if self.method is Method.MOTION:
             data = fit.inverse.data
@@ -220,15 +234,20 @@ class WholeMotion:
         return Fitted(inverse, less if less.rms > policy.BEHIND * fit.rms else refined(less))
 
     def _fitted(self, inverse: Regression, begun: Regression | None = None) -> Fitted:
-        """With the fit that is judged; begun: that to the beginning of a free motion, if there is one."""
+        """The model with its fit for predictions; inverse: the fit by which it was selected; begun: its fit to the
+        beginning of a free motion, if there is one."""
         if self.method is not Method.FREE:
             return Fitted(inverse, generalised(inverse) if self.is_whitened else inverse)
         return Fitted(inverse, continued(inverse.model, OutputError.of(inverse.data.signals, inverse.model), begun))
 
     def predictions(self, one: Fitted, other: Fitted, *, of_all: bool = False) -> Predictions:
-        """Squared errors of both fits in the folds, in blocks of the residual of ``other``, and in a recording that
-        serves as one more fold: the folds have the speeds and amplitudes of the fit, and an effect that overfits these
-        by a difference of large terms extrapolates badly; one with which a motion cannot be simulated gains nothing."""
+        """The squared cross-validated errors of two fits in blocks of the residual of ``other``, and those on the
+        unseen recording where it is a fold or with ``of_all``.
+
+        The folds have the speeds and amplitudes of the fit; the unseen recording also shows an effect that overfits
+        them by a difference of large terms, as it extrapolates badly.  An effect with which the unseen motion cannot be
+        simulated gains nothing.
+        """
         white = other.judged.data.whitened
         block = blocks_of(other.judged)
         folds = Predictions(
@@ -253,27 +272,29 @@ class WholeMotion:
         )
 
     def least_gain(self, fit: Fitted, now: Fitted) -> float:
-        """The same for all; nothing is worth a name where the motion is followed as far as it can be computed."""
+        """``policy.LEAST_GAIN``, or 1, so that nothing is named, where the error of the motion is one of
+        integration."""
         data = now.judged.data
         is_followed = isinstance(data, OutputError) and now.rms < data.accuracy
         return 1.0 if is_followed else policy.LEAST_GAIN
 
     def is_sized(self, effect: str, fit: Fitted) -> bool:
-        """See the function."""
+        """Whether the size of an effect differs from zero; see ``effect_sizes.is_sized``."""
         return is_sized(effect, fit.judged)
 
 
 def _of_new(fit: Regression, block: NDArray[np.intp]) -> float:
-    """The squared error of new samples over that of those to which the initial values of a motion were fitted (final
-    prediction error; Akaike 1969): those of a second mode are its amplitude, and no fold leaves them out."""
+    """The expected ratio of the squared error of new samples to that of samples to which E initial values of a motion
+    were fitted, (N + E)/(N - E) for N effectively independent samples (final prediction error; Akaike 1969).  The
+    initial values of a second mode are its amplitude, and no fold leaves them out."""
     own = fit.nuisance.size if isinstance(fit.data, OutputError) else 0
     many = max(min(policy.BLOCK_CORRELATIONS * (int(block.max()) + 1), block.size), own + 1)
     return (many + own) / (many - own)
 
 
 def _promising(begun: list[tuple[Model, OutputError]]) -> list[tuple[Model, OutputError]]:
-    """The starts with a smaller error than no motion, or all where there are none: a bar of 58 Hz in the file had 110 s
-    of a pendulum simulated in steps of 0.4 ms, which took all of the time."""
+    """The initial models whose error is smaller than that of a model at rest, or all where there are none.  With a bar
+    of 58 Hz in the model file, 110 s of a pendulum were simulated in steps of 0.4 ms, which took all of the time."""
     near = [
         (start, data) for start, data in begun
         if np.mean(data.residual(start, data.nuisance) ** 2) < data.error_at_rest**2
@@ -282,22 +303,22 @@ def _promising(begun: list[tuple[Model, OutputError]]) -> list[tuple[Model, Outp
 
 
 def _with_load(model: Model, data: Problem, nuisance: FloatArray | None = None) -> Regression:
-    """The model fitted to the torque, then again with the transmitted torque of that fit."""
+    """The fit of a model to the torque, repeated once with the transmitted torque that its first fit needs."""
     once = regressed(model, data, nuisance)
     return regressed(once.model, InverseModel.of(data.signals, once.model, once.nuisance), once.nuisance)
 
 
 def error_on(fit: Regression, unseen: Signals) -> float:
-    """Root mean square error of a fit on an unseen recording [N m or rad], infinite where its motion cannot be
-    simulated there."""
+    """Root mean square error of a fitted model on an unseen recording, in the unit of the problem; infinite where the
+    motion cannot be simulated."""
     there = fit_on(fit, unseen)
     return there.error if there else math.inf
 
 
 @lru_cache(maxsize=64)  # each candidate is compared with several others
 def fit_on(fit: Regression, unseen: Signals) -> Regression | None:
-    """The fit's model on an unseen recording, None where its motion cannot be simulated there: only the nuisance
-    parameters (initial state, zero angle) are fitted."""
+    """The fitted model on an unseen recording, on which only the nuisance parameters (initial state, zero angle) are
+    fitted; None where the motion cannot be simulated."""
     known = held(fit.model, fit.unknowns.names)
     with suppress(ModelError), within(math.inf):  # two numbers: a fit cut short would be reported as the effect's error
         if isinstance(fit.data, OutputError):
@@ -310,8 +331,9 @@ def fit_on(fit: Regression, unseen: Signals) -> Regression | None:
 
 
 def is_disturbed(fit: Regression) -> bool:
-    """Whether as much of a measured torque is left as an effect has to take, as where the neighbours of a joint move
-    it: two joints of arms have 0.36 and 0.9 of its variance left, six others and motors 0.02 at most."""
+    """Whether the misfit of a measured torque is a larger share of its variance than an effect has to take
+    (``policy.LEAST_GAIN``), as where the neighbours of a joint move it: for two joints of arms the share is 0.36 and
+    0.9, for six other joints and motors at most 0.02."""
     data = fit.data
     if not isinstance(data, InverseModel) or not any(one.torque.any() for one in data.signals):
         return False
@@ -320,11 +342,12 @@ def is_disturbed(fit: Regression) -> bool:
 
 
 def is_noise(residual: FloatArray, floor: float) -> bool:
-    """Whether a residual (M,) is no larger than the noise that the sensors leave within the band.
+    """Whether a residual (M,) is no larger than the noise of the sensors within the band; floor: its root mean square.
 
-    What counts is the lower end of a 95 % interval of its standard deviation, by the median absolute deviation, whose
-    relative standard error is 1.17 / sqrt(N) for N independent normal values (asymptotic efficiency 37 %), and which is
-    robust to transients of the filter at the ends of a recording.
+    The lower end of a 95 % interval of the residual's standard deviation is compared with ``policy.STRUCTURED`` times
+    the noise.  The deviation is estimated by the median absolute deviation, which is robust to transients of the filter
+    at the ends of a recording.  Its relative standard error is 1.17 / sqrt(N) for N independent normal values
+    (asymptotic efficiency 37 %).
     """
     spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
     return spread / (1 + 1.645 * 1.17 / math.sqrt(residual.size)) < policy.STRUCTURED * floor
