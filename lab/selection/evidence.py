@@ -2,16 +2,17 @@
 
 The logarithms of the ratio of two models' squared errors, block by block, are nearly independent, and their mean is
 that of the log-likelihood ratio if every block has its own noise variance.  Student's t-test asks whether the mean is
-above zero, and the p-value is multiplied by the number of candidates, or by their order in the data of the fit where
-the predicted samples are of other recordings (weighted Bonferroni), so that it is the probability of a false name in
-the whole step.  The test compares predictions; it does not assume that either model is true (Diebold and
-Mariano 1995; Hansen, Lunde and Nason 2011, "The model confidence set").  Nothing is fitted here.
+above zero.  The p-value is multiplied by the number of candidates, or by their order in the data of the fit where the
+predicted samples are of other recordings (weighted Bonferroni), and by a factor for what similar candidates have in
+common (min-p of Westfall and Young), so that it is the probability of a false name in the whole step.  The test
+compares predictions; it does not assume that either model is true (Diebold and Mariano
+1995; Hansen, Lunde and Nason 2011, "The model confidence set").  Nothing is fitted here.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Generic, Protocol, TypeVar
@@ -20,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.lab import policy
-from lostmotion.lab.data.blocks import chance, floored
+from lostmotion.lab.data.blocks import chance, family_wise, floored
 from lostmotion.model import Model
 from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray
@@ -31,6 +32,7 @@ __all__ = [
     "Predictions",
     "are_alike",
     "are_consistent",
+    "in_common",
     "in_turn",
     "prior_odds",
     "shapes_tried",
@@ -116,6 +118,20 @@ def in_turn(fits: Sequence[tuple[str, F]]) -> dict[str, float]:
     errors on what was fitted order the effects, and the n-th counts as n (n + 1) effects, as in ``shapes_tried``."""
     best_first = dict.fromkeys(effect for effect, _ in sorted(fits, key=lambda one: one[1].screened))
     return {effect: n * (n + 1.0) for n, effect in enumerate(best_first, 1)}
+
+
+def in_common(predicted: Sequence[tuple[str, Predictions]], counts: Mapping[str, float]) -> float:
+    """The factor for p-values of the candidates of a step that were multiplied by ``counts``, as many candidates are
+    alike: kinds of friction differ in few blocks.  Candidates that are not compared in the same samples as that with
+    the fewest blocks, and those without predictions, count as independent of all others; so do all where the p-value is
+    that of the effect being zero."""
+    if not predicted or any(one.of_zero is not None for _, one in predicted):
+        return 1.0
+    block = min((one.block for _, one in predicted), key=lambda block: int(block.max()))
+    alike = {name: (one.before, one.after) for name, one in predicted if one.before.size == block.size}
+    rest = sum(1 / count for name, count in counts.items() if name not in alike)
+    own = [counts[name] for name in alike]
+    return min(family_wise([*alike.values()], own, block, policy.FALSE_NAME) + rest, 1.0)
 
 
 def shapes_tried(effect: str, model: Model) -> float:

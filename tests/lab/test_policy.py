@@ -17,6 +17,7 @@ NUMERICS = {
     "comparison/compare.py": (2, "what is described, what is worth a word in a sentence"),
     "comparison/phases.py": (9, "what the phases of a motion are called"),
     "comparison/residual_analysis.py": (1, "resolution of what is shown"),
+    "data/blocks.py": (1, "draws of signs"),
     "data/autoregression.py": (8, "a robust regression"),
     "data/doubtful_units.py": (1, "times that are hardly in seconds"),
     "data/excerpt.py": (1, "length of windows"),
