@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from lostmotion.daemon.sockets import sockets
+from lostmotion.daemon.sockets import page_refusal, sockets
 from lostmotion.detector.limits import poll_limit, rate_limit, window_limit
+from lostmotion.drivers.base import BITS_PER_BYTE, JointOptions
 
 if TYPE_CHECKING:
     from lostmotion.daemon.config import Config
@@ -19,11 +20,13 @@ def notes(config: Config) -> tuple[str, ...]:
     """One line each, none twice."""
     found = [note for sensor in config.accelerometers for note in _of_sensor(config, sensor)]
     found += [note for joint in config.joints for note in _of_joint(config, joint.name)]
+    found += _of_lines(config)
     found += [
         f"{socket.of} listens at {socket.address}: open to {socket.reach}; there is no password"
         for socket in sockets(config)
         if socket.plain
     ]
+    found += [f"lostmotion web refuses this: {refusal}" for refusal in [page_refusal(config.web)] if refusal]
     return tuple(dict.fromkeys(found))
 
 
@@ -42,6 +45,24 @@ def _of_sensor(config: Config, sensor: AccelerometerOptions) -> Iterator[str]:
             f"of these, so that all are taken to be {sensor.oscillator.length_m:g} m away; expected levers_m of each"
         )
     yield from (f"accelerometer {sensor.name!r}: {limit}" for limit in limits if limit)
+
+
+def _of_lines(config: Config) -> Iterator[str]:
+    """Serial lines that are too slow for what is asked of them."""
+    needed: dict[tuple[str, int], float] = {}
+    items: tuple[JointOptions | AccelerometerOptions, ...] = (*config.joints, *config.accelerometers)
+    for item in items:
+        if size := item.line_bytes():
+            rate_hz = item.poll_hz if isinstance(item, JointOptions) else item.rate_hz
+            line = item.port, getattr(item, "baudrate", 0)
+            needed[line] = needed.get(line, 0.0) + size * rate_hz
+    for (port, baudrate), bytes_s in needed.items():
+        if bytes_s * BITS_PER_BYTE > baudrate:
+            yield (
+                f"port {port}: found {baudrate} baud, which carry {baudrate / BITS_PER_BYTE:.0f} bytes a second, "
+                f"expected at least {bytes_s * BITS_PER_BYTE:.0f} baud for the configured rates (the USB port of a "
+                "microcontroller itself carries more, whatever its baud rate)"
+            )
 
 
 def _of_joint(config: Config, name: str) -> Iterator[str]:

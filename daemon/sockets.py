@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from ipaddress import ip_address
 from typing import TYPE_CHECKING, Literal
 
 from lostmotion.daemon.sinks.registry import BUILT_IN
@@ -15,14 +16,15 @@ from lostmotion.drivers.ros2_session import Ros2Network
 
 if TYPE_CHECKING:
     from lostmotion.daemon.config import Config
-    from lostmotion.daemon.options import CanOptions, ZenohOptions
+    from lostmotion.daemon.options import CanOptions, WebOptions, ZenohOptions
 
-__all__ = ["Socket", "endpoints", "sockets"]
+__all__ = ["Socket", "endpoints", "is_loopback", "page_address", "page_refusal", "sockets"]
 
 SCOUTING = "udp/224.0.0.224:7446"
 """where Zenoh looks for others by multicast"""
 LOCAL = re.compile(r"(\w+/)?(127\.[\d.]+|\[::1\]|localhost):\d+.*|(unixsock-stream|unixpipe|serial|vsock)/.*")
 ENCRYPTED = re.compile(r"(tls|quic)/.*")
+PAGE = re.compile(r"(\[[0-9a-fA-F:.]+\]|[\w.-]+):(\d{1,5})")
 THIS_COMPUTER = "this computer"
 UNKNOWN = "unknown (the sink does not state it)"
 
@@ -63,6 +65,36 @@ def endpoints(options: ZenohOptions) -> tuple[list[str], list[str]]:
     from lostmotion.daemon.zenoh_session import opened  # many do without Zenoh, and without its third of a second
 
     return opened(options)
+
+
+def is_loopback(host: str) -> bool:
+    """Whether an address, or the name ``localhost``, is of this computer alone."""
+    try:
+        return ip_address(host.strip("[]")).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def page_address(options: WebOptions) -> tuple[str, int] | None:
+    """Host and port of the page; None where ``listen`` names none."""
+    parts = PAGE.fullmatch(options.listen)
+    return (parts[1].strip("[]"), int(parts[2])) if parts and int(parts[2]) < 65536 else None
+
+
+def page_refusal(options: WebOptions) -> str:
+    """Why the page is not served with these options, "" where it is: its address is none, others can reach it and
+    need no password, or there is half of what TLS needs."""
+    address = page_address(options)
+    if address is None:
+        return f"web.listen: found {options.listen!r}, expected ADDRESS:PORT such as 127.0.0.1:8737"
+    if not (options.password_hash or options.token_file or is_loopback(address[0])):
+        return (
+            f"web.listen: found {options.listen}, which others can reach, and no password; set web.password_hash "
+            "(`lostmotion web --hash-password` makes it) or web.token_file, or listen on 127.0.0.1"
+        )
+    if bool(options.certificate) != bool(options.key):
+        return "web.certificate and web.key: found one of them, expected both or none"
+    return ""
 
 
 def _of_zenoh(options: ZenohOptions) -> Iterator[Socket]:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from lostmotion.drivers.clock import Clock
 
 __all__ = [
+    "BITS_PER_BYTE",
     "AccelBlock",
     "Accelerometer",
     "AccelerometerOptions",
@@ -39,6 +40,8 @@ FloatArray = NDArray[np.float64]
 Port = Annotated[str, msgspec.Meta(min_length=1)]
 """``port`` of a driver that cannot do without"""
 Baudrate = Annotated[int, msgspec.Meta(gt=0)]
+BITS_PER_BYTE = 10
+"""on a serial line: a start bit, eight of data, a stop bit"""
 
 
 class ServoSample(msgspec.Struct, frozen=True, gc=False):
@@ -128,6 +131,10 @@ class JointOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     levers_m: dict[str, float] = {}
     gear_radius_m: Annotated[float, msgspec.Meta(gt=0, le=10)] | None = None
 
+    def line_bytes(self) -> int:
+        """Bytes that a poll puts on a serial line of so many baud, at least; 0 where there is no such line."""
+        return 0
+
 
 class AccelerometerOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What every ``[[accelerometer]]`` table has; a driver adds its own keys in a subclass."""
@@ -137,6 +144,10 @@ class AccelerometerOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unk
     port: str = ""
     rate_hz: float
     oscillator: OscillatorOptions
+
+    def line_bytes(self) -> int:
+        """Bytes that a reading puts on a serial line of so many baud, at least; 0 where there is no such line."""
+        return 0
 
 
 class RobotOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

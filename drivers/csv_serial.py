@@ -47,9 +47,17 @@ class CsvSerialOptions(AccelerometerOptions, frozen=True, kw_only=True, forbid_u
     time_unit: Literal["s", "ms", "us"] = "us"
 
     def __post_init__(self) -> None:
-        """Refuses a scale that makes every reading zero."""
+        """Refuses a scale that makes every reading zero, and a time that is the reading."""
         if self.scale == 0.0:
             raise ValueError("scale: found 0, expected m/s² per unit of the reading, such as 1 or 9.81")
+        if self.time_column == self.column:
+            raise ValueError(f"time_column: found {self.column}, which is the column of the reading; expected another")
+
+    def line_bytes(self) -> int:
+        """A digit and a separator for each column that there must be, and the digits of the time after 1000 s."""
+        used = [column for column in (self.column, self.time_column) if column is not None]
+        columns = max(len(used), *(1 + column if column >= 0 else -column for column in used))
+        return 2 * columns + (0 if self.time_column is None else round(math.log10(1000 / SECONDS[self.time_unit])))
 
 
 class CsvFormat:

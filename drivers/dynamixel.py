@@ -16,7 +16,7 @@ from lostmotion.drivers.base import Driver, JointOptions, RobotOptions, ServoBus
 from lostmotion.drivers.clock import Clock
 from lostmotion.drivers.codec.servo_state import ADDRESS, MODELS, Model, ServoState, decode_state, model_name
 from lostmotion.drivers.dynamixel_port import BusPort
-from lostmotion.drivers.servo_line import LineBus, LineOptions, Reply, Servo
+from lostmotion.drivers.servo_line import LineBus, LineOptions, Reply, Servo, line_bytes
 
 __all__ = ["DRIVER", "DynamixelOptions"]
 
@@ -26,6 +26,10 @@ PACKET_ID, PACKET_DATA = 4, 9
 
 class DynamixelOptions(LineOptions, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Keys of a joint with a Dynamixel servo; see ``servo_line.LineOptions``."""
+
+    def line_bytes(self) -> int:
+        """An answer, and the question where the servo obeys no sync read."""
+        return line_bytes(MODELS[self.model]) if self.model in MODELS else 0
 
 
 class DynamixelBus(LineBus):

@@ -26,7 +26,7 @@ from lostmotion.drivers.codec.feetech import (
 )
 from lostmotion.drivers.codec.servo_state import Model, ServoState
 from lostmotion.drivers.serial_port import Exchange
-from lostmotion.drivers.servo_line import LineBus, LineOptions, Reply, Servo
+from lostmotion.drivers.servo_line import LineBus, LineOptions, Reply, Servo, line_bytes
 from lostmotion.drivers.servo_port import ServoPort
 
 __all__ = ["DRIVER", "FeetechOptions"]
@@ -34,6 +34,10 @@ __all__ = ["DRIVER", "FeetechOptions"]
 
 class FeetechOptions(LineOptions, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Keys of a joint with a Feetech servo; see ``servo_line.LineOptions``."""
+
+    def line_bytes(self) -> int:
+        """An answer, and the question where the servo obeys no sync read."""
+        return line_bytes(MODELS[self.model]) if self.model in MODELS else 0
 
 
 class FeetechBus(LineBus):

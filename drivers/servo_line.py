@@ -19,7 +19,7 @@ from lostmotion.drivers.errors import DriverError
 from lostmotion.drivers.servo_port import ServoPort
 from lostmotion.drivers.textfile import near
 
-__all__ = ["LineBus", "LineOptions", "Reply", "Servo", "check_line", "silence_s"]
+__all__ = ["LineBus", "LineOptions", "Reply", "Servo", "check_line", "line_bytes", "silence_s"]
 
 LONGEST_WAIT_S = 0.3
 GATHER_S = 0.095
@@ -32,6 +32,8 @@ SILENT_POLLS, LEAST_SILENCE_S = 5, 0.2
 EAVESDROP_S = 1.2
 """a GPS receiver speaks once a second"""
 MAX_ID = 252
+QUESTION_SIZE, ANSWER_SIZE = 8, {1: 6, 2: 11}
+"""bytes of a read instruction of protocol 1.0, and what an answer of each protocol adds to its data"""
 
 
 class LineOptions(JointOptions, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -273,6 +275,12 @@ def _servo(joint: LineOptions, model: Model) -> Servo:
 
 def _questions(servos: Iterable[Servo]) -> list[Question]:
     return [servo.question for servo in servos if servo.question]
+
+
+def line_bytes(model: Model) -> int:
+    """Bytes of an answer with a state block, and of the question where it is asked alone."""
+    answer = model.block_size + ANSWER_SIZE[model.protocol]
+    return answer if model.syncs else answer + QUESTION_SIZE
 
 
 def silence_s(poll_hz: float) -> float:

@@ -8,11 +8,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 
+from lostmotion.drivers.base import BITS_PER_BYTE
 from lostmotion.drivers.serial_port import Exchange, SerialPort
 
 __all__ = ["ServoPort"]
 
-BITS_PER_BYTE = 10
 LATENCY_S = 0.034
 """how long an answer may take beyond its bytes: twice the 16 ms of an FTDI adapter as shipped"""
 

@@ -40,6 +40,10 @@ class WitMotionOptions(AccelerometerOptions, frozen=True, kw_only=True, forbid_u
     rate_hz: float = MAX_RATE_HZ
     axis: Literal["x", "y", "z", "-x", "-y", "-z"] = "x"
 
+    def line_bytes(self) -> int:
+        """A frame; the sensor may be set to send others, too."""
+        return codec.FRAME_SIZE
+
 
 class WitMotionFormat:
     """The acceleration along one axis.  The sensor sends no clock, and other frames are passed over."""

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import re
 import socket
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +15,7 @@ from lostmotion.daemon.commands import output
 from lostmotion.daemon.commands.where import find_config
 from lostmotion.daemon.crosscheck import check_endpoints
 from lostmotion.daemon.options import WebOptions
+from lostmotion.daemon.sockets import page_address, page_refusal
 from lostmotion.drivers.errors import LostmotionError
 
 if TYPE_CHECKING:
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
 
 __all__ = ["WebError", "web"]
 
-ADDRESS = re.compile(r"(\[[0-9a-fA-F:.]+\]|[\w.-]+):(\d{1,5})")
 LEAST_TOKEN = 16
 CONNECTIONS = 128
 GRACE_S = 3
@@ -34,14 +32,6 @@ GRACE_S = 3
 
 class WebError(LostmotionError):
     """The page cannot be served so."""
-
-
-@dataclass(frozen=True, slots=True)
-class Address:
-    """Where the page is served."""
-
-    host: str
-    port: int
 
 
 @click.command()
@@ -79,9 +69,10 @@ def web(
         return
     options = find_config(config).web
     options = msgspec.structs.replace(options, listen=listen or options.listen)
-    address = _address(options)
+    address, refusal = page_address(options), page_refusal(options)
+    if refusal or address is None:
+        raise WebError(refusal)
     keys = security.Keys(options.password_hash, _token(options))
-    _check(options, address, keys)
     _serve(Site.of(config, database, _fleet(config, connect, robots, zenoh)), options, address, keys)
 
 
@@ -96,13 +87,6 @@ def _fleet(config: Path | None, connect: tuple[str, ...], robots: str | None, ze
     return Fleet(connect, str(zenoh or ""), config, names)
 
 
-def _address(options: WebOptions) -> Address:
-    parts = ADDRESS.fullmatch(options.listen)
-    if not parts or not 0 <= int(parts[2]) < 65536:
-        raise WebError(f"web.listen: found {options.listen!r}, expected ADDRESS:PORT such as 127.0.0.1:8737")
-    return Address(parts[1].strip("[]"), int(parts[2]))
-
-
 def _token(options: WebOptions) -> str:
     if not options.token_file:
         return ""
@@ -115,19 +99,7 @@ def _token(options: WebOptions) -> str:
     return token
 
 
-def _check(options: WebOptions, address: Address, keys: Keys) -> None:
-    from lostmotion.web.security import is_loopback
-
-    if keys.is_open and not is_loopback(address.host):
-        raise WebError(
-            f"web.listen: found {options.listen}, which others can reach, and no password; set web.password_hash "
-            "(`lostmotion web --hash-password` makes it) or web.token_file, or listen on 127.0.0.1"
-        )
-    if bool(options.certificate) != bool(options.key):
-        raise WebError("web.certificate and web.key: found one of them, expected both or none")
-
-
-def _serve(site: Site, options: WebOptions, address: Address, keys: Keys) -> None:
+def _serve(site: Site, options: WebOptions, address: tuple[str, int], keys: Keys) -> None:
     import uvicorn
 
     from lostmotion.web.app import create_app
@@ -143,19 +115,19 @@ def _serve(site: Site, options: WebOptions, address: Address, keys: Keys) -> Non
             )
         )  # fmt: skip
         scheme = "https" if options.certificate else "http"
-        host = f"[{address.host}]" if ":" in address.host else address.host
+        host = f"[{address[0]}]" if ":" in address[0] else address[0]
         sys.stderr.write(f"serving {scheme}://{host}:{port}/ (Ctrl-C ends it)\n")
         sys.stderr.flush()
         server.run(sockets=[listener])
 
 
-def _bound(options: WebOptions, address: Address) -> socket.socket:
+def _bound(options: WebOptions, address: tuple[str, int]) -> socket.socket:
     """A socket that listens; port 0: any that is free."""
-    family = socket.AF_INET6 if ":" in address.host else socket.AF_INET
+    family = socket.AF_INET6 if ":" in address[0] else socket.AF_INET
     listener = socket.socket(family)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        listener.bind((address.host, address.port))
+        listener.bind(address)
         listener.listen()
     except OSError as error:
         listener.close()

@@ -16,7 +16,6 @@ from collections import OrderedDict, deque
 from collections.abc import Awaitable, Callable, MutableMapping
 from dataclasses import dataclass, field
 from http.cookies import CookieError, SimpleCookie
-from ipaddress import ip_address
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -25,7 +24,9 @@ from argon2.exceptions import InvalidHashError, VerificationError
 from starlette.datastructures import Headers
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
 
-__all__ = ["COOKIE", "Keys", "SecurityMiddleware", "Session", "Sessions", "Throttle", "hash_password", "is_loopback"]
+from lostmotion.daemon.sockets import is_loopback
+
+__all__ = ["COOKIE", "Keys", "SecurityMiddleware", "Session", "Sessions", "Throttle", "hash_password"]
 
 COOKIE = "lostmotion_session"
 IDLE_S = 12 * 3600.0
@@ -54,14 +55,6 @@ App = Callable[[Scope, Receive, Send], Awaitable[None]]
 def hash_password(password: str) -> str:
     """The Argon2id hash of a password, for ``[web] password_hash``."""
     return PasswordHasher().hash(password)
-
-
-def is_loopback(host: str) -> bool:
-    """Whether an address, or the name ``localhost``, is of this computer alone."""
-    try:
-        return ip_address(host.strip("[]")).is_loopback
-    except ValueError:
-        return host == "localhost"
 
 
 @dataclass(frozen=True, slots=True)

@@ -89,6 +89,52 @@ def test_notes_say_what_cannot_be_told() -> None:
     assert config.loads(good, "").notes == ()
 
 
+CSV_SENSOR = 'driver = "csv_serial"\nport = "/dev/ttyUSB1"\nrate_hz = 1000'
+
+
+@pytest.mark.parametrize(
+    ("found", "put", "told"),
+    [
+        ("", "", ""),
+        (CSV_SENSOR, f"{CSV_SENSOR}\nbaudrate = 9600", "port /dev/ttyUSB1: found 9600 baud, which carry 960 bytes"),
+        (CSV_SENSOR, f"{CSV_SENSOR}\ncolumn = 1\ntime_column = 0", "expected at least 130000 baud for the conf"),
+        (CSV_SENSOR, f"{CSV_SENSOR}\ncolumn = 1\ntime_column = 0\nbaudrate = 230400", ""),
+        ("poll_hz = 100", "poll_hz = 5000", "port /dev/ttyUSB0: found 1000000 baud, which carry 100000 bytes a second"),
+        ("poll_hz = 100", "poll_hz = 1000", ""),
+    ],
+)
+def test_a_line_too_slow_for_its_devices_is_noted(found: str, put: str, told: str) -> None:
+    """Lines of a sensor, with and without a time of ten digits, and polls of two servos, against the baud rate."""
+    fast = GOOD.replace(WITMOTION, 'driver = "csv_serial"\nport = "/dev/ttyUSB1"').replace("= 200", "= 1000")
+    text = fast.replace("id = 3", "id = 3\nlevers_m = { tip = 0.25 }")
+    assert found in text
+    notes = config.loads(text.replace(found, put) if found else text, "").notes
+    assert [told in note for note in notes] == [True] * bool(told)
+
+
+def test_two_columns_of_one_sensor_differ() -> None:
+    """A time that is the reading is refused."""
+    text = GOOD.replace(WITMOTION, 'driver = "csv_serial"\nport = "/dev/ttyUSB1"\ncolumn = 1\ntime_column = 1')
+    with pytest.raises(config.ConfigError, match="time_column: found 1, which is the column of the reading"):
+        config.loads(text, "")
+
+
+@pytest.mark.parametrize(
+    ("lines", "told"),
+    [
+        ('listen = "0.0.0.0:8737"', "web.listen: found 0.0.0.0:8737, which others can reach, and no password"),
+        ('listen = "0.0.0.0:8737"\ntoken_file = "token"', ""),
+        ('listen = "[::1]:8737"', ""),
+        ('listen = "nowhere"', "web.listen: found 'nowhere', expected ADDRESS:PORT"),
+        ('certificate = "a.pem"', "web.certificate and web.key"),
+    ],
+)
+def test_a_page_that_will_not_be_served_is_noted(lines: str, told: str) -> None:
+    """The service runs without its page, so the configuration is valid; what ``lostmotion web`` refuses is told."""
+    notes = [note for note in config.loads(f"{GOOD}\n[web]\n{lines}\n", "").notes if "web" in note]
+    assert [note.startswith(f"lostmotion web refuses this: {told}") for note in notes] == [True] * bool(told)
+
+
 def test_a_sensor_of_200_hz_on_a_bar_of_58_is_valid_with_its_notes() -> None:
     """One joint, the norm's band of the defaults: valid, with a note on the size of the play and one on the band."""
     joint = GOOD.replace('level = 5.5\nwindow_s = "auto"', "").replace("f_norm_hz = 85.0", "f_norm_hz = 100.0")
