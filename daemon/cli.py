@@ -218,7 +218,10 @@ def trend(
 def record(
     config: Path, duration: float, output: Path, joint: str | None, accelerometer: str | None, as_json: bool
 ) -> None:
-    """Record a joint, or an accelerometer alone.  Ctrl-C ends it early and keeps the recording."""
+    """Record a joint, or an accelerometer alone.  Ctrl-C ends it early and keeps the recording.
+
+    An existing REC is replaced, once something is measured.
+    """
     from lostmotion.daemon.commands.record import record
 
     if joint is not None and accelerometer is not None:

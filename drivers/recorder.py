@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -31,7 +32,7 @@ class Recorder:
 
     Rows are handed to the system as soon as their order is certain, at most HOLD_S late, so that a killed recorder
     leaves a readable file.  When one cannot be written, all before it stay and the file is closed; a file without any
-    row is removed.  ``origin`` is the robot time [s] that is 0 in the file; times are rounded to 1 ns.
+    row is removed.  A file that was there is replaced with the first rows, and stays where none come.  ``origin`` is the robot time [s] that is 0 in the file; times are rounded to 1 ns.
     ``late`` counts samples that came more than HOLD_S after others of their time and could not be written in order.
     Raises RecordingError when the file cannot be written.
     """
@@ -46,10 +47,13 @@ class Recorder:
         self._written_until = -np.inf
         self._size = 0
         try:
-            self._file = self._path.open("wb", buffering=0)
+            self._file = open(self._path, "wb", buffering=0, opener=_keeping)  # noqa: SIM115
+            is_kept = os.fstat(self._file.fileno()).st_size > 0
         except OSError as error:
             raise self._error(error) from error
-        self._write(head_text(metadata) + ",".join(("time", *COLUMNS)) + "\n")
+        self._head = head_text(metadata) + ",".join(("time", *COLUMNS)) + "\n"
+        if not is_kept:
+            self._begin()
 
     def add_servo(self, samples: Sequence[ServoSample]) -> None:
         """Takes samples of the joint, in time order."""
@@ -99,6 +103,8 @@ class Recorder:
         if len(times) == 0:
             return
         self._written_until = until
+        if self._head:
+            self._begin()
         text = io.StringIO()
         rounded = np.round(times - self._origin, 9)
         csv.writer(text, lineterminator="\n").writerows(
@@ -106,6 +112,13 @@ class Recorder:
         )
         self._write(text.getvalue())
         self.rows += len(times)
+
+    def _begin(self) -> None:
+        """Writes the head, in place of what an earlier file held."""
+        with suppress(OSError):  # a pipe cannot be cut
+            self._file.truncate(0)
+        head, self._head = self._head, ""
+        self._write(head)
 
     def _write(self, text: str) -> None:
         """Writes all of the text, or else none of it and nothing ever after."""
@@ -124,7 +137,7 @@ class Recorder:
     def _close(self) -> None:
         try:
             self._file.close()
-            if self.rows == 0 and self._path.is_file():
+            if self.rows == 0 and not self._head and self._path.is_file():
                 self._path.unlink()
         except OSError as error:
             raise self._error(error) from error
@@ -133,6 +146,11 @@ class Recorder:
         return RecordingError(
             f"{self._path}: cannot be written: {error.strerror or error}; is there a folder, and room?"
         )
+
+
+def _keeping(path: str, flags: int) -> int:
+    """Opens a file without cutting it."""
+    return os.open(path, flags & ~os.O_TRUNC, 0o666)
 
 
 def _nothing(columns: Sequence[str]) -> Samples:

@@ -132,6 +132,19 @@ def test_no_row_no_file(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+def test_an_earlier_recording_stays_until_something_is_measured(tmp_path: Path) -> None:
+    """Without a row the file that was there keeps its bytes; the first row takes its place, however long it was."""
+    path = tmp_path / "rec.csv"
+    path.write_text(earlier := "time,accel\n" + "0.0,1.0\n" * 500)
+    with Recorder(path, {"joint": "elbow"}, origin=100.0):
+        pass
+    assert path.read_text() == earlier
+    with Recorder(path, {"joint": "elbow"}, origin=100.0) as recorder:
+        recorder.add_accel(block(0, 5))
+    assert read_recording(path).signal("accel")[1].tolist() == list(range(5))
+    assert len(path.read_text()) < 200
+
+
 def test_full_disk_and_missing_folder(tmp_path: Path) -> None:
     """A file that cannot be written is told in one line."""
     with pytest.raises(RecordingError, match="cannot be written: No such file"):
