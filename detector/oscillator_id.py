@@ -53,7 +53,7 @@ def identify(accel: FloatArray, rate_hz: float, hum_hz: Sequence[float] = ()) ->
     missing = int(np.sum(~np.isfinite(values)))
     if values.size < LEAST_SAMPLES or missing:
         raise DetectorError(
-            f"{values.size} samples, {missing} of them missing; expected at least {LEAST_SAMPLES} and none missing"
+            f"samples: found {values.size}, {missing} of them missing; expected at least {LEAST_SAMPLES}, none missing"
         )
     if np.ptp(values) == 0:
         raise DetectorError(f"all {values.size} samples are {values[0]:g} m/s²; expected a ring: is the sensor stuck?")

@@ -189,7 +189,7 @@ def _on_grid(times: FloatArray, accel: FloatArray) -> tuple[FloatArray, float]:
     usual = steps[steps < 1.5 * float(np.mean(steps))] if steps.size > 1 else steps
     period = float(np.mean(usual)) if usual.size else 0.0
     if not period > 0:
-        raise DetectorError(f"found {times.size} samples, expected a recording of some seconds with ascending times")
+        raise DetectorError(f"samples: found {times.size}, expected a recording of some seconds with ascending times")
     count = round((times[-1] - times[0]) / period) + 1
     return cut("", times, accel, float(times[0]), count * period, 1 / period).accel, 1 / period
 

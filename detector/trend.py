@@ -216,7 +216,7 @@ def _clean(t: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArray]:
     there = np.isfinite(time) & np.isfinite(value)
     time, value = time[there], value[there]
     if time.size < LEAST:
-        raise DetectorError(f"{time.size} usable points; a trend needs at least {LEAST}")
+        raise DetectorError(f"usable points: found {time.size}, expected at least {LEAST}")
     if time.size > MOST:
         ends = np.linspace(0, time.size, MOST + 1).astype(int)
         time, value = medians(time, ends), medians(value, ends)

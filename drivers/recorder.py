@@ -31,10 +31,11 @@ class Recorder:
     """One joint and its accelerometer, written to a recording row by row in time order.
 
     Rows are handed to the system as soon as their order is certain, at most HOLD_S late, so that a killed recorder
-    leaves a readable file.  When one cannot be written, all before it stay and the file is closed; a file without any
-    row is removed.  A file that was there is replaced with the first rows, and stays where none come.  ``origin`` is the robot time [s] that is 0 in the file; times are rounded to 1 ns.
-    ``late`` counts samples that came more than HOLD_S after others of their time and could not be written in order.
-    Raises RecordingError when the file cannot be written.
+    leaves a readable file. When one cannot be written, all before it stay and the file is closed; a file without
+    any row is removed. A file that was there is replaced with the first rows, and stays where none come. ``origin``
+    is the robot time [s] that is 0 in the file; times are rounded to 1 ns. ``late`` counts samples that came more
+    than HOLD_S after others of their time and could not be written in order. Raises RecordingError when the file
+    cannot be written.
     """
 
     def __init__(self, path: str | Path, metadata: Mapping[str, Any], origin: float = 0.0) -> None:

@@ -12,7 +12,8 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from operator import attrgetter
 from typing import TypeVar
@@ -48,6 +49,8 @@ T = TypeVar("T")
 
 LONG_COMPILE_S = 2.0
 """Processor time above which the model was compiled [s]: a compiled one is loaded in half a second."""
+LOOK_S = 0.5
+"""how often that is looked at [s]"""
 STEP_S = 0.5
 """A step where time is skipped [s]."""
 MOST_RATE = 1e4
@@ -95,8 +98,7 @@ class SimulatedRobot(VirtualClock):
 
         A sensor that no joint names moves with a joint without play, which is not reported.
         """
-        with self._made:
-            begin = time.thread_time()
+        with self._made, _told_when_compiled():
             for name in sorted(self._sensors.keys() - {joint.options.accelerometer for joint in self._joints}):
                 rides_on = SimulatedJointOptions(name=name, driver="simulated", accelerometer=name)
                 self.add_joint(rides_on).is_read = False
@@ -107,8 +109,6 @@ class SimulatedRobot(VirtualClock):
                         f"{joint.options.accelerometer}: a simulated joint moves no other accelerometer"
                     )
                 joint.prepare(self._options.motion, self._sensors.get(joint.options.accelerometer))
-        if (took := time.thread_time() - begin) > LONG_COMPILE_S:
-            log.info("the model was compiled in %.0f s of processor time; it is kept for the next start", took)
 
     def collect(self, queues: Sequence[deque[T]]) -> list[T]:
         """What the next step brings for each of these queues; nothing when its time has not come within a moment."""
@@ -135,6 +135,29 @@ class SimulatedRobot(VirtualClock):
         for name, bar in self._sensors.items():
             bar.feel(step, tips[name])
         self.advance(step.end)
+
+
+@contextmanager
+def _told_when_compiled() -> Iterator[None]:
+    """Lines in the log when the model turns out to be compiled, as it is once on a machine, and when that is done."""
+    clock, done = time.pthread_getcpuclockid(threading.get_ident()), threading.Event()
+    begin = time.clock_gettime(clock)
+
+    def tell() -> None:
+        while not done.wait(LOOK_S):
+            if time.clock_gettime(clock) - begin > LONG_COMPILE_S:
+                log.info("the model is being compiled, once on this machine; that may take half a minute")
+                return
+
+    watch = threading.Thread(target=tell, name="compiling", daemon=True)
+    watch.start()
+    try:
+        yield
+    finally:
+        done.set()
+        watch.join()
+    if (took := time.clock_gettime(clock) - begin) > LONG_COMPILE_S:
+        log.info("the model was compiled in %.0f s of processor time; it is kept for the next start", took)
 
 
 class SimulatedJoints:

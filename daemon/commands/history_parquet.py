@@ -53,7 +53,7 @@ def write(reader: Reader, joint: str, bounds: Bounds, path: Path) -> None:
             columns["quality"] = [value or "ok" for value in numbers["quality"]]
             writer.write_table(pa.table({name: columns[name] for name in schema.names}, schema=schema))
             count += len(rows)
-    output.print_lines([f"{path}: {count} scores of {joint}"])
+    output.print_lines([f"{path}: {output.counted(count, 'score')} of {joint}"])
 
 
 def _schema(robot: str, joint: str) -> Schema:

@@ -51,7 +51,7 @@ def import_recording(
 
 def _write(file: Path, choice: Choice, output: Path, as_json: bool) -> None:
     """Raises RecordingError."""
-    from lostmotion.daemon.commands.output import print_json
+    from lostmotion.daemon.commands.output import counted, print_json
     from lostmotion.drivers.formats.read import imported
     from lostmotion.drivers.recording import write_recording
 
@@ -62,7 +62,8 @@ def _write(file: Path, choice: Choice, output: Path, as_json: bool) -> None:
         print_json({"recording": str(output), **_document(found)})
     else:
         rows, span = len(found.recording.time), found.recording.duration
-        click.echo(f"{output}: {rows} rows over {span:.6g} s of {', '.join(found.recording.columns)}", err=True)
+        columns = ", ".join(found.recording.columns)
+        click.echo(f"{output}: {counted(rows, 'row')} over {span:.6g} s of {columns}", err=True)
 
 
 def _look(file: Path, choice: Choice, as_json: bool) -> None:

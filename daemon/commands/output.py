@@ -20,6 +20,7 @@ __all__ = [
     "OutputError",
     "arcmin",
     "bar",
+    "counted",
     "number",
     "print_json",
     "print_json_list",
@@ -170,6 +171,11 @@ def _print(*items: object) -> None:
     from rich.console import Console
 
     Console(highlight=False).print(*items, sep="\n", soft_wrap=True)
+
+
+def counted(count: int, noun: str) -> str:
+    """``1 window``, ``2 windows``."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def number(value: float) -> str:

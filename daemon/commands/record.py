@@ -15,7 +15,7 @@ import numpy as np
 from lostmotion.daemon import config as configuration
 from lostmotion.daemon.capture import head
 from lostmotion.daemon.commands.devices import Devices, Event
-from lostmotion.daemon.commands.output import print_json
+from lostmotion.daemon.commands.output import counted, print_json
 from lostmotion.daemon.config import Config
 from lostmotion.drivers.base import AccelBlock, ServoReading
 from lostmotion.drivers.errors import IdentityError, LostmotionError
@@ -72,7 +72,7 @@ def record(
             tally.counts["late"] += recorder.late
             measured_s = min(devices.clock.now() - start, duration_s)
             missing = f" ({tally})" if str(tally) else ""
-            sys.stderr.write(f"{output}: {recorder.rows} rows of {what}{missing}\n")
+            sys.stderr.write(f"{output}: {counted(recorder.rows, 'row')} of {what}{missing}\n")
     if recorder.rows == 0:
         raise RecordError(f"{output}: found no samples in {duration_s:g} s; try `lostmotion doctor --config {given}`")
     if as_json:

@@ -90,7 +90,7 @@ def _print(name: str, settings: DetectorSettings, scores: list[Score]) -> None:
     impacts = sum(window.impact for window in scores)
     used = f"(f_res {settings.f_res_hz:g} Hz, level {settings.level:g})"
     joint = "joint" if name == "joint" else f"joint {name}"  # the default of a recording without a name
-    output.print_lines([f"{joint}: {len(scores)} windows, {impacts} with impact {used}"])
+    output.print_lines([f"{joint}: {output.counted(len(scores), 'window')}, {impacts} with impact {used}"])
     if scores:
         columns = ("time [s]", "duration [s]", "score", "impact", "play", "severity", "quality")
         output.print_table(columns, [_row(window) for window in scores], right=columns[:3])
@@ -103,7 +103,7 @@ def _play(scores: list[Score]) -> str:
     halves = [(window.play_high - window.play_low) / 2 for window in scores]
     size = pooled([window.play for window in scores], halves)
     unknown = Counter(window.play_reason for window in scores if window.impact and window.play_reason)
-    why = "".join(f"; {count} windows: {reason}" for reason, count in unknown.most_common(2))
+    why = "".join(f"; {output.counted(count, 'window')}: {reason}" for reason, count in unknown.most_common(2))
     if size.reason:
         return f"play: unknown, {size.reason}{why}"
     degrees = [f"{math.degrees(angle):.3f}" for angle in (size.value, size.low, size.high)]

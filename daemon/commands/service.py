@@ -56,19 +56,21 @@ def install(root: Path | None, page: bool, dry_run: bool) -> None:
         )
 
 
-def uninstall(purge: bool, dry_run: bool) -> None:
-    """Stops the service and takes its files away; configuration and data stay unless ``purge``.
+def uninstall(root: Path | None, purge: bool, dry_run: bool) -> None:
+    """Stops the service and takes its files away; with ``root`` only the files, below it.  Configuration and data stay
+    unless ``purge``.
 
     Raises ServiceError.
     """
-    layout = Layout(Path("/"))
-    _check_machine(dry_run)
+    layout = Layout(root or Path("/"))
+    if root is None:
+        _check_machine(dry_run)
     there = [unit for unit in (layout.page, layout.unit) if unit.exists()]
-    steps = [
-        Step(f"stop and disable {unit.name}", partial(_systemctl, "disable", "--now", unit.name)) for unit in there
-    ]
+    do, call = ("stop and disable", ["disable", "--now"]) if root is None else ("disable", [_below(root), "disable"])
+    steps = [Step(f"{do} {unit.name}", partial(_systemctl, *call, unit.name)) for unit in there]
     steps += [Step(f"remove {path}", path.unlink) for path in (*there, layout.rules) if path.exists()]
-    steps += [Step("systemctl daemon-reload", lambda: _systemctl("daemon-reload")), *_udev()]
+    if root is None:
+        steps += [Step("systemctl daemon-reload", lambda: _systemctl("daemon-reload")), *_udev()]
     if purge:
         steps += [_remove(path) for path in (layout.config.parent, *layout.state) if path.exists() or path.is_symlink()]
     _go(steps, dry_run)
@@ -151,7 +153,12 @@ def _live_start(units: list[str]) -> list[Step]:
 
 
 def _offline_start(root: Path, units: list[str]) -> list[Step]:
-    return [Step(f"enable {unit}", partial(_systemctl, f"--root={root.absolute()}", "enable", unit)) for unit in units]
+    return [Step(f"enable {unit}", partial(_systemctl, _below(root), "enable", unit)) for unit in units]
+
+
+def _below(root: Path) -> str:
+    """systemctl's option for the file system of an image."""
+    return f"--root={root.absolute()}"
 
 
 def _udev() -> list[Step]:

@@ -13,6 +13,8 @@ __all__ = ["service"]
 
 dry_run = click.option("--dry-run", is_flag=True, help="Print what would be done, and do nothing.")
 
+root = click.option("--root", type=FILE, metavar="DIR", help="Only the files, below DIR: for the image of a robot.")
+
 
 @click.group()
 def service() -> None:
@@ -23,7 +25,7 @@ def service() -> None:
 @click.option("--web", "page", is_flag=True, help="Install the web page (docs/web.md) as a second service.")
 @click.option("--print", "print_it", is_flag=True, help="Only print the unit.")
 @dry_run
-@click.option("--root", type=FILE, metavar="DIR", help="Write below DIR and start nothing: for the image of a robot.")
+@root
 def install(page: bool, print_it: bool, dry_run: bool, root: Path | None) -> None:
     """Write the unit, udev rules and a first configuration; enable and start the service.
 
@@ -38,6 +40,7 @@ def install(page: bool, print_it: bool, dry_run: bool, root: Path | None) -> Non
 @service.command("uninstall", short_help="Stop and remove the service; data stay.")
 @click.option("--purge", is_flag=True, help="Remove the configuration and all data as well.")
 @dry_run
-def uninstall(purge: bool, dry_run: bool) -> None:
+@root
+def uninstall(purge: bool, dry_run: bool, root: Path | None) -> None:
     """Stop the service and remove its unit and udev rules; configuration and data stay."""
-    commands.uninstall(purge, dry_run)
+    commands.uninstall(root, purge, dry_run)

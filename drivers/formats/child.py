@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 
 from lostmotion.drivers.errors import RecordingError
-from lostmotion.drivers.formats.source import shown
+from lostmotion.drivers.formats.source import in_words
 
 __all__ = ["output_of"]
 
@@ -33,5 +33,5 @@ def output_of(program: str, path: Path, kind: str) -> bytes:
         ) from error
     if done.returncode != 0:
         message = done.stderr.decode(errors="replace").partition("note: ")[0].strip() or "its reader crashed"
-        raise RecordingError(f"{path}: cannot be read as {kind}: {shown(' '.join(message.split()))}; is it damaged?")
+        raise RecordingError(f"{path}: cannot be read as {kind}: {in_words(message)}; is it damaged?")
     return done.stdout

@@ -115,7 +115,13 @@ def shown(name: str) -> str:
 
 def reason(error: Exception) -> str:
     """A library's error about a file, on one line of bounded length."""
-    return shown(" ".join(f"{type(error).__name__}: {error}".split()))
+    return in_words(f"{type(error).__name__}: {error}")
+
+
+def in_words(message: str) -> str:
+    """A library's message on one line of bounded length, without its error's name where it has words."""
+    kind, _, text = " ".join(message.split()).partition(": ")
+    return shown(text if kind.isidentifier() and " " in text else message)
 
 
 def too_many(name: str, count: int, what: str) -> RecordingError:

@@ -12,7 +12,7 @@ import pytest
 
 from lostmotion.daemon import config as configuration
 from lostmotion.daemon.metrics_http import MOST_CONNECTIONS
-from lostmotion.daemon.unit import PAGE_UNIT, STATE, UNIT, ServiceError, check_reachable, template, unit_text
+from lostmotion.daemon.unit import PAGE_UNIT, STATE, UNIT, Layout, ServiceError, check_reachable, template, unit_text
 
 COMMAND = Path("/opt/lostmotion/bin/lostmotion")
 
@@ -109,3 +109,22 @@ def test_without_systemd_it_says_so(command: str) -> None:
     assert done.returncode == 2
     assert done.stderr.startswith("lostmotion: found no systemd (/run/systemd/system is missing), expected")
     assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.skipif(shutil.which("systemctl") is None, reason="no systemctl")
+def test_an_image_is_cleared_of_the_service(tmp_path: Path) -> None:
+    """`service uninstall --root` disables and removes what is below the folder, without a running systemd; the
+    configuration stays, until it is purged."""
+    layout = Layout(tmp_path)
+    for path, text in ((layout.unit, unit_text(Path("/opt/lostmotion"), 252)), (layout.rules, ""), (layout.config, "")):
+        path.parent.mkdir(parents=True)
+        path.write_text(text)
+    wanted = layout.unit.parent / "multi-user.target.wants" / layout.unit.name
+    subprocess.run(["systemctl", f"--root={tmp_path}", "enable", layout.unit.name], check=True, capture_output=True)
+    assert wanted.is_symlink()
+    done = lostmotion("service", "uninstall", "--root", str(tmp_path))
+    assert (done.returncode, done.stderr) == (0, "")
+    assert not any(path.exists() or path.is_symlink() for path in (layout.unit, layout.rules, wanted))
+    assert done.stdout.splitlines()[-1] == f"kept: {layout.config.parent}; uninstall --purge removes them"
+    lostmotion("service", "uninstall", "--root", str(tmp_path), "--purge")
+    assert not layout.config.parent.exists()

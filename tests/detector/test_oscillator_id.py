@@ -47,7 +47,7 @@ def test_no_tap_is_an_error() -> None:
 
 @pytest.mark.parametrize(
     ("accel", "words"),
-    [(np.zeros(10), "10 samples, 0 of them missing"), (np.full(100, np.nan), "100 of them missing")],
+    [(np.zeros(10), "samples: found 10, 0 of them missing"), (np.full(100, np.nan), "100 of them missing")],
 )
 def test_too_little_is_an_error(accel: np.ndarray, words: str) -> None:
     """Short recordings and recordings with holes are refused."""

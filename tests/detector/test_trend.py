@@ -113,7 +113,7 @@ def test_direction() -> None:
 @pytest.mark.parametrize("values", [[], [1.0, 2.0], [1.0, math.nan, math.nan, 2.0]])
 def test_two_points_are_no_trend(values: list[float]) -> None:
     """Fewer than three usable points are refused, with their number."""
-    with pytest.raises(DetectorError, match="usable points; a trend needs at least 3"):
+    with pytest.raises(DetectorError, match=r"usable points: found [02], expected at least 3"):
         mann_kendall(values)
     with pytest.raises(DetectorError, match="usable points"):
         theil_sen(range(len(values)), values)

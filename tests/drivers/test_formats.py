@@ -18,7 +18,7 @@ from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.choice import parse_map, parse_term, split_address
 from lostmotion.drivers.formats.read import Imported, imported
 from lostmotion.drivers.formats.registry import open_source
-from lostmotion.drivers.formats.source import Choice, Term
+from lostmotion.drivers.formats.source import Choice, Term, in_words
 from lostmotion.drivers.formats.words import column_of, joint_of, speed_of, unit_of
 from lostmotion.drivers.recording import read_recording
 from tests.conftest import Measurements
@@ -327,6 +327,16 @@ def test_damaged_matlab_ends_no_program(place: int, tmp_path: Path) -> None:
     content[place] = 255
     path.write_bytes(content if place < 250 else content[:place])
     assert "cannot be read as a MAT file: " in refused(path)
+
+
+def test_what_a_library_says_is_told_without_the_name_of_its_error(tmp_path: Path) -> None:
+    """An empty MAT file in SciPy's words, not as a MatReadError."""
+    path = tmp_path / "x.mat"
+    scipy.io.savemat(path, {"t": T[:20], "q": ANGLE[:20]})
+    path.write_bytes(path.read_bytes()[:140])
+    assert "Error" not in refused(path)
+    assert in_words("MatReadError: Mat file appears to be empty") == "Mat file appears to be empty"
+    assert in_words("KeyError: 'names'") == "KeyError: 'names'"
 
 
 def test_several_joints_are_asked_for(tmp_path: Path) -> None:

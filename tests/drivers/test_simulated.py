@@ -250,6 +250,27 @@ def test_a_slow_start_is_not_told_as_a_compilation(
     assert "compiled" not in caplog.text
 
 
+def test_a_compilation_is_told_while_it_goes_on(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A model that takes processor time: a line while there is none yet, and one when it is there."""
+    prepare = Gear.prepare
+
+    def slow(gear: Gear, *given: Any) -> None:
+        end = time.thread_time() + 0.6
+        while time.thread_time() < end:
+            pass
+        assert "the model is being compiled" in caplog.text
+        prepare(gear, *given)
+
+    monkeypatch.setattr("lostmotion.drivers.simulated.LONG_COMPILE_S", 0.2)
+    monkeypatch.setattr("lostmotion.drivers.simulated.LOOK_S", 0.05)
+    monkeypatch.setattr(Gear, "prepare", slow)
+    with caplog.at_level("INFO"):
+        Robot([0.0])
+    assert "the model was compiled in" in caplog.text
+
+
 def test_two_joints_may_share_an_accelerometer() -> None:
     """A bar that two joints move feels the sum of both."""
     quiet = {"noise_ms2": 0.0, "resolution_ms2": 0.0}
